@@ -1,0 +1,53 @@
+# Two commands are all a new user needs, on a machine with Python 3.11 or newer:
+#   make demo    from raw joint logs to contact-frame quantities, with pictures
+#   make test    everything the project checks about itself
+PYTHON ?= python3
+VENV   ?= .venv
+DEMO   := $(VENV)/demo
+TEST   := $(VENV)/test
+OUT    ?= demo-out
+WORKERS ?= 2
+
+.PHONY: demo test lint types bench lock clean
+
+demo: $(DEMO)/.ready
+	$(DEMO)/bin/kinid demo -o $(OUT)
+
+test: $(TEST)/.ready lint types
+	$(TEST)/bin/pytest -n $(WORKERS) $(PYTEST_ARGS)
+
+lint: $(TEST)/.ready
+	$(TEST)/bin/ruff check .
+	$(TEST)/bin/lint-imports
+
+types: $(TEST)/.ready
+	$(TEST)/bin/mypy
+
+# ratios of speed, in one run, on one thread
+bench: $(TEST)/.ready
+	$(TEST)/bin/pytest tests/benchmarks --benchmark-only -s -p no:xdist
+
+# Packages come from the lock file alone, each checked against its hash; kinid itself is built from this folder.
+$(DEMO)/.ready: requirements/demo.lock pyproject.toml
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "kinid needs Python 3.11 or newer, found " + sys.version.split()[0])'
+	$(PYTHON) -m venv --clear $(DEMO)
+	$(DEMO)/bin/python -m pip install --quiet --require-hashes -r requirements/demo.lock
+	$(DEMO)/bin/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	touch $@
+
+$(TEST)/.ready: requirements/test.lock pyproject.toml
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "kinid needs Python 3.11 or newer, found " + sys.version.split()[0])'
+	$(PYTHON) -m venv --clear $(TEST)
+	$(TEST)/bin/python -m pip install --quiet --require-hashes -r requirements/test.lock
+	$(TEST)/bin/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	touch $@
+
+# Needs uv. Hashes, and no address of where packages come from.
+lock:
+	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header --no-annotate \
+		--extra bags pyproject.toml requirements/build.in -o requirements/demo.lock
+	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header --no-annotate \
+		--extra bags --extra test pyproject.toml requirements/build.in -o requirements/test.lock
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info

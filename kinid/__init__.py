@@ -1,0 +1,72 @@
+"""kinid: from raw robot logs to contact-frame quantities, and to the physical effect that a model lacks.
+
+Names load where they are first used, so that `import kinid` stays fast.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from kinid.contact import ContactSeries, contact_series, tip_motion
+    from kinid.derivative import Differentiator
+    from kinid.errors import InputError, KinidError
+    from kinid.joint_torques import JointTorques, joint_torques
+    from kinid.log import Log
+    from kinid.readers import read
+    from kinid.rig import Rig
+    from kinid.robot import Robot
+    from kinid.touch import find_surface
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "ContactSeries": "contact", "contact_series": "contact", "tip_motion": "contact",
+    "Differentiator": "derivative",
+    "InputError": "errors", "KinidError": "errors",
+    "JointTorques": "joint_torques", "joint_torques": "joint_torques",
+    "Log": "log",
+    "read": "readers",
+    "Rig": "rig",
+    "Robot": "robot",
+    "find_surface": "touch",
+}  # fmt: skip
+
+__all__ = [
+    "ContactSeries",
+    "Differentiator",
+    "InputError",
+    "JointTorques",
+    "KinidError",
+    "Log",
+    "Rig",
+    "Robot",
+    "contact_series",
+    "find_surface",
+    "joint_torques",
+    "read",
+    "tip_motion",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOME:
+        return getattr(importlib.import_module(f"kinid.{_HOME[name]}"), name)
+    raise AttributeError(f"module 'kinid' has no attribute '{name}'")
+
+
+class _Package(ModuleType):
+    """Importing a submodule binds its name here; one that is named like its function must not hide the function."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        super().__setattr__(name, getattr(value, name) if name in _HOME and isinstance(value, ModuleType) else value)
+
+
+sys.modules[__name__].__class__ = _Package
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

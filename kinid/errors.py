@@ -1,0 +1,41 @@
+"""The one exception root. Whoever calls kinid catches `KinidError`; the command line turns it into one line, exit 2."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class KinidError(Exception):
+    """Root of every error that kinid raises on purpose."""
+
+
+class InputError(KinidError):
+    """Something a user gave can't be used: what was found, what was expected, how to mend it, in one line.
+
+    Args:
+        found: what is there, with the place (file, row, column).
+        expected: what kinid needs.
+        mend: the next thing to do.
+    """
+
+    def __init__(self, found: str, expected: str, mend: str) -> None:
+        self.found, self.expected, self.mend = (" ".join(part.split()) for part in (found, expected, mend))
+        super().__init__(f"found {self.found}; expected {self.expected}; to mend it, {self.mend}")
+
+
+class MissingDependencyError(KinidError):
+    """A library of an optional extra is not installed."""
+
+    def __init__(self, library: str, extra: str) -> None:
+        super().__init__(f"found no {library}; expected it for this format; to mend it, pip install 'kinid[{extra}]'")
+
+
+def near(name: str, valid: Iterable[str], limit: int = 12) -> str:
+    """A list of valid names for a message: the near ones first, all of them when they are few."""
+    names = sorted(set(valid))
+    close = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
+    if close:
+        return "did you mean " + " or ".join(f"'{c}'" for c in close) + "?"
+    shown = ", ".join(f"'{n}'" for n in names[:limit])
+    return f"valid names: {shown}" + (", …" if len(names) > limit else "")

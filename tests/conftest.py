@@ -1,0 +1,86 @@
+"""Where tests find the measured logs, and what happens when they are absent."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parent.parent
+REAL = Path(os.environ.get("KINID_REAL_DATA") or ROOT.parent / "shared" / "real")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Skip `real` tests by name where the folder is absent; CI demands it."""
+    if REAL.is_dir():
+        return
+    if os.environ.get("CI"):
+        raise pytest.UsageError(f"CI needs the measured logs, and {REAL} is no folder: set KINID_REAL_DATA")
+    for item in items:
+        if "real" in item.keywords:
+            item.add_marker(pytest.mark.skip(reason=f"no measured logs at {REAL} (set KINID_REAL_DATA)"))
+
+
+@pytest.fixture(scope="session")
+def real_data() -> Path:
+    """Folder of the measured logs."""
+    return REAL
+
+
+@dataclass(frozen=True)
+class Swing:
+    """Joint motion with exact derivatives: pose + size · sin(speed · t + phase), each (N,)."""
+
+    pose: Any
+    size: Any
+    speed: Any
+    phase: Any
+
+    def __call__(self, t: Any) -> tuple[Any, Any, Any]:
+        """Positions, velocities, accelerations at times (n,), each (n, N)."""
+        angle = self.speed * np.atleast_1d(t)[:, None] + self.phase
+        return (self.pose + self.size * np.sin(angle), self.size * self.speed * np.cos(angle),
+                -self.size * self.speed**2 * np.sin(angle))  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def swing() -> Callable[..., Swing]:
+    """Makes a swing of every joint around a pose, within `size` [rad] and `speed` [rad/s]."""
+
+    def make(pose: Any, seed: int = 0, size: float = 0.3, speed: float = 4.0) -> Swing:
+        rng, n = np.random.default_rng(seed), len(pose)
+        return Swing(np.asarray(pose), rng.uniform(0.3, 1, n) * size, rng.uniform(0.3, 1, n) * speed,
+                     rng.uniform(0, 2 * np.pi, n))  # fmt: skip
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def weighed() -> Callable[..., Any]:
+    """What weight and inertia of a rig's tool put on its sensor, by Pinocchio's RNEA of a free body, (n, 6)."""
+
+    def load(rig: Any, robot: Any, q: Any, dq: Any, ddq: Any) -> Any:
+        import pinocchio as pin
+
+        body, tool = pin.Model(), rig.tool
+        joint = body.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "tool")
+        body.appendBodyToJoint(joint, pin.Inertia(tool.mass, np.array(tool.com), tool.inertia_matrix), pin.SE3.Identity())
+        body.gravity = pin.Motion(robot.gravity, np.zeros(3))
+        model, frame = robot.model, robot.model.getFrameId(robot.sensor_frame)
+        data, body_data = model.createData(), body.createData()
+        rows = zip(robot.configuration(q), robot.tangent(dq), robot.tangent(ddq))
+        out = np.empty((len(q), 6))
+        for i, row in enumerate(rows):
+            pin.forwardKinematics(model, data, *row)
+            place = pin.updateFramePlacement(model, data, frame)
+            twist = pin.getFrameVelocity(model, data, frame, pin.LOCAL).vector
+            change = pin.getFrameAcceleration(model, data, frame, pin.LOCAL).vector
+            out[i] = -pin.rnea(body, body_data, pin.SE3ToXYZQUAT(place), twist, change)
+        return out
+
+    return load
