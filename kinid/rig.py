@@ -1,0 +1,302 @@
+"""What was measured with what: `rig.toml`, validated once, with messages that a user can act on.
+
+Lengths in m, angles in rad, mass in kg; vectors in the frame that the field's docstring names.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import PydanticCustomError
+
+from kinid.errors import InputError, near
+from kinid.units import FACTORS
+
+Array = NDArray[np.float64]
+
+
+def _finite(values: tuple[float, ...]) -> tuple[float, ...]:
+    if not all(math.isfinite(v) for v in values):
+        raise PydanticCustomError("finite", "finite numbers")
+    return values
+
+
+def _positive(values: tuple[float, ...]) -> tuple[float, ...]:
+    if not all(v > 0 for v in values):
+        raise PydanticCustomError("positive", "positive numbers")
+    return values
+
+
+def _not_negative(values: tuple[float, ...]) -> tuple[float, ...]:
+    if not all(v >= 0 for v in values):
+        raise PydanticCustomError("not_negative", "numbers that are not negative")
+    return values
+
+
+def _direction(values: tuple[float, float, float]) -> tuple[float, float, float]:
+    if math.hypot(*values) < 1e-9:
+        raise PydanticCustomError("direction", "a direction, a vector that is not of zero length")
+    return values
+
+
+def _unit(unit: str) -> str:
+    if unit not in FACTORS:
+        raise PydanticCustomError("unit", "a unit that kinid knows ({near})", {"near": near(unit, FACTORS)})
+    return unit
+
+
+def _invertible(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
+    matrix = np.asarray(rows)
+    if not np.isfinite(matrix).all() or np.linalg.cond(matrix) > 1e6:
+        raise PydanticCustomError("invertible", "an invertible matrix (near the identity for a real sensor)")
+    return rows
+
+
+Vec3 = Annotated[tuple[float, float, float], AfterValidator(_finite)]
+Direction = Annotated[tuple[float, float, float], AfterValidator(_finite), AfterValidator(_direction)]
+Vec6 = Annotated[tuple[float, float, float, float, float, float], AfterValidator(_finite)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Unit = Annotated[str, AfterValidator(_unit)]
+Matrix3 = tuple[Vec3, Vec3, Vec3]
+Matrix6 = Annotated[tuple[Vec6, Vec6, Vec6, Vec6, Vec6, Vec6], AfterValidator(_invertible)]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=False)
+
+
+class RobotSpec(_Table):
+    """The arm: a shipped name, an example-robot-data name, or a URDF path relative to the rig's file."""
+
+    model: str
+    sensor_frame: str | None = None  # frame whose axes the wrench is expressed in
+    tip_frame: str | None = None  # the contact point
+    gravity: Vec3 = (0.0, 0.0, -9.81)  # [m/s²], base frame
+    joints: tuple[str, ...] | None = None  # order of q1..qN in the log
+    compliance: Matrix3 | None = None  # [m/N], base frame: where the tip goes under a force, beyond the joints
+
+
+class ToolSpec(_Table):
+    """Everything beyond the sensor's measuring plane."""
+
+    mass: Annotated[float, Field(ge=0, allow_inf_nan=False)]
+    com: Vec3 = (0.0, 0.0, 0.0)  # [m], sensor frame
+    inertia: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # [kg·m²] ixx iyy izz ixy ixz iyz about the com, sensor axes
+
+    @property
+    def inertia_matrix(self) -> Array:
+        """Inertia about the com in sensor axes [kg·m²], (3, 3)."""
+        xx, yy, zz, xy, xz, yz = self.inertia
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+class SurfaceSpec(_Table):
+    """A plane in the base frame, or a triangle mesh; the normal points out of the material."""
+
+    point: Vec3 | None = None
+    normal: Direction | None = None
+    tangent: Direction | None = None
+    mesh: str | None = None
+    edge_radius: Positive = 1e-3  # [m] the normal turns smoothly within this distance of an edge
+
+    @model_validator(mode="after")
+    def _plane_or_mesh(self) -> SurfaceSpec:
+        if self.mesh is None and (self.point is None or self.normal is None):
+            raise PydanticCustomError("surface", "a plane (point and normal) or a mesh")
+        if self.normal is not None and self.tangent is not None:
+            n, t = np.asarray(self.normal), np.asarray(self.tangent)
+            if np.linalg.norm(np.cross(n, t)) < 1e-6 * np.linalg.norm(n) * np.linalg.norm(t):
+                raise PydanticCustomError("surface", "a tangent that is not parallel to the normal")
+        return self
+
+
+class SensorSpec(_Table):
+    """Known properties of the force/torque sensor, each as fx fy fz tx ty tz [N, N·m]."""
+
+    range: Annotated[Vec6, AfterValidator(_positive)] | None = None
+    noise: Annotated[Vec6, AfterValidator(_not_negative)] | None = None  # standard deviation at the log's rate
+    bias: Vec6 | None = None  # reading without any load
+    crosstalk: Matrix6 | None = None  # measured = crosstalk · true
+    wrench_frame: Literal["sensor", "base"] = "sensor"  # axes that the log's wrench is expressed in
+
+
+class ColumnSpec(_Table):
+    """Where a quantity stands in a log with other names and units: SI value = (raw · scale) · unit + offset."""
+
+    column: str | int | None = None
+    columns: tuple[str | int, ...] | None = None  # for q, dq, ddq, tau, q_cmd, wrench: all their columns at once
+    unit: Unit | None = None
+    scale: Finite = 1.0
+    offset: Finite = 0.0
+
+    @model_validator(mode="after")
+    def _one_source(self) -> ColumnSpec:
+        if self.column is not None and self.columns is not None:
+            raise PydanticCustomError("columns", "either 'column' or 'columns', not both")
+        return self
+
+
+class StreamsSpec(_Table):
+    """Topics of a bag, and how streams with different rates and clocks come onto one clock."""
+
+    joints: str | None = None  # topic of sensor_msgs/JointState
+    wrench: str | None = None  # topic of geometry_msgs/WrenchStamped
+    joint_commands: str | None = None  # topic of sensor_msgs/JointState with commanded positions
+    reference: Literal["joints", "wrench"] | None = None  # whose clock the log keeps; default: the wrench's
+    max_gap: Positive | None = None  # [s] samples further from a neighbour stay empty
+    wrench_clock_offset: Finite | None = None  # [s] added to the wrench's time stamps
+
+
+#: quantities that `[columns]` may name: groups, single columns (with a number behind q, dq, …) and contact quantities
+GROUPS = ("q", "dq", "ddq", "tau", "q_cmd", "wrench")
+WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
+CONTACT = (
+    "depth", "depth_rate", "slip1", "slip2", "slip_rate1", "slip_rate2",
+    "normal_force", "tangential_force1", "tangential_force2",
+)  # fmt: skip
+
+
+def _known_quantity(name: str) -> bool:
+    stem = name.rstrip("0123456789")
+    return name in (*GROUPS, *WRENCH, *CONTACT, "t", "phase") or (stem in GROUPS[:5] and stem != name)
+
+
+class Rig(_Table):
+    """What was measured with what. Every table is optional; a command says when it needs one that is absent."""
+
+    robot: RobotSpec | None = None
+    tool: ToolSpec | None = None
+    surface: SurfaceSpec | None = None
+    sensor: SensorSpec = SensorSpec()
+    columns: dict[str, ColumnSpec] = Field(default_factory=dict)
+    streams: StreamsSpec = StreamsSpec()
+    folder: Path = Field(default_factory=Path.cwd, exclude=True)  # what relative paths are relative to
+
+    @model_validator(mode="after")
+    def _columns_known(self) -> Rig:
+        for name in self.columns:
+            if not _known_quantity(name):
+                valid = (*GROUPS, *WRENCH, *CONTACT, "t", "phase", "q1", "dq1", "ddq1", "tau1", "q_cmd1")
+                raise PydanticCustomError(
+                    "quantity",
+                    "quantities of the log format in [columns], '{name}' is none ({near})",
+                    {"name": name, "near": near(name, valid)},
+                )
+        return self
+
+    @classmethod
+    def load(cls, path: str | Path) -> Rig:
+        """Read and validate a rig.toml.
+
+        Raises:
+            InputError: the file is absent, is not TOML, or holds something that can't be a rig.
+        """
+        path = Path(path)
+        try:
+            text = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError(f"no readable rig at {path} ({_reason(error)})", "a rig.toml in UTF-8",
+                             "name it with --rig, or put rig.toml beside the log") from None  # fmt: skip
+        return cls.parse_text(text, folder=path.parent, where=str(path))
+
+    @classmethod
+    def parse_text(cls, text: str, folder: str | Path = ".", where: str = "the rig") -> Rig:
+        """Validate the text of a rig.toml; relative paths in it are relative to `folder`."""
+        try:
+            tables = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise InputError(f"{where}: {error}", "valid TOML", "correct that line") from None
+        return cls.parse(tables, folder=folder, where=where)
+
+    @classmethod
+    def parse(cls, tables: dict[str, Any], folder: str | Path = ".", where: str = "the rig") -> Rig:
+        """Validate tables as they stand in a rig.toml; relative paths in them are relative to `folder`."""
+        if "folder" in tables:
+            raise InputError(f"'folder' in {where}", "the tables of a rig", "remove it: paths are relative to the file")
+        try:
+            return cls.model_validate({**tables, "folder": Path(folder)})
+        except ValidationError as error:
+            raise _as_input_error(error, where, cls) from None
+
+    @cached_property
+    def axes(self) -> Array | None:
+        """Rows tangent1, tangent2, normal of a plane surface in the base frame, (3, 3); None without a plane."""
+        if self.surface is None or self.surface.normal is None:
+            return None
+        return surface_axes(self.surface.normal, self.surface.tangent)
+
+
+def surface_axes(normal: Sequence[float], tangent: Sequence[float] | None = None) -> Array:
+    """Orthonormal rows tangent1, tangent2 = normal × tangent1, normal; without a tangent the base x axis is projected."""
+    n = np.asarray(normal, dtype=float) / np.linalg.norm(normal)
+    if tangent is None:
+        tangent = (1.0, 0.0, 0.0) if abs(n[0]) < 0.9 else (0.0, 1.0, 0.0)
+    t1 = np.asarray(tangent, dtype=float)
+    t1 = t1 - (t1 @ n) * n
+    t1 /= np.linalg.norm(t1)
+    return np.stack([t1, np.cross(n, t1), n])
+
+
+def _reason(error: Exception) -> str:
+    return getattr(error, "strerror", None) or error.__class__.__name__
+
+
+def _as_input_error(error: ValidationError, where: str, rig: type[Rig]) -> InputError:
+    """One line from pydantic's list: the first thing that is wrong, and how many more there are."""
+    # a key that is misspelt explains one that is missing
+    errors = sorted(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
+    first, more = errors[0], error.error_count() - 1
+    # "str" and "int" are no keys but the alternatives that pydantic tried
+    place = [str(part) for part in first["loc"] if part not in ("folder", "str", "int")]
+    table = f"[{place[0]}]" if place else "the tables"
+    shown = ".".join(place[1:]) if len(place) > 1 else ""
+    value = repr(first["input"])
+    value = value if len(value) <= 60 else value[:57] + "..."
+    tail = f" (and {more} more problem{'s' if more > 1 else ''})" if more else ""
+    if first["type"] == "extra_forbidden":
+        field = rig.model_fields.get(place[0])
+        owner = _spec_of(field.annotation) if field and len(place) > 1 else rig
+        names = [n for n in owner.model_fields if n != "folder"]
+        found = f"unknown key '{place[-1]}' in {table if len(place) > 1 else 'the rig'} of {where}{tail}"
+        return InputError(found, "a key of the rig format", near(place[-1], names))
+    if first["type"] in ("missing", "too_long") and (length := _length(error)) is not None:
+        name = shown.rpartition(".")[0] if first["type"] == "missing" else shown
+        return InputError(f"{table} {name} = {value} in {where}{tail}", f"a list of {length}", "correct that line of the rig")
+    if first["type"] == "missing":
+        return InputError(f"no '{place[-1]}' in {table} of {where}{tail}", f"{table} {place[-1]}", "add that line")
+    expected = _PLAIN.get(first["type"]) or first["msg"].removeprefix("Input should be ")
+    found = f"{table} {shown + ' = ' if shown else ''}{value} in {where}{tail}"
+    return InputError(found, expected, "correct that line of the rig")
+
+
+#: pydantic's words for what TOML calls otherwise, by the type of its error
+_PLAIN = {"model_type": "a table", "dict_type": "a table", "tuple_type": "a list", "list_type": "a list",
+          "finite_number": "a finite number"}  # fmt: skip
+
+
+def _length(error: ValidationError) -> int | None:
+    """How long the list should be that the first problem says has too few or too many entries."""
+    first = error.errors()[0]
+    if first["type"] == "too_long":
+        return int(first["ctx"]["max_length"])
+    *before, last = first["loc"]
+    if not isinstance(last, int):
+        return None
+    here = [e["loc"][-1] for e in error.errors() if list(e["loc"][:-1]) == before and isinstance(e["loc"][-1], int)]
+    return 1 + max(int(index) for index in here)
+
+
+def _spec_of(annotation: Any) -> type[BaseModel]:
+    for candidate in (annotation, *getattr(annotation, "__args__", ())):
+        if isinstance(candidate, type) and issubclass(candidate, BaseModel):
+            return candidate
+    return Rig
