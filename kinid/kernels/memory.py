@@ -1,0 +1,138 @@
+"""Laws with memory, sample by sample: relaxation, bristles, loops over depth, softening, and bonds that tear.
+
+Steps of time may be uneven. `dt` is the time since the sample before [s], (n,); where it is 0 memory begins anew.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: share of a bristle's length over which it is purely elastic before it slips. Dahl's bristles creep back under any
+#: dither, and every measured position at rest dithers by its noise; elastic ones don't (Dupont et al., IEEE Trans.
+#: Autom. Control 47, 2002)
+ELASTIC = 0.02
+
+
+@njit(cache=True)
+def lowpass(x: Array, dt: Array, tau: float, out: Array) -> None:
+    """First-order low-pass τ ẏ = x − y, exact for an input that runs straight between samples; y begins at 0.
+
+    Args:
+        x: input, (n,). dt: see above. tau: time constant [s]. out: y, (n,).
+    """
+    y = 0.0
+    for i in range(x.shape[0]):
+        if i == 0 or dt[i] <= 0.0:
+            y = 0.0
+        else:
+            h = dt[i] / tau
+            gone = -np.expm1(-h)
+            # ∫ of the straight line against the kernel; a series where the difference would cancel
+            g = 1.0 - gone / h if h > 1e-3 else h * (0.5 - h * (1.0 / 6.0 - h / 24.0))
+            y = (1.0 - gone) * y + (gone - g) * x[i - 1] + g * x[i]
+        out[i] = y
+
+
+@njit(cache=True)
+def bristles(v1: Array, v2: Array, dt: Array, depth: Array, length: float, out: Array, elastic: float = ELASTIC) -> None:
+    """Deflection of bristles relative to their greatest, a vector of length ≤ 1 along the slip (Dahl 1968, in 2-D).
+
+    u̇ = (v − |v| u) / ℓ, exact for a constant velocity between samples, behind an element that is elastic over a small
+    share ε of ℓ: (1 − ε) u + w/ℓ comes out, where w, |w| ≤ ε ℓ, is how far the slip is ahead of what moves u. Under a
+    constant load this never gives energy. Bristles begin undeflected at each touch.
+
+    Args:
+        v1, v2: slip rates [m/s], (n,). dt: see above. depth: > 0 in contact, (n,); a flag does, too, but then a touch
+            begins at the sample before.
+        length: ℓ [m]. out: (2, n). elastic: ε; 0 is Dahl's own.
+    """
+    u1, u2 = 0.0, 0.0
+    w1, w2 = 0.0, 0.0
+    for i in range(v1.shape[0]):
+        if i == 0 or dt[i] <= 0.0 or not depth[i] > 0:
+            u1, u2, w1, w2 = 0.0, 0.0, 0.0, 0.0
+        else:
+            step = dt[i] * _touching(1.0 * depth[i - 1], 1.0 * depth[i])
+            w1 += 0.5 * (v1[i] + v1[i - 1]) * step
+            w2 += 0.5 * (v2[i] + v2[i - 1]) * step
+            far = np.hypot(w1, w2)
+            moved = far - elastic * length
+            if moved > 0.0:
+                a, b = w1 / far, w2 / far
+                w1, w2 = w1 - moved * a, w2 - moved * b
+                e = np.exp(-moved / length)
+                u1 = e * u1 + (1.0 - e) * a
+                u2 = e * u2 + (1.0 - e) * b
+        out[0, i] = (1.0 - elastic) * u1 + w1 / length
+        out[1, i] = (1.0 - elastic) * u2 + w2 / length
+
+
+@njit(cache=True)
+def loop(depth: Array, rate: Array, dt: Array, length: float, out: Array, elastic: float = ELASTIC) -> None:
+    """State of a loop over depth that speed doesn't change, −1…1: dz/dδ = (sgn δ̇ − z) / ℓ · sgn δ̇ (Dahl 1968).
+
+    Behind an element that is elastic over a share ε of ℓ, as in `bristles`. The path follows from the rate, which is
+    smoother than differences of a measured depth.
+
+    Args:
+        depth: δ [m]; z begins at 0 at each touch, (n,). rate: δ̇ [m/s], (n,). dt: see above.
+        length: ℓ [m]. out: z, (n,). elastic: ε; 0 is Dahl's own.
+    """
+    z, w = 0.0, 0.0
+    for i in range(depth.shape[0]):
+        if i == 0 or dt[i] <= 0.0 or depth[i] <= 0.0:
+            z, w = 0.0, 0.0
+        else:
+            w += 0.5 * (rate[i] + rate[i - 1]) * dt[i] * _touching(depth[i - 1], depth[i])
+            moved = abs(w) - elastic * length
+            if moved > 0.0:
+                sign = 1.0 if w > 0.0 else -1.0
+                w -= moved * sign
+                z = sign + (z - sign) * np.exp(-moved / length)
+        out[i] = (1.0 - elastic) * z + w / length
+
+
+@njit(cache=True)
+def _touching(before: float, now: float) -> float:
+    """Share of the step to a sample in contact that the tip was in contact."""
+    return now / (now - before) if before <= 0.0 else 1.0
+
+
+@njit(cache=True)
+def deepest(depth: Array, dt: Array, out: Array) -> None:
+    """The deepest that the tip has been up to each sample, 0 at least [m], (n,)."""
+    most = 0.0
+    for i in range(depth.shape[0]):
+        if i == 0 or dt[i] <= 0.0:
+            most = 0.0
+        most = max(most, depth[i])
+        out[i] = most
+
+
+@njit(cache=True)
+def bond(depth: Array, dt: Array, length: float, out: Array) -> None:
+    """How much of its greatest pull a bond exerts, 0…1, that forms at contact and tears at depth −ℓ.
+
+    On the way out it is stretched within ℓ, 1 − exp(−(δ_m − δ)/ℓ), with δ_m the deepest of this contact; outside the
+    material it tears, (1 − (δ/ℓ)²)².
+
+    Args:
+        depth: δ [m], (n,). dt: see above. length: ℓ [m]. out: (n,).
+    """
+    most = -1.0  # negative: no bond
+    for i in range(depth.shape[0]):
+        if i == 0 or dt[i] <= 0.0 or depth[i] <= -length:
+            most = -1.0
+        if depth[i] > 0.0:
+            most = max(most, depth[i])
+        if most > 0.0:
+            pull = -np.expm1(-(most - depth[i]) / length)
+            if depth[i] < 0.0:
+                pull *= (1.0 - (depth[i] / length) ** 2) ** 2
+            out[i] = pull
+        else:
+            out[i] = 0.0
