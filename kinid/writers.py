@@ -1,0 +1,106 @@
+"""Results on disk: written to a temporary file beside the target, then renamed, so that nothing is ever half there."""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.errors import InputError
+
+#: how a table may be written, by the ending of its name
+TABLE_SUFFIXES = (".parquet", ".csv", ".npz")
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A temporary name to write to, which takes the place of `path` when the block ends well and vanishes otherwise.
+
+    Raises:
+        InputError: the folder is not there or can't be written to.
+    """
+    if path.is_dir():
+        raise InputError(f"a folder at {path}", "a file name to write to", "add a file name to -o")
+    temporary = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{path.suffix}")
+    try:
+        yield temporary
+        os.replace(temporary, path)
+    except OSError as error:
+        raise InputError(f"no way to write {path} ({error.strerror or error})", "a folder that exists and can be written",
+                         "choose another -o/--out") from None  # fmt: skip
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def check_table_name(path: Path) -> None:
+    """Refuse a table's name early, before any work is done.
+
+    Raises:
+        InputError: an ending that no table has, or a folder that isn't there.
+    """
+    if path.suffix.lower() not in TABLE_SUFFIXES:
+        raise InputError(f"output '{path.name}'", f"a name ending in {', '.join(TABLE_SUFFIXES)}", "rename it")
+    check_folder(path)
+
+
+def check_folder(path: Path) -> None:
+    """Refuse a file whose folder isn't there."""
+    if not path.absolute().parent.is_dir():
+        raise InputError(f"no folder {path.absolute().parent}", "an existing folder for the output", "make it first")
+
+
+def write_table(path: Path, columns: Mapping[str, NDArray[Any]], provenance: Mapping[str, Any] | None = None) -> None:
+    """Write columns of equal length as Parquet, CSV or NPZ, by the ending of the name.
+
+    Parquet keeps the provenance as JSON under the key `kinid` of its schema's metadata.
+    """
+    check_table_name(path)
+    suffix = path.suffix.lower()
+    with replacing(path) as temporary:
+        if suffix == ".npz":
+            with temporary.open("wb") as file:  # given a name, it would add ".npz" to one that ends in ".NPZ"
+                arrays: dict[str, Any] = {name: np.asarray(values) for name, values in columns.items()}
+                np.savez(file, **arrays)
+            return
+        import pyarrow as pa
+
+        table = pa.table({name: pa.array(np.asarray(values)) for name, values in columns.items()})
+        if suffix == ".csv":
+            from pyarrow import csv
+
+            csv.write_csv(table, temporary)
+            return
+        from pyarrow import parquet
+
+        if provenance is not None:
+            table = table.replace_schema_metadata({"kinid": json.dumps(provenance, default=str)})
+        # measured doubles hardly repeat: dictionaries and statistics cost time and save nothing
+        dictionaries = [name for name, values in columns.items() if np.asarray(values).dtype.kind in "US"]
+        parquet.write_table(table, temporary, compression="snappy", use_dictionary=dictionaries, write_statistics=False)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file whole or not at all."""
+    check_folder(path)
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder for results, with its parents.
+
+    Raises:
+        InputError: it can't be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"no way to make the folder {path} ({error.strerror})", "a folder for the results",
+                         "choose another -o/--out") from None  # fmt: skip
