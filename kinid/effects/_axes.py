@@ -1,0 +1,55 @@
+"""Joints as effects see them: names, units, and which way each one last moved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinid.effects._derived import derived
+from kinid.effects._signals import Array, Layout, Signals
+from kinid.kernels.memory import bristles
+
+#: length of the bristles of a joint's dry friction, by its unit: shorter than what reversals of real drives show
+BRISTLE = {"rad": 1e-4, "m": 1e-5}
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One joint: `suffix` of its parameters' names, unit of its `torque`, unit of its `position`, size of a torque."""
+
+    suffix: str
+    torque: str
+    position: str
+    size: float
+
+    def per(self, time: str = "") -> str:
+        """Unit of a torque for each unit of a rate: "·s" of a velocity, "·s²" of an acceleration."""
+        return f"{self.torque}{time}/{self.position}"
+
+
+def axes(layout: Layout) -> tuple[Axis, ...]:
+    """The joints of a layout; none unless it is one of joint torques. A single axis without a robot needs no name."""
+    if layout.kind != "joints":
+        return ()
+    names = layout.joints or layout.channels
+    suffixes = [""] if len(names) == 1 and not layout.joints else [f"[{name}]" for name in names]
+    slides = [unit == "N" for unit in layout.units]
+    return tuple(Axis(suffix, "N", "m", 10.0) if slide else Axis(suffix, "N·m", "rad", 1.0)
+                 for suffix, slide in zip(suffixes, slides))  # fmt: skip
+
+
+def directions(s: Signals) -> Array:
+    """Which way each joint last moved, from −1 to 1, (N, n): bristles of a fixed length (Dahl), undeflected at first."""
+    motion = s.joints
+    assert motion is not None
+
+    def make() -> Array:
+        out = np.empty_like(motion.dq)
+        row, still, always = np.empty((2, len(s))), np.zeros(len(s)), np.ones(len(s), dtype=np.bool_)
+        for j, axis in enumerate(axes(s.layout)):
+            bristles(np.ascontiguousarray(motion.dq[j]), still, s.dt, always, BRISTLE[axis.position], row, 0.0)
+            out[j] = row[0]
+        return out
+
+    return derived("directions", make, motion.dq, s.dt)

@@ -1,0 +1,104 @@
+"""What an effect is: one physical law, in one file, acting at one or more places of the measurement chain."""
+
+from __future__ import annotations
+
+from abc import ABC
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import ClassVar
+
+from kinid.effects._signals import Array, Layout, Signals
+from kinid.parameter import Parameter
+
+
+class Stage(Enum):
+    """Where in the chain an effect acts, in the chain's order; the value is the name of the method it implements."""
+
+    GEOMETRY = "geometry"  # changes depth and slip before any law sees them
+    ELASTIC = "elastic"  # changes the elastic force F_e
+    NORMAL = "normal"  # adds to the normal force N what is not elastic
+    FRICTION = "friction"  # changes the friction coefficient μ, the bristles' length, or adds a tangential force
+    FRAME = "frame"  # turns or couples contact forces on their way into the contact frame of the rig
+    TOOL = "tool"  # adds to the load of the tool on the sensor
+    SENSOR = "sensor"  # changes the reading, sample by sample
+    ACQUISITION = "acquisition"  # changes the reading over time
+    JOINT = "joint"  # adds to the joint torques
+
+
+@dataclass(frozen=True)
+class Effect(ABC):
+    """One physical law. A subclass is final, stands alone in its file, and implements one method a stage it acts at.
+
+    Class attributes:
+        id: its name everywhere, kebab-case.
+        title: in a few words.
+        equation: as it is printed, with the parameters' symbols.
+        source: where the equation comes from.
+        base: a contact law (or `rigid-body`) that a model starts from; a model has one at most.
+        signature: what its absence looks like in a residual, in words.
+        confusions: effects it can be mistaken for → what tells them apart.
+        excited_by: what a log must hold for its parameters to be seen.
+        needs: quantities of the signals without which it can't act: "normal", "slip", "wrench", "joints".
+        wants: effects that must be in the model for this one to do anything (at least one of them).
+        detector: whether it is recognised by its mark in the samples alone (flat tops, a lattice, a line in the spectrum).
+        null: parameter name → value at which the effect does nothing (for names with a channel or joint in brackets, the
+            part before the bracket); parameters that aren't named there may have any value then. Empty for a base.
+        affine: whether readings stay affine in the linear parameters of a model that holds it; False for a law that
+            bends what others predict (a power of the normal force, a clipped reading).
+    """
+
+    id: ClassVar[str]
+    title: ClassVar[str]
+    equation: ClassVar[str]
+    source: ClassVar[str]
+    base: ClassVar[bool] = False
+    signature: ClassVar[str]
+    confusions: ClassVar[Mapping[str, str]] = {}
+    excited_by: ClassVar[str]
+    needs: ClassVar[tuple[str, ...]] = ("normal",)
+    wants: ClassVar[tuple[str, ...]] = ()
+    detector: ClassVar[bool] = False
+    null: ClassVar[Mapping[str, float]] = {}
+    affine: ClassVar[bool] = True
+
+    def null_for(self, base: str | None) -> Mapping[str, float]:
+        """`null` in a model with this base, for the effects where it depends on it."""
+        return self.null
+
+    def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
+        """Its parameters for logs of this layout."""
+        raise NotImplementedError
+
+    def stages(self) -> tuple[Stage, ...]:
+        """The stages it acts at: those whose method its class implements."""
+        return tuple(stage for stage in Stage if getattr(type(self), stage.value) is not getattr(Effect, stage.value))
+
+    # One method a stage. `s` is this prediction's own: arrays in it are replaced, never written into. `p` are the values
+    # of the parameters, in their order.
+    def geometry(self, s: Signals, p: Array) -> None:
+        """Change `s.depth`, `s.depth_rate`, `s.slip`, `s.slip_rate`."""
+
+    def elastic(self, s: Signals, p: Array) -> None:
+        """Set or change `s.elastic`, and `s.exponent` where it is a power law."""
+
+    def normal(self, s: Signals, p: Array) -> None:
+        """Add to `s.normal`, which begins as `s.elastic`."""
+
+    def friction(self, s: Signals, p: Array) -> None:
+        """Change `s.mu`, `s.bristle` or `s.tangential`; the chain then adds −μ N along the bristles."""
+
+    def frame(self, s: Signals, p: Array) -> None:
+        """Change `s.normal` and `s.tangential` once friction is in them."""
+
+    def tool(self, s: Signals, p: Array) -> None:
+        """Add to `s.reading`, the wrench at the sensor's origin."""
+
+    def sensor(self, s: Signals, p: Array) -> None:
+        """Change `s.reading` sample by sample."""
+
+    def acquisition(self, s: Signals, p: Array) -> None:
+        """Change `s.reading` over time."""
+
+    def joint(self, s: Signals, p: Array) -> None:
+        """Add to `s.reading`, the joint torques."""

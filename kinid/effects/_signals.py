@@ -1,0 +1,131 @@
+"""What effects see and change: the measured motion, and the quantities of the chain that grow from it."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Which channels a log has, so that effects know how many parameters they have.
+
+    Attributes:
+        channels: names of the readings: fx…tz of a wrench, normal_force and tangential_force1/2 of a contact frame, or
+            tau of each joint.
+        kind: "wrench", "contact" or "joints".
+        joints: joint names, for `kind` "joints".
+    """
+
+    channels: tuple[str, ...]
+    kind: str
+    joints: tuple[str, ...] = ()
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each channel."""
+        return tuple("N·m" if (name.startswith("t") and len(name) == 2) or name.startswith("tau") else "N"
+                     for name in self.channels)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class SensorMotion:
+    """Motion of the force/torque sensor, in its own axes; what tool and sensor effects need.
+
+    Attributes:
+        to_contact: rotation from sensor axes to contact axes (tangent1, tangent2, normal), (n, 3, 3).
+        tip: position of the tip in the sensor frame [m], (3,).
+        specific: gravity less acceleration of the sensor's origin, g − a [m/s²], (3, n).
+        omega, alpha: angular velocity [rad/s] and acceleration [rad/s²], (3, n).
+        load: wrench of the rig's tool (weight and inertia) [N, N·m], (6, n); zero without a tool in the rig.
+        mass: mass of the rig's tool [kg]; com: its centre [m], (3,).
+    """
+
+    to_contact: Array
+    tip: Array
+    specific: Array
+    omega: Array
+    alpha: Array
+    load: Array
+    mass: float
+    com: Array
+
+
+@dataclass(frozen=True, eq=False)
+class JointMotion:
+    """Motion of the joints, for joint torques; arrays (N, n).
+
+    Attributes:
+        q, dq, ddq: positions, velocities, accelerations.
+        rigid: torque of rigid-body inverse dynamics; zero for an axis without a robot.
+        known: whether `rigid` comes from a robot; if not, the inertia is a parameter.
+        payload: torques per unit of a payload's parameters m, m·com (3) at the last link [N·m per unit], (4, N, n), or None.
+    """
+
+    q: Array
+    dq: Array
+    ddq: Array
+    rigid: Array
+    known: bool
+    payload: Array | None = None
+
+
+@dataclass(eq=False)
+class Signals:
+    """The chain's quantities for one prediction. Inputs are shared and read-only; effects replace, never write into.
+
+    Attributes:
+        layout: the channels of `reading`.
+        t: time from the first sample [s], (n,).
+        dt: time since the sample before [s], (n,); 0 where memory begins anew (first sample, after a gap).
+        depth [m], depth_rate [m/s]: (n,). slip [m], slip_rate [m/s]: (2, n).
+        measured: measured readings, (channels, n): only what drives a law may look (structural compliance).
+        elastic: elastic force F_e [N], (n,). exponent: of its power law. normal: N [N], (n,).
+        mu: friction coefficient, (2, n) along the tangents. bristle: length [m]. tangential: (2, n) [N].
+        reading: what the sensor delivers, (channels, n).
+        sensor: motion of the sensor, for wrenches. joints: motion of the joints, for joint torques.
+    """
+
+    layout: Layout
+    t: Array
+    dt: Array
+    depth: Array
+    depth_rate: Array
+    slip: Array
+    slip_rate: Array
+    measured: Array | None = None
+    sensor: SensorMotion | None = None
+    joints: JointMotion | None = None
+    elastic: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
+    exponent: float = 1.0
+    normal: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
+    mu: Array = dataclasses.field(default_factory=lambda: np.zeros((2, 0)))
+    bristle: float = 1e-4
+    tangential: Array = dataclasses.field(default_factory=lambda: np.zeros((2, 0)))
+    reading: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def fresh(self) -> Signals:
+        """A copy to predict with: inputs shared, the chain's quantities zero."""
+        n = len(self)
+        return dataclasses.replace(
+            self, elastic=np.zeros(n), exponent=1.0, normal=np.zeros(n), mu=np.zeros((2, n)), bristle=1e-4,
+            tangential=np.zeros((2, n)), reading=np.zeros((len(self.layout.channels), n)),
+        )  # fmt: skip
+
+    @property
+    def inside(self) -> NDArray[np.bool_]:
+        """Whether the tip is in the material, (n,)."""
+        return np.asarray(self.depth > 0.0)
+
+    @property
+    def penetration(self) -> Array:
+        """Depth where it is positive, else zero [m], (n,)."""
+        return np.maximum(self.depth, 0.0)

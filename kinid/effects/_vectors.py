@@ -1,0 +1,21 @@
+"""Vectors over time, (3, n)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinid.effects._signals import Array, SensorMotion
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Cross products of rows x, y, z; either may be one vector for all times, (3,) or (3, n)."""
+    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+def point_load(sensor: SensorMotion, mass: float, com: Array) -> Array:
+    """Wrench at the sensor's origin of a mass [kg] at a point of the sensor frame [m], (6, n).
+
+    f = m (g − a − α × c − ω × (ω × c)), τ = c × f.
+    """
+    force = mass * (sensor.specific - cross(sensor.alpha, com) - cross(sensor.omega, cross(sensor.omega, com)))
+    return np.concatenate([force, cross(com, force)])

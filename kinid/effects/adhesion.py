@@ -1,0 +1,48 @@
+"""A surface that sticks to the tool."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from kinid.effects._effect import Effect
+from kinid.effects._signals import Array, Layout, Signals
+from kinid.kernels.memory import bond
+from kinid.parameter import Parameter
+
+
+@final
+class Adhesion(Effect):
+    """N −= F_a b: a bond that has formed at contact pulls on the way out, until it tears at δ = −ℓ; F_a [N], ℓ [m].
+
+    b = 1 − exp(−(δ_m − δ)/ℓ), with δ_m the deepest of this contact: nothing on the way in, the whole pull after ℓ of
+    retraction. Outside the material b also falls as (1 − (δ/ℓ)²)², so that nothing jumps at pull-off. On touching anew
+    everything begins again.
+    """
+
+    id = "adhesion"
+    title = "pull until separation"
+    equation = "N −= F_a (1 − exp(−(δ_m − δ)/ℓ)) until δ = −ℓ"
+    source = "K. L. Johnson, K. Kendall, A. D. Roberts, Proc. R. Soc. A 324, 1971; D. Maugis, J. Colloid Interface Sci. 150, 1992"
+    signature = "a pulling tail at separation, outside the material too"
+    confusions = {
+        "surface-offset": "a slow retraction: only a bond leaves a negative force",
+        "hysteresis": "the tail outside the material, and a shallow poke",
+        "viscous-damping": "a slow retraction",
+    }
+    excited_by = "a slow retraction until well outside the material"
+    null = {"force": 0.0}
+
+    def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
+        """Greatest pull, length."""
+        return (
+            Parameter("force", "F_a", "N", 0.1, 0.0, 1e5, scale=0.05, linear=True),
+            Parameter("length", "ℓ", "m", 5e-4, 1e-6, 0.1, scale=1e-4),
+        )
+
+    def normal(self, s: Signals, p: Array) -> None:
+        """Pull."""
+        b = np.empty(len(s))
+        bond(s.depth, s.dt, p[1], b)
+        s.normal = s.normal - p[0] * b

@@ -1,0 +1,67 @@
+"""Stiffness and damping between the axes of the contact frame."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.effects._effect import Effect
+from kinid.effects._signals import Array, Layout, Signals
+from kinid.parameter import Parameter
+
+_AXES = ("1", "2", "n")
+
+
+@final
+class CoupledStiffness(Effect):
+    """A full 3 × 3 stiffness and damping beside the scalar law of the normal: f += K x + C ẋ inside the material.
+
+    x = (x₁, x₂, δ): slip since the touch began, and depth; f = (T₁, T₂, N). The entry nn belongs to the contact law. A
+    tool that slides leaves what shear it has made behind: shear entries are for pokes, bonded tips and elastic bands.
+    """
+
+    id = "coupled-stiffness"
+    title = "full stiffness and damping of the contact"
+    equation = "f += K x + C ẋ,  x = (x₁, x₂, δ),  without K_nn, C_nn"
+    source = "N. Hogan, Impedance control, J. Dyn. Syst. Meas. Control 107, 1985: stiffness as a full tensor"
+    signature = "tangential force that follows the depth, or normal force that follows the slip"
+    confusions = {
+        "surface-tilt": "slide: a tilt changes the depth along the way",
+        "sensor-misalignment": "other materials: a turned sensor couples in the same ratio everywhere",
+        "sensor-crosstalk": "load in free air by turning the tool's weight: cross-talk couples there too",
+        "presliding": "pokes without slip",
+    }
+    excited_by = "pokes with small slips along both tangents, in and out at several speeds"
+    needs = ("normal", "slip")
+    null = {f"{kind}-{i}{j}": 0.0 for kind in ("stiffness", "damping") for i in _AXES for j in _AXES if (i, j) != ("n", "n")}
+
+    def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
+        """Eight entries of stiffness and eight of damping, row (force) before column (motion)."""
+        pairs = [(i, j) for i in _AXES for j in _AXES if (i, j) != ("n", "n")]
+        return tuple(
+            Parameter(f"{kind}-{i}{j}", f"{symbol}_{i}{j}", unit, 0.0, scale=scale, linear=True)
+            for kind, symbol, unit, scale in (("stiffness", "K", "N/m", 50.0), ("damping", "C", "N·s/m", 1.0))
+            for i, j in pairs
+        )
+
+    def frame(self, s: Signals, p: Array) -> None:
+        """Add the forces between the axes."""
+        inside = s.inside
+        x = np.stack([*_since_touch(s.slip, inside, s.dt), s.penetration])
+        v = np.where(inside, np.stack([*s.slip_rate, s.depth_rate]), 0.0)
+        stiffness, damping = np.append(p[:8], 0.0).reshape(3, 3), np.append(p[8:], 0.0).reshape(3, 3)
+        force = stiffness @ x + damping @ v
+        s.tangential = s.tangential + force[:2]
+        s.normal = s.normal + force[2]
+
+
+def _since_touch(slip: Array, inside: NDArray[np.bool_], dt: Array) -> Array:
+    """Slip since each touch, or the record of it, began; zero outside, (2, n)."""
+    begins = np.flatnonzero((np.diff(inside.astype(np.int8), prepend=0) == 1) | (inside & (dt == 0.0)))
+    if not len(begins):
+        return np.zeros_like(slip)
+    touch = np.searchsorted(begins, np.arange(slip.shape[1]), side="right") - 1
+    out: Array = np.where(inside, slip - slip[:, begins[np.maximum(touch, 0)]], 0.0)
+    return out

@@ -1,0 +1,47 @@
+"""A loop that speed does not change."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from kinid.effects._effect import Effect
+from kinid.effects._signals import Array, Layout, Signals
+from kinid.kernels.memory import loop
+from kinid.parameter import Parameter
+
+
+@final
+class Hysteresis(Effect):
+    """N += a F_e z with dz = (sgn δ̇ − z) |dδ| / ℓ: a Dahl loop over depth, relative to the elastic force; ℓ [m].
+
+    z runs from 0 at touch to ±1 over ℓ and depends on the path alone, not on time (Bouc-Wen with γ = 0, n = 1). The
+    amplitude a is relative, 0…1: loops of soft materials close at the surface, and nothing pulls.
+    """
+
+    id = "hysteresis"
+    title = "rate-independent loop over depth"
+    equation = "N += a F_e z, dz = (sgn δ̇ − z) |dδ| / ℓ"
+    source = "P. R. Dahl, Aerospace Corp. TOR-0158(3107-18)-1, 1968; R. Bouc, 1967; Y. K. Wen, J. Eng. Mech. Div. 102, 1976"
+    signature = "a loop over depth of a width that speed doesn't change, and nothing moves while depth is held"
+    confusions = {
+        "relaxation": "slow and fast pokes, and a hold",
+        "hunt-crossley-damping": "slow and fast pokes",
+        "stress-softening": "the same depth twice: a loop remains in the second cycle",
+    }
+    excited_by = "the same path in and out at two speeds, with partial unloading"
+    null = {"amplitude": 0.0}
+
+    def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
+        """Amplitude, length."""
+        return (
+            Parameter("amplitude", "a", "1", 0.1, 0.0, 1.0, scale=0.02),
+            Parameter("length", "ℓ", "m", 1e-3, 1e-6, 0.2, scale=1e-4),
+        )
+
+    def normal(self, s: Signals, p: Array) -> None:
+        """Add the loop."""
+        z = np.empty(len(s))
+        loop(s.depth, s.depth_rate, s.dt, p[1], z)
+        s.normal = s.normal + p[0] * s.elastic * z

@@ -1,0 +1,55 @@
+"""Joints that wind up."""
+
+from __future__ import annotations
+
+from typing import final
+
+from kinid.effects._axes import axes
+from kinid.effects._derived import derived, rates
+from kinid.effects._effect import Effect
+from kinid.effects._signals import Array, Layout, Signals
+from kinid.parameter import Parameter
+
+
+@final
+class JointElasticity(Effect):
+    """τ −= ε τ̈_r: a spring K between encoder and link, to first order in 1/K.
+
+    The encoder reads θ, the link is at q = θ − τ/K. Then τ = M q̈ = M θ̈ − (M/K) τ̈, with τ̈ that of the rigid-body torque
+    τ_r: the fourth derivative of the position. ε = M/K = 1/ω₀² > 0, ω₀ the resonance of the link with the motor locked.
+    With encoders on the links and torques of the motors, τ_m = τ_r + J q̈ + (J/K) τ̈_r: ε = −J/K < 0, J q̈ being
+    `rotor-inertia`. Each joint bends under its own torque alone; the slow sag under gravity, g′(q) τ/K, is left out.
+    Of an axis without a robot the parameter is M²/K: τ −= (M²/K) d²q̈/dt². Derivatives are taken at 25 Hz.
+    """
+
+    id = "joint-elasticity"
+    title = "elasticity of the joints"
+    equation = "τ −= ε d²τ_r/dt²"
+    source = "M. W. Spong, J. Dyn. Syst. Meas. Control 109(4), 1987, to first order in 1/K"
+    signature = "torque that goes with the fourth derivative of the position: only fast motion shows it"
+    confusions = {
+        "rotor-inertia": "slow and fast motion: it grows with the fourth power of the frequency, not the second",
+        "time-offset": "it is in phase with the acceleration, a delay is not",
+    }
+    excited_by = "motion at several frequencies, some near a third of the resonance"
+    needs = ("joints",)
+    null = {"elasticity": 0.0}
+
+    def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
+        """Inverse of the squared resonance of each joint."""
+        if layout.joints:
+            return tuple(
+                Parameter(f"elasticity{a.suffix}", "ε", "s²", 0.0, -1.0, 1.0, scale=1e-5, linear=True) for a in axes(layout)
+            )
+        return tuple(
+            Parameter(f"elasticity{a.suffix}", "M²/K", a.per("·s⁴"), 0.0, -1e3 * a.size, 1e3 * a.size,
+                      scale=1e-5 * a.size, linear=True)
+            for a in axes(layout)
+        )  # fmt: skip
+
+    def joint(self, s: Signals, p: Array) -> None:
+        """Take off what the wind-up makes of the torque."""
+        assert s.joints is not None
+        torque = s.joints.rigid if s.layout.joints else s.joints.ddq
+        bend = derived("second derivative", lambda: rates(s.t, s.dt, torque, 2), torque, s.dt)
+        s.reading = s.reading - p[:, None] * bend

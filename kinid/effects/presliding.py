@@ -1,0 +1,39 @@
+"""Bristles of free length."""
+
+from __future__ import annotations
+
+from typing import final
+
+from kinid.effects._effect import Effect
+from kinid.effects._signals import Array, Layout, Signals
+from kinid.parameter import Parameter
+
+
+@final
+class Presliding(Effect):
+    """u̇ = (v − |v| u) / ℓ with ℓ free: friction needs a slip of about ℓ [m] to turn around (Dahl; with Stribeck: LuGre)."""
+
+    id = "presliding"
+    title = "friction that gives before it slips"
+    equation = "ℓ u̇ = v − |v| u"
+    source = (
+        "P. R. Dahl, Aerospace Corp. TOR-0158(3107-18)-1, 1968; "
+        "C. Canudas de Wit, H. Olsson, K. J. Åström, P. Lischinsky, IEEE Trans. Autom. Control 40, 1995"
+    )
+    signature = "rounded reversals of the tangential force"
+    confusions = {
+        "structural-compliance": "other loads: an arm bends in proportion to the force, bristles don't",
+        "time-offset": "slow and fast reversals: a delay grows with speed, a length doesn't",
+    }
+    excited_by = "reversals of slip, slow ones, and slips shorter than ℓ"
+    needs = ("normal", "slip")
+    wants = ("coulomb-friction",)
+    null = {"length": 1e-4}  # the length that friction has without this effect
+
+    def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
+        """Length."""
+        return (Parameter("length", "ℓ", "m", 3e-4, 1e-6, 0.1, scale=1e-4),)
+
+    def friction(self, s: Signals, p: Array) -> None:
+        """Set the bristles' length."""
+        s.bristle = float(p[0])

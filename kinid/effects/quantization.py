@@ -1,0 +1,40 @@
+"""Readings on a lattice."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from kinid.effects._effect import Effect
+from kinid.effects._signals import Array, Layout, Signals
+from kinid.parameter import Parameter
+
+
+@final
+class Quantization(Effect):
+    """y = h round(f/h) for each channel: whole numbers of a step h; none leaves a channel as it is."""
+
+    id = "quantization"
+    title = "steps of the converter"
+    equation = "y = h round(f / h)"
+    source = "W. R. Bennett, Bell System Technical Journal 27(3), 1948"
+    signature = "a lattice of values, and steps where the reading changes slowly"
+    excited_by = "noise below half a step, or slow changes"
+    needs = ()
+    detector = True
+    null = {"step": 0.0}
+    affine = False
+
+    def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
+        """One step a channel."""
+        sizes = {"N": 0.01, "N·m": 2.5e-4}
+        return tuple(
+            Parameter(f"step[{name}]", "h", unit, sizes[unit], 0.0, 1e3, scale=sizes[unit])
+            for name, unit in zip(layout.channels, layout.units)
+        )
+
+    def acquisition(self, s: Signals, p: Array) -> None:
+        """Round the readings."""
+        step = np.where(p > 0.0, p, 1.0)[:, None]
+        s.reading = np.where(p[:, None] > 0.0, step * np.round(s.reading / step), s.reading)

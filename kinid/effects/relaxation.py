@@ -1,0 +1,76 @@
+"""Stress that relaxes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from kinid.effects._effect import Effect
+from kinid.effects._signals import Array, Layout, Signals
+from kinid.errors import InputError
+from kinid.kernels.memory import lowpass
+from kinid.parameter import Parameter
+
+
+@final
+@dataclass(frozen=True)
+class Relaxation(Effect):
+    """N −= Σ rᵢ yᵢ with τᵢ ẏᵢ = F_e − yᵢ: Maxwell branches hold a share rᵢ of the elastic force and lose it in τᵢ [s].
+
+    F_e is the force before anything has flowed; (1 − Σ rᵢ) F_e remains in the end. The branches are driven by F_e whatever
+    its shape over depth (quasi-linear viscoelasticity). The material recovers with the same τᵢ after the tool has left.
+
+    Attributes:
+        branches: their number; parameters of the second one end in 2, and so on.
+
+    Raises:
+        InputError: no branch.
+    """
+
+    branches: int = 1
+
+    id = "relaxation"
+    title = "stress relaxation"
+    equation = "N −= Σ rᵢ yᵢ, τᵢ ẏᵢ = F_e − yᵢ"
+    source = "J. C. Maxwell, Phil. Trans. R. Soc. 157, 1867; quasi-linear: Y. C. Fung, Biomechanics, 1981, ch. 7"
+    signature = "force that decays while depth is held, and a loop that is widest at one speed"
+    confusions = {
+        "hysteresis": "the same path at other speeds, and a hold",
+        "stiffness-drift": "a long hold, then the same place again after a rest",
+        "viscous-damping": "a wide range of frequencies",
+    }
+    excited_by = "a fast approach, then a hold of several time constants"
+    null = {"ratio": 0.0}
+
+    def __post_init__(self) -> None:
+        if self.branches < 1:
+            raise InputError(f"relaxation with {self.branches} branches", "1 or more", "leave the effect out instead")
+
+    def null_for(self, base: str | None) -> Mapping[str, float]:
+        """No branch holds anything."""
+        return {f"ratio{end}": 0.0 for end in self._ends}
+
+    @property
+    def _ends(self) -> tuple[str, ...]:
+        return ("", *(str(k) for k in range(2, self.branches + 1)))
+
+    def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
+        """Ratio and time constant of each branch; the branches start a decade apart."""
+        return tuple(
+            parameter
+            for k, end in enumerate(self._ends)
+            for parameter in (
+                Parameter(f"ratio{end}", f"r{end}", "1", 0.2, 0.0, 1.0, scale=0.05),
+                Parameter(f"time-constant{end}", f"τ{end}", "s", 0.5 * 10.0**k, 1e-4, 1e5, scale=0.1 * 10.0**k),
+            )
+        )
+
+    def normal(self, s: Signals, p: Array) -> None:
+        """Take off what has flowed."""
+        flowed = np.empty(len(s))
+        for ratio, time_constant in p.reshape(-1, 2):
+            lowpass(s.elastic, s.dt, time_constant, flowed)
+            s.normal = s.normal - ratio * flowed * s.inside

@@ -1,0 +1,35 @@
+"""A reading without a load."""
+
+from __future__ import annotations
+
+from typing import final
+
+from kinid.effects._effect import Effect
+from kinid.effects._signals import Array, Layout, Signals
+from kinid.parameter import Parameter
+
+
+@final
+class SensorBias(Effect):
+    """y = f + b: a constant added to each channel."""
+
+    id = "sensor-bias"
+    title = "constant sensor offset"
+    equation = "y = f + b"
+    source = "any strain-gauge sensor's data sheet"
+    signature = "a constant in every phase, in the air too"
+    confusions = {"tool-mass": "free rotation: weight turns with the tool, bias doesn't"}
+    excited_by = "samples in free motion, best in several orientations"
+    needs = ()
+    null = {"offset": 0.0}
+
+    def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
+        """One offset a channel."""
+        return tuple(
+            Parameter(f"offset[{name}]", "b", unit, 0.0, scale=0.1 if unit == "N" else 0.005, linear=True)
+            for name, unit in zip(layout.channels, layout.units)
+        )
+
+    def sensor(self, s: Signals, p: Array) -> None:
+        """Add the offsets."""
+        s.reading = s.reading + p[:, None]

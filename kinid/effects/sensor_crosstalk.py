@@ -1,0 +1,56 @@
+"""Channels that copy one another."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from kinid.effects._effect import Effect
+from kinid.effects._signals import Array, Layout, Signals
+from kinid.parameter import Parameter
+
+
+@final
+class SensorCrosstalk(Effect):
+    """y_i = f_i + Σ_j≠i c_ij f_j, c_ij the share of channel j that channel i reads.
+
+    All of a wrench's thirty, or those of the forces in a contact frame, which are the sensor's own as long as the tool
+    keeps its orientation. A log of joint torques, or of one channel, has none.
+    """
+
+    id = "sensor-crosstalk"
+    title = "cross-talk between channels"
+    equation = "y = (1 + C) f, C with an empty diagonal"
+    source = "any six-axis sensor's data sheet (calibration matrix)"
+    signature = "one channel copies another, whatever causes the load"
+    confusions = {
+        "sensor-misalignment": "loads along x and along y: a rotation copies both ways with opposite signs",
+        "tip-offset": "loads along several directions",
+    }
+    excited_by = "loads along every direction, one at a time"
+    needs = ()
+    null = {"crosstalk": 0.0}
+
+    def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
+        """Off-diagonal entries, row by row."""
+        if layout.kind == "joints":
+            return ()
+        named = list(zip(layout.channels, layout.units))
+        pairs = [(f"{i},{j}", *_SHARES[u, v]) for i, u in named for j, v in named if i != j]
+        return tuple(
+            Parameter(f"crosstalk[{pair}]", "c", unit, 0.0, -size, size, scale=0.01 * size) for pair, unit, size in pairs
+        )
+
+    def sensor(self, s: Signals, p: Array) -> None:
+        """Mix the channels."""
+        n = len(s.layout.channels)
+        if not len(p):
+            return
+        matrix = np.eye(n)
+        matrix[~np.eye(n, dtype=np.bool_)] = p
+        s.reading = matrix @ s.reading
+
+
+# unit and size of a share by the units of the reading channel and the copied one: forces are some 20 times torques
+_SHARES = {("N", "N"): ("1", 1.0), ("N·m", "N·m"): ("1", 1.0), ("N", "N·m"): ("1/m", 20.0), ("N·m", "N"): ("m", 0.05)}

@@ -1,0 +1,35 @@
+"""A reading that walks."""
+
+from __future__ import annotations
+
+from typing import final
+
+from kinid.effects._effect import Effect
+from kinid.effects._signals import Array, Layout, Signals
+from kinid.parameter import Parameter
+
+
+@final
+class SensorDrift(Effect):
+    """y = f + d t: each channel by so much a minute, from the log's first sample; strain gauges that warm up."""
+
+    id = "sensor-drift"
+    title = "linear sensor drift"
+    equation = "y = f + d t"
+    source = "any strain-gauge sensor's data sheet (temperature drift)"
+    signature = "a ramp in every phase, in the air too"
+    confusions = {"stiffness-drift": "look in the air: there, stiffness has no part"}
+    excited_by = "free motion early and late in a long log"
+    needs = ()
+    null = {"drift": 0.0}
+
+    def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
+        """One slope a channel."""
+        return tuple(
+            Parameter(f"drift[{name}]", "d", f"{unit}/min", 0.0, scale=0.1 if unit == "N" else 0.005, linear=True)
+            for name, unit in zip(layout.channels, layout.units)
+        )
+
+    def sensor(self, s: Signals, p: Array) -> None:
+        """Add the ramps."""
+        s.reading = s.reading + p[:, None] * (s.t / 60.0)

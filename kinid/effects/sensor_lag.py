@@ -1,0 +1,37 @@
+"""A sensor that follows slowly."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from kinid.effects._effect import Effect
+from kinid.effects._signals import Array, Layout, Signals
+from kinid.kernels.acquisition import lag
+from kinid.parameter import Parameter
+
+
+@final
+class SensorLag(Effect):
+    """T ẏ = f − y: a first-order low-pass on all channels, in balance where the log or a piece of it begins."""
+
+    id = "sensor-lag"
+    title = "low-pass of the sensor"
+    equation = "T ẏ = f − y"
+    source = "any amplifier's data sheet (first-order low-pass)"
+    signature = "fast changes come late and smaller"
+    confusions = {"time-offset": "high frequencies: a delay doesn't make them smaller"}
+    excited_by = "forces that change within a few time constants"
+    needs = ()
+    null = {"time-constant": 0.0}
+
+    def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
+        """Time constant."""
+        return (Parameter("time-constant", "T", "s", 0.002, 0.0, 1.0, scale=5e-4),)
+
+    def acquisition(self, s: Signals, p: Array) -> None:
+        """Filter the readings."""
+        out = np.empty(s.reading.shape)
+        lag(np.ascontiguousarray(s.reading), s.dt, float(p[0]), out)
+        s.reading = out

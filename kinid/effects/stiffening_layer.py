@@ -1,0 +1,36 @@
+"""Something stiffer underneath."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from kinid.effects._effect import Effect
+from kinid.effects._signals import Array, Layout, Signals
+from kinid.parameter import Parameter
+
+
+@final
+class StiffeningLayer(Effect):
+    """F_e += K (δ − δ_b) for δ > δ_b: extra stiffness K [N/m] beyond the depth δ_b [m]."""
+
+    id = "stiffening-layer"
+    title = "stiffer below one depth"
+    equation = "F_e += K max(0, δ − δ_b)"
+    source = "N. E. Waters, Br. J. Appl. Phys. 16, 1965 (thin layers on a stiff ground)"
+    signature = "a bend in force over depth, at one depth"
+    confusions = {"hertz-exponent": "a deeper poke: a layer is straight above and below its bend"}
+    excited_by = "depths well on both sides of the layer"
+    null = {"stiffness": 0.0}
+
+    def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
+        """Extra stiffness, where it begins."""
+        return (
+            Parameter("stiffness", "K", "N/m", 500.0, -1e8, 1e8, scale=100.0, linear=True),
+            Parameter("depth", "δ_b", "m", 2e-3, 0.0, 0.5, scale=1e-4),
+        )
+
+    def elastic(self, s: Signals, p: Array) -> None:
+        """Add the layer."""
+        s.elastic = s.elastic + p[0] * np.maximum(s.depth - p[1], 0.0)

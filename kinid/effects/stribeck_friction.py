@@ -1,0 +1,38 @@
+"""More friction when slow."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from kinid.effects._effect import Effect
+from kinid.effects._signals import Array, Layout, Signals
+from kinid.parameter import Parameter
+
+
+@final
+class StribeckFriction(Effect):
+    """μ += Δμ exp(−(v/v_s)²): friction at rest exceeds that of fast slip by Δμ, which fades over v_s [m/s]."""
+
+    id = "stribeck-friction"
+    title = "friction that fades with speed"
+    equation = "μ += Δμ exp(−(v/v_s)²)"
+    source = "R. Stribeck, Z. VDI 46, 1902; B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30, 1994"
+    signature = "more tangential force for its load where slip is slow"
+    confusions = {"viscous-friction": "three speeds: one fades with speed, the other grows"}
+    excited_by = "slides at three speeds, the slowest well below v_s"
+    needs = ("normal", "slip")
+    wants = ("coulomb-friction",)
+    null = {"coefficient": 0.0}
+
+    def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
+        """Excess at rest, speed over which it fades."""
+        return (
+            Parameter("coefficient", "Δμ", "1", 0.1, -5.0, 5.0, scale=0.05),
+            Parameter("speed", "v_s", "m/s", 5e-3, 1e-6, 10.0, scale=1e-3),
+        )
+
+    def friction(self, s: Signals, p: Array) -> None:
+        """Add to the coefficient."""
+        s.mu = s.mu + p[0] * np.exp(-np.sum((s.slip_rate / p[1]) ** 2, axis=0))

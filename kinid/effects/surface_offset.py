@@ -1,0 +1,34 @@
+"""A surface that lies elsewhere than believed."""
+
+from __future__ import annotations
+
+from typing import final
+
+from kinid.effects._effect import Effect
+from kinid.effects._signals import Array, Layout, Signals
+from kinid.parameter import Parameter
+
+
+@final
+class SurfaceOffset(Effect):
+    """δ → δ + z₀: the surface lies z₀ [m] further out than the rig says."""
+
+    id = "surface-offset"
+    title = "misplaced surface"
+    equation = "δ → δ + z₀"
+    source = "S. L. Crick, F. C.-P. Yin, Biomech. Model. Mechanobiol. 6, 2007 (why the point of contact matters)"
+    signature = "an error as large as the slope of force over depth, from the first touch on; contact at the wrong depth"
+    confusions = {
+        "tip-offset": "a tilted poke: an offset of the tip turns with the tool",
+        "adhesion": "a slow retraction: only a bond leaves a negative force",
+    }
+    excited_by = "touch and separation"
+    null = {"offset": 0.0}
+
+    def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
+        """Offset."""
+        return (Parameter("offset", "z₀", "m", 0.0, -0.05, 0.05, scale=1e-4),)
+
+    def geometry(self, s: Signals, p: Array) -> None:
+        """Shift the depth."""
+        s.depth = s.depth + p[0]

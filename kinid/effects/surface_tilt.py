@@ -1,0 +1,49 @@
+"""A surface that is not quite where the rig's plane is turned to."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from kinid.effects._effect import Effect
+from kinid.effects._signals import Array, Layout, Signals
+from kinid.parameter import Parameter
+
+
+@final
+class SurfaceTilt(Effect):
+    """The surface rises by a₁ and a₂ along the tangents: δ + a·s, and the normal force leans over by −a.
+
+    First order in the tilt: with the true normal n − a₁ t₁ − a₂ t₂, a force (T, N) on the true surface reads
+    (T − a N, N + a·T) in the rig's frame.
+    """
+
+    id = "surface-tilt"
+    title = "surface turned against the rig's plane"
+    equation = "δ + a₁ s₁ + a₂ s₂;  T − a N,  N + a·T"
+    source = "small-angle rotation of the contact frame"
+    signature = "tangential force proportional to the normal force while nothing slides, and depth that drifts along a slide"
+    confusions = {
+        "sensor-misalignment": "slide: a tilt changes the depth along the way, a turned sensor doesn't",
+        "sensor-crosstalk": "slide: a tilt changes the depth along the way",
+        "coupled-stiffness": "slide: a tilt changes the depth along the way",
+    }
+    excited_by = "pokes and slides along both tangents"
+    needs = ("normal", "slip")
+    null = {"slope1": 0.0, "slope2": 0.0}
+
+    def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
+        """Slopes along the tangents."""
+        return tuple(Parameter(f"slope{i}", f"a{i}", "1", 0.0, -0.5, 0.5, scale=0.02) for i in (1, 2))
+
+    def geometry(self, s: Signals, p: Array) -> None:
+        """Change the depth along the slide."""
+        s.depth = s.depth + p @ s.slip
+        s.depth_rate = s.depth_rate + p @ s.slip_rate
+
+    def frame(self, s: Signals, p: Array) -> None:
+        """Lean the force over."""
+        normal, tangential = s.normal, s.tangential
+        s.tangential = tangential - np.outer(p, normal)
+        s.normal = normal + p @ tangential

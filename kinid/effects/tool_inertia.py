@@ -1,0 +1,49 @@
+"""Rotational inertia that the rig's tool lacks."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from kinid.effects._effect import Effect
+from kinid.effects._signals import Array, Layout, Signals
+from kinid.effects._vectors import cross
+from kinid.parameter import Parameter
+
+
+@final
+class ToolInertia(Effect):
+    """τ −= ΔI α + ω × ΔI ω, ΔI about the tool's centre of mass in sensor axes, beyond the rig's.
+
+    The rig's tool always carries its m·a; where a rig has no tool, or a mass that is too small, `tool-mass` adds it.
+    """
+
+    id = "tool-inertia"
+    title = "rotational inertia of the tool"
+    equation = "τ −= ΔI α + ω × ΔI ω"
+    source = "L. Euler, Theoria motus corporum solidorum, 1765; C. G. Atkeson et al., Int. J. Robotics Research 5(3), 1986"
+    signature = "torques in the air as large as the angular acceleration"
+    confusions = {
+        "tool-mass": "slow and fast free motion: weight is there at rest too",
+        "sensor-lag": "slow and fast free motion: a lag delays all channels",
+    }
+    excited_by = "fast turning in the air, about each axis of the sensor"
+    needs = ("wrench",)
+    null = {"inertia": 0.0}
+
+    def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
+        """The six entries of the inertia."""
+        return tuple(
+            Parameter(f"inertia[{entry}]", "ΔI", "kg·m²", 0.0, -10.0, 10.0, scale=1e-4, linear=True)
+            for entry in ("xx", "yy", "zz", "xy", "xz", "yz")
+        )
+
+    def tool(self, s: Signals, p: Array) -> None:
+        """Add what turns it."""
+        assert s.sensor is not None
+        xx, yy, zz, xy, xz, yz = p
+        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        omega, alpha = s.sensor.omega, s.sensor.alpha
+        torque = -inertia @ alpha - cross(omega, inertia @ omega)
+        s.reading = s.reading + np.concatenate([np.zeros_like(torque), torque])

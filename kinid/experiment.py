@@ -1,0 +1,325 @@
+"""What a model is fitted to: the signals that drive it and the readings it is held against, from a log and its rig."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.contact import ContactSeries, contact_series, force_noise
+from kinid.derivative import GAP_FACTOR, Differentiator
+from kinid.effects import JointMotion, Layout, SensorMotion, Signals
+from kinid.errors import InputError
+from kinid.log import Log
+from kinid.motion import STATIC_PERIOD, joint_motion
+from kinid.rig import WRENCH, Rig, ToolSpec
+from kinid.robot import Kinematics, Robot
+from kinid.surface import Plane
+from kinid.surface import load as load_surface
+from kinid.wrench import Bias, read_wrench, tool_load
+
+Array = NDArray[np.float64]
+
+#: depth that stands for "nowhere near a surface" where the rig has none [m]
+FAR = -1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """Signals and readings on the same samples.
+
+    Attributes:
+        signals: what drives a prediction.
+        measured: readings, (channels, n).
+        valid: samples whose reading counts, (n,).
+        noise: standard deviation of each channel's white noise, (channels,).
+        phase: names, or None. in_contact: the flag, (n,).
+    """
+
+    signals: Signals
+    measured: Array
+    valid: NDArray[np.bool_]
+    noise: Array
+    phase: NDArray[np.str_] | None
+    in_contact: NDArray[np.bool_]
+
+    @property
+    def layout(self) -> Layout:
+        """Its channels."""
+        return self.signals.layout
+
+
+def time_steps(t: Array, starts: NDArray[np.bool_]) -> Array:
+    """Time since the sample before [s], 0 where memory begins anew, (n,)."""
+    dt = np.diff(t, prepend=t[0])
+    dt[starts] = 0.0
+    return dt
+
+
+def from_contact(touch: ContactSeries, channels: tuple[str, ...]) -> Experiment:
+    """Contact-frame quantities as they are: normal force, and tangential forces where asked for."""
+    rows = np.flatnonzero(np.isfinite(touch.depth) & np.isfinite(touch.depth_rate))
+    t, dt = _clock(touch.t, rows, "depth", touch.provenance.source)
+    slip = np.nan_to_num(np.stack([touch.slip1[rows], touch.slip2[rows]]))
+    slip_rate = np.nan_to_num(np.stack([touch.slip_rate1[rows], touch.slip_rate2[rows]]))
+    measured = np.stack([getattr(touch, name)[rows] for name in channels])
+    valid = np.isfinite(measured).all(axis=0)
+    signals = Signals(
+        Layout(channels, "contact"), t, dt, touch.depth[rows], touch.depth_rate[rows], slip, slip_rate, measured=measured
+    )
+    return Experiment(signals, measured, valid, _noise(measured[:, valid]), _named(touch.phase, rows),
+                      touch.in_contact[rows])  # fmt: skip
+
+
+def from_wrench(
+    log: Log,
+    rig: Rig,
+    *,
+    bias: Bias = "none",
+    robot: Robot | None = None,
+    differentiator: Differentiator | None = None,
+    trust_wrench: bool = False,
+) -> Experiment:
+    """The six channels of the sensor, in its axes, with what the rig states of its faults removed.
+
+    `signals.measured`, which only drives laws (structural compliance), always has the bias of free motion removed.
+    Without a `[surface]` in the rig the whole log is free motion: depth −1 m, contact axes those of the base.
+
+    Args:
+        log: with joints and a wrench.
+        rig: with the robot; surface, tool and sensor where known.
+        bias: "none" leaves in the readings what the rig doesn't state, for the effect `sensor-bias` to find; "auto"
+            removes the median of free motion as well; or six numbers [N, N·m].
+        robot: the rig's robot, where the caller has it already.
+        differentiator: for the velocities and accelerations that the log lacks.
+        trust_wrench: don't ask whether gravity contradicts the wrench's sign and axes.
+
+    Raises:
+        InputError: no wrench, no joints, no sensor frame, or input that contradicts itself.
+    """
+    if log.wrench is None:
+        raise InputError(f"no wrench in {log.provenance.source}", "fx fy fz tx ty tz [N, N·m]",
+                         "record the force/torque sensor, or name its columns in [columns]")  # fmt: skip
+    robot = robot or Robot.load(rig)
+    motion = joint_motion(log, robot, differentiator)
+    surface = load_surface(rig)
+    touch = None
+    if surface is not None:
+        touch = contact_series(log, rig, robot=robot, differentiator=differentiator, trust_wrench=trust_wrench)
+        moving = np.isfinite(touch.depth + touch.depth_rate)
+        found = next(step.facts["bias"] for step in touch.provenance.steps if step.name == "wrench")
+        reading = read_wrench(log, rig, robot, motion, np.empty(0, dtype=np.int64), found, trust=True)
+    else:
+        moving = np.isfinite(motion.ddq.sum(axis=1)) & np.isfinite(motion.dq.sum(axis=1)) & log.valid
+        free = np.flatnonzero(log.phase == "free") if log.phase is not None else np.empty(0, dtype=np.int64)
+        reading = read_wrench(log, rig, robot, motion, free, "auto", trust_wrench)
+    stated = np.zeros(6) if rig.sensor.bias is None else np.asarray(rig.sensor.bias)
+    if not isinstance(bias, str) or bias not in ("auto", "none"):
+        stated = read_wrench(log, rig, robot, motion, np.empty(0, dtype=np.int64), bias, trust=True).bias
+    elif bias == "auto":
+        stated = reading.bias
+    rows = np.flatnonzero(moving)
+    t, dt = _clock(log.t, rows, "joint motion", log.provenance.source)
+    sensor = robot.kinematics(robot.sensor_frame or "", motion.q[rows], motion.dq[rows], motion.ddq[rows])
+    axes = np.broadcast_to(np.eye(3), (len(rows), 3, 3))
+    if isinstance(surface, Plane):
+        axes = np.broadcast_to(surface.axes, (len(rows), 3, 3))
+    elif surface is not None:
+        axes = surface.locate(robot.kinematics(robot.tip_frame or "", motion.q[rows]).position).axes
+    measured = _rows(dataclasses.replace(reading, bias=stated).true()[rows])
+    valid = np.asarray(np.isfinite(measured).all(axis=0))
+    nothing = np.zeros((2, len(rows)))
+    signals = Signals(
+        Layout(WRENCH, "wrench"), t, dt,
+        np.full(len(rows), FAR) if touch is None else touch.depth[rows],
+        np.zeros(len(rows)) if touch is None else touch.depth_rate[rows],
+        nothing if touch is None else np.stack([touch.slip1[rows], touch.slip2[rows]]),
+        nothing if touch is None else np.stack([touch.slip_rate1[rows], touch.slip_rate2[rows]]),
+        measured=_rows(reading.true()[rows]),
+        sensor=_sensor_motion(robot, rig, sensor, axes),
+    )  # fmt: skip
+    noise = _noise(measured[:, valid])
+    if rig.sensor.noise is not None:
+        noise = np.maximum(noise, rig.sensor.noise)
+    touching = np.zeros(len(rows), dtype=np.bool_)
+    if touch is not None:
+        touching = touch.in_contact[rows]
+    return Experiment(signals, measured, valid, noise, _named(log.phase, rows), touching)
+
+
+def from_joint_torques(
+    log: Log,
+    rig: Rig,
+    *,
+    bias: Bias = "auto",
+    robot: Robot | None = None,
+    differentiator: Differentiator | None = None,
+) -> Experiment:
+    """The torque of each joint, beside the rigid-body torque of its motion.
+
+    With a wrench in the log, everything beyond the sensor is what the sensor says; without one, the rig's tool is added
+    to the arm, as in `kinid.joint_torques`. Without a `[robot]` in the rig nothing is known of the axes, neither inertia
+    nor names. A joint that slides has the channel "force1" [N] instead of "tau1" [N·m]; without a robot the units of
+    [columns] tell.
+
+    Args:
+        log: with joint positions and torques.
+        rig: what it was measured with.
+        bias: of the wrench, as for `kinid.contact_series`.
+        robot: the rig's robot, where the caller has it already.
+        differentiator: for the velocities and accelerations that the log lacks.
+
+    Raises:
+        InputError: no torques, no positions, or not a sample with both.
+    """
+    if log.tau is None:
+        raise InputError(f"no joint torques in {log.provenance.source}", "tau1…tauN [N·m], link side",
+                         "name their columns in [columns] of the rig")  # fmt: skip
+    if robot is None and rig.robot is not None:
+        robot = Robot.load(rig)
+    q, dq, ddq = _axes_motion(log, differentiator) if robot is None else _joint_motion(log, robot, differentiator)
+    rows = np.flatnonzero(np.isfinite(q.sum(axis=1) + dq.sum(axis=1) + ddq.sum(axis=1)))
+    t, dt = _clock(log.t, rows, "joint motion", log.provenance.source)
+    joints = JointMotion(_rows(q[rows]), _rows(dq[rows]), _rows(ddq[rows]), np.zeros((q.shape[1], len(rows))), known=False)
+    slides = [_slides(rig, j) for j in range(q.shape[1])]
+    valid: NDArray[np.bool_] = np.isfinite(log.tau[rows].sum(axis=1))
+    if robot is not None:
+        from kinid.joint_torques import inverse_dynamics
+
+        carried = None
+        if log.wrench is not None and robot.sensor_frame is not None:
+            free = np.flatnonzero(log.phase == "free") if log.phase is not None else np.empty(0, dtype=np.int64)
+            reading = read_wrench(log, rig, robot, joint_motion(log, robot, differentiator), free, bias, trust=True)
+            carried = reading.true()[rows]
+            valid = np.asarray(valid & np.isfinite(carried.sum(axis=1)))
+            carried = np.nan_to_num(carried)
+        arm = robot if carried is not None or rig.tool is None else robot.with_tool(rig.tool)
+        rigid = inverse_dynamics(arm, q[rows], dq[rows], ddq[rows], carried)
+        joints = dataclasses.replace(joints, rigid=_rows(rigid), known=True,
+                                     payload=payload_torques(robot, q[rows], dq[rows], ddq[rows]))  # fmt: skip
+        slides = [robot.is_prismatic(name) for name in robot.joint_names]
+    channels = tuple(f"{'force' if slide else 'tau'}{j + 1}" for j, slide in enumerate(slides))
+    layout = Layout(channels, "joints", () if robot is None else robot.joint_names)
+    measured = _rows(log.tau[rows])
+    none, pair = np.zeros(len(rows)), np.zeros((2, len(rows)))
+    signals = Signals(layout, t, dt, none, none, pair, pair, measured=measured, joints=joints)
+    return Experiment(signals, measured, valid, _noise(measured[:, valid]), _named(log.phase, rows),
+                      np.zeros(len(rows), dtype=np.bool_))  # fmt: skip
+
+
+def payload_torques(robot: Robot, q: Array, dq: Array, ddq: Array) -> Array:
+    """Joint torques per unit of a payload's m [kg] and m·com [kg·m], (4, N, n), in the log's order of joints.
+
+    The payload is fixed to the sensor frame (without one, to the tip's, else to the last frame of the model), and its com
+    is given there; its inertia about the origin of that frame is zero. By Newton-Euler its wrench is linear in these four,
+    and so are the torques −Jᵀ w that hold it.
+    """
+    import pinocchio as pin
+
+    model = robot.model
+    name = robot.sensor_frame or robot.tip_frame or model.frames[model.nframes - 1].name
+    motion = robot.kinematics(name, q, dq, ddq)
+    wrench = payload_wrenches(*_in_sensor(motion, robot.gravity))
+    frame, data = model.getFrameId(name, robot.frame(name).type), model.createData()
+    configuration = robot.configuration(q)
+    out = np.empty((len(q), 4, model.nv))
+    for i in range(len(q)):
+        jacobian = pin.computeFrameJacobian(model, data, configuration[i], frame, pin.LOCAL)
+        out[i] = -wrench[:, :, i] @ jacobian
+    order = [robot.from_tangent(np.ascontiguousarray(out[:, k])) for k in range(4)]
+    return np.ascontiguousarray(np.stack(order).transpose(0, 2, 1))
+
+
+def payload_wrenches(specific: Array, omega: Array, alpha: Array) -> Array:
+    """Wrench at the origin of the sensor per unit of m and m·com, its inertia about that origin zero, (4, 6, n).
+
+    f = m (g − a) − α × h − ω × (ω × h), τ = h × (g − a); arguments as in `SensorMotion`, (3, n).
+    """
+    out = np.zeros((4, 6, specific.shape[1]))
+    out[0, :3] = specific
+    for k, h in enumerate(np.eye(3)[:, :, None]):
+        turned = np.cross(omega, np.broadcast_to(h, omega.shape), axis=0)
+        out[k + 1, :3] = -np.cross(alpha, np.broadcast_to(h, alpha.shape), axis=0) - np.cross(omega, turned, axis=0)
+        out[k + 1, 3:] = np.cross(np.broadcast_to(h, specific.shape), specific, axis=0)
+    return out
+
+
+def _in_sensor(motion: Kinematics, gravity: Array) -> tuple[Array, Array, Array]:
+    """Specific force g − a, angular velocity and acceleration in the frame's own axes, each (3, n)."""
+    into = [np.einsum("nji,nj->in", motion.rotation, vector)
+            for vector in (gravity - motion.acceleration, motion.angular_velocity, motion.angular_acceleration)]  # fmt: skip
+    return into[0], into[1], into[2]
+
+
+def _sensor_motion(robot: Robot, rig: Rig, sensor: Kinematics, axes: Array) -> SensorMotion:
+    tool = rig.tool or ToolSpec(mass=0.0)
+    specific, omega, alpha = _in_sensor(sensor, robot.gravity)
+    return SensorMotion(
+        to_contact=axes @ sensor.rotation,
+        tip=robot.tip_in_sensor() if robot.tip_frame is not None else np.zeros(3),
+        specific=specific, omega=omega, alpha=alpha,
+        load=_rows(tool_load(tool, sensor, robot.gravity)), mass=tool.mass, com=np.asarray(tool.com),
+    )  # fmt: skip
+
+
+def _joint_motion(log: Log, robot: Robot, differentiator: Differentiator | None) -> tuple[Array, Array, Array]:
+    motion = joint_motion(log, robot, differentiator)
+    return motion.q, motion.dq, motion.ddq
+
+
+def _axes_motion(log: Log, differentiator: Differentiator | None) -> tuple[Array, Array, Array]:
+    """The same of axes without a robot."""
+    if log.q is None:
+        raise InputError(f"no joint positions in {log.provenance.source}", "q1…qN",
+                         "name their columns in [columns] of the rig")  # fmt: skip
+    if log.dq is not None and log.ddq is not None:
+        return log.q, log.dq, log.ddq
+    differentiator = differentiator or Differentiator()
+    if log.dq is not None:
+        return log.q, log.dq, differentiator(log.t, log.dq, log.pieces).first
+    if log.period >= STATIC_PERIOD:
+        return log.q, np.zeros_like(log.q), np.zeros_like(log.q)
+    made = differentiator(log.t, log.q, log.pieces)
+    return log.q, made.first, made.second if log.ddq is None else log.ddq
+
+
+def _slides(rig: Rig, joint: int) -> bool:
+    """Whether the units of [columns] say that an axis without a robot slides: a length, or a force."""
+    named = {"q": ("m", "dm", "cm", "mm", "um", "µm", "in"), "tau": ("N", "mN", "kN", "kgf", "gf", "lbf")}
+    for group, units in named.items():
+        for name in (f"{group}{joint + 1}", group):
+            if name in rig.columns and rig.columns[name].unit in units:
+                return True
+    return False
+
+
+def _clock(t: Array, rows: NDArray[np.int64], what: str, where: str) -> tuple[Array, Array]:
+    """Times of these rows from the first of them, and steps of time: memory bridges rows left out, but not gaps."""
+    if not len(rows):
+        raise InputError(f"no sample with {what} in {where}", "finite positions and rates", "check the log's columns")
+    period = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
+    starts = np.concatenate([[True], np.diff(t[rows]) > GAP_FACTOR * period])
+    return t[rows] - t[rows[0]], time_steps(t[rows], starts)
+
+
+def _noise(measured: Array) -> Array:
+    """White noise of each channel, at least that of its steps where it is quantised, (channels,)."""
+    return np.array([max(force_noise(channel), _step(channel) / np.sqrt(12.0)) for channel in measured])
+
+
+def _step(channel: Array) -> float:
+    """Smallest difference between neighbours that differ; for a reading that isn't quantised next to nothing."""
+    steps = np.abs(np.diff(channel))
+    steps = steps[steps > 0]
+    return float(steps.min()) if len(steps) else 0.0
+
+
+def _named(phase: NDArray[np.str_] | None, rows: NDArray[np.int64]) -> NDArray[np.str_] | None:
+    return None if phase is None else phase[rows]
+
+
+def _rows(values: Array) -> Array:
+    """(n, k) as the rows (k, n) that signals have."""
+    return np.ascontiguousarray(values.T)
