@@ -1,0 +1,296 @@
+"""Offline fits: weighted nonlinear least squares, the linear part solved exactly at every step (variable projection).
+
+Golub & Pereyra 1973: for given nonlinear parameters α the best linear ones follow from a linear least-squares problem, so
+that only α is searched for. Residuals of contact models are autocorrelated; the covariance of the estimates knows it
+through an autoregressive model of the residual (sandwich form, White 1980; AR spectrum as in Box & Jenkins 1970).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares, lsq_linear
+from scipy.signal import lfilter
+
+from kinid.errors import InputError
+from kinid.parameter import Parameter
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: singular values of the scaled sensitivity below this share of the largest mark a direction as unidentified
+UNIDENTIFIED = 1e-8
+#: condition of the sensitivity, its columns brought to length one, above which a fit is called ill-conditioned
+ILL_CONDITIONED = 1e5
+#: the noise model is an autoregression of at most this order
+MOST_LAGS = 24
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A fit's outcome.
+
+    Attributes:
+        values: (p,), in the parameters' order. covariance: (p, p); infinite in the rows of unidentified parameters.
+        unidentified: parameters that this data leave open, (p,). at_bound: those that ended at a bound, (p,).
+        residual: measured less predicted, (channels, n). condition: of the normalised sensitivity.
+        lags: order of the noise's autoregression per channel. evaluations: predictions that were made.
+        converged: whether the search for the nonlinear parameters ended by itself.
+    """
+
+    values: Array
+    covariance: Array
+    unidentified: Mask
+    at_bound: Mask
+    residual: Array
+    condition: float
+    lags: tuple[int, ...]
+    evaluations: int
+    converged: bool
+
+    @property
+    def standard_errors(self) -> Array:
+        """Standard error of each parameter, infinite where unidentified, (p,)."""
+        out: Array = np.sqrt(np.diag(self.covariance))
+        return out
+
+
+def solve(
+    predict: Callable[[Array], Array],
+    measured: Array,
+    parameters: Sequence[Parameter],
+    *,
+    mask: Mask | None = None,
+    sigma: Array | None = None,
+    starts: Sequence[Array] = (),
+    runs: Sequence[slice] | None = None,
+    covariance: bool = True,
+) -> Solution:
+    """Fit parameters to readings.
+
+    Args:
+        predict: readings for parameter values (p,) → (channels, n); affine in those marked linear.
+        measured: (channels, n).
+        parameters: what is free, with bounds, starting values and scales.
+        mask: samples that count, (n,).
+        sigma: weight of each channel is 1/σ; default: its root mean square.
+        starts: further starting values (p,); the best end is kept.
+        runs: samples between which noise is correlated; default: all.
+        covariance: compute it; a search over many models does without.
+
+    Raises:
+        InputError: fewer samples than parameters.
+    """
+    work = _Work.build(predict, measured, parameters, mask, sigma)
+    if work.y.size <= len(parameters):
+        raise InputError(f"{work.y.size} usable readings for {len(parameters)} parameters", "more readings than parameters",
+                         "record a longer log, or use a smaller model")  # fmt: skip
+    best: tuple[float, Array, Array, bool] | None = None
+    for start in [np.array([p.nominal for p in parameters]), *starts]:
+        values, cost, converged = work.search(np.asarray(start, dtype=float))
+        if best is None or cost < best[0] * (1 - 1e-9):
+            best = (cost, values, start, converged)
+    assert best is not None
+    values = best[1]
+    residual = measured - predict(values)
+    low, high = work.bounds
+    span = np.array([p.scale for p in parameters])
+    at_bound = (values <= low + 1e-9 * span) | (values >= high - 1e-9 * span)
+    if not covariance:
+        empty = np.full((len(values), len(values)), np.nan)
+        return Solution(values, empty, np.zeros(len(values), np.bool_), at_bound, residual, float("nan"), (),
+                        work.evaluations, best[3])  # fmt: skip
+    # Where a law has a kink (contact begins), its derivative at a point says nothing: what counts is how much readings
+    # change over the interval itself. Steps and standard errors are brought into agreement, from wide steps downwards.
+    step = 0.3 * span
+    for _ in range(6):
+        jacobian = work.jacobian(values, step)
+        matrix, unidentified, condition, lags = _covariance(work, jacobian, residual, runs)
+        wide = np.sqrt(np.diag(matrix))
+        wider = np.clip(0.5 * np.where(np.isfinite(wide), wide, 0.0), 6e-6 * np.maximum(np.abs(values), span), 0.3 * span)
+        settled = (wider < 1.5 * step) & (step < 1.5 * wider)
+        step = wider
+        if settled[work.nonlinear].all():
+            break
+    return Solution(values, matrix, unidentified, at_bound, residual, condition, lags, work.evaluations, best[3])
+
+
+@dataclass(eq=False)
+class _Work:
+    """A least-squares problem, its readings stacked and weighted."""
+
+    predict: Callable[[Array], Array]
+    parameters: Sequence[Parameter]
+    keep: Mask
+    weight: Array  # (channels, 1)
+    y: Array
+    linear: NDArray[np.int64]
+    nonlinear: NDArray[np.int64]
+    bounds: tuple[Array, Array]
+    evaluations: int = 0
+
+    @classmethod
+    def build(cls, predict: Callable[[Array], Array], measured: Array, parameters: Sequence[Parameter],
+              mask: Mask | None, sigma: Array | None) -> _Work:  # fmt: skip
+        keep: Mask = np.asarray(np.isfinite(measured).all(axis=0))
+        if mask is not None:
+            keep = keep & mask
+        if sigma is None:
+            sigma = np.sqrt(np.mean(measured[:, keep] ** 2, axis=1)) if keep.any() else np.ones(len(measured))
+            sigma[sigma == 0] = 1.0
+        weight = 1.0 / np.asarray(sigma, dtype=float)[:, None]
+        marked = np.array([p.linear for p in parameters], dtype=np.bool_)
+        low, high = np.array([p.low for p in parameters]), np.array([p.high for p in parameters])
+        return cls(predict, parameters, keep, weight, (measured[:, keep] * weight).ravel(), np.flatnonzero(marked),
+                   np.flatnonzero(~marked), (low, high))  # fmt: skip
+
+    def stacked(self, values: Array) -> Array:
+        self.evaluations += 1
+        out: Array = (self.predict(values)[:, self.keep] * self.weight).ravel()
+        return out
+
+    def columns(self, values: Array) -> tuple[Array, Array]:
+        """Reading with all linear parameters zero (m,), and change per unit of each (m, k)."""
+        zero = values.copy()
+        zero[self.linear] = 0.0
+        offset = self.stacked(zero)
+        out = np.empty((len(offset), len(self.linear)), order="F")
+        for k, j in enumerate(self.linear):
+            # a step of the parameter's own size keeps the difference clear of rounding
+            step = max(abs(self.parameters[j].nominal), self.parameters[j].scale)
+            zero[j] = step
+            out[:, k] = (self.stacked(zero) - offset) / step
+            zero[j] = 0.0
+        return offset, out
+
+    def project(self, values: Array) -> tuple[Array, Array]:
+        """Best linear parameters for the given nonlinear ones: all values, and the residual (m,)."""
+        values = values.copy()
+        if not len(self.linear):
+            return values, self.y - self.stacked(values)
+        offset, columns = self.columns(values)
+        target = self.y - offset
+        size = np.linalg.norm(columns, axis=0)
+        size[size == 0] = 1.0
+        scaled = columns / size
+        solution = np.linalg.lstsq(scaled, target, rcond=1e-12)[0]
+        low, high = self.bounds[0][self.linear] * size, self.bounds[1][self.linear] * size
+        if (solution < low).any() or (solution > high).any():
+            solution = lsq_linear(scaled, target, bounds=(low, high), method="bvls" if len(size) < 30 else "trf").x
+        values[self.linear] = solution / size
+        return values, target - scaled @ solution
+
+    def search(self, start: Array) -> tuple[Array, float, bool]:
+        """The best values from a start: values, cost, and whether the search ended by itself."""
+        low, high = self.bounds[0][self.nonlinear], self.bounds[1][self.nonlinear]
+        if not len(self.nonlinear):
+            values, residual = self.project(start)
+            return values, float(residual @ residual), True
+        scale = np.array([self.parameters[j].scale for j in self.nonlinear])
+
+        def residual_of(x: Array) -> Array:
+            trial = start.copy()
+            trial[self.nonlinear] = x
+            return self.project(trial)[1]
+
+        # a start on a bound would pin the search there: it begins a little inside
+        inside = np.clip(start[self.nonlinear], low + 1e-6 * scale, high - 1e-6 * scale)
+        found = least_squares(residual_of, inside, bounds=(low, high), x_scale=scale, method="trf",
+                              xtol=1e-9, ftol=1e-9, gtol=1e-12, max_nfev=60)  # fmt: skip
+        values = start.copy()
+        values[self.nonlinear] = found.x
+        values, residual = self.project(values)
+        return values, float(residual @ residual), bool(found.status > 0)
+
+    def jacobian(self, values: Array, step: Array) -> Array:
+        """Sensitivity of the weighted readings, (m, p): exact for linear parameters, central differences for others."""
+        out = np.empty((len(self.y), len(values)), order="F")
+        _, columns = self.columns(values)
+        out[:, self.linear] = columns
+        low, high = self.bounds
+        for j in self.nonlinear:
+            h = step[j]
+            ahead, behind = values.copy(), values.copy()
+            ahead[j], behind[j] = min(values[j] + h, high[j]), max(values[j] - h, low[j])
+            out[:, j] = (self.stacked(ahead) - self.stacked(behind)) / (ahead[j] - behind[j])
+        return out
+
+
+def _covariance(
+    work: _Work, jacobian: Array, residual: Array, runs: Sequence[slice] | None
+) -> tuple[Array, Mask, float, tuple[int, ...]]:
+    """Sandwich covariance with an autoregressive noise model per channel."""
+    p = jacobian.shape[1]
+    scale = np.array([parameter.scale for parameter in work.parameters])
+    scaled = jacobian * scale
+    lengths = np.linalg.norm(scaled, axis=0)
+    left, singular, right = np.linalg.svd(scaled, full_matrices=False)
+    open_ = singular <= UNIDENTIFIED * max(float(singular[0]) if p else 0.0, 1e-300)
+    # a parameter is open when an open direction holds a noticeable part of it
+    unidentified = (np.abs(right[open_]) > 1e-3).any(axis=0) if open_.any() else np.zeros(p, np.bool_)
+    unidentified |= lengths == 0
+    kept = ~open_ & (singular > 0)
+    unit = scaled[:, ~unidentified] / np.where(lengths[~unidentified] > 0, lengths[~unidentified], 1.0)
+    condition = float(np.linalg.cond(unit)) if unit.shape[1] else 1.0
+    inverse = right[kept].T / singular[kept]  # maps left-singular coordinates to scaled parameters
+    channels, n = residual.shape
+    count = int(work.keep.sum())
+    whole = np.full((channels, n), np.nan)
+    whole[:, work.keep] = (residual[:, work.keep]) * work.weight
+    meat = np.zeros((int(kept.sum()), int(kept.sum())))
+    lags = []
+    basis = left[:, kept]
+    for c in range(channels):
+        rows = slice(c * count, (c + 1) * count)
+        coefficients, variance = autoregression(whole[c], runs)
+        lags.append(len(coefficients))
+        filtered = np.zeros((n, basis.shape[1]))
+        filtered[work.keep] = basis[rows]
+        for run in runs or [slice(0, n)]:
+            # Σ = T Tᵀ with T the noise's impulse response: Tᵀ J is J filtered backwards in time
+            backwards = lfilter([1.0], np.concatenate([[1.0], -coefficients]), filtered[run][::-1], axis=0)
+            meat += variance * backwards.T @ backwards
+    spent = max(1, work.y.size - p)
+    core = inverse @ meat @ inverse.T * (work.y.size / spent)
+    covariance = core * np.outer(scale, scale)
+    covariance[unidentified, :] = 0.0
+    covariance[:, unidentified] = 0.0
+    covariance[unidentified, unidentified] = np.inf
+    return covariance, unidentified, condition, tuple(lags)
+
+
+def autoregression(residual: Array, runs: Sequence[slice] | None = None) -> tuple[Array, float]:
+    """Coefficients (order,) and innovation variance of the autoregression that a residual (n,) calls for.
+
+    Yule-Walker estimates from autocovariances over finite pairs of samples within runs (Levinson 1946); the order is the
+    one with the least Bayesian information criterion (Schwarz 1978). Samples that are NaN break no run.
+    """
+    runs = runs or [slice(0, len(residual))]
+    finite = np.isfinite(residual)
+    filled = np.where(finite, residual, 0.0)
+    total = max(1, int(finite.sum()))
+    longest = max(run.stop - run.start for run in runs)
+    most = int(min(MOST_LAGS, total // 20, longest - 1))
+    gamma = np.zeros(most + 1)
+    for run in runs:
+        x = filled[run]
+        for lag in range(min(most + 1, len(x))):
+            gamma[lag] += x[lag:] @ x[: len(x) - lag]
+    gamma /= total
+    if gamma[0] <= 0:
+        return np.zeros(0), 0.0
+    best, coefficients, variance = (total * np.log(gamma[0]), np.zeros(0), float(gamma[0]))
+    a, v = np.zeros(0), float(gamma[0])
+    for order in range(1, most + 1):
+        reflection = (gamma[order] - a @ gamma[order - 1 : 0 : -1]) / v if order > 1 else gamma[1] / v
+        a = np.concatenate([a - reflection * a[::-1], [reflection]])
+        v *= 1.0 - reflection**2
+        if v <= 1e-12 * gamma[0]:
+            break
+        score = total * np.log(v) + order * np.log(total)
+        if score < best:
+            best, coefficients, variance = score, a.copy(), float(v)
+    return coefficients, variance

@@ -1,0 +1,103 @@
+"""Models side by side against the measurement, on samples that their fits have not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.contact import ContactSeries
+from kinid.errors import InputError
+from kinid.experiment import Experiment
+from kinid.fit import Fit, blocks, error_rows, error_unit, experiment_for, fit_model, free_parameters, held_out_residual, rms
+from kinid.log import Log
+from kinid.model import Model
+from kinid.rig import Rig
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """One model of a comparison: its fit, its held-out error, and how that differs from the reference's.
+
+    `difference` is the mean over blocks of the error less the reference's, with the standard error of this mean.
+    """
+
+    rank: int
+    fit: Fit
+    held_out: float
+    difference: float
+    standard_error: float
+
+    @property
+    def differs(self) -> bool:
+        """Whether the difference is more than two standard errors."""
+        return abs(self.difference) > 2 * self.standard_error
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Models in the order of their held-out error; the reference is named."""
+
+    rows: tuple[Row, ...]
+    reference: str
+    unit: str
+    noise_floor: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "reference": self.reference, "unit": self.unit, "noise_floor": self.noise_floor,
+            "models": [
+                {"rank": row.rank, "held_out": row.held_out, "difference": row.difference,
+                 "standard_error": row.standard_error, **row.fit.to_dict()} for row in self.rows
+            ],
+        }  # fmt: skip
+
+
+def compare(
+    models: Sequence[Model], data: ContactSeries | Log | Experiment, rig: Rig | None = None, *, reference: str | None = None
+) -> Comparison:
+    """Fit every model to the same samples of the same channels and hold it against those that it has not seen.
+
+    Args:
+        models: at least one.
+        data, rig: as for a fit.
+        reference: `str(model)` of the one that differences are taken to; default: the best.
+
+    Raises:
+        InputError: no model, a reference that is none of them, or data that can't carry them.
+    """
+    if not models:
+        raise InputError("no model to compare", "at least one", "name them with --model")
+    widest = max(models, key=lambda model: (len(model.needs), "slip" in model.needs))
+    experiment = experiment_for(widest, data, rig)
+    keep = error_rows(experiment)
+    number = blocks(experiment)[experiment.valid]
+    results = []
+    for model in models:
+        fit = fit_model(model, experiment, held_out=False)
+
+        def predictor(values: Array, model: Model = model) -> Array:
+            return model.predict(experiment.signals, values)
+
+        left = held_out_residual(predictor, experiment, free_parameters(model, experiment), fit.values)
+        left = left[keep][:, experiment.valid]
+        squares = np.bincount(number, (left**2).mean(axis=0)) / np.maximum(1, np.bincount(number))
+        results.append((rms(left), np.sqrt(squares[np.bincount(number) > 0]), fit))
+    results.sort(key=lambda result: result[0])
+    names = [str(fit.model) for _, _, fit in results]
+    if reference is not None and reference not in names:
+        raise InputError(f"reference '{reference}'", f"one of {'; '.join(names)}", "name it as it is compared")
+    chosen = names.index(reference) if reference is not None else 0
+    rows = []
+    for rank, (error, per_block, fit) in enumerate(results, start=1):
+        gap = per_block - results[chosen][1]
+        spread = float(gap.std(ddof=1) / np.sqrt(len(gap))) if len(gap) > 1 else float("nan")
+        rows.append(Row(rank, fit, error, float(gap.mean()), spread))
+    floor = rms(experiment.noise[keep])
+    return Comparison(tuple(rows), names[chosen], error_unit(experiment), floor)

@@ -1,0 +1,145 @@
+"""Coupling between the axes: estimated as effects of a model, told apart as far as the log allows, and taken out again.
+
+What a sensor's cross-talk, a turned sensor, a tilted surface and a material that pulls sideways do to a pure poke looks
+alike. They are fitted together; `told_apart` says which of them the log separates.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.contact import ContactSeries
+from kinid.errors import InputError
+from kinid.experiment import from_contact, from_wrench
+from kinid.fit import Fit
+from kinid.log import Log
+from kinid.model import Model
+from kinid.rig import Rig
+
+Array = NDArray[np.float64]
+
+#: effects that carry force or motion from one axis into another
+COUPLING = ("coupled-stiffness", "surface-tilt", "sensor-crosstalk", "sensor-misalignment")
+#: parameters whose estimates are correlated more than this can't be told apart by the log
+ALIKE = 0.98
+
+
+def told_apart(fit: Fit) -> list[str]:
+    """Which coupling parameters this log separates, one line each for those that it doesn't; empty when all are."""
+    names = list(fit.parameters)
+    mine = [i for i, name in enumerate(names) if name.split(".")[0] in COUPLING]
+    out = [f"{names[i]} is not excited by this log" for i in mine if fit.solution.unidentified[i]]
+    covariance = fit.solution.covariance
+    for k, i in enumerate(mine):
+        for j in mine[k + 1 :]:
+            if names[i].split(".")[0] == names[j].split(".")[0]:
+                continue
+            both = covariance[i, i] * covariance[j, j]
+            if np.isfinite(both) and both > 0 and abs(covariance[i, j]) > ALIKE * np.sqrt(both):
+                out.append(f"{names[i]} and {names[j]} can't be told apart by this log")
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class Compensated:
+    """Contact quantities with the estimated coupling taken out, and lateral force before and after [N rms in contact]."""
+
+    touch: ContactSeries
+    effects: tuple[str, ...]
+    before: float
+    after: float
+
+    def line(self) -> str:
+        """What a reader wants to know of it."""
+        return (f"coupling taken out ({', '.join(self.effects)}): lateral force in contact {self.before:.4g} N rms before, "
+                f"{self.after:.4g} N after")  # fmt: skip
+
+
+def load_fit(path: Path) -> tuple[Model, dict[str, float]]:
+    """Model and values from what `kinid fit --json` wrote.
+
+    Raises:
+        InputError: no such file, or not a fit.
+    """
+    try:
+        facts = json.loads(path.read_text(encoding="utf-8"))
+        model = Model(*facts["model"])
+        values = {str(name): float(p["value"]) for name, p in facts["parameters"].items()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{path}, which is no fit ({error.__class__.__name__})", "what kinid fit --json wrote",
+                         "run kinid fit LOG --model … --json FIT.json") from None  # fmt: skip
+    return model, values
+
+
+def compensate(touch: ContactSeries, log: Log, rig: Rig, model: Model, values: Mapping[str, float]) -> Compensated:
+    """Take out of contact forces what the coupling effects of a fitted model put there.
+
+    Args:
+        touch: contact quantities of the log. log, rig: where they came from.
+        model, values: the fit; it must hold a coupling effect.
+
+    Raises:
+        InputError: no coupling effect in the model.
+    """
+    there = tuple(name for name in model.names if name in COUPLING)
+    if not there:
+        raise InputError(f"a fit of {model} without a coupling effect", f"one of {', '.join(COUPLING)} in it",
+                         "fit with --model kelvin-voigt,surface-tilt,… and pass that fit")  # fmt: skip
+    if model.needs_log:
+        experiment = from_wrench(log, rig, bias="auto")
+        contribution = _contribution(model, values, experiment.signals)[:3]
+        sensor = experiment.signals.sensor
+        assert sensor is not None
+        force = np.einsum("nij,jn->in", sensor.to_contact, contribution)
+        time = experiment.signals.t
+    else:
+        channels = ("tangential_force1", "tangential_force2", "normal_force")
+        experiment = from_contact(touch, channels)
+        force, time = _contribution(model, values, experiment.signals), experiment.signals.t
+    # the experiment leaves out samples whose motion is unknown: there nothing is taken out
+    rows = np.searchsorted(touch.t - touch.t[0], time + (touch.t[_first(touch)] - touch.t[0]) - 1e-9)
+    changed: dict[str, Any] = {}
+    for axis, name in enumerate(("tangential_force1", "tangential_force2", "normal_force")):
+        quantity = np.array(getattr(touch, name))
+        quantity[rows] -= force[axis]
+        changed[name] = quantity
+    before = _lateral(touch)
+    out = dataclasses.replace(
+        touch, **changed, provenance=touch.provenance.then("coupling taken out", effects=list(there))
+    )
+    return Compensated(out, there, before, _lateral(out))
+
+
+def _contribution(model: Model, values: Mapping[str, float], signals: Any) -> Array:
+    """Readings with the coupling less readings without it."""
+    named = model.parameters(signals.layout)
+    base = next((effect.id for effect in model.effects if effect.base), None)
+    full = {name: values.get(name, p.nominal) for name, p in named.items()}
+    without = dict(full)
+    for effect in model.effects:
+        if effect.id in COUPLING:
+            for name, p in named.items():
+                owner, _, parameter = name.partition(".")
+                if owner == effect.id:
+                    without[name] = effect.null_for(base).get(parameter.split("[")[0], p.nominal)
+    difference: Array = model.predict(signals, full) - model.predict(signals, without)
+    return difference
+
+
+def _first(touch: ContactSeries) -> int:
+    return int(np.flatnonzero(np.isfinite(touch.depth) & np.isfinite(touch.depth_rate))[0])
+
+
+def _lateral(touch: ContactSeries) -> float:
+    inside = touch.in_contact & np.isfinite(touch.tangential_force1)
+    if not inside.any():
+        return 0.0
+    return float(np.sqrt(np.mean(touch.tangential_force1[inside] ** 2 + touch.tangential_force2[inside] ** 2)))

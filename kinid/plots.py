@@ -1,0 +1,210 @@
+"""Pictures of results: one HTML file each, self-contained, readable without a network.
+
+Colours are those of Okabe and Ito (2008), which colour-blind readers can tell apart.
+"""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.analysis import Analysis
+from kinid.contact import ContactSeries
+from kinid.joint_torques import JointTorques
+from kinid.motion import TipMotion
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+Array = NDArray[np.float64]
+
+BLUE, VERMILION, GREEN, ORANGE, GREY = "#0072B2", "#D55E00", "#009E73", "#E69F00", "#6b7280"
+AXES = (BLUE, VERMILION, GREEN)
+
+#: more points than this in a line can't be told apart on a screen
+MOST_POINTS = 6000
+
+_STYLE = """
+:root{color-scheme:light}
+body{font:16px/1.5 system-ui,sans-serif;color:#1f2937;background:#fff;margin:0 auto;max-width:1100px;padding:1rem}
+h1{font-size:1.5rem;margin:.2rem 0}h2{font-size:1.15rem;margin:1.6rem 0 .2rem}
+p.facts{color:#4b5563;margin:.2rem 0}
+table{border-collapse:collapse;margin:.6rem 0;font-variant-numeric:tabular-nums}
+td,th{padding:.2rem .8rem .2rem 0;text-align:right;border-bottom:1px solid #e5e7eb}
+td:first-child,th:first-child{text-align:left}
+.scroll{overflow-x:auto}
+details{margin:1.5rem 0;color:#4b5563}code{font-size:.85rem;overflow-wrap:anywhere}
+@media print{.modebar{display:none}}
+"""
+
+
+def analysis_page(result: Analysis, title: str) -> str:
+    """The contact frame or the tip's motion, and joint torques, as one HTML page."""
+    figures: list[tuple[str, Figure]] = []
+    if result.contact is not None:
+        figures += contact_figures(result.contact)
+    if result.tip is not None:
+        figures.append(("Motion of the tip, base frame", tip_figure(result.tip)))
+    if result.torques is not None:
+        figures.append(("Joint torques: measured, and inverse dynamics", torque_figure(result.torques)))
+    facts = result.summary()
+    body = []
+    if result.contact is not None:
+        body.append(f"<p class=facts>{facts['samples']} samples, {facts['invalid_samples']} invalid; in contact "
+                    f"{100 * facts['in_contact']:.1f} % of the time, {facts['touches']} touches.</p>")  # fmt: skip
+    if result.torques is not None:
+        rows = "".join(
+            f"<tr><td>{html.escape(name)}</td><td>{row['measured_rms']:.3f}</td><td>{row['residual_rms']:.3f}</td></tr>"
+            for name, row in facts["joint_torques"].items()
+        )
+        body.append("<div class=scroll><table><tr><th>joint</th><th>measured rms [N·m]</th><th>residual rms [N·m]</th></tr>"
+                    f"{rows}</table></div>")  # fmt: skip
+    steps = "".join(f"<li><code>{html.escape(str(step))}</code></li>" for step in result.provenance.steps)
+    tail = f"<details><summary>Provenance of {html.escape(result.provenance.source)}</summary><ol>{steps}</ol></details>"
+    return page(title, "".join(body), figures, tail)
+
+
+def page(title: str, head: str, figures: Sequence[tuple[str, Figure]], tail: str = "") -> str:
+    """One self-contained HTML page of titled figures."""
+    from plotly.offline import get_plotlyjs
+
+    parts = [f"<h2>{html.escape(name)}</h2>" + figure.to_html(
+        full_html=False, include_plotlyjs=False, config={"displaylogo": False, "responsive": True})
+        for name, figure in figures]  # fmt: skip
+    return (
+        "<!doctype html><html lang=en><head><meta charset=utf-8>"
+        '<meta name=viewport content="width=device-width,initial-scale=1">'
+        # an empty icon: the page asks nobody for one
+        f'<link rel=icon href="data:,"><title>{html.escape(title)} – kinid</title><style>{_STYLE}</style>'
+        f"<script>{get_plotlyjs()}</script></head><body><h1>{html.escape(title)}</h1>{head}{''.join(parts)}{tail}"
+        "</body></html>\n"
+    )
+
+
+def contact_figures(touch: ContactSeries) -> list[tuple[str, Figure]]:
+    """Contact-frame quantities over time, and force over depth."""
+    from plotly.subplots import make_subplots
+
+    keep = thin(len(touch.t), touch.depth, touch.normal_force)
+    t = touch.t[keep] - touch.t[0]
+    rows: list[tuple[str, list[tuple[str, Array]]]] = [
+        ("depth [mm]", [("depth", 1e3 * touch.depth[keep])]),
+        ("rate [mm/s]", [("depth rate", 1e3 * touch.depth_rate[keep])]),
+        ("slip [mm]", [("along tangent 1", 1e3 * touch.slip1[keep]), ("along tangent 2", 1e3 * touch.slip2[keep])]),
+        ("normal force [N]", [("normal", touch.normal_force[keep])]),
+        (
+            "tangential force [N]",
+            [("tangent 1", touch.tangential_force1[keep]), ("tangent 2", touch.tangential_force2[keep])],
+        ),
+    ]
+    rows = [(label, [line for line in lines if np.isfinite(line[1]).any()]) for label, lines in rows]
+    rows = [row for row in rows if row[1]]
+    time = make_subplots(rows=len(rows), cols=1, shared_xaxes=True, vertical_spacing=0.025)
+    for i, (label, lines) in enumerate(rows, start=1):
+        for (name, values), colour in zip(lines, AXES):
+            line(time, t, values, name, colour, i)
+        time.update_yaxes(title_text=label, row=i, col=1)
+        for a, b in _runs(touch.in_contact, touch.t - touch.t[0]):
+            time.add_vrect(x0=a, x1=b, fillcolor=ORANGE, opacity=0.10, line_width=0, row=i, col=1)
+    time.update_xaxes(title_text="time [s]", row=len(rows), col=1)
+    finish(time, 170 * len(rows) + 60)
+    figures = [("Contact frame over time (shaded: in contact)", time)]
+    inside = touch.in_contact & np.isfinite(touch.normal_force)
+    if inside.any():
+        figures.append(("Force over depth, in contact", _loop(touch, inside)))
+    return figures
+
+
+def _loop(touch: ContactSeries, inside: NDArray[np.bool_]) -> Figure:
+    import plotly.graph_objects as go
+
+    names = np.full(len(touch), "contact") if touch.phase is None else touch.phase
+    figure = go.Figure()
+    palette = (BLUE, VERMILION, GREEN, ORANGE, "#CC79A7", "#56B4E9", GREY)
+    order = list(dict.fromkeys(names[inside].tolist()))
+    for i, name in enumerate(order):
+        rows = np.flatnonzero(inside & (names == name))
+        rows = rows[:: 1 + len(rows) // MOST_POINTS]
+        figure.add_scatter(x=1e3 * touch.depth[rows], y=touch.normal_force[rows], mode="markers", name=str(name),
+                           marker={"size": 3, "color": palette[i % len(palette)]})  # fmt: skip
+    figure.update_xaxes(title_text="depth [mm]")
+    figure.update_yaxes(title_text="normal force [N]")
+    finish(figure, 420)
+    return figure
+
+
+def tip_figure(tip: TipMotion) -> Figure:
+    """Position, velocity and force of the tip in base axes."""
+    from plotly.subplots import make_subplots
+
+    rows = [("position [m]", tip.position), ("velocity [m/s]", tip.velocity)]
+    if tip.force is not None:
+        rows.append(("force [N]", tip.force))
+    keep = thin(len(tip.t), tip.position[:, 0], tip.velocity[:, 2])
+    figure = make_subplots(rows=len(rows), cols=1, shared_xaxes=True, vertical_spacing=0.04)
+    for i, (label, values) in enumerate(rows, start=1):
+        for axis in range(3):
+            line(figure, tip.t[keep] - tip.t[0], values[keep, axis], "xyz"[axis], AXES[axis], i, legend=i == 1)
+        figure.update_yaxes(title_text=label, row=i, col=1)
+    figure.update_xaxes(title_text="time [s]", row=len(rows), col=1)
+    finish(figure, 230 * len(rows) + 60)
+    return figure
+
+
+def torque_figure(torques: JointTorques) -> Figure:
+    """Measured and predicted torque of each joint, and what is left."""
+    from plotly.subplots import make_subplots
+
+    count = torques.measured.shape[1]
+    titles = [f"{html.escape(name)}: residual rms {rms:.2f} N·m" for name, rms in zip(torques.joint_names, torques.rms)]
+    figure = make_subplots(rows=count, cols=1, shared_xaxes=True, vertical_spacing=0.3 / (count + 4), subplot_titles=titles)
+    keep = thin(len(torques.t), *torques.residual.T[:3])
+    t = torques.t[keep] - torques.t[0]
+    for j in range(count):
+        for values, name, colour in (
+            (torques.measured, "measured", BLUE), (torques.predicted, "inverse dynamics", VERMILION),
+            (torques.residual, "residual", GREY),
+        ):  # fmt: skip
+            line(figure, t, values[keep, j], name, colour, j + 1, legend=j == 0)
+        figure.update_yaxes(title_text="[N·m]", row=j + 1, col=1)
+    figure.update_xaxes(title_text="time [s]", row=count, col=1)
+    finish(figure, 190 * count + 60)
+    return figure
+
+
+def thin(n: int, *shapes: Array) -> NDArray[np.int64]:
+    """Rows to draw of n: all, or the extremes of each stretch, so that no peak gets lost."""
+    if n <= MOST_POINTS:
+        return np.arange(n)
+    stretches = np.linspace(0, n, MOST_POINTS // (2 * len(shapes)) + 1).astype(np.int64)
+    rows = {0, n - 1}
+    for shape in shapes:
+        filled = np.where(np.isfinite(shape), shape, 0.0)
+        for a, b in zip(stretches[:-1], stretches[1:]):
+            rows |= {int(a + filled[a:b].argmin()), int(a + filled[a:b].argmax())}
+    return np.array(sorted(rows))
+
+
+def line(figure: Figure, x: Array, y: Array, name: str, colour: str, row: int, legend: bool = True) -> None:
+    """A line over time in one row of a figure."""
+    figure.add_scatter(x=x, y=y, name=name, legendgroup=name, showlegend=legend, mode="lines",
+                       line={"color": colour, "width": 1.4}, row=row, col=1)  # fmt: skip
+
+
+def _runs(flag: NDArray[np.bool_], t: Array, most: int = 60) -> list[tuple[float, float]]:
+    """Spans of time in which a flag is up; the longest ones where there are too many to shade."""
+    edges = np.diff(flag.astype(np.int8), prepend=0, append=0)
+    spans = list(zip(t[np.flatnonzero(edges == 1)].tolist(), t[np.flatnonzero(edges == -1) - 1].tolist()))
+    return sorted(spans, key=lambda span: span[0] - span[1])[:most]
+
+
+def finish(figure: Any, height: int) -> None:
+    """House style of a figure, of this height [px]."""
+    figure.update_layout(
+        template="plotly_white", height=height, margin={"l": 70, "r": 20, "t": 40, "b": 50},
+        legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0}, hovermode="x unified",
+    )  # fmt: skip
