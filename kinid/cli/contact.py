@@ -1,0 +1,120 @@
+"""`kinid contact`: a raw log to contact-frame quantities."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from kinid.errors import InputError, near
+
+if TYPE_CHECKING:
+    from kinid.log import Log
+    from kinid.rig import Rig
+
+EXAMPLES = """Examples:
+
+kinid contact poke.parquet --rig rig.toml -o contact.parquet
+
+kinid contact poke.csv --plot poke.html
+
+kinid contact touches.bag --rig rig.toml --find-surface
+"""
+
+
+def contact(
+    log: Annotated[Path, typer.Argument(help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP.", show_default=False)],
+    rig: Annotated[Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the log.")] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Table to write: .parquet, .csv or .npz.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Plot to write: one offline HTML file.")] = None,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Summary and provenance to write as JSON.")] = None,
+    bias: Annotated[str, typer.Option(help="Sensor bias: auto (the rig's, else free motion) or none.")] = "auto",
+    bandwidth: Annotated[float, typer.Option(help="Bandwidth of velocities that the log lacks [Hz].")] = 25.0,
+    find_surface: Annotated[
+        bool, typer.Option("--find-surface", help="Fit the plane to the touches in the log, and use it.")
+    ] = False,
+    compensate: Annotated[
+        Path | None, typer.Option(help="Fit (kinid fit --json) whose coupling between the axes is taken out.")
+    ] = None,
+    trust_wrench: Annotated[
+        bool, typer.Option("--trust-wrench", help="Don't ask whether gravity contradicts the wrench.")
+    ] = False,
+) -> None:
+    """Raw log to contact-frame quantities: depth, slip and forces in the frame of the surface.
+
+    Without a [surface] in the rig: the tip's motion and the force on it. With joint torques in the log: inverse dynamics
+    beside them.
+    """
+    if bias not in ("auto", "none"):
+        raise InputError(f"--bias {bias}", "auto or none", near(bias, ("auto", "none")))
+    from kinid.derivative import Differentiator
+    from kinid.writers import check_folder, check_table_name, write_table, write_text
+
+    if out is not None:
+        check_table_name(out)
+    for path in (plot, json_file):
+        if path is not None:
+            check_folder(path)
+    the_rig, the_log, robot = load(log, rig)
+    differentiator = Differentiator(bandwidth)
+    found = None
+    if find_surface:
+        from kinid.touch import find_surface as find
+
+        found = find([the_log], the_rig, robot=robot, differentiator=differentiator)
+        the_rig = found.rig
+    from kinid.analysis import analyse
+
+    result = analyse(the_log, the_rig, robot=robot, bias="auto" if bias == "auto" else "none",
+                     differentiator=differentiator, trust_wrench=trust_wrench)  # fmt: skip
+    compensated = None
+    if compensate is not None:
+        from kinid.coupling import compensate as take_out
+        from kinid.coupling import load_fit
+
+        if result.contact is None:
+            raise InputError("a rig without [surface]", "contact-frame quantities to compensate", "add [surface]")
+        compensated = take_out(result.contact, the_log, the_rig, *load_fit(compensate))
+        result = result.with_contact(compensated.touch)
+    if out is not None:
+        write_table(out, result.columns(), result.provenance.to_dict())
+    if plot is not None:
+        from kinid.plots import analysis_page
+
+        write_text(plot, analysis_page(result, title=log.name))
+    if json_file is not None:
+        facts: dict[str, Any] = result.summary()
+        if found is not None:
+            facts["surface"] = found.to_dict()
+        if compensated is not None:
+            facts["compensated"] = {"effects": compensated.effects, "lateral_rms_before": compensated.before,
+                                    "lateral_rms_after": compensated.after}  # fmt: skip
+        write_text(json_file, json.dumps(facts, indent=2, default=str) + "\n")
+    from kinid.cli.show import show_analysis, show_surface, written
+
+    if found is not None:
+        show_surface(found)
+    show_analysis(result, the_log)
+    if compensated is not None:
+        typer.echo(compensated.line())
+    written([path for path in (out, plot, json_file) if path is not None])
+
+
+def load(log: Path, rig: Path | None) -> tuple[Rig, Log, Any]:
+    """The rig, the log with its joints in the robot's order, and the robot (None for a rig without one)."""
+    from kinid.readers import read
+    from kinid.rig import Rig
+
+    beside = log.parent / "rig.toml"
+    if rig is None and not beside.is_file():
+        raise InputError(f"no rig for {log}", "a rig.toml that says what was measured with what",
+                         "name it with --rig, or put rig.toml beside the log")  # fmt: skip
+    the_rig = Rig.load(rig or beside)
+    robot = None
+    if the_rig.robot is not None:
+        from kinid.robot import Robot
+
+        robot = Robot.load(the_rig)
+    return the_rig, read(log, the_rig, joint_names=robot.joint_names if robot else None), robot

@@ -1,0 +1,97 @@
+"""`kinid fit`: the parameters of a model, from one log."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from kinid.errors import InputError
+
+if TYPE_CHECKING:
+    from kinid.contact import ContactSeries
+    from kinid.fit import Fit
+    from kinid.log import Log
+    from kinid.model import Model
+    from kinid.rig import Rig
+
+EXAMPLES = """Examples:
+
+kinid fit poke.parquet --model kelvin-voigt,coulomb-friction
+
+kinid fit poke.csv --rig rig.toml --model hunt-crossley --json fit.json --plot fit.html
+
+kinid fit motion.npz --model rigid-body,joint-torque-offset,joint-coulomb-friction
+"""
+
+
+def fit(
+    log: Annotated[Path, typer.Argument(help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP.", show_default=False)],
+    model: Annotated[str, typer.Option(help="Effects of the model, separated by commas.", show_default=False)],
+    rig: Annotated[Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the log.")] = None,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Estimates to write as JSON.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Plot to write: one offline HTML file.")] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Table of measured and predicted readings.")] = None,
+) -> None:
+    """Estimates with 95 % intervals, the error on samples seen and unseen, and what to doubt."""
+    from kinid.writers import check_folder, check_table_name, write_table, write_text
+
+    chosen = parse_model(model)
+    if out is not None:
+        check_table_name(out)
+    for path in (plot, json_file):
+        if path is not None:
+            check_folder(path)
+    the_rig, data = data_for(log, rig, chosen)
+    from kinid.fit import fit_model
+
+    result = fit_model(chosen, data, the_rig)
+    if json_file is not None:
+        write_text(json_file, json.dumps(result.to_dict(), indent=2) + "\n")
+    if out is not None:
+        write_table(out, prediction_columns(result))
+    if plot is not None:
+        from kinid.fit_plots import fit_page
+
+        write_text(plot, fit_page(result, title=f"{log.name}: {chosen}"))
+    from kinid.cli.show import show_fit, written
+    from kinid.coupling import told_apart
+
+    show_fit(result)
+    for line in told_apart(result):
+        typer.echo(f"doubt: {line}")
+    written([path for path in (out, plot, json_file) if path is not None])
+
+
+def parse_model(text: str) -> Model:
+    """A model from names separated by commas."""
+    from kinid.model import Model
+
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    if not names:
+        raise InputError(f"--model '{text}'", "names of effects, separated by commas", "see kinid fit --help")
+    return Model(*names)
+
+
+def data_for(log: Path, rig: Path | None, *models: Model) -> tuple[Rig, ContactSeries | Log]:
+    """The rig, and what models are fitted to: contact quantities where they suffice, else the log."""
+    from kinid.cli.contact import load
+
+    the_rig, the_log, robot = load(log, rig)
+    if any(model.needs_log for model in models):
+        return the_rig, the_log
+    from kinid.contact import contact_series
+
+    return the_rig, contact_series(the_log, the_rig, robot=robot)
+
+
+def prediction_columns(result: Fit) -> dict[str, Any]:
+    """Time, and each channel measured and predicted."""
+    columns = {"t": result.experiment.signals.t}
+    predicted = result.predict()
+    for i, name in enumerate(result.experiment.layout.channels):
+        columns[name] = result.experiment.measured[i]
+        columns[f"{name}_model"] = predicted[i]
+    return columns

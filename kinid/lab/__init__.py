@@ -1,0 +1,1 @@
+"""The laboratory: experiments whose truth is known, written where no estimator looks."""
