@@ -25,7 +25,7 @@ types: $(TEST)/.ready
 
 # ratios of speed, in one run, on one thread
 bench: $(TEST)/.ready
-	$(TEST)/bin/pytest tests/benchmarks --benchmark-only -s -p no:xdist
+	$(TEST)/bin/pytest tests/benchmarks --benchmark-enable --benchmark-only -s -p no:xdist
 
 # Packages come from the lock file alone, each checked against its hash; kinid itself is built from this folder.
 $(DEMO)/.ready: requirements/demo.lock pyproject.toml

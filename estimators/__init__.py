@@ -1,4 +1,4 @@
-"""Recursive estimators, with no robot in them: rows of numbers in, parameters with their uncertainty out.
+"""Recursive and batch estimators, with no robot in them: numbers in, parameters with their uncertainty out.
 
 `from kinid.estimators import SingleStage` loads what it needs and nothing else; compiled code loads at the first run.
 """
@@ -9,6 +9,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from kinid.estimators.batch import Solution, solve
     from kinid.estimators.estimate import Estimate, Prior, Status, Track
     from kinid.estimators.excitation import Excitation
     from kinid.estimators.forgetting import Constant, Forgetting, Scheduled
@@ -16,6 +17,9 @@ if TYPE_CHECKING:
     from kinid.estimators.hunt_crossley import SingleStage, TwoStage, restitution
     from kinid.estimators.kalman import HuntCrossleyKalman
     from kinid.estimators.kelvin_voigt import KelvinVoigt
+    from kinid.estimators.payload import Payload, fit_payload
+    from kinid.estimators.plane import PlaneEstimate, fit_plane
+    from kinid.estimators.power_law import PowerLaw, fit_power_law
     from kinid.estimators.rls import RecursiveLeastSquares
 
 __all__ = [
@@ -27,18 +31,27 @@ __all__ = [
     "Friction",
     "HuntCrossleyKalman",
     "KelvinVoigt",
+    "Payload",
+    "PlaneEstimate",
+    "PowerLaw",
     "Prior",
     "RecursiveLeastSquares",
     "Scheduled",
     "SingleStage",
+    "Solution",
     "Status",
     "Track",
     "TwoStage",
     "equivalent_friction",
+    "fit_payload",
+    "fit_plane",
+    "fit_power_law",
     "restitution",
+    "solve",
 ]
 
 _HOMES = {
+    "batch": ("Solution", "solve"),
     "estimate": ("Estimate", "Prior", "Status", "Track"),
     "excitation": ("Excitation",),
     "forgetting": ("Constant", "Forgetting", "Scheduled"),
@@ -46,6 +59,9 @@ _HOMES = {
     "hunt_crossley": ("SingleStage", "TwoStage", "restitution"),
     "kalman": ("HuntCrossleyKalman",),
     "kelvin_voigt": ("KelvinVoigt",),
+    "payload": ("Payload", "fit_payload"),
+    "plane": ("PlaneEstimate", "fit_plane"),
+    "power_law": ("PowerLaw", "fit_power_law"),
     "rls": ("RecursiveLeastSquares",),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares, lsq_linear
+from scipy.optimize import lsq_linear
 from scipy.signal import lfilter
 
 from kinid.errors import InputError
@@ -25,6 +25,10 @@ Mask = NDArray[np.bool_]
 UNIDENTIFIED = 1e-8
 #: condition of the sensitivity, its columns brought to length one, above which a fit is called ill-conditioned
 ILL_CONDITIONED = 1e5
+#: steps after which a search that goes on is given up
+MOST_STEPS = 60
+#: with more nonlinear parameters than this, all are searched for together
+MOST_PROJECTED = 6
 #: the noise model is an autoregression of at most this order
 MOST_LAGS = 24
 
@@ -189,6 +193,8 @@ class _Work:
         if not len(self.nonlinear):
             values, residual = self.project(start)
             return values, float(residual @ residual), True
+        if len(self.nonlinear) > MOST_PROJECTED:
+            return self.search_all(start)
         scale = np.array([self.parameters[j].scale for j in self.nonlinear])
 
         def residual_of(x: Array) -> Array:
@@ -198,12 +204,20 @@ class _Work:
 
         # a start on a bound would pin the search there: it begins a little inside
         inside = np.clip(start[self.nonlinear], low + 1e-6 * scale, high - 1e-6 * scale)
-        found = least_squares(residual_of, inside, bounds=(low, high), x_scale=scale, method="trf",
-                              xtol=1e-9, ftol=1e-9, gtol=1e-12, max_nfev=60)  # fmt: skip
         values = start.copy()
-        values[self.nonlinear] = found.x
+        values[self.nonlinear], converged = levenberg_marquardt(residual_of, inside, low, high, scale)
         values, residual = self.project(values)
-        return values, float(residual @ residual), bool(found.status > 0)
+        return values, float(residual @ residual), converged
+
+    def search_all(self, start: Array) -> tuple[Array, float, bool]:
+        """The same without projection at every step, which takes fewer predictions where many parameters aren't linear."""
+        low, high = self.bounds
+        scale = np.array([p.scale for p in self.parameters])
+        inside = np.clip(start, low + 1e-6 * scale, high - 1e-6 * scale)
+        inside[self.linear] = np.clip(self.project(inside)[0], low + 1e-6 * scale, high - 1e-6 * scale)[self.linear]
+        found, converged = levenberg_marquardt(lambda x: self.y - self.stacked(x), inside, low, high, scale)
+        values, residual = self.project(found)
+        return values, float(residual @ residual), converged
 
     def jacobian(self, values: Array, step: Array) -> Array:
         """Sensitivity of the weighted readings, (m, p): exact for linear parameters, central differences for others."""
@@ -219,6 +233,57 @@ class _Work:
         return out
 
 
+def levenberg_marquardt(
+    residual_of: Callable[[Array], Array], start: Array, low: Array, high: Array, scale: Array
+) -> tuple[Array, bool]:
+    """Least squares within bounds: the values, and whether the search ended by itself.
+
+    Marquardt 1963 with Nielsen's 1999 damping; parameters that a step would carry over a bound stay on it. The normal
+    equations are formed, because there are many readings and few parameters, in units of each parameter's scale.
+    """
+    x, residual = start.copy(), residual_of(start)
+    cost, damping, growth, least = float(residual @ residual), 1.0, 2.0, 0
+    for _ in range(MOST_STEPS):
+        jacobian = np.empty((len(residual), len(x)), order="F")
+        for j in range(len(x)):
+            h = 1e-7 * max(abs(x[j]), scale[j])
+            h = h if x[j] + h <= high[j] else -h
+            ahead = x.copy()
+            ahead[j] += h
+            jacobian[:, j] = (residual_of(ahead) - residual) / h * scale[j]
+        slope, curvature = jacobian.T @ residual, jacobian.T @ jacobian
+        pinned = ((x <= low) & (slope > 0)) | ((x >= high) & (slope < 0))
+        free = np.flatnonzero(~pinned & (np.diag(curvature) > 0))
+        if not len(free):
+            return x, True
+        h_free = curvature[np.ix_(free, free)]
+        while True:
+            step = np.zeros(len(x))
+            step[free] = np.linalg.solve(h_free + damping * np.diag(np.diag(h_free)), -slope[free])
+            trial = np.clip(x + step * scale, low, high)
+            moved = (trial - x) / scale
+            if np.abs(moved).max() < 1e-10 * max(1.0, float(np.abs(x / scale).max())):
+                return x, True
+            tried = residual_of(trial)
+            new = float(tried @ tried)
+            expected = -float(2 * slope @ moved + moved @ curvature @ moved)
+            if new < cost:
+                gain = (cost - new) / max(expected, 1e-300)
+                damping = max(1e-15, damping * max(1 / 3, 1 - (2 * gain - 1) ** 3))
+                growth = 2.0
+                fell = cost - new
+                x, residual, cost = trial, tried, new
+                break
+            damping, growth = damping * growth, growth * 2
+            if damping > 1e12:
+                return x, True
+        # the end: two steps in a row that gained next to nothing (a flat valley gains little, but steadily)
+        least = least + 1 if fell < 1e-9 * cost else 0
+        if least >= 2 or cost == 0.0:
+            return x, True
+    return x, False
+
+
 def _covariance(
     work: _Work, jacobian: Array, residual: Array, runs: Sequence[slice] | None
 ) -> tuple[Array, Mask, float, tuple[int, ...]]:
@@ -227,7 +292,8 @@ def _covariance(
     scale = np.array([parameter.scale for parameter in work.parameters])
     scaled = jacobian * scale
     lengths = np.linalg.norm(scaled, axis=0)
-    left, singular, right = np.linalg.svd(scaled, full_matrices=False)
+    # of the triangular factor, which is small: the readings are many
+    singular, right = np.linalg.svd(np.linalg.qr(scaled, mode="r"))[1:]
     open_ = singular <= UNIDENTIFIED * max(float(singular[0]) if p else 0.0, 1e-300)
     # a parameter is open when an open direction holds a noticeable part of it
     unidentified = (np.abs(right[open_]) > 1e-3).any(axis=0) if open_.any() else np.zeros(p, np.bool_)
@@ -242,7 +308,7 @@ def _covariance(
     whole[:, work.keep] = (residual[:, work.keep]) * work.weight
     meat = np.zeros((int(kept.sum()), int(kept.sum())))
     lags = []
-    basis = left[:, kept]
+    basis = scaled @ right[kept].T / singular[kept]
     for c in range(channels):
         rows = slice(c * count, (c + 1) * count)
         coefficients, variance = autoregression(whole[c], runs)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from kinid.contact import ContactSeries
 from kinid.errors import InputError
 from kinid.experiment import Experiment
-from kinid.fit import Fit, blocks, error_rows, error_unit, experiment_for, fit_model, free_parameters, held_out_residual, rms
+from kinid.fit import Fit, Task, blocks, error_rows, error_unit, experiment_for, fit_model, rms
 from kinid.log import Log
 from kinid.model import Model
 from kinid.rig import Rig
@@ -81,14 +81,9 @@ def compare(
     results = []
     for model in models:
         fit = fit_model(model, experiment, held_out=False)
-
-        def predictor(values: Array, model: Model = model) -> Array:
-            return model.predict(experiment.signals, values)
-
-        left = held_out_residual(predictor, experiment, free_parameters(model, experiment), fit.values)
-        left = left[keep][:, experiment.valid]
-        squares = np.bincount(number, (left**2).mean(axis=0)) / np.maximum(1, np.bincount(number))
-        results.append((rms(left), np.sqrt(squares[np.bincount(number) > 0]), fit))
+        unseen = Task(model, experiment).held_out_residual(fit.values)[keep][:, experiment.valid]
+        squares = np.bincount(number, (unseen**2).mean(axis=0)) / np.maximum(1, np.bincount(number))
+        results.append((rms(unseen), np.sqrt(squares[np.bincount(number) > 0]), fit))
     results.sort(key=lambda result: result[0])
     names = [str(fit.model) for _, _, fit in results]
     if reference is not None and reference not in names:

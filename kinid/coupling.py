@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.contact import ContactSeries
+from kinid.contact import ContactSeries, contact_series
 from kinid.errors import InputError
 from kinid.experiment import from_contact, from_wrench
 from kinid.fit import Fit
@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 
 #: effects that carry force or motion from one axis into another
 COUPLING = ("coupled-stiffness", "surface-tilt", "sensor-crosstalk", "sensor-misalignment")
+FORCES = ("tangential_force1", "tangential_force2", "normal_force")
 #: parameters whose estimates are correlated more than this can't be told apart by the log
 ALIKE = 0.98
 
@@ -36,7 +37,8 @@ def told_apart(fit: Fit) -> list[str]:
     """Which coupling parameters this log separates, one line each for those that it doesn't; empty when all are."""
     names = list(fit.parameters)
     mine = [i for i, name in enumerate(names) if name.split(".")[0] in COUPLING]
-    out = [f"{names[i]} is not excited by this log" for i in mine if fit.solution.unidentified[i]]
+    open_ = [names[i] for i in mine if fit.solution.unidentified[i]]
+    out = [f"{name} is open: this log doesn't excite it, or not apart from the others" for name in open_]
     covariance = fit.solution.covariance
     for k, i in enumerate(mine):
         for j in mine[k + 1 :]:
@@ -93,29 +95,23 @@ def compensate(touch: ContactSeries, log: Log, rig: Rig, model: Model, values: M
     if not there:
         raise InputError(f"a fit of {model} without a coupling effect", f"one of {', '.join(COUPLING)} in it",
                          "fit with --model kelvin-voigt,surface-tilt,… and pass that fit")  # fmt: skip
+    done = {"effects": list(there)}
     if model.needs_log:
+        # taken out of the wrench itself, before bias and tool are: both look different to a sensor that couples
         experiment = from_wrench(log, rig, bias="auto")
-        contribution = _contribution(model, values, experiment.signals)[:3]
-        sensor = experiment.signals.sensor
-        assert sensor is not None
-        force = np.einsum("nij,jn->in", sensor.to_contact, contribution)
-        time = experiment.signals.t
+        wrench = np.array(log.wrench)
+        wrench[experiment.rows] -= _contribution(model, values, experiment.signals).T
+        out = contact_series(log.replace(wrench=wrench), rig)
+        out = dataclasses.replace(out, provenance=out.provenance.then("coupling taken out of the wrench", **done))
     else:
-        channels = ("tangential_force1", "tangential_force2", "normal_force")
-        experiment = from_contact(touch, channels)
-        force, time = _contribution(model, values, experiment.signals), experiment.signals.t
-    # the experiment leaves out samples whose motion is unknown: there nothing is taken out
-    rows = np.searchsorted(touch.t - touch.t[0], time + (touch.t[_first(touch)] - touch.t[0]) - 1e-9)
-    changed: dict[str, Any] = {}
-    for axis, name in enumerate(("tangential_force1", "tangential_force2", "normal_force")):
-        quantity = np.array(getattr(touch, name))
-        quantity[rows] -= force[axis]
-        changed[name] = quantity
-    before = _lateral(touch)
-    out = dataclasses.replace(
-        touch, **changed, provenance=touch.provenance.then("coupling taken out", effects=list(there))
-    )
-    return Compensated(out, there, before, _lateral(out))
+        experiment = from_contact(touch, FORCES)
+        force = _contribution(model, values, experiment.signals)
+        changed = {name: np.array(getattr(touch, name)) for name in FORCES}
+        for axis, name in enumerate(FORCES):
+            changed[name][experiment.rows] -= force[axis]
+        provenance = touch.provenance.then("coupling taken out", **done)
+        out = dataclasses.replace(touch, provenance=provenance, **changed)
+    return Compensated(out, there, _lateral(touch, touch), _lateral(out, touch))
 
 
 def _contribution(model: Model, values: Mapping[str, float], signals: Any) -> Array:
@@ -134,12 +130,9 @@ def _contribution(model: Model, values: Mapping[str, float], signals: Any) -> Ar
     return difference
 
 
-def _first(touch: ContactSeries) -> int:
-    return int(np.flatnonzero(np.isfinite(touch.depth) & np.isfinite(touch.depth_rate))[0])
-
-
-def _lateral(touch: ContactSeries) -> float:
-    inside = touch.in_contact & np.isfinite(touch.tangential_force1)
+def _lateral(touch: ContactSeries, reference: ContactSeries) -> float:
+    """Root mean square of the tangential force where the reference is in contact [N]."""
+    inside = reference.in_contact & np.isfinite(touch.tangential_force1)
     if not inside.any():
         return 0.0
     return float(np.sqrt(np.mean(touch.tangential_force1[inside] ** 2 + touch.tangential_force2[inside] ** 2)))

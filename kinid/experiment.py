@@ -36,6 +36,7 @@ class Experiment:
         valid: samples whose reading counts, (n,).
         noise: standard deviation of each channel's white noise, (channels,).
         phase: names, or None. in_contact: the flag, (n,).
+        rows: of the log or the contact series that the samples are: those whose motion is known, (n,).
     """
 
     signals: Signals
@@ -44,6 +45,7 @@ class Experiment:
     noise: Array
     phase: NDArray[np.str_] | None
     in_contact: NDArray[np.bool_]
+    rows: NDArray[np.int64]
 
     @property
     def layout(self) -> Layout:
@@ -70,7 +72,7 @@ def from_contact(touch: ContactSeries, channels: tuple[str, ...]) -> Experiment:
         Layout(channels, "contact"), t, dt, touch.depth[rows], touch.depth_rate[rows], slip, slip_rate, measured=measured
     )
     return Experiment(signals, measured, valid, _noise(measured[:, valid]), _named(touch.phase, rows),
-                      touch.in_contact[rows])  # fmt: skip
+                      touch.in_contact[rows], rows)  # fmt: skip
 
 
 def from_wrench(
@@ -146,7 +148,7 @@ def from_wrench(
     touching = np.zeros(len(rows), dtype=np.bool_)
     if touch is not None:
         touching = touch.in_contact[rows]
-    return Experiment(signals, measured, valid, noise, _named(log.phase, rows), touching)
+    return Experiment(signals, measured, valid, noise, _named(log.phase, rows), touching, rows)
 
 
 def from_joint_torques(
@@ -206,7 +208,7 @@ def from_joint_torques(
     none, pair = np.zeros(len(rows)), np.zeros((2, len(rows)))
     signals = Signals(layout, t, dt, none, none, pair, pair, measured=measured, joints=joints)
     return Experiment(signals, measured, valid, _noise(measured[:, valid]), _named(log.phase, rows),
-                      np.zeros(len(rows), dtype=np.bool_))  # fmt: skip
+                      np.zeros(len(rows), dtype=np.bool_), rows)  # fmt: skip
 
 
 def payload_torques(robot: Robot, q: Array, dq: Array, ddq: Array) -> Array:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -61,7 +62,10 @@ class FitError:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A model with its estimates. `fit["stiffness"]` or `fit["hooke.stiffness"]` is a `FittedParameter`."""
+    """A model with its estimates. `fit["stiffness"]` or `fit["hooke.stiffness"]` is a `FittedParameter`.
+
+    `constants` (channels,) were fitted along where the sensor's bias is no part of the model; zero elsewhere.
+    """
 
     model: Model
     parameters: dict[str, FittedParameter]
@@ -69,6 +73,7 @@ class Fit:
     warnings: tuple[str, ...]
     solution: Solution
     experiment: Experiment
+    constants: Array
 
     def __getitem__(self, name: str) -> FittedParameter:
         if name in self.parameters:
@@ -87,7 +92,7 @@ class Fit:
 
     def predict(self, experiment: Experiment | None = None) -> Array:
         """Readings that the fitted model expects, (channels, n)."""
-        return self.model.predict((experiment or self.experiment).signals, self.values)
+        return self.model.predict((experiment or self.experiment).signals, self.values) + self.constants[:, None]
 
     def equation(self) -> str:
         """The model as equations with its numbers."""
@@ -139,48 +144,95 @@ def fit_model(
         InputError: data that can't carry the model, and what to record instead.
     """
     experiment = experiment_for(model, data, rig, channels)
-    layout = experiment.layout
-    named = model.parameters(layout)
-    warnings = list(check_excitation(model, experiment))
-
-    def predictor(values: Array) -> Array:
-        return model.predict(experiment.signals, values)
-
-    parameters = free_parameters(model, experiment)
-    starts = [starting_values(model, experiment, named, start)]
-    sigma = weights(experiment)
-    runs = _runs(experiment)
+    named = model.parameters(experiment.layout)
+    warnings = check_excitation(model, experiment)
+    task = Task(model, experiment)
+    begin = starting_values(model, experiment, named, start)
     mask = experiment.valid if train is None else experiment.valid & train
-    if parameters:
-        solution = solve(predictor, experiment.measured, parameters, mask=mask, sigma=sigma, starts=starts, runs=runs)
-    else:
-        residual = experiment.measured - predictor(np.zeros(0))
-        none = np.zeros(0, np.bool_)
-        solution = Solution(np.zeros(0), np.zeros((0, 0)), none, none, residual, 1.0, (), 1, True)
+    solution = task.solve(begin, mask)
     rows = error_rows(experiment)
     if train is not None:
         unseen = rms(solution.residual[rows][:, experiment.valid & ~train])
     elif held_out:
-        left = held_out_residual(predictor, experiment, parameters, solution.values, sigma)
-        unseen = rms(left[rows][:, experiment.valid])
+        unseen = rms(task.held_out_residual(solution.values)[rows][:, experiment.valid])
     else:
         unseen = float("nan")
     error = FitError(rms(solution.residual[rows][:, mask]), unseen, rms(experiment.noise[rows]), error_unit(experiment))
-    warnings += _doubts(named, solution, error, starts[0])
+    warnings += _doubts(named, solution, error, begin)
     half = Z95 * solution.standard_errors
     fitted = {
         name: FittedParameter(name, float(v), float(v - h), float(v + h), p.unit)
         for (name, p), v, h in zip(named.items(), solution.values, half)
     }
-    return Fit(model, fitted, error, tuple(warnings), solution, experiment)
+    unbiased = experiment.measured - solution.residual - model.predict(experiment.signals, solution.values)
+    return Fit(model, fitted, error, tuple(warnings), solution, experiment, np.nanmedian(unbiased, axis=1))
 
 
-def free_parameters(model: Model, experiment: Experiment) -> tuple[Parameter, ...]:
-    """A model's parameters as the search may treat them: none is linear where an effect bends what others predict."""
-    parameters = tuple(model.parameters(experiment.layout).values())
-    if all(effect.affine for effect in model.effects):
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A least-squares problem made of a model and an experiment.
+
+    Attributes:
+        model, experiment: what is fitted to what.
+    """
+
+    model: Model
+    experiment: Experiment
+
+    @property
+    def free_bias(self) -> bool:
+        """Whether a constant of each channel is fitted along.
+
+        Bias and what couples or scales the sensor's channels change each other, so that a bias learnt without them would
+        be wrong.
+        """
+        return self.experiment.layout.kind == "wrench" and "sensor-bias" not in self.model
+
+    def __call__(self, values: Array) -> Array:
+        """Readings for values of the model's parameters, and of the constants behind them."""
+        own = len(values) - (len(self.experiment.measured) if self.free_bias else 0)
+        readings = self.model.predict(self.experiment.signals, values[:own])
+        return readings + values[own:, None] if self.free_bias else readings
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """What the search is free in; none is linear where an effect bends what others predict."""
+        layout = self.experiment.layout
+        parameters = tuple(self.model.parameters(layout).values())
+        if not all(effect.affine for effect in self.model.effects):
+            parameters = tuple(dataclasses.replace(p, linear=False) for p in parameters)
+        if self.free_bias:
+            parameters += tuple(Parameter(f"constant[{name}]", "b", unit, 0.0, scale=0.1 if unit == "N" else 0.005, linear=True)
+                                for name, unit in zip(layout.channels, layout.units))  # fmt: skip
         return parameters
-    return tuple(dataclasses.replace(p, linear=False) for p in parameters)
+
+    def solve(self, start: Array, mask: Mask, covariance: bool = True) -> Solution:
+        """Fit to the samples of a mask; values and covariance of the model's own parameters, residual of everything."""
+        own = len(start)
+        if self.free_bias:
+            start = np.append(start, np.zeros(len(self.experiment.measured)))
+        if not self.parameters:
+            none = np.zeros(0, np.bool_)
+            return Solution(start, np.zeros((0, 0)), none, none, self.experiment.measured - self(start), 1.0, (), 1, True)
+        found = solve(self, self.experiment.measured, self.parameters, mask=mask, sigma=weights(self.experiment),
+                      starts=[start], runs=_runs(self.experiment), covariance=covariance)  # fmt: skip
+        return dataclasses.replace(
+            found, values=found.values[:own], covariance=found.covariance[:own, :own],
+            unidentified=found.unidentified[:own], at_bound=found.at_bound[:own],
+        )  # fmt: skip
+
+    def held_out_residual(self, start: Array) -> Array:
+        """Residual of every sample from a fit that has not seen its block, (channels, n); two folds of alternating blocks.
+
+        NaN where a fold is too small to be fitted.
+        """
+        even = blocks(self.experiment) % 2 == 0
+        out = np.full_like(self.experiment.measured, np.nan)
+        for fold in (even, ~even):
+            seen = self.experiment.valid & fold
+            if seen.sum() * len(self.experiment.measured) > 2 * len(self.parameters):
+                out[:, ~fold] = self.solve(start, seen, covariance=False).residual[:, ~fold]
+        return out
 
 
 def experiment_for(
@@ -202,8 +254,7 @@ def experiment_for(
     if "joints" in model.needs:
         return from_joint_torques(data, rig)
     if model.needs_log:
-        # without the effect in the model, a bias that free motion shows is no concern of the fit
-        return from_wrench(data, rig, bias="none" if "sensor-bias" in model else "auto")
+        return from_wrench(data, rig)
     from kinid.contact import contact_series
 
     return experiment_for(model, contact_series(data, rig), None, channels)
@@ -297,32 +348,6 @@ def blocks(experiment: Experiment) -> NDArray[np.int64]:
     span = float(experiment.signals.t[-1]) if len(experiment.signals.t) else 0.0
     length = max(BLOCK, span / 200) if span >= 4 * BLOCK else max(span / 8, 1e-9)
     return np.asarray((experiment.signals.t / length).astype(np.int64))
-
-
-def held_out_residual(
-    predictor: Callable[[Array], Array], experiment: Experiment, parameters: Sequence[Parameter], start: Array,
-    sigma: Array | None = None,
-) -> Array:  # fmt: skip
-    """Residual of every sample from a fit that has not seen its block, (channels, n); two folds of alternating blocks.
-
-    NaN where a fold is too small to be fitted.
-    """
-    if not parameters:
-        return experiment.measured - predictor(np.zeros(0))
-    even = blocks(experiment) % 2 == 0
-    out = np.full_like(experiment.measured, np.nan)
-    for fold in (even, ~even):
-        seen = experiment.valid & fold
-        if seen.sum() * len(experiment.measured) <= 2 * len(parameters):
-            continue
-        half = solve(predictor, experiment.measured, _from(parameters, start), mask=seen,
-                     sigma=weights(experiment) if sigma is None else sigma, covariance=False)  # fmt: skip
-        out[:, ~fold] = half.residual[:, ~fold]
-    return out
-
-
-def _from(parameters: Sequence[Parameter], values: Array) -> tuple[Parameter, ...]:
-    return tuple(dataclasses.replace(p, nominal=float(np.clip(v, p.low, p.high))) for p, v in zip(parameters, values))
 
 
 def _runs(experiment: Experiment) -> list[slice]:

@@ -128,6 +128,17 @@ def test_a_gap_is_never_crossed() -> None:
     np.testing.assert_allclose(made.second[:, 0], 0.0, atol=1e-8)
 
 
+def test_values_that_are_missing_for_long_are_a_gap() -> None:
+    """A sensor that drops out while the log goes on: lines on both sides, with a jump between them."""
+    t = np.arange(300) * 1e-3
+    x = np.where(t < 0.15, 3 * t, 7 * t - 5)[:, None]
+    x[100:200] = np.nan
+    made = Differentiator(25.0)(t, x, whole(t))
+    known = np.isfinite(x[:, 0])
+    np.testing.assert_array_equal(np.isfinite(made.first[:, 0]), known)
+    np.testing.assert_allclose(made.first[known, 0], np.repeat([3.0, 7.0], 100), atol=1e-11)
+
+
 def test_outside_of_the_pieces_and_for_a_lone_sample_nothing_is_known() -> None:
     t = np.arange(30) * 1e-3
     made = Differentiator(25.0)(t, t[:, None] ** 2, [slice(2, 12), slice(14, 15), slice(20, 22)])
@@ -186,6 +197,17 @@ def test_uneven_times_are_the_actual_ones() -> None:
     inner = slice(60, -60)
     # 2 Hz of 25 Hz; the window holds a fixed number of samples, so it is longer where samples are missed
     np.testing.assert_allclose(made.first[inner, 0], 12 * np.cos(12 * t[inner]), atol=2e-3)
+
+
+def test_stamps_since_1970() -> None:
+    """Their rounding is 2.4e-7 s: jitter like any other, and nothing is lost beyond it."""
+    t = 1.7e9 + np.arange(2000) * 1e-3
+    made = Differentiator(25.0)(t, np.sin(5 * (t - 1.7e9))[:, None], whole(t))
+    inner = slice(100, -100)
+    angle = 5 * (t[inner] - 1.7e9)
+    np.testing.assert_allclose(made.first[inner, 0], 5 * np.cos(angle), atol=1e-4)
+    # what the jitter of the times does to a second derivative falls out to first order; without that 0.05 stay
+    np.testing.assert_allclose(made.second[inner, 0], -25 * np.sin(angle), atol=5e-3)
 
 
 def test_columns_do_not_mix() -> None:

@@ -112,15 +112,17 @@ def test_a_full_disk_is_said(tmp_path: Path) -> None:
 
 
 def test_nobody_sees_a_half_written_file(tmp_path: Path) -> None:
-    """Until the block ends the old content stands under the name, and the temporary lies in the same folder."""
+    """Until the block ends the old content stands under the name, and whoever has it open reads it to its end."""
     path = tmp_path / "out.txt"
     path.write_text("old", encoding="utf-8")
-    with replacing(path) as temporary:
-        temporary.write_text("new", encoding="utf-8")
-        assert path.read_text(encoding="utf-8") == "old"
-        assert temporary.parent == path.parent
-        assert temporary.suffix == path.suffix
-    assert path.read_text(encoding="utf-8") == "new"
+    with path.open(encoding="utf-8") as reader:
+        with replacing(path) as temporary:
+            temporary.write_text("new", encoding="utf-8")
+            assert path.read_text(encoding="utf-8") == "old"
+            assert temporary.parent == path.parent
+            assert temporary.suffix == path.suffix
+        assert path.read_text(encoding="utf-8") == "new"
+        assert reader.read() == "old"
 
 
 @pytest.mark.parametrize("name", ["out.xlsx", "out", "out.parquet.gz", "parquet"])

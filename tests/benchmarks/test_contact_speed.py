@@ -1,8 +1,8 @@
 """Speed and memory of the way from joints and wrench to contact-frame quantities, on one thread.
 
 Compared, in one run, with loops over Pinocchio that do the same: in Python, and in C++ compiled for this very machine.
-A normal run compares results alone; `pytest tests/benchmarks --benchmark-only` takes times and prints them beside what
-they should be. No time is ever asserted.
+A normal run compares results alone; `pytest tests/benchmarks --benchmark-enable --benchmark-only` takes times and
+prints them beside what they should be. No time is ever asserted.
 """
 
 from __future__ import annotations
@@ -209,7 +209,7 @@ def test_kernel_beside_the_python_loop(work: Work, benchmark: Any, capsys: pytes
 
 def test_kernel_beside_the_cpp_loop(work: Work, benchmark: Any, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     if benchmark.disabled:
-        pytest.skip("compiling takes half a minute: pytest tests/benchmarks --benchmark-only")
+        pytest.skip("compiling takes half a minute: pytest tests/benchmarks --benchmark-enable --benchmark-only")
     loop, run = CppLoop(tmp_path, work), by_kernel(work)
     table = benchmark(run)
     loop(1)
@@ -317,7 +317,7 @@ print(size, status("VmHWM") - before)
 @KINDS
 def test_memory_of_a_long_log(kind: str, benchmark: Any, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     if benchmark.disabled or not os.path.exists("/proc/self/status"):
-        pytest.skip("measured with the benchmarks, on Linux: pytest tests/benchmarks --benchmark-only")
+        pytest.skip("measured with the benchmarks, on Linux: pytest tests/benchmarks --benchmark-enable --benchmark-only")
     log = write_log(tmp_path, LONG, kind == "with derivatives", jitter=0.01 if "jittered" in kind else 0.0)
     import pyarrow.parquet as pq
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,46 +11,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from kinid.cli import main
-from kinid.lab.scripted import RIG, Scripted, scripted_poke
+from kinid.lab.scripted import RIG, Scripted
 from kinid.rig import CONTACT
 
 Run = Callable[..., tuple[int, str, str]]
+Refused = Callable[..., None]
 SURFACE = '[robot]\nmodel = "lwr4plus"\n[surface]\npoint = [0.55, 0.0, 0.1]\nnormal = [0, 0, 1]\n'
-
-
-@pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    """Run a command line: exit code, stdout, stderr."""
-
-    def call(*args: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["kinid", *map(str, args)])
-        with pytest.raises(SystemExit) as stop:
-            main()
-        out = capsys.readouterr()
-        return int(stop.value.code or 0), out.out, out.err
-
-    return call
-
-
-@pytest.fixture(scope="module")
-def scripted() -> Scripted:
-    return scripted_poke(seed=5)
-
-
-@pytest.fixture
-def log(scripted: Scripted, tmp_path: Path) -> Path:
-    return scripted.write(tmp_path)
-
-
-def refused(result: tuple[int, str, str], *words: str) -> None:
-    """One line on stderr that says what was found, expected and to be mended; exit 2; no traceback."""
-    code, _, err = result
-    assert code == 2, err
-    assert err.count("\n") == 1, err
-    assert "Traceback" not in err
-    for word in ("found", "expected", "to mend it", *words):
-        assert word in err, err
 
 
 def change(log: Path, **columns: np.ndarray | None) -> None:
@@ -137,7 +102,7 @@ BAD_LOGS: dict[str, tuple[Callable[[Path], None], tuple[str, ...]]] = {
 
 
 @pytest.mark.parametrize("case", BAD_LOGS)
-def test_bad_logs_are_refused_in_one_line(run: Run, log: Path, case: str) -> None:
+def test_bad_logs_are_refused_in_one_line(run: Run, log: Path, case: str, refused: Refused) -> None:
     spoil, words = BAD_LOGS[case]
     spoil(log)
     out = log.parent / "out.parquet"
@@ -163,7 +128,7 @@ BAD_RIGS: dict[str, tuple[str, tuple[str, ...]]] = {
 
 
 @pytest.mark.parametrize("case", BAD_RIGS)
-def test_bad_rigs_are_refused_in_one_line(run: Run, log: Path, case: str) -> None:
+def test_bad_rigs_are_refused_in_one_line(run: Run, log: Path, case: str, refused: Refused) -> None:
     text, words = BAD_RIGS[case]
     (log.parent / "rig.toml").write_text(text)
     refused(run("contact", log), *words)
@@ -182,13 +147,13 @@ URDF = '<?xml version="1.0"?>{doctype}<robot name="r"><link name="base">{geometr
         (URDF.format(doctype="", geometry=""), ("tip_frame",)),
     ],
 )  # fmt: skip
-def test_bad_urdfs_are_refused_in_one_line(run: Run, log: Path, text: str, words: tuple[str, ...]) -> None:
+def test_bad_urdfs_are_refused_in_one_line(run: Run, log: Path, text: str, words: tuple[str, ...], refused: Refused) -> None:
     (log.parent / "my.urdf").write_text(text)
     (log.parent / "rig.toml").write_text(SURFACE.replace("lwr4plus", "my.urdf"))
     refused(run("contact", log), *words)
 
 
-def test_bad_use_is_refused_in_one_line(run: Run, log: Path) -> None:
+def test_bad_use_is_refused_in_one_line(run: Run, log: Path, refused: Refused) -> None:
     refused(run("contact", log, "-o", log.parent / "nowhere" / "out.parquet"), "nowhere")
     refused(run("contact", log, "-o", log.parent / "out.xlsx"), "xlsx")
     refused(run("contact", log, "--bias", "automatic"), "automatic")
@@ -200,7 +165,7 @@ def test_bad_use_is_refused_in_one_line(run: Run, log: Path) -> None:
     assert err.count("\n") == 1
 
 
-def test_find_surface_needs_touches(run: Run, log: Path) -> None:
+def test_find_surface_needs_touches(run: Run, log: Path, refused: Refused) -> None:
     refused(run("contact", log, "--find-surface"), "1 touch")
 
 

@@ -105,7 +105,7 @@ def test_elasticity_of_a_joint_that_is_simulated_apart(encoder: str) -> None:
         motion, torque = [derivative(k) for k in range(3)], link * derivative(2) + rotor * wound[2]
         model, expected = Model("rigid-body", "joint-elasticity"), -rotor * link / stiffness
     every, none = np.ones(len(t), np.bool_), np.zeros(len(t), np.bool_)
-    e = Experiment(one_axis(t, *motion), torque[None], every, np.ones(1), None, none)
+    e = Experiment(one_axis(t, *motion), torque[None], every, np.ones(1), None, none, np.arange(len(t)))
     rigid, _ = least_squares(Model("rigid-body"), e)
     elastic, values = least_squares(model, e)
     assert elastic < 0.05 * rigid

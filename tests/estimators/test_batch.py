@@ -52,7 +52,8 @@ def test_variable_projection_finds_what_a_full_search_finds() -> None:
     measured = predict(TRUTH) + rng.normal(scale=0.05, size=(1, len(SIGNALS)))
     found = solve(predict, measured, PARAMETERS)
     reference, covariance = curve_fit(
-        lambda _, *p: predict(np.array(p)).ravel(), SIGNALS.t, measured.ravel(), p0=(1500, 100, 1.2), method="trf", x_scale=(100, 100, 0.1)
+        lambda _, *p: predict(np.array(p)).ravel(), SIGNALS.t, measured.ravel(), p0=(1500, 100, 1.2), method="trf",
+        x_scale=(100, 100, 0.1),
     )
     np.testing.assert_allclose(found.values, reference, rtol=1e-5)  # curve_fit stops at 1e-8 of the cost
     np.testing.assert_allclose(found.standard_errors, np.sqrt(np.diag(covariance)), rtol=0.05)

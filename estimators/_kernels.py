@@ -1,0 +1,361 @@
+"""Kernels of the recursive estimators: covariances as U·diag(d)·Uᵀ, one sample at a time, nothing allocated.
+
+U is upper triangular with a unit diagonal and d ≥ 0, so the covariance stays symmetric and positive semi-definite
+whatever rounding does (Bierman 1977, *Factorization Methods for Discrete Sequential Estimation*, ch. V). The number of
+parameters `p` is a constant wherever it is the length of a tuple; LLVM then unrolls every loop, and a sample with four
+parameters costs about 100 cycles. A single sample online is a batch of one: there is no second implementation.
+
+`state` of p parameters, one float64 array: theta (p) | d (p) | U (p·p) | diagonal of P (p) | tally (4) = weighted sum of
+squared residuals, sum of weights, sum of squared weights, number of updates.
+`window` of excitation: gram (blocks, p, p), scale (p), cursor (5) = block, samples in it, full blocks, value, fixed scale.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from kinid.estimators._jit import inlined, jit
+
+#: the numbers of `kinid.estimators.estimate.Status`
+VALID, STARTING, NOT_EXCITED, NO_CONTACT, BELOW_NOISE, TOO_FAST, NOT_FINITE, NOT_SLIDING, MISFIT = range(9)
+
+#: an estimate is called one after p + EARLY samples: before, its noise is guessed from too few residuals
+EARLY = 8
+
+#: keeps what fades from becoming denormal, which is fifty times slower
+TINY = 1e-150
+
+#: beyond this a number is a fault of the log, as inf is: its powers would soon overflow
+HUGE = 1e50
+
+
+# --- covariance in factored form -------------------------------------------------------------------------------------
+
+
+@inlined
+def rank_one(p: int, u: Any, d: Any, phi: Any, eps: float, gain: Any) -> float:
+    """P ← P − ε Pφφᵀ P / (1 + ε φᵀPφ); `gain` becomes Pφ of the old P; returns 1 + ε φᵀPφ, which must be > 0.
+
+    Bierman's measurement update, scaled by ε so that ε ≤ 0 (information taken away) works too.
+    """
+    alpha, inverse = 1.0, 1.0
+    for j in range(p):
+        f = phi[j]
+        for i in range(j):
+            f += u[i, j] * phi[i]
+        v = d[j] * f
+        slope = -eps * f * inverse
+        before = alpha
+        alpha += eps * f * v
+        inverse = 1.0 / alpha
+        d[j] *= before * inverse
+        for i in range(j):
+            old = u[i, j]
+            u[i, j] = old + gain[i] * slope
+            gain[i] += old * v
+        gain[j] = v
+    return alpha
+
+
+@inlined
+def add_noise(p: int, u: Any, d: Any, i: int, q: float, work: Any) -> None:
+    """P ← P + q e_i e_iᵀ with q ≥ 0 (Agee & Turner 1972)."""
+    for j in range(p):
+        work[j] = 0.0
+    work[i] = 1.0
+    c = q
+    for j in range(i, -1, -1):
+        s = work[j]
+        fresh = d[j] + c * s * s
+        if fresh > 0.0:
+            beta = c * s / fresh
+            c *= d[j] / fresh
+            d[j] = fresh
+            for k in range(j):
+                work[k] -= s * u[k, j]
+                u[k, j] += beta * work[k]
+
+
+@inlined
+def covariance(p: int, u: Any, d: Any, i: int, j: int) -> float:
+    """Element (i, j) of U·diag(d)·Uᵀ."""
+    total = 0.0
+    for k in range(max(i, j), p):
+        total += u[i, k] * d[k] * u[j, k]
+    return total
+
+
+@inlined
+def quadratic(p: int, u: Any, d: Any, phi: Any) -> float:
+    """φᵀPφ."""
+    total = 0.0
+    for j in range(p):
+        f = phi[j]
+        for i in range(j):
+            f += u[i, j] * phi[i]
+        total += d[j] * f * f
+    return total
+
+
+@inlined
+def hold(p: int, u: Any, d: Any, limit: Any, work: Any, gain: Any) -> None:
+    """A virtual measurement along each axis whose variance passed its limit, so that it equals the limit.
+
+    It reads what is believed already, so the parameters stay; other directions go on forgetting.
+    """
+    for i in range(p):
+        variance = covariance(p, u, d, i, i)
+        if variance > limit[i]:
+            for j in range(p):
+                work[j] = 0.0
+            work[i] = 1.0
+            rank_one(p, u, d, work, 1.0 / limit[i] - 1.0 / variance, gain)
+    for j in range(p):
+        for i in range(j):
+            if abs(u[i, j]) < TINY:  # correlations that fade
+                u[i, j] = 0.0
+
+
+# --- least squares ---------------------------------------------------------------------------------------------------
+
+
+@inlined
+def parts(p: int, state: Any) -> Any:
+    """Views of theta, d, U, diagonal of P and tally."""
+    m = 2 * p + p * p
+    return state[:p], state[p : 2 * p], state[2 * p : m].reshape(p, p), state[m : m + p], state[m + p :]
+
+
+@inlined
+def learn(
+    p: int, theta: Any, d: Any, u: Any, own: Any, tally: Any, phi: Any, y: float, factor: float,
+    limit: Any, directional: bool, work: Any, gain: Any,
+) -> float:  # fmt: skip
+    """One sample of recursive least squares; returns the innovation y − φᵀθ.
+
+    Exponential: P⁻¹ ← β P⁻¹ + φφᵀ. Directional (Kulhavý 1987, Automatica 23(5):589-600): P⁻¹ ← P⁻¹ + ε φφᵀ with
+    ε = β − (1 − β)/(φᵀPφ): only what φ informs is forgotten.
+    """
+    innovation = y
+    for j in range(p):
+        innovation -= phi[j] * theta[j]
+    if directional:
+        s = quadratic(p, u, d, phi)
+        alpha = 1.0 + s
+        for j in range(p):
+            gain[j] = 0.0
+        if s > TINY:
+            rank_one(p, u, d, phi, factor - (1.0 - factor) / s, gain)
+    else:
+        inverse = 1.0 / factor
+        beyond = False
+        for j in range(p):
+            d[j] *= inverse
+            beyond |= own[j] * inverse > limit[j]
+        if beyond:
+            hold(p, u, d, limit, work, gain)
+        alpha = rank_one(p, u, d, phi, 1.0, gain)
+    step = innovation / alpha
+    for j in range(p):
+        theta[j] += gain[j] * step
+    if directional:
+        hold(p, u, d, limit, work, gain)
+    for j in range(p):
+        own[j] = covariance(p, u, d, j, j)
+    if tally[3] >= p:  # the first p innovations speak of the prior, not of the noise
+        tally[0] = factor * tally[0] + innovation * step + TINY * TINY
+        tally[1] = factor * tally[1] + 1.0
+        # directional weights are no powers of β: there P alone, an upper bound, stands for the covariance
+        tally[2] = (factor if directional else factor * factor) * tally[2] + 1.0
+    tally[3] += 1.0
+    return innovation
+
+
+@inlined
+def noise_variance(tally: Any) -> float:
+    """Weighted mean of squared residuals; inf before there is one."""
+    return float(tally[0] / tally[1]) if tally[1] > 0.0 else math.inf
+
+
+@inlined
+def spread(tally: Any) -> float:
+    """What turns P into a covariance: noise variance times Σw²/Σw, exact for white noise and steady excitation."""
+    return tally[0] * tally[2] / (tally[1] * tally[1]) if tally[1] > 0.0 else np.inf
+
+
+@inlined
+def scaled(variance: float, factor: float) -> float:
+    """Their product, where 0·inf is 0: what is known for sure stays so."""
+    return variance * factor if variance > 0.0 else 0.0
+
+
+# --- excitation ------------------------------------------------------------------------------------------------------
+
+
+@inlined
+def rotate(p: int, a: Any, i: int, j: int) -> None:
+    """The Jacobi rotation that zeroes a[i, j] of a symmetric matrix."""
+    theta = (a[j, j] - a[i, i]) / (2.0 * a[i, j])
+    t = math.copysign(1.0, theta) / (abs(theta) + math.sqrt(theta * theta + 1.0))
+    c = 1.0 / math.sqrt(t * t + 1.0)
+    s = t * c
+    for k in range(p):
+        aki, akj = a[k, i], a[k, j]
+        a[k, i], a[k, j] = c * aki - s * akj, s * aki + c * akj
+    for k in range(p):
+        aik, ajk = a[i, k], a[j, k]
+        a[i, k], a[j, k] = c * aik - s * ajk, s * aik + c * ajk
+
+
+@jit
+def smallest_eigenvalue(shape: Any, a: Any) -> float:
+    """Smallest eigenvalue of a symmetric matrix (p, p), which is overwritten: cyclic Jacobi rotations."""
+    p = len(shape)
+    for _ in range(30):
+        settled = True
+        for i in range(p):
+            for j in range(i + 1, p):
+                if a[i, j] * a[i, j] > 1e-20 * abs(a[i, i] * a[j, j]) + 1e-40:  # converges quadratically: 1e-20 left
+                    settled = False
+                    rotate(p, a, i, j)
+        if settled:
+            break
+    least = math.inf
+    for i in range(p):
+        least = min(least, float(a[i, i]))
+    return least
+
+
+@jit
+def window_value(
+    shape: Any, gram: Any, scale: Any, fixed: bool, full: bool, samples: float, size: Any, a: Any
+) -> float:
+    """Smallest singular value of the window's rows, each column over its scale, divided by √samples."""
+    blocks, p = gram.shape[0], len(shape)
+    for i in range(p):
+        for j in range(i, p):
+            total = 0.0
+            for b in range(blocks):
+                total += gram[b, i, j]
+            a[i, j] = a[j, i] = total / samples
+    for i in range(p):
+        size[i] = scale[i] if fixed else max(scale[i], math.sqrt(a[i, i]))
+        if full:
+            scale[i] = size[i]
+    for i in range(p):
+        for j in range(p):
+            both = size[i] * size[j]
+            a[i, j] = a[i, j] / both if both > 0.0 else 0.0
+    return math.sqrt(max(smallest_eigenvalue(shape, a), 0.0))
+
+
+@inlined
+def excite(p: int, shape: Any, gram: Any, scale: Any, cursor: Any, length: int, phi: Any, size: Any, a: Any) -> None:
+    """One row more in the window. The value is renewed when a block is full, and at 2, 4, 8 … samples of the first."""
+    block = int(cursor[0])
+    for i in range(p):
+        for j in range(i, p):
+            gram[block, i, j] += phi[i] * phi[j]
+    cursor[1] += 1.0
+    count = int(cursor[1])
+    if count == length:
+        blocks = gram.shape[0]
+        cursor[2] = min(cursor[2] + 1.0, float(blocks))
+        full = cursor[2] == blocks
+        cursor[3] = window_value(shape, gram, scale, cursor[4] > 0.0, full, cursor[2] * length, size, a)
+        block = (block + 1) % blocks
+        cursor[0], cursor[1] = float(block), 0.0
+        for i in range(p):
+            for j in range(i, p):
+                gram[block, i, j] = 0.0
+    elif cursor[2] == 0.0 and count >= p and count & (count - 1) == 0:
+        cursor[3] = window_value(shape, gram, scale, cursor[4] > 0.0, False, float(count), size, a)
+
+
+@jit
+def excitation(shape: Any, rows: Any, window: Any, length: int, scratch: Any, values: Any) -> None:
+    """The window's value after each row."""
+    gram, scale, cursor = window
+    for k in range(rows.shape[0]):
+        excite(len(shape), shape, gram, scale, cursor, length, rows[k], scratch[0], scratch[1:])
+        values[k] = cursor[3]
+
+
+# --- linear regression -----------------------------------------------------------------------------------------------
+
+
+@jit
+def least_squares(
+    shape: Any, state: Any, rows: Any, outputs: Any, factors: Any, codes: Any, limit: Any, directional: bool,
+    window: Any, length: int, threshold: float, scratch: Any, out: Any,
+) -> None:  # fmt: skip
+    """All samples; `shape` is any tuple of p floats; `factors` and `codes` hold n values or one for all."""
+    p = len(shape)
+    theta, d, u, own, tally = parts(p, state)
+    phi, work, gain, a = scratch[0], scratch[1], scratch[2], scratch[3:]
+    gram, scale, cursor = window
+    thetas, variances, innovations, noises, excitations, statuses, _ = out
+    varying, coded = len(factors) > 1, len(codes) > 1
+    for k in range(rows.shape[0]):
+        y, code = outputs[k], codes[k if coded else 0]
+        fine = abs(y) < HUGE
+        for j in range(p):
+            phi[j] = rows[k, j]
+            fine &= abs(phi[j]) < HUGE
+        if not fine:
+            code = NOT_FINITE
+        innovations[k] = 0.0
+        if code == VALID:
+            factor = factors[k if varying else 0]
+            innovations[k] = learn(p, theta, d, u, own, tally, phi, y, factor, limit, directional, work, gain)
+        else:
+            for j in range(p):
+                phi[j] = 0.0
+        if length > 0:
+            excite(p, shape, gram, scale, cursor, length, phi, work, a)
+        if code == VALID and tally[3] <= p + EARLY:
+            code = STARTING
+        elif code == VALID and cursor[3] < threshold:
+            code = NOT_EXCITED
+        statuses[k] = code
+        noise, factor = np.inf, np.inf
+        if tally[1] > 0.0:
+            inverse = 1.0 / tally[1]
+            noise = tally[0] * inverse
+            factor = noise * tally[2] * inverse
+        noises[k] = noise
+        excitations[k] = cursor[3]
+        for j in range(p):
+            thetas[k, j] = theta[j]
+            variances[k, j] = scaled(own[j], factor)
+
+
+@jit
+def kelvin_voigt_rows(depth: Any, rate: Any, force: Any, contact: Any, rows: Any, outputs: Any, codes: Any) -> None:
+    """Regressors [x, ẋ] of f = K x + B ẋ."""
+    for k in range(len(depth)):
+        rows[k, 0], rows[k, 1], outputs[k] = depth[k], rate[k], force[k]
+        codes[k] = NO_CONTACT if depth[k] <= 0.0 or not contact[k] else VALID
+
+
+@jit
+def friction_rows(
+    load: Any, slip: Any, force: Any, speed: float, least: float, rows: Any, outputs: Any, codes: Any
+) -> None:
+    """Regressors [N, |v|] of T = μ N + c |v|, with T the force against the slip; slip and force are (n, axes)."""
+    for k in range(len(load)):
+        square, along = 0.0, 0.0
+        for i in range(slip.shape[1]):
+            square += slip[k, i] * slip[k, i]
+            along -= slip[k, i] * force[k, i]
+        v = math.sqrt(square)
+        rows[k, 0], rows[k, 1], outputs[k], codes[k] = load[k], v, along, VALID
+        if load[k] <= least:
+            codes[k] = NO_CONTACT
+        elif v <= speed:
+            codes[k] = NOT_SLIDING
+        else:
+            outputs[k] = along / v

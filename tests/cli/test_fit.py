@@ -1,0 +1,93 @@
+"""`kinid fit`, `kinid compare` and `kinid contact --compensate` as a user meets them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+Run = Callable[..., tuple[int, str, str]]
+Refused = Callable[..., None]
+
+
+def test_fit_prints_and_writes_what_the_contract_says(run: Run, log: Path) -> None:
+    folder = log.parent
+    code, said, err = run("fit", log, "--model", "kelvin-voigt,coulomb-friction", "--json", folder / "f.json",
+                          "--plot", folder / "f.html", "-o", folder / "f.parquet")  # fmt: skip
+    assert code == 0, err
+    assert "kelvin-voigt.stiffness" in said
+    facts = json.loads((folder / "f.json").read_text())
+    assert facts["model"] == ["kelvin-voigt", "coulomb-friction"]
+    stiffness = facts["parameters"]["kelvin-voigt.stiffness"]
+    assert stiffness["low"] < 732.0 < stiffness["high"]
+    assert stiffness["unit"] == "N/m"
+    assert set(facts["error"]) == {"unit", "train", "held_out", "noise_floor"}
+    assert "depth [mm]" in (folder / "f.html").read_text()
+    table = pq.read_table(folder / "f.parquet")
+    assert "normal_force_model" in table.column_names
+    residual = table["normal_force"].to_numpy() - table["normal_force_model"].to_numpy()
+    assert np.sqrt(np.nanmean(residual**2)) < 0.04  # the sensor's noise of 0.03 N
+
+
+def test_compare_ranks(run: Run, log: Path) -> None:
+    folder = log.parent
+    code, said, err = run("compare", log, "--model", "hooke", "--model", "kelvin-voigt", "--model", "hertz",
+                          "--reference", "hooke", "--json", folder / "c.json", "--plot", folder / "c.html")  # fmt: skip
+    assert code == 0, err
+    facts = json.loads((folder / "c.json").read_text())
+    assert facts["models"][0]["model"] == ["kelvin-voigt"]
+    assert facts["reference"] == "hooke"
+    assert "reference" in said
+    assert (folder / "c.html").stat().st_size > 1e6
+
+
+def test_joint_effects_are_fitted_to_joint_torques(run: Run, log: Path) -> None:
+    code, said, err = run("fit", log, "--model", "rigid-body,joint-torque-offset,joint-coulomb-friction")
+    assert code == 0, err
+    assert "joint-coulomb-friction.coulomb[joint_7]" in said
+    assert "N·m rms" in said
+
+
+def test_coupling_is_fitted_and_taken_out(run: Run, log: Path) -> None:
+    table = pq.read_table(log).to_pydict()
+    fx = np.array(table["fx"]) + 0.05 * np.array(table["fz"])
+    table["fx"] = list(fx)
+    import pyarrow as pa
+
+    pq.write_table(pa.table(table), log)
+    fit = log.parent / "fit.json"
+    code, _, err = run("fit", log, "--model", "kelvin-voigt,coulomb-friction,sensor-crosstalk", "--json", fit)
+    assert code == 0, err
+    code, said, err = run("contact", log, "--compensate", fit, "-o", log.parent / "out.parquet", "--json", log.parent / "s.json")
+    assert code == 0, err
+    assert "coupling taken out (sensor-crosstalk)" in said
+    table = pq.read_table(log.parent / "out.parquet")
+    poke = np.array(table["phase"].to_pylist()) == "hold"
+    # held still before any slide, the true tangential force is nearly zero; 5 % of 2.9 N were false
+    assert abs(np.mean(table["tangential_force1"].to_numpy()[poke])) < 0.03
+    assert "lateral_rms_after" in json.loads((log.parent / "s.json").read_text())["compensated"]
+
+
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        (["fit", "--model", "hunt-crosley"], "hunt-crossley"),
+        (["fit", "--model", ","], "names of effects"),
+        (["fit", "--model", "hooke,hertz"], "one contact law"),
+        (["fit", "--model", "presliding"], "coulomb-friction"),
+        (["compare", "--model", "hooke", "--reference", "hertz"], "hertz"),
+        (["contact", "--compensate", "nothing.json"], "nothing.json"),
+    ],
+)
+def test_bad_use_is_refused_in_one_line(run: Run, refused: Refused, log: Path, args: list[str], words: str) -> None:
+    refused(run(args[0], log, *args[1:]), words)
+
+
+def test_a_surface_far_below_is_said(run: Run, refused: Refused, log: Path) -> None:
+    rig = log.parent / "rig.toml"
+    rig.write_text(rig.read_text().replace("0.10]", "-0.50]"))
+    refused(run("fit", log, "--model", "hooke"), "never positive")
