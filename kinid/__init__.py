@@ -6,16 +6,15 @@ Names load where they are first used, so that `import kinid` stays fast.
 from __future__ import annotations
 
 import importlib
-import sys
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from kinid.contact import ContactSeries, contact_series, tip_motion
     from kinid.derivative import Differentiator
     from kinid.errors import InputError, KinidError
-    from kinid.joint_torques import JointTorques, joint_torques
+    from kinid.inverse_dynamics import JointTorques, joint_torques
     from kinid.log import Log
+    from kinid.model import Model
     from kinid.readers import read
     from kinid.rig import Rig
     from kinid.robot import Robot
@@ -27,8 +26,9 @@ _HOME = {
     "ContactSeries": "contact", "contact_series": "contact", "tip_motion": "contact",
     "Differentiator": "derivative",
     "InputError": "errors", "KinidError": "errors",
-    "JointTorques": "joint_torques", "joint_torques": "joint_torques",
+    "JointTorques": "inverse_dynamics", "joint_torques": "inverse_dynamics",
     "Log": "log",
+    "Model": "model",
     "read": "readers",
     "Rig": "rig",
     "Robot": "robot",
@@ -42,6 +42,7 @@ __all__ = [
     "JointTorques",
     "KinidError",
     "Log",
+    "Model",
     "Rig",
     "Robot",
     "contact_series",
@@ -56,16 +57,6 @@ def __getattr__(name: str) -> Any:
     if name in _HOME:
         return getattr(importlib.import_module(f"kinid.{_HOME[name]}"), name)
     raise AttributeError(f"module 'kinid' has no attribute '{name}'")
-
-
-class _Package(ModuleType):
-    """Importing a submodule binds its name here; one that is named like its function must not hide the function."""
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        super().__setattr__(name, getattr(value, name) if name in _HOME and isinstance(value, ModuleType) else value)
-
-
-sys.modules[__name__].__class__ = _Package
 
 
 def __dir__() -> list[str]:

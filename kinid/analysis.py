@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from kinid.contact import ContactSeries, contact_series, tip_motion
 from kinid.derivative import Differentiator
 from kinid.errors import InputError
-from kinid.joint_torques import JointTorques, joint_torques
+from kinid.inverse_dynamics import JointTorques, joint_torques
 from kinid.log import Log, Provenance
 from kinid.motion import TipMotion
 from kinid.rig import CONTACT, Rig

@@ -188,7 +188,7 @@ def from_joint_torques(
     slides = [_slides(rig, j) for j in range(q.shape[1])]
     valid: NDArray[np.bool_] = np.isfinite(log.tau[rows].sum(axis=1))
     if robot is not None:
-        from kinid.joint_torques import inverse_dynamics
+        from kinid.inverse_dynamics import inverse_dynamics
 
         carried = None
         if log.wrench is not None and robot.sensor_frame is not None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from kinid.analysis import Analysis
 from kinid.contact import ContactSeries
-from kinid.joint_torques import JointTorques
+from kinid.inverse_dynamics import JointTorques
 from kinid.motion import TipMotion
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from kinid.errors import KinidError
-from kinid.joint_torques import inverse_dynamics
+from kinid.inverse_dynamics import inverse_dynamics
 from kinid.log import Log
 from kinid.rig import Rig
 from kinid.robot import Robot

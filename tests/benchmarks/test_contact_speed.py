@@ -295,7 +295,7 @@ def test_a_long_log_from_parquet_to_parquet(
 
 MEMORY = """
 import sys
-import kinid, kinid.contact, kinid.joint_torques, kinid.readers.parquet, kinid.kernels.local_polynomial, pyarrow.parquet
+import kinid, kinid.contact, kinid.inverse_dynamics, kinid.readers.parquet, kinid.kernels.local_polynomial, pyarrow.parquet
 from pathlib import Path
 from kinid.writers import write_table
 log, out = Path(sys.argv[1]), Path(sys.argv[2])

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from kinid.errors import InputError
-from kinid.joint_torques import inverse_dynamics, joint_torques
+from kinid.inverse_dynamics import inverse_dynamics, joint_torques
 from kinid.log import Log
 from kinid.rig import Rig
 from kinid.robot import Robot
