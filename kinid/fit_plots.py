@@ -9,6 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.compare import Comparison
+from kinid.estimators.estimate import Track
+from kinid.estimators.forgetting import Constant
+from kinid.estimators.friction import Friction
+from kinid.estimators.hunt_crossley import SingleStage
+from kinid.estimators.kelvin_voigt import KelvinVoigt
 from kinid.fit import Fit
 from kinid.plots import BLUE, GREEN, GREY, MOST_POINTS, ORANGE, VERMILION, finish, line, page, thin
 
@@ -17,6 +22,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+#: memory of the recursive estimates that are drawn [s]
+MEMORY = 2.0
 COLOURS = (VERMILION, GREEN, ORANGE, "#CC79A7", "#56B4E9", "#F0E442")
 
 
@@ -39,7 +46,53 @@ def fit_page(fit: Fit, title: str) -> str:
     figures = [("Readings over time", _time_figure(fits))]
     if "normal_force" in fit.experiment.layout.channels:
         figures.insert(0, ("Force over depth", _loop_figure(fits)))
+    tracks = recursive_tracks(fit)
+    if tracks:
+        figures.append(("Estimates over time, recursively (band: 95 %; where the log excites them)", _track_figure(fit, tracks)))
     return page(title, head, figures)
+
+
+def recursive_tracks(fit: Fit) -> dict[str, Track]:
+    """What the recursive estimators say sample by sample, for the laws that have one: base law and dry friction."""
+    experiment = fit.experiment
+    signals, channels = experiment.signals, experiment.layout.channels
+    out: dict[str, Track] = {}
+    if "normal_force" not in channels:
+        return out
+    force = experiment.measured[channels.index("normal_force")]
+    forgetting = Constant(1.0 - min(0.02, float(np.median(np.diff(signals.t))) / MEMORY))
+    estimator = {"hooke": KelvinVoigt, "kelvin-voigt": KelvinVoigt, "hunt-crossley": SingleStage}.get(fit.model.names[0])
+    if estimator is not None:
+        touching = experiment.in_contact & (signals.depth > 0)
+        out[fit.model.names[0]] = estimator(forgetting=forgetting).run(signals.depth, signals.depth_rate, force, in_contact=touching)
+    if "coulomb-friction" in fit.model and "tangential_force2" in channels:
+        out["friction"] = Friction(forgetting=forgetting).run(force, signals.slip_rate.T, experiment.measured[-2:].T)
+    return out
+
+
+def _track_figure(fit: Fit, tracks: dict[str, Track]) -> Figure:
+    """One row a parameter: value and 95 % band, where the estimate is valid."""
+    from plotly.subplots import make_subplots
+
+    rows = [(track, i, f"{law}: {name}") for law, track in tracks.items() for i, name in enumerate(track.names)]
+    figure = make_subplots(rows=len(rows), cols=1, shared_xaxes=True, vertical_spacing=0.3 / len(rows),
+                           subplot_titles=[title for _, _, title in rows])  # fmt: skip
+    t = fit.experiment.signals.t
+    keep = np.arange(0, len(t), 1 + len(t) // MOST_POINTS)
+    for row, (track, i, _) in enumerate(rows, start=1):
+        value, half = track.theta[:, i], 1.96 * track.std[:, i]
+        good = track.valid & (half < 10 * np.abs(value) + 1e-12)
+        value, half = np.where(good, value, np.nan)[keep], np.where(good, half, np.nan)[keep]
+        line(figure, t[keep], value - half, "95 %", "#b9d3ea", row, legend=False)
+        line(figure, t[keep], value + half, "95 %", "#b9d3ea", row, legend=False)
+        line(figure, t[keep], value, "estimate", BLUE, row, legend=False)
+        held = value[np.isfinite(value)]
+        if len(held):  # the first samples know next to nothing: they don't set the scale
+            low, high = np.quantile(held, [0.05, 0.95])
+            figure.update_yaxes(range=[low - 0.5 * (high - low) - 1e-9, high + 0.5 * (high - low) + 1e-9], row=row, col=1)
+    figure.update_xaxes(title_text="time [s]", row=len(rows), col=1)
+    finish(figure, 190 * len(rows) + 60)
+    return figure
 
 
 def comparison_page(result: Comparison, title: str) -> str:

@@ -38,7 +38,9 @@ def demo(
     seed: Annotated[int, typer.Option(help="Seed of the virtual experiment.")] = 0,
 ) -> None:
     """From raw joint logs to contact-frame quantities, on a virtual poke and, where found, on a measured LWR4+ log."""
+    from kinid.cli.compare import compare
     from kinid.cli.contact import contact
+    from kinid.cli.fit import fit
     from kinid.cli.show import console
     from kinid.lab.scripted import scripted_poke
     from kinid.writers import make_folder, write_text
@@ -50,6 +52,12 @@ def demo(
     say(f"its raw log: {log} (joints, joint torques, wrench), what measured it: {out / 'rig.toml'}\n", soft_wrap=True)
     say(f"$ kinid contact {log} -o {out / 'contact.parquet'} --plot {out / 'contact.html'}", soft_wrap=True)
     contact(log, out=out / "contact.parquet", plot=out / "contact.html")
+    say(f"\n$ kinid fit {log} --model kelvin-voigt,coulomb-friction --plot {out / 'fit.html'}", soft_wrap=True)
+    fit(log, "kelvin-voigt,coulomb-friction", plot=out / "fit.html", json_file=out / "fit.json")
+    say(f"the truth, which no other command reads: {out / 'truth' / 'truth.json'}\n", soft_wrap=True)
+    models = ["hooke", "kelvin-voigt", "hertz"]
+    say(f"$ kinid compare {log} --model " + " --model ".join(models), soft_wrap=True)
+    compare(log, models, plot=out / "compare.html")
     folder = real or Path(os.environ.get("KINID_REAL_DATA") or "../shared/real")
     measured = folder / "lwr4plus-motion" / "measurements_1.npz"
     if measured.is_file():
@@ -61,4 +69,5 @@ def demo(
         contact(measured, rig=rig, out=out / "lwr4plus-motion.parquet", plot=page)
     else:
         say(f"\nno measured logs at {folder} (KINID_REAL_DATA names their folder): that part is left out")
-    say(f"\nlook at the pictures in {out}: contact.html" + (" and lwr4plus-motion.html" if measured.is_file() else ""))
+    pages = ["contact.html", "fit.html", "compare.html", *(["lwr4plus-motion.html"] if measured.is_file() else [])]
+    say(f"\nlook at the pictures in {out}: {', '.join(pages)}")
