@@ -64,7 +64,8 @@ def recursive_tracks(fit: Fit) -> dict[str, Track]:
     estimator = {"hooke": KelvinVoigt, "kelvin-voigt": KelvinVoigt, "hunt-crossley": SingleStage}.get(fit.model.names[0])
     if estimator is not None:
         touching = experiment.in_contact & (signals.depth > 0)
-        out[fit.model.names[0]] = estimator(forgetting=forgetting).run(signals.depth, signals.depth_rate, force, in_contact=touching)
+        run = estimator(forgetting=forgetting).run
+        out[fit.model.names[0]] = run(signals.depth, signals.depth_rate, force, in_contact=touching)
     if "coulomb-friction" in fit.model and "tangential_force2" in channels:
         out["friction"] = Friction(forgetting=forgetting).run(force, signals.slip_rate.T, experiment.measured[-2:].T)
     return out

@@ -137,11 +137,12 @@ class ColumnSpec(_Table):
     unit: Unit | None = None
     scale: Finite = 1.0
     offset: Finite = 0.0
+    rate: Positive | None = None  # [Hz], for t alone: rows come evenly, and no column holds the time
 
     @model_validator(mode="after")
     def _one_source(self) -> ColumnSpec:
-        if self.column is not None and self.columns is not None:
-            raise PydanticCustomError("columns", "either 'column' or 'columns', not both")
+        if sum(source is not None for source in (self.column, self.columns, self.rate)) > 1:
+            raise PydanticCustomError("columns", "one of 'column', 'columns' and 'rate'")
         return self
 
 
@@ -183,7 +184,9 @@ class Rig(_Table):
 
     @model_validator(mode="after")
     def _columns_known(self) -> Rig:
-        for name in self.columns:
+        for name, spec in self.columns.items():
+            if spec.rate is not None and name != "t":
+                raise PydanticCustomError("rate", "a rate for t alone, not for '{name}'", {"name": name})
             if not _known_quantity(name):
                 valid = (*GROUPS, *WRENCH, *CONTACT, "t", "phase", "q1", "dq1", "ddq1", "tau1", "q_cmd1")
                 raise PydanticCustomError(

@@ -156,7 +156,7 @@ def test_a_rig_can_not_be_changed(tmp_path: Path) -> None:
         ("[columns]\nq_0x = { column = 2 }", "", "quantities of the log format"),
         ("[columns]\nfx1 = { column = 2 }", "", "'fx'"),
         ('[columns]\ndepth = { column = 2, unit = "mmm" }', "depth.unit = 'mmm'", "'mm'"),
-        ('[columns]\nq = { column = "a", columns = ["b"] }', "q", "either 'column' or 'columns'"),
+        ('[columns]\nq = { column = "a", columns = ["b"] }', "q", "one of 'column', 'columns' and 'rate'"),
         ("[columns]\nq = { column = 1.5 }", "q.column = 1.5", "string"),
         ("[columns]\nq1 = { column = 1, scale = nan }", "q1.scale = nan", "finite"),
         ("[columns]\nq1 = { column = 1, offset = inf }", "q1.offset = inf", "finite"),

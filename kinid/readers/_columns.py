@@ -113,6 +113,10 @@ def to_log(table: Table, rig: Rig, joints: Sequence[str] | None = None) -> Log:
             n = len(fields["t"])
             facts |= {"rows": n} | ({"time_origin": origin} if origin is not None else {})
             continue
+        if "t" not in fields:  # rows that come evenly: the first quantity tells how many
+            n = len(arrays[0])
+            fields["t"] = np.arange(n) / (rig.columns["t"].rate or 1.0)
+            facts |= {"rows": n, "time_from_rate_hz": rig.columns["t"].rate}
         shapes = [a.shape for a in arrays if a.shape[:1] != (n,)]
         if shapes:
             found = f"{quantity} of shape {shapes[0]} beside {n} times in {table.source}"
@@ -187,10 +191,11 @@ def _plan(table: Table, rig: Rig, joints: Sequence[str] | None) -> Plan:
     """Where each quantity comes from, the time first."""
     plan: Plan = {}
     single = {name: _single(table, rig, name) for name in ("t", "phase", *CONTACT)}
-    if single["t"] is None:
+    if single["t"] is not None:
+        plan["t"] = [single["t"]]
+    elif "t" not in rig.columns or rig.columns["t"].rate is None:
         raise InputError(f"no time in {table.source} {_shown(table)}", "a column 't' [s]",
-                         'name it: [columns] t = { column = …, unit = "s" }')  # fmt: skip
-    plan["t"] = [single["t"]]
+                         'name it: [columns] t = { column = …, unit = "s" }, or t = { rate = 500 } for rows that come evenly')  # fmt: skip
     groups = {group: _group(table, rig, group, None) for group in JOINT_GROUPS}
     # where the rig names only a group's first column, the other groups or the robot say how many there are
     counts = [len(g) for g in groups.values() if g and g[0].position not in table.blocks]

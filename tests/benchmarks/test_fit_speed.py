@@ -123,4 +123,5 @@ def test_online_from_raw_samples_to_estimate(benchmark: Any, capsys: pytest.Capt
     machine = 1e6 * np.quantile(waits, 0.999)
     with capsys.disabled():
         print(f"\nonline, raw joints and wrench to estimate: median {best[0]:.1f}, p99 {best[1]:.1f}, p99.9 {best[2]:.1f} µs")
-        print(f"{'PASS' if best[2] <= 20 else 'FAIL'} online p99.9: {best[2]:.1f} µs (≤ 20; waiting as long as a median sample reaches {machine:.1f})")
+        verdict = "PASS" if best[2] <= 20 else "FAIL"
+        print(f"{verdict} online p99.9: {best[2]:.1f} µs (≤ 20; waiting as long as a median sample reaches {machine:.1f})")

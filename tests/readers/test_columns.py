@@ -230,3 +230,16 @@ def test_two_columns_of_one_name(tmp_path: Path) -> None:
         read(tmp_path / "a.csv")
     log = read(tmp_path / "a.csv", Rig.parse({"columns": {"q1": {"column": 2}}}))
     np.testing.assert_array_equal(log.q, [[2], [4]])
+
+
+def test_rows_that_come_evenly_need_no_time_column(tmp_path: Path) -> None:
+    path = tmp_path / "even.csv"
+    np.savetxt(path, np.column_stack([np.arange(10.0), np.ones(10)]), delimiter=",")
+    columns = {"t": {"rate": 500}, "depth": {"column": 0, "unit": "mm"}, "normal_force": {"column": 1}}
+    log = read(path, Rig.parse({"columns": columns}))
+    np.testing.assert_allclose(log.t, np.arange(10) / 500)
+    assert log.provenance.steps[0].facts["time_from_rate_hz"] == 500
+    with pytest.raises(InputError, match="rate"):
+        Rig.parse({"columns": {"depth": {"rate": 500}}})
+    with pytest.raises(InputError, match="rate = 500"):
+        read(path, Rig.parse({"columns": {"depth": {"column": 0}}}))
