@@ -22,6 +22,8 @@ from kinid.wrench import Bias, read_wrench, tool_load
 
 Array = NDArray[np.float64]
 
+#: bandwidth for an axis without a robot [Hz]: drives have encoders fine enough for it
+DRIVE_BANDWIDTH = 50.0
 #: depth that stands for "nowhere near a surface" where the rig has none [m]
 FAR = -1.0
 
@@ -37,6 +39,8 @@ class Experiment:
         noise: standard deviation of each channel's white noise, (channels,).
         phase: names, or None. in_contact: the flag, (n,).
         rows: of the log or the contact series that the samples are: those whose motion is known, (n,).
+        band: readings and predictions are compared below this frequency [Hz]: velocities and accelerations that a
+            differentiator made hold nothing above it. None: at all frequencies.
     """
 
     signals: Signals
@@ -46,6 +50,21 @@ class Experiment:
     phase: NDArray[np.str_] | None
     in_contact: NDArray[np.bool_]
     rows: NDArray[np.int64]
+    band: float | None = None
+
+    def in_band(self, readings: Array) -> Array:
+        """Readings (channels, n) without what lies above the band; zero-phase, piece by piece (Gustafsson 1996)."""
+        if self.band is None:
+            return readings
+        from scipy.signal import butter, sosfiltfilt
+
+        out = readings.copy()
+        sections = butter(4, self.band * 2 * float(np.median(self.signals.dt[self.signals.dt > 0])), output="sos")
+        edges = [*np.flatnonzero(self.signals.dt == 0.0), len(self.signals)]
+        for begin, end in zip(edges[:-1], edges[1:]):
+            if end - begin > 100:
+                out[:, begin:end] = sosfiltfilt(sections, readings[:, begin:end], axis=1)
+        return out
 
     @property
     def layout(self) -> Layout:
@@ -181,6 +200,8 @@ def from_joint_torques(
                          "name their columns in [columns] of the rig")  # fmt: skip
     if robot is None and rig.robot is not None:
         robot = Robot.load(rig)
+    if robot is None and differentiator is None:
+        differentiator = Differentiator(DRIVE_BANDWIDTH)
     q, dq, ddq = _axes_motion(log, differentiator) if robot is None else _joint_motion(log, robot, differentiator)
     rows = np.flatnonzero(np.isfinite(q.sum(axis=1) + dq.sum(axis=1) + ddq.sum(axis=1)))
     t, dt = _clock(log.t, rows, "joint motion", log.provenance.source)
@@ -207,8 +228,11 @@ def from_joint_torques(
     measured = _rows(log.tau[rows])
     none, pair = np.zeros(len(rows)), np.zeros((2, len(rows)))
     signals = Signals(layout, t, dt, none, none, pair, pair, measured=measured, joints=joints)
+    band = None if log.ddq is not None else (differentiator or Differentiator()).bandwidth
+    if band is not None and 4 * band * log.period > 1.0:  # the log's own rate is the limit
+        band = None
     return Experiment(signals, measured, valid, _noise(measured[:, valid]), _named(log.phase, rows),
-                      np.zeros(len(rows), dtype=np.bool_), rows)  # fmt: skip
+                      np.zeros(len(rows), dtype=np.bool_), rows, band)  # fmt: skip
 
 
 def payload_torques(robot: Robot, q: Array, dq: Array, ddq: Array) -> Array:

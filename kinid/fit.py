@@ -164,8 +164,9 @@ def fit_model(
         name: FittedParameter(name, float(v), float(v - h), float(v + h), p.unit)
         for (name, p), v, h in zip(named.items(), solution.values, half)
     }
-    unbiased = experiment.measured - solution.residual - model.predict(experiment.signals, solution.values)
-    return Fit(model, fitted, error, tuple(warnings), solution, experiment, np.nanmedian(unbiased, axis=1))
+    own = experiment.in_band(model.predict(experiment.signals, solution.values))
+    constants = np.nanmedian(task.measured - solution.residual - own, axis=1)
+    return Fit(model, fitted, error, tuple(warnings), solution, experiment, constants)
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,8 +192,13 @@ class Task:
     def __call__(self, values: Array) -> Array:
         """Readings for values of the model's parameters, and of the constants behind them."""
         own = len(values) - (len(self.experiment.measured) if self.free_bias else 0)
-        readings = self.model.predict(self.experiment.signals, values[:own])
+        readings = self.experiment.in_band(self.model.predict(self.experiment.signals, values[:own]))
         return readings + values[own:, None] if self.free_bias else readings
+
+    @cached_property
+    def measured(self) -> Array:
+        """Readings that the model is held against, (channels, n)."""
+        return self.experiment.in_band(self.experiment.measured)
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -213,8 +219,8 @@ class Task:
             start = np.append(start, np.zeros(len(self.experiment.measured)))
         if not self.parameters:
             none = np.zeros(0, np.bool_)
-            return Solution(start, np.zeros((0, 0)), none, none, self.experiment.measured - self(start), 1.0, (), 1, True)
-        found = solve(self, self.experiment.measured, self.parameters, mask=mask, sigma=weights(self.experiment),
+            return Solution(start, np.zeros((0, 0)), none, none, self.measured - self(start), 1.0, (), 1, True)
+        found = solve(self, self.measured, self.parameters, mask=mask, sigma=weights(self.experiment),
                       starts=[start], runs=_runs(self.experiment), covariance=covariance)  # fmt: skip
         return dataclasses.replace(
             found, values=found.values[:own], covariance=found.covariance[:own, :own],
@@ -227,7 +233,7 @@ class Task:
         NaN where a fold is too small to be fitted.
         """
         even = blocks(self.experiment) % 2 == 0
-        out = np.full_like(self.experiment.measured, np.nan)
+        out = np.full_like(self.measured, np.nan)
         for fold in (even, ~even):
             seen = self.experiment.valid & fold
             if seen.sum() * len(self.experiment.measured) > 2 * len(self.parameters):
