@@ -188,7 +188,7 @@ def test_a_drive_needs_friction_that_depends_on_the_direction(real_data: Path) -
     assert errors[0] == pytest.approx(37.5, rel=0.01)
     assert errors[1] <= 2.2
     assert errors[2] <= 1.7
-    # of the benchmark's own table (Janot, Gautier, Brunot 2019): M 95.1 kg, F_v 203.5 N·s/m, F_c 20.4 N
+    # published with the benchmark (Janot, Gautier, Brunot 2019): M 95.1089 kg, F_v 203.5034 N·s/m, F_c 20.3935 N
     assert fit["inertia"].value == pytest.approx(95.1, rel=0.01)
     assert fit["viscous"].value == pytest.approx(203.5, rel=0.01)
     assert fit["coulomb"].value == pytest.approx(20.4, rel=0.01)

@@ -195,7 +195,8 @@ def _plan(table: Table, rig: Rig, joints: Sequence[str] | None) -> Plan:
         plan["t"] = [single["t"]]
     elif "t" not in rig.columns or rig.columns["t"].rate is None:
         raise InputError(f"no time in {table.source} {_shown(table)}", "a column 't' [s]",
-                         'name it: [columns] t = { column = …, unit = "s" }, or t = { rate = 500 } for rows that come evenly')  # fmt: skip
+                         'name it: [columns] t = { column = …, unit = "s" }, or, for rows that come evenly, '
+                         "t = { rate = 500 }")  # fmt: skip
     groups = {group: _group(table, rig, group, None) for group in JOINT_GROUPS}
     # where the rig names only a group's first column, the other groups or the robot say how many there are
     counts = [len(g) for g in groups.values() if g and g[0].position not in table.blocks]
