@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from kinid.inverse_dynamics import JointTorques, joint_torques
     from kinid.log import Log
     from kinid.model import Model
-    from kinid.readers import read
+    from kinid.reading import read
     from kinid.rig import Rig
     from kinid.robot import Robot
     from kinid.touch import find_surface
@@ -29,7 +29,7 @@ _HOME = {
     "JointTorques": "inverse_dynamics", "joint_torques": "inverse_dynamics",
     "Log": "log",
     "Model": "model",
-    "read": "readers",
+    "read": "reading",
     "Rig": "rig",
     "Robot": "robot",
     "find_surface": "touch",

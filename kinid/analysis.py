@@ -52,7 +52,8 @@ class Analysis:
         out: dict[str, Any] = {"ranges": {k: _range(v) for k, v in columns.items()}}
         if self.contact is not None:
             touch = self.contact
-            starts = np.flatnonzero(np.diff(touch.in_contact.astype(np.int8), prepend=0) == 1)
+            # an invalid sample within a touch doesn't end it
+            starts = np.flatnonzero(np.diff(touch.in_contact[touch.valid].astype(np.int8), prepend=0) == 1)
             out |= {"samples": len(touch), "invalid_samples": int((~touch.valid).sum()),
                     "in_contact": float(np.mean(touch.in_contact)), "touches": len(starts)}  # fmt: skip
         if self.torques is not None:

@@ -134,6 +134,9 @@ def contact_series(
     _need_tip(robot)
     table, reading, made = _measured(log, rig, robot, surface, bias, differentiator or Differentiator(), moments, trust_wrench)
     valid = log.valid & np.isfinite(table[: len(CONTACT) if reading is not None else 6].sum(axis=0))
+    if not valid.any():
+        raise InputError(f"not one sample of {log.provenance.source} in which everything is a number",
+                         "finite joint positions, and wrench where there is one", "check its columns")  # fmt: skip
     if not valid.all():
         table[:, ~valid] = np.nan
     flag, thresholds = _touching(table, log, rig, reading is not None, valid)
@@ -188,6 +191,9 @@ def tip_motion(
         sensor = robot.kinematics(robot.sensor_frame, motion.q, motion.dq, motion.ddq)
         load = tool_load(rig.tool or ToolSpec(mass=0.0), sensor, robot.gravity)
         force = np.einsum("nij,nj->ni", sensor.rotation, (reading.true() - load)[:, :3])
+    if not np.isfinite(kinematics.position).all(axis=1).any():
+        raise InputError(f"not one sample of {log.provenance.source} in which every joint position is a number",
+                         "finite joint positions", "check its columns")  # fmt: skip
     return TipMotion(log.t, kinematics.position, kinematics.velocity, force)
 
 

@@ -92,6 +92,17 @@ class ToolSpec(_Table):
     com: Vec3 = (0.0, 0.0, 0.0)  # [m], sensor frame
     inertia: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # [kg·m²] ixx iyy izz ixy ixz iyz about the com, sensor axes
 
+    @model_validator(mode="after")
+    def _possible(self) -> ToolSpec:
+        if math.hypot(*self.com) > 2.0:
+            raise PydanticCustomError("com", "a com within 2 m of the sensor, in m")
+        moments = np.linalg.eigvalsh(self.inertia_matrix)
+        # estimates are never perfect: what is refused is clearly no body's
+        largest = float(np.abs(moments).max())
+        if moments[0] < -0.05 * largest or moments[2] > 1.25 * (moments[0] + moments[1]) + 1e-12:
+            raise PydanticCustomError("inertia", "an inertia that a body can have: moments positive, none above the others' sum")
+        return self
+
     @property
     def inertia_matrix(self) -> Array:
         """Inertia about the com in sensor axes [kg·m²], (3, 3)."""
@@ -143,6 +154,8 @@ class ColumnSpec(_Table):
     def _one_source(self) -> ColumnSpec:
         if sum(source is not None for source in (self.column, self.columns, self.rate)) > 1:
             raise PydanticCustomError("columns", "one of 'column', 'columns' and 'rate'")
+        if self.scale == 0.0:
+            raise PydanticCustomError("scale", "a scale that is not zero")
         return self
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import sys
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -119,11 +122,7 @@ class Robot:
         """The robot of a URDF file; without `joints` those between the base and the tip, in their order."""
         kinid.urdf.check(path)
         name = name or path.stem
-        try:
-            full = pin.buildModelFromUrdf(str(path))
-        except (ValueError, RuntimeError) as error:
-            raise InputError(f"{path}, which Pinocchio can't read ({error})", "a URDF of one arm",
-                             "check it with check_urdf") from None  # fmt: skip
+        full = _parsed(path)
         frames = [frame.name for frame in full.frames]
         sensor_frame = _frame(sensor_frame, DEFAULT_SENSOR_FRAME, frames, "sensor_frame", name)
         tip_frame = _frame(tip_frame, DEFAULT_TIP_FRAME, frames, "tip_frame", name)
@@ -265,6 +264,24 @@ class Robot:
 
     def _parent(self, frame: str) -> int:
         return int(self.frame(frame).parentJoint)
+
+
+def _parsed(path: Path) -> Any:
+    """Pinocchio's model of a URDF; what its parser writes to the process's error stream goes into the message."""
+    with tempfile.TemporaryFile() as said:
+        sys.stderr.flush()
+        kept = os.dup(2)
+        os.dup2(said.fileno(), 2)
+        try:
+            return pin.buildModelFromUrdf(str(path))
+        except (ValueError, RuntimeError) as error:
+            said.seek(0)
+            lines = [line.split("]")[-1].strip() for line in said.read().decode(errors="replace").splitlines()]
+            cause = "; ".join(dict.fromkeys(line for line in (*lines, str(error)) if line))[:300]
+            raise InputError(f"{path}, which Pinocchio can't read ({cause})", "a URDF of one arm", "correct it there") from None
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
 
 
 def _frame(name: str | None, default: str, frames: Sequence[str], key: str, robot: str) -> str | None:

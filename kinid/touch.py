@@ -52,20 +52,33 @@ class FoundSurface:
     def lines(self) -> list[str]:
         """What a reader wants to know of it."""
         point, normal = self.plane.point, self.plane.normal
-        low, high = self.plane.offset_interval
+        low, high = self.offset_interval
+        stray = len(self.onsets) - int(np.sum(self.plane.inliers))
         tilt = np.rad2deg(np.max(np.abs(self.plane.tilt_interval)))
         return [
             f"surface from {len(self.onsets)} touches: point [{point[0]:.5f}, {point[1]:.5f}, {point[2]:.5f}] m, "
             f"normal [{normal[0]:.5f}, {normal[1]:.5f}, {normal[2]:.5f}]",
             f"its height along the normal is known to ± {500 * (high - low):.3g} mm and its tilt to ± {tilt:.2g}° (95 %), "
-            f"onsets scatter {1e3 * self.plane.rms:.3g} mm rms about it",
+            f"onsets scatter {1e3 * self.plane.rms:.3g} mm rms about it"
+            + (f"; {stray} touch{'es' if stray > 1 else ''} off the plane left out" if stray else ""),
         ]
+
+    @property
+    def offset_interval(self) -> tuple[float, float]:
+        """95 % interval of the plane's height along its normal, about the point [m].
+
+        Onsets are found early or late together, because one law of the material shifts them all: what an onset may be off
+        adds to what their scatter tells.
+        """
+        low, high = self.plane.offset_interval
+        common = 1.96 * float(np.mean([onset.sigma for onset in self.onsets]))
+        return float(low) - common, float(high) + common
 
     def to_dict(self) -> dict[str, Any]:
         """Plain types, for JSON: paste point and normal into [surface]."""
         return {
             "point": self.plane.point.tolist(), "normal": self.plane.normal.tolist(), "rms": float(self.plane.rms),
-            "offset_interval": [float(v) for v in self.plane.offset_interval],
+            "offset_interval": list(self.offset_interval),
             "tilt_interval": np.asarray(self.plane.tilt_interval).tolist(), "touches": len(self.onsets),
             "onsets": [onset.position.tolist() for onset in self.onsets],
         }  # fmt: skip
@@ -95,7 +108,7 @@ def find_surface(
                          "three firm touches at least, at places that are not in one line",
                          "touch the surface in three corners and record again")  # fmt: skip
     outward = np.mean([onset.direction for onset in found], axis=0)
-    plane = fit_plane(np.array([onset.position for onset in found]), outward=outward)
+    plane = fit_plane(np.array([onset.position for onset in found]), np.array([onset.sigma for onset in found]), outward=outward)
     tangent = None if rig.surface is None else rig.surface.tangent
     surface = SurfaceSpec(point=_triple(plane.point), normal=_triple(plane.normal), tangent=tangent)
     return FoundSurface(plane, tuple(found), rig.model_copy(update={"surface": surface}))
@@ -164,7 +177,8 @@ def _onset(motion: TipMotion, force: Array, size: Array, start: int, end: int, o
         quiet -= 1
     earliest = float(-(motion.position[quiet] - motion.position[start]) @ direction)
     zero = float(np.clip(best[1], min(earliest, 0.0), 0.0))
-    blur = abs(earliest) / max(1, start - quiet) / np.sqrt(12)  # motion within a sample
+    # where between these two the law of the material puts it is a guess; no better than a quarter of the way
+    blur = max(abs(earliest) / 4, abs(depth[1] - depth[0]) / np.sqrt(12))
     return Onset(float(motion.t[start]), motion.position[start] - zero * direction, direction,
                  float(np.hypot(best[2], blur)))  # fmt: skip
 

@@ -140,25 +140,28 @@ def refuse_contradicted(force: Array, weight: Array, rotation: Array, scale: flo
     readings = {"with the opposite sign": -weight, f"as axes of the {other}": turned,
                 f"as axes of the {other} with the opposite sign": -turned}  # fmt: skip
     spread = float(np.sqrt(np.mean(np.sum((weight - weight.mean(axis=0)) ** 2, axis=1))))
-    if spread > 0.2 * scale:
-        errors = {name: _spread(force - load) for name, load in readings.items()}
-        present = _spread(force - weight)
-    else:
+    # turning tells, whatever the bias: it is a constant
+    errors = {name: _spread(force - load) for name, load in readings.items()}
+    present = _spread(force - weight)
+    if spread < 0.02 * scale or min(errors.values()) >= SUSPICION * present:
+        if spread > 0.2 * scale:
+            return
         # the little turning that there may be must not speak against a reading
-        likely = {name: load for name, load in readings.items() if _spread(force - load) <= 1.1 * _spread(force - weight)}
-        errors = {name: float(np.sum((force - load).mean(axis=0) ** 2)) for name, load in likely.items()}
+        errors = {name: float(np.sum((force - load).mean(axis=0) ** 2))
+                  for name, load in readings.items() if errors[name] <= 1.1 * present}  # fmt: skip
         present = float(np.sum((force - weight).mean(axis=0) ** 2))
-        if not errors or present < (1.5 * scale) ** 2:
+        if not errors or present < (1.5 * scale) ** 2 or min(errors.values()) >= SUSPICION * present:
             return
     best = min(errors, key=lambda name: errors[name])
-    if errors[best] < SUSPICION * present and present > (0.2 * scale) ** 2:
-        same = [name for name, error in errors.items() if error < 1.2 * errors[best] + 1e-12]
-        raise InputError(
-            f"a wrench in {where} that gravity in free motion explains {present / max(errors[best], 1e-12):.3g} times "
-            f"better {' or '.join(same)}",
-            f"loads on the tool in {frame} axes: at rest in the air a tool reads m·Rᵀ·g",
-            f"turn the sign with [columns] wrench = {{scale = -1}}, say [sensor] wrench_frame = \"{other}\", "
-            "or pass --trust-wrench")  # fmt: skip
+    same = [name for name, error in errors.items() if error < 1.2 * errors[best] + 1e-12]
+    remedies = ["turn the sign with [columns] wrench = { scale = -1 }"] if any("sign" in name for name in same) else []
+    remedies += [f'say [sensor] wrench_frame = "{other}"'] if any("axes" in name for name in same) else []
+    raise InputError(
+        f"a wrench in {where} that gravity in free motion explains {present / max(errors[best], 1e-12):.3g} times "
+        f"better {' or '.join(same)}",
+        f"loads on the tool in {frame} axes: at rest in the air a tool reads m·Rᵀ·g",
+        f"{' or '.join(remedies)}; a base that is tilted or hung needs [robot] gravity; --trust-wrench passes it as it is",
+    )
 
 
 def _spread(residual: Array) -> float:

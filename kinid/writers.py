@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import secrets
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -51,9 +51,30 @@ def check_table_name(path: Path) -> None:
 
 
 def check_folder(path: Path) -> None:
-    """Refuse a file whose folder isn't there."""
+    """Refuse a file whose folder isn't there, or that is a folder itself."""
+    if path.is_dir():
+        raise InputError(f"a folder at {path}", "a file name to write to", "add a file name")
     if not path.absolute().parent.is_dir():
         raise InputError(f"no folder {path.absolute().parent}", "an existing folder for the output", "make it first")
+
+
+def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None]) -> None:
+    """Refuse outputs that can't be written, that are one file, or that would replace what is read.
+
+    Raises:
+        InputError: which, and why.
+    """
+    read = {path.resolve() for path in inputs if path is not None}
+    seen: set[Path] = set()
+    for path in outputs:
+        if path is None:
+            continue
+        check_folder(path)
+        if path.resolve() in read:
+            raise InputError(f"output {path}, which is read too", "another file than the log and the rig", "rename the output")
+        if path.resolve() in seen:
+            raise InputError(f"{path} named for two outputs", "a file for each", "rename one")
+        seen.add(path.resolve())
 
 
 def write_table(path: Path, columns: Mapping[str, NDArray[Any]], provenance: Mapping[str, Any] | None = None) -> None:

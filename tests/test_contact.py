@@ -488,11 +488,10 @@ def test_invalid_samples_do_not_spread_through_the_differentiator(poke: Any, mis
     np.testing.assert_allclose(table(touch)[:, others], table(clean)[:, others], atol=0.01)
 
 
-def test_a_log_of_invalid_samples_alone_is_no_crash(poke: Any) -> None:
+def test_a_log_of_invalid_samples_alone_is_refused(poke: Any) -> None:
     rig, _, log, *_ = poke
-    touch = contact_series(log.replace(wrench=np.full_like(log.wrench, np.nan)), rig)
-    assert not touch.valid.any()
-    assert not touch.in_contact.any()
+    with pytest.raises(InputError, match="not one sample"):
+        contact_series(log.replace(wrench=np.full_like(log.wrench, np.nan)), rig)
 
 
 def test_a_gap_is_not_bridged(swing: Callable[..., Any]) -> None:

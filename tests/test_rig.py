@@ -25,7 +25,7 @@ compliance = [[1e-4, 0, 0], [0, 1e-4, 0], [0, 0, 2e-4]]
 [tool]
 mass = 0.24
 com = [0.0, 0.0, 0.049]
-inertia = [1, 2, 3, 4, 5, 6]
+inertia = [4, 5, 6, 0.1, 0.2, 0.3]
 
 [surface]
 point = [0.55, 0.0, 0.10]
@@ -82,7 +82,7 @@ def test_everything_that_may_stand_in_a_rig(tmp_path: Path) -> None:
     assert rig.robot.joints == ("joint_1", "joint_2")
     assert rig.robot.compliance is not None
     assert rig.robot.compliance[2] == (0.0, 0.0, 2e-4)
-    np.testing.assert_array_equal(rig.tool.inertia_matrix, [[1, 4, 5], [4, 2, 6], [5, 6, 3]])
+    np.testing.assert_array_equal(rig.tool.inertia_matrix, [[4, 0.1, 0.2], [0.1, 5, 0.3], [0.2, 0.3, 6]])
     assert rig.sensor.wrench_frame == "base"
     assert rig.columns["depth"].column == 2
     assert rig.columns["q"].columns == ("a", "b")
@@ -129,6 +129,9 @@ def test_a_rig_can_not_be_changed(tmp_path: Path) -> None:
         ("[tool]\nmass = 1\ncom = [0, 0, 0, 0]", "[tool] com = [0, 0, 0, 0]", "a list of 3"),
         ("[tool]\nmass = 1\ncom = [0, nan, 0]", "com", "finite numbers"),
         ("[tool]\nmass = 1\ninertia = [1, 2, 3]", "[tool] inertia = [1, 2, 3]", "a list of 6"),
+        ("[tool]\nmass = 1\ninertia = [1, 1, 9, 0, 0, 0]", "inertia", "an inertia that a body can have"),
+        ("[tool]\nmass = 1\ncom = [0, 0, 49]", "com", "within 2 m"),
+        ("[columns]\nfx = { scale = 0 }", "scale", "not zero"),
         ('[robot]\nmodel = "ur5"\ngravity = [0, 0, inf]', "gravity", "finite numbers"),
         ("[robot]\nmodel = 5", "[robot] model = 5", "string"),
         ('[robot]\nmodel = "x"\njoints = "joint_1"', "joints = 'joint_1'", "a list"),

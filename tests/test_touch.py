@@ -74,7 +74,7 @@ def test_the_plane_lies_within_its_interval() -> None:
     inside = 0
     for seed in range(10):
         found = find_surface([touching(CORNERS, seed=seed, exponent=1.0)], Rig.parse_text(RIG))
-        low, high = found.plane.offset_interval
+        low, high = found.offset_interval
         inside += low <= (POINT - found.plane.point) @ found.plane.normal <= high
     # a 95 % interval misses more than 3 of 10 with a probability of 0.001
     assert inside >= 7

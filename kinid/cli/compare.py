@@ -29,12 +29,11 @@ def compare(
     plot: Annotated[Path | None, typer.Option(help="Plot to write: one offline HTML file.")] = None,
 ) -> None:
     """Models by their error on samples that their fits have not seen, with paired differences."""
+    from kinid.cli.contact import rig_path
     from kinid.cli.fit import data_for, parse_model
-    from kinid.writers import check_folder, write_text
+    from kinid.writers import check_outputs, write_text
 
-    for path in (plot, json_file):
-        if path is not None:
-            check_folder(path)
+    check_outputs((plot, json_file), (log, rig_path(log, rig)))
     models = [parse_model(text) for text in model]
     the_rig, data = data_for(log, rig, *models)
     from kinid.compare import compare as run

@@ -50,13 +50,11 @@ def contact(
     if bias not in ("auto", "none"):
         raise InputError(f"--bias {bias}", "auto or none", near(bias, ("auto", "none")))
     from kinid.derivative import Differentiator
-    from kinid.writers import check_folder, check_table_name, write_table, write_text
+    from kinid.writers import check_outputs, check_table_name, write_table, write_text
 
     if out is not None:
         check_table_name(out)
-    for path in (plot, json_file):
-        if path is not None:
-            check_folder(path)
+    check_outputs((out, plot, json_file), (log, rig_path(log, rig), compensate))
     the_rig, the_log, robot = load(log, rig)
     differentiator = Differentiator(bandwidth)
     found = None
@@ -104,17 +102,21 @@ def contact(
 
 def load(log: Path, rig: Path | None) -> tuple[Rig, Log, Any]:
     """The rig, the log with its joints in the robot's order, and the robot (None for a rig without one)."""
-    from kinid.readers import read
+    from kinid.reading import read
     from kinid.rig import Rig
 
-    beside = log.parent / "rig.toml"
-    if rig is None and not beside.is_file():
+    if rig is None and not rig_path(log, rig).is_file():
         raise InputError(f"no rig for {log}", "a rig.toml that says what was measured with what",
                          "name it with --rig, or put rig.toml beside the log")  # fmt: skip
-    the_rig = Rig.load(rig or beside)
+    the_rig = Rig.load(rig_path(log, rig))
     robot = None
     if the_rig.robot is not None:
         from kinid.robot import Robot
 
         robot = Robot.load(the_rig)
-    return the_rig, read(log, the_rig, joint_names=robot.joint_names if robot else None), robot
+    return the_rig, read(log, the_rig), robot
+
+
+def rig_path(log: Path, rig: Path | None) -> Path:
+    """The rig's file: as named, else beside the log."""
+    return rig if rig is not None else log.parent / "rig.toml"

@@ -36,14 +36,13 @@ def fit(
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Table of measured and predicted readings.")] = None,
 ) -> None:
     """Estimates with 95 % intervals, the error on samples seen and unseen, and what to doubt."""
-    from kinid.writers import check_folder, check_table_name, write_table, write_text
+    from kinid.cli.contact import rig_path
+    from kinid.writers import check_outputs, check_table_name, write_table, write_text
 
     chosen = parse_model(model)
     if out is not None:
         check_table_name(out)
-    for path in (plot, json_file):
-        if path is not None:
-            check_folder(path)
+    check_outputs((out, plot, json_file), (log, rig_path(log, rig)))
     the_rig, data = data_for(log, rig, chosen)
     from kinid.fit import fit_model
 

@@ -40,7 +40,7 @@ def show_analysis(result: Analysis, log: Log) -> None:
         out.print(f"in contact {100 * facts['in_contact']:.1f} % of the time, {facts['touches']} touches")
     for step in result.provenance.steps:
         if step.name in ("surface", "wrench", "differentiate"):
-            out.print(f"{step}", soft_wrap=True)
+            out.print(f"{step}", soft_wrap=True, markup=False)
     table = Table("quantity", "unit", box=None, pad_edge=False)
     for heading in ("lowest", "highest"):
         table.add_column(heading, justify="right")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -213,3 +215,43 @@ def test_help_and_version(run: Run) -> None:
     code, said, _ = run("--version")
     assert code == 0
     assert said.startswith("kinid ")
+
+
+def test_a_channel_without_a_single_number_is_refused(run: Run, refused: Refused, log: Path) -> None:
+    out = log.parent / "out.parquet"
+    change(log, q1=np.full(7500, np.nan))
+    refused(run("contact", log, "-o", out, "--plot", log.parent / "p.html"), "not one sample")
+    assert not out.exists()
+
+
+def test_a_missing_sample_does_not_split_a_touch(run: Run, log: Path) -> None:
+    fz = np.array(pq.read_table(log)["fz"].to_pylist())
+    fz[3000:3003] = np.nan
+    change(log, fz=fz)
+    assert "1 touches" in run("contact", log)[1]
+
+
+def test_outputs_replace_neither_inputs_nor_each_other(run: Run, refused: Refused, log: Path) -> None:
+    before = log.read_bytes()
+    refused(run("contact", log, "-o", log), "read too")
+    refused(run("contact", log, "--json", log.parent / "rig.toml"), "read too")
+    same = log.parent / "same.csv"
+    refused(run("contact", log, "-o", same, "--json", same), "two outputs")
+    refused(run("contact", log, "-o", log.parent / "x.csv", "--plot", log.parent), "a folder")
+    assert log.read_bytes() == before
+    assert not same.exists()
+    assert not (log.parent / "x.csv").exists()
+
+
+def test_what_the_urdf_parser_says_goes_into_the_line(log: Path) -> None:
+    """In a process of its own: the parser, which is C++, writes past Python's error stream."""
+    (log.parent / "my.urdf").write_text(
+        '<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="revolute"><parent link="a"/><child link="b"/>'
+        "</joint></robot>"
+    )
+    (log.parent / "rig.toml").write_text(SURFACE.replace("lwr4plus", "my.urdf"))
+    done = subprocess.run([sys.executable, "-c", "from kinid.cli import main; main()", "contact", log], check=False,
+                          capture_output=True, text=True)  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "limits" in done.stderr

@@ -1,0 +1,27 @@
+"""A log as users read it: with the joints in the order of the rig's robot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from kinid import readers
+from kinid.log import Log
+from kinid.rig import Rig
+from kinid.robot import Robot
+
+
+def read(path: str | Path, rig: Rig | None = None) -> Log:
+    """Read a log of any known format onto one clock, in SI units; joints follow the names of the rig's robot.
+
+    Args:
+        path: Parquet, CSV and other text tables, NPZ, MATLAB, MCAP, a ROS 1 bag, or a ROS 2 bag.
+        rig: names columns, units, topics and the robot; default: `rig.toml` beside the log, else an empty rig.
+
+    Raises:
+        InputError: a file, a rig or a robot that can't be used.
+    """
+    beside = Path(path).parent / "rig.toml"
+    if rig is None and beside.is_file():
+        rig = Rig.load(beside)
+    names = Robot.load(rig).joint_names if rig is not None and rig.robot is not None else None
+    return readers.read(path, rig, joint_names=names)
