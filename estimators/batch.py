@@ -23,6 +23,8 @@ Mask = NDArray[np.bool_]
 
 #: singular values of the scaled sensitivity below this share of the largest mark a direction as unidentified
 UNIDENTIFIED = 1e-8
+#: effect of one scale of a parameter on all weighted readings, as a length, below which it is not seen
+UNSEEN = 1e-6
 #: condition of the sensitivity, its columns brought to length one, above which a fit is called ill-conditioned
 ILL_CONDITIONED = 1e5
 #: steps after which a search that goes on is given up
@@ -58,7 +60,7 @@ class Solution:
     @property
     def standard_errors(self) -> Array:
         """Standard error of each parameter, infinite where unidentified, (p,)."""
-        out: Array = np.sqrt(np.diag(self.covariance))
+        out: Array = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
         return out
 
 
@@ -113,7 +115,7 @@ def solve(
     for _ in range(6):
         jacobian = work.jacobian(values, step)
         matrix, unidentified, condition, lags = _covariance(work, jacobian, residual, runs)
-        wide = np.sqrt(np.diag(matrix))
+        wide = np.sqrt(np.maximum(np.diag(matrix), 0.0))
         wider = np.clip(0.5 * np.where(np.isfinite(wide), wide, 0.0), 6e-6 * np.maximum(np.abs(values), span), 0.3 * span)
         settled = (wider < 1.5 * step) & (step < 1.5 * wider)
         step = wider
@@ -297,8 +299,9 @@ def _covariance(
     open_ = singular <= UNIDENTIFIED * max(float(singular[0]) if p else 0.0, 1e-300)
     # a parameter is open when an open direction holds a noticeable part of it
     unidentified = (np.abs(right[open_]) > 1e-3).any(axis=0) if open_.any() else np.zeros(p, np.bool_)
-    unidentified |= lengths == 0
-    kept = ~open_ & (singular > 0)
+    # nor does one whose whole scale moves all readings together by a millionth of their noise
+    unidentified |= lengths < UNSEEN
+    kept = ~open_ & (singular >= UNSEEN)
     unit = scaled[:, ~unidentified] / np.where(lengths[~unidentified] > 0, lengths[~unidentified], 1.0)
     condition = float(np.linalg.cond(unit)) if unit.shape[1] else 1.0
     inverse = right[kept].T / singular[kept]  # maps left-singular coordinates to scaled parameters
@@ -315,7 +318,7 @@ def _covariance(
         lags.append(len(coefficients))
         filtered = np.zeros((n, basis.shape[1]))
         filtered[work.keep] = basis[rows]
-        for run in runs or [slice(0, n)]:
+        for run in (runs or [slice(0, n)]) if kept.any() else []:
             # Σ = T Tᵀ with T the noise's impulse response: Tᵀ J is J filtered backwards in time
             backwards = lfilter([1.0], np.concatenate([[1.0], -coefficients]), filtered[run][::-1], axis=0)
             meat += variance * backwards.T @ backwards

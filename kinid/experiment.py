@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 
 #: bandwidth for an axis without a robot [Hz]: drives have encoders fine enough for it
 DRIVE_BANDWIDTH = 50.0
+#: samples in the air that tell the noise
+FREE_ENOUGH = 200
 #: depth that stands for "nowhere near a surface" where the rig has none [m]
 FAR = -1.0
 
@@ -90,8 +92,14 @@ def from_contact(touch: ContactSeries, channels: tuple[str, ...]) -> Experiment:
     signals = Signals(
         Layout(channels, "contact"), t, dt, touch.depth[rows], touch.depth_rate[rows], slip, slip_rate, measured=measured
     )
-    return Experiment(signals, measured, valid, _noise(measured[:, valid]), _named(touch.phase, rows),
-                      touch.in_contact[rows], rows)  # fmt: skip
+    in_contact = touch.in_contact[rows]
+    noise = _noise(measured[:, valid])
+    free = valid & ~in_contact & (touch.depth[rows] < 0)
+    if free.sum() >= FREE_ENOUGH:
+        # slow noise hides from differences of neighbours; in the air, where no force is, it shows
+        air = measured[:, free]
+        noise = np.maximum(noise, 1.4826 * np.median(np.abs(air - np.median(air, axis=1, keepdims=True)), axis=1))
+    return Experiment(signals, measured, valid, noise, _named(touch.phase, rows), in_contact, rows)
 
 
 def from_wrench(

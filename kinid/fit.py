@@ -144,6 +144,7 @@ def fit_model(
         InputError: data that can't carry the model, and what to record instead.
     """
     experiment = experiment_for(model, data, rig, channels)
+    _refuse_idle(model, experiment)
     named = model.parameters(experiment.layout)
     warnings = check_excitation(model, experiment)
     task = Task(model, experiment)
@@ -196,6 +197,18 @@ class Task:
         return readings + values[own:, None] if self.free_bias else readings
 
     @cached_property
+    def held(self) -> tuple[Array, Array]:
+        """Parameters that are read off the samples, as they are and as the search holds them; NaN for the free ones."""
+        shown, search = [], []
+        for effect in self.model.effects:
+            free = np.full(len(effect.parameters(self.experiment.layout)), np.nan)
+            marks = effect.marks(self.experiment.measured) if effect.detector else None
+            shown.append(free if marks is None else marks[0])
+            search.append(free if marks is None else marks[1])
+        constants = np.full(len(self.experiment.measured) if self.free_bias else 0, np.nan)
+        return np.concatenate([*shown, constants]), np.concatenate([*search, constants])
+
+    @cached_property
     def measured(self) -> Array:
         """Readings that the model is held against, (channels, n)."""
         return self.experiment.in_band(self.experiment.measured)
@@ -220,8 +233,19 @@ class Task:
         if not self.parameters:
             none = np.zeros(0, np.bool_)
             return Solution(start, np.zeros((0, 0)), none, none, self.measured - self(start), 1.0, (), 1, True)
-        found = solve(self, self.measured, self.parameters, mask=mask, sigma=weights(self.experiment),
-                      starts=[start], runs=_runs(self.experiment), covariance=covariance)  # fmt: skip
+        shown, search = self.held
+        free = np.isnan(shown)
+        full = search.copy()
+
+        def predict(values: Array) -> Array:
+            full[free] = values
+            return self(full)
+
+        found = solve(predict, self.measured, [p for p, f in zip(self.parameters, free) if f], mask=mask,
+                      sigma=weights(self.experiment), starts=[start[free]], runs=_runs(self.experiment),
+                      covariance=covariance)  # fmt: skip
+        if not free.all():
+            found = _widened(found, shown, free)
         return dataclasses.replace(
             found, values=found.values[:own], covariance=found.covariance[:own, :own],
             unidentified=found.unidentified[:own], at_bound=found.at_bound[:own],
@@ -232,13 +256,43 @@ class Task:
 
         NaN where a fold is too small to be fitted.
         """
-        even = blocks(self.experiment) % 2 == 0
+        even = folds(self.experiment)
         out = np.full_like(self.measured, np.nan)
         for fold in (even, ~even):
             seen = self.experiment.valid & fold
             if seen.sum() * len(self.experiment.measured) > 2 * len(self.parameters):
                 out[:, ~fold] = self.solve(start, seen, covariance=False).residual[:, ~fold]
         return out
+
+
+def _refuse_idle(model: Model, experiment: Experiment) -> None:
+    """Refuse effects that can do nothing in this log, instead of leaving them out without a word."""
+    kind = experiment.layout.kind
+    for effect in model.effects:
+        acts = {stage.value for stage in effect.stages()}
+        reading = bool(acts & {"tool", "sensor", "acquisition"})
+        if kind == "joints" and "joint" not in acts and not reading:
+            raise InputError(f"'{effect.id}' for joint torques", "effects of joints, sensor or acquisition",
+                             "fit it to a contact law without rigid-body")  # fmt: skip
+        if kind != "joints" and "joint" in acts:
+            raise InputError(f"'{effect.id}' for contact forces", "effects of contact, tool or sensor",
+                             "fit it with rigid-body to joint torques")  # fmt: skip
+        if not effect.base and not effect.parameters(experiment.layout):
+            raise InputError(f"'{effect.id}', which has nothing to act on in this log", "what it needs: "
+                             + (effect.excited_by or "more channels"), "leave it out, or give the robot in the rig")  # fmt: skip
+    if "slip" in model.needs and not any(effect.base for effect in model.effects):
+        raise InputError(f"{model} without a contact law", "friction with the normal force it grows with",
+                         "add one, e.g. --model kelvin-voigt,coulomb-friction")  # fmt: skip
+
+
+def _widened(found: Solution, shown: Array, free: Mask) -> Solution:
+    """A solution of the free parameters with the held ones in their places, known exactly."""
+    values, covariance = shown.copy(), np.zeros((len(shown), len(shown)))
+    values[free] = found.values
+    covariance[np.ix_(free, free)] = found.covariance
+    unidentified, at_bound = np.zeros(len(shown), np.bool_), np.zeros(len(shown), np.bool_)
+    unidentified[free], at_bound[free] = found.unidentified, found.at_bound
+    return dataclasses.replace(found, values=values, covariance=covariance, unidentified=unidentified, at_bound=at_bound)
 
 
 def experiment_for(
@@ -259,7 +313,7 @@ def experiment_for(
         raise InputError("a log without its rig", "both", "call fit(log, rig)")
     if "joints" in model.needs:
         return from_joint_torques(data, rig)
-    if model.needs_log:
+    if model.needs_log or (data.wrench is not None and data.q is not None and model.acts_on_reading):
         return from_wrench(data, rig)
     from kinid.contact import contact_series
 
@@ -273,10 +327,12 @@ def contact_channels(model: Model, touch: ContactSeries) -> tuple[str, ...]:
                          "record the force/torque sensor too")  # fmt: skip
     if "slip" not in model.needs:
         return ("normal_force",)
-    if not np.isfinite(touch.slip_rate1).any() or not np.isfinite(touch.tangential_force1).any():
+    known = [i for i in (1, 2) if np.isfinite(getattr(touch, f"slip_rate{i}")).any()
+             and np.isfinite(getattr(touch, f"tangential_force{i}")).any()]  # fmt: skip
+    if not known:
         raise InputError(f"no slip or tangential force in {touch.provenance.source} for {model}",
                          "slip1, slip2, tangential_force1, tangential_force2", "leave friction out, or log them")  # fmt: skip
-    return ("normal_force", "tangential_force1", "tangential_force2")
+    return ("normal_force", *(f"tangential_force{i}" for i in known))
 
 
 def check_excitation(model: Model, experiment: Experiment) -> list[str]:
@@ -354,6 +410,25 @@ def blocks(experiment: Experiment) -> NDArray[np.int64]:
     span = float(experiment.signals.t[-1]) if len(experiment.signals.t) else 0.0
     length = max(BLOCK, span / 200) if span >= 4 * BLOCK else max(span / 8, 1e-9)
     return np.asarray((experiment.signals.t / length).astype(np.int64))
+
+
+def folds(experiment: Experiment) -> Mask:
+    """Which of two folds each sample lies in, (n,): blocks of time, dealt out so that both folds hold alike contact.
+
+    Neighbours in the order of their share of contact and depth go to different folds, by a fixed lot: blocks that
+    alternated in time would beat with a periodic motion, and one fold would see nothing but air.
+    """
+    number = blocks(experiment)
+    count = np.maximum(1, np.bincount(number))
+    inside = np.bincount(number, experiment.signals.depth > 0) / count
+    deep = np.bincount(number, np.maximum(experiment.signals.depth, 0.0)) / count
+    order = np.lexsort((deep, np.round(inside, 2)))
+    lot = np.random.default_rng(0)
+    even = np.zeros(len(count), dtype=np.bool_)
+    for i in range(0, len(order), 2):
+        pair = order[i : i + 2]
+        even[pair[lot.integers(len(pair))]] = True
+    return even[number]
 
 
 def _runs(experiment: Experiment) -> list[slice]:

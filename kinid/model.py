@@ -104,6 +104,11 @@ class Model:
         one = Layout(("normal_force",), "contact")
         return bool(self.needs & {"wrench", "joints"}) or any(not effect.parameters(one) for effect in self.effects)
 
+    @property
+    def acts_on_reading(self) -> bool:
+        """Whether an effect of tool, sensor or acquisition is in it: such act on all that the sensor reads."""
+        return bool(self.stages & {Stage.TOOL, Stage.SENSOR, Stage.ACQUISITION})
+
     def parameters(self, layout: Layout) -> dict[str, Parameter]:
         """All parameters for logs of this layout, by "effect.parameter", in order."""
         return {f"{effect.id}.{p.name}": p for effect in self.effects for p in effect.parameters(layout)}

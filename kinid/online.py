@@ -93,6 +93,9 @@ class OnlineContact:
             q: joint positions (N,); `dq`, `ddq` where the loop has them.
             wrench: fx fy fz tx ty tz in sensor axes [N, N·m].
         """
+        if np.shape(q) != self._q.shape or np.shape(wrench) != (6,):
+            raise InputError(f"a sample of {np.shape(q)} joints and {np.shape(wrench)} wrench", f"{self._q.shape} and (6,)",
+                             "pass one sample, joints in the order of [robot] joints")  # fmt: skip
         self._q[:] = q
         advance(self._q, self._columns, 0.0 if self._last_t is None else t - self._last_t, self._cutoff, self._motion)
         if dq is not None:

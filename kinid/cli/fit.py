@@ -79,7 +79,8 @@ def data_for(log: Path, rig: Path | None, *models: Model) -> tuple[Rig, ContactS
     from kinid.cli.contact import load
 
     the_rig, the_log, robot = load(log, rig)
-    if any(model.needs_log for model in models):
+    whole = the_log.wrench is not None and the_log.q is not None and the_rig.surface is not None
+    if any(model.needs_log or (whole and model.acts_on_reading) for model in models):
         return the_rig, the_log
     from kinid.contact import contact_series
 

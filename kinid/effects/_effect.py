@@ -70,6 +70,10 @@ class Effect(ABC):
         """Its parameters for logs of this layout."""
         raise NotImplementedError
 
+    def marks(self, measured: Array) -> tuple[Array, Array] | None:
+        """For a detector: its parameters as readings (channels, n) show them, and as a search for the others holds them."""
+        return None
+
     def stages(self) -> tuple[Stage, ...]:
         """The stages it acts at: those whose method its class implements."""
         return tuple(stage for stage in Stage if getattr(type(self), stage.value) is not getattr(Effect, stage.value))

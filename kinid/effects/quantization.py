@@ -34,7 +34,29 @@ class Quantization(Effect):
             for name, unit in zip(layout.channels, layout.units)
         )
 
+    def marks(self, measured: Array) -> tuple[Array, Array]:
+        """The step between neighbouring values of each channel, where all values lie on its lattice; else none.
+
+        The search for other parameters goes without steps: rounding moves a reading up as often as down, and a staircase
+        has no slope to follow.
+        """
+        steps = np.array([_lattice(channel[np.isfinite(channel)]) for channel in measured])
+        return steps, np.zeros_like(steps)
+
     def acquisition(self, s: Signals, p: Array) -> None:
         """Round the readings."""
         step = np.where(p > 0.0, p, 1.0)[:, None]
         s.reading = np.where(p[:, None] > 0.0, step * np.round(s.reading / step), s.reading)
+
+
+def _lattice(values: Array) -> float:
+    """Step of the lattice that all values lie on, 0 where there is none."""
+    distinct = np.unique(values)
+    gaps = np.diff(distinct)
+    gaps = gaps[gaps > 1e-9 * max(1e-12, float(np.abs(distinct).max(initial=0.0)))]
+    if len(gaps) < 3:
+        return 0.0
+    step = float(gaps.min())
+    wholes = gaps / step
+    # noise-free doubles have gaps of any size; readings of a converter only whole multiples of one
+    return float(np.median(gaps[np.round(wholes) == 1])) if np.abs(wholes - np.round(wholes)).max() < 1e-3 else 0.0

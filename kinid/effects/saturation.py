@@ -10,6 +10,9 @@ from kinid.effects._effect import Effect
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
+#: so many samples at the very same largest value are a flat top
+FLAT = 5
+
 
 @final
 class Saturation(Effect):
@@ -34,6 +37,14 @@ class Saturation(Effect):
             Parameter(f"limit[{name}]", "L", unit, sizes[unit], 0.0, 1e12, scale=0.01 * sizes[unit])
             for name, unit in zip(layout.channels, layout.units)
         )
+
+    def marks(self, measured: Array) -> tuple[Array, Array]:
+        """The largest reading of each channel where several samples share it; else no limit."""
+        sizes = np.abs(np.where(np.isfinite(measured), measured, 0.0))
+        top = sizes.max(axis=1)
+        flat = (sizes >= top[:, None] * (1 - 1e-9)).sum(axis=1) >= FLAT
+        limits: Array = np.where(flat & (top > 0), top, self.null["limit"])
+        return limits, limits
 
     def acquisition(self, s: Signals, p: Array) -> None:
         """Clip the readings."""

@@ -21,7 +21,7 @@ class SurfaceTilt(Effect):
 
     id = "surface-tilt"
     title = "surface turned against the rig's plane"
-    equation = "δ + a₁ s₁ + a₂ s₂;  T − a N,  N + a·T"
+    equation = "δ + a·s;  s − a δ;  T − a N,  N + a·T"
     source = "small-angle rotation of the contact frame"
     signature = "tangential force proportional to the normal force while nothing slides, and depth that drifts along a slide"
     confusions = {
@@ -38,9 +38,12 @@ class SurfaceTilt(Effect):
         return tuple(Parameter(f"slope{i}", f"a{i}", "1", 0.0, -0.5, 0.5, scale=0.02) for i in (1, 2))
 
     def geometry(self, s: Signals, p: Array) -> None:
-        """Change the depth along the slide."""
-        s.depth = s.depth + p @ s.slip
-        s.depth_rate = s.depth_rate + p @ s.slip_rate
+        """Change the depth along the slide, and the slip of a poke, which is not quite normal to the surface."""
+        depth, rate = s.depth, s.depth_rate
+        s.depth = depth + p @ s.slip
+        s.depth_rate = rate + p @ s.slip_rate
+        s.slip = s.slip - np.outer(p, depth)
+        s.slip_rate = s.slip_rate - np.outer(p, rate)
 
     def frame(self, s: Signals, p: Array) -> None:
         """Lean the force over."""
