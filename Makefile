@@ -8,13 +8,17 @@ TEST   := $(VENV)/test
 OUT    ?= demo-out
 WORKERS ?= 2
 
-.PHONY: demo test lint types bench lock clean
+.PHONY: demo test slow lint types bench lock clean
 
 demo: $(DEMO)/.ready
 	$(DEMO)/bin/kinid demo -o $(OUT)
 
 test: $(TEST)/.ready lint types
-	$(TEST)/bin/pytest -n $(WORKERS) $(PYTEST_ARGS)
+	$(TEST)/bin/pytest -n $(WORKERS) -m "not slow" $(PYTEST_ARGS)
+
+# the long studies
+slow: $(TEST)/.ready
+	$(TEST)/bin/pytest -n $(WORKERS) -m slow
 
 lint: $(TEST)/.ready
 	$(TEST)/bin/ruff check .

@@ -89,6 +89,7 @@ class Differentiator:
         """
         from kinid.kernels.local_polynomial import differentiate
 
+        x = np.ascontiguousarray(x)  # the kernels walk through rows
         first, second = np.full_like(x, np.nan), np.full_like(x, np.nan)
         period = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
         half = self.half_window(period)

@@ -240,3 +240,12 @@ def test_a_bandwidth_that_is_none_is_refused(bandwidth: float) -> None:
 def test_a_degree_without_a_second_derivative_is_refused(order: int) -> None:
     with pytest.raises(InputError, match="2 or more"):
         Differentiator(25.0, order)
+
+
+def test_columns_that_do_not_lie_row_by_row_make_no_difference() -> None:
+    t = np.arange(300) * 1e-3
+    x = np.stack([np.sin(7 * t), np.cos(3 * t), t**2], axis=1)
+    plain = Differentiator(25.0)(t, x, whole(t))
+    fortran = Differentiator(25.0)(t, np.asfortranarray(x), whole(t))
+    np.testing.assert_array_equal(plain.first, fortran.first)
+    np.testing.assert_array_equal(plain.second, fortran.second)

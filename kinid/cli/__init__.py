@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 import kinid
-from kinid.cli import compare, contact, demo, fit
+from kinid.cli import compare, contact, demo, fit, lab
 from kinid.errors import KinidError
 
 app = typer.Typer(
@@ -39,6 +39,7 @@ def _root(
 app.command("contact", epilog=contact.EXAMPLES)(contact.contact)
 app.command("fit", epilog=fit.EXAMPLES)(fit.fit)
 app.command("compare", epilog=compare.EXAMPLES)(compare.compare)
+app.command("lab", epilog=lab.EXAMPLES)(lab.lab)
 app.command("demo", epilog=demo.EXAMPLES)(demo.demo)
 
 

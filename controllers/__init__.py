@@ -1,0 +1,84 @@
+"""Controllers: impedance of an arm's tip, wrenches through Jᵀ, haptic rendering of a map, and bilateral teleoperation.
+
+Each has `command(state)`. `from kinid.controllers import Impedance` loads what it needs and nothing else.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from kinid.controllers.adaptive import AdaptiveImpedance, Schedule
+    from kinid.controllers.cartesian import (
+        DecoupledImpedance,
+        Gains,
+        Impedance,
+        JacobianTranspose,
+        design_damping,
+        sampled_radius,
+    )
+    from kinid.controllers.haptic import (
+        HapticRendering,
+        HapticSettings,
+        Hooke,
+        HuntCrossley,
+        KelvinVoigt,
+        Rendered,
+    )
+    from kinid.controllers.impedance import impedance_torque, potential
+    from kinid.controllers.properties import Plane, Properties, PropertyMap, Uniform
+    from kinid.controllers.state import ArmState, Target
+    from kinid.controllers.teleoperation import Environment, Study, Teleoperator, measured_impedance, simulate, study
+
+__all__ = [
+    "AdaptiveImpedance",
+    "ArmState",
+    "DecoupledImpedance",
+    "Environment",
+    "Gains",
+    "HapticRendering",
+    "HapticSettings",
+    "Hooke",
+    "HuntCrossley",
+    "Impedance",
+    "JacobianTranspose",
+    "KelvinVoigt",
+    "Plane",
+    "Properties",
+    "PropertyMap",
+    "Rendered",
+    "Schedule",
+    "Study",
+    "Target",
+    "Teleoperator",
+    "Uniform",
+    "design_damping",
+    "impedance_torque",
+    "measured_impedance",
+    "potential",
+    "sampled_radius",
+    "simulate",
+    "study",
+]
+
+_HOMES = {
+    "adaptive": ("AdaptiveImpedance", "Schedule"),
+    "cartesian": ("DecoupledImpedance", "Gains", "Impedance", "JacobianTranspose", "design_damping", "sampled_radius"),
+    "haptic": ("HapticRendering", "HapticSettings", "Hooke", "HuntCrossley", "KelvinVoigt", "Rendered"),
+    "impedance": ("impedance_torque", "potential"),
+    "properties": ("Plane", "Properties", "PropertyMap", "Uniform"),
+    "state": ("ArmState", "Target"),
+    "teleoperation": ("Environment", "Study", "Teleoperator", "measured_impedance", "simulate", "study"),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME_OF:
+        raise AttributeError(f"module 'kinid.controllers' has no attribute '{name}'")
+    return getattr(importlib.import_module(f"kinid.controllers.{_HOME_OF[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

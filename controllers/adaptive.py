@@ -1,0 +1,117 @@
+"""Impedance whose stiffness along the surface's normal follows a map: the same push gives the same force everywhere."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.controllers.cartesian import GREATEST_STIFFNESS, Impedance
+from kinid.controllers.passivity import check_period
+from kinid.controllers.properties import Plane, PropertyMap
+from kinid.controllers.state import ArmState
+from kinid.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Schedule:
+    """How the arm's stiffness along the normal follows the environment's.
+
+    Arm and environment are springs in series: a set-point a depth δ below the surface gives f = δ K_r K_e / (K_r + K_e). For
+    the same κ = f/δ everywhere the arm needs K_r = κ K_e / (K_e − κ): soft on a hard material, stiff on a soft one.
+
+    Args:
+        series: κ [N/m]. least, most: bounds of K_r [N/m]; a material softer than κ gets the greatest.
+        plane: where the map lies. depth: at which a non-linear material's secant stiffness is taken [m].
+        tank: energy that the stiffness may put into the spring at the start [J]; damping refills it up to this.
+        period: of the controller [s].
+
+    Raises:
+        InputError: a number outside its range.
+    """
+
+    series: float = 500.0
+    least: float = 200.0
+    most: float = GREATEST_STIFFNESS
+    plane: Plane = field(default_factory=Plane)
+    depth: float = 2e-3
+    tank: float = 0.1
+    period: float = 1e-3
+
+    def __post_init__(self) -> None:
+        check_period(self.period)
+        if not 0.0 < self.least <= self.most <= GREATEST_STIFFNESS:
+            raise InputError(f"a stiffness between {self.least} and {self.most} N/m",
+                             f"0 < least ≤ most ≤ {GREATEST_STIFFNESS:g}", "a negative stiffness is unstable")  # fmt: skip
+        for name in ("series", "depth", "tank"):
+            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0):
+                raise InputError(f"{name} {getattr(self, name)}", "a positive number", "see the docstring of Schedule")
+
+    def stiffness(self, environment: float) -> float:
+        """K_r for an environment of stiffness K_e, both [N/m]."""
+        if environment <= self.series:
+            return self.most
+        return float(np.clip(self.series * environment / (environment - self.series), self.least, self.most))
+
+
+class AdaptiveImpedance:
+    """`Impedance` with the normal stiffness of a schedule: `command(state)` once a period. It remembers its stiffness.
+
+    A spring that stiffens while it is stretched gains ½ ΔK e² from nowhere. That energy comes from a tank which only damping
+    fills (F. Ferraguti, C. Secchi, C. Fantuzzi, ICRA 2013); with an empty tank the stiffness waits.
+
+    Args:
+        base: the impedance whose normal stiffness is replaced; its other gains stay. surface: the map. schedule: see there.
+    """
+
+    def __init__(self, base: Impedance, surface: PropertyMap, schedule: Schedule | None = None) -> None:
+        self.base, self.surface, self.schedule = base, surface, schedule or Schedule()
+        translation = base.gains.translation
+        self._along = np.array(translation if isinstance(translation, tuple) else [translation] * 3, dtype=float)
+        if not isinstance(translation, (int, float)) and not np.allclose(base.gains.axes.T, self.schedule.plane.axes):
+            raise InputError("three stiffnesses along axes that aren't the surface's", "axes whose columns are tangent1, "
+                             "tangent2, normal", "set Gains(axes=plane.axes.T)")  # fmt: skip
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the stiffness, and fill the tank."""
+        self.tank, self._stiffness = self.schedule.tank, math.nan
+
+    @property
+    def stiffness(self) -> float:
+        """K_r at the last command [N/m]; not a number before the first."""
+        return self._stiffness
+
+    def toward(self, base: Impedance) -> None:
+        """Follow another impedance's target from now on; its gains must be the first's."""
+        self.base = dataclasses.replace(base, gains=self.base.gains)
+
+    def command(self, state: ArmState) -> Array:
+        """Joint torques [N·m], (N,)."""
+        s = self.schedule
+        x, y, _ = s.plane.local(state.position)
+        material = self.surface.properties(float(x), float(y)).checked(f"the map at ({x:g}, {y:g}) m")
+        wish = s.stiffness(material.stiffness * s.depth ** (material.exponent - 1.0))
+        error = float(s.plane.axes[2] @ (self.base.target.position - state.position))
+        if math.isnan(self._stiffness):
+            self._stiffness = wish
+        elif wish > self._stiffness:
+            step = wish - self._stiffness
+            if error != 0.0:
+                step = min(step, 2.0 * self.tank / error**2)
+            self._stiffness += step
+            self.tank -= 0.5 * step * error**2
+        else:  # a spring that softens loses energy; the tank takes none of it, to be on the safe side
+            self._stiffness = wish
+        along = (float(self._along[0]), float(self._along[1]), self._stiffness)
+        gains = dataclasses.replace(self.base.gains, translation=along, axes=s.plane.axes.T)
+        controller = dataclasses.replace(self.base, gains=gains)
+        damping = controller.damping(state)
+        slip = self.base.target.velocity - state.twist
+        self.tank = min(s.tank, max(0.0, self.tank) + s.period * float(slip @ damping @ slip))
+        return controller.command(state)

@@ -1,0 +1,268 @@
+"""Controllers of an arm's tip: impedance, with the arm's own inertia or with a decoupled one, and wrenches through Jᵀ."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh, expm
+
+from kinid.controllers.impedance import impedance_torque
+from kinid.controllers.state import ArmState, Target
+from kinid.errors import InputError
+
+Array = NDArray[np.float64]
+
+#: the greatest translational stiffness that is accepted [N/m]: that of the source study's arm
+GREATEST_STIFFNESS = 5200.0
+
+
+@dataclass(frozen=True, eq=False)
+class Gains:
+    """Stiffness and damping of an impedance.
+
+    Args:
+        translation: stiffness along the three axes [N/m], one number or three; at most 5200.
+        rotation: stiffness about them [N·m/rad], one number or three.
+        axes: columns are the stiffness' axes in the base frame, (3, 3); default: the base's.
+        ratio: damping ratio of each mode of stiffness and task-space inertia, 0 … 2.
+        damping: a constant matrix instead, base axes, (6, 6) [N·s/m, N·s, N·m·s/rad].
+        null_damping: of motions that leave the tip where it is [N·m·s/rad].
+
+    Raises:
+        InputError: a stiffness or damping that is negative, too great, not symmetric or not finite.
+    """
+
+    translation: float | tuple[float, float, float] = 2000.0
+    rotation: float | tuple[float, float, float] = 100.0
+    axes: Array = field(default_factory=lambda: np.eye(3))
+    ratio: float = 0.7
+    damping: Array | None = None
+    null_damping: float = 5.0
+
+    def __post_init__(self) -> None:
+        for name in ("translation", "rotation"):
+            values = np.asarray(getattr(self, name), dtype=float)
+            if values.shape not in ((), (3,)) or not np.isfinite(values).all() or (values < 0).any():
+                raise InputError(f"{name} stiffness {getattr(self, name)}", "one number or three, none negative",
+                                 "a negative stiffness pushes away from the target: unstable")  # fmt: skip
+        if np.max(self.translation) > GREATEST_STIFFNESS:
+            raise InputError(f"translational stiffness {self.translation} N/m", f"at most {GREATEST_STIFFNESS:g} N/m",
+                             "choose a softer spring")  # fmt: skip
+        for name, most in (("ratio", 2.0), ("null_damping", np.inf)):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and 0 <= value <= most):
+                raise InputError(f"{name} {value}", "a number that isn't negative" + (" nor above 2" if most == 2.0 else ""),
+                                 "negative damping gives energy: unstable")  # fmt: skip
+        axes = np.asarray(self.axes, dtype=float)
+        if axes.shape != (3, 3) or np.abs(axes @ axes.T - np.eye(3)).max() > 1e-6:
+            raise InputError("axes of the stiffness that aren't orthonormal", "a rotation (3, 3)", "normalise its columns")
+        if self.damping is not None:
+            check_dissipative(self.damping, "damping")
+            object.__setattr__(self, "damping", np.ascontiguousarray(self.damping, dtype=float))
+
+    def stiffness(self) -> Array:
+        """K, base axes, (6, 6)."""
+        axes, out = np.asarray(self.axes, dtype=float), np.zeros((6, 6))
+        out[:3, :3] = axes @ np.diag(np.broadcast_to(self.translation, 3)) @ axes.T
+        out[3:, 3:] = axes @ np.diag(np.broadcast_to(self.rotation, 3)) @ axes.T
+        return out
+
+
+def check_dissipative(matrix: Array, name: str) -> None:
+    """Refuse a (6, 6) matrix that isn't symmetric and positive semi-definite."""
+    values = np.asarray(matrix, dtype=float)
+    if values.shape != (6, 6) or not np.isfinite(values).all():
+        raise InputError(f"{name} of shape {values.shape}", "finite numbers (6, 6)", "give linear rows first, then angular")
+    scale = max(float(np.abs(values).max()), 1e-300)
+    if np.abs(values - values.T).max() > 1e-9 * scale or np.linalg.eigvalsh(values).min() < -1e-9 * scale:
+        raise InputError(f"a {name} matrix that can give energy", "a symmetric one without negative eigenvalues",
+                         "an active gain is unstable")  # fmt: skip
+
+
+def design_damping(stiffness: Array, inertia: Array, ratio: float) -> Array:
+    """Damping that gives every mode of K and Λ the ratio ζ, by double diagonalisation, (6, 6).
+
+    With Λ = Q Qᵀ and K = Q diag(k) Qᵀ it is 2 ζ Q diag(√k) Qᵀ (A. Albu-Schäffer, C. Ott, U. Frese, G. Hirzinger, ICRA 2003).
+    """
+    values, vectors = eigh(stiffness, inertia)
+    q = inertia @ vectors  # the inverse of vectorsᵀ, since vectorsᵀ Λ vectors = 1
+    out = 2.0 * ratio * (q * np.sqrt(np.maximum(values, 0.0))) @ q.T
+    return np.asarray(0.5 * (out + out.T))
+
+
+def sampled_radius(stiffness: Array, damping: Array, inertia: Array, period: float) -> float:
+    """Largest eigenvalue, in size, of inertia under a sampled spring and damper over one period; ≥ 1 is unstable.
+
+    The wrench is held through the period, which makes a stiff spring give energy and a strong damper overshoot.
+    """
+    n = len(inertia)
+    inverse = np.linalg.inv(inertia)
+    whole = np.zeros((3 * n, 3 * n))
+    whole[:n, n : 2 * n], whole[n : 2 * n, 2 * n :] = np.eye(n), inverse
+    held = expm(whole * period)
+    feedback = np.hstack([-stiffness, -damping])
+    closed = held[: 2 * n, : 2 * n] + held[: 2 * n, 2 * n :] @ feedback
+    return float(np.abs(np.linalg.eigvals(closed)).max())
+
+
+@dataclass(frozen=True, eq=False)
+class Impedance:
+    """Geometric impedance about a target; the tip keeps the arm's own, coupled inertia. See `kinid.controllers.impedance`.
+
+    Args:
+        gains: stiffness and damping. target: where the tip shall be; `toward` gives the controller with the next one.
+        torque_limit: of each joint [N·m], (N,); torques are clipped to it.
+
+    Raises:
+        InputError: a torque limit that isn't positive.
+    """
+
+    gains: Gains
+    target: Target
+    torque_limit: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "torque_limit", checked_limit(self.torque_limit))
+
+    def toward(self, target: Target) -> Impedance:
+        """The same controller with another target."""
+        return dataclasses.replace(self, target=target)
+
+    def damping(self, state: ArmState) -> Array:
+        """D at a state, (6, 6)."""
+        if self.gains.damping is not None:
+            return self.gains.damping
+        return design_damping(self.gains.stiffness(), state.task_inertia(), self.gains.ratio)
+
+    def command(self, state: ArmState) -> Array:
+        """Joint torques [N·m], (N,)."""
+        out, target = np.empty(len(state.dq)), self.target
+        impedance_torque(
+            state.rotation, state.position, state.jacobian, state.dq, state.gravity, target.rotation, target.position,
+            target.velocity, self.gains.stiffness(), self.damping(state), self.gains.null_damping, self.torque_limit, out,
+        )  # fmt: skip
+        return out
+
+    def check(self, state: ArmState, period: float) -> None:
+        """Refuse gains that are unstable about a state when the controller runs once a period [s].
+
+        All joint motions count: null-space damping is the first to fail where the state's masses hold no rotors.
+
+        Raises:
+            InputError: the sampled loop has an eigenvalue outside the unit circle.
+        """
+        radius = self._radius(state, period)
+        # motions without stiffness sit on the circle, a double eigenvalue that rounding moves by its root
+        if radius > 1.0 + 1e-6:
+            raise InputError(f"gains whose sampled loop grows by {radius:.4g} a period of {period:g} s", "at most 1",
+                             "less stiffness, another damping, or a shorter period")  # fmt: skip
+
+    def _radius(self, state: ArmState, period: float) -> float:
+        j = state.jacobian
+        idle = np.eye(len(state.dq)) - np.linalg.pinv(j) @ j
+        damping = j.T @ self.damping(state) @ j + self.gains.null_damping * idle
+        return sampled_radius(j.T @ self.gains.stiffness() @ j, damping, state.mass, period)
+
+
+@dataclass(frozen=True, eq=False)
+class DecoupledImpedance(Impedance):
+    """The same impedance around a shaped, decoupled inertia: a wrench along one axis accelerates the tip along it alone.
+
+    τ = b + Jᵀ [Λ (ẍ_d + Λ_d⁻¹ (w + f) − J̇ q̇) − f] + Nᵀ τ₀ with w the impedance's wrench and f the measured wrench of the
+    environment, so that Λ_d (ẍ − ẍ_d) = w + f; Nᵀ = I − Jᵀ Λ J M⁻¹ is dynamically consistent (O. Khatib, 1987; C. Ott,
+    Cartesian Impedance Control, 2008, ch. 3). It needs the wrench and the arm's masses, and isn't passive where they are
+    wrong.
+
+    Args:
+        inertia: Λ_d, base axes, (6, 6) [kg, kg·m, kg·m²]; None is the diagonal of the arm's own at each state.
+    """
+
+    inertia: Array | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.inertia is not None:
+            check_dissipative(self.inertia, "inertia")
+            if np.linalg.eigvalsh(self.inertia).min() <= 0:
+                raise InputError("an inertia of zero along some direction", "a positive one", "give each axis some mass")
+
+    def shaped_inertia(self, state: ArmState) -> Array:
+        """Λ_d at a state, (6, 6)."""
+        return np.diag(np.diag(state.task_inertia())) if self.inertia is None else self.inertia
+
+    def damping(self, state: ArmState) -> Array:
+        """D for the shaped inertia, (6, 6)."""
+        if self.gains.damping is not None:
+            return self.gains.damping
+        return design_damping(self.gains.stiffness(), self.shaped_inertia(state), self.gains.ratio)
+
+    def _radius(self, state: ArmState, period: float) -> float:
+        tip = sampled_radius(self.gains.stiffness(), self.damping(state), self.shaped_inertia(state), period)
+        j = state.jacobian
+        idle = np.eye(len(state.dq)) - j.T @ state.task_inertia() @ np.linalg.solve(state.mass, j.T).T
+        rest = np.linalg.eigvals(np.eye(len(idle)) - period * self.gains.null_damping * np.linalg.solve(state.mass, idle))
+        return max(tip, float(np.abs(rest).max()))
+
+    def command(self, state: ArmState) -> Array:
+        """Joint torques [N·m], (N,)."""
+        own, target, wrench = state.task_inertia(), self.target, np.empty(6)
+        # an arm that is the tip itself turns the kernel's torques into the impedance's wrench
+        impedance_torque(
+            state.rotation, state.position, np.eye(6), state.twist, np.zeros(6), target.rotation, target.position,
+            target.velocity, self.gains.stiffness(), self.damping(state), 0.0, np.full(6, np.inf), wrench,
+        )  # fmt: skip
+        acceleration = target.acceleration + np.linalg.solve(self.shaped_inertia(state), wrench + state.wrench)
+        tip = own @ (acceleration - state.drift) - state.wrench
+        null = -self.gains.null_damping * state.dq
+        null = null - state.jacobian.T @ (own @ (state.jacobian @ np.linalg.solve(state.mass, null)))
+        torque = state.bias + state.jacobian.T @ tip + null
+        return np.asarray(np.clip(torque, -self.torque_limit, self.torque_limit))
+
+
+@dataclass(frozen=True, eq=False)
+class JacobianTranspose:
+    """Renders a wrench at the tip by τ = g + Jᵀ w − d P q̇, clipped to the limits; no inertia is compensated.
+
+    Args:
+        wrench: that the tip puts on the hand or the environment, at the tip, force then moment, base axes, (6,) [N, N·m].
+        torque_limit: [N·m], (N,). null_damping: [N·m·s/rad].
+
+    Raises:
+        InputError: a wrench that isn't six finite numbers, or a limit or damping that isn't positive.
+    """
+
+    wrench: Array
+    torque_limit: Array
+    null_damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        wrench = np.asarray(self.wrench, dtype=float)
+        if wrench.shape != (6,) or not np.isfinite(wrench).all():
+            raise InputError(f"a wrench of shape {wrench.shape}", "six finite numbers", "give force, then moment")
+        if not (np.isfinite(self.null_damping) and self.null_damping >= 0):
+            raise InputError(f"null_damping {self.null_damping}", "a number that isn't negative", "use 0 for none")
+        object.__setattr__(self, "torque_limit", checked_limit(self.torque_limit))
+
+    def command(self, state: ArmState) -> Array:
+        """Joint torques [N·m], (N,)."""
+        out, zero = np.empty(len(state.dq)), np.zeros((6, 6))
+        impedance_torque(
+            state.rotation, state.position, state.jacobian, state.dq, state.gravity + state.jacobian.T @ self.wrench,
+            state.rotation, state.position, np.zeros(6), zero, zero, self.null_damping, self.torque_limit, out,
+        )  # fmt: skip
+        return out
+
+    def saturates(self, state: ArmState) -> bool:
+        """Whether a joint can't give its share of the wrench, so that another wrench comes out."""
+        return bool((np.abs(state.gravity + state.jacobian.T @ self.wrench) > self.torque_limit).any())
+
+
+def checked_limit(limit: Array) -> Array:
+    """Torque limits as positive numbers, (N,)."""
+    values = np.atleast_1d(np.asarray(limit, dtype=float))
+    if values.ndim != 1 or not (values > 0).all():
+        raise InputError(f"torque limits {values}", "one positive number a joint [N·m]", "take them from the robot's data sheet")
+    return values

@@ -1,0 +1,81 @@
+"""What a property map tells a controller: the material at each place of a flat surface, and where that surface lies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+class Properties(NamedTuple):
+    """A material: normal force f = K xⁿ + B xᵐ ẋ with m by the contact law, and Coulomb friction.
+
+    stiffness K [N/mⁿ], damping B [N·s/mᵐ⁺¹], exponent n [1], friction μ [1].
+    """
+
+    stiffness: float
+    damping: float = 0.0
+    exponent: float = 1.0
+    friction: float = 0.0
+
+    def checked(self, where: str = "the map") -> Properties:
+        """Itself.
+
+        Raises:
+            InputError: a number that is negative or not finite, or an exponent of 0: such a material gives energy.
+        """
+        for name, value in self._asdict().items():
+            if not (np.isfinite(value) and value >= 0) or (name == "exponent" and value == 0):
+                raise InputError(f"{name} {value} in {where}", "a finite number that isn't negative"
+                                 + (" nor zero" if name == "exponent" else ""),
+                                 "leave places that weren't measured out of the path, or fill them")  # fmt: skip
+        return self
+
+
+class PropertyMap(Protocol):
+    """Anything that knows the material at a place: x and y along the surface's tangents [m]."""
+
+    def properties(self, x: float, y: float) -> Properties:
+        """The material there."""
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """A map with the same material everywhere."""
+
+    material: Properties
+
+    def __post_init__(self) -> None:
+        self.material.checked("the material")
+
+    def properties(self, x: float, y: float) -> Properties:
+        """The material."""
+        return self.material
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """Where the map lies: a point of the surface [m] and axes, rows tangent1, tangent2, outward normal, base frame."""
+
+    point: Array = field(default_factory=lambda: np.zeros(3))
+    axes: Array = field(default_factory=lambda: np.eye(3))
+
+    def __post_init__(self) -> None:
+        point, axes = np.asarray(self.point, dtype=float), np.asarray(self.axes, dtype=float)
+        if point.shape != (3,) or not np.isfinite(point).all():
+            raise InputError(f"a surface point of shape {point.shape}", "three finite numbers", "give it in the base frame")
+        if axes.shape != (3, 3) or np.abs(axes @ axes.T - np.eye(3)).max() > 1e-6 or np.linalg.det(axes) < 0:
+            raise InputError("surface axes that aren't orthonormal", "rows tangent1, tangent2, normal, right-handed",
+                             "take them from Rig.axes")  # fmt: skip
+        object.__setattr__(self, "point", point)
+        object.__setattr__(self, "axes", axes)
+
+    def local(self, position: Array) -> Array:
+        """A position in surface axes: along the tangents, and the height above the surface, (3,)."""
+        return np.asarray(self.axes @ (position - self.point))

@@ -1,0 +1,116 @@
+"""What a controller sees: an arm's dynamics and its tip's kinematics at one instant, and where the tip shall be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.errors import InputError
+from kinid.robot import Robot
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ArmState:
+    """One state of an arm, joints in the log's order; make one with `ArmState.of`, or from a simulation's own arrays.
+
+    Attributes:
+        dq: (N,) [rad/s]. rotation, position: of the tip, (3, 3), (3,) [m].
+        jacobian: of the tip, rows linear, angular, base axes, (6, N). drift: J̇ q̇, (6,) [m/s², rad/s²].
+        mass: M, (N, N). bias: Coriolis, centrifugal and gravity torque, (N,) [N·m]. gravity: gravity's part, (N,).
+        wrench: of the environment on the tip, at the tip, force then moment, base axes, (6,); 0 where not measured.
+    """
+
+    dq: Array
+    rotation: Array
+    position: Array
+    jacobian: Array
+    drift: Array
+    mass: Array
+    bias: Array
+    gravity: Array
+    wrench: Array = field(default_factory=lambda: np.zeros(6))
+
+    @classmethod
+    def of(
+        cls, robot: Robot, q: Array, dq: Array | None = None, wrench: Array | None = None, rotor: Array | None = None
+    ) -> ArmState:
+        """The state of a robot at joint positions (N,) and velocities (N,).
+
+        Args:
+            robot: with a tip frame. q, dq: in the log's order. wrench: of the environment, (6,).
+            rotor: the drives' inertias, reflected to the joints, which a URDF leaves out, (N,) [kg·m²].
+
+        Raises:
+            InputError: no tip frame, or a number of joints that isn't the robot's.
+        """
+        import pinocchio as pin
+
+        if robot.tip_frame is None:
+            raise InputError(f"{robot.name} without a tip frame", "the point to control", "name [robot] tip_frame")
+        q, n = np.asarray(q, dtype=float), robot.joint_count
+        dq = np.zeros(n) if dq is None else np.asarray(dq, dtype=float)
+        if q.shape != (n,) or dq.shape != (n,):
+            raise InputError(f"joint arrays of shapes {q.shape} and {dq.shape}", f"({n},) for {robot.name}",
+                             "give one state at a time")  # fmt: skip
+        model = robot.model
+        data, frame = model.createData(), model.getFrameId(robot.tip_frame)
+        configuration, speed, zero = robot.configuration(q)[0], robot.tangent(dq)[0], np.zeros(model.nv)
+        pin.forwardKinematics(model, data, configuration, speed, zero)
+        place = pin.updateFramePlacement(model, data, frame)
+        rotation, position = place.rotation.copy(), place.translation.copy()
+        drift = pin.getFrameClassicalAcceleration(model, data, frame, pin.LOCAL_WORLD_ALIGNED).vector.copy()
+        jacobian = pin.computeFrameJacobian(model, data, configuration, frame, pin.LOCAL_WORLD_ALIGNED)
+        mass = pin.crba(model, data, configuration).copy()
+        mass = np.triu(mass) + np.triu(mass, 1).T
+        bias = pin.nonLinearEffects(model, data, configuration, speed).copy()
+        gravity = pin.computeGeneralizedGravity(model, data, configuration).copy()
+        in_order = robot.from_tangent
+        mass = in_order(np.ascontiguousarray(in_order(mass).T))
+        if rotor is not None:
+            mass = mass + np.diag(np.broadcast_to(np.asarray(rotor, dtype=float), n))
+        return cls(
+            dq, rotation, position, np.ascontiguousarray(in_order(jacobian)), drift, mass,
+            in_order(bias[None, :])[0], in_order(gravity[None, :])[0],
+            np.zeros(6) if wrench is None else np.asarray(wrench, dtype=float),
+        )  # fmt: skip
+
+    @property
+    def twist(self) -> Array:
+        """Velocity and angular velocity of the tip, base axes, (6,)."""
+        return np.asarray(self.jacobian @ self.dq)
+
+    def task_inertia(self) -> Array:
+        """Λ = (J M⁻¹ Jᵀ)⁻¹, what the tip weighs, base axes, (6, 6) (O. Khatib, IEEE J. Robotics Automation 3, 1987).
+
+        Raises:
+            InputError: a pose in which the tip can't move along some direction; Λ is infinite there.
+        """
+        mobility = self.jacobian @ np.linalg.solve(self.mass, self.jacobian.T)
+        if np.linalg.cond(mobility) > 1e10:
+            raise InputError("a pose without a task-space inertia", "a tip that can move in all six directions",
+                             "leave the singular pose, or give the damping as a matrix")  # fmt: skip
+        inertia = np.linalg.inv(mobility)
+        return np.asarray(0.5 * (inertia + inertia.T))
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """Where the tip shall be: rotation (3, 3), position (3,) [m], twist (6,) [m/s, rad/s], base axes."""
+
+    rotation: Array
+    position: Array
+    velocity: Array = field(default_factory=lambda: np.zeros(6))
+    acceleration: Array = field(default_factory=lambda: np.zeros(6))
+
+    def __post_init__(self) -> None:
+        for name, shape in (("rotation", (3, 3)), ("position", (3,)), ("velocity", (6,)), ("acceleration", (6,))):
+            values = np.ascontiguousarray(getattr(self, name), dtype=float)
+            if values.shape != shape or not np.isfinite(values).all():
+                raise InputError(f"a target's {name} of shape {values.shape}", f"finite numbers of shape {shape}", "check it")
+            object.__setattr__(self, name, values)
+        if np.abs(self.rotation @ self.rotation.T - np.eye(3)).max() > 1e-6 or np.linalg.det(self.rotation) < 0:
+            raise InputError("a target's rotation that isn't one", "orthonormal columns, right-handed", "normalise it")

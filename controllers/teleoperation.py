@@ -1,0 +1,340 @@
+"""Two-port bilateral teleoperation with transport delay: force reflected over the line, or an impedance from the map.
+
+    operator ─ master ─ delay T ─► slave ─ environment        (the slave follows the master's delayed motion)
+                  ▲                          │
+                  ├──────── delay T ◄────────┘                direct: the measured force comes back, 2T late
+                  └──── K̂ x + B̂ ẋ at the master              impedance reflection: no force crosses the line
+
+With v = ẋ and impedances Z = force / velocity, the environment Z_e = B + K/s; master, hand and arm
+Z_m = m s + b + k/s; the slave behind its coupling reaches V_s = G e^{−sT} V_m,
+G = (b_c s + k_c) / (m_s s² + (b_s + b_c + B) s + k_c + K). The operator feels Z_t = Z_e G e^{−2sT} directly and Ẑ_e from the
+map. Transparency is Z_t = Z_e (D. A. Lawrence, IEEE Trans. Robotics and Automation 9, 1993).
+Delays here are one-way: direct reflection comes back after twice the delay.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.controllers.passivity import check_period
+from kinid.controllers.properties import PropertyMap
+from kinid.errors import InputError, near
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+#: direct: the slave's contact force; impedance: the map's at the master; passivated: direct, behind an observer and
+#: controller of passivity at the master's port
+Method = Literal["direct", "impedance", "passivated"]
+METHODS: tuple[str, ...] = get_args(Method)
+
+#: frequencies of a hand that explores [Hz]
+BAND = (0.2, 8.0)
+#: of the greatest depth: a residual oscillation of the master above this, at the end, is no rest
+REST = 0.02
+
+
+@dataclass(frozen=True)
+class Environment:
+    """What the slave touches: Kelvin-Voigt, stiffness K [N/m] and damping B [N·s/m]."""
+
+    stiffness: float = 732.0
+    damping: float = 9.9
+
+    def __post_init__(self) -> None:
+        _not_negative(self, "stiffness", "damping")
+
+    @classmethod
+    def at(cls, surface: PropertyMap, x: float, y: float, depth: float = 2e-3) -> Environment:
+        """The material of a map at a place [m], linearised at a depth [m] by its secant."""
+        material = surface.properties(x, y).checked(f"the map at ({x:g}, {y:g}) m")
+        power = depth ** (material.exponent - 1.0)
+        return cls(material.stiffness * power, material.damping * (power * depth if material.exponent != 1.0 else 1.0))
+
+    def impedance(self, frequency: Array) -> Complex:
+        """Z_e at frequencies [Hz], force per velocity [N·s/m]."""
+        return np.asarray(self.damping + self.stiffness / (2j * np.pi * frequency))
+
+
+@dataclass(frozen=True)
+class Teleoperator:
+    """Master with the operator's hand on it, slave, and the line between them.
+
+    Args:
+        master_mass [kg], master_damping [N·s/m]: of the device.
+        hand_mass [kg], hand_damping [N·s/m], hand_stiffness [N/m]: of the arm that holds it, towards its intended place.
+        slave_mass, slave_damping: of the robot's tip. coupling_stiffness, coupling_damping: of its impedance controller.
+        delay: one-way [s]. period: of both controllers [s].
+        most_damping: the passivity controller's greatest [N·s/m].
+
+    Raises:
+        InputError: masses that aren't positive, negative gains, a master without damping on a delayed line, a gain that
+            is unstable at the period.
+    """
+
+    master_mass: float = 0.3
+    master_damping: float = 0.5
+    hand_mass: float = 0.5
+    hand_damping: float = 8.0
+    hand_stiffness: float = 250.0
+    slave_mass: float = 2.0
+    slave_damping: float = 5.0
+    coupling_stiffness: float = 5000.0
+    coupling_damping: float = 140.0
+    delay: float = 0.1
+    period: float = 1e-3
+    most_damping: float = 600.0
+
+    def __post_init__(self) -> None:
+        check_period(self.period)
+        _not_negative(self, "master_damping", "hand_mass", "hand_damping", "hand_stiffness", "slave_damping",
+                      "coupling_stiffness", "coupling_damping", "delay", "most_damping")  # fmt: skip
+        for name in ("master_mass", "slave_mass"):
+            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0):
+                raise InputError(f"{name} {getattr(self, name)}", "a positive mass [kg]", "see the docstring of Teleoperator")
+        if self.delay > 0 and self.master_damping + self.hand_damping == 0:
+            raise InputError("a master and a hand without damping on a delayed line", "some damping",
+                             "nothing would take out the energy that the delay gives")  # fmt: skip
+        if self.coupling_stiffness == 0 or self.coupling_damping + self.slave_damping == 0:
+            raise InputError("a slave that its coupling can't hold", "coupling stiffness and damping above 0", "raise both")
+        if self.most_damping * self.period > self.moving_mass:
+            raise InputError(f"most_damping {self.most_damping} N·s/m at a period of {self.period} s",
+                             f"at most {self.moving_mass / self.period:.3g}: mass by period", "lower it")  # fmt: skip
+        # semi-implicit integration at the controllers' period: c h + k h²/2 < 2 m
+        h = self.period
+        if self.coupling_damping * h + 0.5 * self.coupling_stiffness * h**2 > self.slave_mass:
+            raise InputError("a coupling too strong for the slave's mass at this period", "c T + k T²/2 ≤ m",
+                             "a shorter period, or a weaker coupling")  # fmt: skip
+
+    @property
+    def moving_mass(self) -> float:
+        """What moves at the master, device and hand [kg]."""
+        return self.master_mass + self.hand_mass
+
+    def operator_impedance(self, frequency: Array) -> Complex:
+        """Z_m of device and hand at frequencies [Hz]."""
+        s = 2j * np.pi * frequency
+        return np.asarray(self.moving_mass * s + self.master_damping + self.hand_damping + self.hand_stiffness / s)
+
+    def following(self, environment: Environment, frequency: Array) -> Complex:
+        """G: the slave's velocity by that of its set-point."""
+        s = 2j * np.pi * frequency
+        top = self.coupling_damping * s + self.coupling_stiffness
+        damping = self.slave_damping + self.coupling_damping + environment.damping
+        return np.asarray(top / (self.slave_mass * s**2 + damping * s + self.coupling_stiffness + environment.stiffness))
+
+    def transmitted(
+        self, environment: Environment, frequency: Array, method: str, believed: Environment | None = None
+    ) -> Complex:
+        """Z_t that the operator feels at the master's port, device and hand apart, by the formula.
+
+        Args:
+            environment: the true one. frequency: [Hz], (n,). method: `direct` or `impedance`; the passivity controller is
+                not linear, so `passivated` has no formula. believed: what the map says; default: the truth.
+        """
+        if _method(method) == "impedance":
+            return (believed or environment).impedance(frequency)
+        if method == "passivated":
+            raise InputError("a formula for 'passivated'", "a linear method", "use measured_impedance")
+        late = np.exp(-4j * np.pi * frequency * self.delay)
+        return np.asarray(environment.impedance(frequency) * self.following(environment, frequency) * late)
+
+    def is_stable(self, environment: Environment, method: str, believed: Environment | None = None) -> bool:
+        """Whether operator, master, line and slave in lasting contact are stable, by Nyquist's criterion on Z_t/Z_m.
+
+        Both factors are stable on their own, so that 1 + Z_t/Z_m must not turn around 0.
+
+        Raises:
+            InputError: a method that isn't linear.
+        """
+        coarse = np.geomspace(1e-4, 1e4, 2000)
+        gain = np.abs(self.transmitted(environment, coarse, method, believed) / self.operator_impedance(coarse))
+        # above `top` the gain stays below 1/2, and 1 + Z_t/Z_m to the right of 0
+        top = 1.1 * float(coarse[gain > 0.5].max(initial=1.0))
+        # the delay turns the phase by at most 0.02 rad a step
+        steps = 4000 + int(4 * np.pi * self.delay * top / 0.02)
+        frequency = np.concatenate([coarse[coarse < 0.01], np.linspace(0.01, top, steps)])
+        z_t = self.transmitted(environment, frequency, method, believed)
+        phase = np.unwrap(np.angle(1.0 + z_t / self.operator_impedance(frequency)))
+        return bool(abs(phase[-1] - phase[0]) < np.pi)
+
+
+class Motion(NamedTuple):
+    """A simulated contact; arrays (n,): t [s], master, slave and intended place [m, > 0 inside], force felt [N].
+
+    port_energy: that the rendered force took up at the master's port so far [J], before the passivity controller's part.
+    injected: damping that the controller adds [N·s/m]. stable: whether the master comes to rest.
+    """
+
+    t: Array
+    master: Array
+    slave: Array
+    intended: Array
+    force: Array
+    environment_force: Array
+    port_energy: Array
+    injected: Array
+    stable: bool
+
+
+def simulate(
+    teleoperator: Teleoperator, environment: Environment, method: str = "direct", believed: Environment | None = None,
+    depth: float = 0.01, duration: float = 12.0,
+) -> Motion:  # fmt: skip
+    """The operator pushes from 5 mm above the surface to an intended depth [m] in one second, and holds.
+
+    Contact is unilateral on both sides: an unstable line ends in a hammering limit cycle. `stable` compares the master's
+    movement over the last quarter with `REST` of the intended way.
+
+    Raises:
+        InputError: an unknown method, a depth that isn't positive, or a duration shorter than ten round trips and 4 s.
+    """
+    shortest = max(4.0, 20 * teleoperator.delay)
+    if not depth > 0 or not duration >= shortest:
+        raise InputError(f"depth {depth} m and duration {duration} s", f"depth > 0, duration ≥ {shortest:g} s",
+                         "push in, and wait")  # fmt: skip
+    n = round(duration / teleoperator.period)
+    t = np.arange(n, dtype=np.float64) * teleoperator.period
+    s = np.minimum(t, 1.0)
+    intended: Array = -0.005 + (depth + 0.005) * s**3 * (10 - 15 * s + 6 * s**2)
+    out = _run(teleoperator, environment, method, believed, intended, False)
+    tail = out[0, 3 * n // 4 :]
+    stable = bool(np.isfinite(out).all() and tail.max() - tail.min() < REST * (depth + 0.005))
+    return Motion(t, out[0], out[1], intended, out[2], out[3], out[4], out[5], stable)
+
+
+def measured_impedance(
+    teleoperator: Teleoperator, environment: Environment, frequency: Sequence[float], method: str,
+    believed: Environment | None = None,
+) -> Complex:  # fmt: skip
+    """Z_t from simulations in which the master is moved as a sine, one frequency at a time, in lasting contact, (n,).
+
+    The passivity controller's answer is that of its first harmonic. Frequencies are rounded to whole periods of samples.
+    """
+    out, h = [], teleoperator.period
+    for f in frequency:
+        per_cycle = max(8, round(1.0 / (f * h)))
+        settle = math.ceil((2 * teleoperator.delay + 1.0) / (per_cycle * h)) + 1
+        cycles = settle + 2
+        k = np.arange(per_cycle * cycles)
+        angle = 2 * np.pi * k / per_cycle
+        result = _run(teleoperator, environment, method, believed, 0.005 + 1e-3 * np.sin(angle), True)
+        rows = slice(settle * per_cycle, None)
+        carrier = np.exp(-1j * angle[rows])
+        motion, force = np.mean(result[0, rows] * carrier), np.mean(result[2, rows] * carrier)
+        out.append(force / (motion * 2j * np.pi / (per_cycle * h)))
+    return np.array(out)
+
+
+class Row(NamedTuple):
+    """One case of the study: one-way delay [s], method, stable by simulation, and by Nyquist's criterion (None for a
+    non-linear method), transparency error [1].
+    """
+
+    delay: float
+    method: str
+    stable: bool
+    nyquist: bool | None
+    error: float
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """The study's table, and what a figure needs.
+
+    Attributes:
+        rows: each delay with each method. frequency: [Hz], (n,). environment: Z_e, (n,).
+        transmitted: Z_t, (n,), by delay and method. motions: simulations, by delay and method.
+    """
+
+    rows: tuple[Row, ...]
+    frequency: Array
+    environment: Complex
+    transmitted: dict[tuple[float, str], Complex] = field(default_factory=dict)
+    motions: dict[tuple[float, str], Motion] = field(default_factory=dict)
+
+    def table(self) -> str:
+        """Delay, method, stable?, transparency error: one line a case."""
+        lines = ["one-way delay [ms]  method       stable  Nyquist  transparency error"]
+        for row in self.rows:
+            nyquist = "-" if row.nyquist is None else ("yes" if row.nyquist else "no")
+            stable = "yes" if row.stable else "no"
+            lines.append(f"{1e3 * row.delay:18.0f}  {row.method:<11}  {stable:<6}  {nyquist:<7}  {row.error:.4f}")
+        return "\n".join(lines)
+
+
+def transparency_error(transmitted: Complex, environment: Complex) -> float:
+    """Root mean square of |Z_t − Z_e| / |Z_e| over the frequencies; 0 is transparent, 1 is nothing transmitted."""
+    return float(np.sqrt(np.mean(np.abs(transmitted / environment - 1.0) ** 2)))
+
+
+def study(
+    environment: Environment | None = None, believed: Environment | None = None,
+    delays: Sequence[float] = (0.05, 0.1, 0.2, 0.4), methods: Sequence[str] = METHODS,
+    teleoperator: Teleoperator | None = None, points: int = 24,
+) -> Study:  # fmt: skip
+    """Each delay with each method: stability in contact, and transmitted against true impedance over `BAND`.
+
+    Args:
+        environment: the true one; default: Ecoflex 00-50. believed: what the map says; default: the truth.
+        delays: one-way [s]. methods: see `Method`. teleoperator: all but the delay. points: frequencies, log-spaced.
+
+    Raises:
+        InputError: an unknown method, or no delays.
+    """
+    environment, teleoperator = environment or Environment(), teleoperator or Teleoperator()
+    if not len(delays) or points < 2:
+        raise InputError(f"{len(delays)} delays and {points} frequencies", "at least one delay, two frequencies", "give some")
+    for method in methods:
+        _method(method)
+    cases = [dataclasses.replace(teleoperator, delay=float(delay)) for delay in delays]  # all checked before any runs
+    frequency = np.geomspace(*BAND, points)
+    truth, rows = environment.impedance(frequency), []
+    transmitted, motions = {}, {}
+    for case in cases:
+        for method in methods:
+            linear = method != "passivated"
+            z_t = (case.transmitted(environment, frequency, method, believed) if linear
+                   else measured_impedance(case, environment, list(frequency), method, believed))  # fmt: skip
+            motion = simulate(case, environment, method, believed)
+            nyquist = case.is_stable(environment, method, believed) if linear else None
+            rows.append(Row(case.delay, method, motion.stable, nyquist, transparency_error(z_t, truth)))
+            transmitted[case.delay, method], motions[case.delay, method] = z_t, motion
+    return Study(tuple(rows), frequency, truth, transmitted, motions)
+
+
+def _run(
+    teleoperator: Teleoperator, environment: Environment, method: str, believed: Environment | None, path: Array, moved: bool
+) -> Array:
+    from kinid.controllers import _line
+
+    believed, o = believed or environment, teleoperator
+    out = np.empty((6, len(path)))
+    _line.run(
+        np.array([o.moving_mass, o.master_damping, o.hand_damping, o.hand_stiffness, o.slave_mass, o.slave_damping,
+                  o.coupling_stiffness, o.coupling_damping, environment.stiffness, environment.damping,
+                  believed.stiffness, believed.damping, o.most_damping, o.period]),
+        round(o.delay / o.period), METHODS.index(_method(method)), np.ascontiguousarray(path), moved, out,
+    )  # fmt: skip
+    return out
+
+
+def _method(name: str) -> str:
+    if name not in METHODS:
+        raise InputError(f"method '{name}'", "a method of reflection", near(name, METHODS))
+    return name
+
+
+def _not_negative(thing: object, *names: str) -> None:
+    for name in names:
+        value = getattr(thing, name)
+        if not (math.isfinite(value) and value >= 0):
+            raise InputError(f"{name} {value}", "a finite number that isn't negative",
+                             "a negative gain gives energy: unstable")  # fmt: skip

@@ -1,0 +1,173 @@
+"""The laboratory's own contact law, one instant at a time: written apart from the effects that are later fitted to it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# parameters of a contact that hold everywhere
+(
+    EXPONENT, LOSS, RATIO1, TIME1, RATIO2, TIME2, LOOP, LOOP_LENGTH, SOFT, SOFT_LENGTH, PULL, PULL_LENGTH, DRIFT, STRIBECK,
+    STRIBECK_SPEED, VISCOUS, BRISTLE, LOAD, ANISOTROPY, COMPLIANCE,
+) = range(20)  # fmt: skip
+COUPLED_K, COUPLED_C, PARAMETERS = 20, 29, 38
+# property fields over the surface
+STIFFNESS, DAMPING, FRICTION, LAYER, LAYER_DEPTH = range(5)
+FIELDS = 5
+# memory
+(
+    _Y1, _Y2, _FE, _Z, _ZW, _DEPTH, _MOST, _BOND, _U1, _U2, _W1, _W2, _S1, _S2, _X1, _X2, _TOUCH, _EFFECTIVE, FORCE,
+) = range(19)  # fmt: skip
+MEMORY = FORCE + 3
+
+_AHEAD = 0.02  # share of a bristle's length that is purely elastic (Dupont et al. 2002)
+
+
+@njit(cache=True)
+def _field(fields: Array, grid: Array, x: float, y: float, out: Array) -> None:
+    """Bilinear interpolation of all fields (FIELDS, nx, ny); grid: x0, y0, dx, dy. Beyond the grid its edge continues."""
+    nx, ny = fields.shape[1], fields.shape[2]
+    a = min(max((x - grid[0]) / grid[2], 0.0), nx - 1.0)
+    b = min(max((y - grid[1]) / grid[3], 0.0), ny - 1.0)
+    i, j = min(int(a), nx - 2), min(int(b), ny - 2)
+    a, b = a - i, b - j
+    for k in range(FIELDS):
+        out[k] = ((1 - a) * ((1 - b) * fields[k, i, j] + b * fields[k, i, j + 1])
+                  + a * ((1 - b) * fields[k, i + 1, j] + b * fields[k, i + 1, j + 1]))  # fmt: skip
+
+
+@njit(cache=True)
+def _branch(y: float, before: float, now: float, dt: float, tau: float) -> float:
+    """τ ẏ = F − y over dt, F running straight."""
+    h = dt / tau
+    e = np.exp(-h)
+    slope = now - before
+    return now - slope / h * (1.0 - e) + (y - before) * e if h > 1e-6 else y + h * (0.5 * (before + now) - y)
+
+
+@njit(cache=True)
+def _play(w: float, u: float, step: float, length: float) -> tuple[float, float]:
+    """A play of ± 0.02 ℓ, then Dahl's bristle, in one dimension."""
+    w += step
+    over = abs(w) - _AHEAD * length
+    if over > 0.0:
+        sign = 1.0 if w > 0.0 else -1.0
+        w = sign * _AHEAD * length
+        u = sign + (u - sign) * np.exp(-over / length)
+    return w, u
+
+
+@njit(cache=True)
+def _normal(depth: float, rate: float, t: float, dt: float, m: Array, new: Array, p: Array, at: Array) -> float:
+    """Normal force at a depth; fills the normal part of the new memory."""
+    new[_DEPTH] = depth
+    new[_MOST] = max(m[_MOST], depth)
+    pull = 0.0
+    if p[PULL] > 0.0:
+        bond = m[_BOND]
+        if depth <= -p[PULL_LENGTH]:
+            bond = -1.0
+        elif depth > 0.0:
+            bond = max(bond, depth)
+        new[_BOND] = bond
+        if bond > 0.0:
+            pull = p[PULL] * (1.0 - np.exp((depth - bond) / p[PULL_LENGTH]))
+            if depth < 0.0:
+                gone = depth / p[PULL_LENGTH]
+                pull *= (1.0 - gone * gone) ** 2
+    elastic = 0.0
+    if depth > 0.0:
+        elastic = at[STIFFNESS] * (depth if p[EXPONENT] == 1.0 else depth ** p[EXPONENT])
+        elastic += at[LAYER] * max(0.0, depth - at[LAYER_DEPTH])
+        if p[SOFT] != 0.0:
+            elastic *= 1.0 - p[SOFT] * (1.0 - np.exp((depth - new[_MOST]) / p[SOFT_LENGTH]))
+        elastic *= 1.0 + p[DRIFT] * t / 60.0
+    new[_FE] = elastic
+    force = elastic
+    if p[RATIO1] > 0.0:
+        new[_Y1] = _branch(m[_Y1], m[_FE], elastic, dt, p[TIME1])
+        force -= p[RATIO1] * new[_Y1]
+    if p[RATIO2] > 0.0:
+        new[_Y2] = _branch(m[_Y2], m[_FE], elastic, dt, p[TIME2])
+        force -= p[RATIO2] * new[_Y2]
+    if depth <= 0.0:
+        new[_Z] = new[_ZW] = 0.0
+        return -pull
+    if p[LOOP] > 0.0:
+        new[_ZW], new[_Z] = _play(m[_ZW], m[_Z], depth - max(m[_DEPTH], 0.0), p[LOOP_LENGTH])
+        force += p[LOOP] * elastic * ((1.0 - _AHEAD) * new[_Z] + new[_ZW] / p[LOOP_LENGTH])
+    force += (at[DAMPING] + p[LOSS] * elastic) * rate
+    return float(max(force, 0.0) - pull)
+
+
+@njit(cache=True)
+def contact(x: Array, v: Array, t: float, dt: float, m: Array, new: Array, p: Array, fields: Array, grid: Array,
+            at: Array) -> None:  # fmt: skip
+    """One step of the contact: force of the material on the tool at the step's end, in new[FORCE:FORCE + 3].
+
+    Args:
+        x: place along both tangents, and depth [m], (3,). v: their rates [m/s], (3,). t: [s]. dt: since `m` [s], > 0.
+        m: memory at the step's beginning, (MEMORY,), unchanged. new: at its end.
+        p: (PARAMETERS,). fields: (FIELDS, nx, ny) over `grid`. at: scratch, (FIELDS,).
+    """
+    for k in range(MEMORY):
+        new[k] = m[k]
+    _field(fields, grid, x[0], x[1], at)
+    depth, rate, c = x[2], v[2], p[COMPLIANCE]
+    if c > 0.0 and depth > -1e-3:
+        # in series with a spring: e + C N(e, ė) = δ, by secants from where the material was
+        e0 = m[_EFFECTIVE] if m[_TOUCH] > 0.0 else depth
+        a = e0 + rate * dt
+        fa = a + c * _normal(a, (a - e0) / dt, t, dt, m, new, p, at) - depth
+        b = a - fa
+        for _ in range(12):
+            fb = b + c * _normal(b, (b - e0) / dt, t, dt, m, new, p, at) - depth
+            if abs(fb) < 1e-13 or fb == fa:
+                break
+            a, fa, b = b, fb, b - fb * (b - a) / (fb - fa)
+        depth, rate = b, (b - e0) / dt
+    normal = _normal(depth, rate, t, dt, m, new, p, at)
+    new[_EFFECTIVE] = depth
+    new[_S1], new[_S2] = x[0], x[1]
+    if depth <= 0.0:
+        new[_U1] = new[_U2] = new[_W1] = new[_W2] = new[_TOUCH] = 0.0
+        new[FORCE] = new[FORCE + 1] = 0.0
+        new[FORCE + 2] = normal
+        return
+    if m[_TOUCH] == 0.0:
+        new[_X1], new[_X2], new[_TOUCH] = x[0], x[1], 1.0
+        step1 = step2 = 0.0
+    else:
+        step1, step2 = x[0] - m[_S1], x[1] - m[_S2]
+    length = p[BRISTLE]
+    w1, w2 = m[_W1] + step1, m[_W2] + step2
+    u1, u2 = m[_U1], m[_U2]
+    far = np.sqrt(w1 * w1 + w2 * w2)
+    over = far - _AHEAD * length
+    if over > 0.0:
+        d1, d2, e = w1 / far, w2 / far, np.exp(-over / length)
+        w1, w2 = _AHEAD * length * d1, _AHEAD * length * d2
+        u1, u2 = d1 + (u1 - d1) * e, d2 + (u2 - d2) * e
+    new[_W1], new[_W2], new[_U1], new[_U2] = w1, w2, u1, u2
+    load = max(normal, 0.0)
+    mu = at[FRICTION]
+    if p[STRIBECK] != 0.0:
+        mu += p[STRIBECK] * np.exp(-(v[0] * v[0] + v[1] * v[1]) / p[STRIBECK_SPEED] ** 2)
+    if p[LOAD] != 0.0:
+        mu *= max(load, 1e-3) ** p[LOAD]
+    t1 = -mu * (1.0 + p[ANISOTROPY]) * load * ((1.0 - _AHEAD) * u1 + w1 / length) - p[VISCOUS] * v[0]
+    t2 = -mu * (1.0 - p[ANISOTROPY]) * load * ((1.0 - _AHEAD) * u2 + w2 / length) - p[VISCOUS] * v[1]
+    y1, y2 = x[0] - new[_X1], x[1] - new[_X2]
+    for i in range(3):
+        k, q = COUPLED_K + 3 * i, COUPLED_C + 3 * i
+        extra = p[k] * y1 + p[k + 1] * y2 + p[k + 2] * depth + p[q] * v[0] + p[q + 1] * v[1] + p[q + 2] * rate
+        if i == 0:
+            t1 += extra
+        elif i == 1:
+            t2 += extra
+        else:
+            normal += extra
+    new[FORCE], new[FORCE + 1], new[FORCE + 2] = t1, t2, normal

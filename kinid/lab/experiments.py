@@ -1,0 +1,84 @@
+"""Experiments by name: what they touch, and how."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinid.errors import InputError, near
+from kinid.lab import materials
+from kinid.lab.arm import Gains
+from kinid.lab.protocol import Poke, Script, Slide, five_phases, minimum_jerk
+from kinid.lab.sensors import Sensor, StreamSpec
+from kinid.lab.setup import Setup
+
+#: the study's signals: amplitudes [m] and frequencies [Hz] about a depth [m]
+SPONGE_POKE = Poke(0.012, ((0.003, 0.9), (0.001, 5.0)))
+SILICONE_POKE = Poke(0.003, ((0.0015, 0.9), (0.0005, 5.0)))
+BAND_POKE = Poke(0.08, ((0.025, 1.7), (0.010, 4.0)), duration=8.0)
+SLIDE = Slide(depth=2.5e-3, speed=3e-3, length=6e-3)
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A name, one line on it, its material, its script, and where its surface lies [m]."""
+
+    name: str
+    says: str
+    material: str
+    script: Callable[[], Script]
+    point: tuple[float, float, float] = (0.55, 0.0, 0.10)
+
+
+def _touch(poke: Poke) -> Callable[[], Script]:
+    return lambda: five_phases(poke, SLIDE)
+
+
+def _wave() -> Script:
+    """A large slow motion in the air that moves every joint."""
+    period, duration = 1e-3, 20.0
+    t = np.asarray(np.arange(round(duration / period)) * period, dtype=float)
+    fade = minimum_jerk(np.minimum(t, duration - t) / 2.0)[:, None]
+    w = 2 * np.pi * np.array([0.23, 0.31, 0.41])
+    place = np.array([0.0, 0.0, -0.22]) + fade * np.sin(np.outer(t, w)) * np.array([0.08, 0.2, 0.08])
+    tilt = fade * np.sin(np.outer(t, 2 * np.pi * np.array([0.37, 0.29]))) * np.array([0.35, 0.35])
+    return Script(t.astype(np.float64), np.full(len(t), "free"), place, tilt)
+
+
+EXPERIMENTS = {
+    e.name: e
+    for e in (
+        Experiment("poke", "a multisine about a depth", "ecoflex-50", lambda: five_phases(SILICONE_POKE)),
+        Experiment("slide", "out and back along both tangents at constant set-point", "ecoflex-50", lambda: five_phases(SLIDE)),
+        Experiment("band", "a quasi-elastic band, pressed by centimetres", "band",
+                   lambda: five_phases(BAND_POKE, approach=2.4), (0.55, 0.0, 0.25)),
+        Experiment("sponge", "an anechoic sponge, poked and slid on", "sponge", _touch(SPONGE_POKE)),
+        Experiment("ecoflex-50", "Ecoflex 00-50, poked and slid on", "ecoflex-50", _touch(SILICONE_POKE)),
+        Experiment("dragon-skin-10", "Dragon Skin 10, poked and slid on", "dragon-skin-10", _touch(SILICONE_POKE)),
+        Experiment("mould", "four silicones in quarters, poked at their common corner and slid on", "mould",
+                   _touch(SILICONE_POKE)),
+        Experiment("wave", "free motion of all joints, nothing touched", "ecoflex-50", _wave),
+    )
+}  # fmt: skip
+
+
+def prepare(name: str, *, material: str | None = None, seed: int = 0, gains: Gains | None = None) -> Setup:
+    """The set-up of a named experiment, its sensor and clocks by the seed.
+
+    Raises:
+        InputError: no such experiment or material.
+    """
+    if name not in EXPERIMENTS:
+        raise InputError(f"experiment '{name}'", f"one of {', '.join(EXPERIMENTS)}", near(name, EXPERIMENTS))
+    experiment = EXPERIMENTS[name]
+    rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
+    sensor = Sensor.mini40(rng)
+    wrench = StreamSpec(offset=float(rng.uniform(-2e-3, 2e-3)), delay=float(rng.uniform(0.0, 1e-3)), jitter=2e-5, losses=2e-3,
+                        skew=float(rng.normal(scale=5e-6)))  # fmt: skip
+    joints = StreamSpec(every=2, jitter=2e-5, losses=1e-3)
+    return Setup(
+        experiment.script(), materials.material(material or experiment.material), gains or Gains(), point=experiment.point,
+        sensor=sensor, known_crosstalk=sensor.crosstalk, wrench_stream=wrench, joint_stream=joints, seed=seed,
+    )  # fmt: skip

@@ -1,0 +1,212 @@
+"""What the laboratory has to touch: contact laws, and properties that change over a surface."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.errors import InputError, near
+from kinid.lab import _law as law
+
+Array = NDArray[np.float64]
+#: a property at places along both tangents [m], each (n,)
+Field = Callable[[Array, Array], Array]
+
+#: names of the properties that may change over a surface, in the order of the law's fields
+PROPERTIES = ("stiffness", "damping", "friction", "layer", "layer_depth")
+#: half the side of the raster on which fields are tabled [m], and its step
+_HALF, _STEP = 0.06, 5e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """A contact law and its parameters; what is zero isn't there.
+
+    N = (K δⁿ + K₂ max(0, δ − δ₂)) with, in this order, softening, drift, relaxation, a loop, damping and adhesion;
+    T = −μ N u − c v with a bristle's deflection u. The names are those of the catalogue's effects.
+
+    Attributes:
+        name: of the material. color: RGB of its glitter, 0…1.
+        stiffness: K [N/mⁿ]. exponent: n. damping: B [N·s/m]. loss: λ [s/m], N += λ F_e δ̇.
+        friction: μ. layer: K₂ [N/m] beyond layer_depth δ₂ [m].
+        relaxation: pairs of ratio and time constant [s], two at most. hysteresis: amplitude, length [m].
+        softening: ratio, length [m]. adhesion: force [N], length [m]. drift: [1/min].
+        stribeck: Δμ, speed [m/s]. viscous: [N·s/m]. bristle: [m]. load_exponent, anisotropy: see the effects.
+        coupling: K (3, 3) and C (3, 3) over (x₁, x₂, δ), added to the force. compliance: in series [m/N].
+        fields: properties that change over the surface.
+        colors: colour at places, (n, 3), where it changes.
+    """
+
+    name: str = "kelvin-voigt"
+    color: tuple[float, float, float] = (0.5, 0.5, 0.5)
+    stiffness: float = 0.0
+    exponent: float = 1.0
+    damping: float = 0.0
+    loss: float = 0.0
+    friction: float = 0.0
+    layer: float = 0.0
+    layer_depth: float = 0.0
+    relaxation: tuple[tuple[float, float], ...] = ()
+    hysteresis: tuple[float, float] = (0.0, 1e-3)
+    softening: tuple[float, float] = (0.0, 1e-3)
+    adhesion: tuple[float, float] = (0.0, 5e-4)
+    drift: float = 0.0
+    stribeck: tuple[float, float] = (0.0, 5e-3)
+    viscous: float = 0.0
+    bristle: float = 1e-4
+    load_exponent: float = 0.0
+    anisotropy: float = 0.0
+    coupling: tuple[Array, Array] | None = None
+    compliance: float = 0.0
+    fields: dict[str, Field] = field(default_factory=dict)
+    colors: Callable[[Array, Array], Array] | None = None
+
+    def replace(self, **changes: object) -> Material:
+        """The same with other parameters."""
+        return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
+
+    def at(self, x: Array, y: Array) -> dict[str, Array]:
+        """Its properties at places along both tangents [m], each (n,)."""
+        x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+        return {name: np.asarray(self.fields[name](x, y)) if name in self.fields else np.full(x.shape, getattr(self, name))
+                for name in PROPERTIES}  # fmt: skip
+
+    def raster(self) -> tuple[Array, Array]:
+        """Tables of the properties for the loop, (5, nx, ny), and their grid x0, y0, dx, dy."""
+        if not self.fields:
+            flat = np.array([getattr(self, name) for name in PROPERTIES])
+            return np.ascontiguousarray(np.broadcast_to(flat[:, None, None], (law.FIELDS, 2, 2))), np.array([0.0, 0.0, 1.0, 1.0])
+        ticks = np.arange(-_HALF, _HALF + _STEP / 2, _STEP)
+        x, y = np.meshgrid(ticks, ticks, indexing="ij")
+        values = self.at(x.ravel(), y.ravel())
+        tables = np.stack([values[name].reshape(x.shape) for name in PROPERTIES])
+        return np.ascontiguousarray(tables), np.array([ticks[0], ticks[0], _STEP, _STEP])
+
+    def packed(self) -> Array:
+        """What is the same everywhere, for the loop."""
+        p = np.zeros(law.PARAMETERS)
+        branches = [*self.relaxation, (0.0, 1.0), (0.0, 1.0)]
+        p[: law.COUPLED_K] = [
+            self.exponent, self.loss, *branches[0], *branches[1], *self.hysteresis, *self.softening, *self.adhesion, self.drift,
+            *self.stribeck, self.viscous, self.bristle, self.load_exponent, self.anisotropy, self.compliance,
+        ]  # fmt: skip
+        if self.coupling is not None:
+            p[law.COUPLED_K : law.COUPLED_C] = np.ravel(self.coupling[0])
+            p[law.COUPLED_C :] = np.ravel(self.coupling[1])
+        return p
+
+    def truth(self) -> dict[str, object]:
+        """Its numbers, for the folder that no other command reads."""
+        out: dict[str, object] = {}
+        for item in dataclasses.fields(self):
+            value = getattr(self, item.name)
+            if item.name == "coupling" and value is not None:
+                value = [np.asarray(part).tolist() for part in value]
+            if item.name == "fields":
+                value = sorted(value)
+            if item.name != "colors":
+                out[item.name] = value
+        return out
+
+
+def _silicone(name: str, stiffness: float, damping: float, friction: float, color: tuple[float, float, float]) -> Material:
+    return Material(name, color, stiffness=stiffness, damping=damping, friction=friction)
+
+
+ECOFLEX = _silicone("ecoflex-50", 732.0, 9.9, 0.82, (0.87, 0.63, 0.16))
+DRAGON_SKIN = _silicone("dragon-skin-10", 994.0, 14.5, 0.77, (0.16, 0.42, 0.78))
+#: the two further silicones of the mould, softer and harder than those that were measured
+ECOFLEX_30 = _silicone("ecoflex-30", 510.0, 7.2, 0.88, (0.80, 0.22, 0.30))
+DRAGON_SKIN_30 = _silicone("dragon-skin-30", 2400.0, 21.0, 0.66, (0.20, 0.60, 0.32))
+SPONGE = Material("sponge", (0.25, 0.25, 0.28), stiffness=280.0, damping=8.1, friction=0.27)
+#: quasi-elastic: a power law near one with losses that grow with force. A stretched band also resists sideways, and pulls
+#: the tip aside as it is pressed, because it hangs between posts of unequal height
+BAND = Material(
+    "band", (0.72, 0.55, 0.35), stiffness=92.5, exponent=1.028, loss=3.37 / 92.5, friction=0.0,
+    coupling=(np.array([[-60.0, 0.0, 9.0], [0.0, -45.0, -5.0], [0.0, 0.0, 0.0]]),
+              np.array([[-0.6, 0.0, 0.0], [0.0, -0.6, 0.0], [0.0, 0.0, 0.0]])),
+)  # fmt: skip
+
+_SIDE, _BORDER, _RIM = 0.10, 2e-3, 4e-3
+_QUARTERS = ((ECOFLEX_30, ECOFLEX), (DRAGON_SKIN, DRAGON_SKIN_30))
+
+
+def _quarters(x: Array, y: Array, values: tuple[tuple[Array, Array], tuple[Array, Array]]) -> Array:
+    """Four values blended over borders that wind a little: silicones were poured one beside the other."""
+    u = 0.5 * (1.0 + np.tanh((x - 1.5e-3 * np.sin(90.0 * y)) / _BORDER))
+    v = 0.5 * (1.0 + np.tanh((y + 1.2e-3 * np.sin(110.0 * x)) / _BORDER))
+    (a, b), (c, d) = values
+    u, v = (w[(...,) + (None,) * (np.ndim(a))] for w in (u, v))
+    out: Array = (1 - u) * ((1 - v) * a + v * b) + u * ((1 - v) * c + v * d)
+    return out
+
+
+def _rim(x: Array, y: Array) -> Array:
+    """How much of its stiffness the material has: less towards the free edge."""
+    edge = np.minimum(_SIDE / 2 - np.abs(x), _SIDE / 2 - np.abs(y))
+    out: Array = 0.45 + 0.55 * 0.5 * (1.0 + np.tanh((edge - _RIM) / (0.5 * _RIM)))
+    return out
+
+
+def _film(x: Array, y: Array) -> Array:
+    """1 where a soft film that ran over covers the quarter x > 0, y > 0, else 0."""
+    out: Array = 0.5 * (1.0 + np.tanh((np.minimum(x, y) - 0.012) / 1.5e-3))
+    return out
+
+
+#: stiffness of the film, and how thick it lies [m]
+_FILM_STIFFNESS, _FILM_THICKNESS = 350.0, 8e-4
+
+
+def _mould_of(name: str) -> Field:
+    values = tuple(tuple(np.asarray(getattr(m, name), dtype=float) for m in row) for row in _QUARTERS)
+
+    def value(x: Array, y: Array) -> Array:
+        body = _quarters(x, y, values)  # type: ignore[arg-type]
+        film = _film(x, y)
+        if name == "stiffness":
+            body = body * _rim(x, y)
+            return (1 - film) * body + film * _FILM_STIFFNESS
+        if name == "friction":
+            return body * (1 + 0.15 * film)  # sticky
+        return body
+
+    return value
+
+
+def _mould_layer(x: Array, y: Array) -> Array:
+    body = _quarters(x, y, tuple(tuple(np.asarray(m.stiffness) for m in row) for row in _QUARTERS)) * _rim(x, y)  # type: ignore[arg-type]
+    out: Array = _film(x, y) * (body - _FILM_STIFFNESS)
+    return out
+
+
+def _mould_colors(x: Array, y: Array) -> Array:
+    body = _quarters(np.asarray(x), np.asarray(y), tuple(tuple(np.asarray(m.color) for m in row) for row in _QUARTERS))  # type: ignore[arg-type]
+    film = _film(x, y)[..., None]
+    out: Array = (1 - 0.5 * film) * body + 0.5 * film * np.asarray(ECOFLEX_30.color)
+    return out
+
+
+MOULD = Material(
+    "mould", (0.5, 0.45, 0.4),
+    fields={"stiffness": _mould_of("stiffness"), "damping": _mould_of("damping"), "friction": _mould_of("friction"),
+            "layer": _mould_layer, "layer_depth": lambda x, y: np.full(np.shape(x), _FILM_THICKNESS)},
+    colors=_mould_colors,
+)  # fmt: skip
+
+MATERIALS = {m.name: m for m in (BAND, SPONGE, ECOFLEX, DRAGON_SKIN, ECOFLEX_30, DRAGON_SKIN_30, MOULD)}
+
+
+def material(name: str) -> Material:
+    """A material by its name.
+
+    Raises:
+        InputError: no such material.
+    """
+    if name not in MATERIALS:
+        raise InputError(f"material '{name}'", f"one of {', '.join(MATERIALS)}", near(name, MATERIALS))
+    return MATERIALS[name]

@@ -1,0 +1,158 @@
+"""Set-points of an experiment: approach, hold, motion, retract and return, in the axes of the surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Poke:
+    """A multisine about a depth: depth + Σ aᵢ sin(2π fᵢ t); amplitudes [m], frequencies [Hz]."""
+
+    depth: float
+    sines: tuple[tuple[float, float], ...]
+    duration: float = 4.0
+
+    name = "poke"
+
+    def path(self, t: NDArray[Any]) -> Array:
+        """Along tangent1, tangent2, and depth [m], (n, 3), for times from its beginning [s]."""
+        out = np.zeros((len(t), 3))
+        fade = minimum_jerk(np.minimum(t, self.duration - t) / 0.3)
+        out[:, 2] = self.depth + fade * sum(a * np.sin(2 * np.pi * f * t) for a, f in self.sines)
+        return out
+
+
+@dataclass(frozen=True)
+class Slide:
+    """Out and back along each direction [rad from tangent1] in turn, at one speed [m/s] and depth [m]."""
+
+    depth: float = 2.5e-3
+    speed: float = 3e-3
+    length: float = 6e-3
+    directions: tuple[float, ...] = (0.0, np.pi / 2)
+
+    name = "slide"
+
+    @property
+    def duration(self) -> float:
+        """[s]"""
+        return 4.0 * self.length / self.speed * len(self.directions)
+
+    def path(self, t: NDArray[Any]) -> Array:
+        """Along tangent1, tangent2, and depth [m], (n, 3), for times from its beginning [s]."""
+        leg = 4.0 * self.length / self.speed
+        out = np.zeros((len(t), 3))
+        out[:, 2] = self.depth
+        for k, angle in enumerate(self.directions):
+            u = np.clip((t - k * leg) / leg, 0.0, 1.0)
+            s = self.length * (1.0 - 4.0 * np.abs((u + 0.25) % 1.0 - 0.5))  # a triangle: 0, +1, 0, −1, 0
+            s[(u <= 0.0) | (u >= 1.0)] = 0.0
+            out[:, 0] += s * np.cos(angle)
+            out[:, 1] += s * np.sin(angle)
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class Script:
+    """Set-points, one a control period.
+
+    Attributes:
+        t: [s], (n,). phase: its name, (n,). place: along both tangents from the surface's point, and depth [m], (n, 3).
+        tilt: of the tool about both tangents [rad], (n, 2).
+    """
+
+    t: Array
+    phase: NDArray[np.str_]
+    place: Array
+    tilt: Array
+
+    def poses(self, axes: Array, point: Array) -> tuple[Array, Array]:
+        """Positions (n, 3) and rotations (n, 3, 3) of the tip; the tool points into the material."""
+        offset = self.place * np.array([1.0, 1.0, -1.0])
+        positions = np.asarray(point) + offset @ axes
+        t1, t2, normal = axes
+        base = np.stack([-t1, t2, -normal], axis=1)
+        if not self.tilt.any():
+            return positions, np.ascontiguousarray(np.broadcast_to(base, (len(self.t), 3, 3)))
+        turn = np.einsum("nij,njk->nik", _turn(self.tilt[:, 0], t1), _turn(self.tilt[:, 1], t2))
+        return positions, np.ascontiguousarray(turn @ base)
+
+
+def five_phases(
+    *motions: Poke | Slide, place: tuple[float, float] = (0.0, 0.0), height: float = 0.015, free: float = 2.0,
+    hold: float = 1.0, approach: float = 1.2, tilt: float = 0.3, period: float = 1e-3,
+) -> Script:  # fmt: skip
+    """Turn in the air (that shows weight and bias apart), approach, hold, move, retract, and return.
+
+    Args:
+        motions: one after the other, each with a hold before it. place: along both tangents [m].
+        height: above the surface [m]. free, hold, approach: [s]; no free phase for 0. tilt: in the air [rad].
+        period: of the controller [s].
+
+    Raises:
+        InputError: nothing to do, or a duration or amplitude that is no positive number.
+    """
+    if not motions:
+        raise InputError("an experiment without motion", "a poke or a slide", "add one")
+    for motion in motions:
+        if not (np.isfinite(motion.duration) and motion.duration > 0):
+            raise InputError(f"a {motion.name} that takes {motion.duration} s", "a positive duration", "correct it")
+    parts: list[tuple[str, Array, Array]] = []
+    here: Array = np.array([0.0, 0.0, -height])
+
+    def add(name: str, path: Array, tilts: Array | None = None) -> None:
+        nonlocal here
+        parts.append((name, path, np.zeros((len(path), 2)) if tilts is None else tilts))
+        here = path[-1]
+
+    def still(name: str, seconds: float) -> None:
+        add(name, np.tile(here, (max(1, round(seconds / period)), 1)))
+
+    def go(name: str, target: Array, seconds: float) -> None:
+        s = minimum_jerk((np.arange(round(seconds / period)) + 1) * period / seconds)[:, None]
+        add(name, here + s * (target - here))
+
+    if free > 0:
+        u = np.arange(round(free / period)) * period
+        fade = np.sin(np.pi * u / free) ** 2
+        wave = tilt * fade[:, None] * np.column_stack([np.sin(2 * np.pi * u / free * 1.5), np.cos(2 * np.pi * u / free * 1.5)])
+        add("free", np.tile(here, (len(u), 1)), wave)
+    for motion in motions:
+        t = (np.arange(round(motion.duration / period)) + 1) * period
+        path = motion.path(t)
+        depth = np.array([here[0], here[1], motion.depth])
+        go("approach", depth, approach if here[2] < 0 else 0.5 * approach)
+        still("hold", hold)
+        add(motion.name, path + np.array([here[0], here[1], 0.0]))
+    go("retract", np.array([here[0], here[1], -height]), approach)
+    go("rest", np.array([0.0, 0.0, -height]), 0.5 * approach)
+    # where the free phase is left out, the first and last moments are free motion
+    phase = np.concatenate([np.full(len(path), name) for name, path, _ in parts])
+    places: Array = np.concatenate([path for _, path, _ in parts])
+    places[:, :2] += place
+    times: Array = np.arange(len(phase), dtype=np.float64) * period
+    tilted: Array = np.concatenate([tilts for *_, tilts in parts])
+    return Script(times, phase, places, tilted)
+
+
+def minimum_jerk(s: NDArray[Any]) -> Array:
+    """Rest to rest on [0, 1] with continuous acceleration (Flash & Hogan 1985)."""
+    s = np.clip(s, 0.0, 1.0)
+    out: Array = s**3 * (10 - 15 * s + 6 * s**2)
+    return out
+
+
+def _turn(angle: Array, axis: Array) -> Array:
+    """Rotations about an axis, (n, 3, 3)."""
+    k = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
+    out: Array = np.eye(3) + np.sin(angle)[:, None, None] * k + (1 - np.cos(angle))[:, None, None] * (k @ k)
+    return out

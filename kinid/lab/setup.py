@@ -1,0 +1,240 @@
+"""A virtual experiment before it runs: what stands where, what is true, what the rig says; and what can't work is said."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.errors import InputError
+from kinid.lab import sensors
+from kinid.lab.arm import Arm, Gains, Joints, design_damping, joints_along, lwr4plus_joints, spectral_radius
+from kinid.lab.loop import Loop, Motion
+from kinid.lab.materials import Material
+from kinid.lab.protocol import Script
+from kinid.log import Log, Provenance
+from kinid.rig import Rig, ToolSpec, surface_axes
+from kinid.robot import Robot
+
+Array = NDArray[np.float64]
+
+#: a posture of the LWR4+ with the elbow up and the tool pointing down [rad]
+ELBOW_UP = np.deg2rad([0.0, -40.0, 0.0, 85.0, 0.0, -55.0, 0.0])
+#: rows of a log are every so many control periods apart
+LOG_EVERY = 2
+#: how many set-points a second are tried before anything runs
+CHECKS = 10
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """Everything that a run needs.
+
+    Attributes:
+        script: set-points. material: touched. gains: of the impedance. joints: drives.
+        point, normal, tangent: of the surface as the rig states it, base frame. tool: as the rig states it.
+        true_tool, true_tip, surface_offset, surface_slope, payload: what is true beyond the rig: the tool; displacement of
+            the tip in its axes [m]; how far the surface lies further out [m] and how it rises along the tangents; a load
+            between arm and sensor.
+        sensor, joint_sensors: with their faults. known_crosstalk: what the sensor's calibration sheet, and so the rig, says.
+        wrench_stream, joint_stream: how they are logged in a bag.
+        seed: of all noise.
+    """
+
+    script: Script
+    material: Material
+    gains: Gains = Gains()
+    joints: Joints = field(default_factory=lwr4plus_joints)
+    point: tuple[float, float, float] = (0.55, 0.0, 0.10)
+    normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    tangent: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    tool: ToolSpec = ToolSpec(mass=0.24, com=(0.0, 0.0, 0.049))
+    true_tool: ToolSpec | None = None
+    true_tip: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    surface_offset: float = 0.0
+    surface_slope: tuple[float, float] = (0.0, 0.0)
+    payload: ToolSpec | None = None
+    sensor: sensors.Sensor = field(default_factory=sensors.Sensor)
+    known_crosstalk: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    joint_sensors: sensors.JointSensors = sensors.JointSensors()
+    wrench_stream: sensors.StreamSpec = sensors.StreamSpec()
+    joint_stream: sensors.StreamSpec = sensors.StreamSpec(every=LOG_EVERY)
+    model: str = "lwr4plus"
+    seed: int = 0
+
+    def replace(self, **changes: object) -> Setup:
+        """The same with other parts."""
+        return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
+
+    @cached_property
+    def rig(self) -> Rig:
+        """What the experimenter believes."""
+        surface = {"point": self.point, "normal": self.normal, "tangent": self.tangent}
+        return Rig.parse({"robot": {"model": self.model}, "tool": self.tool, "surface": surface,
+                          "sensor": {"range": tuple(sensors.RANGE), "noise": tuple(sensors.NOISE),
+                                     "crosstalk": tuple(map(tuple, np.eye(6) + self.known_crosstalk))}})  # fmt: skip
+
+    @cached_property
+    def robot(self) -> Robot:
+        """Of the rig."""
+        return Robot.load(self.rig)
+
+    @cached_property
+    def axes(self) -> Array:
+        """Rows tangent1, tangent2, normal of the rig's surface."""
+        return surface_axes(self.normal, self.tangent)
+
+    @cached_property
+    def true_axes(self) -> Array:
+        """Those of the surface as it is."""
+        t1, t2, n = self.axes
+        a, b = self.surface_slope
+        return surface_axes(n - a * t1 - b * t2, t1 + a * n)
+
+    @cached_property
+    def arm(self) -> Arm:
+        """The arm as it is, to the tip as it is."""
+        load = self.true_tool or self.tool
+        load = load if self.payload is None else together(load, self.payload)
+        return Arm.pack(self.robot, load).moved_tip(np.asarray(self.true_tip))
+
+    @cached_property
+    def start(self) -> Array:
+        """Joints from which the search for a path begins: the elbow up, turned towards the surface."""
+        q = ELBOW_UP.copy() if self.robot.joint_count == len(ELBOW_UP) else 0.5 * (self.robot.lower + self.robot.upper)
+        q[0] = np.arctan2(self.point[1], self.point[0])
+        return q
+
+    def check(self) -> Array:
+        """Refuse what can't work; the joints at the first set-point, (N,).
+
+        Raises:
+            InputError: a surface that faces away, targets out of reach, joint or torque limits, gains that are no
+                numbers, or with which arm and controller are unstable.
+        """
+        gains, robot = self.gains, self.robot  # a rig that makes no sense is refused here
+        n = self.axes[2]
+        for name, value in (("translational stiffness", gains.translation), ("rotational stiffness", gains.rotation),
+                            ("damping ratio", gains.ratio)):  # fmt: skip
+            if not (np.isfinite(value) and value > 0):
+                raise InputError(f"a {name} of {value}", "a positive number", "correct it")
+        shoulder = robot.kinematics(robot.tip_frame or "", np.zeros((1, robot.joint_count))).position[0]
+        shoulder = np.array([0.0, 0.0, 0.3 * shoulder[2]])  # about a third up the stretched arm
+        if n @ (shoulder - np.asarray(self.point)) <= 0.0:
+            raise InputError(f"a surface at {_shown(self.point)} with its normal {_shown(self.normal)} turned away from the arm",
+                             "a surface that the arm stands in front of", "turn the normal, or move the surface")  # fmt: skip
+        limit = self.robot.upper[0]
+        if abs(self.start[0]) > limit:
+            raise InputError(f"a surface at {_shown(self.point)}, behind the robot ({np.degrees(self.start[0]):.0f}°)",
+                             f"one within ±{np.degrees(limit):.0f}° of the front", "move the surface")  # fmt: skip
+        positions, rotations = self.script.poses(self.axes, np.asarray(self.point))
+        rows = np.unique(np.append(np.arange(0, len(positions), max(1, int(1 / (CHECKS * gains.period)))), len(positions) - 1))
+        q = joints_along(self.robot, positions[rows], rotations[rows], self.start, "a motion")
+        self._check_torques(q[:, self.arm.columns], rows)
+        q0: Array = q[0, self.arm.columns]
+        middle = q[int(np.argmax(self.script.place[rows, 2])), self.arm.columns]
+        for pose in (q0, middle):
+            radius = spectral_radius(gains, design_damping(gains, self.arm, self.joints, q0), self.arm, self.joints, pose)
+            if radius > 1.0 + 1e-6:
+                raise InputError(
+                    f"stiffness {gains.translation:g} N/m and {gains.rotation:g} N·m/rad with damping ratio {gains.ratio:g}, "
+                    f"unstable at {1 / gains.period:g} Hz (errors grow {radius:.3g} times a period)",
+                    "gains at which the loop is stable", "lower stiffness or damping ratio")  # fmt: skip
+        return q0
+
+    def _check_torques(self, q: Array, rows: NDArray[np.int64]) -> None:
+        """What gravity and the contact at each set-point ask of the joints."""
+        k = self.gains.translation
+        properties = self.material.at(self.script.place[rows, 0], self.script.place[rows, 1])
+        for i, row in enumerate(rows):
+            wanted = max(0.0, float(self.script.place[row, 2]))
+            low, high = 0.0, wanted
+            for _ in range(40):  # where the controller's spring balances the material
+                depth = 0.5 * (low + high)
+                force = properties["stiffness"][i] * depth**self.material.exponent
+                low, high = (depth, high) if k * (wanted - depth) > force else (low, depth)
+            state = self.arm.state(q[i])
+            torque = state.gravity - state.jacobian[:3].T @ (self.axes[2] * k * (wanted - low))
+            over = np.flatnonzero(np.abs(torque) > self.joints.torque_limit)
+            if len(over):
+                j = int(over[0])
+                raise InputError(
+                    f"a motion that asks {torque[j]:.1f} N·m of {self.robot.joint_names[self.arm.columns[j]]} "
+                    f"(limit {self.joints.torque_limit[j]:g} N·m)",
+                    "torques within the joints' limits", "touch less deep, or a softer material")  # fmt: skip
+
+    def run(self) -> Result:
+        """Check, run the loop, and read the sensors.
+
+        Raises:
+            InputError: see `check`.
+        """
+        q0 = self.check()
+        positions, rotations = self.script.poses(self.axes, np.asarray(self.point))
+        true_point = np.asarray(self.point) + self.surface_offset * self.axes[2]
+        loop = Loop(self.arm, self.joints, self.gains, self.true_axes, true_point)
+        motion = loop.run(q0, positions, rotations, self.material)
+        return self.observe(motion)
+
+    def observe(self, motion: Motion) -> Result:
+        """What the sensors make of a motion; by the seed."""
+        streams = np.random.default_rng(np.random.SeedSequence([self.seed, 1])).spawn(3)
+        tip = self.robot.tip_in_sensor() + self.arm_tip_offset
+        clean = sensors.load_on_sensor(motion, self.robot, self.arm.columns, self.true_tool or self.tool, self.true_axes, tip)
+        wrench = self.sensor.read(clean, motion.t, streams[0])
+        order = np.argsort(self.arm.columns)
+        q, dq, ddq, tau = (np.ascontiguousarray(part[:, order]) for part in (motion.q, motion.dq, motion.ddq, motion.tau))
+        q, tau = self.joint_sensors.read(q, dq, ddq, tau, streams[1])
+        return Result(self, motion, clean, wrench, q, tau)
+
+    @property
+    def arm_tip_offset(self) -> Array:
+        """Displacement of the tip in the sensor's axes [m]."""
+        sensor, tip = (self.robot.frame(name or "").placement for name in (self.robot.sensor_frame, self.robot.tip_frame))
+        out: Array = (sensor.inverse() * tip).rotation @ np.asarray(self.true_tip)
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What a run has left: the truth, and what the sensors saw of it at every control period.
+
+    Attributes:
+        motion: the truth. clean: load on the sensor, (n, 6). wrench, q, tau: as read, joints in the log's order.
+    """
+
+    setup: Setup
+    motion: Motion
+    clean: Array
+    wrench: Array
+    q: Array
+    tau: Array
+
+    @cached_property
+    def log(self) -> Log:
+        """On one clock, every second control period."""
+        t, q, tau, wrench = (np.ascontiguousarray(part[::LOG_EVERY]) for part in (self.motion.t, self.q, self.tau, self.wrench))
+        return Log(
+            t, q=q, tau=tau, wrench=wrench, phase=self.setup.script.phase[::LOG_EVERY],
+            provenance=Provenance("virtual laboratory").then("experiment", seed=self.setup.seed, robot=self.setup.model),
+        )  # fmt: skip
+
+
+def together(a: ToolSpec, b: ToolSpec) -> ToolSpec:
+    """Two bodies as one."""
+    mass = a.mass + b.mass
+    ca, cb = np.asarray(a.com), np.asarray(b.com)
+    com = (a.mass * ca + b.mass * cb) / mass if mass > 0 else np.zeros(3)
+    total = np.zeros((3, 3))
+    for body, centre in ((a, ca), (b, cb)):
+        d = centre - com
+        total += body.inertia_matrix + body.mass * (d @ d * np.eye(3) - np.outer(d, d))
+    i = total
+    return ToolSpec(mass=mass, com=tuple(com.tolist()), inertia=(i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]))
+
+
+def _shown(vector: tuple[float, float, float]) -> str:
+    return "(" + ", ".join(f"{v:g}" for v in vector) + ")"

@@ -1,0 +1,142 @@
+"""An experiment on disk: the log on one clock, its streams as MCAP, the rig, and the truth in a folder of its own."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.errors import MissingDependencyError
+from kinid.lab.setup import Result, Setup
+from kinid.log import Log
+from kinid.rig import WRENCH
+from kinid.writers import make_folder, replacing, write_table, write_text
+
+Array = NDArray[np.float64]
+
+#: when the virtual experiments took place [ns since 1970]
+EPOCH = 1_700_000_000_000_000_000
+
+
+def write_experiment(folder: Path, result: Result, truth: dict[str, Any], *, name: str = "log", mcap: bool = True) -> Path:
+    """Write rig, truth, streams and, last of all, the log; each file whole or not at all. The log's path.
+
+    Raises:
+        InputError: a folder that can't be made or written to.
+        MissingDependencyError: no library for MCAP.
+    """
+    make_folder(folder / "truth")
+    write_rig(folder, result.setup)
+    write_text(folder / "truth" / f"{name}.json", json.dumps(as_truth(result, truth), indent=1, default=_plain) + "\n")
+    motion = result.motion
+    columns = {"t": motion.t, "work": motion.work}
+    columns |= {f"tip_{a}": motion.tip[:, i] for i, a in enumerate("xyz")}
+    for i, force in enumerate(("tangential_force1", "tangential_force2", "normal_force")):
+        columns[force] = motion.force[:, i]
+    columns |= {quantity: motion.place[:, i] for i, quantity in enumerate(("slip1", "slip2", "depth"))}
+    write_table(folder / "truth" / f"{name}.parquet", columns)
+    if mcap:
+        write_mcap(folder / f"{name}.mcap", result)
+    path = folder / f"{name}.parquet"
+    write_log(path, result.log)
+    return path
+
+
+def write_rig(folder: Path, setup: Setup) -> None:
+    """`rig.toml`: what the experimenter believes."""
+    lines = ["[robot]", f'model = "{setup.model}"', "", "[tool]", f"mass = {setup.tool.mass}", f"com = {list(setup.tool.com)}"]
+    if any(setup.tool.inertia):
+        lines.append(f"inertia = {list(setup.tool.inertia)}")
+    lines += ["", "[surface]", f"point = {list(setup.point)}", f"normal = {list(setup.normal)}",
+              f"tangent = {list(setup.tangent)}", "", "[sensor]"]  # fmt: skip
+    sensor = setup.rig.sensor
+    lines += [f"range = {list(sensor.range or ())}", f"noise = {list(sensor.noise or ())}"]
+    if sensor.crosstalk is not None:
+        lines += ["crosstalk = [", *(f"  {[float(v) for v in row]}," for row in sensor.crosstalk), "]"]
+    write_text(folder / "rig.toml", "\n".join(lines) + "\n")
+
+
+def write_log(path: Path, log: Log) -> None:
+    """A log as Parquet, with the columns of the log format."""
+    columns: dict[str, NDArray[Any]] = {"t": log.t}
+    for name, values in (("q", log.q), ("tau", log.tau)):
+        if values is not None:
+            columns |= {f"{name}{j + 1}": values[:, j] for j in range(values.shape[1])}
+    if log.wrench is not None:
+        columns |= {name: log.wrench[:, i] for i, name in enumerate(WRENCH)}
+    if log.phase is not None:
+        columns["phase"] = np.asarray(log.phase)
+    write_table(path, columns, log.provenance.to_dict())
+
+
+def as_truth(result: Result, more: dict[str, Any]) -> dict[str, Any]:
+    """What no estimator may see."""
+    setup, force = result.setup, result.motion.force
+    return {
+        **more, "seed": setup.seed, "material": setup.material.truth(), "sensor": setup.sensor.truth(),
+        "surface_offset": setup.surface_offset, "surface_slope": setup.surface_slope, "tip_offset": setup.true_tip,
+        "tool": None if setup.true_tool is None else setup.true_tool.model_dump(),
+        "streams": {"wrench": vars(setup.wrench_stream), "joints": vars(setup.joint_stream)},
+        "deepest": float(result.motion.place[:, 2].max()), "greatest_force": np.abs(force).max(axis=0).tolist(),
+        "work_of_the_material": float(result.motion.work[-1]),
+    }  # fmt: skip
+
+
+def write_mcap(path: Path, result: Result) -> None:
+    """Joints and wrench as messages of ROS 2 (CDR), each with its own rate, clock, delay and losses; Foxglove opens it.
+
+    Raises:
+        MissingDependencyError: no library for MCAP or for ROS messages.
+    """
+    try:
+        from mcap.writer import CompressionType, Writer
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise MissingDependencyError("mcap and rosbags", "bags") from None
+    store, setup = get_typestore(Stores.ROS2_HUMBLE), result.setup
+    types = store.types
+    joint, wrench = "sensor_msgs/msg/JointState", "geometry_msgs/msg/WrenchStamped"
+    header, time = types["std_msgs/msg/Header"], types["builtin_interfaces/msg/Time"]
+    vector, torsor = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Wrench"]
+    rng = np.random.default_rng(np.random.SeedSequence([setup.seed, 2]))
+    t = result.motion.t
+    names, nothing = list(setup.robot.joint_names), np.zeros(0)
+    messages: list[tuple[int, int, bytes]] = []
+    for channel, stream in ((0, setup.joint_stream), (1, setup.wrench_stream)):
+        rows, stamps = stream.stamps(t, rng)
+        nanoseconds = EPOCH + np.round((stamps + 1.0) * 1e9).astype(np.int64)
+        for row, at in zip(rows, nanoseconds.tolist()):
+            stamp = time(sec=at // 10**9, nanosec=at % 10**9)
+            if channel == 0:
+                head = header(stamp=stamp, frame_id="")
+                message = types[joint](header=head, name=names, position=result.q[row], velocity=nothing, effort=result.tau[row])
+            else:
+                f = result.wrench[row].tolist()
+                head = header(stamp=stamp, frame_id=setup.robot.sensor_frame or "")
+                load = torsor(force=vector(x=f[0], y=f[1], z=f[2]), torque=vector(x=f[3], y=f[4], z=f[5]))
+                message = types[wrench](header=head, wrench=load)
+            messages.append((at, channel, bytes(store.serialize_cdr(message, joint if channel == 0 else wrench))))
+    messages.sort(key=lambda item: item[:2])
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.NONE)
+        writer.start(profile="ros2", library="kinid")
+        ids = []
+        for topic, kind in (("/joint_states", joint), ("/ft_sensor/wrench", wrench)):
+            text, _ = store.generate_msgdef(kind, ros_version=2)
+            schema = writer.register_schema(name=kind, encoding="ros2msg", data=text.encode())
+            ids.append(writer.register_channel(topic=topic, message_encoding="cdr", schema_id=schema))
+        for at, channel, data in messages:
+            writer.add_message(ids[channel], log_time=at, publish_time=at, data=data)
+        writer.finish()
+
+
+def _plain(value: Any) -> Any:
+    """NumPy and other values as JSON knows them."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, np.generic):
+        return value.item()
+    return str(value)
