@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from kinid.contact import ContactSeries
 from kinid.errors import InputError
 from kinid.experiment import Experiment
-from kinid.fit import Fit, Task, blocks, error_rows, error_unit, experiment_for, fit_model, rms
+from kinid.fit import Fit, error_rows, error_unit, experiment_for, fit_model, rms
 from kinid.log import Log
 from kinid.model import Model
 from kinid.rig import Rig
+from kinid.task import Task, blocks
 
 Array = NDArray[np.float64]
 
