@@ -45,6 +45,10 @@ class Bag(Protocol):
         """Topic, time of reception [ns] and message."""
 
 
+#: messages that seem to travel longer than this [ns] carry the stamps of another clock
+LONGEST_DELAY = 1_000_000_000
+
+
 @dataclass
 class _Samples:
     """Messages of one source as they come: one row of numbers each."""
@@ -101,11 +105,27 @@ def to_log(bag: Bag, rig: Rig, joints: Sequence[str] | None) -> Log:
             what = f"messages without any value for {part.name} in {bag.source}"
             raise InputError(what, "positions or forces", "record a topic that has them")
     clocks = {part.name: part.samples.clock() for part in parts}
+    delay = _reception_delay(parts, clocks)
+    if delay is not None:
+        # one clock for all: what came without stamps was sent about as long before it was received as the others were
+        clocks = {name: ([s - delay for s in stamps], whose) if whose == "reception" else (stamps, whose)
+                  for name, (stamps, whose) in clocks.items()}  # fmt: skip
+        facts["reception_delay_removed_s"] = delay * 1e-9
     origin = min(min(stamps) for stamps, _ in clocks.values())
     facts |= {"clocks": {name: whose for name, (_, whose) in clocks.items()}, "time_origin": origin * 1e-9}
     streams = [_stream(part, clocks[part.name][0], origin) for part in parts]
     merged = _merge(streams, rig, bag.source)
     return _log(parts, merged, rig, bag.source, facts)
+
+
+def _reception_delay(parts: Sequence[_Part], clocks: dict[str, tuple[list[int], str]]) -> int | None:
+    """How long after their stamps messages were received [ns], the median; None where all streams keep one clock."""
+    if len({whose for _, whose in clocks.values()}) < 2:
+        return None
+    waits = [np.array(part.samples.received) - np.array(part.samples.stamped)
+             for part in parts if clocks[part.name][1] == "header"]  # fmt: skip
+    delay = int(np.median(np.concatenate(waits)))
+    return delay if 0 <= delay < LONGEST_DELAY else None  # anything else is another epoch, not a delay
 
 
 def _stream(part: _Part, stamps: Sequence[int], origin: int) -> Stream:
