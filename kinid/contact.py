@@ -186,7 +186,7 @@ def tip_motion(
     force = None
     if log.wrench is not None and robot.sensor_frame is not None:
         if free is None:
-            free = np.flatnonzero(log.phase == "free") if log.phase is not None else np.empty(0, dtype=np.int64)
+            free = log.labelled_free
         reading = read_wrench(log, rig, robot, motion, free, bias, trust_wrench)
         sensor = robot.kinematics(robot.sensor_frame, motion.q, motion.dq, motion.ddq)
         load = tool_load(rig.tool or ToolSpec(mass=0.0), sensor, robot.gravity)
@@ -231,10 +231,9 @@ class _Work:
 
     def free(self) -> NDArray[np.int64]:
         """Rows in free motion, at most `LOOKED_AT` of them: those so labelled, else those clear of the surface."""
-        if self.log.phase is not None:
-            labelled = np.flatnonzero(self.log.phase == "free")
-            if len(labelled) >= FEWEST_FREE:
-                return labelled[:: 1 + len(labelled) // LOOKED_AT]
+        labelled = self.log.labelled_free
+        if len(labelled) >= FEWEST_FREE:
+            return labelled[:: 1 + len(labelled) // LOOKED_AT]
         rows = np.arange(0, len(self.log), 1 + len(self.log) // LOOKED_AT)
         tip = self.robot.kinematics(self.robot.tip_frame or "", self.motion.q[rows]).position
         with np.errstate(invalid="ignore"):

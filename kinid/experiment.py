@@ -142,7 +142,7 @@ def from_wrench(
         reading = read_wrench(log, rig, robot, motion, np.empty(0, dtype=np.int64), found, trust=True)
     else:
         moving = np.isfinite(motion.ddq.sum(axis=1)) & np.isfinite(motion.dq.sum(axis=1)) & log.valid
-        free = np.flatnonzero(log.phase == "free") if log.phase is not None else np.empty(0, dtype=np.int64)
+        free = log.labelled_free
         reading = read_wrench(log, rig, robot, motion, free, "auto", trust_wrench)
     stated = np.zeros(6) if rig.sensor.bias is None else np.asarray(rig.sensor.bias)
     if not isinstance(bias, str) or bias not in ("auto", "none"):
@@ -221,7 +221,7 @@ def from_joint_torques(
 
         carried = None
         if log.wrench is not None and robot.sensor_frame is not None:
-            free = np.flatnonzero(log.phase == "free") if log.phase is not None else np.empty(0, dtype=np.int64)
+            free = log.labelled_free
             reading = read_wrench(log, rig, robot, joint_motion(log, robot, differentiator), free, bias, trust=True)
             carried = reading.true()[rows]
             valid = np.asarray(valid & np.isfinite(carried.sum(axis=1)))

@@ -82,7 +82,7 @@ def joint_torques(
         provenance = provenance.then("differentiate", **motion.facts)
     carried = None
     if log.wrench is not None and robot.sensor_frame is not None:
-        free = np.flatnonzero(log.phase == "free") if log.phase is not None else np.empty(0, dtype=np.int64)
+        free = log.labelled_free
         reading = read_wrench(log, rig, robot, motion, free, bias, trust=True)
         carried = reading.true()
         provenance = provenance.then("wrench", **reading.facts)

@@ -139,6 +139,12 @@ class Log:
         return mask
 
     @cached_property
+    def labelled_free(self) -> NDArray[np.int64]:
+        """Rows of the phase "free"; none where the log has no phases."""
+        rows: NDArray[np.int64] = np.empty(0, dtype=np.int64) if self.phase is None else np.flatnonzero(self.phase == "free")
+        return rows
+
+    @cached_property
     def period(self) -> float:
         """Median time between samples [s]; infinite for a single sample."""
         return float(np.median(np.diff(self.t))) if len(self) > 1 else float("inf")

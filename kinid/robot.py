@@ -171,9 +171,9 @@ class Robot:
         turns, shifts, prismatic = [], [], []
         before = np.eye(3)  # from the axes in which the last joint acts along z, back to its own
         for j in ids:
-            axis, slides = _axis(model, j)
+            axis, slides = joint_axis(model, j)
             placement = model.jointPlacements[j]
-            align = _z_onto(axis)
+            align = z_onto(axis)
             shifts.append(before.T @ placement.translation)
             turns.append(before.T @ placement.rotation @ align)
             prismatic.append(slides)
@@ -227,7 +227,7 @@ class Robot:
 
     def is_prismatic(self, joint: str) -> bool:
         """Whether a joint slides."""
-        return _axis(self.model, self.model.getJointId(joint))[1]
+        return joint_axis(self.model, self.model.getJointId(joint))[1]
 
     def configuration(self, q: Array) -> Array:
         """Pinocchio's configuration vectors for joint positions in the log's order, (n, nq)."""
@@ -323,7 +323,7 @@ def _names_to(model: Any, joint: int) -> list[str]:
     return [model.names[j] for j in model.supports[joint] if j > 0]
 
 
-def _axis(model: Any, j: int) -> tuple[Array, bool]:
+def joint_axis(model: Any, j: int) -> tuple[Array, bool]:
     """Axis of a one-axis joint in its own frame, and whether it slides; read off the joint's motion at one unit."""
     joint = model.joints[j]
     data = joint.createData()
@@ -340,7 +340,7 @@ def _axis(model: Any, j: int) -> tuple[Array, bool]:
     return (nearest if np.abs(axis - nearest).max() < 1e-12 else axis / np.linalg.norm(axis)), slides
 
 
-def _z_onto(axis: Array) -> Array:
+def z_onto(axis: Array) -> Array:
     """A rotation whose third column is the axis."""
     helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
     x = helper - (helper @ axis) * axis

@@ -119,7 +119,7 @@ def onsets(log: Log, rig: Rig, robot: Robot, differentiator: Differentiator | No
     if log.wrench is None:
         raise InputError(f"no wrench in {log.provenance.source}", "fx fy fz tx ty tz, to feel the touches with",
                          "record the force/torque sensor too")  # fmt: skip
-    free = np.flatnonzero(log.phase == "free") if log.phase is not None else np.empty(0, dtype=np.int64)
+    free = log.labelled_free
     labelled = len(free) > 0
     if not labelled:
         free = np.flatnonzero(log.t < log.t[0] + STARTS_FREE)

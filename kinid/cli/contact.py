@@ -114,7 +114,7 @@ def load(log: Path, rig: Path | None) -> tuple[Rig, Log, Any]:
         from kinid.robot import Robot
 
         robot = Robot.load(the_rig)
-    return the_rig, read(log, the_rig), robot
+    return the_rig, read(log, the_rig, robot=robot), robot
 
 
 def rig_path(log: Path, rig: Path | None) -> Path:

@@ -18,8 +18,8 @@ Array = NDArray[np.float64]
 
 BLOCK = 64  # samples in a block: 50 scratch rows of 64 doubles are 25 kB, within a first-level cache
 
-# scratch rows: rotation (row-major), origin, angular velocity, velocity, angular acceleration, acceleration
-R, P, W, V, AL, AC = 0, 9, 12, 15, 18, 21
+# scratch rows: rotation (row-major) 0–8, origin 9–11, angular velocity 12–14, velocity 15–17, angular acceleration 18–20,
+# acceleration 21–23
 # columns of the pose table
 POSE_COLUMNS = 24
 # columns of the contact table

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
-from scipy.linalg import eigh, expm
+from scipy.linalg import expm
 
+from kinid.controllers import cartesian
 from kinid.errors import InputError
 from kinid.kernels import dynamics as kernel
 from kinid.rig import ToolSpec
@@ -203,17 +204,11 @@ class Gains:
 
 
 def design_damping(gains: Gains, arm: Arm, joints: Joints, q: Array) -> Array:
-    """Damping (6, 6) that gives every mode of stiffness and task-space inertia the same ratio (double diagonalisation).
-
-    With Λ = Q Qᵀ and K = Q diag(k) Qᵀ it is 2ζ Q diag(√k) Qᵀ (A. Albu-Schäffer, C. Ott, U. Frese, G. Hirzinger, ICRA 2003).
-    """
+    """Damping (6, 6) that gives every mode of stiffness and task-space inertia the ratio of the gains, at a pose."""
     state = arm.state(q)
     inertia = state.mass + np.diag(joints.packed[0])
-    task = np.linalg.inv(state.jacobian @ np.linalg.solve(inertia, state.jacobian.T) + 1e-9 * np.eye(6))
-    values, vectors = eigh(gains.stiffness, task)
-    q_matrix = np.linalg.inv(vectors).T
-    damping: Array = 2.0 * gains.ratio * q_matrix @ np.diag(np.sqrt(np.maximum(values, 0.0))) @ q_matrix.T
-    return 0.5 * (damping + damping.T)
+    task = np.asarray(np.linalg.inv(state.jacobian @ np.linalg.solve(inertia, state.jacobian.T) + 1e-9 * np.eye(6)), dtype=np.float64)
+    return cartesian.design_damping(gains.stiffness, task, gains.ratio)
 
 
 def spectral_radius(gains: Gains, damping: Array, arm: Arm, joints: Joints, q: Array) -> float:
@@ -282,6 +277,6 @@ def joints_along(robot: Robot, positions: Array, rotations: Array, start: Array,
 
 
 def _alignment(model: pin.Model, j: int) -> Array:
-    from kinid.robot import _axis, _z_onto
+    from kinid.robot import joint_axis, z_onto
 
-    return _z_onto(_axis(model, j)[0])
+    return z_onto(joint_axis(model, j)[0])
