@@ -207,7 +207,8 @@ def design_damping(gains: Gains, arm: Arm, joints: Joints, q: Array) -> Array:
     """Damping (6, 6) that gives every mode of stiffness and task-space inertia the ratio of the gains, at a pose."""
     state = arm.state(q)
     inertia = state.mass + np.diag(joints.packed[0])
-    task = np.asarray(np.linalg.inv(state.jacobian @ np.linalg.solve(inertia, state.jacobian.T) + 1e-9 * np.eye(6)), dtype=np.float64)
+    mobility = state.jacobian @ np.linalg.solve(inertia, state.jacobian.T) + 1e-9 * np.eye(6)
+    task = np.asarray(np.linalg.inv(mobility), dtype=np.float64)
     return cartesian.design_damping(gains.stiffness, task, gains.ratio)
 
 
