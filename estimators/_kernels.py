@@ -3,7 +3,8 @@
 U is upper triangular with a unit diagonal and d ≥ 0, so the covariance stays symmetric and positive semi-definite
 whatever rounding does (Bierman 1977, *Factorization Methods for Discrete Sequential Estimation*, ch. V). The number of
 parameters `p` is a constant wherever it is the length of a tuple; LLVM then unrolls every loop, and a sample with four
-parameters costs about 100 cycles. A single sample online is a batch of one: there is no second implementation.
+parameters costs about 100 cycles. A single sample online is a batch of one: there is no second implementation. What ends
+in `_once` is that batch of one, with all it needs in one array (see `_store`).
 
 `state` of p parameters, one float64 array: theta (p) | d (p) | U (p·p) | diagonal of P (p) | tally (4) = weighted sum of
 squared residuals, sum of weights, sum of squared weights, number of updates.
@@ -17,10 +18,11 @@ from typing import Any
 
 import numpy as np
 
+from kinid.estimators import _store
 from kinid.estimators._jit import inlined, jit
 
 #: the numbers of `kinid.estimators.estimate.Status`
-VALID, STARTING, NOT_EXCITED, NO_CONTACT, BELOW_NOISE, TOO_FAST, NOT_FINITE, NOT_SLIDING, MISFIT = range(9)
+VALID, STARTING, NOT_EXCITED, NO_CONTACT, BELOW_NOISE, TOO_FAST, NOT_FINITE, NOT_SLIDING, MISFIT, DIVERGED = range(10)
 
 #: an estimate is called one after p + EARLY samples: before, its noise is guessed from too few residuals
 EARLY = 8
@@ -30,6 +32,8 @@ TINY = 1e-150
 
 #: beyond this a number is a fault of the log, as inf is: its powers would soon overflow
 HUGE = 1e50
+
+carve = inlined(_store.carve)
 
 
 # --- covariance in factored form -------------------------------------------------------------------------------------
@@ -284,6 +288,44 @@ def excitation(shape: Any, rows: Any, window: Any, length: int, scratch: Any, va
         values[k] = cursor[3]
 
 
+# --- what every kernel says of a sample --------------------------------------------------------------------------------
+
+
+@inlined
+def judge(updates: float, least: int, excitation: float, threshold: float, slow: bool, loud: bool) -> int:
+    """Status of an estimate whose sample was used."""
+    if updates <= least:
+        return STARTING
+    if excitation < threshold:
+        return NOT_EXCITED
+    if not slow:
+        return TOO_FAST
+    return VALID if loud else BELOW_NOISE
+
+
+@inlined
+def conclude(
+    shape: Any, k: int, code: int, tally: Any, slow: bool, loud: bool, phi: Any, window: Any, length: int,
+    threshold: float, scratch: Any, out: Any,
+) -> None:  # fmt: skip
+    """Excitation with the row φ of sample k, which is 0 where it was not used, and the status that follows."""
+    p = len(shape)
+    gram, scale, cursor = window
+    _, _, _, _, excitations, statuses, _ = out
+    if length > 0:
+        excite(p, shape, gram, scale, cursor, length, phi, scratch[1], scratch[3:])
+    statuses[k] = judge(tally[3], p + EARLY, cursor[3], threshold, slow, loud) if code == VALID else code
+    excitations[k] = cursor[3]
+
+
+@inlined
+def close(record: Any, updates: float) -> None:
+    """Count the one sample that a store took in."""
+    record[_store.UPDATES] = updates
+    if record[_store.STATUS] == NOT_FINITE:
+        record[_store.SKIPPED] += 1.0
+
+
 # --- linear regression -----------------------------------------------------------------------------------------------
 
 
@@ -295,9 +337,8 @@ def least_squares(
     """All samples; `shape` is any tuple of p floats; `factors` and `codes` hold n values or one for all."""
     p = len(shape)
     theta, d, u, own, tally = parts(p, state)
-    phi, work, gain, a = scratch[0], scratch[1], scratch[2], scratch[3:]
-    gram, scale, cursor = window
-    thetas, variances, innovations, noises, excitations, statuses, _ = out
+    phi, work, gain = scratch[0], scratch[1], scratch[2]
+    thetas, variances, innovations, noises, _, _, _ = out
     varying, coded = len(factors) > 1, len(codes) > 1
     for k in range(rows.shape[0]):
         y, code = outputs[k], codes[k if coded else 0]
@@ -314,20 +355,13 @@ def least_squares(
         else:
             for j in range(p):
                 phi[j] = 0.0
-        if length > 0:
-            excite(p, shape, gram, scale, cursor, length, phi, work, a)
-        if code == VALID and tally[3] <= p + EARLY:
-            code = STARTING
-        elif code == VALID and cursor[3] < threshold:
-            code = NOT_EXCITED
-        statuses[k] = code
+        conclude(shape, k, code, tally, True, True, phi, window, length, threshold, scratch, out)
         noise, factor = np.inf, np.inf
         if tally[1] > 0.0:
             inverse = 1.0 / tally[1]
             noise = tally[0] * inverse
             factor = noise * tally[2] * inverse
         noises[k] = noise
-        excitations[k] = cursor[3]
         for j in range(p):
             thetas[k, j] = theta[j]
             variances[k, j] = scaled(own[j], factor)
@@ -359,3 +393,42 @@ def friction_rows(
             codes[k] = NOT_SLIDING
         else:
             outputs[k] = along / v
+
+
+@inlined
+def row_once(shape: Any, room: Any) -> None:
+    """Least squares of the row, output and code that are the last inputs; settings begin with `directional`."""
+    p = len(shape)
+    own = room.inputs[len(room.inputs) - p - 2 :]
+    least_squares(
+        shape, room.state, own[:p].reshape(1, p), own[p : p + 1], room.factor, own[p + 1 :], room.limit,
+        room.settings[0] > 0.0, room.window, room.length, room.threshold, room.scratch, room.out,
+    )  # fmt: skip
+    close(room.record, room.state[-1])
+
+
+@jit
+def least_squares_once(t: float, shape: Any, store: Any) -> None:
+    """One row and its output."""
+    row_once(shape, carve(shape, store))
+
+
+@jit
+def kelvin_voigt_once(t: float, shape: Any, store: Any) -> None:
+    """One contact: depth, rate, force, flag; then room for a row."""
+    room = carve(shape, store)
+    x, own = room.inputs, room.inputs[4:]
+    kelvin_voigt_rows(x[:1], x[1:2], x[2:3], x[3:4], own[:2].reshape(1, 2), own[2:3], own[3:])
+    row_once(shape, room)
+
+
+@jit
+def friction_once(t: float, shape: Any, store: Any) -> None:
+    """One slip: load, slip rate and tangential force along each axis; then room for a row."""
+    room = carve(shape, store)
+    end = len(room.inputs) - 4
+    axes = (end - 1) // 2
+    slip, force = room.inputs[1 : 1 + axes].reshape(1, axes), room.inputs[1 + axes : end].reshape(1, axes)
+    own = room.inputs[end:]
+    friction_rows(room.inputs[:1], slip, force, room.settings[1], room.settings[2], own[:2].reshape(1, 2), own[2:3], own[3:])
+    row_once(shape, room)

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError
+from kinid.estimators import _store
 from kinid.estimators.estimate import Array, Estimate, Mask, Prior, Status, Track
 from kinid.estimators.excitation import Excitation
-from kinid.estimators.forgetting import Forgetting
+from kinid.estimators.forgetting import Constant, Forgetting
 
 Columns = tuple[NDArray[Any], ...]
 
@@ -40,27 +41,27 @@ class Out(NamedTuple):
         )  # fmt: skip
 
 
-class Memory:
-    """Least-squares state of p parameters as the kernels take it.
+class Memory(NamedTuple):
+    """Least-squares state of p parameters as the kernels take it, and the largest variance that each may have."""
 
-    Args:
-        prior: values and covariance at the start.
-        limit: largest variance, in parts of the prior's; None for no limit.
-    """
+    state: Array
+    limit: Array  # (p,)
 
-    def __init__(self, prior: Prior, limit: float | None) -> None:
+    @classmethod
+    def of(cls, prior: Prior, limit: float | None) -> Memory:
+        """What a prior says.
+
+        Args:
+            prior: values and covariance at the start.
+            limit: largest variance, in parts of the prior's; None for no limit.
+        """
         p = len(prior.values)
         if limit is not None and not limit > 0.0:
             raise InputError(f"a covariance limit of {limit}", "a positive number or None", "use 1 for the prior's")
         unit = prior.covariance / prior.noise**2
         u, d = factor(unit)
-        self.state = np.concatenate([prior.values, d, u.ravel(), np.diagonal(unit), np.zeros(4)])
-        self.limit = np.full(p, np.inf) if limit is None else np.maximum(limit * np.diagonal(unit), 1e-300)
-
-    @property
-    def updates(self) -> int:
-        """Samples used."""
-        return int(self.state[-1])
+        state = np.concatenate([prior.values, d, u.ravel(), np.diagonal(unit), np.zeros(4)])
+        return cls(state, np.full(p, np.inf) if limit is None else np.maximum(limit * np.diagonal(unit), 1e-300))
 
 
 def unit_covariance(state: Array, p: int) -> Array:
@@ -82,94 +83,135 @@ class Machine(ABC):
     """A running estimator: its memory, and how samples change it.
 
     Args:
-        names: of the parameters.
-        regressors: number of columns that the excitation is measured on.
+        names: of the p parameters, which are as many as the regressors that excitation is measured on.
+        memory: at the start; the last number of its state counts the samples used.
         forgetting, excitation: settings.
+        columns: shape of each thing that a sample is made of, () for a number.
+        flags: how many of them, at the end, say yes or no, and may be left out for yes.
+        spare: numbers that the kernel of one sample needs besides.
+        settings: numbers that the kernels are told.
         conditions: names of the approximations judged at each sample.
     """
 
     def __init__(
-        self,
-        names: tuple[str, ...],
-        regressors: int,
-        forgetting: Forgetting,
-        excitation: Excitation | None,
+        self, names: tuple[str, ...], memory: Memory, forgetting: Forgetting, excitation: Excitation | None,
+        columns: tuple[tuple[int, ...], ...], *, flags: int = 0, spare: int = 0, settings: tuple[float, ...] = (),
         conditions: tuple[str, ...] = (),
-    ) -> None:
-        self.names, self.conditions, self.forgetting = names, conditions, forgetting
-        self.shape = (0.0,) * regressors
-        self.window = (excitation or Excitation()).memory(regressors)
-        self.length = excitation.length if excitation else 0
-        self.threshold = excitation.threshold if excitation else -1.0
-        self.scratch = np.zeros((regressors + 3, regressors))
+    ) -> None:  # fmt: skip
+        p = len(names)
+        self.names, self.columns, self.flags = names, columns, flags
+        self.conditions, self.forgetting = conditions, forgetting
+        self.shape = (0.0,) * p
+        #: β if it is the same for all samples
+        self.constant = forgetting.beta if isinstance(forgetting, Constant) else None
+        self.store = _store.build(
+            p, memory.state, memory.limit, (excitation or Excitation()).memory(p), excitation.length if excitation else 0,
+            excitation.threshold if excitation else -1.0, self.constant or math.nan,
+            sum(self.widths) + spare, settings, len(conditions),
+        )  # fmt: skip
+        #: views of the store, which the kernels for logs work on too
+        self.room = _store.carve(self.shape, self.store)
+        #: what an estimate is a copy of
+        self.kept = self.store[: len(self.room.record) + len(self.room.state)]
+
+    @property
+    def widths(self) -> list[int]:
+        """How many numbers each column of a sample has."""
+        return [math.prod(column) for column in self.columns]
 
     @abstractmethod
     def advance(self, columns: Columns, t: Array | None, out: Out) -> None:
         """Learn n samples; columns are checked, contiguous arrays."""
 
-    @abstractmethod
-    def whole(self) -> Callable[[], Array]:
-        """What gives the covariance of the values' error as it is now, (p, p)."""
-
     @property
     @abstractmethod
+    def once(self) -> Callable[[float, tuple[float, ...], Array], None]:
+        """Compiled: learn the sample that lies in the store's inputs; takes time [s] or NaN, shape and store."""
+
+    @abstractmethod
+    def covariance(self, state: Array) -> Array:
+        """Of the values' error, (p, p), as a state says."""
+
+    def restart(self) -> None:
+        """Time begins anew."""
+
+    @property
     def updates(self) -> int:
         """Samples used so far."""
+        return int(self.room.state[-1])
 
-    def estimate(self, out: Out, skipped: int) -> Estimate:
-        """The estimate after the last sample in `out`."""
-        return Estimate(
-            self.names, out.thetas[-1].copy(), out.variances[-1].copy(), float(out.innovations[-1]),
-            math.sqrt(out.noises[-1]), float(out.excitations[-1]), Status(int(out.statuses[-1])), self.updates, skipped,
-            self.whole(),
-        )  # fmt: skip
+    def estimate(self) -> Estimate:
+        """What is known now: one copy; all else is worked out when it is asked for."""
+        return Estimate.of(self.names, self.kept.copy(), self.covariance)
 
     def run(self, columns: Columns, t: Array | None) -> Track:
         """All samples of a log."""
         out = Out.empty(len(columns[0]), len(self.names), len(self.conditions))
         self.advance(columns, t, out)
-        final = self.estimate(out, int(np.count_nonzero(out.statuses == Status.NOT_FINITE)))
+        record = self.room.record
+        learnt: tuple[NDArray[Any], ...] = out
+        for place, last in zip(self.room.out, learnt):
+            place[0] = last[-1]
+        record[_store.UPDATES] = self.updates
+        record[_store.SKIPPED] += np.count_nonzero(out.statuses == Status.NOT_FINITE)
         conditions = {name: out.conditions[:, i] for i, name in enumerate(self.conditions)}
         return Track(
-            self.names, out.thetas, out.variances, out.innovations, out.noises, out.excitations, out.statuses, final,
-            conditions, t,
+            self.names, out.thetas, out.variances, out.innovations, out.noises, out.excitations, out.statuses,
+            self.estimate(), conditions, t,
         )  # fmt: skip
 
 
 class Online:
     """An estimator fed one sample at a time, for a control loop.
 
-    `step` learns and allocates nothing in compiled code; `update` also builds the `Estimate`. Both take what `run` of
-    the estimator takes, for one sample. The batch and this run the same kernel.
+    `step` learns, in compiled code that allocates nothing; `update` also hands out an `Estimate`, a copy of the numbers
+    that works out the rest when it is asked. Both take what `run` of the estimator takes, for one sample. The batch and
+    this run the same kernel, which is compiled when this is made, so that no sample of a loop waits for it.
 
     Args:
         machine: memory.
-        columns: one row of each column that it takes, which each sample overwrites; a column of bool may be left out
-            of a sample and is then True.
     """
 
-    def __init__(self, machine: Machine, *columns: NDArray[Any]) -> None:
-        self._machine = machine
-        self._columns = columns
-        self._required = sum(column.dtype != np.bool_ for column in columns)
-        self._rest = (True,) * (len(columns) - self._required)
-        self._time = np.zeros(1)
-        self._out = Out.empty(1, len(machine.names), len(machine.conditions))
-        self._skipped = 0
+    def __init__(self, machine: Machine) -> None:
+        self.machine = machine
+        parts = np.split(machine.room.inputs, np.cumsum(machine.widths))
+        self._columns = [part.reshape(1, *shape) for part, shape in zip(parts, machine.columns)]
+        self._required = len(machine.columns) - machine.flags
+        self._yes = (True,) * machine.flags
+        self._last = -math.inf
+        self._once = ready(machine)
+
+    def reset(self) -> None:
+        """A new log begins, whose time may start anew; what was learnt stays."""
+        self._last = -math.inf
+        self.machine.restart()
 
     def step(self, *sample: Any, t: float | None = None) -> Status:
         """Learn one sample.
 
         Args:
-            sample: regressor and output, or the contact quantities, in the order of `run`.
+            sample: regressor and output, or the contact quantities, in the order of `run`. What is not finite is passed
+                over: the status says so, and nothing that was learnt changes.
             t: time [s], where the forgetting or the filter needs it.
 
         Raises:
-            InputError: another number of values, or of another shape.
+            InputError: another number of values, or of another shape; a time that isn't finite or doesn't grow. Nothing
+                is learnt then.
         """
+        self._learn(sample, t)
+        return Status(int(self.machine.room.record[_store.STATUS]))
+
+    def update(self, *sample: Any, t: float | None = None) -> Estimate:
+        """Learn one sample and say what is known now; arguments as `step`."""
+        self._learn(sample, t)
+        return self.machine.estimate()
+
+    def _learn(self, sample: tuple[Any, ...], t: float | None) -> None:
+        """See `step`."""
+        now = math.nan if t is None else self._checked(t)
         try:
             if len(sample) == self._required:
-                sample = (*sample, *self._rest)
+                sample = (*sample, *self._yes)
             for column, value in zip(self._columns, sample, strict=True):
                 column[0] = value
         except (ValueError, TypeError):
@@ -178,19 +220,22 @@ class Online:
                 f"{[column.shape[1:] for column in self._columns]}",
                 "pass the values of one sample, in the order of run()",
             ) from None  # fmt: skip
-        time = None
+        machine = self.machine
+        if machine.constant is None:
+            machine.room.factor[0] = machine.forgetting.at(None if t is None else now)
         if t is not None:
-            time = self._time
-            time[0] = t
-        self._machine.advance(self._columns, time, self._out)
-        status = Status(int(self._out.statuses[0]))
-        self._skipped += status is Status.NOT_FINITE
-        return status
+            self._last = now
+        self._once(now, machine.shape, machine.store)
 
-    def update(self, *sample: Any, t: float | None = None) -> Estimate:
-        """Learn one sample and say what is known now; arguments as `step`."""
-        self.step(*sample, t=t)
-        return self.estimate
+    def _checked(self, t: Any) -> float:
+        """A time that may follow the last one."""
+        try:
+            now = float(t)
+        except (ValueError, TypeError):
+            now = math.nan
+        if not self._last < now < math.inf:
+            raise late(t, self._last)
+        return now
 
     def chunk(self, *columns: Any, t: Any = None) -> Track:
         """Learn several samples at once, as they come from a buffer; arguments as `step`, with one row a sample.
@@ -199,53 +244,45 @@ class Online:
             InputError: other shapes, no samples, time that doesn't grow.
         """
         if len(columns) == self._required:
-            columns = (*columns, *(np.ones(np.shape(columns[0])[:1], np.bool_) for _ in self._rest))
+            columns = (*columns, *(np.ones(np.shape(columns[0])[:1], np.bool_) for _ in self._yes))
         time, arrays = vectors(t, **{f"column {i}": column for i, column in enumerate(columns)})
         shapes = [array.shape[1:] for array in arrays]
-        if shapes != [column.shape[1:] for column in self._columns]:
+        if shapes != list(self.machine.columns):
             raise InputError(
-                f"columns whose rows have shapes {shapes}", f"{[column.shape[1:] for column in self._columns]}",
+                f"columns whose rows have shapes {shapes}", f"{list(self.machine.columns)}",
                 "pass them in the order of run()",
             )  # fmt: skip
-        cast = tuple(array.astype(own.dtype, copy=False) for array, own in zip(arrays, self._columns))
-        track = self._machine.run(cast, time)
-        learnt: tuple[NDArray[Any], ...] = (
-            track.theta, track.variance, track.innovation, track.noise_variance, track.excitation, track.status,
-        )  # fmt: skip
-        own: tuple[NDArray[Any], ...] = self._out
-        for last, whole in zip(own, learnt):
-            last[0] = whole[-1]
-        self._skipped += track.skipped
-        return track
+        if time is not None:
+            self._checked(time[0])
+            self._last = float(time[-1])
+        flags = (array.astype(np.bool_) for array in arrays[self._required :])
+        return self.machine.run((*arrays[: self._required], *flags), time)
 
     @property
     def estimate(self) -> Estimate:
         """What was known after the last sample."""
-        return self._machine.estimate(self._out, self._skipped)
+        return self.machine.estimate()
 
     @property
     def values(self) -> Array:
         """Parameters after the last sample, (p,): a view that the next sample changes."""
-        values: Array = self._out.thetas[0]
+        values: Array = self.machine.room.record[: len(self.machine.names)]
         return values
 
 
-def contact_columns(
-    t: Any, depth: Any, depth_rate: Any, normal_force: Any, in_contact: Any
-) -> tuple[Array | None, Columns]:
-    """Checked contact quantities, each (n,), with the mask of contact as the last column; errors as `vectors`."""
-    columns = {"depth": depth, "depth_rate": depth_rate, "normal_force": normal_force}
-    time, arrays = vectors(t, **columns)
-    contact = np.ones(len(arrays[0]), np.bool_) if in_contact is None else np.ascontiguousarray(in_contact, np.bool_)
-    if any(array.ndim != 1 for array in arrays) or contact.shape != arrays[0].shape:
-        shapes = ", ".join(f"{name} {np.shape(value)}" for name, value in columns.items())
-        raise InputError(f"{shapes}, in_contact {contact.shape}", "(n,) each", "give one number a sample")
-    return time, (*arrays, contact)
+def ready(machine: Machine) -> Callable[[float, tuple[float, ...], Array], None]:
+    """The machine's kernel of one sample, compiled."""
+    from numba import float64, types
+
+    kernel: Any = machine.once
+    kernel.compile((float64, types.UniTuple(float64, len(machine.shape)), float64[::1]))
+    return kernel  # type: ignore[no-any-return]
 
 
-def one_contact() -> Columns:
-    """One row of what `contact_columns` gives."""
-    return np.zeros(1), np.zeros(1), np.zeros(1), np.ones(1, np.bool_)
+def late(t: Any, last: float) -> InputError:
+    """What to say of a time that can't follow the last one."""
+    found = f"a sample at t = {t} s" + (f" after one at t = {last} s" if math.isfinite(last) else "")
+    return InputError(found, "finite, growing time", "sort the samples and drop repeated ones, or reset() where a new log begins")
 
 
 def factor(covariance: Array) -> tuple[Array, Array]:

@@ -2,7 +2,8 @@
 
 Golub & Pereyra 1973: for given nonlinear parameters α the best linear ones follow from a linear least-squares problem, so
 that only α is searched for. Residuals of contact models are autocorrelated; the covariance of the estimates knows it
-through an autoregressive model of the residual (sandwich form, White 1980; AR spectrum as in Box & Jenkins 1970).
+through a model of the residual (sandwich form, White 1980): autoregressive (Box & Jenkins 1970), with a random walk beside
+it where one shows (`kinid.estimators.wander`).
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from scipy.optimize import lsq_linear
 from scipy.signal import lfilter
 
 from kinid.errors import InputError
+from kinid.estimators.wander import walk_variance
 from kinid.parameter import Parameter
 
 Array = NDArray[np.float64]
@@ -72,6 +74,7 @@ def solve(
     mask: Mask | None = None,
     sigma: Array | None = None,
     starts: Sequence[Array] = (),
+    nominal: bool = True,
     runs: Sequence[slice] | None = None,
     covariance: bool = True,
 ) -> Solution:
@@ -84,6 +87,7 @@ def solve(
         mask: samples that count, (n,).
         sigma: weight of each channel is 1/σ; default: its root mean square.
         starts: further starting values (p,); the best end is kept.
+        nominal: start from the nominal values, too; without `starts` in any case.
         runs: samples between which noise is correlated; default: all.
         covariance: compute it; a search over many models does without.
 
@@ -95,7 +99,11 @@ def solve(
         raise InputError(f"{work.y.size} usable readings for {len(parameters)} parameters", "more readings than parameters",
                          "record a longer log, or use a smaller model")  # fmt: skip
     best: tuple[float, Array, Array, bool] | None = None
-    for start in [np.array([p.nominal for p in parameters]), *starts]:
+    tried: list[Array] = []
+    for start in [*([np.array([p.nominal for p in parameters])] if nominal or not len(starts) else []), *starts]:
+        if any(np.array_equal(start, other) for other in tried):
+            continue
+        tried.append(start)
         values, cost, converged = work.search(np.asarray(start, dtype=float))
         if best is None or cost < best[0] * (1 - 1e-9):
             best = (cost, values, start, converged)
@@ -270,7 +278,7 @@ def levenberg_marquardt(
             new = float(tried @ tried)
             expected = -float(2 * slope @ moved + moved @ curvature @ moved)
             if new < cost:
-                gain = (cost - new) / max(expected, 1e-300)
+                gain = min((cost - new) / max(expected, 1e-300), 10.0)
                 damping = max(1e-15, damping * max(1 / 3, 1 - (2 * gain - 1) ** 3))
                 growth = 2.0
                 fell = cost - new
@@ -289,7 +297,7 @@ def levenberg_marquardt(
 def _covariance(
     work: _Work, jacobian: Array, residual: Array, runs: Sequence[slice] | None
 ) -> tuple[Array, Mask, float, tuple[int, ...]]:
-    """Sandwich covariance with an autoregressive noise model per channel."""
+    """Sandwich covariance; the noise of each channel is an autoregression and a random walk."""
     p = jacobian.shape[1]
     scale = np.array([parameter.scale for parameter in work.parameters])
     scaled = jacobian * scale
@@ -322,6 +330,9 @@ def _covariance(
             # Σ = T Tᵀ with T the noise's impulse response: Tᵀ J is J filtered backwards in time
             backwards = lfilter([1.0], np.concatenate([[1.0], -coefficients]), filtered[run][::-1], axis=0)
             meat += variance * backwards.T @ backwards
+        # a walk reaches every later sample
+        onwards = np.cumsum(filtered[::-1], axis=0)
+        meat += walk_variance(whole[c], filtered, coefficients, variance) * onwards.T @ onwards
     spent = max(1, work.y.size - p)
     core = inverse @ meat @ inverse.T * (work.y.size / spent)
     covariance = core * np.outer(scale, scale)

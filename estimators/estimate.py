@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError, near
+from kinid.estimators import _store
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -31,6 +32,7 @@ class Status(enum.IntEnum):
     NOT_FINITE = 6
     NOT_SLIDING = 7
     MISFIT = 8
+    DIVERGED = 9
 
     @property
     def remedy(self) -> str:
@@ -48,46 +50,103 @@ _REMEDIES = {
     Status.NOT_FINITE: "the sample is not a finite number and was passed over: look for gaps in the log",
     Status.NOT_SLIDING: "the tip is at rest, the last values are kept: slide faster",
     Status.MISFIT: "the residual is over three times the stated noise: state the noise, try another law, or start anew",
+    Status.DIVERGED: "the filter lost the material (innovations far outside their covariance): start anew, or let it walk",
 }
 
 
-@dataclass(frozen=True, eq=False, slots=True)
 class Estimate:
-    """Parameters after one sample.
+    """Parameters after one sample. It can't be changed; what it says is worked out when it is asked for.
 
-    Attributes:
+    Inside is one array, a copy of the estimator's record and state as `_store` lays them out: a control loop makes one
+    of these a sample and seldom reads all of it.
+
+    Args:
         names: of the p parameters.
         values: (p,), SI.
         variance: of the values' error, (p,); inf before the noise is known.
-        innovation: measurement minus prediction at the last sample that was used.
+        innovation: measurement minus prediction at the last sample; 0 where it was not used.
         noise: standard deviation of the residual, in the unit of the output.
         excitation: smallest singular value over the window, 0 … 1 (see `Excitation`).
         status: whether to trust it.
         updates: samples used so far.
         skipped: samples that were not finite.
-        whole: gives the covariance; it is worked out when it is asked for, since a control loop seldom does.
+        whole: gives the covariance of the values' error.
     """
 
-    names: tuple[str, ...]
-    values: Array
-    variance: Array
-    innovation: float
-    noise: float
-    excitation: float
-    status: Status
-    updates: int
-    skipped: int
-    whole: Callable[[], Array]
+    __slots__ = ("_covariance", "_names", "_numbers")
+
+    def __init__(
+        self, names: tuple[str, ...], values: Array, variance: Array, innovation: float, noise: float, excitation: float,
+        status: Status, updates: int, skipped: int, whole: Callable[[], Array],
+    ) -> None:  # fmt: skip
+        self._names = names
+        self._numbers = np.concatenate(
+            [values, variance, [innovation, noise * noise, excitation, float(status), updates, skipped]]
+        )
+        self._covariance: Callable[[Array], Array] = lambda _: whole()
+
+    @classmethod
+    def of(cls, names: tuple[str, ...], numbers: Array, covariance: Callable[[Array], Array]) -> Estimate:
+        """From a record with the state behind it, which is not copied, and what gives the covariance of that state."""
+        self = cls.__new__(cls)
+        self._names, self._numbers, self._covariance = names, numbers, covariance
+        return self
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the p parameters."""
+        return self._names
+
+    @property
+    def values(self) -> Array:
+        """(p,), SI."""
+        return self._numbers[: len(self._names)]
+
+    @property
+    def variance(self) -> Array:
+        """Of the values' error, (p,); inf before the noise is known."""
+        p = len(self._names)
+        return self._numbers[p : 2 * p]
+
+    @property
+    def innovation(self) -> float:
+        """Measurement minus prediction at the last sample; 0 where it was not used."""
+        return self._says(_store.INNOVATION)
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of the residual, in the unit of the output."""
+        return math.sqrt(self._says(_store.NOISE))
+
+    @property
+    def excitation(self) -> float:
+        """Smallest singular value over the window, 0 … 1."""
+        return self._says(_store.EXCITATION)
+
+    @property
+    def status(self) -> Status:
+        """Whether to trust it."""
+        return Status(int(self._says(_store.STATUS)))
+
+    @property
+    def updates(self) -> int:
+        """Samples used so far."""
+        return int(self._says(_store.UPDATES))
+
+    @property
+    def skipped(self) -> int:
+        """Samples that were not finite."""
+        return int(self._says(_store.SKIPPED))
 
     @property
     def covariance(self) -> Array:
         """Of the values' error, (p, p); inf before the noise is known."""
-        return self.whole()
+        return self._covariance(self._numbers[self._end :])
 
     @property
     def valid(self) -> bool:
         """Whether the estimate stands."""
-        return self.status is Status.VALID
+        return self._says(_store.STATUS) == Status.VALID
 
     @property
     def std(self) -> Array:
@@ -107,6 +166,18 @@ class Estimate:
         listed = zip(self.names, self.values, NORMAL_95 * self.std)
         numbers = ", ".join(f"{name} {value:.6g} ± {half:.2g}" for name, value, half in listed)
         return f"{numbers} ({self.status.name.lower().replace('_', ' ')}: {self.status.remedy})"
+
+    def __repr__(self) -> str:
+        return f"<Estimate {self}>"
+
+    @property
+    def _end(self) -> int:
+        """Length of the record."""
+        return 2 * len(self._names) + _store.PLACES
+
+    def _says(self, place: int) -> float:
+        """A number of the record behind values and variances; `place` counts from the record's end."""
+        return float(self._numbers[self._end + place])
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,10 @@ class Forgetting(ABC):
     def factors(self, t: Array | None) -> Array:
         """β at the times t [s], (n,); or (1,) where it is the same at all of them."""
 
+    def at(self, t: float | None) -> float:
+        """β at one time t [s]: the same number as `factors` gives, to the last bit."""
+        return float(self.factors(None if t is None else np.array([t], dtype=np.float64))[0])
+
 
 @dataclass(frozen=True)
 class Constant(Forgetting):
@@ -65,5 +69,15 @@ class Scheduled(Forgetting):
     def factors(self, t: Array | None) -> Array:
         """β at each time, (n,)."""
         if t is None:
-            raise InputError("scheduled forgetting without time", "the time of each sample", "pass t [s]")
+            raise _timeless()
         return np.asarray(1.0 - self.drop * np.exp(-self.rate * np.maximum(t - self.start, 0.0)))
+
+    def at(self, t: float | None) -> float:
+        """See `Forgetting`; NumPy's exponential here too, since that of `math` may differ in the last bit."""
+        if t is None:
+            raise _timeless()
+        return 1.0 - self.drop * float(np.exp(-self.rate * max(t - self.start, 0.0)))
+
+
+def _timeless() -> InputError:
+    return InputError("scheduled forgetting without time", "the time of each sample", "pass t [s]")

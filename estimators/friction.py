@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -56,36 +57,42 @@ class Friction:
             InputError: shapes that don't fit, no samples, time that doesn't grow.
         """
         time, columns = _columns(t, normal_force, slip_rate, tangential_force)
-        return self._machine().run(columns, time)
+        return self._machine(columns[1].shape[1]).run(columns, time)
 
     def online(self, axes: int = 2) -> Online:
         """`update(normal_force, slip_rate (axes,), tangential_force (axes,), t=…)` → `Estimate`."""
-        return Online(self._machine(), np.zeros(1), np.zeros((1, axes)), np.zeros((1, axes)))
+        return Online(self._machine(axes))
 
-    def _machine(self) -> _FrictionMachine:
+    def _machine(self, axes: int) -> _FrictionMachine:
         return _FrictionMachine(
             RecursiveLeastSquares(
                 NAMES, self.forgetting, self.prior, self.directional, self.covariance_limit, self.excitation
             ),
-            self.least_speed,
-            self.least_load,
+            axes,
+            (self.least_speed, self.least_load),
         )
 
 
 class _FrictionMachine(LeastSquaresMachine):
     """Columns: normal force (n,), slip rate (n, axes), tangential force (n, axes)."""
 
-    def __init__(self, settings: RecursiveLeastSquares, least_speed: float, least_load: float) -> None:
-        super().__init__(settings)
-        self._least = least_speed, least_load
+    def __init__(self, settings: RecursiveLeastSquares, axes: int, least: tuple[float, float]) -> None:
+        super().__init__(settings, ((), (axes,), (axes,)), told=least)
+        self._least = least
 
     def advance(self, columns: Columns, t: Array | None, out: Out) -> None:
         from kinid.estimators import _kernels
 
-        rows = self.room(len(columns[0]))
+        rows = self.rows(len(columns[0]))
         load, slip, force = columns
         _kernels.friction_rows(load, slip, force, *self._least, *rows)
         super().advance(rows, t, out)
+
+    @property
+    def once(self) -> Callable[..., None]:
+        from kinid.estimators._kernels import friction_once
+
+        return friction_once
 
 
 @dataclass(frozen=True, eq=False)

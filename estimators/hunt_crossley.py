@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from kinid.errors import InputError
-from kinid.estimators._machine import Columns, Machine, Memory, Online, Out, contact_columns, covariance, one_contact
-from kinid.estimators.estimate import Array, Mask, Prior, Track
+from kinid.estimators._contact import COLUMNS, ContactEstimator, ContactMachine
+from kinid.estimators._machine import Machine, Memory, covariance
+from kinid.estimators.estimate import Array, Prior
 from kinid.estimators.excitation import Excitation
 from kinid.estimators.forgetting import Constant, Forgetting
 
@@ -25,7 +24,7 @@ COLD = (0.0, 0.0, 1.5), (10.0, 10.0, 1.0)
 
 
 @dataclass(frozen=True)
-class HuntCrossley(ABC):
+class HuntCrossley(ContactEstimator):
     """What both estimators are told.
 
     Args:
@@ -58,36 +57,9 @@ class HuntCrossley(ABC):
             if not (math.isfinite(value) and value > 0.0):
                 raise InputError(f"{name} = {value}", "a positive number", "use the default")
 
-    def run(
-        self, depth: Array, depth_rate: Array, normal_force: Array, t: Array | None = None,
-        in_contact: Mask | None = None,
-    ) -> Track:  # fmt: skip
-        """All samples of a log; `conditions` of the track say where the approximations hold.
-
-        Args:
-            depth: [m], (n,), positive inside the material.
-            depth_rate: [m/s], (n,).
-            normal_force: [N], (n,).
-            t: time [s], (n,); needed by scheduled forgetting only.
-            in_contact: samples that may be used, (n,); by default all whose depth is positive.
-
-        Raises:
-            InputError: shapes that don't fit, no samples, time that doesn't grow.
-        """
-        time, columns = contact_columns(t, depth, depth_rate, normal_force, in_contact)
-        return self._machine().run(columns, time)
-
-    def online(self) -> Online:
-        """`update(depth, depth_rate, normal_force, [in_contact,] t=…)` → `Estimate`."""
-        return Online(self._machine(), *one_contact())
-
     def law(self, weighted: bool) -> tuple[float, ...]:
         """What the kernels are told."""
         return self.noise, math.log(self.reference_depth), self.fastest, self.loudest, float(weighted)
-
-    @abstractmethod
-    def _machine(self) -> Machine:
-        """Fresh memory."""
 
 
 @dataclass(frozen=True)
@@ -122,66 +94,59 @@ class TwoStage(HuntCrossley):
         return _TwoStageMachine(self)
 
 
-class _SingleStageMachine(Machine):
-    """Columns: depth, depth rate, force, contact."""
+class _HuntCrossleyMachine(ContactMachine):
+    """What both machines share."""
+
+    def __init__(self, settings: HuntCrossley, memory: Memory, weighted: bool) -> None:
+        super().__init__(
+            NAMES, memory, settings.forgetting, settings.excitation, COLUMNS, flags=1, settings=settings.law(weighted),
+            conditions=CONDITIONS,
+        )  # fmt: skip
+        self._log_r = math.log(settings.reference_depth)
+
+
+class _SingleStageMachine(_HuntCrossleyMachine):
+    """One regression of three parameters."""
 
     def __init__(self, settings: SingleStage) -> None:
-        super().__init__(NAMES, 3, settings.forgetting, settings.excitation, CONDITIONS)
-        self._log_r = math.log(settings.reference_depth)
         # prior variances are weighed against the noise of a row: newtons where weighted, else of the logarithm
         noise = max(settings.noise, 1e-6) if settings.weighted else 0.01
-        self.memory = Memory(logarithmic(settings.prior, self._log_r, noise), settings.covariance_limit)
-        self._law = settings.law(settings.weighted)
-
-    def advance(self, columns: Columns, t: Array | None, out: Out) -> None:
-        from kinid.estimators import _contact_kernels
-
-        depth, rate, force, contact = columns
-        _contact_kernels.single_stage(
-            self.shape, self.memory.state, depth, rate, force, contact, self.forgetting.factors(t), self._law,
-            self.memory.limit, self.window, self.length, self.threshold, self.scratch, out,
-        )  # fmt: skip
-
-    def whole(self) -> Callable[[], Array]:
-        return partial(_of_one, self.memory.state.copy(), self._log_r)
+        prior = logarithmic(settings.prior, math.log(settings.reference_depth), noise)
+        super().__init__(settings, Memory.of(prior, settings.covariance_limit), settings.weighted)
 
     @property
-    def updates(self) -> int:
-        return self.memory.updates
+    def kernels(self) -> tuple[Callable[..., None], Callable[..., None]]:
+        from kinid.estimators._contact_kernels import single_stage, single_stage_once
+
+        return single_stage, single_stage_once
+
+    def covariance(self, state: Array) -> Array:
+        return _of_one(state, self._log_r)
 
 
-class _TwoStageMachine(Machine):
-    """Columns: depth, depth rate, force, contact."""
+class _TwoStageMachine(_HuntCrossleyMachine):
+    """A regression of K and B, and one of n."""
 
     def __init__(self, settings: TwoStage) -> None:
-        super().__init__(NAMES, 3, settings.forgetting, settings.excitation, CONDITIONS)
-        self._log_r = math.log(settings.reference_depth)
-        self._law = settings.law(False)
-        log = logarithmic(settings.prior, self._log_r, 1.0)
+        log = logarithmic(settings.prior, math.log(settings.reference_depth), 1.0)
         noise = settings.prior.noise if settings.prior else max(settings.noise, 1e-6)
         unit = math.exp(log.values[0])  # K rⁿ and B rⁿ, and what ln and ratio say of their errors
         values = unit * np.array([1.0, log.values[1]])
         jacobian = unit * np.array([[1.0, 0.0], [log.values[1], 1.0]])
-        first = Prior(values, jacobian @ log.covariance[:2, :2] @ jacobian.T, noise)
-        self._first = Memory(first, settings.covariance_limit)
-        self._second = Memory(Prior(log.values[2:], log.covariance[2:, 2:], 0.01), settings.covariance_limit)
-        self._limit = np.concatenate([self._first.limit, self._second.limit])
-
-    def advance(self, columns: Columns, t: Array | None, out: Out) -> None:
-        from kinid.estimators import _contact_kernels
-
-        depth, rate, force, contact = columns
-        _contact_kernels.two_stage(
-            self.shape, self._first.state, self._second.state, depth, rate, force, contact, self.forgetting.factors(t),
-            self._law, self._limit, self.window, self.length, self.threshold, self.scratch, out,
-        )  # fmt: skip
-
-    def whole(self) -> Callable[[], Array]:
-        return partial(_of_two, self._first.state.copy(), self._second.state.copy(), self._log_r)
+        first = Memory.of(Prior(values, jacobian @ log.covariance[:2, :2] @ jacobian.T, noise), settings.covariance_limit)
+        second = Memory.of(Prior(log.values[2:], log.covariance[2:, 2:], 0.01), settings.covariance_limit)
+        self._split = len(first.state)
+        both = Memory(np.concatenate([first.state, second.state]), np.concatenate([first.limit, second.limit]))
+        super().__init__(settings, both, False)
 
     @property
-    def updates(self) -> int:
-        return self._second.updates
+    def kernels(self) -> tuple[Callable[..., None], Callable[..., None]]:
+        from kinid.estimators._contact_kernels import two_stage, two_stage_once
+
+        return two_stage, two_stage_once
+
+    def covariance(self, state: Array) -> Array:
+        return _of_two(state[: self._split], state[self._split :], self._log_r)
 
 
 def logarithmic(prior: Prior | None, log_r: float, noise: float) -> Prior:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 
 import numpy as np
 
 from kinid.errors import InputError
-from kinid.estimators._machine import Columns, Machine, Memory, Online, Out, contact_columns, one_contact, unit_covariance
-from kinid.estimators.estimate import Array, Mask, Prior, Track
+from kinid.estimators._contact import COLUMNS, ContactEstimator, ContactMachine
+from kinid.estimators._machine import Memory, unit_covariance
+from kinid.estimators.estimate import Array, Prior
 from kinid.estimators.excitation import Excitation
 from kinid.estimators.forgetting import Constant
 
@@ -20,9 +20,12 @@ NAMES = ("stiffness", "damping", "exponent", "surface")
 #: without a prior: depth at 1 N over the reference depth, B/K [s/m], 1/n, and their standard deviations
 COLD = (0.5, 0.0, 0.72), (0.5, 0.3, 0.14)
 
+#: numbers of the watch over the bank, at the end of its state (see `_kalman_kernels`)
+WATCH = 6
+
 
 @dataclass(frozen=True)
-class HuntCrossleyKalman:
+class HuntCrossleyKalman(ContactEstimator):
     """f = K (x + z)ⁿ (1 + (B/K) ẋ) with z [m] unknown: the tip is z deeper than the depth says.
 
     The law is turned round, x = c (f/(1 + b ẋ))^m − z with m = 1/n, which is linear in c and z wherever the surface is;
@@ -33,6 +36,13 @@ class HuntCrossleyKalman:
     rest on `noise`; the estimate's own `noise` is measured, and three times more is marked as misfit. Depth noise has
     to be small beside noise/(df/dx).
 
+    A filter that has lost its way goes on believing its covariance. So the innovations ν, each over the standard
+    deviation that the filter expects, are watched over the last `patience` samples used: in a sound filter they are white
+    with variance 1; where the filter lags behind the material, or took a wrong turn, they are large and stay on one side
+    from sample to sample. Samples at which the mean of ν ν′ (ν′ the one before) exceeds 2, and half the mean of ν², are
+    marked as diverged. Noise of the stated size can't reach 2, whatever its colour, and white noise that is larger than
+    stated can't reach the half.
+
     Args:
         noise: ε, standard deviation of the force [N], > 0.
         prior: of K, B, n, as from `Prior.near`; None for a cold start.
@@ -42,6 +52,7 @@ class HuntCrossleyKalman:
         reference_depth: a depth like those of the log [m].
         loudest: samples with less than this times ε are not used.
         members: filters in the bank; 1 is a plain extended Kalman filter.
+        patience: memory of the watch over the innovations [samples used], > 1; nothing is marked as diverged before.
         fading: first samples weigh 1 − fading[0]·exp(−i/fading[1]) less with each later one.
         excitation: measured on [p, p ẋ, p ln f, 1] with p = f^m.
 
@@ -57,6 +68,7 @@ class HuntCrossleyKalman:
     reference_depth: float = 0.01
     loudest: float = 10.0
     members: int = 5
+    patience: int = 200
     fading: tuple[float, float] = (0.02, 1000.0)
     excitation: Excitation | None = field(default_factory=lambda: Excitation(window=500, threshold=0.005))
 
@@ -65,93 +77,75 @@ class HuntCrossleyKalman:
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
                 raise InputError(f"{name} = {value}", "a positive number", "use the default or the sensor's data")
+        if not self.patience > 1:
+            raise InputError(f"patience = {self.patience}", "a number of samples > 1", "use the default")
         if len(self.walk) != 4 or not all(math.isfinite(w) and w >= 0.0 for w in self.walk):
             raise InputError(f"walk = {self.walk}", "four finite numbers ≥ 0", "use 0 for what doesn't move")
         if len(self.fading) != 2 or not (0.0 <= self.fading[0] < 1.0 and self.fading[1] > 0.0):
             raise InputError(f"fading = {self.fading}", "0 ≤ first < 1 and second > 0", "use the default")
 
-    def run(
-        self, depth: Array, depth_rate: Array, normal_force: Array, t: Array | None = None,
-        in_contact: Mask | None = None,
-    ) -> Track:  # fmt: skip
-        """All samples of a log.
-
-        Args:
-            depth: [m], (n,), from where the surface is believed to be.
-            depth_rate: [m/s], (n,).
-            normal_force: [N], (n,).
-            t: time [s], (n,); by default samples are `period` apart.
-            in_contact: False where a sample is known to be in the air, (n,).
-
-        Raises:
-            InputError: shapes that don't fit, no samples, time that doesn't grow.
-        """
-        time, columns = contact_columns(t, depth, depth_rate, normal_force, in_contact)
-        return _KalmanMachine(self).run(columns, time)
-
-    def online(self) -> Online:
-        """`update(depth, depth_rate, normal_force, [in_contact,] t=…)` → `Estimate`."""
-        return Online(_KalmanMachine(self), *one_contact())
+    def _machine(self) -> _KalmanMachine:
+        return _KalmanMachine(self)
 
 
-class _KalmanMachine(Machine):
-    """Columns: depth, depth rate, force, contact."""
+class _KalmanMachine(ContactMachine):
+    """A bank of filters, and the watch over them."""
 
     def __init__(self, settings: HuntCrossleyKalman) -> None:
-        super().__init__(NAMES, 4, Constant(), settings.excitation)
         self._r = settings.reference_depth
-        self._walk, self._period, self._fading = settings.walk, settings.period, settings.fading
-        self._law = (settings.noise, math.log(self._r), math.inf, settings.loudest, 0.0)
-        self._last: float | None = None
         mean, covariance = _inverted(settings.prior, self._r)
         values = np.append(mean, 0.0)
         start = np.zeros((4, 4))
         start[:3, :3], start[3, 3] = covariance, (settings.surface / self._r) ** 2
         members = _bank(values, start, settings.members)
-        self._states = np.stack([Memory(prior, None).state for _, prior in members])
-        self._weights = np.array([weight for weight, _ in members])
-        self._limit = np.maximum(np.max([np.diagonal(prior.covariance) for _, prior in members], axis=0), 1e-300)
-
-    def advance(self, columns: Columns, t: Array | None, out: Out) -> None:
-        from kinid.estimators import _contact_kernels
-
-        depth, rate, force, contact = columns
-        _contact_kernels.kalman(
-            self.shape, self._states, self._weights, depth, rate, force, contact, self._steps(t), self._walk, self._law,
-            self._fading, self._limit, self.window, self.length, self.threshold, self.scratch, out,
+        self._members = len(members)
+        memory = Memory(
+            np.concatenate([
+                *(Memory.of(prior, None).state for _, prior in members), [weight for weight, _ in members],
+                [0.0, 0.0, 0.0, 0.0, math.nan, 0.0],
+            ]),
+            np.maximum(np.max([np.diagonal(prior.covariance) for _, prior in members], axis=0), 1e-300),
+        )  # fmt: skip
+        told = (settings.noise, math.log(self._r), settings.loudest, settings.period, float(settings.patience))
+        super().__init__(
+            NAMES, memory, Constant(), settings.excitation, COLUMNS, flags=1,
+            settings=(*told, *settings.walk, *settings.fading),
         )  # fmt: skip
 
-    def _steps(self, t: Array | None) -> Array:
-        """Time since the sample before [s], (n,) or (1,)."""
-        if t is None:
-            return np.array([self._period])
-        before = t[0] - self._period if self._last is None else self._last
-        self._last = float(t[-1])
-        return np.maximum(np.diff(t, prepend=before), 0.0)
-
-    def whole(self) -> Callable[[], Array]:
-        return partial(_mixture, self._states.copy(), self._weights.copy(), self._r)
-
     @property
-    def updates(self) -> int:
-        return int(self._states[:, -1].max())
+    def kernels(self) -> tuple[Callable[..., None], Callable[..., None]]:
+        from kinid.estimators._kalman_kernels import kalman, kalman_once
 
+        return kalman, kalman_once
 
-def _mixture(states: Array, weights: Array, r: float) -> Array:
-    """Covariance of K, B, n, z from the members' states and the logarithms of their weights, to first order."""
-    share = np.where(weights > -50.0, np.exp(weights), 0.0)
-    share /= share.sum()
-    theta = states[:, :4]
-    mean = share @ theta
-    total = np.einsum("i,ij,ik->jk", share, theta - mean, theta - mean)
-    for part, state in zip(share, states):
-        total += part * unit_covariance(state, 4)
-    c, b, m, _ = mean
-    n, log_c = 1.0 / m, math.log(r * c)
-    k = math.exp(min(max(-n * log_c, -200.0), 200.0))
-    slope = np.array([-n / c, 0.0, n * n * log_c, 0.0])
-    jacobian = np.array([k * slope, b * k * slope + [0.0, k, 0.0, 0.0], [0.0, 0.0, -n * n, 0.0], [0.0, 0.0, 0.0, r]])
-    return np.asarray(jacobian @ total @ jacobian.T)
+    def pace(self, t: Array | None) -> Array:
+        """The times themselves, or one NaN."""
+        return np.array([math.nan]) if t is None else t
+
+    def restart(self) -> None:
+        """The next sample is `period` after the last."""
+        self.room.state[-2] = math.nan
+
+    def covariance(self, state: Array) -> Array:
+        """Of K, B, n, z from the members' states and the logarithms of their weights, to first order."""
+        size = (len(state) - WATCH) // self._members - 1
+        states = state[: self._members * size].reshape(self._members, size)
+        weights = state[self._members * size : -WATCH]
+        share = np.where(weights > -50.0, np.exp(weights), 0.0)
+        share /= share.sum()
+        theta = states[:, :4]
+        mean = share @ theta
+        total = np.einsum("i,ij,ik->jk", share, theta - mean, theta - mean)
+        for part, member in zip(share, states):
+            total += part * unit_covariance(member, 4)
+        c, b, m, _ = mean
+        n, log_c = 1.0 / m, math.log(self._r * c)
+        k = math.exp(min(max(-n * log_c, -200.0), 200.0))
+        slope = np.array([-n / c, 0.0, n * n * log_c, 0.0])
+        jacobian = np.array(
+            [k * slope, b * k * slope + [0.0, k, 0.0, 0.0], [0.0, 0.0, -n * n, 0.0], [0.0, 0.0, 0.0, self._r]]
+        )
+        return np.asarray(jacobian @ total @ jacobian.T)
 
 
 def _inverted(prior: Prior | None, r: float) -> tuple[Array, Array]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,7 +82,7 @@ class RecursiveLeastSquares:
 
     def online(self) -> Online:
         """`update(regressor (p,), output, t=…)` → `Estimate`."""
-        return Online(self.machine(), np.zeros((1, len(self.names))), np.zeros(1))
+        return Online(self.machine())
 
     def machine(self) -> LeastSquaresMachine:
         """Fresh memory."""
@@ -91,15 +90,30 @@ class RecursiveLeastSquares:
 
 
 class LeastSquaresMachine(Machine):
-    """Memory of running least squares. Columns: regressors (n, p), outputs (n,), optionally status codes (n,)."""
+    """Memory of running least squares. Columns: regressors (n, p), outputs (n,), optionally status codes (n,).
 
-    def __init__(self, settings: RecursiveLeastSquares) -> None:
+    Args:
+        settings: of the least squares.
+        columns: shapes of what a sample is made of, where rows are made from it; by default regressor and output.
+        flags: as in `Machine`.
+        told: numbers that the making of rows needs.
+    """
+
+    def __init__(
+        self, settings: RecursiveLeastSquares, columns: tuple[tuple[int, ...], ...] | None = None, flags: int = 0,
+        told: tuple[float, ...] = (),
+    ) -> None:  # fmt: skip
         p = len(settings.names)
-        super().__init__(settings.names, p, settings.forgetting, settings.excitation)
-        self.memory = Memory(settings.prior or Prior(np.zeros(p), np.full(p, DIFFUSE)), settings.covariance_limit)
         self.directional = settings.directional
+        super().__init__(
+            settings.names,
+            Memory.of(settings.prior or Prior(np.zeros(p), np.full(p, DIFFUSE)), settings.covariance_limit),
+            settings.forgetting, settings.excitation, columns or ((p,), ()), flags=flags,
+            spare=p + 2 if columns else 1,  # a row is regressor, output, code
+            settings=(float(self.directional), *told),
+        )  # fmt: skip
         self._all_used = np.zeros(1, np.int8)
-        self._room = (np.empty((0, p)), np.empty(0), np.empty(0, np.int8))
+        self._rows = (np.empty((0, p)), np.empty(0), np.empty(0, np.int8))
 
     def advance(self, columns: Columns, t: Array | None, out: Out) -> None:
         """See `Machine`."""
@@ -107,22 +121,25 @@ class LeastSquaresMachine(Machine):
 
         rows, y = columns[:2]
         codes: NDArray[np.int8] = columns[2] if len(columns) > 2 else self._all_used
+        room = self.room
         _kernels.least_squares(
-            self.shape, self.memory.state, rows, y, self.forgetting.factors(t), codes, self.memory.limit,
-            self.directional, self.window, self.length, self.threshold, self.scratch, out,
+            self.shape, room.state, rows, y, self.forgetting.factors(t), codes, room.limit, self.directional, room.window,
+            room.length, room.threshold, room.scratch, out,
         )  # fmt: skip
 
-    def room(self, n: int) -> tuple[Array, Array, NDArray[np.int8]]:
-        """Regressors, outputs and codes for n samples, to be written; the same arrays as long as n stays."""
-        if len(self._room[0]) != n:
-            self._room = (np.empty((n, len(self.names))), np.empty(n), np.empty(n, np.int8))
-        return self._room
-
-    def whole(self) -> Callable[[], Array]:
-        """See `Machine`."""
-        return partial(covariance, self.memory.state.copy(), len(self.names))
-
     @property
-    def updates(self) -> int:
+    def once(self) -> Callable[..., None]:
         """See `Machine`."""
-        return self.memory.updates
+        from kinid.estimators._kernels import least_squares_once
+
+        return least_squares_once
+
+    def rows(self, n: int) -> tuple[Array, Array, NDArray[np.int8]]:
+        """Regressors, outputs and codes for n samples, to be written; the same arrays as long as n stays."""
+        if len(self._rows[0]) != n:
+            self._rows = (np.empty((n, len(self.names))), np.empty(n), np.empty(n, np.int8))
+        return self._rows
+
+    def covariance(self, state: Array) -> Array:
+        """See `Machine`."""
+        return covariance(state, len(self.names))

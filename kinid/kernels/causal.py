@@ -1,32 +1,240 @@
-"""Velocity and acceleration inside a loop: differences through first-order low-passes, nothing from the future."""
+"""Inside a loop, one raw sample at a time: differences through low-passes, then the contact frame, and no allocation.
+
+All that a contact remembers is one float64 array, its store, because what a call of compiled code costs is its arguments:
+
+    head (6) | columns (N) | prismatic (N) | turns 9 (N + 1) | shifts 3 (N + 1) | tip (3) | reader (42) | tool (16)
+    | plane (12) | compliance (9) | motion 3 N | quantities (9) | scratch
+
+for N joints; what isn't named here is as in `kinid.kernels.chain.contacts`.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import math
+from collections.abc import Callable
+from pathlib import Path
+from types import FunctionType
+from typing import Any, NamedTuple
+
 import numpy as np
-from numba import njit
+from numba import float64, int64, njit, types
 from numpy.typing import NDArray
+
+from kinid.kernels import chain
 
 Array = NDArray[np.float64]
 
+#: contact quantities of a sample: those of `chain` up to the tangential forces
+QUANTITIES = chain.TANGENT2 + 1
 
-@njit(cache=True)
-def advance(q: Array, columns: NDArray[np.int64], dt: float, cutoff: float, motion: Array) -> None:
-    """Take in one sample of joint positions.
+#: places of the head: time of the last sample [s], −inf before the first; cut-off of the low-passes [rad/s]; normal force
+#: from which the tool touches [N]; whether the tip gives way; whether the sensor has faults to undo; joints N
+TIME, CUTOFF, TOUCHING, BENDS, CLEANS, JOINTS = range(6)
+
+#: a joint position [rad or m] beyond it is a fault of the log: sine and cosine are good to 10⁵
+FAR = 1e5
+
+#: what became of a sample: all well; positions or rates that aren't finite, quantities NaN; and two that change nothing:
+#: arrays of another length; a time that isn't finite or doesn't grow
+FINE, NOT_FINITE, MISSHAPEN, LATE = range(4)
+
+#: rows that are no contact quantity: whether the tool touches, and a plain yes
+FLAG, YES = -1, -2
+
+
+class Contact(NamedTuple):
+    """Views of a store's parts."""
+
+    head: Any
+    columns: Any
+    prismatic: Any
+    turns: Any  # (N + 1, 9)
+    shifts: Any  # (N + 1, 3)
+    tip: Any
+    reader: Any
+    tool: Any
+    plane: Any
+    compliance: Any
+    motion: Any  # position, velocity, acceleration, (3, N)
+    quantities: Any
+    scratch: Any
+
+
+def carve(store: Any) -> Contact:
+    """The parts of a store."""
+    n = int(store[JOINTS])
+    columns = 6
+    prismatic = columns + n
+    turns = prismatic + n
+    shifts = turns + 9 * (n + 1)
+    tip = shifts + 3 * (n + 1)
+    reader = tip + 3
+    tool = reader + 42
+    plane = tool + 16
+    compliance = plane + 12
+    motion = compliance + 9
+    quantities = motion + 3 * n
+    scratch = quantities + QUANTITIES
+    return Contact(
+        store[:columns], store[columns:prismatic], store[prismatic:turns], store[turns:shifts].reshape(n + 1, 9),
+        store[shifts:tip].reshape(n + 1, 3), store[tip:reader], store[reader:tool], store[tool:plane],
+        store[plane:compliance], store[compliance:motion], store[motion:quantities].reshape(3, n),
+        store[quantities:scratch], store[scratch:],
+    )  # fmt: skip
+
+
+def build(
+    columns: NDArray[np.int64], prismatic: NDArray[np.bool_], turns: Array, shifts: Array, tip: Array, reader: Array,
+    tool: Array, plane: Array, compliance: Array, cutoff: float, touching: float,
+) -> Array:  # fmt: skip
+    """A store at rest that has seen no sample; arguments as the parts."""
+    n = len(columns)
+    bends, cleans = chain.needed.py_func(reader, compliance)  # type: ignore[attr-defined]
+    head = (-math.inf, cutoff, touching, float(bends), float(cleans), float(n))
+    room = np.zeros(3 * n + QUANTITIES + (3 * n + 36) * chain.BLOCK)
+    parts = (head, columns, prismatic, turns, shifts, tip, reader, tool, plane, compliance, room)
+    return np.concatenate([np.asarray(part, dtype=np.float64).ravel() for part in parts])
+
+
+_carve = njit(forceinline=True)(carve)
+
+
+@njit(error_model="numpy", forceinline=True)
+def advance(t: float, q: Array, dq: Array, ddq: Array, head: Array, columns: Array, motion: Array) -> None:
+    """Take in one sample of joint positions; arguments as `take`.
+
+    Velocities that aren't given are differences through a first-order low-pass, accelerations those of the velocities
+    through another; the first sample starts at rest.
+    """
+    dt = t - head[TIME]
+    first = dt == np.inf
+    gain = 0.0 if first else head[CUTOFF] * dt / (1.0 + head[CUTOFF] * dt)
+    for j in range(columns.shape[0]):
+        i = int(columns[j])
+        before = motion[1, j]
+        if len(dq) > 0:
+            motion[1, j] = dq[i]
+        else:
+            motion[1, j] = 0.0 if first else before + gain * ((q[i] - motion[0, j]) / dt - before)
+        if len(ddq) > 0:
+            motion[2, j] = ddq[i]
+        else:
+            motion[2, j] = 0.0 if first else motion[2, j] + gain * ((motion[1, j] - before) / dt - motion[2, j])
+        motion[0, j] = q[i]
+    head[TIME] = t
+
+
+@njit(error_model="numpy", forceinline=True)
+def take(t: float, q: Array, wrench: Array, dq: Array, ddq: Array, store: Array) -> int:
+    """One raw sample into the contact frame; says what became of it.
 
     Args:
-        q: positions, (N,), in the log's order. columns: of the chain's joints in it, (N,).
-        dt: time since the last sample [s]; not positive for the first one, which starts at rest.
-        cutoff: of both low-passes [rad/s].
-        motion: position, velocity, acceleration of the last sample, (3, 1, N); replaced.
+        t: time [s].
+        q: positions, (N,), in the log's order; dq, ddq their derivatives, or of length 0.
+        wrench: fx fy fz tx ty tz in sensor axes [N, N·m].
+        store: of the contact. After a sample whose motion isn't finite its motion and time are as before it.
     """
-    gain = cutoff * dt / (1.0 + cutoff * dt)
-    for j in range(columns.shape[0]):
-        new = q[columns[j]]
-        if dt > 0.0:
-            before = motion[1, 0, j]
-            motion[1, 0, j] += gain * ((new - motion[0, 0, j]) / dt - before)
-            motion[2, 0, j] += gain * ((motion[1, 0, j] - before) / dt - motion[2, 0, j])
+    room = _carve(store)
+    n = len(room.columns)
+    if len(q) != n or len(wrench) != 6 or len(dq) not in (0, n) or len(ddq) not in (0, n):
+        return MISSHAPEN
+    if not (room.head[TIME] < t < np.inf):
+        return LATE
+    fine = True
+    for j in range(n):
+        fine &= abs(q[j]) < FAR
+    for j in range(len(dq)):
+        fine &= abs(dq[j]) < np.inf
+    for j in range(len(ddq)):
+        fine &= abs(ddq[j]) < np.inf
+    if not fine:
+        room.quantities[:] = np.nan
+        return NOT_FINITE
+    advance(t, q, dq, ddq, room.head, room.columns, room.motion)
+    block = chain.BLOCK
+    end_x, end_w = 3 * n * block, (3 * n + 24) * block
+    x, w = room.scratch[:end_x], room.scratch[end_x:end_w]
+    f, o = room.scratch[end_w : end_w + 6 * block], room.scratch[end_w + 6 * block :]
+    for k in range(3):
+        for j in range(n):
+            x[(k * n + j) * block] = room.motion[k, j]
+    for i in range(6):
+        f[i * block] = wrench[i]
+    chain.contact_block(
+        0, 1, True, room.head[BENDS] > 0.0, room.head[CLEANS] > 0.0, x, w, f, o, room.turns, room.shifts, room.prismatic,
+        room.tip, room.reader, room.tool, room.plane, room.compliance, QUANTITIES, room.quantities.reshape(QUANTITIES, 1),
+    )  # fmt: skip
+    return FINE
+
+
+@njit(error_model="numpy", forceinline=True)
+def hand_over(store: Array, rows: NDArray[np.int64], inputs: Array) -> None:
+    """The quantities that an estimator asked for, or flags, into its inputs."""
+    room = _carve(store)
+    for i in range(len(rows)):
+        if rows[i] == FLAG:
+            inputs[i] = room.quantities[chain.NORMAL] > room.head[TOUCHING]
+        elif rows[i] == YES:
+            inputs[i] = 1.0
         else:
-            motion[1, 0, j] = 0.0
-            motion[2, 0, j] = 0.0
-        motion[0, 0, j] = new
+            inputs[i] = room.quantities[rows[i]]
+
+
+# --- what Python calls -------------------------------------------------------------------------------------------------
+
+#: positions and the like may be read-only, or columns of a table
+_GIVEN = types.Array(float64, 1, "A", readonly=True)
+_RAW = (float64, _GIVEN, _GIVEN, _GIVEN, _GIVEN, float64[::1])
+
+#: names the cache of compiled code, which on its own would miss a change in what is inlined
+_SOURCES = hashlib.sha256(Path(__file__).read_bytes() + Path(chain.__file__).read_bytes()).hexdigest()[:12]
+
+
+def _step(t: float, q: Array, wrench: Array, dq: Array, ddq: Array, store: Array) -> int:
+    code: int = take(t, q, wrench, dq, ddq, store)
+    return code
+
+
+def _step_and_learn(
+    t: float, q: Array, wrench: Array, dq: Array, ddq: Array, store: Array, rows: Any, start: int, shape: Any, memory: Array,
+) -> int:  # fmt: skip
+    code: int = take(t, q, wrench, dq, ddq, store)
+    if code <= NOT_FINITE:
+        hand_over(store, rows, memory[start:])
+        once(t, shape, memory)  # type: ignore[name-defined]  # noqa: F821
+    return code
+
+
+def compile_step() -> Callable[..., int]:
+    """`take` as one compiled call."""
+    return _compiled(_step, "step", _RAW)
+
+
+def compile_step_and_learn(once: Any, parameters: int) -> Callable[..., int]:
+    """`take` and an estimator's kernel of one sample as one compiled call.
+
+    Args:
+        once: that kernel: time, shape, store, as `kinid.estimators` has them.
+        parameters: of the estimator.
+
+    Returns:
+        A function of the arguments of `take`, then the rows of the quantities that the estimator takes (`FLAG`, `YES`),
+        the place of its inputs in its store, its shape and its store.
+    """
+    # a kernel is a constant of the compiled code, so that LLVM can inline it. A closure would hold it too, but closures
+    # over kernels are compiled anew in each process
+    name = f"step_and_learn_{once.py_func.__qualname__}"
+    function = FunctionType(_step_and_learn.__code__, {**globals(), "once": once}, name)
+    extra = (types.Array(int64, 1, "C"), int64, types.UniTuple(float64, parameters), float64[::1])
+    return _compiled(function, name, (*_RAW, *extra))
+
+
+def _compiled(function: Any, name: str, signature: tuple[Any, ...]) -> Callable[..., int]:
+    """Compiled now, and for no other types: a loop mustn't wait for a compiler because somebody passed another array."""
+    function.__qualname__ = f"{name}_{_SOURCES}"
+    # _nrt=False: the compiler refuses code that allocates. The global lock is kept: to get it back may take milliseconds
+    compiled = njit(error_model="numpy", cache=True, _nrt=False)(function)
+    compiled.compile(signature)
+    compiled.disable_compile()
+    return compiled  # type: ignore[no-any-return]

@@ -10,11 +10,15 @@ The recursion is the outward half of Newton-Euler (Luh, Walker, Paul 1980; Feath
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any, TypeVar
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+F = TypeVar("F", bound=Callable[..., Any])
 
 BLOCK = 64  # samples in a block: 50 scratch rows of 64 doubles are 25 kB, within a first-level cache
 
@@ -31,6 +35,11 @@ _MAGIC = 6755399441055744.0  # 1.5·2⁵²: adding and taking it away rounds to 
 _TWO_OVER_PI = 0.6366197723675814
 # π/2 in three parts whose leading ones have trailing zeros (Cody & Waite 1980), good to |q| of 10⁵ rad
 _PIO2_1, _PIO2_2, _PIO2_3 = 1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21
+
+
+def _part(function: F) -> F:
+    """A part of kernels: inlined by LLVM, so that for a block of one sample, a constant width, no loop is left."""
+    return njit(fastmath=_FAST, forceinline=True)(function)  # type: ignore[no-any-return]
 
 
 @njit(cache=True, fastmath=_FAST, inline="always")
@@ -53,7 +62,7 @@ def _sincos(x: float) -> tuple[float, float]:
     return flip * sine, flip * cosine
 
 
-@njit(cache=True, fastmath=_FAST)
+@_part
 def _load(source: Array, start: int, count: int, x: Array, row: int) -> None:
     """Rows of the log, transposed into the scratch."""
     for j in range(source.shape[1]):
@@ -62,7 +71,7 @@ def _load(source: Array, start: int, count: int, x: Array, row: int) -> None:
             x[base + s] = source[start + s, j]
 
 
-@njit(cache=True, fastmath=_FAST)
+@_part
 def _shift(width: int, w: Array, tx: float, ty: float, tz: float) -> None:
     """Move the reference point by (tx, ty, tz) in the axes of the current frame, rigidly."""
     for s in range(width):
@@ -83,7 +92,7 @@ def _shift(width: int, w: Array, tx: float, ty: float, tz: float) -> None:
         w[23 * BLOCK + s] += lx * dy - ly * dx + wx * cy - wy * cx
 
 
-@njit(cache=True, fastmath=_FAST)
+@_part
 def _turn(width: int, w: Array, f: Array) -> None:
     """Turn the axes of the current frame by a constant rotation f (row-major, 9)."""
     for i in range(3):
@@ -95,7 +104,7 @@ def _turn(width: int, w: Array, f: Array) -> None:
             w[a + 2 * BLOCK + s] = r0 * f[2] + r1 * f[5] + r2 * f[8]
 
 
-@njit(cache=True, fastmath=_FAST)
+@_part
 def _revolve(width: int, w: Array, x: Array, iq: int, iv: int, ia: int) -> None:
     """Pass a revolute joint about the current z axis."""
     for s in range(width):
@@ -121,7 +130,7 @@ def _revolve(width: int, w: Array, x: Array, iq: int, iv: int, ia: int) -> None:
         w[7 * BLOCK + s] = cosine * y2 - sine * x2
 
 
-@njit(cache=True, fastmath=_FAST)
+@_part
 def _slide(width: int, w: Array, x: Array, iq: int, iv: int, ia: int) -> None:
     """Pass a prismatic joint along the current z axis."""
     for s in range(width):
@@ -141,7 +150,7 @@ def _slide(width: int, w: Array, x: Array, iq: int, iv: int, ia: int) -> None:
         w[23 * BLOCK + s] += zz * ddq + 2.0 * cz * dq + (lx * zy - ly * zx + wx * cy - wy * cx) * q
 
 
-@njit(cache=True, fastmath=_FAST)
+@_part
 def _advance(width: int, w: Array, x: Array, turns: Array, shifts: Array, prismatic: Array) -> None:
     """Carry a block from the base to the last frame: at rest in the base, joint by joint, then the last constant part."""
     joints = prismatic.shape[0]
@@ -188,7 +197,7 @@ def poses(q: Array, dq: Array, ddq: Array, turns: Array, shifts: Array, prismati
                 out[start + s, k] = w[k * BLOCK + s]
 
 
-@njit(cache=True, fastmath=_FAST)
+@_part
 def _force(width: int, w: Array, f: Array, o: Array, tool: Array) -> None:
     """Contact force (rows 0–2) and moment about the sensor's origin (3–5) in base axes, from a block of wrenches.
 
@@ -226,7 +235,7 @@ def _force(width: int, w: Array, f: Array, o: Array, tool: Array) -> None:
         o[5 * BLOCK + s] = r20 * nx + r21 * ny + r22 * nz
 
 
-@njit(cache=True, fastmath=_FAST)
+@_part
 def _clean(width: int, f: Array, reader: Array) -> None:
     """Undo the sensor's bias and cross-talk: f ← M (f − b); `reader` holds M row-major (36), then b (6)."""
     for s in range(width):
@@ -238,6 +247,77 @@ def _clean(width: int, f: Array, reader: Array) -> None:
                 reader[k] * a0 + reader[k + 1] * a1 + reader[k + 2] * a2
                 + reader[k + 3] * a3 + reader[k + 4] * a4 + reader[k + 5] * a5
             )  # fmt: skip
+
+
+@_part
+def needed(reader: Array, compliance: Array) -> tuple[bool, bool]:
+    """Whether the tip gives way under a force, and whether the sensor has faults to undo."""
+    bends = False
+    for i in range(9):
+        bends = bends or compliance[i] != 0.0
+    cleans = False
+    for i in range(36):
+        cleans = cleans or reader[i] != (1.0 if i % 7 == 0 else 0.0)
+    for i in range(36, 42):
+        cleans = cleans or reader[i] != 0.0
+    return bends, cleans
+
+
+@_part
+def contact_block(
+    start: int, count: int, forces: bool, bends: bool, cleans: bool, x: Array, w: Array, f: Array, o: Array,
+    turns: Array, shifts: Array, prismatic: Array, tip: Array,
+    reader: Array, tool: Array, plane: Array, compliance: Array, columns: int, out: Array,
+) -> None:  # fmt: skip
+    """Contact quantities of one block, into `out` from column `start` on; arguments otherwise as `contacts`.
+
+    Args:
+        count: samples in it.
+        forces: whether there is a wrench. bends: whether the compliance isn't zero. cleans: whether the reader does anything.
+        x: positions, velocities, accelerations of all joints, loaded; w, f (wrench, loaded), o: scratch of 24, 6 and 6 runs.
+    """
+    t00, t01, t02 = plane[3], plane[4], plane[5]
+    t10, t11, t12 = plane[6], plane[7], plane[8]
+    n0, n1, n2 = plane[9], plane[10], plane[11]
+    _advance(count, w, x, turns, shifts, prismatic)
+    if forces:
+        if cleans:
+            _clean(count, f, reader)
+        _force(count, w, f, o, tool)
+    for s in range(count):
+        dx = w[s] * tip[0] + w[BLOCK + s] * tip[1] + w[2 * BLOCK + s] * tip[2]
+        dy = w[3 * BLOCK + s] * tip[0] + w[4 * BLOCK + s] * tip[1] + w[5 * BLOCK + s] * tip[2]
+        dz = w[6 * BLOCK + s] * tip[0] + w[7 * BLOCK + s] * tip[1] + w[8 * BLOCK + s] * tip[2]
+        wx, wy, wz = w[12 * BLOCK + s], w[13 * BLOCK + s], w[14 * BLOCK + s]
+        px = w[9 * BLOCK + s] + dx - plane[0]
+        py = w[10 * BLOCK + s] + dy - plane[1]
+        pz = w[11 * BLOCK + s] + dz - plane[2]
+        vx = w[15 * BLOCK + s] + wy * dz - wz * dy
+        vy = w[16 * BLOCK + s] + wz * dx - wx * dz
+        vz = w[17 * BLOCK + s] + wx * dy - wy * dx
+        fx, fy, fz = o[s], o[BLOCK + s], o[2 * BLOCK + s]
+        if bends:
+            px += compliance[0] * fx + compliance[1] * fy + compliance[2] * fz
+            py += compliance[3] * fx + compliance[4] * fy + compliance[5] * fz
+            pz += compliance[6] * fx + compliance[7] * fy + compliance[8] * fz
+        i = start + s
+        out[0, i] = -(n0 * px + n1 * py + n2 * pz)
+        out[1, i] = -(n0 * vx + n1 * vy + n2 * vz)
+        out[2, i] = t00 * px + t01 * py + t02 * pz
+        out[3, i] = t10 * px + t11 * py + t12 * pz
+        out[4, i] = t00 * vx + t01 * vy + t02 * vz
+        out[5, i] = t10 * vx + t11 * vy + t12 * vz
+        if columns >= 9:
+            out[6, i] = n0 * fx + n1 * fy + n2 * fz
+            out[7, i] = t00 * fx + t01 * fy + t02 * fz
+            out[8, i] = t10 * fx + t11 * fy + t12 * fz
+        if columns >= 12:
+            mx = o[3 * BLOCK + s] - (dy * fz - dz * fy)
+            my = o[4 * BLOCK + s] - (dz * fx - dx * fz)
+            mz = o[5 * BLOCK + s] - (dx * fy - dy * fx)
+            out[9, i] = t00 * mx + t01 * my + t02 * mz
+            out[10, i] = t10 * mx + t11 * my + t12 * mz
+            out[11, i] = n0 * mx + n1 * my + n2 * mz
 
 
 @njit(cache=True, fastmath=_FAST)
@@ -266,59 +346,15 @@ def contacts(
     f = np.zeros(6 * BLOCK)
     o = np.zeros(6 * BLOCK)
     forces = wrench.shape[0] == n
-    bends = False
-    for i in range(9):
-        bends = bends or compliance[i] != 0.0
-    cleans = False
-    for i in range(36):
-        cleans = cleans or reader[i] != (1.0 if i % 7 == 0 else 0.0)
-    for i in range(36, 42):
-        cleans = cleans or reader[i] != 0.0
-    t00, t01, t02 = plane[3], plane[4], plane[5]
-    t10, t11, t12 = plane[6], plane[7], plane[8]
-    n0, n1, n2 = plane[9], plane[10], plane[11]
+    bends, cleans = needed(reader, compliance)
     for start in range(0, n, BLOCK):
         count = min(BLOCK, n - start)
         _load(q, start, count, x, 0)
         _load(dq, start, count, x, joints)
         _load(ddq, start, count, x, 2 * joints)
-        _advance(count, w, x, turns, shifts, prismatic)
         if forces:
             _load(wrench, start, count, f, 0)
-            if cleans:
-                _clean(count, f, reader)
-            _force(count, w, f, o, tool)
-        for s in range(count):
-            dx = w[s] * tip[0] + w[BLOCK + s] * tip[1] + w[2 * BLOCK + s] * tip[2]
-            dy = w[3 * BLOCK + s] * tip[0] + w[4 * BLOCK + s] * tip[1] + w[5 * BLOCK + s] * tip[2]
-            dz = w[6 * BLOCK + s] * tip[0] + w[7 * BLOCK + s] * tip[1] + w[8 * BLOCK + s] * tip[2]
-            wx, wy, wz = w[12 * BLOCK + s], w[13 * BLOCK + s], w[14 * BLOCK + s]
-            px = w[9 * BLOCK + s] + dx - plane[0]
-            py = w[10 * BLOCK + s] + dy - plane[1]
-            pz = w[11 * BLOCK + s] + dz - plane[2]
-            vx = w[15 * BLOCK + s] + wy * dz - wz * dy
-            vy = w[16 * BLOCK + s] + wz * dx - wx * dz
-            vz = w[17 * BLOCK + s] + wx * dy - wy * dx
-            fx, fy, fz = o[s], o[BLOCK + s], o[2 * BLOCK + s]
-            if bends:
-                px += compliance[0] * fx + compliance[1] * fy + compliance[2] * fz
-                py += compliance[3] * fx + compliance[4] * fy + compliance[5] * fz
-                pz += compliance[6] * fx + compliance[7] * fy + compliance[8] * fz
-            i = start + s
-            out[0, i] = -(n0 * px + n1 * py + n2 * pz)
-            out[1, i] = -(n0 * vx + n1 * vy + n2 * vz)
-            out[2, i] = t00 * px + t01 * py + t02 * pz
-            out[3, i] = t10 * px + t11 * py + t12 * pz
-            out[4, i] = t00 * vx + t01 * vy + t02 * vz
-            out[5, i] = t10 * vx + t11 * vy + t12 * vz
-            if columns >= 9:
-                out[6, i] = n0 * fx + n1 * fy + n2 * fz
-                out[7, i] = t00 * fx + t01 * fy + t02 * fz
-                out[8, i] = t10 * fx + t11 * fy + t12 * fz
-            if columns >= 12:
-                mx = o[3 * BLOCK + s] - (dy * fz - dz * fy)
-                my = o[4 * BLOCK + s] - (dz * fx - dx * fz)
-                mz = o[5 * BLOCK + s] - (dx * fy - dy * fx)
-                out[9, i] = t00 * mx + t01 * my + t02 * mz
-                out[10, i] = t10 * mx + t11 * my + t12 * mz
-                out[11, i] = n0 * mx + n1 * my + n2 * mz
+        contact_block(
+            start, count, forces, bends, cleans, x, w, f, o, turns, shifts, prismatic, tip, reader, tool, plane,
+            compliance, columns, out,
+        )  # fmt: skip

@@ -1,11 +1,10 @@
-"""Speed of offline fits and of the online object, one thread, beside others in one run.
+"""Speed of offline fits, one thread, beside others in one run.
 
 A normal run compares results alone; `pytest tests/benchmarks --benchmark-enable --benchmark-only -s` takes times.
 """
 
 from __future__ import annotations
 
-import gc
 import time
 from typing import Any
 
@@ -14,11 +13,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from kinid.estimators.kelvin_voigt import KelvinVoigt
 from kinid.estimators.power_law import fit_power_law
-from kinid.lab.scripted import RIG, scripted_poke
-from kinid.online import OnlineContact, OnlineEstimator
-from kinid.rig import Rig
 
 Array = NDArray[np.float64]
 
@@ -86,42 +81,3 @@ def test_hunt_crossley_offline(poke: tuple[Array, Array, Array], benchmark: Any,
     with capsys.disabled():
         print(f"\n{line}, casadi ipopt {1e3 * ipopt:.2f} ms ({ipopt / own:.1f}×)")
         print(f"{'PASS' if own <= 2e-3 else 'FAIL'} Hunt-Crossley offline: {1e3 * own:.2f} ms (≤ 2)")
-
-
-def test_online_from_raw_samples_to_estimate(benchmark: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    poke = scripted_poke(seed=1)
-    loop = OnlineEstimator(OnlineContact(Rig.parse_text(RIG + f"bias = {poke.bias.tolist()}\n")), KelvinVoigt().online())
-    log = poke.log
-    samples = list(zip(log.t.tolist(), log.q, log.wrench))  # type: ignore[arg-type]
-
-    def run() -> Any:
-        loop.contact.reset()
-        for t, q, w in samples:
-            estimate = loop.update(t, q, w)
-        return estimate
-
-    estimate = benchmark.pedantic(run, rounds=1)
-    assert estimate.values[0] == pytest.approx(poke.material.stiffness, rel=0.02)
-    if benchmark.disabled:
-        return
-    gc.disable()  # a control loop collects garbage when it has time
-    best = np.full(3, np.inf)
-    for _ in range(8):
-        times = np.empty(len(samples))
-        for i, (t, q, w) in enumerate(samples):
-            start = time.perf_counter()
-            loop.update(t, q, w)
-            times[i] = time.perf_counter() - start
-        best = np.minimum(best, 1e6 * np.quantile(times, [0.5, 0.99, 0.999]))
-    waits = np.empty(len(samples))
-    for i in range(len(samples)):  # what the machine itself adds: doing nothing for as long as a sample takes
-        start = time.perf_counter()
-        while time.perf_counter() < start + 1e-6 * best[0]:
-            pass
-        waits[i] = time.perf_counter() - start
-    gc.enable()
-    machine = 1e6 * np.quantile(waits, 0.999)
-    with capsys.disabled():
-        print(f"\nonline, raw joints and wrench to estimate: median {best[0]:.1f}, p99 {best[1]:.1f}, p99.9 {best[2]:.1f} µs")
-        verdict = "PASS" if best[2] <= 20 else "FAIL"
-        print(f"{verdict} online p99.9: {best[2]:.1f} µs (≤ 20; waiting as long as a median sample reaches {machine:.1f})")

@@ -12,7 +12,17 @@ from hypothesis.extra import numpy as hnp
 from scipy.integrate import solve_ivp
 
 from kinid.errors import InputError
-from kinid.estimators import Constant, KelvinVoigt, Prior, Scheduled, SingleStage, Status, TwoStage, restitution
+from kinid.estimators import (
+    Constant,
+    HuntCrossleyKalman,
+    KelvinVoigt,
+    Prior,
+    Scheduled,
+    SingleStage,
+    Status,
+    TwoStage,
+    restitution,
+)
 from kinid.estimators.hunt_crossley import force
 from kinid.estimators.kelvin_voigt import force as kelvin_voigt
 
@@ -308,6 +318,59 @@ def test_online_is_the_batch():
         np.testing.assert_array_equal(online.estimate.covariance, track.final.covariance)
         np.testing.assert_allclose(np.diagonal(track.final.covariance), track.variance[-1], rtol=1e-9)
         assert online.estimate.skipped == 1
+
+
+@pytest.mark.parametrize(
+    "estimator",
+    [SingleStage(noise=1e-3, forgetting=Scheduled(5.0, 2.0)), TwoStage(noise=1e-3), KelvinVoigt(), HuntCrossleyKalman()],
+    ids=lambda estimator: type(estimator).__name__,
+)
+def test_bad_time_and_bad_samples_change_nothing(estimator):
+    x, v, k, b = study()
+    y = force(x, v, k, b, EXPONENT)
+    clean, disturbed = estimator.online(), estimator.online()
+    for i in range(300):
+        clean.step(x[i], v[i], y[i], t=T[i])
+        if i % 10 == 9:
+            for late in (T[i - 1], T[i - 9], math.nan, math.inf, "soon"):
+                with pytest.raises(InputError, match="growing time.*reset"):
+                    disturbed.step(x[i], 2.0 * v[i], 3.0 * y[i], t=late)
+            for j, bad in enumerate((math.nan, math.inf, -math.inf)):
+                sample = [x[i], v[i], y[i]]
+                sample[j] = bad
+                estimate = disturbed.update(*sample, t=T[i] + (j - 3) * 1e-4)
+                assert estimate.status is Status.NOT_FINITE
+                assert not estimate.valid
+        disturbed.step(x[i], v[i], y[i], t=T[i])
+    np.testing.assert_array_equal(disturbed.values, clean.values)
+    learnt = clean.estimate.updates
+    assert disturbed.estimate.updates == learnt > 290
+    disturbed.reset()
+    disturbed.step(x[0], v[0], y[0], t=T[0])  # a new log
+    assert disturbed.estimate.updates == learnt + 1
+    with pytest.raises(InputError, match="growing time"):
+        disturbed.chunk(x[:5], v[:5], y[:5], t=T[:5])
+    disturbed.chunk(x[1:5], v[1:5], y[1:5], t=T[1:5])
+    with pytest.raises(InputError, match="growing time"):
+        disturbed.step(x[3], v[3], y[3], t=T[3])
+
+
+def test_an_estimate_is_of_its_sample():
+    x, v, k, b = study()
+    y, sigma = noisy(force(x, v, k, b, EXPONENT), 100.0, 0)
+    online = SingleStage(noise=sigma).online()
+    for i in range(400):
+        estimate = online.update(x[i], v[i], y[i])
+    values, covariance = estimate.values.copy(), estimate.covariance
+    online.chunk(x[400:], v[400:], y[400:])
+    np.testing.assert_array_equal(estimate.values, values)
+    np.testing.assert_array_equal(estimate.covariance, covariance)
+    assert (online.values != values).all()
+    assert estimate.updates == 400
+    assert repr(estimate).startswith("<Estimate stiffness")
+    for name in ("values", "status", "updates"):
+        with pytest.raises(AttributeError):
+            setattr(estimate, name, 0)
 
 
 def test_warm_start_is_better_at_once():

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from scipy.signal import lfilter
 
 from kinid.errors import InputError
 from kinid.estimators import HuntCrossleyKalman, Prior, SingleStage, Status
@@ -115,7 +116,9 @@ def test_follows_a_drifting_stiffness():
     assert np.median(off) < 0.1
     still = HuntCrossleyKalman().run(x, v, y, t)
     assert np.median(np.abs(still["stiffness"] / k - 1.0)[loud & (t > 4.0)]) > 0.1
-    assert still.status[-2000:].max() == Status.MISFIT
+    assert still.status[-2000:].max() == Status.DIVERGED
+    assert not still.valid[-2000:].any()
+    assert not (walks.status == Status.DIVERGED).any()
 
 
 def test_warm_start_knows_the_material_at_once():
@@ -135,6 +138,90 @@ def test_marks_noise_that_was_stated_too_small():
     assert (track.status == Status.MISFIT).sum() > 500
     assert np.median(track.noise[track.status == Status.MISFIT]) > 0.06
     assert "state the noise" in Status.MISFIT.remedy
+
+
+def changing(seed, stiffer=1.0, deeper=0.0):
+    """A poke whose material changes at 4 s: stiffness by a factor, surface by metres."""
+    truth, t, x, v, _ = poke(seed, n=8000)
+    k, z = truth[0] * np.where(t > 4.0, stiffer, 1.0), truth[3] + np.where(t > 4.0, deeper, 0.0)
+    clean = force(x + z, v, k, k * truth[1] / truth[0], truth[2])
+    return truth, t, x, v, clean + 0.02 * np.random.default_rng(seed).normal(size=t.shape)
+
+
+def test_a_filter_marked_as_diverged_is_far_from_the_truth():
+    """With the noise that was stated: few pokes are ever marked, and only while their values really are wrong."""
+    marked, off = 0, []
+    for seed in range(100, 300):
+        truth, t, x, v, y = poke(seed)
+        track = HuntCrossleyKalman().run(x, v, y, t)
+        lost = track.status == Status.DIVERGED
+        marked += lost.any()
+        off.extend((np.abs(track.theta - truth) / track.std)[lost].max(axis=1))
+    share = np.mean(np.array(off) > 3.0)
+    print(f"200 pokes: {marked} marked as diverged for a while, {100 * share:.0f} % of that while > 3 standard deviations off")
+    assert 0 < marked < 10
+    assert share > 0.9  # the mark outlasts the fault by the memory of the watch
+
+
+@pytest.mark.parametrize("change", [{"stiffer": 1.5}, {"deeper": 1e-3}], ids=["stiffness", "surface"])
+def test_a_filter_that_lost_the_material_says_so(change):
+    """Half as stiff again, or the surface 1 mm nearer, from 4 s on, and no walk that would let the filter follow."""
+    found, wrong = [], []
+    for seed in range(40):
+        truth, t, x, v, y = changing(seed, **change)
+        track = HuntCrossleyKalman().run(x, v, y, t)
+        used, lost = track.innovation != 0.0, (track.status == Status.DIVERGED) & (t > 4.0)
+        found.append(np.count_nonzero(used[(t > 4.0) & (t <= t[lost][0])]) if lost.any() else np.inf)
+        now = truth[0] * change.get("stiffer", 1.0), truth[3] + change.get("deeper", 0.0)
+        off = (np.abs(track.theta[:, [0, 3]] - now) / track.std[:, [0, 3]]).max(axis=1) > 5.0
+        later = used & (t > 4.3)
+        unwatched = HuntCrossleyKalman(patience=10**9).run(x, v, y, t)
+        wrong.append([(some.valid & off)[later].mean() for some in (track, unwatched)])
+    watched, unwatched = 100 * np.mean(wrong, axis=0)
+    print(
+        f"marked in {np.isfinite(found).sum()} of 40 pokes, after {np.median(found):.0f} samples in contact (median); values"
+        f" more than 5 standard deviations off pass as valid in {watched:.0f} % of samples, {unwatched:.0f} % without the watch"
+    )
+    assert np.isfinite(found).mean() > 0.9
+    assert np.median(found) < 200  # the memory of the watch
+    assert watched < 0.5 * unwatched
+    assert "start anew" in Status.DIVERGED.remedy
+
+
+def test_one_filter_that_took_a_wrong_turn_is_marked():
+    """Those of a hundred that end far from the truth without a bank (see above) are not called valid on the way."""
+    lost = marked = 0
+    for seed in range(100):
+        truth, t, x, v, y = poke(seed)
+        track = HuntCrossleyKalman(members=1).run(x, v, y, t)
+        if (np.abs(track.final.values - truth) / track.final.std).max() > 5.0:
+            lost += 1
+            marked += bool((track.status[np.flatnonzero(y > 0.2)] == Status.DIVERGED).any())
+    print(f"one filter alone: {lost} of 100 lost, {marked} of them marked as diverged")
+    assert lost > 2
+    assert marked >= 0.8 * lost
+
+
+def test_larger_or_coloured_noise_is_not_divergence():
+    """White noise twice as large; and noise of the stated size that lasts for ten samples."""
+    for seed in range(20):
+        truth, t, x, v, loud = poke(seed, noise=0.04)
+        white = np.random.default_rng(seed).normal(size=t.shape)
+        slow = lfilter([np.sqrt(1.0 - 0.9**2)], [1.0, -0.9], white)
+        for y in (loud, force(x + truth[3], v, *truth[:3]) + 0.02 * slow):
+            assert not (HuntCrossleyKalman().run(x, v, y, t).status == Status.DIVERGED).any()
+
+
+def test_divergence_ends_when_the_filter_has_found_back():
+    """The material is stiffer for 0.6 s, and then as before."""
+    _, t, x, v, harder = changing(3, stiffer=1.5)
+    y = np.where((t > 4.0) & (t < 4.6), harder, poke(3, n=8000)[4])
+    track = HuntCrossleyKalman().run(x, v, y, t)
+    lost = track.status == Status.DIVERGED
+    print(f"marked as diverged from {t[lost][0]:.2f} to {t[lost][-1]:.2f} s")
+    assert 4.0 < t[lost][0] < 4.6
+    assert not lost[-2000:].any()
+    assert track.valid[-2000:].any()
 
 
 def test_air_teaches_nothing():
@@ -168,7 +255,9 @@ def test_whatever_comes_in_numbers_come_out(sample):
 
 
 def test_bad_settings_are_named():
-    for bad in ({"noise": 0.0}, {"surface": np.inf}, {"members": 0}, {"walk": (1.0, 2.0)}, {"fading": (1.0, 2.0)}):
+    for bad in (
+        {"noise": 0.0}, {"surface": np.inf}, {"members": 0}, {"walk": (1.0, 2.0)}, {"fading": (1.0, 2.0)}, {"patience": 1},
+    ):  # fmt: skip
         with pytest.raises(InputError, match="to mend it"):
             HuntCrossleyKalman(**bad)
     with pytest.raises(InputError, match="exponent > 0"):

@@ -23,7 +23,7 @@ def data(n: int, p: int, seed: int = 0, noise: float = 0.1):
 
 
 def unit_covariance(online):
-    return _machine.unit_covariance(online._machine.memory.state, len(online.values))
+    return _machine.unit_covariance(online.machine.room.state, len(online.values))
 
 
 def batch(rows, y, weights, prior_weight, prior):
@@ -125,7 +125,7 @@ def survive(air: str, directional: bool, samples: int) -> None:
     assert np.isfinite(unit).all()
     assert (np.diagonal(unit) <= 1e6 * (1 + 1e-9)).all()  # never above the limit, but for rounding
     assert np.linalg.eigvalsh(unit)[0] >= -1e-9 * np.linalg.eigvalsh(unit)[-1]
-    assert (online._machine.memory.state[4:8] >= 0.0).all()  # d of U·diag(d)·Uᵀ, exactly
+    assert (online.machine.room.state[4:8] >= 0.0).all()  # d of U·diag(d)·Uᵀ, exactly
     assert not track.valid[-1]
     assert track.final.status is Status.NOT_EXCITED
     np.testing.assert_allclose(online.values, learnt, atol=1e-6)  # rounding of values near 4 over all samples

@@ -1,0 +1,83 @@
+"""Where a running estimator keeps its numbers: one float64 array, so that a control loop hands compiled code one thing.
+
+Arguments are what a call of compiled code costs: some 20 ns for an array, 100 ns and more for a tuple of them.
+
+    record | state | conditions | inputs | settings | limit | gram | scale | cursor | scratch | head
+
+`record` of p parameters: values (p) | variances (p) | innovation | noise variance | excitation | status | updates | skipped.
+Record and state are what an `Estimate` is made of, and so stand first. `head` says how long the parts are.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: places of a record behind its values and variances, counted from its end
+INNOVATION, NOISE, EXCITATION, STATUS, UPDATES, SKIPPED = range(-6, 0)
+PLACES = 6
+
+#: places of the head, counted from the end of the store
+LENGTH, THRESHOLD, FACTOR, STATES, CONDITIONS, INPUTS, SETTINGS, BLOCKS = range(-8, 0)
+
+
+class Store(NamedTuple):
+    """Views of the parts, as the kernels take them; `out` is that of one sample."""
+
+    record: Any  # (2 p + 6,)
+    state: Any
+    inputs: Any  # of one sample
+    settings: Any
+    limit: Any  # (p,)
+    factor: Any  # (1,), of forgetting
+    window: Any  # gram (blocks, p, p), scale (p,), cursor (5,)
+    length: Any  # samples of a block; 0 measures no excitation
+    threshold: Any
+    scratch: Any  # (p + 3, p)
+    out: Any
+
+
+def build(p: int, state: Array, limit: Array, window: tuple[Array, Array, Array], length: int, threshold: float,
+          factor: float, inputs: int, settings: tuple[float, ...], conditions: int) -> Array:  # fmt: skip
+    """A store with its parts filled in."""
+    blocks = len(window[0])
+    head = (length, threshold, factor, len(state), conditions, inputs, len(settings), blocks)
+    return np.concatenate([
+        np.zeros(2 * p + PLACES), state, np.zeros(conditions + inputs), settings, limit, *map(np.ravel, window),
+        np.zeros((p + 3) * p), head,
+    ])  # fmt: skip
+
+
+def carve(shape: Any, store: Any) -> Store:
+    """The parts of a store; `shape` is any tuple of p floats. Python and compiled code both cut with this."""
+    p = len(shape)
+    blocks, conditions = int(store[BLOCKS]), int(store[CONDITIONS])
+    end_record = 2 * p + PLACES
+    end_state = end_record + int(store[STATES])
+    end_conditions = end_state + conditions
+    end_inputs = end_conditions + int(store[INPUTS])
+    end_settings = end_inputs + int(store[SETTINGS])
+    end_limit = end_settings + p
+    end_gram = end_limit + blocks * p * p
+    end_scale = end_gram + p
+    end_cursor = end_scale + 5
+    end_scratch = end_cursor + (p + 3) * p
+    factor = len(store) + FACTOR
+    record = store[:end_record]
+    out = (
+        record[:p].reshape(1, p), record[p : 2 * p].reshape(1, p), record[2 * p : 2 * p + 1],
+        record[2 * p + 1 : 2 * p + 2], record[2 * p + 2 : 2 * p + 3], record[2 * p + 3 : 2 * p + 4],
+        store[end_state:end_conditions].reshape(1, conditions),
+    )  # fmt: skip
+    window = (
+        store[end_limit:end_gram].reshape(blocks, p, p), store[end_gram:end_scale], store[end_scale:end_cursor],
+    )  # fmt: skip
+    return Store(
+        record, store[end_record:end_state], store[end_conditions:end_inputs], store[end_inputs:end_settings],
+        store[end_settings:end_limit], store[factor : factor + 1], window, int(store[LENGTH]),
+        store[THRESHOLD], store[end_cursor:end_scratch].reshape(p + 3, p), out,
+    )  # fmt: skip
