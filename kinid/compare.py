@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -50,14 +51,18 @@ class Comparison:
     noise_floor: float
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """For JSON; None where there is no figure."""
         return {
             "reference": self.reference, "unit": self.unit, "noise_floor": self.noise_floor,
             "models": [
-                {"rank": row.rank, "held_out": row.held_out, "difference": row.difference,
-                 "standard_error": row.standard_error, **row.fit.to_dict()} for row in self.rows
+                {"rank": row.rank, "held_out": _figure(row.held_out), "difference": _figure(row.difference),
+                 "standard_error": _figure(row.standard_error), **row.fit.to_dict()} for row in self.rows
             ],
         }  # fmt: skip
+
+
+def _figure(value: float) -> float | None:
+    return value if np.isfinite(value) else None
 
 
 def compare(
@@ -84,8 +89,11 @@ def compare(
         fit = fit_model(model, experiment, held_out=False)
         unseen = Task(model, experiment).held_out_residual(fit.values)[keep][:, experiment.valid]
         squares = np.bincount(number, (unseen**2).mean(axis=0)) / np.maximum(1, np.bincount(number))
+        if not np.isfinite(unseen).all():
+            short = "no held-out error: too few samples to leave some out; record a longer log, or use a smaller model"
+            fit = dataclasses.replace(fit, warnings=(*fit.warnings, short))
         results.append((rms(unseen), np.sqrt(squares[np.bincount(number) > 0]), fit))
-    results.sort(key=lambda result: result[0])
+    results.sort(key=lambda result: (not np.isfinite(result[0]), result[0]))
     names = [str(fit.model) for _, _, fit in results]
     if reference is not None and reference not in names:
         raise InputError(f"reference '{reference}'", f"one of {'; '.join(names)}", "name it as it is compared")

@@ -7,7 +7,7 @@ frame, from which the tool's weight and inertia and the sensor's known faults ha
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -58,6 +58,7 @@ class ContactSeries:
         moment: moment of the material on the tool about the tip [N·m], rows tangent1, tangent2, normal, (3, n); or None.
         bias: of the sensor, as it was removed [N, N·m], (6,); None without a wrench.
         provenance: source and processing steps.
+        source: the log and the rig that they were worked out from, for who needs the whole wrench; or None.
 
     What a log can't tell (slip of a material tester, forces without a sensor) is NaN throughout.
     """
@@ -78,6 +79,7 @@ class ContactSeries:
     moment: Array | None = None
     bias: Array | None = None
     provenance: Provenance = Provenance("memory")
+    source: tuple[Log, Rig] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         for name in ("t", *CONTACT):
@@ -152,7 +154,7 @@ def contact_series(
         t=log.t, in_contact=flag, valid=valid, phase=log.phase,
         bias=reading.bias if reading is not None else None,
         moment=table[kernel.MOMENT1 :] if moments and reading is not None else None,
-        provenance=provenance.then("contact flag", **thresholds),
+        provenance=provenance.then("contact flag", **thresholds), source=(log, rig),
         **{name: table[row] for name, row in _ROWS.items()},
     )  # fmt: skip
 
@@ -380,6 +382,6 @@ def _own_quantities(log: Log, rig: Rig, differentiator: Differentiator) -> Conta
     flag, thresholds = _touching(table, log, rig, "normal_force" in have, valid)
     return ContactSeries(
         t=log.t, in_contact=flag, valid=valid, phase=log.phase,
-        provenance=provenance.then("contact flag", **thresholds),
+        provenance=provenance.then("contact flag", **thresholds), source=(log, rig),
         **{name: table[row] for name, row in _ROWS.items()},
     )  # fmt: skip

@@ -35,11 +35,16 @@ ALIKE = 0.98
 
 def told_apart(fit: Fit) -> list[str]:
     """Which coupling parameters this log separates, one line each for those that it doesn't; empty when all are."""
-    names = list(fit.parameters)
+    open_ = [name for name, is_open in zip(fit.parameters, fit.solution.unidentified)
+             if is_open and name.split(".")[0] in COUPLING]  # fmt: skip
+    return [f"{name} is open: this log doesn't excite it, or not apart from the others" for name in open_] + alike(fit)
+
+
+def alike(fit: Fit) -> list[str]:
+    """Pairs of parameters of different coupling effects whose estimates hang on each other, one line each."""
+    names, covariance = list(fit.parameters), fit.solution.covariance
     mine = [i for i, name in enumerate(names) if name.split(".")[0] in COUPLING]
-    open_ = [names[i] for i in mine if fit.solution.unidentified[i]]
-    out = [f"{name} is open: this log doesn't excite it, or not apart from the others" for name in open_]
-    covariance = fit.solution.covariance
+    out = []
     for k, i in enumerate(mine):
         for j in mine[k + 1 :]:
             if names[i].split(".")[0] == names[j].split(".")[0]:
@@ -106,7 +111,7 @@ def compensate(touch: ContactSeries, log: Log, rig: Rig, model: Model, values: M
     else:
         experiment = from_contact(touch, FORCES)
         force = _contribution(model, values, experiment.signals)
-        changed = {name: np.array(getattr(touch, name)) for name in FORCES}
+        changed: dict[str, Any] = {name: np.array(getattr(touch, name)) for name in FORCES}
         for axis, name in enumerate(FORCES):
             changed[name][experiment.rows] -= force[axis]
         provenance = touch.provenance.then("coupling taken out", **done)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,7 @@ class Experiment:
         noise: standard deviation of each channel's white noise, (channels,).
         phase: names, or None. in_contact: the flag, (n,).
         rows: of the log or the contact series that the samples are: those whose motion is known, (n,).
+        touch: the contact quantities that it was made of, or None.
         band: readings and predictions are compared below this frequency [Hz]: velocities and accelerations that a
             differentiator made hold nothing above it. None: at all frequencies.
     """
@@ -53,6 +55,7 @@ class Experiment:
     in_contact: NDArray[np.bool_]
     rows: NDArray[np.int64]
     band: float | None = None
+    touch: ContactSeries | None = field(default=None, repr=False)
 
     def in_band(self, readings: Array) -> Array:
         """Readings (channels, n) without what lies above the band; zero-phase, piece by piece (Gustafsson 1996)."""
@@ -67,6 +70,34 @@ class Experiment:
             if end - begin > 100:
                 out[:, begin:end] = sosfiltfilt(sections, readings[:, begin:end], axis=1)
         return out
+
+    def thinned(self, step: int) -> Experiment:
+        """Every so manieth sample, with the steps of time between them; memory begins anew where it did in between."""
+        if step == 1:
+            return self
+        s = self.signals
+        at = np.arange(0, len(s), step)
+        restarts = np.cumsum(s.dt == 0.0)
+        dt = np.diff(s.t[at], prepend=s.t[0])
+        dt[np.diff(restarts[at], prepend=-1) > 0] = 0.0
+
+        def rows(thing: object, whole: tuple[str, ...] = (), first: tuple[str, ...] = ()) -> dict[str, Array]:
+            return {
+                field.name: np.ascontiguousarray(value[::step] if field.name in first else value[..., ::step])
+                for field in dataclasses.fields(thing)  # type: ignore[arg-type]
+                if isinstance(value := getattr(thing, field.name), np.ndarray) and value.size and field.name not in whole
+            }
+
+        parts: dict[str, Any] = {**rows(s), "dt": dt}
+        if s.sensor is not None:
+            parts["sensor"] = dataclasses.replace(s.sensor, **rows(s.sensor, ("tip", "com"), ("to_contact",)))  # type: ignore[arg-type]
+        if s.joints is not None:
+            parts["joints"] = dataclasses.replace(s.joints, **rows(s.joints))  # type: ignore[arg-type]
+        return dataclasses.replace(
+            self, signals=dataclasses.replace(s, **parts), measured=self.measured[:, ::step], valid=self.valid[::step],
+            phase=None if self.phase is None else self.phase[::step], in_contact=self.in_contact[::step],
+            rows=self.rows[::step], band=None, touch=None,
+        )  # fmt: skip
 
     @property
     def layout(self) -> Layout:
@@ -99,7 +130,7 @@ def from_contact(touch: ContactSeries, channels: tuple[str, ...]) -> Experiment:
         # slow noise hides from differences of neighbours; in the air, where no force is, it shows
         air = measured[:, free]
         noise = np.maximum(noise, 1.4826 * np.median(np.abs(air - np.median(air, axis=1, keepdims=True)), axis=1))
-    return Experiment(signals, measured, valid, noise, _named(touch.phase, rows), in_contact, rows)
+    return Experiment(signals, measured, valid, noise, _named(touch.phase, rows), in_contact, rows, touch=touch)
 
 
 def from_wrench(
@@ -229,7 +260,8 @@ def from_joint_torques(
         arm = robot if carried is not None or rig.tool is None else robot.with_tool(rig.tool)
         rigid = inverse_dynamics(arm, q[rows], dq[rows], ddq[rows], carried)
         joints = dataclasses.replace(joints, rigid=_rows(rigid), known=True,
-                                     payload=payload_torques(robot, q[rows], dq[rows], ddq[rows]))  # fmt: skip
+                                     payload=payload_torques(robot, q[rows], dq[rows], ddq[rows]),
+                                     gravity=gravity_torques(arm, q[rows]))  # fmt: skip
         slides = [robot.is_prismatic(name) for name in robot.joint_names]
     channels = tuple(f"{'force' if slide else 'tau'}{j + 1}" for j, slide in enumerate(slides))
     layout = Layout(channels, "joints", () if robot is None else robot.joint_names)
@@ -264,6 +296,20 @@ def payload_torques(robot: Robot, q: Array, dq: Array, ddq: Array) -> Array:
         out[i] = -wrench[:, :, i] @ jacobian
     order = [robot.from_tangent(np.ascontiguousarray(out[:, k])) for k in range(4)]
     return np.ascontiguousarray(np.stack(order).transpose(0, 2, 1))
+
+
+def gravity_torques(robot: Robot, q: Array) -> Array:
+    """Joint torques that hold the arm per unit of gravity along each axis of its base, (3, N, n), in the log's order."""
+    import pinocchio as pin
+
+    data, configuration = robot.model.createData(), robot.configuration(q)
+    out = np.empty((3, len(q), robot.model.nv))
+    for axis in range(3):
+        model = pin.Model(robot.model)
+        model.gravity = pin.Motion(np.eye(3)[axis], np.zeros(3))
+        for i, row in enumerate(configuration):
+            out[axis, i] = pin.computeGeneralizedGravity(model, data, row)
+    return np.ascontiguousarray(np.stack([robot.from_tangent(rows) for rows in out]).transpose(0, 2, 1))
 
 
 def payload_wrenches(specific: Array, omega: Array, alpha: Array) -> Array:

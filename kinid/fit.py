@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid import doubts
 from kinid.contact import ContactSeries
 from kinid.errors import InputError, near
-from kinid.estimators.batch import ILL_CONDITIONED, Solution
+from kinid.estimators.batch import Solution
 from kinid.estimators.power_law import fit_power_law
 from kinid.experiment import Experiment, from_contact, from_joint_torques, from_wrench
 from kinid.log import Log
 from kinid.model import Model
 from kinid.parameter import Parameter
 from kinid.rig import Rig
+from kinid.search import search
 from kinid.task import Task
 
 Array = NDArray[np.float64]
@@ -25,6 +27,7 @@ Mask = NDArray[np.bool_]
 
 #: 97.5 % quantile of the normal distribution: logs are long, so that Student's t is the same
 Z95 = 1.959963984540054
+CONTACT_FORCES = ("normal_force", "tangential_force1", "tangential_force2")
 #: fewer samples in contact than this can't carry a contact law
 FEWEST_TOUCHING = 20
 
@@ -53,8 +56,9 @@ class FitError:
     unit: str
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return {"unit": self.unit, "train": self.train, "held_out": self.held_out, "noise_floor": self.noise_floor}
+        """For JSON; None where there is no figure."""
+        figures = {"train": self.train, "held_out": self.held_out, "noise_floor": self.noise_floor}
+        return {"unit": self.unit} | {name: value if np.isfinite(value) else None for name, value in figures.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,14 +77,7 @@ class Fit:
     constants: Array
 
     def __getitem__(self, name: str) -> FittedParameter:
-        if name in self.parameters:
-            return self.parameters[name]
-        ends = [full for full in self.parameters if full.split(".", 1)[1] == name]
-        if len(ends) == 1:
-            return self.parameters[ends[0]]
-        if ends:
-            raise InputError(f"parameter '{name}', which {len(ends)} effects have", f"one of {', '.join(ends)}", "say which")
-        raise InputError(f"parameter '{name}'", f"a parameter of {self.model}", near(name, self.parameters))
+        return self.parameters[full_name(name, self.parameters, self.model)]
 
     @property
     def values(self) -> Array:
@@ -120,7 +117,7 @@ def fit_model(
     *,
     channels: Sequence[str] | None = None,
     train: Mask | None = None,
-    start: dict[str, float] | None = None,
+    start: Mapping[str, float] | None = None,
     held_out: bool = True,
 ) -> Fit:
     """Estimate a model's parameters.
@@ -132,20 +129,26 @@ def fit_model(
         channels: of a contact frame, which to fit; default: those that the model says something about.
         train: samples to fit to, (n,) of the experiment; the others are held out. Default: all, and the held-out error
             comes from blocks left out in turn.
-        start: starting values by parameter name.
+        start: starting values by parameter name, with its effect or without: where the caller knows them, no others are tried.
         held_out: compute the held-out error, which costs two more fits.
 
     Raises:
         InputError: data that can't carry the model, and what to record instead.
     """
     experiment = experiment_for(model, data, rig, channels)
+    if train is not None and np.shape(train) != (len(experiment.signals),):
+        raise InputError(f"a mask of training samples of shape {np.shape(train)}", f"one flag for each of the "
+                         f"{len(experiment.signals)} samples", "make it from the experiment's own time")  # fmt: skip
+    if not experiment.valid.any():
+        raise InputError(f"no sample with all of {', '.join(experiment.layout.channels)}", "readings that are numbers",
+                         "leave out the channels that the log doesn't have, or look for a column that holds nothing")  # fmt: skip
     _refuse_idle(model, experiment)
     named = model.parameters(experiment.layout)
     warnings = check_excitation(model, experiment)
     task = Task(model, experiment)
-    begin = starting_values(model, experiment, named, start)
+    begin, known = starting_values(model, experiment, named, start)
     mask = experiment.valid if train is None else experiment.valid & train
-    solution = task.solve(begin, mask)
+    solution = search(task, begin, mask, known)
     rows = error_rows(experiment)
     if train is not None:
         unseen = rms(solution.residual[rows][:, experiment.valid & ~train])
@@ -154,7 +157,10 @@ def fit_model(
     else:
         unseen = float("nan")
     error = FitError(rms(solution.residual[rows][:, mask]), unseen, rms(experiment.noise[rows]), error_unit(experiment))
-    warnings += _doubts(named, solution, error, begin)
+    if held_out and not np.isfinite(unseen):
+        warnings.append("no held-out error: all samples are trained on" if train is not None else
+                        "no held-out error: too few samples to leave some out; record a longer log")  # fmt: skip
+    warnings += doubts.of_fit(named, solution, error.train, error.noise_floor, begin)
     half = Z95 * solution.standard_errors
     fitted = {
         name: FittedParameter(name, float(v), float(v - h), float(v + h), p.unit)
@@ -192,13 +198,21 @@ def experiment_for(
     if isinstance(data, Experiment):
         return data
     if isinstance(data, ContactSeries):
+        if data.source is not None and not channels and _asks_for_more(model, *data.source):
+            return experiment_for(model, *data.source)
         if model.needs_log:
             raise InputError(
                 f"contact-frame quantities for {model}, which acts on the whole wrench or on joint torques",
                 "the log itself with its rig",
                 "call fit(log, rig)",
             )
+        for name in channels or ():
+            if name not in CONTACT_FORCES:
+                raise InputError(f"channel '{name}'", f"one of {', '.join(CONTACT_FORCES)}", near(name, CONTACT_FORCES))
         return from_contact(data, tuple(channels or contact_channels(model, data)))
+    if not isinstance(data, Log):
+        raise InputError(f"{type(data).__name__} to fit to", "a log with its rig, or contact-frame quantities",
+                         "read it with kinid.read(path, rig)")  # fmt: skip
     if rig is None:
         raise InputError("a log without its rig", "both", "call fit(log, rig)")
     if "joints" in model.needs:
@@ -210,8 +224,19 @@ def experiment_for(
     return experiment_for(model, contact_series(data, rig), None, channels)
 
 
+def _asks_for_more(model: Model, log: Log, rig: Rig) -> bool:
+    """Whether a model acts on what contact quantities no longer hold, and the log behind them does."""
+    if "joints" in model.needs:
+        return log.tau is not None
+    return log.wrench is not None and log.q is not None and rig.robot is not None and (model.needs_log or model.acts_on_reading)
+
+
 def contact_channels(model: Model, touch: ContactSeries) -> tuple[str, ...]:
     """The contact forces that a model says something about."""
+    if not touch.valid.any():
+        raise InputError(f"no usable sample among the {len(touch)} of {touch.provenance.source}",
+                         "depth, its rate and the forces as numbers in the same rows",
+                         "record more than a few samples, and look for columns that hold nothing")  # fmt: skip
     if not np.isfinite(touch.normal_force).any():
         raise InputError(f"no normal force in {touch.provenance.source}", "a force to hold the model against",
                          "record the force/torque sensor too")  # fmt: skip
@@ -238,33 +263,63 @@ def check_excitation(model: Model, experiment: Experiment) -> list[str]:
     if not inside.any():
         raise InputError(
             f"a depth that is never positive (at most {1e3 * depth.max(initial=-np.inf):.3g} mm)", "samples inside the material",
-            "check [surface] point and normal, or let touches find them with --find-surface")  # fmt: skip
+            "check [surface] point and normal, or let touches find them with kinid contact --find-surface; the log's own depth "
+            "is positive inside, depth = { scale = -1 } in [columns] turns it")  # fmt: skip
     if inside.sum() < FEWEST_TOUCHING:
         raise InputError(f"{int(inside.sum())} samples inside the material", f"{FEWEST_TOUCHING} at least",
                          "poke for longer, or log faster")  # fmt: skip
     if np.ptp(depth[inside]) < 1e-9:
         raise InputError("a depth that never changes inside the material", "at least two depths",
                          "poke with a motion of a few tenths of a millimetre")  # fmt: skip
-    if (~experiment.in_contact & experiment.valid).any():
-        return []
-    return ["no free motion in the log: a bias of the sensor would look like stiffness"]
+    if "normal_force" in experiment.layout.channels:
+        force = experiment.measured[experiment.layout.channels.index("normal_force")][experiment.valid]
+        if np.ptp(force[inside]) == 0.0:
+            raise InputError(f"a normal force that is {force[inside][0]:.4g} N at every depth", "a force that the depth changes",
+                             "check the sensor, and which column the force is read from")  # fmt: skip
+    return doubts.of_data(experiment)
 
 
-def starting_values(model: Model, experiment: Experiment, named: dict[str, Parameter], start: dict[str, float] | None) -> Array:
-    """Nominal values, a power law's exponent from a fit of its own, and what the caller knows better."""
-    values = np.array([p.nominal for p in named.values()])
+def starting_values(
+    model: Model, experiment: Experiment, named: dict[str, Parameter], start: Mapping[str, float] | None
+) -> tuple[Array, frozenset[str]]:
+    """Nominal values, a power law's exponent from a fit of its own, and what the caller knows better; which are known."""
+    values, names = np.array([p.nominal for p in named.values()]), list(named)
+    known = set()
     if "hunt-crossley.exponent" in named and "normal_force" in experiment.layout.channels:
         row = experiment.layout.channels.index("normal_force")
         keep = experiment.valid
         quick = fit_power_law(experiment.signals.depth[keep], experiment.signals.depth_rate[keep],
                               experiment.measured[row][keep])  # fmt: skip
         if quick.converged:
-            values[list(named).index("hunt-crossley.exponent")] = quick.exponent
-    for name, value in (start or {}).items():
-        if name not in named:
-            raise InputError(f"starting value for '{name}'", f"a parameter of {model}", near(name, named))
-        values[list(named).index(name)] = value
-    return values
+            known.add("hunt-crossley.exponent")
+            values[names.index("hunt-crossley.exponent")] = quick.exponent
+    for given, value in (start or {}).items():
+        name = full_name(given, named, model, "starting value for ")
+        p = named[name]
+        if not p.low <= value <= p.high:
+            raise InputError(f"starting value {value:g} {p.unit} for '{name}'", f"a value from {p.low:g} to {p.high:g} {p.unit}",
+                             "start inside")  # fmt: skip
+        known.add(name)
+        values[names.index(name)] = value
+    return values, frozenset(known)
+
+
+def full_name(name: str, named: Iterable[str], model: Model, what: str = "parameter ") -> str:
+    """The full name "effect.parameter" that a name, perhaps without its effect, stands for.
+
+    Raises:
+        InputError: none, or several; `what` says what was named.
+    """
+    named = list(named)
+    if name in named:
+        return name
+    ends = [full for full in named if full.split(".", 1)[1] == name]
+    if len(ends) == 1:
+        return ends[0]
+    if ends:
+        raise InputError(f"{what}'{name}', which {len(ends)} effects have", f"one of {', '.join(ends)}", "say which")
+    shown = named if "." in name else [full.split(".", 1)[1] for full in named]
+    raise InputError(f"{what}'{name}'", f"a parameter of {model}", near(name, shown))
 
 
 def error_rows(experiment: Experiment) -> Mask:
@@ -281,28 +336,6 @@ def error_unit(experiment: Experiment) -> str:
 def rms(values: Array) -> float:
     """Root mean square over everything."""
     return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
-
-
-def _doubts(named: dict[str, Parameter], solution: Solution, error: FitError, start: Array) -> list[str]:
-    """What a reader of the estimates should doubt, each with what to do about it."""
-    out = []
-    for name, p, value, bound, open_, began in zip(
-        named, named.values(), solution.values, solution.at_bound, solution.unidentified, start
-    ):
-        if open_:
-            out.append(f"{name} is not identified by this log: its interval is infinite")
-        elif bound:
-            out.append(f"{name} = {value:.4g} ended at its bound: the law may be the wrong one, or the log doesn't excite it")
-        if began in (p.low, p.high) and p.low != p.nominal != p.high:
-            out.append(f"{name} started at its bound {began:.4g}: start inside")
-    if solution.condition > ILL_CONDITIONED:
-        out.append(f"ill-conditioned ({solution.condition:.1e}): some parameters can trade against each other in this log")
-    if not solution.converged:
-        out.append("the search stopped before it converged: start nearer, or use a smaller model")
-    if np.isfinite(error.train) and error.noise_floor > 0 and error.train > 1.5 * error.noise_floor:
-        out.append(f"the residual is {error.train / error.noise_floor:.1f} times the noise: this structure is rejected, "
-                   "kinid diagnose says what may be missing")  # fmt: skip
-    return out
 
 
 def _bracket(name: str) -> str:

@@ -15,6 +15,7 @@ from kinid.estimators.friction import Friction
 from kinid.estimators.hunt_crossley import SingleStage
 from kinid.estimators.kelvin_voigt import KelvinVoigt
 from kinid.fit import Fit
+from kinid.loops import Loop, loops
 from kinid.plots import BLUE, GREEN, GREY, MOST_POINTS, ORANGE, VERMILION, finish, line, page, thin
 
 if TYPE_CHECKING:
@@ -24,6 +25,8 @@ Array = NDArray[np.float64]
 
 #: memory of the recursive estimates that are drawn [s]
 MEMORY = 2.0
+#: panels of energy loops on a page, the measured one included
+MOST_PANELS = 6
 COLOURS = (VERMILION, GREEN, ORANGE, "#CC79A7", "#56B4E9", "#F0E442")
 
 
@@ -45,7 +48,7 @@ def fit_page(fit: Fit, title: str) -> str:
     fits = {str(fit.model): fit}
     figures = [("Readings over time", _time_figure(fits))]
     if "normal_force" in fit.experiment.layout.channels:
-        figures.insert(0, ("Force over depth", _loop_figure(fits)))
+        figures = [("Force over depth", _loop_figure(fits)), *_energy_figures(fits), *figures]
     tracks = recursive_tracks(fit)
     if tracks:
         figures.append(("Estimates over time, recursively (band: 95 %; where the log excites them)", _track_figure(fit, tracks)))
@@ -100,19 +103,21 @@ def comparison_page(result: Comparison, title: str) -> str:
     """Models side by side: the table, force over depth, readings over time."""
     rows = "".join(
         f"<tr><td>{row.rank}. {html.escape(str(row.fit.model))}</td><td>{row.held_out:.4g}</td>"
-        f"<td>{row.difference:+.3g}</td><td>{row.standard_error:.2g}</td></tr>"
+        + ("<td>reference</td><td></td>" if str(row.fit.model) == result.reference else
+           f"<td>{row.difference:+.3g}</td><td>{row.standard_error:.2g}</td>")
+        + f"<td style='text-align:left'>{'<br>'.join(map(html.escape, row.fit.warnings))}</td></tr>"
         for row in result.rows
     )
     head = (
         f"<div class=scroll><table><tr><th>model</th><th>held-out error [{result.unit}]</th><th>difference</th>"
-        f"<th>± standard error</th></tr>{rows}</table></div>"
+        f"<th>± standard error</th><th style='text-align:left'>doubts</th></tr>{rows}</table></div>"
         f"<p class=facts>differences are to {html.escape(result.reference)}; "
         f"the noise is {result.noise_floor:.4g} {result.unit}.</p>"
     )
     fits = {str(row.fit.model): row.fit for row in result.rows}
     figures = [("Readings over time", _time_figure(fits))]
     if "normal_force" in result.rows[0].fit.experiment.layout.channels:
-        figures.insert(0, ("Force over depth", _loop_figure(fits)))
+        figures = [("Force over depth", _loop_figure(fits)), *_energy_figures(fits), *figures]
     return page(title, head, figures)
 
 
@@ -135,6 +140,60 @@ def _loop_figure(fits: dict[str, Fit]) -> Figure:
     figure.update_yaxes(title_text="normal force [N]")
     finish(figure, 460)
     return figure
+
+
+def _energy_figures(fits: dict[str, Fit]) -> list[tuple[str, Figure]]:
+    """Loops of force over depth with the energy that each encloses, measured and by each model; none without a loop."""
+    from plotly.subplots import make_subplots
+
+    experiment = next(iter(fits.values())).experiment
+    row = experiment.layout.channels.index("normal_force")
+    s = experiment.signals
+    readings = {"measured": np.where(experiment.valid, experiment.measured[row], np.nan)}
+    readings |= {name: fit.predict()[row] for name, fit in list(fits.items())[: MOST_PANELS - 1]}
+    found = {name: loops(s.depth, force, s.dt) for name, force in readings.items()}
+    if not found["measured"]:
+        return []
+    columns = min(3, len(readings))
+    lines = -(-len(readings) // columns)
+    titles = [f"{html.escape(name)}<br>{energy_line(found[name])}" for name in readings]
+    figure = make_subplots(rows=lines, cols=columns, shared_xaxes="all", shared_yaxes="all", subplot_titles=titles,
+                           horizontal_spacing=0.04, vertical_spacing=0.16)  # fmt: skip
+    drawn = np.unique(np.linspace(0, len(found["measured"]) - 1, len(COLOURS)).round().astype(int))
+    for k, (name, force) in enumerate(readings.items()):
+        at = {"row": k // columns + 1, "col": k % columns + 1}
+        for colour, i in zip(COLOURS, drawn):
+            if i >= len(found[name]):
+                continue
+            loop = found[name][i]
+            rows = np.arange(loop.begin, loop.end)
+            rows = rows[np.isfinite(force[rows])]
+            rows = rows[:: 1 + len(rows) // 600]
+            figure.add_scatter(
+                x=1e3 * s.depth[rows], y=force[rows], mode="lines", fill="toself", opacity=0.7,
+                line={"color": colour, "width": 1.2}, legendgroup=str(i), showlegend=k == 0,
+                name=f"cycle {i + 1} ({s.t[loop.begin]:.3g} s)",
+                hovertemplate=f"{1e3 * loop.lost:.4g} mJ lost of {1e3 * loop.put_in:.4g}<extra>cycle {i + 1}</extra>", **at,
+            )  # fmt: skip
+        energies = [f"{i + 1}: {1e3 * found[name][i].lost:.3g} mJ" for i in drawn if i < len(found[name])]
+        figure.add_annotation(text="<br>".join(energies), x=0.03, y=0.97, xref="x domain", yref="y domain", showarrow=False,
+                              align="left", xanchor="left", yanchor="top", font={"size": 12}, **at)  # fmt: skip
+    figure.update_xaxes(title_text="depth [mm]", row=lines)
+    figure.update_yaxes(title_text="normal force [N]", col=1)
+    finish(figure, 380 * lines + 60)
+    figure.update_layout(hovermode="closest", margin={"t": 90}, legend={"y": 1.0 + 0.16 / lines})
+    return [("Energy lost in each way in and out (the area of its loop)", figure)]
+
+
+def energy_line(found: list[Loop]) -> str:
+    """Energy lost in a cycle, its share, and its spread between cycles."""
+    if not found:
+        return "no loop"
+    lost = 1e3 * np.array([loop.lost for loop in found])
+    put_in = 1e3 * float(np.mean([loop.put_in for loop in found]))
+    spread = f" ± {lost.std(ddof=1):.2g}" if len(found) > 1 else ""
+    times = f" a cycle, {len(found)} cycles" if len(found) > 1 else ""
+    return f"{lost.mean():.3g}{spread} mJ lost of {put_in:.3g}{times}"
 
 
 def _time_figure(fits: dict[str, Fit]) -> Figure:

@@ -16,7 +16,11 @@ from numpy.typing import NDArray
 
 from kinid import effects as catalogue
 from kinid.effects import Effect, Layout, Signals, Stage
+from kinid.effects._deflection import press_through
+from kinid.effects._derived import derived
+from kinid.effects._signals import BRISTLE
 from kinid.errors import InputError
+from kinid.kernels.frames import contact_wrench
 from kinid.kernels.memory import bristles
 from kinid.parameter import Parameter
 
@@ -142,16 +146,14 @@ class Model:
 
     def _contact(self, s: Signals, slices: list[Array]) -> None:
         self._run(Stage.GEOMETRY, s, slices)
-        self._run(Stage.ELASTIC, s, slices)
-        s.normal = s.elastic
-        self._run(Stage.NORMAL, s, slices)
-        s.normal = np.where(s.inside | self._reaches_out, s.normal, 0.0)
+        if s.compliance > 0.0:
+            press_through(s, s.compliance, lambda bent: self._press(bent, slices))
+        else:
+            self._press(s, slices)
         if Stage.FRICTION in self.stages:
             self._run(Stage.FRICTION, s, slices)
             if s.mu.any():
-                u = np.empty((2, len(s)))
-                bristles(s.slip_rate[0], s.slip_rate[1], s.dt, s.depth, s.bristle, u)
-                s.tangential = s.tangential - s.mu * s.normal * u
+                s.tangential = s.tangential - s.mu * s.normal * self._bristles(s)
         self._run(Stage.FRAME, s, slices)
         if s.layout.kind == "contact":
             rows = {"normal_force": s.normal, "tangential_force1": s.tangential[0], "tangential_force2": s.tangential[1]}
@@ -159,6 +161,26 @@ class Model:
         elif s.sensor is not None:
             s.reading = _wrench(s)
             self._run(Stage.TOOL, s, slices)
+
+    def _bristles(self, s: Signals) -> Array:
+        """Deflection of the bristles; it depends on the motion alone, which one log's predictions share."""
+
+        def bend() -> Array:
+            u = np.empty((2, len(s)))
+            bristles(s.slip_rate[0], s.slip_rate[1], s.dt, s.depth, s.bristle, u)
+            return u
+
+        if Stage.GEOMETRY in self.stages or s.bristle != BRISTLE:
+            return bend()
+        return derived("bristles", bend, s.slip_rate, s.depth, s.dt)
+
+    def _press(self, s: Signals, slices: list[Array]) -> None:
+        """The contact law: elastic and normal force from depth and rate."""
+        s.exponent, s.elastic = 1.0, np.zeros(len(s))
+        self._run(Stage.ELASTIC, s, slices)
+        s.normal = s.elastic
+        self._run(Stage.NORMAL, s, slices)
+        s.normal = np.where(s.inside | self._reaches_out, s.normal, 0.0)
 
     @cached_property
     def _reaches_out(self) -> bool:
@@ -204,6 +226,6 @@ def _wrench(s: Signals) -> Array:
     """Contact force and the rig's tool at the sensor's origin, sensor axes, (6, n)."""
     sensor = s.sensor
     assert sensor is not None
-    contact = np.stack([s.tangential[0], s.tangential[1], s.normal])
-    force = np.einsum("nji,jn->in", sensor.to_contact, contact)
-    return np.concatenate([force, np.cross(sensor.tip, force, axis=0)]) + sensor.load
+    out = np.empty((6, len(s)))
+    contact_wrench(s.tangential, s.normal, sensor.to_contact, sensor.tip, sensor.load, out)
+    return out

@@ -33,6 +33,11 @@ class Task:
     experiment: Experiment
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the model's parameters, "effect.parameter", in order."""
+        return tuple(self.model.parameters(self.experiment.layout))
+
+    @property
     def free_bias(self) -> bool:
         """Whether a constant of each channel is fitted along.
 
@@ -93,7 +98,8 @@ class Task:
             return self(full)
 
         found = solve(predict, self.measured, [p for p, f in zip(self.parameters, free) if f], mask=mask,
-                      sigma=weights(self.experiment), starts=[start[free]], runs=_runs(self.experiment),
+                      sigma=weights(self.experiment), starts=[start[free]], nominal=False,
+                      runs=_runs(self.experiment),
                       covariance=covariance)  # fmt: skip
         if not free.all():
             found = _widened(found, shown, free)

@@ -89,6 +89,8 @@ BAD: dict[str, tuple[dict[str, np.ndarray], str]] = {
     "depth always negative": ({"depth": -np.ones(500) - np.arange(500) * 1e-6}, "never positive"),
     "too few in contact": ({"depth": np.where(np.arange(500) < 5, 1e-3, -1e-3)}, "inside the material"),
     "all constant": ({"depth": np.full(500, 1e-3)}, "never changes"),
+    "force constant": ({"depth": np.sin(np.arange(500) / 50.0), "normal_force": np.ones(500)}, "1 N at every depth"),
+    "no number": ({"depth": np.full(500, np.nan)}, "usable sample"),
     "no force": ({"depth": np.sin(np.arange(500) / 50.0)}, "normal force"),
 }
 
@@ -97,7 +99,7 @@ BAD: dict[str, tuple[dict[str, np.ndarray], str]] = {
 def test_data_that_can_not_carry_a_model_are_refused(case: str) -> None:
     columns, words = BAD[case]
     if case != "no force":
-        columns = columns | {"normal_force": np.sin(np.arange(500) / 50.0)}
+        columns = {"normal_force": np.sin(np.arange(500) / 50.0)} | columns
     with pytest.raises(InputError, match=words):
         Model("kelvin-voigt").fit(contact_series(Log(np.arange(500) / 100, contact=columns), Rig()))
 
@@ -107,6 +109,84 @@ def test_a_log_without_free_motion_is_doubted() -> None:
     depth = 2e-3 + 1e-3 * np.sin(3 * t)
     log = Log(t, contact={"depth": depth, "normal_force": 800 * depth + 0.01 * np.random.default_rng(0).normal(size=1000)})
     assert any("free motion" in warning for warning in Model("kelvin-voigt").fit(contact_series(log, Rig())).warnings)
+
+
+def test_signs_and_units_that_nature_does_not_have_are_doubted() -> None:
+    t = np.arange(2000) / 500
+    depth = 4e-3 * np.sin(5 * t)
+    force = np.where(depth > 0, 700 * depth, 0.0) + np.random.default_rng(0).normal(scale=0.03, size=2000)
+
+    def warnings(depth: np.ndarray, force: np.ndarray) -> str:
+        log = Log(t, contact={"depth": depth, "normal_force": force})
+        return "; ".join(Model("hooke").fit(contact_series(log, Rig())).warnings)
+
+    assert not warnings(depth, force)
+    assert "is its sign turned?" in warnings(depth, -force)
+    assert 'unit = "mm"' in warnings(1e3 * depth, force)
+    assert "another unit" in warnings(1e-6 * depth, force)
+
+
+def test_a_start_is_named_with_or_without_its_effect(touch: ContactSeries) -> None:
+    model = Model("hunt-crossley")
+    for name in ("exponent", "hunt-crossley.exponent"):
+        assert model.fit(touch, start={name: 1.7})["exponent"].value == pytest.approx(1.0, abs=0.05)
+    with pytest.raises(InputError, match="did you mean 'exponent'"):
+        model.fit(touch, start={"exponnt": 1.7})
+    with pytest.raises(InputError, match="which 2 effects have"):
+        (model + "relaxation" + "sensor-lag").fit(experiment_of(touch), start={"time-constant": 0.1})
+    with pytest.raises(InputError, match="start inside"):
+        model.fit(touch, start={"exponent": 9.0})
+
+
+def experiment_of(touch: ContactSeries) -> Experiment:
+    return Model("hunt-crossley").fit(touch, held_out=False).experiment
+
+
+def test_masks_and_channels_that_do_not_fit_are_refused(touch: ContactSeries) -> None:
+    model = Model("kelvin-voigt")
+    with pytest.raises(InputError, match=r"shape \(3,\)"):
+        model.fit(touch, train=np.ones(3, np.bool_))
+    with pytest.raises(InputError, match="normal_force"):
+        model.fit(touch, channels=("force",))
+    with pytest.raises(InputError, match="to fit to"):
+        model.fit(np.zeros(3))  # type: ignore[arg-type]
+    fit = model.fit(touch, train=np.ones(len(touch), np.bool_))
+    assert fit.to_dict()["error"]["held_out"] is None
+    assert any("no held-out error" in warning for warning in fit.warnings)
+
+
+def test_parameters_that_stand_in_for_each_other_are_named() -> None:
+    """Gains of the joints against a payload: every effect at once, on a short swing, trades weight for gain."""
+    rig = Rig.parse({"robot": {"model": "lwr4plus"}})
+    from kinid.inverse_dynamics import inverse_dynamics
+    from kinid.robot import Robot
+
+    robot, t, rng = Robot.load(rig), np.arange(1500) / 500, np.random.default_rng(0)
+    phase, speed = rng.uniform(0, 6, 7), rng.uniform(1.5, 4, 7)
+    pose = np.deg2rad([0.0, -40.0, 0.0, 85.0, 0.0, -55.0, 0.0])
+    angle = speed * t[:, None] + phase
+    q, dq, ddq = pose + 0.1 * np.sin(angle), 0.1 * speed * np.cos(angle), -0.1 * speed**2 * np.sin(angle)
+    tau = inverse_dynamics(robot, q, dq, ddq) + 0.5 * np.sign(dq) + rng.normal(scale=0.02, size=q.shape)
+    log = Log(t, q=q, dq=dq, ddq=ddq, tau=tau)
+    small = fit_model(Model("rigid-body", "joint-coulomb-friction"), log, rig, held_out=False)
+    assert not any("stand in" in warning for warning in small.warnings)
+    every = Model("rigid-body", "joint-coulomb-friction", "joint-viscous-friction", "joint-friction-asymmetry",
+                  "joint-torque-offset", "rotor-inertia", "joint-torque-gain", "payload")  # fmt: skip
+    doubts = [w for w in fit_model(every, log, rig, held_out=False).warnings if "stand in for each other" in w]
+    print("\n".join(doubts))
+    assert any("payload.mass" in line and "joint-torque-gain.gain" in line for line in doubts)
+    assert all("ill-conditioned" in line for line in doubts)
+
+
+def test_models_without_a_held_out_error_come_last_and_say_so() -> None:
+    t = np.arange(25) / 1000
+    depth = 4e-3 * np.sin(7 * t)
+    force = 700 * depth + np.random.default_rng(0).normal(scale=0.03, size=25)
+    touch = contact_series(Log(t, contact={"depth": depth, "depth_rate": np.gradient(depth, t), "normal_force": force}), Rig())
+    table = compare([Model("kelvin-voigt", "relaxation", "adhesion"), Model("hooke")], touch)
+    assert str(table.rows[0].fit.model) == "hooke"
+    assert table.to_dict()["models"][1]["held_out"] is None
+    assert any("no held-out error" in warning for warning in table.rows[1].fit.warnings)
 
 
 def test_unknown_effects_list_the_near_ones() -> None:

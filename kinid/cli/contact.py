@@ -101,13 +101,21 @@ def contact(
 
 
 def load(log: Path, rig: Path | None) -> tuple[Rig, Log, Any]:
-    """The rig, the log with its joints in the robot's order, and the robot (None for a rig without one)."""
+    """The rig, the log with its joints in the robot's order, and the robot (None for a rig without one).
+
+    A log that says everything itself (depth and force of a material tester, one drive) needs no rig.
+    """
     from kinid.reading import read
     from kinid.rig import Rig
 
     if rig is None and not rig_path(log, rig).is_file():
-        raise InputError(f"no rig for {log}", "a rig.toml that says what was measured with what",
-                         "name it with --rig, or put rig.toml beside the log")  # fmt: skip
+        plain = Rig()
+        the_log = read(log, plain)
+        one_axis = the_log.q is not None and the_log.q.shape[1] == 1 and the_log.wrench is None
+        if "depth" not in the_log.contact and not one_axis:
+            raise InputError(f"no rig for {log}", "a rig.toml that says what was measured with what",
+                             "name it with --rig, or put rig.toml beside the log")  # fmt: skip
+        return plain, the_log, None
     the_rig = Rig.load(rig_path(log, rig))
     robot = None
     if the_rig.robot is not None:

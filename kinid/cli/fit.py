@@ -24,6 +24,8 @@ kinid fit poke.parquet --model kelvin-voigt,coulomb-friction
 kinid fit poke.csv --rig rig.toml --model hunt-crossley --json fit.json --plot fit.html
 
 kinid fit motion.npz --model rigid-body,joint-torque-offset,joint-coulomb-friction
+
+kinid fit tester.csv --model hunt-crossley          (t, depth, normal_force: needs no rig)
 """
 
 
@@ -56,10 +58,10 @@ def fit(
 
         write_text(plot, fit_page(result, title=f"{log.name}: {chosen}"))
     from kinid.cli.show import show_fit, written
-    from kinid.coupling import told_apart
+    from kinid.coupling import alike
 
     show_fit(result)
-    for line in told_apart(result):
+    for line in alike(result):  # what is open stands among the fit's own doubts
         typer.echo(f"doubt: {line}")
     written([path for path in (out, plot, json_file) if path is not None])
 

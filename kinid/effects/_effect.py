@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 from abc import ABC
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import ClassVar
+
+import numpy as np
 
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
@@ -44,6 +47,9 @@ class Effect(ABC):
         detector: whether it is recognised by its mark in the samples alone (flat tops, a lattice, a line in the spectrum).
         null: parameter name → value at which the effect does nothing (for names with a channel or joint in brackets, the
             part before the bracket); parameters that aren't named there may have any value then. Empty for a base.
+        grid: parameter name → values worth starting a search from, of the parameters that one start can miss: shapes (lengths,
+            speeds, time constants), and those whose best value may hide behind a hill. Where the effect is small, all others
+            change readings in proportion, and any start serves.
         affine: whether readings stay affine in the linear parameters of a model that holds it; False for a law that
             bends what others predict (a power of the normal force, a clipped reading).
     """
@@ -60,6 +66,7 @@ class Effect(ABC):
     wants: ClassVar[tuple[str, ...]] = ()
     detector: ClassVar[bool] = False
     null: ClassVar[Mapping[str, float]] = {}
+    grid: ClassVar[Mapping[str, tuple[float, ...]]] = {}
     affine: ClassVar[bool] = True
 
     def null_for(self, base: str | None) -> Mapping[str, float]:
@@ -69,6 +76,17 @@ class Effect(ABC):
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Its parameters for logs of this layout."""
         raise NotImplementedError
+
+    def starts(self, signals: Signals) -> tuple[Array, ...]:
+        """Values of all its parameters that a search in this log is worth starting from: the grid's, others nominal."""
+        parameters = self.parameters(signals.layout)
+        if not any(p.name in self.grid for p in parameters):
+            return ()
+        return tuple(np.array(values) for values in itertools.product(*(self.grid.get(p.name, (p.nominal,)) for p in parameters)))
+
+    def simpler(self) -> Effect | None:
+        """A form of it with fewer parameters, of the same names, that a fit returns to where the rest explains nothing."""
+        return None
 
     def marks(self, measured: Array) -> tuple[Array, Array] | None:
         """For a detector: its parameters as readings (channels, n) show them, and as a search for the others holds them."""

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+#: length of the bristles by which friction turns around, unless an effect states another [m]
+BRISTLE = 1e-4
+
 
 @dataclass(frozen=True)
 class Layout:
@@ -65,6 +68,7 @@ class JointMotion:
         rigid: torque of rigid-body inverse dynamics; zero for an axis without a robot.
         known: whether `rigid` comes from a robot; if not, the inertia is a parameter.
         payload: torques per unit of a payload's parameters m, m·com (3) at the last link [N·m per unit], (4, N, n), or None.
+        gravity: torques per unit of gravity along the axes of the base [N·m per m/s²], (3, N, n), or None.
     """
 
     q: Array
@@ -73,6 +77,7 @@ class JointMotion:
     rigid: Array
     known: bool
     payload: Array | None = None
+    gravity: Array | None = None
 
 
 @dataclass(eq=False)
@@ -84,7 +89,8 @@ class Signals:
         t: time from the first sample [s], (n,).
         dt: time since the sample before [s], (n,); 0 where memory begins anew (first sample, after a gap).
         depth [m], depth_rate [m/s]: (n,). slip [m], slip_rate [m/s]: (2, n).
-        measured: measured readings, (channels, n): only what drives a law may look (structural compliance).
+        measured: measured readings, (channels, n); no law is driven by them.
+        compliance: of the arm along the normal, which the contact law is behind [m/N].
         elastic: elastic force F_e [N], (n,). exponent: of its power law. normal: N [N], (n,).
         mu: friction coefficient, (2, n) along the tangents. bristle: length [m]. tangential: (2, n) [N].
         reading: what the sensor delivers, (channels, n).
@@ -101,11 +107,12 @@ class Signals:
     measured: Array | None = None
     sensor: SensorMotion | None = None
     joints: JointMotion | None = None
+    compliance: float = 0.0
     elastic: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
     exponent: float = 1.0
     normal: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
     mu: Array = dataclasses.field(default_factory=lambda: np.zeros((2, 0)))
-    bristle: float = 1e-4
+    bristle: float = BRISTLE
     tangential: Array = dataclasses.field(default_factory=lambda: np.zeros((2, 0)))
     reading: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
 
@@ -116,7 +123,7 @@ class Signals:
         """A copy to predict with: inputs shared, the chain's quantities zero."""
         n = len(self)
         return dataclasses.replace(
-            self, elastic=np.zeros(n), exponent=1.0, normal=np.zeros(n), mu=np.zeros((2, n)), bristle=1e-4,
+            self, compliance=0.0, elastic=np.zeros(n), exponent=1.0, normal=np.zeros(n), mu=np.zeros((2, n)), bristle=BRISTLE,
             tangential=np.zeros((2, n)), reading=np.zeros((len(self.layout.channels), n)),
         )  # fmt: skip
 

@@ -33,6 +33,7 @@ class Adhesion(Effect):
     }
     excited_by = "a slow retraction until well outside the material"
     null = {"force": 0.0}
+    grid = {"length": (1e-4, 3e-4, 1e-3, 3e-3)}
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Greatest pull, length."""

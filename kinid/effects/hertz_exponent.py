@@ -28,6 +28,7 @@ class HertzExponent(Effect):
     excited_by = "depths that differ by a factor of three or more"
     wants = ("hooke", "kelvin-voigt", "hertz", "maxwell", "zener")
     null = {"exponent": 1.0}
+    grid = {"exponent": (0.8, 1.2, 1.5, 2.0, 2.6)}
 
     def null_for(self, base: str | None) -> Mapping[str, float]:
         """The base's own exponent."""

@@ -23,6 +23,7 @@ class HuntCrossley(Effect):
     signature = "a loop over depth that closes at zero force and widens with force and speed"
     confusions = {"kelvin-voigt": "a wide range of depths, in and out at several speeds"}
     excited_by = "several depths at several speeds"
+    grid = {"exponent": (1.0, 1.3, 1.6, 2.1)}
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Stiffness, damping, exponent."""

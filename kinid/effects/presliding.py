@@ -29,6 +29,7 @@ class Presliding(Effect):
     needs = ("normal", "slip")
     wants = ("coulomb-friction",)
     null = {"length": 1e-4}  # the length that friction has without this effect
+    grid = {"length": (3e-5, 3e-4, 1e-3, 3e-3)}
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Length."""

@@ -18,10 +18,11 @@ from kinid.parameter import Parameter
 @final
 @dataclass(frozen=True)
 class Relaxation(Effect):
-    """N −= Σ rᵢ yᵢ with τᵢ ẏᵢ = F_e − yᵢ: Maxwell branches hold a share rᵢ of the elastic force and lose it in τᵢ [s].
+    """N −= min(Σ rᵢ yᵢ, F_e) with τᵢ ẏᵢ = F_e − yᵢ: Maxwell branches hold a share rᵢ of the elastic force and lose it in τᵢ [s].
 
     F_e is the force before anything has flowed; (1 − Σ rᵢ) F_e remains in the end. The branches are driven by F_e whatever
-    its shape over depth (quasi-linear viscoelasticity). The material recovers with the same τᵢ after the tool has left.
+    its shape over depth (quasi-linear viscoelasticity). The material recovers with the same τᵢ after the tool has left. A tool
+    that retracts faster than the material recovers leaves it: nothing pulls.
 
     Attributes:
         branches: their number; parameters of the second one end in 2, and so on.
@@ -34,7 +35,7 @@ class Relaxation(Effect):
 
     id = "relaxation"
     title = "stress relaxation"
-    equation = "N −= Σ rᵢ yᵢ, τᵢ ẏᵢ = F_e − yᵢ"
+    equation = "N −= min(Σ rᵢ yᵢ, F_e), τᵢ ẏᵢ = F_e − yᵢ"
     source = "J. C. Maxwell, Phil. Trans. R. Soc. 157, 1867; quasi-linear: Y. C. Fung, Biomechanics, 1981, ch. 7"
     signature = "force that decays while depth is held, and a loop that is widest at one speed"
     confusions = {
@@ -44,6 +45,8 @@ class Relaxation(Effect):
     }
     excited_by = "a fast approach, then a hold of several time constants"
     null = {"ratio": 0.0}
+    affine = False  # a tool that leaves does so at a force that all parameters of the law decide
+    grid = {"time-constant": (0.02, 0.1, 0.4, 1.5, 6.0, 30.0)}
 
     def __post_init__(self) -> None:
         if self.branches < 1:
@@ -68,9 +71,18 @@ class Relaxation(Effect):
             )
         )
 
+    def starts(self, signals: Signals) -> tuple[Array, ...]:
+        """The grid's time constants for the fastest branch, the others a decade apart."""
+        (ratio, _), high = (p.nominal for p in self.parameters(signals.layout)[:2]), 1e5
+        return tuple(
+            np.ravel([(ratio / self.branches, min(fastest * 10.0**k, high)) for k in range(self.branches)])
+            for fastest in self.grid["time-constant"]
+        )
+
     def normal(self, s: Signals, p: Array) -> None:
         """Take off what has flowed."""
-        flowed = np.empty(len(s))
+        flowed, total = np.empty(len(s)), np.zeros(len(s))
         for ratio, time_constant in p.reshape(-1, 2):
             lowpass(s.elastic, s.dt, time_constant, flowed)
-            s.normal = s.normal - ratio * flowed * s.inside
+            total = total + ratio * flowed
+        s.normal = s.normal - np.minimum(total, s.elastic) * s.inside

@@ -25,6 +25,7 @@ class SensorLag(Effect):
     excited_by = "forces that change within a few time constants"
     needs = ()
     null = {"time-constant": 0.0}
+    grid = {"time-constant": (1e-3, 4e-3, 1.5e-2, 6e-2)}
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Time constant."""

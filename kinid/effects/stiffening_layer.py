@@ -23,6 +23,7 @@ class StiffeningLayer(Effect):
     confusions = {"hertz-exponent": "a deeper poke: a layer is straight above and below its bend"}
     excited_by = "depths well on both sides of the layer"
     null = {"stiffness": 0.0}
+    grid = {"depth": (3e-4, 1e-3, 2e-3, 4e-3, 8e-3, 1.6e-2)}
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Extra stiffness, where it begins."""
@@ -30,6 +31,14 @@ class StiffeningLayer(Effect):
             Parameter("stiffness", "K", "N/m", 500.0, -1e8, 1e8, scale=100.0, linear=True),
             Parameter("depth", "δ_b", "m", 2e-3, 0.0, 0.5, scale=1e-4),
         )
+
+    def starts(self, signals: Signals) -> tuple[Array, ...]:
+        """Layers that begin at depths which the log holds: a sixth of the samples inside between each and the next."""
+        inside = signals.depth[signals.inside]
+        if not len(inside):
+            return ()
+        stiffness = self.parameters(signals.layout)[0].nominal
+        return tuple(np.array([stiffness, depth]) for depth in np.quantile(inside, np.arange(1, 6) / 6))
 
     def elastic(self, s: Signals, p: Array) -> None:
         """Add the layer."""

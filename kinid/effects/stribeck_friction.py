@@ -25,6 +25,7 @@ class StribeckFriction(Effect):
     needs = ("normal", "slip")
     wants = ("coulomb-friction",)
     null = {"coefficient": 0.0}
+    grid = {"speed": (1e-3, 3e-3, 1e-2, 3e-2, 0.1)}
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Excess at rest, speed over which it fades."""

@@ -24,6 +24,7 @@ class SurfaceOffset(Effect):
     }
     excited_by = "touch and separation"
     null = {"offset": 0.0}
+    grid = {"offset": (-2e-3, -7e-4, -2e-4, 2e-4, 7e-4, 2e-3)}
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Offset."""

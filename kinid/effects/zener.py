@@ -32,6 +32,7 @@ class Zener(Effect):
         "maxwell": "a hold of several time constants: does a force remain?",
     }
     excited_by = "a fast approach, then a hold of several time constants"
+    grid = {"branch-ratio": (0.2, 1.0, 5.0), "time-constant": (0.02, 0.1, 0.4, 1.5, 6.0, 30.0)}
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Stiffness in the end, the branch's stiffness relative to it, time constant."""

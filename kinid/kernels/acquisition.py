@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def lag(x: Array, dt: Array, tau: float, out: Array) -> None:
     """First-order low-pass τ ẏ = x − y, exact for an input that runs straight between samples; y begins in balance, at x.
 
@@ -31,7 +31,7 @@ def lag(x: Array, dt: Array, tau: float, out: Array) -> None:
             out[k, i] = y
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def delay(x: Array, t: Array, dt: Array, late: float, out: Array) -> None:
     """y(t) = x(t − late) by cubic Hermite interpolation, whose slopes at the samples are those of the parabola through
     three neighbours (Catmull-Rom on uneven times): y has a continuous derivative in `late`. Ends of runs are held.

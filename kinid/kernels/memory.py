@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 ELASTIC = 0.02
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def lowpass(x: Array, dt: Array, tau: float, out: Array) -> None:
     """First-order low-pass τ ẏ = x − y, exact for an input that runs straight between samples; y begins at 0.
 
@@ -37,7 +37,7 @@ def lowpass(x: Array, dt: Array, tau: float, out: Array) -> None:
         out[i] = y
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def bristles(v1: Array, v2: Array, dt: Array, depth: Array, length: float, out: Array, elastic: float = ELASTIC) -> None:
     """Deflection of bristles relative to their greatest, a vector of length ≤ 1 along the slip (Dahl 1968, in 2-D).
 
@@ -71,7 +71,7 @@ def bristles(v1: Array, v2: Array, dt: Array, depth: Array, length: float, out: 
         out[1, i] = (1.0 - elastic) * u2 + w2 / length
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def loop(depth: Array, rate: Array, dt: Array, length: float, out: Array, elastic: float = ELASTIC) -> None:
     """State of a loop over depth that speed doesn't change, −1…1: dz/dδ = (sgn δ̇ − z) / ℓ · sgn δ̇ (Dahl 1968).
 
@@ -96,13 +96,13 @@ def loop(depth: Array, rate: Array, dt: Array, length: float, out: Array, elasti
         out[i] = (1.0 - elastic) * z + w / length
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _touching(before: float, now: float) -> float:
     """Share of the step to a sample in contact that the tip was in contact."""
     return now / (now - before) if before <= 0.0 else 1.0
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def deepest(depth: Array, dt: Array, out: Array) -> None:
     """The deepest that the tip has been up to each sample, 0 at least [m], (n,)."""
     most = 0.0
@@ -113,7 +113,7 @@ def deepest(depth: Array, dt: Array, out: Array) -> None:
         out[i] = most
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def bond(depth: Array, dt: Array, length: float, out: Array) -> None:
     """How much of its greatest pull a bond exerts, 0…1, that forms at contact and tears at depth −ℓ.
 
@@ -136,3 +136,18 @@ def bond(depth: Array, dt: Array, length: float, out: Array) -> None:
             out[i] = pull
         else:
             out[i] = 0.0
+
+
+@njit(cache=True, nogil=True)
+def forwards(rest: Array, dt: Array, stiff: Array, lossy: Array, out: Array) -> None:
+    """Solve (1 + s) z + l ż = rest forwards in time, ż the difference to the sample before over dt (backward Euler).
+
+    Args:
+        rest: (n,). dt: see above. stiff, lossy: s ≥ 0 and l ≥ 0 [s], (n,). out: z, (n,).
+    """
+    for i in range(rest.shape[0]):
+        if i > 0 and dt[i] > 0.0:
+            weight = lossy[i] / dt[i]
+            out[i] = (rest[i] + weight * out[i - 1]) / (1.0 + stiff[i] + weight)
+        else:
+            out[i] = rest[i] / (1.0 + stiff[i])

@@ -72,6 +72,52 @@ def test_coupling_is_fitted_and_taken_out(run: Run, log: Path) -> None:
     assert "lateral_rms_after" in json.loads((log.parent / "s.json").read_text())["compensated"]
 
 
+@pytest.fixture
+def tester(tmp_path: Path) -> Path:
+    """A log of a material tester, and no rig beside it."""
+    t = np.arange(3000) / 1000
+    w = 2 * np.pi * 1.1
+    depth, rate = 4e-3 * np.sin(w * t), 4e-3 * w * np.cos(w * t)
+    force = np.where(depth > 0, 700 * depth + 12 * rate, 0) + np.random.default_rng(0).normal(scale=0.03, size=3000)
+    path = tmp_path / "tester" / "tester.csv"
+    path.parent.mkdir()
+    np.savetxt(path, np.column_stack([t, depth, force]), delimiter=",", header="t,depth,normal_force", comments="")
+    return path
+
+
+def test_a_material_tester_needs_no_rig(run: Run, refused: Refused, tester: Path) -> None:
+    code, said, err = run("fit", tester, "--model", "kelvin-voigt", "--plot", tester.parent / "f.html")
+    assert code == 0, err
+    assert "kelvin-voigt.stiffness" in said
+    code, said, err = run("contact", tester)
+    assert code == 0, err
+    assert "normal_force" in said
+    page = tester.parent / "c.html"
+    code, said, err = run("compare", tester, "--model", "hooke", "--model", "kelvin-voigt", "--plot", page)
+    assert code == 0, err
+    html = page.read_text()
+    assert "doubts</th>" in html
+    assert "this structure is rejected" in html  # of hooke's law
+    # πcwA²/2 on the way in and out, c = 12 N·s/m at 1.1 Hz and 4 mm
+    assert f"{1e3 * np.pi * 12 * 2 * np.pi * 1.1 * 4e-3**2 / 2:.3g}" == "2.08"
+    assert "2.08 mJ" in html
+    code, said, err = run("fit", tester, "--rig", tester.parent / "none.toml", "--model", "hooke")
+    refused((code, said, err), "none.toml")
+
+
+def test_a_log_that_does_not_speak_for_itself_needs_a_rig(run: Run, refused: Refused, log: Path) -> None:
+    (log.parent / "rig.toml").unlink()
+    refused(run("fit", log, "--model", "hooke"), "no rig")
+
+
+def test_what_is_open_is_said_once(run: Run, log: Path) -> None:
+    code, said, err = run("fit", log, "--model", "kelvin-voigt,sensor-crosstalk")
+    assert code == 0, err
+    assert "not identified" in said
+    assert said.count("not identified") == 1
+    assert " is open" not in said
+
+
 @pytest.mark.parametrize(
     ("args", "words"),
     [

@@ -126,7 +126,13 @@ def arm_motion(n: int = 2000) -> Signals:
         np.stack([-np.sin(q1 + q2), -np.sin(q1 + q2)]),
         np.stack([0.05 * a1 * np.sin(q2), 0.05 * d1 * d2]),
     ])  # fmt: skip
-    joints = JointMotion(*frozen(np.stack([q1, q2]), np.stack([d1, d2]), np.stack([a1, a2]), rigid), True, payload)
+    # per unit of gravity along x, y (upwards) and z of the base; the plane of the links leans a little, so that z counts
+    elbow, hand = m2 * l2 * np.cos(q1 + q2), m2 * l2 * np.sin(q1 + q2)
+    upright = -np.stack([(m1 + m2) * l1 * np.cos(q1) + elbow, elbow])
+    level = np.stack([(m1 + m2) * l1 * np.sin(q1) + hand, hand])
+    gravity = np.stack([level, upright, 0.1 * upright * np.cos(q1)])
+    frozen(payload, gravity)
+    joints = JointMotion(*frozen(np.stack([q1, q2]), np.stack([d1, d2]), np.stack([a1, a2]), rigid), True, payload, gravity)
     return _joint_signals(Layout(("tau1", "tau2"), "joints", ("shoulder", "elbow")), t, dt, joints)
 
 
@@ -201,6 +207,8 @@ EXAMPLES: dict[str, Example] = {
                                  each("joint-torque-gain", "gain", _JOINTS, [0.06, -0.11]), arm_motion()),
     "payload": Example(("rigid-body", "payload"),
                        {"payload.mass": 0.7, **each("payload", "moment", _AXES, [0.02, 0.05, -0.01])}, arm_motion()),
+    "gravity-error": Example(("rigid-body", "gravity-error"), each("gravity-error", "error", _AXES, [0.8, -0.1, 0.3]),
+                             arm_motion()),
     "joint-elasticity": Example(("rigid-body", "joint-elasticity"),
                                 each("joint-elasticity", "elasticity", _JOINTS, [6e-4, 9e-4]), arm_motion()),
 }  # fmt: skip

@@ -1,0 +1,116 @@
+"""What a reader of a fit should doubt, in words, each with what to do about it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.estimators.batch import ILL_CONDITIONED, Solution
+from kinid.experiment import Experiment
+from kinid.parameter import Parameter
+
+Array = NDArray[np.float64]
+
+#: condition of the sensitivity, its columns brought to length one, above which parameters stand in for each other
+#: (Belsley, Kuh & Welsch 1980, ch. 3: strong from 30 to 100; a power law's stiffness and exponent alone reach 50)
+COLLINEAR = 100.0
+#: no tool pokes deeper than this into what it probes, nor so little and still feels it [m]
+DEEPEST, SHALLOWEST = 0.3, 1e-6
+#: share of a unit vector above which a parameter takes part in a direction
+TAKES_PART = 0.2
+#: residuals above so many times the noise say that the structure is wrong
+REJECTED = 1.5
+
+
+def of_data(experiment: Experiment) -> list[str]:
+    """Units and signs of depth and normal force that nature doesn't have; and whether there is free motion."""
+    out = []
+    valid, depth = experiment.valid, experiment.signals.depth
+    inside = valid & (depth > 0)
+    most = float(depth[inside].max())
+    if not SHALLOWEST < most < DEEPEST:
+        out.append(f"depths of up to {most:.3g} m: are they in another unit? Say so in [columns] of the rig: "
+                   'depth = { unit = "mm" }')  # fmt: skip
+    if experiment.layout.kind == "contact" and "normal_force" in experiment.layout.channels:
+        force = experiment.measured[experiment.layout.channels.index("normal_force")][inside]
+        clear = 5.0 * float(experiment.noise[experiment.layout.channels.index("normal_force")])
+        if force.std() > 0 and force.mean() < -clear and np.corrcoef(depth[inside], force)[0, 1] < -0.3:
+            out.append(
+                f"the normal force falls to {force.min():.3g} N as the tool goes deeper: is its sign turned? It is positive "
+                "where the material pushes the tool out; normal_force = { scale = -1 } in [columns] turns it"
+            )
+    if not (~experiment.in_contact & valid & (depth <= 0)).any():
+        out.append("no free motion in the log: a bias of the sensor would look like stiffness")
+    return out
+
+
+def of_fit(named: Mapping[str, Parameter], solution: Solution, train: float, noise: float, start: Array) -> list[str]:
+    """Parameters that the log leaves open, that ended at a bound, or that stand in for each other; a wrong structure."""
+    out = []
+    names = list(named)
+    open_ = [name for name, is_open in zip(names, solution.unidentified) if is_open]
+    if open_:
+        out.append(f"{listed(open_)} {_are(open_)} not identified by this log: {_their(open_)} infinite")
+    stuck = [
+        f"{name} = {p.low if abs(value - p.low) < abs(value - p.high) else p.high:.4g}"
+        for (name, p), value, bound, is_open in zip(named.items(), solution.values, solution.at_bound, solution.unidentified)
+        if bound and not is_open
+    ]
+    if stuck:
+        out.append(f"{listed(stuck)} ended at {'its bound' if len(stuck) == 1 else 'their bounds'}: "
+                   "the law may be the wrong one, or the log doesn't excite it")  # fmt: skip
+    for (name, p), began in zip(named.items(), start):
+        if began in (p.low, p.high) and p.low != p.nominal != p.high:
+            out.append(f"{name} started at its bound {began:.4g}: start inside")
+    alike = stand_ins(names, solution.covariance)
+    if solution.condition > COLLINEAR and alike:
+        how = "ill-conditioned" if solution.condition > ILL_CONDITIONED else "nearly ill-conditioned"
+        out += [f"{how} ({solution.condition:.1e}): {listed(group)} can stand in for each other in this log"
+                for group in alike]  # fmt: skip
+    elif solution.condition > ILL_CONDITIONED:
+        out.append(f"ill-conditioned ({solution.condition:.1e}): some parameters can stand in for each other in this log")
+    if not solution.converged:
+        out.append("the search stopped before it converged: start nearer, or use a smaller model")
+    if np.isfinite(train) and noise > 0 and train > REJECTED * noise:
+        out.append(f"the residual is {train / noise:.1f} times the noise: this structure is rejected, "
+                   "kinid diagnose says what may be missing")  # fmt: skip
+    return out
+
+
+def stand_ins(names: Sequence[str], covariance: Array) -> list[list[str]]:
+    """Groups of parameters whose estimates hang on each other.
+
+    From the information with its diagonal brought to one (Belsley, Kuh & Welsch 1980, ch. 3): a direction whose singular
+    value is below 1/`COLLINEAR` of the greatest is a sum of effects that nearly cancels; those that take part are named.
+    """
+    size = np.diag(covariance)
+    kept = np.flatnonzero(np.isfinite(size) & (size > 0))
+    if len(kept) < 2:
+        return []
+    scale = np.sqrt(size[kept])
+    information = np.linalg.pinv(covariance[np.ix_(kept, kept)] / np.outer(scale, scale), rcond=1e-14, hermitian=True)
+    length = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    values, vectors = np.linalg.eigh(information / np.outer(length, length))
+    values = np.maximum(values, 1e-300)
+    out = []
+    for k in np.flatnonzero(values < values[-1] / COLLINEAR**2):
+        part = np.abs(vectors[:, k])
+        group = [names[kept[i]] for i in np.argsort(-part) if part[i] > TAKES_PART]
+        if len(group) > 1:
+            out.append(group)
+    return out
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names as in "a, b and c"."""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _are(names: Sequence[str]) -> str:
+    return "is" if len(names) == 1 else "are"
+
+
+def _their(names: Sequence[str]) -> str:
+    return "its interval is" if len(names) == 1 else "their intervals are"
