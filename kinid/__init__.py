@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from kinid.contact import ContactSeries, contact_series, tip_motion
     from kinid.derivative import Differentiator
+    from kinid.diagnosis import Diagnosis, diagnose
     from kinid.errors import InputError, KinidError
     from kinid.inverse_dynamics import JointTorques, joint_torques
     from kinid.log import Log
@@ -25,6 +26,7 @@ __version__ = "0.1.0"
 _HOME = {
     "ContactSeries": "contact", "contact_series": "contact", "tip_motion": "contact",
     "Differentiator": "derivative",
+    "Diagnosis": "diagnosis", "diagnose": "diagnosis",
     "InputError": "errors", "KinidError": "errors",
     "JointTorques": "inverse_dynamics", "joint_torques": "inverse_dynamics",
     "Log": "log",
@@ -37,6 +39,7 @@ _HOME = {
 
 __all__ = [
     "ContactSeries",
+    "Diagnosis",
     "Differentiator",
     "InputError",
     "JointTorques",
@@ -46,6 +49,7 @@ __all__ = [
     "Rig",
     "Robot",
     "contact_series",
+    "diagnose",
     "find_surface",
     "joint_torques",
     "read",

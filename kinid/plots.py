@@ -68,8 +68,8 @@ def analysis_page(result: Analysis, title: str) -> str:
     return page(title, "".join(body), figures, tail)
 
 
-def page(title: str, head: str, figures: Sequence[tuple[str, Figure]], tail: str = "") -> str:
-    """One self-contained HTML page of titled figures."""
+def page(title: str, head: str, figures: Sequence[tuple[str, Figure]], tail: str = "", style: str = "") -> str:
+    """One self-contained HTML page of titled figures; `style` is added to the house's."""
     from plotly.offline import get_plotlyjs
 
     parts = [f"<h2>{html.escape(name)}</h2>" + figure.to_html(
@@ -79,7 +79,7 @@ def page(title: str, head: str, figures: Sequence[tuple[str, Figure]], tail: str
         "<!doctype html><html lang=en><head><meta charset=utf-8>"
         '<meta name=viewport content="width=device-width,initial-scale=1">'
         # an empty icon: the page asks nobody for one
-        f'<link rel=icon href="data:,"><title>{html.escape(title)} – kinid</title><style>{_STYLE}</style>'
+        f'<link rel=icon href="data:,"><title>{html.escape(title)} – kinid</title><style>{_STYLE}{style}</style>'
         f"<script>{get_plotlyjs()}</script></head><body><h1>{html.escape(title)}</h1>{head}{''.join(parts)}{tail}"
         "</body></html>\n"
     )

@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 import kinid
-from kinid.cli import compare, contact, demo, fit, lab
+from kinid.cli import compare, contact, demo, diagnose, fit, lab, plan, view
+from kinid.cli import map as map_command
 from kinid.errors import KinidError
 
 app = typer.Typer(
@@ -39,7 +40,11 @@ def _root(
 app.command("contact", epilog=contact.EXAMPLES)(contact.contact)
 app.command("fit", epilog=fit.EXAMPLES)(fit.fit)
 app.command("compare", epilog=compare.EXAMPLES)(compare.compare)
+app.command("diagnose", epilog=diagnose.EXAMPLES)(diagnose.diagnose)
+app.add_typer(plan.app, name="plan")
 app.command("lab", epilog=lab.EXAMPLES)(lab.lab)
+app.command("map", epilog=map_command.EXAMPLES)(map_command.map_)
+app.command("view", epilog=view.EXAMPLES)(view.view)
 app.command("demo", epilog=demo.EXAMPLES)(demo.demo)
 
 

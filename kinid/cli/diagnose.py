@@ -1,0 +1,115 @@
+"""`kinid diagnose`: where a model fails, which effect it lacks, and the error falling once it is added."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from kinid.diagnosis import Diagnosis
+    from kinid.log import Log
+    from kinid.model import Model
+    from kinid.rig import Rig
+
+EXAMPLES = """Examples:
+
+kinid diagnose poke.parquet --model kelvin-voigt,coulomb-friction
+
+kinid diagnose poke.parquet --model hunt-crossley --json found.json --report found.html
+
+kinid diagnose poke.parquet --model hooke --add relaxation --max-effects 2
+
+kinid diagnose --explain relaxation
+"""
+
+
+def diagnose(
+    log: Annotated[
+        Path | None, typer.Argument(help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP.", show_default=False)
+    ] = None,
+    model: Annotated[str, typer.Option(help="Effects of the model, separated by commas.", show_default=False)] = "",
+    rig: Annotated[Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the log.")] = None,
+    json_file: Annotated[Path | None, typer.Option("--json", help="The diagnosis to write as JSON.")] = None,
+    report: Annotated[Path | None, typer.Option(help="Report to write: one offline HTML file.")] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Table of readings, measured and predicted.")] = None,
+    add: Annotated[
+        list[str] | None, typer.Option(help="An effect to add whatever the evidence says; once for each.", show_default=False)
+    ] = None,
+    max_effects: Annotated[int, typer.Option(help="Effects to add at most.", min=0)] = 4,
+    explain: Annotated[str | None, typer.Option(help="Say what an effect is and looks like, and nothing else.")] = None,
+) -> None:
+    """Compare a model with the measurement: where it fails, what is missing, the error with it, and what to measure next."""
+    if explain is not None:
+        explained(explain)
+        return
+    from kinid.cli.contact import load, rig_path
+    from kinid.cli.fit import parse_model
+    from kinid.errors import InputError
+    from kinid.writers import check_outputs, check_table_name, write_table, write_text
+
+    if log is None:
+        raise InputError("no log", "a log to diagnose", "kinid diagnose LOG --model …, or --explain EFFECT")
+    chosen = parse_model(model)
+    if out is not None:
+        check_table_name(out)
+    check_outputs((out, report, json_file), (log, rig_path(log, rig)))
+    the_rig, the_log, _ = load(log, rig)
+    from kinid.cli.show import written
+    from kinid.cli.show_diagnosis import show_diagnosis
+
+    result = _watched(the_log, the_rig, chosen, add or [], max_effects)
+    if json_file is not None:
+        write_text(json_file, json.dumps(result.to_dict(), indent=2, allow_nan=False) + "\n")
+    if out is not None:
+        from kinid.cli.fit import prediction_columns
+
+        write_table(out, prediction_columns(result.fit))
+    if report is not None:
+        from kinid.diagnosis_page import diagnosis_page
+
+        write_text(report, diagnosis_page(result, title=f"{log.name}: {chosen}"))
+    show_diagnosis(result)
+    written([path for path in (out, report, json_file) if path is not None])
+
+
+def _watched(log: Log, rig: Rig, model: Model, add: list[str], max_effects: int) -> Diagnosis:
+    """The diagnosis, with what it is doing on the terminal's error stream."""
+    from rich.console import Console
+
+    from kinid.diagnosis import diagnose as run
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        return run(log, rig, model=model, add=add, max_effects=max_effects)
+    with console.status("fitting the model") as status:
+        return run(log, rig, model=model, add=add, max_effects=max_effects, progress=status.update)
+
+
+def explained(name: str) -> None:
+    """What an effect is, what it looks like, what it is mistaken for, and what shows it."""
+    from kinid import effects
+    from kinid.cli.show import console
+    from kinid.effects import Layout
+
+    effect = effects.get(name)
+    out = console()
+    kind = "joints" if "joint" in {stage.value for stage in effect.stages()} else "wrench"
+    channels = ("tau1",) if kind == "joints" else ("fx", "fy", "fz", "tx", "ty", "tz")
+    layout = Layout(channels, kind, ("joint_1",) if kind == "joints" else ())
+    lines = [
+        f"{effect.id}: {effect.title}" + (", a base law" if effect.base else ""), f"  {effect.equation}", "",
+        f"looks like   {effect.signature}", f"shown by     {effect.excited_by}",
+        f"acts on      {', '.join(stage.value for stage in effect.stages())}",
+    ]  # fmt: skip
+    if effect.wants:
+        lines.append(f"needs        {' or '.join(effect.wants)} in the model")
+    lines += [f"mistaken for {other}: {how}" for other, how in effect.confusions.items()]
+    shown: dict[str, str] = {}
+    for p in effect.parameters(layout):
+        shown.setdefault(p.name.split("[")[0], f"parameter    {p.name.split('[')[0]} ({p.symbol}) in {p.unit}")
+    lines += [*shown.values(), f"source       {effect.source}"]
+    for line in lines:
+        out.print(line, soft_wrap=True, markup=False)

@@ -1,0 +1,111 @@
+"""A diagnosis on a terminal: verdict, where the error sits, how it falls, which effects, what to measure next."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich.markup import escape
+from rich.table import Table
+
+from kinid.cli.show import console
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from kinid.diagnosis.result import Diagnosis, EffectVerdict
+
+#: sentences on where the error sits, and characters of the longest bar
+MOST_CELLS, WIDE = 5, 32
+#: hints on what to measure next, at most
+MOST_HINTS = 6
+#: parameters that have room beside an effect's verdict
+MOST_NUMBERS = 3
+COLOUR = {"adequate": "green", "missing": "yellow", "unexplained": "red"}
+MARK = {"present": "●", "indistinguishable": "◐"}
+
+
+def show_diagnosis(result: Diagnosis) -> None:
+    """Verdict first; what is absent or cannot be seen is summed up in a line each."""
+    from kinid.diagnosis.words import doubts, headline
+
+    out = console()
+    colour = COLOUR.get(result.verdict, "bold")
+    out.print(f"[bold {colour}]{result.verdict}[/]: {escape(headline(result))}", soft_wrap=True)
+    if result.says:
+        out.print(escape(result.says), soft_wrap=True)
+    told = [cell for cell in result.where if cell.share > 0][:MOST_CELLS]
+    if told:
+        out.print("\n[bold]where the model fails[/]")
+        for cell in told:
+            out.print(f"  {escape(cell.says)}", soft_wrap=True)
+    out.print(f"\n[bold]held-out error[/] {escape(f'[{result.unit} rms]')}")
+    _ladder(out, result)
+    _effects(out, result)
+    if result.fit.parameters:
+        out.print(f"\n[bold]the model now[/]: {escape(str(result.best))}", soft_wrap=True)
+        table = Table("parameter", box=None, pad_edge=False)
+        for heading in ("estimate", "95 % from", "to"):
+            table.add_column(heading, justify="right")
+        table.add_column("unit")
+        for p in result.fit.parameters.values():
+            table.add_row(escape(p.name), f"{p.value:.4g}", f"{p.low:.4g}", f"{p.high:.4g}", p.unit)
+        out.print(table)
+    _next(out, result)
+    for warning in doubts(result):
+        out.print(f"doubt: {escape(warning)}", soft_wrap=True)
+
+
+def _ladder(out: Console, result: Diagnosis) -> None:
+    """A bar a rung; the noise is where no bar gets below."""
+    rungs = [("as asked" if step.added is None else f"+ {step.added}", step.held_out) for step in result.steps]
+    rungs.append(("noise alone", result.noise_floor))
+    top = max(error for _, error in rungs) or 1.0
+    table = Table(show_header=False, box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for name, error in rungs:
+        bar = "█" * max(1, round(WIDE * error / top))
+        shade = "dim" if name == "noise alone" else "red" if name == "as asked" and len(result.steps) > 1 else "blue"
+        table.add_row(f"  {escape(name)}", f"{error:.4g}", f"[{shade}]{bar}[/]")
+    out.print(table)
+
+
+def _effects(out: Console, result: Diagnosis) -> None:
+    from kinid.diagnosis.words import by_verdict
+
+    shown = [e for e in by_verdict(result) if e.verdict in MARK]
+    if shown:
+        table = Table("effect", "verdict", box=None, pad_edge=False, padding=(0, 2, 0, 0))
+        for heading in ("evidence", f"gain \\[{result.unit}]"):
+            table.add_column(heading, justify="right")
+        table.add_column("parameters (95 %)")
+        for e in shown:
+            alike = f", as good: {', '.join(e.equivalent_to)}" if e.equivalent_to else ""
+            table.add_row(escape(e.id), f"{MARK[e.verdict]} {e.verdict}{escape(alike)}", f"{e.evidence:.4g}",
+                          f"{e.held_out_gain:.3g}", escape(_numbers(e)))  # fmt: skip
+        out.print()
+        out.print(table)
+    for verdict, words in (("absent", "absent"), ("not-excited", "this log cannot tell")):
+        names = [e.id for e in result.effects if e.verdict == verdict]
+        if names:
+            out.print(f"{words} ({len(names)}): {escape(', '.join(names))}", soft_wrap=True)
+
+
+def _numbers(effect: EffectVerdict) -> str:
+    if len(effect.parameters) > MOST_NUMBERS:
+        return f"{len(effect.parameters)} parameters"
+    return ", ".join(f"{name} {p.value:.3g} [{p.low:.3g}, {p.high:.3g}]{'' if p.unit == '1' else ' ' + p.unit}"
+                     for name, p in effect.parameters.items())  # fmt: skip
+
+
+def _next(out: Console, result: Diagnosis) -> None:
+    """How to separate rivals first, then how to see what this log doesn't show."""
+    rivals = [e for e in result.effects if e.equivalent_to and e.separate_by]
+    hints = [f"{e.id} or {' or '.join(e.equivalent_to)}: {e.separate_by}" for e in rivals]
+    hidden = [f"{e.id}: {e.separate_by}" for e in result.effects if e.verdict == "not-excited" and e.separate_by]
+    if not hints and not hidden:
+        return
+    out.print("\n[bold]what to measure next[/]")
+    for hint in [*hints, *hidden][: max(MOST_HINTS, len(hints))]:
+        out.print(f"  {escape(hint)}", soft_wrap=True)
+    more = len(hints) + len(hidden) - max(MOST_HINTS, len(hints))
+    if more > 0:
+        out.print(f"  and {more} more in the report and the JSON")

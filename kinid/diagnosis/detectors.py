@@ -1,0 +1,223 @@
+"""Effects that leave their mark in the samples themselves: flat tops, a lattice of values, lines of the mains.
+
+They are looked for first: a clipped or humming reading would be taken for physics.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid import effects
+from kinid.contact import force_noise
+from kinid.diagnosis.problem import RATE
+from kinid.effects import Effect
+from kinid.effects.mains_hum import MainsHum
+from kinid.experiment import Experiment
+
+Array = NDArray[np.float64]
+
+#: a step of the converter counts from this share of the noise on
+COARSE = 0.75
+#: a line of the mains counts from this amplitude on, in standard deviations of the white noise
+LINE = 0.2
+#: and where it holds so many times the power of its neighbours
+STANDS_OUT = 25.0
+#: frequencies of power grids [Hz], and how far they may be off
+GRIDS, OFF = (50.0, 60.0), 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Mark:
+    """What was found.
+
+    Attributes:
+        effect: of the catalogue. values: of its parameters. says: in words.
+        evidence: on the scale of all effects (twice a log-likelihood).
+        share: of the readings' samples that it touches.
+    """
+
+    effect: Effect
+    values: Array
+    says: str
+    evidence: float
+    share: float
+
+
+@dataclass(frozen=True, eq=False)
+class Cleaned:
+    """The experiment without what detectors found, and what that was; `hum` is the mains' part of the readings, (channels, n)."""
+
+    experiment: Experiment
+    marks: tuple[Mark, ...]
+    hum: Array
+
+
+def detect(experiment: Experiment, names: tuple[str, ...], motion: Array | None = None) -> Cleaned:
+    """Look for marks of effects that the model lacks.
+
+    Args:
+        experiment: the whole one, at its own rate. names: effects that the model has already.
+        motion: readings that the model predicts; lines are looked for in the difference.
+    """
+    marks: list[Mark] = []
+    if "saturation" not in names:
+        mark, experiment = _saturation(experiment, motion)
+        marks += [] if mark is None else [mark]
+    if "quantization" not in names:
+        mark, experiment = _quantization(experiment)
+        marks += [] if mark is None else [mark]
+    hum = np.zeros_like(experiment.measured)
+    if "mains-hum" not in names:
+        mark, without = _hum(experiment, motion)
+        hum = experiment.measured - without.measured
+        experiment = without
+        marks += [] if mark is None else [mark]
+    return Cleaned(experiment, tuple(marks), hum)
+
+
+def _saturation(experiment: Experiment, motion: Array | None) -> tuple[Mark | None, Experiment]:
+    effect = effects.get("saturation")
+    found = effect.marks(experiment.measured)
+    steps = effects.get("quantization").marks(experiment.measured)
+    assert found is not None
+    assert steps is not None
+    limits = found[0]
+    clipped = np.abs(experiment.measured) >= limits[:, None] * (1 - 1e-9)
+    # a reading that never changes is not a saturated one; nor is a coarse one that reaches its highest step now and then,
+    # unless the model expects more than another step there
+    alive = np.array([len(np.unique(channel[:5000])) > 20 for channel in experiment.measured])
+    coarse = steps[0] > COARSE * experiment.noise
+    if motion is not None:
+        beyond = (np.abs(motion) > limits[:, None] + steps[0][:, None]) & clipped
+        alive &= ~coarse | (beyond.sum(axis=1) >= 5)
+    clipped &= alive[:, None]
+    hits: NDArray[np.bool_] = np.any(clipped, axis=1)
+    limits = np.where(hits, limits, 1e12)
+    if not clipped.any():
+        return None, experiment
+    channels = ", ".join(f"{c} at {limit:.4g} {u}" for c, u, limit, hit in zip(
+        experiment.layout.channels, experiment.layout.units, limits, hits) if hit)  # fmt: skip
+    count = int(clipped.any(axis=0).sum())
+    # the end of a range touches what is just below it, too: filters and sampling
+    reach = 1 if experiment.band is None else round(_rate(experiment) / experiment.band)
+    near = np.convolve(clipped.any(axis=0), np.ones(2 * reach + 1), mode="same") > 0
+    mark = Mark(effect, limits, f"flat tops: {channels} in {count} samples", 4.0 * count, count / clipped.shape[1])
+    return mark, dataclasses.replace(experiment, valid=experiment.valid & ~near)
+
+
+def _quantization(experiment: Experiment) -> tuple[Mark | None, Experiment]:
+    effect = effects.get("quantization")
+    found = effect.marks(experiment.measured)
+    assert found is not None
+    steps = found[0]
+    noise = np.array([force_noise(channel[experiment.valid]) for channel in experiment.measured])
+    spread = np.maximum(noise, steps / np.sqrt(12.0))
+    coarse = (steps > 0) & (steps > COARSE * spread)
+    if not coarse.any():
+        return None, experiment
+    says = ", ".join(f"{c} in steps of {step:.4g} {u}" for c, u, step, hit in zip(
+        experiment.layout.channels, experiment.layout.units, steps, coarse) if hit)  # fmt: skip
+    ratio = float((steps / spread)[coarse].max())
+    # each sample on a lattice of steps h, rather than anywhere within a standard deviation
+    evidence = 2.0 * experiment.measured.shape[1] * max(0.1, float(np.log1p(ratio)))
+    # neighbours share their error of rounding: means take nothing off it
+    many = max(1.0, _rate(experiment) / RATE)
+    wider = np.where(coarse, np.sqrt(experiment.noise**2 + many * steps**2 / 12.0), experiment.noise)
+    return Mark(effect, np.where(coarse, steps, 0.0), f"a lattice of values: {says}", evidence, 1.0), dataclasses.replace(
+        experiment, noise=wider)  # fmt: skip
+
+
+def _hum(experiment: Experiment, motion: Array | None) -> tuple[Mark | None, Experiment]:
+    s = experiment.signals
+    rate = _rate(experiment)
+    if len(s) < 500:
+        return None, experiment
+    readings = np.where(experiment.valid, experiment.measured, 0.0)
+    rest = readings if motion is None else readings - np.where(experiment.valid, motion, 0.0)
+    best: tuple[float, float, tuple[int, ...], Array, Array] | None = None
+    for grid in GRIDS:
+        possible = tuple(h for h in (1, 2, 3) if h * (grid + OFF) < 0.48 * rate)
+        if not possible:
+            continue
+        frequency = _sharpest(rest, s.t, grid, experiment.noise)
+        found_lines, amplitudes, power = [], [], 0.0
+        for h in possible:
+            pair = _pair(rest, s.t, h * frequency)
+            beside = np.mean([np.hypot(*_pair(rest, s.t, h * frequency + d)).ravel() ** 2
+                              for d in (-2.1, -1.4, -0.9, 0.9, 1.4, 2.1)], axis=0)  # fmt: skip
+            size = np.hypot(*pair)
+            clear = (size > LINE * experiment.noise) & (size**2 > STANDS_OUT * beside)
+            if clear.any():
+                found_lines.append(h)
+                amplitudes.append(_coherent(rest, s.t, h * frequency))
+                power += float(((size / experiment.noise) ** 2)[clear].sum())
+        if found_lines and (best is None or power > best[0]):
+            best = (power, frequency, tuple(found_lines), np.stack(amplitudes), pair)
+    if best is None:
+        return None, experiment
+    power, frequency, lines, pairs, _ = best
+    effect = MainsHum(frequency=frequency, harmonics=lines)
+    # per channel: sine and cosine of each harmonic, one after the other
+    values = np.ascontiguousarray(np.moveaxis(pairs, -1, 0)).ravel()
+    hum = sum((_line(rest, s.t, h * frequency) for h in lines), np.zeros_like(rest))
+    sizes = np.hypot(*_pair(rest, s.t, lines[0] * frequency))
+    top = int(np.argmax(sizes / experiment.noise))
+    says = (f"a line at {frequency:.2f} Hz{' and its harmonics' if len(lines) > 1 else ''}, "
+            f"{sizes[top]:.3g} {experiment.layout.units[top]} in {experiment.layout.channels[top]}")  # fmt: skip
+    mark = Mark(effect, values, says, 0.5 * power * len(s.t), 1.0)
+    quiet = experiment.measured - hum
+    # the white noise that differences of neighbours show held the hum, too
+    noise = np.minimum(experiment.noise, [force_noise(channel[experiment.valid]) for channel in quiet])
+    return mark, dataclasses.replace(experiment, measured=quiet, noise=np.maximum(noise, 1e-9))
+
+
+def _rate(experiment: Experiment) -> float:
+    """Samples a second."""
+    steps = experiment.signals.dt[experiment.signals.dt > 0]
+    return 1.0 / float(np.median(steps)) if len(steps) else 1.0
+
+
+def _pair(readings: Array, t: Array, frequency: float) -> Array:
+    """Sine and cosine amplitude at a frequency, root mean square over stretches of four seconds, (2, channels).
+
+    Stretches, because a grid's phase wanders.
+    """
+    many = max(1, int(t[-1] / 4.0))
+    angle = 2.0 * np.pi * frequency * t
+    out = np.zeros((2, len(readings)))
+    for part in np.array_split(np.arange(len(t)), many):
+        window = np.hanning(len(part))
+        window *= 2.0 / window.sum()
+        for row, wave in enumerate((np.sin, np.cos)):
+            out[row] += ((readings[:, part] * wave(angle[part])) @ window) ** 2 / many
+    return np.sqrt(out)
+
+
+def _coherent(readings: Array, t: Array, frequency: float) -> Array:
+    """Sine and cosine amplitude over the whole log, (2, channels)."""
+    angle = 2.0 * np.pi * frequency * t
+    return np.stack([readings @ np.sin(angle), readings @ np.cos(angle)]) * (2.0 / len(t))
+
+
+def _line(readings: Array, t: Array, frequency: float) -> Array:
+    """The line itself, its phase and size followed over half a second, (channels, n)."""
+    from scipy.ndimage import gaussian_filter1d
+
+    turned = np.exp(-2j * np.pi * frequency * t)
+    width = 0.5 / float(np.median(np.diff(t)))
+    mixed = 2.0 * readings * turned
+    slow = gaussian_filter1d(mixed.real, width, axis=1) + 1j * gaussian_filter1d(mixed.imag, width, axis=1)
+    out: Array = (slow * np.conj(turned)).real
+    return out
+
+
+def _sharpest(readings: Array, t: Array, grid: float, noise: Array) -> float:
+    """Frequency near the grid's at which the line is strongest [Hz]."""
+    loudest = readings[int(np.argmax(np.hypot(*_pair(readings, t, grid)) / noise))][None]
+    trials = np.arange(grid - OFF, grid + OFF + 1e-9, max(0.4 / max(float(t[-1]), 1.0), 0.01))
+    power = [float(np.hypot(*_coherent(loudest, t, f)).max()) for f in trials]
+    return float(trials[int(np.argmax(power))])

@@ -1,0 +1,56 @@
+"""Intervals of a diagnosed model's parameters, which know that its residual is not white."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.diagnosis.descent import State
+from kinid.fit import Z95, FittedParameter
+
+Array = NDArray[np.float64]
+
+#: a parameter whose scale moves all weighted readings together by less is open
+UNSEEN = 1e-3
+
+
+def covariance(state: State) -> Array:
+    """Sandwich covariance over blocks of half a second (White 1980, clustered: Liang & Zeger 1986), (p, p).
+
+    Infinite in the rows of parameters that the log leaves open.
+    """
+    p = len(state.values)
+    inverse = state.inverse
+    number = state.problem.blocks
+    scores = np.zeros((number.max() + 1, inverse.shape[0])) if len(number) else np.zeros((0, inverse.shape[0]))
+    weighted = state.jacobian * state.residual[:, None]
+    np.add.at(scores, number, weighted)
+    meat = scores.T @ scores
+    whole = inverse @ meat @ inverse
+    # calibration is no better known than its tolerance, and noise alone is the least
+    whole = np.maximum(np.diag(whole), np.diag(inverse))[:p]
+    out = np.diag(whole * state.scale**2)
+    sandwich = (inverse @ meat @ inverse)[:p, :p] * np.outer(state.scale, state.scale)
+    off = ~np.eye(p, dtype=np.bool_)
+    out[off] = sandwich[off]
+    open_ = open_parameters(state)
+    out[open_, :] = np.inf
+    out[:, open_] = np.inf
+    return out
+
+
+def open_parameters(state: State) -> NDArray[np.bool_]:
+    """Which parameters the log does not move, alone or together with others, (p,)."""
+    p = len(state.values)
+    lengths = np.linalg.norm(state.jacobian[:, :p], axis=0)
+    variance = np.diag(state.inverse)[:p]
+    out: NDArray[np.bool_] = state.free[:p] & ((lengths < UNSEEN) | (variance > 1.0 / UNSEEN**2))
+    return out
+
+
+def fitted(state: State) -> dict[str, FittedParameter]:
+    """Estimates with 95 % intervals, by "effect.parameter"."""
+    error = np.sqrt(np.maximum(np.diag(covariance(state)), 0.0))
+    named = state.model.parameters(state.problem.experiment.layout)
+    return {name: FittedParameter(name, float(v), float(v - Z95 * e), float(v + Z95 * e), p.unit)
+            for (name, p), v, e in zip(named.items(), state.values, error)}  # fmt: skip

@@ -1,0 +1,112 @@
+"""How far a reading may be from what a model expects: noise, noise of positions on its way through the model, tolerance."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.effects import Signals
+from kinid.experiment import Experiment
+from kinid.model import Model
+
+Array = NDArray[np.float64]
+
+#: share of a reading that no sensor and no law gets right
+RELATIVE = 2e-3
+#: rates hold nothing above this [Hz]
+RATE_BAND = 25.0
+#: how often motion is shaken to see what its noise does
+HELPINGS = 4
+
+
+def spread(experiment: Experiment, model: Model, values: Array, edge: NDArray[np.int64], count: Array) -> Array:
+    """Noise of mean readings, of positions through the model, and the share that no law gets right, (channels, g)."""
+    s = experiment.signals
+    predicted = experiment.in_band(model.predict(s, values))
+    noise = experiment.noise.copy()
+    units = np.array(s.layout.units)
+    for unit in set(units.tolist()):
+        alike = units == unit
+        noise[alike] = np.maximum(noise[alike], 0.02 * noise[alike].max())
+    scale = np.sqrt(np.mean(experiment.measured[:, experiment.valid] ** 2, axis=1)) if experiment.valid.any() else noise
+    noise = np.maximum(noise, 1e-6 * np.maximum(scale, 1e-12))
+    many = count
+    if experiment.band is not None:
+        # what the band lets through is spread over neighbours already: means take nothing more off it
+        noise = noise * np.sqrt(min(1.0, 2.0 * experiment.band * period_of(s)))
+        many = np.ones_like(count)
+    white = noise[:, None] ** 2 / many
+    mean = np.add.reduceat(predicted, edge, axis=1) / count
+    if s.layout.kind != "joints" and (s.depth > 0).any():
+        white = white + _carried(experiment, model, values, predicted, edge, count)
+        white = white + (np.add.reduceat(_pulled(s, predicted), edge, axis=1) / count) ** 2
+    out: Array = np.sqrt(white + (RELATIVE * mean) ** 2)
+    return out
+
+
+def period_of(s: Signals) -> float:
+    """Time between samples [s]."""
+    steps = s.dt[s.dt > 0]
+    return float(np.median(steps)) if len(steps) else 1.0
+
+
+def _carried(experiment: Experiment, model: Model, values: Array, predicted: Array, edge: NDArray[np.int64],
+             count: Array) -> Array:  # fmt: skip
+    """Variance of mean readings that noise of positions makes on its way through the model, (channels, g).
+
+    Seen, not derived: the motion gets another helping of its own noise, and memory and kinks do with it what they do.
+    """
+    from scipy.ndimage import gaussian_filter1d, uniform_filter1d
+
+    s = experiment.signals
+    rng = np.random.default_rng(0)
+    period = period_of(s)
+    width = 1.0 / (2 * np.pi * RATE_BAND * period)
+    total = np.zeros((len(predicted), len(edge)))
+    for _ in range(HELPINGS):
+        shaken = []
+        for x, v in ((s.depth, s.depth_rate), (s.slip[0], s.slip_rate[0]), (s.slip[1], s.slip_rate[1])):
+            noise = position_noise(x) * rng.standard_normal(len(x))
+            rate = np.gradient(gaussian_filter1d(noise, width), period) if len(x) > 2 and width > 0.5 else np.zeros(len(x))
+            shaken.append((x + noise, v + rate))
+        (d, dv), (x1, v1), (x2, v2) = shaken
+        moved = dataclasses.replace(s, depth=d, depth_rate=dv, slip=np.stack([x1, x2]), slip_rate=np.stack([v1, v2]))
+        change = np.add.reduceat(experiment.in_band(model.predict(moved, values)) - predicted, edge, axis=1) / count
+        total += change**2 / HELPINGS
+    # and what the band of the rates costs: twice through the same filter, the fastest motion loses as much again
+    if width > 0.5:
+        runs = np.flatnonzero(s.dt == 0.0)
+        if len(runs) == 1:
+            smooth = [gaussian_filter1d(v, width) for v in (s.depth_rate, *s.slip_rate)]
+            moved = dataclasses.replace(s, depth_rate=smooth[0], slip_rate=np.stack(smooth[1:]))
+            change = np.add.reduceat(experiment.in_band(model.predict(moved, values)) - predicted, edge, axis=1) / count
+            total += change**2
+    near = max(1, round(0.2 / (period * float(np.median(count)))))
+    out: Array = uniform_filter1d(total, near, axis=1)
+    return out
+
+
+def _pulled(s: Signals, predicted: Array) -> Array:
+    """What a law that pulls at separation puts into each reading, where a tool might as well have left, (channels, n)."""
+    out = np.zeros_like(predicted)
+    inside = s.depth > 0
+    if s.layout.kind == "contact":
+        if "normal_force" in s.layout.channels:
+            row = s.layout.channels.index("normal_force")
+            out[row] = np.maximum(-predicted[row], 0.0) * inside
+    elif s.sensor is not None:
+        normal = s.sensor.to_contact[:, 2].T
+        pull = np.maximum(-np.einsum("in,in->n", normal, predicted[:3] - s.sensor.load[:3]), 0.0) * inside
+        out[:3] = np.abs(normal) * pull
+        out[3:] = np.abs(np.cross(s.sensor.tip, normal, axis=0)) * pull
+    return out
+
+
+def position_noise(position: Array) -> float:
+    """White noise of a position (n,), from third differences, which smooth motion hardly has."""
+    if len(position) < 20:
+        return 0.0
+    third = np.diff(position, 3)
+    return float(1.4826 * np.median(np.abs(third - np.median(third))) / np.sqrt(20.0))

@@ -1,0 +1,187 @@
+"""What diagnosis holds models against: readings in means, weighted by noise and tolerance, dealt into blocks and halves."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.diagnosis.noise import period_of, spread
+from kinid.effects import Signals
+from kinid.experiment import Experiment
+from kinid.kernels.averages import weighted_means
+from kinid.model import Model
+from kinid.task import folds
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: samples a second that diagnosis works with, unless readings are compared at higher frequencies
+RATE = 125.0
+#: and of them at most so many
+MOST_SAMPLES = 40_000
+#: what calibration is trusted to, as a standard deviation: surface [m], clocks [s], bias [N] and [N·m]
+SURFACE, CLOCK, BIAS_FORCE, BIAS_TORQUE = 1.5e-5, 1.25e-4, 0.01, 5e-4
+#: degrees of freedom of Student's t, whose logarithm bounds what a single sample can say
+FREEDOM = 5.0
+#: two blocks are half a second apart: longer than the noise remembers
+BLOCK = 0.5
+
+
+def thin(experiment: Experiment, most: int = MOST_SAMPLES) -> Experiment:
+    """The experiment with motion and readings in means of neighbouring samples, where it has more than `most`."""
+    many = int(np.ceil(len(experiment.signals) / most))
+    if many <= 1:
+        return experiment
+    s = experiment.signals
+    edge, count = _groups(experiment, many)
+
+    def mean(x: Array) -> Array:
+        """Along the last axis."""
+        return np.ascontiguousarray(np.add.reduceat(x, edge, axis=-1) / count)
+
+    run = np.cumsum(s.dt == 0.0)[edge]
+    t = mean(s.t)
+    dt = np.where(np.r_[True, np.diff(run) != 0], 0.0, np.diff(t, prepend=t[0]))
+    sensor, joints = s.sensor, s.joints
+    if sensor is not None:
+        turned = np.moveaxis(mean(np.moveaxis(sensor.to_contact, 0, -1)), -1, 0)
+        sensor = dataclasses.replace(
+            sensor, to_contact=np.ascontiguousarray(turned), specific=mean(sensor.specific), omega=mean(sensor.omega),
+            alpha=mean(sensor.alpha), load=mean(sensor.load),
+        )  # fmt: skip
+    if joints is not None:
+        arrays: dict[str, Any] = {field.name: mean(getattr(joints, field.name)) for field in dataclasses.fields(joints)
+                                  if isinstance(getattr(joints, field.name), np.ndarray)}  # fmt: skip
+        joints = dataclasses.replace(joints, **arrays)
+    signals = dataclasses.replace(
+        s, t=t, dt=dt, depth=mean(s.depth), depth_rate=mean(s.depth_rate), slip=mean(s.slip), slip_rate=mean(s.slip_rate),
+        measured=None if s.measured is None else mean(s.measured), sensor=sensor, joints=joints,
+    )  # fmt: skip
+    return dataclasses.replace(
+        experiment, signals=signals, measured=mean(experiment.measured), valid=experiment.valid[edge],
+        noise=experiment.noise / np.sqrt(many), phase=None if experiment.phase is None else experiment.phase[edge],
+        in_contact=experiment.in_contact[edge], rows=experiment.rows[edge],
+    )  # fmt: skip
+
+
+def _groups(experiment: Experiment, many: int) -> tuple[NDArray[np.int64], Array]:
+    """First sample of each group of at most `many` neighbours of one run and one validity, and how many are in it."""
+    s = experiment.signals
+    starts = np.flatnonzero(s.dt == 0.0)
+    within = np.arange(len(s)) - starts[np.cumsum(s.dt == 0.0) - 1]
+    begins = (within % many == 0) | np.r_[True, np.diff(experiment.valid.astype(np.int8)) != 0]
+    edge = np.flatnonzero(begins)
+    return edge, np.diff(np.r_[edge, len(s)]).astype(float)
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What diagnosis holds a model against: readings in means over a few milliseconds, because what is faster is noise.
+
+    Predictions are made at the experiment's own rate and then averaged, so that nothing is lost of fast reversals.
+
+    Attributes:
+        experiment: at most `MOST_SAMPLES` long.
+        edge, count: first sample and size of each group that is averaged, (g,).
+        sigma: standard deviation of a mean reading's noise, position noise carried through the model included, (channels, g).
+        even: which half of the log each group lies in, (g,). block: number of its block, (g,).
+        valid: whether it counts, (g,).
+    """
+
+    experiment: Experiment
+    edge: NDArray[np.int64]
+    count: Array
+    sigma: Array
+    even: Mask
+    block: NDArray[np.int64]
+    valid: Mask
+
+    @classmethod
+    def build(cls, experiment: Experiment, model: Model, values: Array) -> Problem:
+        """Groups, and weights from a first fit of the model."""
+        s = experiment.signals
+        period = period_of(s)
+        rate = max(RATE, 4.0 * (experiment.band or 0.0))
+        edge, count = _groups(experiment, max(1, int(1.0 / (rate * period))))
+        span = float(s.t[-1]) if len(s) else 0.0
+        length = BLOCK if span >= 16 * BLOCK else max(span / 16, 1e-9)
+        return cls(experiment, edge, count, spread(experiment, model, values, edge, count), folds(experiment)[edge],
+                   (s.t / length).astype(np.int64)[edge], experiment.valid[edge])  # fmt: skip
+
+    @cached_property
+    def measured(self) -> Array:
+        """Readings in the band that counts, (channels, n)."""
+        return filled(self.experiment)
+
+    def predict(self, model: Model, values: Array, signals: Signals | None = None) -> Array:
+        """What a model expects there, (channels, n)."""
+        return self.experiment.in_band(model.predict(signals or self.experiment.signals, values))
+
+    def stack(self, readings: Array) -> Array:
+        """Averaged, weighted, channel after channel, valid groups only, (m,)."""
+        begin, end, sigma = self._kept
+        out = np.empty(sigma.size)
+        weighted_means(np.ascontiguousarray(readings), begin, end, sigma, out)
+        return out
+
+    @cached_property
+    def _kept(self) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
+        """First sample of each valid group and the one after its last, (g,), and sigma there, (channels, g)."""
+        begin = self.edge[self.valid].astype(np.int64)
+        return begin, begin + self.count[self.valid].astype(np.int64), np.ascontiguousarray(self.sigma[:, self.valid])
+
+    def only(self, part: Mask) -> Problem:
+        """The same, with groups outside of a part (g,) left out."""
+        return dataclasses.replace(self, valid=self.valid & part)
+
+    @cached_property
+    def half(self) -> Mask:
+        """`even` for stacked readings, (m,)."""
+        return np.tile(self.even[self.valid], len(self.sigma))
+
+    @cached_property
+    def blocks(self) -> NDArray[np.int64]:
+        """`block` for stacked readings, numbered without holes, (m,)."""
+        number: NDArray[np.int64] = np.unique(self.block[self.valid], return_inverse=True)[1]
+        return np.tile(number, len(self.sigma))
+
+    def nuisance(self, model: Model, values: Array, predicted: Array) -> Array:
+        """Readings' change per tolerance of what calibration leaves open, (m, k).
+
+        Surface, clock, and the bias of each channel; a unit of each column is its tolerance, so that all have the prior N(0, 1).
+        """
+        s, columns = self.experiment.signals, []
+        kind = s.layout.kind
+        if kind != "joints" and (s.depth > 0).any():
+            moved = self.predict(model, values, dataclasses.replace(s, depth=s.depth + SURFACE))
+            columns.append(self.stack(moved - predicted))
+        rate = np.zeros_like(predicted)
+        ok = s.dt > 0
+        rate[:, 1:] = np.where(ok[1:], np.diff(predicted, axis=1) / np.where(ok[1:], s.dt[1:], 1.0), 0.0)
+        columns.append(self.stack(CLOCK * rate))
+        for i, unit in enumerate(s.layout.units):
+            constant = np.zeros_like(predicted)
+            constant[i] = BIAS_FORCE if unit == "N" and kind != "joints" else BIAS_TORQUE
+            columns.append(self.stack(constant))
+        return np.stack(columns, axis=1)
+
+    def loss(self, stacked: Array) -> Array:
+        """Minus log-likelihood of weighted residuals under Student's t, per block, (blocks,)."""
+        each = 0.5 * (FREEDOM + 1.0) * np.log1p(stacked**2 / FREEDOM)
+        out: Array = np.bincount(self.blocks, each).astype(float)
+        return out
+
+
+def filled(experiment: Experiment) -> Array:
+    """Readings in the band that counts, (channels, n); what is no number is bridged by a straight line, or it would ring."""
+    out = experiment.measured.copy()
+    for row in out:
+        gone = ~np.isfinite(row)
+        if gone.any() and not gone.all():
+            row[gone] = np.interp(np.flatnonzero(gone), np.flatnonzero(~gone), row[~gone])
+    return experiment.in_band(np.nan_to_num(out))

@@ -1,0 +1,154 @@
+"""What a diagnosis says: where the model fails, which effect it lacks, how sure that is, and what to measure next."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.experiment import Experiment
+from kinid.fit import Fit, FittedParameter
+from kinid.model import Model
+
+Array = NDArray[np.float64]
+
+ADEQUATE, MISSING, UNEXPLAINED = "adequate", "missing", "unexplained"
+PRESENT, ABSENT, NOT_EXCITED, INDISTINGUISHABLE = "present", "absent", "not-excited", "indistinguishable"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A part of the log that holds a share of the error.
+
+    Attributes:
+        channel: of the reading. by: what the log was divided by ("phase", "depth", "depth_rate", "loading", "slip", "frequency",
+            "place", "pose", "time"); phase: the phase, where it was divided by that, else "".
+        share: of the whole squared error beyond the noise, 0…1. rms: of the residual there, in `unit`.
+        says: in words.
+    """
+
+    channel: str
+    by: str
+    phase: str
+    share: float
+    rms: float
+    unit: str
+    says: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"channel": self.channel, "phase": self.phase, "share": self.share, "says": self.says, "by": self.by,
+                "rms": self.rms, "unit": self.unit}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class EffectVerdict:
+    """What the log says about one effect.
+
+    Attributes:
+        id: its name. verdict: "present", "absent", "not-excited" or "indistinguishable".
+        evidence: twice the gain in held-out log-likelihood that the effect brings, less 4 for each of its parameters; the
+            likelihood is Student's t, so that no single sample decides. 16 is the least that is believed.
+        equivalent_to: effects that this log can't tell it from.
+        held_out_gain: by how much it lowers the held-out error, in the error's unit.
+        parameters: with 95 % intervals, where it was fitted.
+        separate_by: how to tell it from what it is mistaken for, or what to record to see it.
+        says: the verdict in words.
+    """
+
+    id: str
+    verdict: str
+    evidence: float
+    equivalent_to: tuple[str, ...]
+    held_out_gain: float
+    parameters: dict[str, FittedParameter]
+    separate_by: str
+    says: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "id": self.id, "verdict": self.verdict, "evidence": self.evidence, "equivalent_to": list(self.equivalent_to),
+            "held_out_gain": self.held_out_gain,
+            "parameters": {name: {"value": p.value, "low": finite(p.low), "high": finite(p.high), "unit": p.unit}
+                           for name, p in self.parameters.items()},
+            "separate_by": self.separate_by, "says": self.says,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Step:
+    """One rung of the ladder: what was added, the model then, its error on samples seen and held out."""
+
+    added: str | None
+    model: tuple[str, ...]
+    train: float
+    held_out: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"added": self.added, "model": list(self.model), "error": {"train": self.train, "held_out": self.held_out}}
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """Where a model fails, and which effects it lacks.
+
+    Attributes:
+        model: that was asked about. best: with what it lacked; `fit` is fitted with it.
+        verdict: "adequate", "missing" or "unexplained". says: why, in words.
+        added: names, in the order in which they help.
+        steps: the ladder, from the model to the best one; errors are of the same samples on each.
+        noise_floor: what the noise alone explains; unit: of all errors.
+        where: cells in which the error of `model` sits, the largest share first. left: the same of the best model.
+        effects: a verdict for every effect of the catalogue.
+        experiment: what was looked at. residual: of `model`, held out, (channels, n); residual_after: of the best one.
+        before, after: values of the parameters of both models, fitted to everything.
+        warnings: what to doubt.
+    """
+
+    model: Model
+    best: Model
+    verdict: str
+    says: str
+    added: tuple[str, ...]
+    steps: tuple[Step, ...]
+    noise_floor: float
+    unit: str
+    where: tuple[Cell, ...]
+    left: tuple[Cell, ...]
+    effects: tuple[EffectVerdict, ...]
+    experiment: Experiment
+    residual: Array
+    residual_after: Array
+    fit: Fit
+    warnings: tuple[str, ...] = field(default=())
+
+    def __getitem__(self, name: str) -> EffectVerdict:
+        from kinid.errors import InputError, near
+
+        for effect in self.effects:
+            if effect.id == name:
+                return effect
+        raise InputError(f"effect '{name}'", "one that was looked at", near(name, [e.id for e in self.effects]))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The facts as `kinid diagnose --json` writes them."""
+        return {
+            "model": list(self.model.names), "verdict": self.verdict, "says": self.says, "added": list(self.added),
+            "error": {"unit": self.unit, "before": self.steps[0].held_out, "after": self.steps[-1].held_out,
+                      "noise_floor": self.noise_floor},
+            "steps": [step.to_dict() for step in self.steps],
+            "where": [cell.to_dict() for cell in self.where],
+            "left": [cell.to_dict() for cell in self.left],
+            "effects": [effect.to_dict() for effect in self.effects],
+            "warnings": list(self.warnings),
+        }  # fmt: skip
+
+
+def finite(value: float) -> float | None:
+    """JSON has no infinity: an open end is null."""
+    return value if math.isfinite(value) else None

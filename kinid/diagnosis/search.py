@@ -1,0 +1,334 @@
+"""From a model to the model with what it lacks: forward by held-out evidence, then each addition must defend its place."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid import effects
+from kinid.diagnosis.candidates import SEARCHED, Candidate, able, amplitudes, base_of, screen
+from kinid.diagnosis.descent import State, bounds, fit
+from kinid.diagnosis.problem import BIAS_FORCE, BIAS_TORQUE, CLOCK, SURFACE
+from kinid.effects import Effect
+from kinid.model import Model
+
+Array = NDArray[np.float64]
+In = TypeVar("In")
+Out = TypeVar("Out")
+
+#: evidence below which nothing is added
+ENOUGH = 16.0
+#: and how many of its own standard errors it must be
+SURE = 3.0
+#: what each further parameter costs, in evidence
+PRICE = 4.0
+#: held-out error must fall by this share at least, for each of the samples that are averaged together, within these ends: means
+#: have less noise, in which a fall would hide
+MATERIAL, LEAST, MOST = 0.005, 0.008, 0.02
+#: rivals within so much evidence, or so many standard errors of the difference, fit as well
+ALIKE, ALIKE_SE = 12.0, 2.0
+#: … but never when they lack this share of what the addition brought
+CLOSE = 0.15
+#: candidates that are refitted, a round
+REFITTED = 6
+
+
+#: parameters below these are calibration, not physics, by unit
+TOLERATED: dict[str, dict[str, float]] = {
+    "surface-offset": {"m": 3 * SURFACE},
+    "time-offset": {"s": 4 * CLOCK},
+    "sensor-lag": {"s": 4 * CLOCK},
+    "sensor-bias": {"N": 3 * BIAS_FORCE, "N·m": 3 * BIAS_TORQUE},
+}
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Twice the gain in held-out log-likelihood (bounded per sample), less the price of parameters.
+
+    Attributes:
+        value: the figure. error: its standard error, from the spread over blocks of half a second.
+        gaining, losing: blocks that gain or lose more than one unit. kept: share of the gain that losing blocks don't take back.
+    """
+
+    value: float
+    error: float
+    gaining: int
+    losing: int
+    kept: float
+
+    @property
+    def sure(self) -> bool:
+        """Whether chance is no explanation: many blocks gain alike, or a few gain much and next to none loses."""
+        if self.value < ENOUGH:
+            return False
+        rare = self.gaining >= 3 and self.kept > 0.8 and self.gaining >= 3 * self.losing
+        return self.value > SURE * self.error or rare
+
+
+def weigh(before: State, after: State) -> Evidence:
+    """Evidence for the second model over the first."""
+    gain = 2.0 * (before.loss - after.loss)
+    price = PRICE * (len(after.values) - len(before.values)) + float(after.shift @ after.shift - before.shift @ before.shift)
+    up, down = float(gain[gain > 0].sum()), float(-gain[gain < 0].sum())
+    error = float(gain.std(ddof=1) * np.sqrt(len(gain))) if len(gain) > 1 else float("inf")
+    return Evidence(float(gain.sum() - price), error, int((gain > 1).sum()), int((gain < -1).sum()),
+                    1.0 - down / up if up > 0 else 0.0)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """A candidate that was refitted: its state, and the evidence for it over the state before."""
+
+    effect: Effect
+    state: State
+    evidence: Evidence
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """One look at the catalogue from one model: all points of every effect, best first, and the best effects refitted."""
+
+    before: State
+    points: Mapping[str, Sequence[Candidate]]
+    tried: tuple[Tried, ...]
+
+    @property
+    def screened(self) -> list[Candidate]:
+        """The best point of each effect, the most promising effect first."""
+        return sorted((points[0] for points in self.points.values()), key=lambda c: PRICE * c.rank - c.gain)
+
+
+def look(state: State, *, most: int = REFITTED, spare: Sequence[str] = ()) -> Round:
+    """Screen the catalogue and refit the best.
+
+    Args:
+        state: the model as it is. most: how many to refit. spare: names to leave out.
+    """
+    able_ones = [effect for effect, why in able(state.model, state.problem.experiment.layout)
+                 if not why and not effect.detector and effect.id not in spare]  # fmt: skip
+    starts = {points[0].effect.id: points for points in _side_by_side(lambda e: screen(state, e), able_ones) if points}
+    look = Round(state, starts, ())
+    worth = [c for c in look.screened[:most] if c.gain >= ENOUGH / 2]
+    tried = _side_by_side(lambda c: attempt(state, c, starts[c.effect.id]), worth)
+    tried.sort(key=lambda t: -t.evidence.value)
+    light = {name: [dataclasses.replace(c, columns=None) for c in points] for name, points in starts.items()}
+    return Round(state, light, tuple(tried))
+
+
+def _side_by_side(do: Callable[[In], Out], items: Sequence[In]) -> list[Out]:
+    """The same for all, on as many cores as there are; kernels let go of the interpreter's lock."""
+    cores = min(os.cpu_count() or 1, 4)
+    if cores < 2 or len(items) < 2:
+        return [do(item) for item in items]
+    with ThreadPoolExecutor(cores) as pool:
+        return list(pool.map(do, items))
+
+
+def attempt(state: State, candidate: Candidate, points: Sequence[Candidate]) -> Tried:
+    """Refit with the candidate, from its best shapes."""
+    model = state.model + candidate.effect
+    best: State | None = None
+    for point in points[:SEARCHED]:
+        if best is not None and point.gain < 0.5 * points[0].gain:
+            break
+        found = fit(state.problem, model, _nearest(state, model, point), guess=point.guess(state))
+        if best is None or found.cost < best.cost:
+            best = found
+    assert best is not None
+    return Tried(candidate.effect, best, weigh(state, best))
+
+
+def _nearest(state: State, model: Model, point: Candidate) -> Array:
+    """As much of the linear view's step as helps: curved laws reward only its beginning."""
+    problem, none = state.problem, point.origin
+    y = problem.stack(problem.measured)
+    low, high = bounds(model, problem)
+    best, least = none, np.inf
+    for share in (1.0, 0.3, 0.1, 0.03):
+        trial = none + share * (point.start - none)
+        if (trial < low).any() or (trial > high).any():
+            continue
+        rest = y - problem.stack(problem.predict(model, trial))
+        cost = float(rest @ rest)
+        if cost < least:
+            best, least = trial, cost
+        elif np.isfinite(least):
+            break
+    return np.clip(best, low, high)
+
+
+def rms(state: State) -> float:
+    """Weighted held-out error."""
+    return float(np.sqrt(np.mean(state.held**2)))
+
+
+def accepted(before: State, tried: Tried) -> bool:
+    """Whether an addition is believed: evidence that chance doesn't explain, and a size that matters."""
+    return (tried.evidence.sure and rms(tried.state) < (1.0 - _worth(before)) * rms(before) and material(tried)
+            and not at_end(tried))  # fmt: skip
+
+
+def _worth(state: State) -> float:
+    """Share by which an addition must lower the error of means."""
+    return float(np.clip(MATERIAL * state.problem.count.mean(), LEAST, MOST))
+
+
+def at_end(tried: Tried) -> bool:
+    """Whether one of its parameters was driven to the end of what is possible: then it stands in for something else."""
+    layout = tried.state.problem.experiment.layout
+    parameters = tried.effect.parameters(layout)
+    null = amplitudes(tried.effect, layout, base_of(tried.state.model))
+    own = [name.split(".")[0] == tried.effect.id for name in tried.state.model.parameters(layout)]
+    for i, (p, value) in enumerate(zip(parameters, tried.state.values[np.array(own)])):
+        room = 1e-3 * p.scale
+        if any(abs(value - end) < room and end != null.get(i) for end in (p.low, p.high)):
+            return True
+    return False
+
+
+def material(tried: Tried) -> bool:
+    """Whether what was added is outside of what calibration is trusted to anyway."""
+    layout = tried.state.problem.experiment.layout
+    own = np.array([name.split(".")[0] == tried.effect.id for name in tried.state.model.parameters(layout)])
+    values = tried.state.values[own]
+    least = TOLERATED.get(tried.effect.id)
+    if least is None:
+        return True
+    units = [p.unit for p in tried.effect.parameters(layout)]
+    return any(abs(v) > least[unit] for v, unit in zip(values, units) if unit in least)
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """What was found.
+
+    Attributes:
+        states: from the model that was asked about to the last one; each has one effect more.
+        added: names, in the order of the steps. rivals: of each addition, those that fit as well.
+        rounds: every look, first to last. evidence: for each addition, beside all others.
+    """
+
+    states: tuple[State, ...]
+    added: tuple[str, ...]
+    rivals: dict[str, tuple[str, ...]]
+    rounds: tuple[Round, ...]
+    evidence: dict[str, Evidence]
+
+
+def search(start: State, *, most: int = 4, forced: Sequence[str] = (), spare: Sequence[str] = (),
+           progress: Callable[[str], None] = lambda _: None) -> Search:  # fmt: skip
+    """Add effects while held-out evidence asks for more.
+
+    Args:
+        start: the model as the user has it, fitted. most: effects to add. forced: names to add first, whatever the evidence.
+        spare: names that are out of the question. progress: told what is being done.
+    """
+    states, rounds, added = [start], [], []
+    for name in forced:
+        progress(f"adding {name}")
+        points = screen(states[-1], effects.get(name))
+        states.append(attempt(states[-1], points[0], points).state)
+        added.append(name)
+    while len(added) < most:
+        progress(f"looking for what {' + '.join(['the model', *added])} lacks")
+        found = look(states[-1], spare=spare)
+        rounds.append(found)
+        good = [t for t in found.tried if accepted(states[-1], t)]
+        if not good:
+            break
+        chosen = _simplest(good)
+        states.append(chosen.state)
+        added.append(chosen.effect.id)
+        progress(f"defending {', '.join(added)}")
+        states, added = _defend(states[0], states[-1], added, forced, spare)
+    else:
+        rounds.append(look(states[-1], spare=spare, most=0))
+    known = {added[0]: rounds[0]} if len(added) == 1 else {}
+    rivals, evidence = _rivals(states[-1], added, spare, known)
+    return Search(tuple(_ladder(states[0], states[-1], added)), tuple(added), rivals, tuple(rounds), evidence)
+
+
+def _simplest(good: Sequence[Tried]) -> Tried:
+    """Of those that fit as well as the best, the one with the fewest parameters."""
+    best = good[0]
+    alike = [t for t in good if t is best or _alike(t, best.state, best.evidence)]
+    return min(alike, key=lambda t: (len(t.state.values), -t.evidence.value))
+
+
+def _without(state: State, name: str) -> State:
+    """The same model less one effect, and less those that can't act without it, refitted."""
+    gone = {name} | {e.id for e in state.model.effects if e.wants and not any(w in state.model and w != name for w in e.wants)}
+    if name not in state.model:
+        return state
+    kept = [part for effect, part in zip(state.model.effects, _parts(state)) if effect.id not in gone]
+    model = Model(*(effect for effect in state.model.effects if effect.id not in gone))
+    return fit(state.problem, model, np.concatenate([np.zeros(0), *kept]))
+
+
+def _parts(state: State) -> list[Array]:
+    ends = np.cumsum([len(e.parameters(state.problem.experiment.layout)) for e in state.model.effects])
+    return np.split(state.values, ends[:-1])
+
+
+def _defend(first: State, state: State, added: list[str], forced: Sequence[str], spare: Sequence[str]
+            ) -> tuple[list[State], list[str]]:  # fmt: skip
+    """Each addition against being left out, and against every other effect in its place."""
+    for name in [n for n in added if n not in forced]:
+        if len(added) == 1:
+            break
+        if name not in added:
+            continue
+        less = _without(state, name)
+        if not weigh(less, state).sure:
+            added = [n for n in added if n in less.model]
+            state = less
+            continue
+        others = look(less, spare=[*spare, name], most=3)
+        mine = weigh(less, state)
+        better = [t for t in others.tried if t.evidence.value > mine.value + ALIKE and accepted(less, t)
+                  and rms(t.state) < rms(state)]  # fmt: skip
+        if better:
+            state = better[0].state
+            added = [n for n in (better[0].effect.id if n == name else n for n in added) if n in state.model]
+    return [first, state], added
+
+
+def _rivals(state: State, added: Sequence[str], spare: Sequence[str], known: Mapping[str, Round]
+            ) -> tuple[dict[str, tuple[str, ...]], dict[str, Evidence]]:  # fmt: skip
+    """Of each addition, the effects that fit as well in its place; `known` are looks that were made from there already."""
+    rivals, evidence = {}, {}
+    for name in added:
+        others = known[name] if name in known else look(_without(state, name), spare=[*spare, name])
+        evidence[name] = weigh(others.before, state)
+        rivals[name] = tuple(t.effect.id for t in others.tried if t.effect.id != name and _alike(t, state, evidence[name]))
+    return rivals, evidence
+
+
+def _alike(rival: Tried, state: State, mine: Evidence) -> bool:
+    """Whether a rival fits as well: within what chance moves, and not by many more parameters."""
+    difference = weigh(rival.state, state)
+    close = max(ALIKE, min(ALIKE_SE * difference.error, CLOSE * mine.value))
+    return bool(difference.value < close and rival.evidence.sure)
+
+
+def _ladder(first: State, last: State, added: Sequence[str]) -> list[State]:
+    """States between: one addition more at a time, in the order in which each helps most."""
+    if not added:
+        return [first]
+    if len(added) == 1:
+        return [first, last]
+    out = [first]
+    for k in range(1, len(added)):
+        current = last
+        for name in added[k:]:
+            current = _without(current, name)
+        out.append(current)
+    return [*out, last]

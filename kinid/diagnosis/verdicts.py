@@ -1,0 +1,158 @@
+"""What a log says about every effect of the catalogue: present, absent, not excited by it, or not to be told from others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid import effects
+from kinid.diagnosis.candidates import Candidate, able, amplitudes, base_of, screen
+from kinid.diagnosis.descent import State
+from kinid.diagnosis.detectors import Mark
+from kinid.diagnosis.result import ABSENT, INDISTINGUISHABLE, NOT_EXCITED, PRESENT, EffectVerdict
+from kinid.diagnosis.search import ENOUGH, Search, Tried
+from kinid.effects import Effect
+from kinid.fit import FittedParameter
+from kinid.parameter import Parameter
+
+Array = NDArray[np.float64]
+
+#: an effect is excited where one that matters would bring so many times the evidence that is asked for
+POWER = 2.0
+#: at this share of the shapes that were looked at, at least
+SHAPES = 0.75
+
+
+def verdicts(
+    search: Search, marks: tuple[Mark, ...], parameters: dict[str, FittedParameter], gains: dict[str, float],
+    rate: float,
+) -> tuple[EffectVerdict, ...]:  # fmt: skip
+    """One for each effect that the model lacked, those that are there first.
+
+    Args:
+        search, marks: what was found. parameters: of the best model, by "effect.parameter".
+        gains: by how much additions and those that were tried lower the held-out error. rate: samples a second.
+    """
+    last = search.states[-1]
+    out: list[EffectVerdict] = []
+    rivals_of: dict[str, list[str]] = {}
+    for name, rivals in search.rivals.items():
+        for rival in rivals:
+            rivals_of.setdefault(rival, []).append(name)
+    for mark in marks:
+        name = mark.effect.id
+        out.append(EffectVerdict(name, PRESENT, mark.evidence, (), gains.get(name, 0.0), _own(name, parameters), "",
+                                 mark.says))  # fmt: skip
+    for name in search.added:
+        rivals = search.rivals.get(name, ())
+        verdict = INDISTINGUISHABLE if rivals else PRESENT
+        says = (f"fits as well as {', '.join(rivals)}: this log can't tell them apart" if rivals
+                else effects.get(name).signature)  # fmt: skip
+        out.append(EffectVerdict(name, verdict, search.evidence[name].value, rivals, gains.get(name, 0.0),
+                                 _own(name, parameters), _separate(name, rivals), says))  # fmt: skip
+    tried = _tried(search)
+    # the last look was often from the last model
+    points = search.rounds[-1].points if search.rounds and search.rounds[-1].before is last else {}
+    known = {v.id for v in out}
+    inflation = _inflation(last)
+    for effect, why in able(last.model, last.problem.experiment.layout):
+        name = effect.id
+        if name in known:
+            continue
+        attempt = tried.get(name)
+        evidence = attempt.evidence.value if attempt is not None else 0.0
+        shown = _fitted(attempt) if attempt is not None else {}
+        gain = gains.get(name, 0.0)
+        if name in rivals_of:
+            beside = (rival for added in rivals_of[name] for rival in search.rivals[added] if rival != name)
+            others = tuple(dict.fromkeys([*rivals_of[name], *beside]))
+            out.append(EffectVerdict(name, INDISTINGUISHABLE, evidence, others, gain, shown, _separate(name, others),
+                                     f"fits as well as {', '.join(others)}: this log can't tell them apart"))  # fmt: skip
+            continue
+        verdict, says = (NOT_EXCITED, why) if why else _seen(last, effect, points.get(name), inflation, rate)
+        out.append(EffectVerdict(name, verdict, evidence, (), gain, shown,
+                                 "" if verdict == ABSENT else f"record {effect.excited_by}", says))  # fmt: skip
+    order = {PRESENT: 0, INDISTINGUISHABLE: 1, NOT_EXCITED: 2, ABSENT: 3}
+    first = {name: i for i, name in enumerate(search.added)}
+    return tuple(sorted(out, key=lambda v: (first.get(v.id, 99) if v.id in first else 98, order[v.verdict], -v.evidence)))
+
+
+def _seen(state: State, effect: Effect, points: Sequence[Candidate] | None, inflation: float, rate: float) -> tuple[str, str]:
+    """Absent or not excited, and why."""
+    if effect.detector:
+        if effect.id == "saturation":
+            return NOT_EXCITED, "no reading stays at a largest value: the end of the range was not reached"
+        if effect.id == "mains-hum" and rate < 125.0:
+            return NOT_EXCITED, f"at {rate:.3g} Hz a line at 50 or 60 Hz can't be seen"
+        return ABSENT, "no such mark in the samples"
+    layout = state.problem.experiment.layout
+    parameters = effect.parameters(layout)
+    amplitude = amplitudes(effect, layout, base_of(state.model))
+    if points is None:
+        points = screen(state, effect)
+    if not points:
+        return NOT_EXCITED, "it changes nothing in this log"
+    least = np.array([parameters[i].scale for i in amplitude])
+    visible = []
+    for point in points:
+        size = np.array([point.sensitivity.get(i, 0.0) for i in amplitude]) * least
+        visible.append(bool((size**2 > POWER * ENOUGH * inflation).all()))
+    share = float(np.mean(visible))
+    if share < SHAPES:
+        hidden = _hidden(parameters, amplitude, points[0].sensitivity, least, inflation)
+        return NOT_EXCITED, f"one that matters ({hidden}) would hardly show in this log"
+    return ABSENT, "one that matters would show in this log, and doesn't"
+
+
+def _hidden(parameters: tuple[Parameter, ...], amplitude: dict[int, float], sensitivity: dict[int, float], least: Array,
+            inflation: float) -> str:  # fmt: skip
+    weak = [(i, m) for i, m in zip(amplitude, least) if (sensitivity.get(i, 0.0) * m) ** 2 <= POWER * ENOUGH * inflation]
+    chosen = weak or list(zip(amplitude, least))
+    texts = [f"{parameters[i].name} of {m:.3g} {parameters[i].unit}".removesuffix(" 1") for i, m in chosen[:2]]
+    return ", ".join(texts) + (f" and {len(chosen) - 2} more" if len(chosen) > 2 else "")
+
+
+def _inflation(state: State) -> float:
+    """How much more the residual varies, averaged over neighbours, than white noise of size one would; at least 1."""
+    rows = state.residual.reshape(len(state.problem.sigma), -1)
+    k = 8
+    n = rows.shape[1] // k * k
+    if n == 0:
+        return 1.0
+    return max(1.0, float(np.mean(k * rows[:, :n].reshape(len(rows), -1, k).mean(axis=2) ** 2)))
+
+
+def _tried(search: Search) -> dict[str, Tried]:
+    """Of each effect, the refit that helped most."""
+    out: dict[str, Tried] = {}
+    for look in search.rounds:
+        for tried in look.tried:
+            if tried.effect.id not in out or tried.evidence.value > out[tried.effect.id].evidence.value:
+                out[tried.effect.id] = tried
+    return out
+
+
+def _fitted(tried: Tried) -> dict[str, FittedParameter]:
+    """Parameters of the effect alone, from its refit, with intervals."""
+    from kinid.diagnosis.intervals import fitted
+
+    return _own(tried.effect.id, fitted(tried.state))
+
+
+def _own(name: str, parameters: dict[str, FittedParameter]) -> dict[str, FittedParameter]:
+    return {full.split(".", 1)[1]: p for full, p in parameters.items() if full.split(".", 1)[0] == name}
+
+
+def _separate(name: str, rivals: tuple[str, ...]) -> str:
+    """What tells an effect from its rivals, in words."""
+    mine = effects.get(name)
+    if not rivals:
+        return "; ".join(f"{other}: {how}" for other, how in mine.confusions.items())
+    out = []
+    for rival in rivals:
+        other = effects.get(rival)
+        how = mine.confusions.get(rival) or other.confusions.get(name) or f"{mine.excited_by}; {other.excited_by}"
+        out.append(f"{rival}: {how}")
+    return "; ".join(out)

@@ -1,0 +1,87 @@
+"""Words of a diagnosis, the same on the terminal, in reports and in sentences of JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kinid.diagnosis.result import ABSENT, ADEQUATE, INDISTINGUISHABLE, MISSING, NOT_EXCITED, PRESENT, Diagnosis, EffectVerdict
+
+if TYPE_CHECKING:
+    from kinid.diagnosis.view import View
+
+#: verdicts in the order in which a reader wants them
+ORDER = (PRESENT, INDISTINGUISHABLE, NOT_EXCITED, ABSENT)
+
+
+def headline(result: Diagnosis) -> str:
+    """The verdict in a sentence."""
+    before, after = result.steps[0].held_out, result.steps[-1].held_out
+    error = (f"the held-out error falls from {before:.3g} to {after:.3g} {result.unit}" if result.added else
+             f"the held-out error is {before:.3g} {result.unit}")  # fmt: skip
+    noise = f"noise alone is {result.noise_floor:.3g} {result.unit}"
+    names = listed(result.added)
+    if result.verdict == ADEQUATE:
+        return f"The model is adequate: {error}, and {noise}."
+    if result.verdict == MISSING:
+        return f"The model lacks {names}: with {'it' if len(result.added) == 1 else 'them'} {error}; {noise}."
+    if not result.added:
+        return f"Something is missing that the catalogue does not hold: {error}; {noise}."
+    helps = "helps, but does" if len(result.added) == 1 else "help, but do"
+    return f"Something is missing that the catalogue does not hold. {names} {helps} not suffice: {error}; {noise}."
+
+
+def listed(names: Iterable[str]) -> str:
+    """Names as a sentence lists them."""
+    names = list(names)
+    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1] if names else ""
+
+
+def by_verdict(result: Diagnosis) -> list[EffectVerdict]:
+    """Effects, those present first, and by evidence within a verdict."""
+    rank = {verdict: k for k, verdict in enumerate(ORDER)}
+    return sorted(result.effects, key=lambda e: (rank.get(e.verdict, len(rank)), -e.evidence if np.isfinite(e.evidence) else 0.0))
+
+
+def doubts(result: Diagnosis) -> list[str]:
+    """What to doubt, each once; without the advice of a fit to do what was done here."""
+    return [d for d in dict.fromkeys([*result.warnings, *result.fit.warnings]) if "kinid diagnose" not in d]
+
+
+def channel_words(view: View, row: int) -> str:
+    """A channel as a reader speaks of it."""
+    name, layout = view.channels[row], view.experiment.layout
+    if name == "normal_force":
+        return "the normal force"
+    if name.startswith("tangential_force"):
+        return f"the tangential force along tangent {name[-1]}"
+    if layout.kind == "joints":
+        joint = layout.joints[row] if row < len(layout.joints) else f"joint {row + 1}"
+        return f"the {'force' if name.startswith('force') else 'torque'} of {joint}"
+    about = " about the tip" if view.turned else ""
+    return f"the {'force' if name.startswith('f') else 'torque'}{about} along the sensor's {name[-1]} axis"
+
+
+def percent(share: float) -> str:
+    """A share in words."""
+    return f"{100 * share:.0f} %" if share >= 0.01 else "less than 1 %"
+
+
+def sentence(words: str) -> str:
+    """With a capital, without its article."""
+    words = words.removeprefix("the ")
+    return words[:1].upper() + words[1:]
+
+
+def span(a: float, b: float) -> str:
+    """From one number to another, with as many digits as tell them apart."""
+    digits = int(np.clip(1 - np.floor(np.log10(max(abs(b - a), 1e-9))), 0, 9))
+    return f"{a:.{digits}f} to {b:.{digits}f}".replace("-", "−")
+
+
+def number(x: float) -> str:
+    """Three digits, a true minus."""
+    text = f"{x:.3g}"
+    return ("0" if text in ("-0", "0") else text).replace("-", "−")

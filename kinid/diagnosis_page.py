@@ -1,0 +1,311 @@
+"""The report of a diagnosis: one offline HTML page, readable on a phone and on paper."""
+
+from __future__ import annotations
+
+import html
+import platform
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+import kinid
+from kinid import effects as catalogue
+from kinid.diagnosis.result import ABSENT, INDISTINGUISHABLE, NOT_EXCITED, PRESENT, Cell, Diagnosis, EffectVerdict
+from kinid.diagnosis.words import by_verdict, channel_words, doubts, headline, number, sentence
+from kinid.diagnosis_figures import Shown, Titled, ladder, loops, readings
+from kinid.diagnosis_multiples import multiples
+from kinid.fit import FittedParameter
+from kinid.log import Provenance
+from kinid.plots import BLUE, VERMILION, page
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+Array = NDArray[np.float64]
+
+MARK = {PRESENT: "●", INDISTINGUISHABLE: "◐"}
+#: first words of the headings of columns that hold numbers
+NUMBERS = ("evidence", "gain", "seen", "held", "over", "estimate", "from", "to", "lowest", "highest", "noise", "signal", "step",
+           "repeated", "flat")  # fmt: skip
+#: samples at the very same largest reading that are a flat top
+FLAT = 5
+#: channels whose residual is divided every way, at most
+MOST_DIVIDED = 3
+
+STYLE = f"""
+*{{box-sizing:border-box}}
+body{{max-width:1180px;overflow-wrap:break-word}}
+h2{{margin-top:2.2rem;border-bottom:2px solid #e5e7eb;padding-bottom:.2rem}}
+h3{{font-size:1rem;margin:1rem 0 .2rem}}
+.verdict{{font-size:1.15rem;border-left:6px solid {BLUE};background:#f3f6fa;padding:.6rem .9rem;margin:.8rem 0}}
+.verdict.unexplained{{border-color:{VERMILION};background:#fdf3ec}}
+.cards{{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,9rem),1fr));gap:.6rem;margin:.8rem 0}}
+.card{{border:1px solid #e5e7eb;border-radius:.4rem;padding:.5rem .7rem}}
+.card b{{display:block;font-size:1.35rem;font-variant-numeric:tabular-nums}}
+.card span{{color:#4b5563;font-size:.85rem}}
+.grid{{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,330px),1fr));gap:.4rem 1.2rem}}
+.grid.wide{{grid-template-columns:repeat(auto-fill,minmax(min(100%,480px),1fr))}}
+.grid.wide>figure:only-child{{grid-column:1/-1}}
+figure{{margin:.3rem 0;min-width:0;max-width:100%}}
+figcaption{{font-size:.9rem;font-weight:600;margin:.2rem 0}}
+.bar{{background:{BLUE};height:.5rem;border-radius:.2rem}}
+ol.where{{list-style:none;padding:0}}ol.where li{{margin:.5rem 0}}
+.track{{background:#e5e7eb;border-radius:.2rem;max-width:24rem;margin-top:.15rem}}
+pre{{white-space:pre-wrap;background:#f6f7f9;padding:.6rem .8rem;border-radius:.4rem;font-size:.9rem;margin:.4rem 0}}
+table{{line-height:1.35}}th{{white-space:nowrap}}td,th{{vertical-align:top}}td.text,th.text{{text-align:left}}
+td.text{{min-width:12rem;max-width:24rem}}
+td.text:first-child,td.text:nth-child(2){{min-width:8rem}}
+td.num{{white-space:nowrap}}details summary{{cursor:pointer}}section>details{{margin:.8rem 0}}
+.key span{{display:inline-block;margin-right:1.2rem}}.key i{{display:inline-block;width:1.6rem;height:0;border-top:3px solid;
+vertical-align:middle;margin-right:.35rem}}
+@media (max-width:600px){{body{{padding:.6rem}}td,th{{padding-right:.55rem;font-size:.85rem}}}}
+@media print{{@page{{margin:12mm}}body{{max-width:none;padding:0;font-size:10.5pt}}
+figure,.card,li,tr,.verdict{{break-inside:avoid}}
+h2,h3,.key,.facts{{break-after:avoid}}.scroll{{overflow:visible}}
+td,th,td.text,td.text:nth-child(n){{font-size:8pt;padding-right:.4rem;white-space:normal;min-width:0}}
+.grid,.grid.wide{{grid-template-columns:1fr 1fr}}
+*{{print-color-adjust:exact;-webkit-print-color-adjust:exact}}}}
+"""
+
+#: figures are drawn while the page is read, before it has its final width; and for printing each is fitted to its column
+_FIT = """<script>
+(function(){
+  var all=function(f){document.querySelectorAll('.js-plotly-plot').forEach(f)};
+  addEventListener('load',function(){all(function(p){Plotly.Plots.resize(p)})});
+  addEventListener('beforeprint',function(){
+    document.querySelectorAll('details').forEach(function(d){d.open=true});
+    all(function(p){var half=p.closest('.grid');Plotly.relayout(p,{width:half?335:690,autosize:false})});
+  });
+  addEventListener('afterprint',function(){all(function(p){Plotly.relayout(p,{width:null,autosize:true})})});
+})();
+</script>"""
+
+
+def diagnosis_page(result: Diagnosis, title: str, provenance: Provenance | None = None) -> str:
+    """A diagnosis as one HTML page.
+
+    Args:
+        result: what was found.
+        title: of the page.
+        provenance: of the log, where the caller has it: its source and what was done to it.
+    """
+    shown = Shown.of(result)
+    curves = _grid(loops(shown), wide=True) or "<p class=facts>Nothing is touched.</p>"
+    head = "".join((
+        _headline(result),
+        _section("Error as effects are added", _figure("", ladder(result)) + _ladder_words(result)),
+        _section("Where the model fails", _where(result.where)),
+        _section("What is still left", _left(result)) if shown.after is not None and result.left else "",
+        _section("Effects", _effects(result)),
+        _section("What to measure next", _next(result)),
+        _section("The model, with its numbers", _model(result)),
+        _section("Measured against predicted", _key(shown, measured=True) + (
+            "<p class=facts>Predictions of each half of the log come from a fit to the other half. Below each: what is left, "
+            "measured less predicted; dotted: ± 2 standard deviations of the noise.</p>") + _grid(readings(shown), wide=True)),
+        _section("The residual, divided", _divided(shown)),
+        _section("Loops", _key(shown, measured=True) + curves),
+        _section("Quality of the data", _quality(result)),
+    ))  # fmt: skip
+    return page(title, head, [], _provenance(result, provenance) + _FIT, STYLE)
+
+
+def _headline(result: Diagnosis) -> str:
+    before, after = result.steps[0].held_out, result.steps[-1].held_out
+    cards = [("held-out error, as asked", f"{before:.3g} {result.unit}")]
+    if result.added:
+        cards.append(("with what was added", f"{after:.3g} {result.unit}"))
+    cards += [("noise alone", f"{result.noise_floor:.3g} {result.unit}"), ("left over noise", _ratio(after, result.noise_floor))]
+    doubted = "".join(f"<li>{_e(doubt)}</li>" for doubt in doubts(result))
+    shown = "".join(f"<div class=card><span>{_e(what)}</span><b>{_e(value)}</b></div>" for what, value in cards)
+    return (
+        f'<p class="verdict {_e(result.verdict)}"><strong>{_e(result.verdict.capitalize())}.</strong> {_e(headline(result))}</p>'
+        + (f"<p>{_e(result.says)}</p>" if result.says else "")
+        + f"<div class=cards>{shown}</div>" + (f"<h3>Doubts</h3><ul>{doubted}</ul>" if doubted else "")
+    )  # fmt: skip
+
+
+def _ladder_words(result: Diagnosis) -> str:
+    rows = [(_e("as asked" if step.added is None else "+ " + step.added), number(step.train), number(step.held_out),
+             _ratio(step.held_out, result.noise_floor)) for step in result.steps]  # fmt: skip
+    return _table(("model", f"seen [{result.unit}]", f"held out [{result.unit}]", "over noise"), rows) + (
+        "<p class=facts>Root mean squares over the same samples on every rung. Bars: held out, from a fit to the other half of "
+        "the log; upright marks: samples seen.</p>")  # fmt: skip
+
+
+def _ratio(error: float, noise: float) -> str:
+    return f"{error / noise:.3g} ×" if noise > 0 else "–"
+
+
+def _where(cells: Iterable[Cell]) -> str:
+    items = "".join(
+        f'<li>{_e(cell.says)}<div class=track><div class=bar style="width:{max(1.0, 100 * cell.share):.0f}%"></div></div></li>'
+        for cell in cells
+    )
+    if not items:
+        return "<p>Nothing beyond noise.</p>"
+    return (f"<ol class=where>{items}</ol><p class=facts>Shares are of the squared error beyond noise. Parts of different kinds "
+            "overlap: phases and channels together make up the whole.</p>")  # fmt: skip
+
+
+def _left(result: Diagnosis) -> str:
+    return (f"<p>With all that was added {result.steps[-1].held_out:.3g} {_e(result.unit)} rms are left; noise explains "
+            f"{result.noise_floor:.3g} {_e(result.unit)} of them.</p>{_where(result.left)}")  # fmt: skip
+
+
+def _next(result: Diagnosis) -> str:
+    """How to separate rivals, and where it stands how to see what this log doesn't show."""
+    rivals = [e for e in result.effects if e.equivalent_to and e.separate_by]
+    hidden = sum(e.verdict == NOT_EXCITED for e in result.effects)
+    out = "".join(f"<li><b>{_e(e.id)}</b> or {_e(' or '.join(e.equivalent_to))}: {_e(e.separate_by)}</li>" for e in rivals)
+    out = f"<ul>{out}</ul>" if out else "<p>No effect that was found has a rival that fits as well.</p>"
+    if hidden:
+        out += f"<p>This log cannot show {hidden} effects: what to record for each stands among the effects, above.</p>"
+    return out
+
+
+def _effects(result: Diagnosis) -> str:
+    """Every effect; what is absent or cannot be seen is folded away on a screen."""
+    found = [e for e in by_verdict(result) if e.verdict in MARK]
+    table = _table(("effect", "verdict", "evidence", f"gain [{result.unit}]", "parameters (95 %)", "why", "how to tell"),
+                   [_row(e) for e in found])  # fmt: skip
+    out = [table if found else "<p>None was found.</p>"]
+    out.append(
+        "<p class=facts>Evidence: twice the gain in held-out log-likelihood (Student's t) that the effect brings, less 4 for "
+        "each of its parameters; 16 is the least that is believed. Gain: by how much it lowers the held-out error.</p>"
+    )
+    for verdict, words, last in ((NOT_EXCITED, "that this log cannot tell", "what to record"), (ABSENT, "absent", "")):
+        rest = [e for e in by_verdict(result) if e.verdict == verdict]
+        if rest:
+            heads = ("effect", "evidence", "why", last)
+            rows = [(_name(e), _evidence(e), _e(e.says), _e(e.separate_by)) for e in rest]
+            width = 4 if last or any(e.separate_by for e in rest) else 3
+            out.append(f"<details><summary>{len(rest)} {words}: {_e(', '.join(e.id for e in rest))}</summary>"
+                       f"{_table(heads[:width], [row[:width] for row in rows])}</details>")  # fmt: skip
+    return "".join(out)
+
+
+def _row(e: EffectVerdict) -> tuple[str, ...]:
+    alike = f"<br>as good: {_e(', '.join(e.equivalent_to))}" if e.equivalent_to else ""
+    gain = number(e.held_out_gain) if np.isfinite(e.held_out_gain) and e.held_out_gain else "–"
+    numbers = "<br>".join(_parameter(name, p) for name, p in e.parameters.items())
+    return (_name(e), f"{MARK[e.verdict]} {_e(e.verdict)}{alike}", _evidence(e), gain, numbers, _e(e.says), _e(e.separate_by))
+
+
+def _name(e: EffectVerdict) -> str:
+    known = catalogue.catalogue()
+    return f"<b>{_e(e.id)}</b><br>{_e(known[e.id].title)}" if e.id in known else f"<b>{_e(e.id)}</b>"
+
+
+def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table whose cells are HTML; it scrolls sideways on a narrow screen, and only it."""
+    kinds = ["num" if head.split(" ")[0] in NUMBERS else "text" for head in heads]
+    top = "".join(f"<th class={kind}>{_e(head)}</th>" for kind, head in zip(kinds, heads))
+    body = "".join(f"<tr>{''.join(f'<td class={kind}>{cell}</td>' for kind, cell in zip(kinds, row))}</tr>" for row in rows)
+    return f"<div class=scroll><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>"
+
+
+def _evidence(effect: EffectVerdict) -> str:
+    if effect.verdict == NOT_EXCITED or not np.isfinite(effect.evidence):
+        return "–"
+    return f"{effect.evidence:.3g}".replace("-", "−")
+
+
+def _parameter(name: str, p: FittedParameter) -> str:
+    unit = "" if p.unit == "1" else f" {p.unit}"
+    return f"{_e(name)} = {number(p.value)} <span class=facts>[{_bound(p.low)}, {_bound(p.high)}]</span>{_e(unit)}"
+
+
+def _bound(value: float) -> str:
+    return number(value) if np.isfinite(value) else "open"
+
+
+def _model(result: Diagnosis) -> str:
+    rows = [(_e(p.name), number(p.value), _bound(p.low), _bound(p.high), _e(p.unit)) for p in result.fit.parameters.values()]
+    table = _table(("parameter", "estimate", "from", "to", "unit"), rows) + "<p class=facts>Intervals: 95 %.</p>" if rows else ""
+    return f"<p>{_e(str(result.best))}</p><pre>{_e(result.fit.equation())}</pre>{table}"
+
+
+def _divided(shown: Shown) -> str:
+    out = [_key(shown, measured=False),
+           "<p class=facts>Root mean square of what is left, where the error is largest. Dotted: noise.</p>"]  # fmt: skip
+    for row in shown.worst(MOST_DIVIDED):
+        out += [f"<h3>{_e(sentence(channel_words(shown.before, row)))}</h3>", _grid(multiples(shown, row))]
+    return "".join(out)
+
+
+def _quality(result: Diagnosis) -> str:
+    e = result.experiment
+    s, n = e.signals, len(e.signals)
+    steps = s.dt[s.dt > 0]
+    gaps = int((s.dt == 0.0).sum()) - 1
+    rate = f"{1 / float(np.median(steps)):.5g} Hz" if len(steps) else "single poses"
+    lost = int((steps > 1.5 * np.median(steps)).sum()) if len(steps) else 0
+    facts = [f"{n} samples over {float(s.t[-1]):.4g} s at {rate}", f"{gaps} gap{'' if gaps == 1 else 's'}",
+             f"{lost} places where single samples are missing",
+             f"{100 * (1 - e.valid.mean()):.3g} % of the samples invalid"]  # fmt: skip
+    if s.joints is None:
+        facts.append(f"in contact {100 * e.in_contact.mean():.3g} % of the time")
+    if e.band is not None:
+        facts.append(f"readings and predictions are compared below {e.band:.3g} Hz")
+    rows = []
+    for name, unit, values, noise in zip(e.layout.channels, e.layout.units, e.measured, e.noise):
+        v = values[e.valid & np.isfinite(values)]
+        if len(v):
+            rows.append((_e(name), *_channel_quality(v, float(noise)), _e(unit)))
+        else:
+            rows.append((_e(name), *["–"] * 7, _e(unit)))
+    heads = ("channel", "lowest", "highest", "noise", "signal over noise", "step", "repeated", "flat tops", "unit")
+    return f"<p>{_e('; '.join(facts))}.</p>{_table(heads, rows)}"
+
+
+def _channel_quality(v: Array, noise: float) -> tuple[str, ...]:
+    """Range, noise, signal over noise, step where it is quantised, share of repeated values, samples at one end."""
+    swing, away = float(v.std()), np.abs(np.diff(v))
+    ratio = f"{max(0.0, 20 * np.log10(swing / noise)):.0f} dB" if noise > 0 and swing > 0 else "–"
+    least = float(away[away > 0].min()) if (away > 0).any() else 0.0
+    step = number(least) if least > 0.2 * noise else "none"
+    same = f"{100 * float((away == 0).mean()):.2g} %" if len(away) else "–"
+    ends = max(int((v == v.max()).sum()), int((v == v.min()).sum()))
+    flat = f"{ends} samples" if ends >= FLAT and v.max() > v.min() else "none"
+    return number(float(v.min())), number(float(v.max())), number(noise), ratio, step, same, flat
+
+
+def _provenance(result: Diagnosis, provenance: Provenance | None) -> str:
+    steps = "".join(f"<li><code>{_e(str(step))}</code></li>" for step in provenance.steps) if provenance is not None else ""
+    source = f"Log: {_e(provenance.source)}. " if provenance is not None else ""
+    return _section("Provenance", (
+        f"<p class=facts>{source}Asked about {_e(str(result.model))}; {len(result.effects)} effects of the catalogue looked at. "
+        f"kinid {_e(kinid.__version__)}, Python {platform.python_version()}, NumPy {np.__version__}.</p>"
+        + (f"<details open><summary>What was done to the samples</summary><ol>{steps}</ol></details>" if steps else "")
+    ))  # fmt: skip
+
+
+def _key(shown: Shown, *, measured: bool) -> str:
+    """Which colour is which, once for many pictures."""
+    entries = [("measured", "#4b5563", "solid")] if measured else []
+    entries += [(name, colour, "dashed" if dash == "dash" else "solid") for name, _, colour, dash in shown.lines]
+    words = {"before": f"before ({shown.result.model})", "after": f"after ({shown.result.best})"}
+    spans = (f'<span><i style="border-color:{colour};border-top-style:{dash}"></i>{_e(words.get(name, name))}</span>'
+             for name, colour, dash in entries)  # fmt: skip
+    return f"<p class=key>{''.join(spans)}</p>"
+
+
+def _grid(figures: Iterable[Titled], *, wide: bool = False) -> str:
+    inside = "".join(_figure(name, figure) for name, figure in figures)
+    return f'<div class="grid{" wide" if wide else ""}">{inside}</div>' if inside else ""
+
+
+def _figure(name: str, figure: Figure) -> str:
+    drawn = figure.to_html(full_html=False, include_plotlyjs=False, config={"displaylogo": False, "responsive": True,
+                                                                           "displayModeBar": False})  # fmt: skip
+    return f"<figure>{f'<figcaption>{_e(name)}</figcaption>' if name else ''}{drawn}</figure>"
+
+
+def _section(name: str, inside: str) -> str:
+    return f"<section><h2>{_e(name)}</h2>{inside}</section>"
+
+
+def _e(text: str) -> str:
+    return html.escape(text)
