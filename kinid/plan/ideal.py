@@ -1,0 +1,59 @@
+"""What the best conceivable poke would tell: depths and speeds chosen at will, jumping from one to the next.
+
+No motion within the same bounds tells more than the optimal design measure over all pairs of depth and rate (Kiefer &
+Wolfowitz 1960). It is found by the multiplicative algorithm (Silvey, Titterington & Torsney 1978). It holds for laws without
+memory, whose force depends on depth and rate alone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.plan.excite import Bounds
+from kinid.plan.expected import Law
+from kinid.plan.information import cost, information, sensitivities
+
+Array = NDArray[np.float64]
+
+#: depths and rates tried, and rounds of the algorithm
+DEPTHS, RATES, ROUNDS = 48, 17, 600
+
+
+def has_memory(law: Law) -> bool:
+    """Whether the force depends on more than depth and rate: then samples in another order give other forces."""
+    rng = np.random.default_rng(0)
+    t = np.linspace(0.0, 2.0, 200)
+    depth, rate = rng.uniform(0.0, 0.01, 200), rng.uniform(-0.05, 0.05, 200)
+    order = rng.permutation(200)
+    one, two = law(law.signals(t, depth, rate))[2], law(law.signals(t, depth[order], rate[order]))[2]
+    return not np.allclose(one[order], two, rtol=1e-9, atol=1e-12)
+
+
+def ideal_information(law: Law, bounds: Bounds, *, criterion: str, noise: float, rate: float) -> Array | None:
+    """Fisher's information of relative changes of the optimal measure, (p, p); None for a law with memory.
+
+    Args:
+        law, bounds, criterion, noise [N], rate [Hz]: as for `kinid.plan.excite.optimise`.
+    """
+    if has_memory(law):
+        return None
+    pairs: list[Array] = [part.ravel().astype(np.float64) for part in np.meshgrid(
+        np.linspace(bounds.shallowest, bounds.deepest, DEPTHS), np.linspace(-bounds.speed, bounds.speed, RATES))]  # fmt: skip
+    signals = law.signals(np.arange(len(pairs[0]), dtype=np.float64), *pairs)
+    allowed = law(signals)[2] <= bounds.force
+    parameters = law.model.parameters(law.layout())
+    found = sensitivities(lambda values: law.model.predict(signals, values)[:1], law.vector, parameters)[:, allowed]
+    rows, weight = found[0], np.full(found.shape[1], 1.0 / found.shape[1])
+    for _ in range(ROUNDS):
+        seen = rows @ np.linalg.pinv(rows.T @ (weight[:, None] * rows))
+        # D: s M⁻¹ s; A: s M⁻² s, of which the square root keeps the rounds from going back and forth
+        weight *= np.sum(seen * rows, axis=1) if criterion == "D" else np.linalg.norm(seen, axis=1)
+        weight /= weight.sum()
+    each = np.sqrt(weight)[:, None] * rows
+    return information(each[None], np.array([noise]), bounds.duration * rate)
+
+
+def efficiency(reached: Array, ideal: Array, criterion: str) -> float:
+    """In what share of its time the ideal one would tell as much as a motion, 0…1."""
+    return float(np.exp(2.0 * (cost(ideal, criterion) - cost(reached, criterion)) / (len(ideal) if criterion == "D" else 1)))

@@ -1,0 +1,131 @@
+"""`kinid plan` on the command line."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from kinid.cli import main
+from kinid.plan import read_trajectory
+
+RIG = """
+[robot]
+model = "lwr4plus"
+[tool]
+mass = 0.24
+com = [0.0, 0.0, 0.049]
+[surface]
+point = [0.55, 0.0, 0.10]
+normal = [0, 0, 1]
+tangent = [1, 0, 0]
+"""
+LAW = ("--model", "hunt-crossley", "--value", "stiffness=1200", "--value", "damping=1500", "--value", "exponent=1.2")
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Any:
+    (tmp_path / "rig.toml").write_text(RIG, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+
+    def call(*args: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["kinid", "plan", *map(str, args)])
+        with pytest.raises(SystemExit) as stop:
+            main()
+        said = capsys.readouterr()
+        return int(stop.value.code or 0), said.out, said.err
+
+    return call
+
+
+def test_poke(run: Any, tmp_path: Path) -> None:
+    code, out, err = run("poke", "-o", "p.parquet", "--sines", "0.001@1", "--duration", 1, *LAW, "--force-limit", 8,
+                         "--plot", "p.html", "--preview", "v.html")  # fmt: skip
+    assert code == 0, err
+    assert "torque" in out
+    motion = read_trajectory(tmp_path / "p.parquet")
+    assert {"free", "approach", "hold", "poke", "retract", "rest"} == set(motion.phase.tolist())
+    assert motion.provenance["guard"]["force"] == 8.0
+    assert (tmp_path / "p.html").stat().st_size > 1_000_000
+    assert (tmp_path / "v.html").stat().st_size > 100_000
+
+
+def test_campaigns(run: Any, tmp_path: Path) -> None:
+    code, out, err = run("poke", "-o", "c.parquet", "--grid", "2x3", "--duration", 1, "--hold", 0.1, "--rate", 100)
+    assert code == 0, err
+    assert "6 places" in out
+    motion = read_trajectory(tmp_path / "c.parquet")
+    assert motion.touch is not None
+    assert motion.touch.max() == 5
+    code, out, err = run("poke", "-o", "c.csv", "--polygon", "0,0;0.02,0;0,0.02", "--spacing", 0.01, "--duration", 1,
+                         "--rate", 100)  # fmt: skip
+    assert code == 0, err
+    assert "6 places" in out
+
+
+def test_own_signal_and_slides(run: Any, tmp_path: Path) -> None:
+    t = np.linspace(0, 2, 101)
+    rows = "\n".join(f"{a:.6f},{0.003 + 0.001 * np.sin(4 * a):.9f}" for a in t)
+    (tmp_path / "own.csv").write_text(f"t,depth\n{rows}\n", encoding="utf-8")
+    assert run("poke", "-o", "o.parquet", "--signal", "own.csv")[0] == 0
+    motion = read_trajectory(tmp_path / "o.parquet")
+    assert motion.place is not None
+    assert motion.place[:, 2].max() == pytest.approx(0.004, abs=1e-5)
+    assert run("slide", "-o", "s.parquet", "--through", "0,0;0.01,0.01", "--speed", 0.01)[0] == 0
+    code, _, err = run("slide", "-o", "f.npz", "--four-paths", 0.01, "--speed", 0.01, "--rate", 100)
+    assert code == 0, err
+
+
+def test_excite_in_contact_and_in_the_air(run: Any, tmp_path: Path) -> None:
+    code, out, err = run("excite", *LAW, "--force-limit", 8, "-o", "e.parquet", "--json", "e.json", "--criterion", "A",
+                         "--sines", 2)  # fmt: skip
+    assert code == 0, err
+    assert "best conceivable" in out
+    facts = json.loads((tmp_path / "e.json").read_text(encoding="utf-8"))
+    assert set(facts["intervals"]) == {"hunt-crossley.stiffness", "hunt-crossley.damping", "hunt-crossley.exponent"}
+    motion = read_trajectory(tmp_path / "e.parquet")
+    assert motion.normal_force is not None
+    assert motion.normal_force.max() <= 8.0
+    code, out, err = run("excite", "--model", "tool-mass,tool-com", "--duration", 4, "--rate", 100, "-o", "f.parquet")
+    assert code == 0, err
+    assert "com[x]" in out
+
+
+@pytest.mark.parametrize(("args", "word"), [
+    (("poke", "-o", "p.txt"), "ending"),
+    (("poke", "-o", "p.parquet", "--rig", "no.toml"), "rig"),
+    (("poke", "-o", "p.parquet", "--at", "1;2"), "numbers"),
+    (("poke", "-o", "p.parquet", "--at", "2,0"), "reach"),
+    (("poke", "-o", "p.parquet", "--sines", "1mm"), "amplitude@frequency"),
+    (("poke", "-o", "p.parquet", "--sines", "0.003@9"), "acceleration of joint_"),
+    (("poke", "-o", "p.parquet", "--grid", "10"), "rows x columns"),
+    (("poke", "-o", "p.parquet", "--grid", "2x2", "--polygon", "0,0;1,0;0,1"), "one of them"),
+    (("poke", "-o", "p.parquet", "--value", "stiffness=3"), "--model"),
+    (("poke", "-o", "p.parquet", "--model", "hooke", "--value", "stiffness=x"), "stiffness=900"),
+    (("poke", "-o", "p.parquet", "--signal", "rig.toml"), ".parquet"),
+    (("poke", "-o", "rig.toml"), "ending"),
+    (("slide", "-o", "p.parquet"), "one of them"),
+    (("slide", "-o", "p.parquet", "--through", "0,0"), "two or more"),
+    (("excite", "-o", "p.parquet"), "--model"),
+    (("excite", "-o", "p.parquet", "--model", "hooke", "--criterion", "E"), "one of D, A"),
+    (("excite", "-o", "p.parquet", "--model", "tool-mass", "--start", "1,2"), "7 joints"),
+])  # fmt: skip
+def test_bad_input_is_one_line(run: Any, tmp_path: Path, args: tuple[str, ...], word: str) -> None:
+    before = sorted(tmp_path.iterdir())
+    code, _, err = run(*args)
+    assert code == 2, err
+    assert err.count("\n") == 1, err
+    assert word in err, err
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_help_loads_nothing_heavy() -> None:
+    heavy = ("casadi", "ruckig", "meshcat", "pinocchio", "plotly")
+    code = f"import sys, kinid.cli.plan; print([m for m in {heavy!r} if m in sys.modules])"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert said.stdout.strip() == "[]"
