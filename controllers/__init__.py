@@ -27,7 +27,9 @@ if TYPE_CHECKING:
         Rendered,
     )
     from kinid.controllers.impedance import impedance_torque, potential
-    from kinid.controllers.properties import Plane, Properties, PropertyMap, Uniform
+    from kinid.controllers.mesh_surface import MeshSurface
+    from kinid.controllers.passivity import EnergyTank, Observer
+    from kinid.controllers.properties import Foot, Plane, Properties, PropertyMap, Touchable, Uniform
     from kinid.controllers.state import ArmState, Target
     from kinid.controllers.teleoperation import Environment, Study, Teleoperator, measured_impedance, simulate, study
 
@@ -35,7 +37,9 @@ __all__ = [
     "AdaptiveImpedance",
     "ArmState",
     "DecoupledImpedance",
+    "EnergyTank",
     "Environment",
+    "Foot",
     "Gains",
     "HapticRendering",
     "HapticSettings",
@@ -44,6 +48,8 @@ __all__ = [
     "Impedance",
     "JacobianTranspose",
     "KelvinVoigt",
+    "MeshSurface",
+    "Observer",
     "Plane",
     "Properties",
     "PropertyMap",
@@ -52,6 +58,7 @@ __all__ = [
     "Study",
     "Target",
     "Teleoperator",
+    "Touchable",
     "Uniform",
     "design_damping",
     "impedance_torque",
@@ -67,7 +74,9 @@ _HOMES = {
     "cartesian": ("DecoupledImpedance", "Gains", "Impedance", "JacobianTranspose", "design_damping", "sampled_radius"),
     "haptic": ("HapticRendering", "HapticSettings", "Hooke", "HuntCrossley", "KelvinVoigt", "Rendered"),
     "impedance": ("impedance_torque", "potential"),
-    "properties": ("Plane", "Properties", "PropertyMap", "Uniform"),
+    "mesh_surface": ("MeshSurface",),
+    "passivity": ("EnergyTank", "Observer"),
+    "properties": ("Foot", "Plane", "Properties", "PropertyMap", "Touchable", "Uniform"),
     "state": ("ArmState", "Target"),
     "teleoperation": ("Environment", "Study", "Teleoperator", "measured_impedance", "simulate", "study"),
 }

@@ -1,9 +1,9 @@
 """Haptic rendering of a property map: a proxy on the surface, a contact law below it, a friction cone along it.
 
 The proxy is the place where the device would be if the surface were hard (C. Zilles, K. Salisbury, A constraint-based
-god-object method for haptic display, IROS 1995): on a plane, the device's foot. Friction holds it back: while the spring
-between proxy and device pulls less than μ f_n the proxy sticks, else it follows on the cone (W. S. Harwin, N. Melder,
-EuroHaptics 2002).
+god-object method for haptic display, IROS 1995): on a plane, the device's foot; on a mesh see
+`kinid.controllers.mesh_surface`. Friction holds it back: while the spring between proxy and device pulls less than μ f_n the
+proxy sticks, else it follows on the cone (W. S. Harwin, N. Melder, EuroHaptics 2002).
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.controllers.passivity import check_period, pay
-from kinid.controllers.properties import Plane, Properties, PropertyMap
+from kinid.controllers.passivity import Observer, Passivity, check_period
+from kinid.controllers.properties import Plane, Properties, PropertyMap, Touchable
 from kinid.controllers.state import ArmState
 from kinid.errors import InputError
 
@@ -60,9 +60,9 @@ class Rendered(NamedTuple):
     """One period of rendering, base axes.
 
     force: on the device and the hand, (3,) [N]. proxy: (3,) [m]. depth: of the device below the surface [m], ≥ 0.
-    sliding: whether the proxy follows on the friction cone. added_damping: by the passivity controllers, along the normal
-    and along the surface [N·s/m]. energy: that the rendered material took up in this touch, along the normal and along
-    the surface [J]; negative is a debt, older ones included, that is being paid.
+    sliding: whether the proxy follows on the friction cone. Of the passivity controllers, along the normal and along the
+    surface: added_damping [N·s/m], share of the law's force that is rendered, and energy [J]. An observer's energy is what
+    the material took up in this touch; negative is a debt, older ones included, that is being paid. A tank's is what it holds.
     """
 
     force: Array
@@ -70,6 +70,7 @@ class Rendered(NamedTuple):
     depth: float
     sliding: bool
     added_damping: tuple[float, float]
+    share: tuple[float, float]
     energy: tuple[float, float]
 
     def torques(self, jacobian: Array) -> Array:
@@ -86,28 +87,26 @@ class HapticSettings:
     """How a map is rendered.
 
     Args:
-        law: contact law along the normal. plane: where the map lies.
+        law: contact law along the normal. surface: where the map lies: a plane or a mesh.
         shear: spring between device and proxy along the surface [N/m]; 0 renders no friction.
         period: of the loop [s]. force_limit: of the device [N]; the force is shortened to it.
-        most_damping: the passivity controller's greatest [N·s/m], below 2 m/T of the device; 0 switches it off.
+        passivity: what keeps the rendered material from giving energy.
 
     Raises:
         InputError: a number outside its range.
     """
 
     law: ContactLaw = field(default_factory=KelvinVoigt)
-    plane: Plane = field(default_factory=Plane)
+    surface: Touchable = field(default_factory=Plane)
     shear: float = 500.0
     period: float = 1e-3
     force_limit: float = np.inf
-    most_damping: float = 20.0
+    passivity: Passivity = field(default_factory=Observer)
 
     def __post_init__(self) -> None:
         check_period(self.period)
-        for name in ("shear", "most_damping"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0):
-                raise InputError(f"{name} {value}", "a finite number that isn't negative", "a negative one gives energy")
+        if not (np.isfinite(self.shear) and self.shear >= 0):
+            raise InputError(f"shear {self.shear}", "a finite number that isn't negative", "a negative one gives energy")
         if not self.force_limit > 0:
             raise InputError(f"force_limit {self.force_limit}", "a positive number [N]", "take it from the device's data sheet")
 
@@ -117,27 +116,29 @@ class HapticRendering:
 
     A held force lags by half a period and gives energy (J. E. Colgate, J. M. Brown, ICRA 1994: passive if the device's own
     damping b > K T/2 + B), and so does a map whose stiffness changes below a finger that moves along it. Passivity
-    controllers take both back, one along the normal and one along the surface, so that friction's losses don't excuse a
-    spring's gains. When a touch ends nothing is stored any more: what it dissipated is forgotten, what it owes stays.
-    They hold as long as `most_damping` can pay what a touch owes, at most `most_damping` · speed · way.
+    controllers see to both, one along the normal and one along the surface, so that friction's losses don't excuse a
+    spring's gains; see `kinid.controllers.passivity`.
 
     Args:
-        surface: the map. settings: see `HapticSettings`.
+        materials: the map. settings: see `HapticSettings`.
     """
 
-    def __init__(self, surface: PropertyMap, settings: HapticSettings | None = None) -> None:
-        self.surface, self.settings = surface, settings or HapticSettings()
+    def __init__(self, materials: PropertyMap, settings: HapticSettings | None = None) -> None:
+        self.materials, self.settings = materials, settings or HapticSettings()
         self.reset()
 
     def reset(self) -> None:
         """Forget proxy and energy."""
+        s = self.settings
+        self._tracker = s.surface.tracker()
+        self._along, self._across = s.passivity.open(s.period), s.passivity.open(s.period)
         self._anchor: Array | None = None
-        self._before: tuple[Array, Array] | None = None
-        self._energy = np.zeros(2)
+        #: parts of the last force, along the normal and along the surface, and where it was rendered
+        self._before: tuple[Array, Array, Array] | None = None
 
     def needed_damping(self, x: float, y: float) -> float:
         """Device damping b [N·s/m] above which a linear material there is passive without the controller: K T/2 + B."""
-        material = self.surface.properties(x, y).checked(f"the map at ({x:g}, {y:g}) m")
+        material = self.materials.properties(x, y).checked(f"the map at ({x:g}, {y:g}) m")
         return 0.5 * material.stiffness * self.settings.period + material.damping
 
     def command(self, position: Array, velocity: Array) -> Rendered:
@@ -149,45 +150,60 @@ class HapticRendering:
         position, velocity = np.asarray(position, dtype=float), np.asarray(velocity, dtype=float)
         if not (np.isfinite(position).all() and np.isfinite(velocity).all()):
             raise InputError("a device position or velocity that isn't finite", "numbers", "check the device's driver")
-        s = self.settings
         if self._before is not None:
-            work = (s.plane.axes @ self._before[0]) * (s.plane.axes @ (position - self._before[1]))
-            self._energy -= [work[2], work[0] + work[1]]
-        local, speed = s.plane.local(position), s.plane.axes @ velocity
-        depth, force = -float(local[2]), np.zeros(3)
-        sliding, extra = False, (0.0, 0.0)
-        if depth <= 0.0:
-            self._anchor, proxy = None, local
-            self._energy = np.minimum(self._energy, 0.0)
+            moved = position - self._before[2]
+            self._along.book(float(self._before[0] @ moved))
+            self._across.book(float(self._before[1] @ moved))
+        foot = self._tracker.follow(position)
+        nothing = np.zeros(3)
+        pressing, dragging, sliding = nothing, nothing, False
+        extra, share = (0.0, 0.0), (1.0, 1.0)
+        if foot.depth <= 0.0:
+            self._anchor, proxy = None, position
+            self._along.leave()
+            self._across.leave()
         else:
-            anchor = local[:2] if self._anchor is None else self._anchor
-            x, y = float(anchor[0]), float(anchor[1])
-            material = self.surface.properties(x, y).checked(f"the map at ({x:g}, {y:g}) m")
-            force[2] = s.law.force(depth, -float(speed[2]), material)
-            if s.shear > 0.0:
-                stretch = local[:2] - anchor
-                most = material.friction * force[2] / s.shear
-                size = float(np.hypot(*stretch))
-                sliding = size > most
-                if sliding:
-                    stretch = stretch * (most / size)
-                force[:2] = -s.shear * stretch
-                anchor = local[:2] - stretch
-            else:
-                anchor = local[:2]
-            self._anchor = np.array(anchor)
-            along = float(speed[0] ** 2 + speed[1] ** 2)
-            extra = (pay(self._energy[0], float(speed[2] ** 2), s.period, s.most_damping),
-                     pay(self._energy[1], along, s.period, s.most_damping))  # fmt: skip
-            force -= speed * [extra[1], extra[1], extra[0]]
-            proxy = np.array([anchor[0], anchor[1], 0.0])
-        size = float(np.linalg.norm(force))
-        if size > s.force_limit:
-            force = force * (s.force_limit / size)
-        force = s.plane.axes.T @ force
-        self._before = (force, position.copy())
-        return Rendered(force, s.plane.point + s.plane.axes.T @ proxy, max(depth, 0.0), sliding, extra,
-                        (float(self._energy[0]), float(self._energy[1])))  # fmt: skip
+            out = foot.normal
+            anchor = foot.point if self._anchor is None else self._anchor
+            x, y = self.settings.surface.chart(anchor)
+            material = self.materials.properties(x, y).checked(f"the map at ({x:g}, {y:g}) m")
+            rate = -float(out @ velocity)
+            slip = velocity + rate * out
+            normal = self.settings.law.force(foot.depth, rate, material)
+            # towards the anchor, within the surface: beyond an edge what lay along the normal is let go
+            stretch = foot.point - anchor
+            stretch = stretch - out * (out @ stretch)
+            stretch, sliding = self._held(stretch, material.friction * normal)
+            proxy = self._anchor = foot.point - stretch
+            pressing, dragging = normal * out, -self.settings.shear * stretch
+            share_n, extra_n = self._along.settle(-normal * rate, normal, rate * rate)
+            drag = float(np.sqrt(dragging @ dragging))
+            share_t, extra_t = self._across.settle(float(dragging @ slip), drag, float(slip @ slip))
+            # the friction cone is that of the normal force that is rendered
+            extra, share = (extra_n, extra_t), (share_n, min(share_t, share_n))
+            pressing = share[0] * pressing + extra_n * rate * out
+            dragging = share[1] * dragging - extra_t * slip
+        pressing, dragging = self._limited(pressing, dragging)
+        self._before = (pressing, dragging, position.copy())
+        return Rendered(pressing + dragging, proxy, foot.depth, sliding, extra, share, (self._along.energy, self._across.energy))
+
+    def _held(self, stretch: Array, most: float) -> tuple[Array, bool]:
+        """How far the proxy lags behind the foot, on the friction cone at most, and whether it slides."""
+        shear = self.settings.shear
+        if shear == 0.0:
+            return np.zeros(3), False
+        size = shear * float(np.sqrt(stretch @ stretch))
+        if size > most:
+            return stretch * (most / size), True
+        return stretch, False
+
+    def _limited(self, pressing: Array, dragging: Array) -> tuple[Array, Array]:
+        """Both shortened alike to what the device can give."""
+        force = pressing + dragging
+        size = float(np.sqrt(force @ force))
+        if size <= self.settings.force_limit:
+            return pressing, dragging
+        return pressing * (self.settings.force_limit / size), dragging * (self.settings.force_limit / size)
 
     def torques(self, state: ArmState) -> Array:
         """Joint torques of an arm that is the device: weight held, map rendered at its tip, (N,); not clipped."""

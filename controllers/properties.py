@@ -1,7 +1,8 @@
-"""What a property map tells a controller: the material at each place of a flat surface, and where that surface lies."""
+"""What a property map tells a controller: the material at each place of a surface, and where that surface lies."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
@@ -59,6 +60,36 @@ class Uniform:
         return self.material
 
 
+class Foot(NamedTuple):
+    """Where a device would be if the surface were hard.
+
+    point: of the surface, base frame, (3,) [m]. normal: unit, from the device out of the material, (3,).
+    depth: how far the device is from there, ≥ 0 [m]; 0 in the air, where the point is the device's own.
+    """
+
+    point: Array
+    normal: Array
+    depth: float
+
+
+class Tracker(ABC):
+    """Follows a device period by period."""
+
+    @abstractmethod
+    def follow(self, position: Array) -> Foot:
+        """The foot of a device's next position (3,) [m], base frame."""
+
+
+class Touchable(Protocol):
+    """A surface that can be rendered: `Plane`, `kinid.controllers.MeshSurface`."""
+
+    def tracker(self) -> Tracker:
+        """What follows a device that comes from the outside."""
+
+    def chart(self, point: Array) -> tuple[float, float]:
+        """Where a point (3,) of the surface lies on the map, x and y [m]."""
+
+
 @dataclass(frozen=True, eq=False)
 class Plane:
     """Where the map lies: a point of the surface [m] and axes, rows tangent1, tangent2, outward normal, base frame."""
@@ -79,3 +110,24 @@ class Plane:
     def local(self, position: Array) -> Array:
         """A position in surface axes: along the tangents, and the height above the surface, (3,)."""
         return np.asarray(self.axes @ (position - self.point))
+
+    def tracker(self) -> Tracker:
+        """Follows a device by its foot on the plane."""
+        return _PlaneTracker(self)
+
+    def chart(self, point: Array) -> tuple[float, float]:
+        """Along both tangents [m]."""
+        x, y, _ = self.local(point)
+        return float(x), float(y)
+
+
+@dataclass(frozen=True, eq=False)
+class _PlaneTracker(Tracker):
+    plane: Plane
+
+    def follow(self, position: Array) -> Foot:
+        normal = self.plane.axes[2]
+        depth = -float(normal @ (position - self.plane.point))
+        if depth <= 0.0:
+            return Foot(position, normal, 0.0)
+        return Foot(position + depth * normal, normal, depth)

@@ -31,9 +31,11 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 #: direct: the slave's contact force; impedance: the map's at the master; passivated: direct, behind an observer and
-#: controller of passivity at the master's port
-Method = Literal["direct", "impedance", "passivated"]
+#: controller of passivity at the master's port; tank: direct, behind an energy tank there
+Method = Literal["direct", "impedance", "passivated", "tank"]
 METHODS: tuple[str, ...] = get_args(Method)
+#: of which Z_t is a formula
+LINEAR = ("direct", "impedance")
 
 #: frequencies of a hand that explores [Hz]
 BAND = (0.2, 8.0)
@@ -72,7 +74,7 @@ class Teleoperator:
         hand_mass [kg], hand_damping [N·s/m], hand_stiffness [N/m]: of the arm that holds it, towards its intended place.
         slave_mass, slave_damping: of the robot's tip. coupling_stiffness, coupling_damping: of its impedance controller.
         delay: one-way [s]. period: of both controllers [s].
-        most_damping: the passivity controller's greatest [N·s/m].
+        most_damping: the passivity controllers' greatest [N·s/m]. tank: capacity of the energy tank [J].
 
     Raises:
         InputError: masses that aren't positive, negative gains, a master without damping on a delayed line, a gain that
@@ -91,14 +93,15 @@ class Teleoperator:
     delay: float = 0.1
     period: float = 1e-3
     most_damping: float = 600.0
+    tank: float = 0.02
 
     def __post_init__(self) -> None:
         check_period(self.period)
         _not_negative(self, "master_damping", "hand_mass", "hand_damping", "hand_stiffness", "slave_damping",
                       "coupling_stiffness", "coupling_damping", "delay", "most_damping")  # fmt: skip
-        for name in ("master_mass", "slave_mass"):
+        for name, unit in (("master_mass", "mass [kg]"), ("slave_mass", "mass [kg]"), ("tank", "energy [J]")):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0):
-                raise InputError(f"{name} {getattr(self, name)}", "a positive mass [kg]", "see the docstring of Teleoperator")
+                raise InputError(f"{name} {getattr(self, name)}", f"a positive {unit}", "see the docstring of Teleoperator")
         if self.delay > 0 and self.master_damping + self.hand_damping == 0:
             raise InputError("a master and a hand without damping on a delayed line", "some damping",
                              "nothing would take out the energy that the delay gives")  # fmt: skip
@@ -136,13 +139,13 @@ class Teleoperator:
         """Z_t that the operator feels at the master's port, device and hand apart, by the formula.
 
         Args:
-            environment: the true one. frequency: [Hz], (n,). method: `direct` or `impedance`; the passivity controller is
-                not linear, so `passivated` has no formula. believed: what the map says; default: the truth.
+            environment: the true one. frequency: [Hz], (n,). method: `direct` or `impedance`; passivity controllers are
+                not linear, so that the others have no formula. believed: what the map says; default: the truth.
         """
         if _method(method) == "impedance":
             return (believed or environment).impedance(frequency)
-        if method == "passivated":
-            raise InputError("a formula for 'passivated'", "a linear method", "use measured_impedance")
+        if method not in LINEAR:
+            raise InputError(f"a formula for '{method}'", "a linear method", "use measured_impedance")
         late = np.exp(-4j * np.pi * frequency * self.delay)
         return np.asarray(environment.impedance(frequency) * self.following(environment, frequency) * late)
 
@@ -169,8 +172,9 @@ class Teleoperator:
 class Motion(NamedTuple):
     """A simulated contact; arrays (n,): t [s], master, slave and intended place [m, > 0 inside], force felt [N].
 
-    port_energy: that the rendered force took up at the master's port so far [J], before the passivity controller's part.
-    injected: damping that the controller adds [N·s/m]. stable: whether the master comes to rest.
+    port_energy: that the rendered force took up at the master's port so far [J], before this period's.
+    injected: damping that the passivity controller adds [N·s/m]. share: of the force that the tank affords.
+    stable: whether the master comes to rest.
     """
 
     t: Array
@@ -181,6 +185,7 @@ class Motion(NamedTuple):
     environment_force: Array
     port_energy: Array
     injected: Array
+    share: Array
     stable: bool
 
 
@@ -207,7 +212,7 @@ def simulate(
     out = _run(teleoperator, environment, method, believed, intended, False)
     tail = out[0, 3 * n // 4 :]
     stable = bool(np.isfinite(out).all() and tail.max() - tail.min() < REST * (depth + 0.005))
-    return Motion(t, out[0], out[1], intended, out[2], out[3], out[4], out[5], stable)
+    return Motion(t, out[0], out[1], intended, out[2], out[3], out[4], out[5], out[6], stable)
 
 
 def measured_impedance(
@@ -216,7 +221,7 @@ def measured_impedance(
 ) -> Complex:  # fmt: skip
     """Z_t from simulations in which the master is moved as a sine, one frequency at a time, in lasting contact, (n,).
 
-    The passivity controller's answer is that of its first harmonic. Frequencies are rounded to whole periods of samples.
+    A passivity controller's answer is that of its first harmonic. Frequencies are rounded to whole periods of samples.
     """
     out, h = [], teleoperator.period
     for f in frequency:
@@ -300,7 +305,7 @@ def study(
     transmitted, motions = {}, {}
     for case in cases:
         for method in methods:
-            linear = method != "passivated"
+            linear = method in LINEAR
             z_t = (case.transmitted(environment, frequency, method, believed) if linear
                    else measured_impedance(case, environment, list(frequency), method, believed))  # fmt: skip
             motion = simulate(case, environment, method, believed)
@@ -316,11 +321,11 @@ def _run(
     from kinid.controllers import _line
 
     believed, o = believed or environment, teleoperator
-    out = np.empty((6, len(path)))
+    out = np.empty((7, len(path)))
     _line.run(
         np.array([o.moving_mass, o.master_damping, o.hand_damping, o.hand_stiffness, o.slave_mass, o.slave_damping,
                   o.coupling_stiffness, o.coupling_damping, environment.stiffness, environment.damping,
-                  believed.stiffness, believed.damping, o.most_damping, o.period]),
+                  believed.stiffness, believed.damping, o.most_damping, o.tank, o.period]),
         round(o.delay / o.period), METHODS.index(_method(method)), np.ascontiguousarray(path), moved, out,
     )  # fmt: skip
     return out

@@ -228,7 +228,7 @@ def _asks_for_more(model: Model, log: Log, rig: Rig) -> bool:
     """Whether a model acts on what contact quantities no longer hold, and the log behind them does."""
     if "joints" in model.needs:
         return log.tau is not None
-    return log.wrench is not None and log.q is not None and rig.robot is not None and (model.needs_log or model.acts_on_reading)
+    return log.wrench is not None and log.q is not None and rig.robot is not None and model.needs_log
 
 
 def contact_channels(model: Model, touch: ContactSeries) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# parameters of a contact that hold everywhere
+# parameters of a contact that hold throughout a patch
 (
     EXPONENT, LOSS, RATIO1, TIME1, RATIO2, TIME2, LOOP, LOOP_LENGTH, SOFT, SOFT_LENGTH, PULL, PULL_LENGTH, DRIFT, STRIBECK,
     STRIBECK_SPEED, VISCOUS, BRISTLE, LOAD, ANISOTROPY, COMPLIANCE,
@@ -104,17 +104,27 @@ def _normal(depth: float, rate: float, t: float, dt: float, m: Array, new: Array
 
 
 @njit(cache=True)
-def contact(x: Array, v: Array, t: float, dt: float, m: Array, new: Array, p: Array, fields: Array, grid: Array,
-            at: Array) -> None:  # fmt: skip
+def _patch(patches: NDArray[np.int64], grid: Array, x: float, y: float) -> int:
+    """Number of the patch at a place: that of the nearest point of the grid."""
+    i = int(min(max((x - grid[0]) / grid[2] + 0.5, 0.0), patches.shape[0] - 1.0))
+    j = int(min(max((y - grid[1]) / grid[3] + 0.5, 0.0), patches.shape[1] - 1.0))
+    return int(patches[i, j])
+
+
+@njit(cache=True)
+def contact(x: Array, v: Array, t: float, dt: float, m: Array, new: Array, table: Array, patches: NDArray[np.int64],
+            fields: Array, grid: Array, at: Array) -> None:  # fmt: skip
     """One step of the contact: force of the material on the tool at the step's end, in new[FORCE:FORCE + 3].
 
     Args:
         x: place along both tangents, and depth [m], (3,). v: their rates [m/s], (3,). t: [s]. dt: since `m` [s], > 0.
         m: memory at the step's beginning, (MEMORY,), unchanged. new: at its end.
-        p: (PARAMETERS,). fields: (FIELDS, nx, ny) over `grid`. at: scratch, (FIELDS,).
+        table: parameters of each patch, (patches, PARAMETERS). patches: which of them is where, (nx, ny) over `grid`.
+        fields: (FIELDS, nx, ny) over `grid`. at: scratch, (FIELDS,).
     """
     for k in range(MEMORY):
         new[k] = m[k]
+    p = table[_patch(patches, grid, x[0], x[1])]
     _field(fields, grid, x[0], x[1], at)
     depth, rate, c = x[2], v[2], p[COMPLIANCE]
     if c > 0.0 and depth > -1e-3:

@@ -14,6 +14,8 @@ from kinid.lab.protocol import Poke, Script, Slide, five_phases, minimum_jerk
 from kinid.lab.sensors import Sensor, StreamSpec
 from kinid.lab.setup import Setup
 
+Vector = tuple[float, float, float]
+
 #: the study's signals: amplitudes [m] and frequencies [Hz] about a depth [m]
 SPONGE_POKE = Poke(0.012, ((0.003, 0.9), (0.001, 5.0)))
 SILICONE_POKE = Poke(0.003, ((0.0015, 0.9), (0.0005, 5.0)))
@@ -29,7 +31,7 @@ class Experiment:
     says: str
     material: str
     script: Callable[[], Script]
-    point: tuple[float, float, float] = (0.55, 0.0, 0.10)
+    point: Vector = (0.55, 0.0, 0.10)
 
 
 def _touch(poke: Poke) -> Callable[[], Script]:
@@ -64,21 +66,40 @@ EXPERIMENTS = {
 }  # fmt: skip
 
 
-def prepare(name: str, *, material: str | None = None, seed: int = 0, gains: Gains | None = None) -> Setup:
+def named(name: str) -> Experiment:
+    """An experiment by its name.
+
+    Raises:
+        InputError: no such experiment.
+    """
+    if name not in EXPERIMENTS:
+        raise InputError(f"experiment '{name}'", f"one of {', '.join(EXPERIMENTS)}", near(name, EXPERIMENTS))
+    return EXPERIMENTS[name]
+
+
+def prepare(
+    name: str, *, material: str | None = None, seed: int = 0, gains: Gains | None = None, point: Vector | None = None,
+    normal: Vector | None = None,
+) -> Setup:  # fmt: skip
     """The set-up of a named experiment, its sensor and clocks by the seed.
+
+    Args:
+        name: of the experiment. material: touched; default: the experiment's. seed: of sensor and noise.
+        gains: of the controller. point [m], normal: of the surface, base frame; default: the experiment's, upwards.
 
     Raises:
         InputError: no such experiment or material.
     """
-    if name not in EXPERIMENTS:
-        raise InputError(f"experiment '{name}'", f"one of {', '.join(EXPERIMENTS)}", near(name, EXPERIMENTS))
-    experiment = EXPERIMENTS[name]
+    experiment = named(name)
     rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
     sensor = Sensor.mini40(rng)
     wrench = StreamSpec(offset=float(rng.uniform(-2e-3, 2e-3)), delay=float(rng.uniform(0.0, 1e-3)), jitter=2e-5, losses=2e-3,
                         skew=float(rng.normal(scale=5e-6)))  # fmt: skip
     joints = StreamSpec(every=2, jitter=2e-5, losses=1e-3)
+    out = normal or (0.0, 0.0, 1.0)
+    tangent = (0.0, 1.0, 0.0) if abs(out[0]) > 0.9 * max(map(abs, out)) else (1.0, 0.0, 0.0)
     return Setup(
-        experiment.script(), materials.material(material or experiment.material), gains or Gains(), point=experiment.point,
-        sensor=sensor, known_crosstalk=sensor.crosstalk, wrench_stream=wrench, joint_stream=joints, seed=seed,
+        experiment.script(), materials.material(material or experiment.material), gains or Gains(),
+        point=point or experiment.point, normal=out, tangent=tangent, sensor=sensor, known_crosstalk=sensor.crosstalk,
+        wrench_stream=wrench, joint_stream=joints, seed=seed,
     )  # fmt: skip

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError, near
-from kinid.lab.materials import Field
+from kinid.lab.materials import Field, Patch
 from kinid.lab.sensors import StreamSpec
 from kinid.lab.setup import Setup, together
 from kinid.rig import ToolSpec
@@ -17,23 +18,41 @@ Array = NDArray[np.float64]
 Truth = dict[str, object]
 Planted = tuple[Setup, Truth]
 Plant = Callable[[Setup, np.random.Generator], Planted]
+#: lower and upper corner along both tangents [m]
+Rectangle = tuple[tuple[float, float], tuple[float, float]]
 
 
-def hide(setup: Setup, effect: str, seed: int) -> Planted:
+def hide(setup: Setup, effect: str, seed: int, where: Rectangle | None = None) -> Planted:
     """The set-up with one more effect, and its parameters by the catalogue's names.
 
+    Args:
+        setup: with nothing hidden. effect: of the catalogue. seed: of its size.
+        where: for an effect of the material, the rectangle of the surface that has it, lower and upper corner along both
+            tangents [m]; default: everywhere.
+
     Raises:
-        InputError: no such effect.
+        InputError: no such effect, or one that isn't at a place.
     """
     if effect not in PLANTS:
         raise InputError(f"effect '{effect}' to hide", f"one of {', '.join(sorted(PLANTS))}", near(effect, PLANTS))
     rng = np.random.default_rng(np.random.SeedSequence([seed, *effect.encode()]))
     planted, parameters = PLANTS[effect](setup, rng)
-    return planted, {"effect": effect, "parameters": parameters}
+    truth: Truth = {"effect": effect, "parameters": parameters}
+    if where is not None:
+        changed = {f.name for f in dataclasses.fields(setup) if getattr(planted, f.name) is not getattr(setup, f.name)}
+        if changed != {"material"}:
+            raise InputError(f"'{effect}' to hide in a part of the surface", "an effect of the material",
+                             "hide it without a place: it is everywhere")  # fmt: skip
+        patch = Patch(*where, planted.material)
+        planted = setup.replace(material=setup.material.replace(patches=(*setup.material.patches, patch)))
+        truth["where"] = where
+    return planted, truth
 
 
 def _material(setup: Setup, truth: Truth, **changes: object) -> Planted:
-    return setup.replace(material=setup.material.replace(**changes)), truth
+    """What is planted holds everywhere, also where the property changed over the surface before."""
+    fields = {name: field for name, field in setup.material.fields.items() if name not in changes}
+    return setup.replace(material=setup.material.replace(**{"fields": fields, **changes})), truth
 
 
 def _sign(rng: np.random.Generator) -> float:
@@ -52,13 +71,18 @@ def _load(setup: Setup) -> tuple[float, float]:
 
 def _exponent(s: Setup, rng: np.random.Generator) -> Planted:
     n = float(rng.uniform(1.25, 1.7))
-    depth = 0.5 * _load(s)[0]
-    stiffness = s.material.stiffness * depth ** (s.material.exponent - n)  # as stiff at half depth as it was
-    return _material(s, {"exponent": n, "stiffness": stiffness}, exponent=n, stiffness=stiffness)
+    base, gain = s.material, (0.5 * _load(s)[0]) ** (s.material.exponent - n)  # as stiff at half depth as it was
+    if "stiffness" in base.fields:
+        def field(x: Array, y: Array) -> Array:
+            return np.asarray(gain * base.at(x, y)["stiffness"])
+
+        return _material(s, {"exponent": n}, exponent=n, fields={**base.fields, "stiffness": field})
+    return _material(s, {"exponent": n, "stiffness": gain * base.stiffness}, exponent=n, stiffness=gain * base.stiffness)
 
 
 def _damping(s: Setup, rng: np.random.Generator) -> Planted:
-    c = float(rng.uniform(0.8, 2.0)) * max(5.0, s.material.damping)
+    usual = float(s.material.at(np.zeros(1), np.zeros(1))["damping"][0])
+    c = float(rng.uniform(0.8, 2.0)) * max(5.0, usual)
     return _material(s, {"damping": c}, damping=c)
 
 
@@ -198,6 +222,14 @@ def _payload(s: Setup, rng: np.random.Generator) -> Planted:
     return s.replace(payload=load), {"mass": mass, "moment": (mass * com).tolist()}
 
 
+def _gravity_error(s: Setup, rng: np.random.Generator) -> Planted:
+    a, b = rng.uniform(0.02, 0.06, 2) * rng.choice([-1.0, 1.0], 2)  # [rad] by which the base is tilted
+    g = np.asarray(s.robot.gravity)
+    error = np.cross(g, [a, b, 0.0])
+    error += np.cross(error, [a, b, 0.0]) / 2  # a rotation to second order
+    return s.replace(gravity_error=tuple(error.tolist())), {"error": error.tolist()}
+
+
 def _joints(name: str, parameter: str, low: Array | float, high: Array | float, signed: bool = False) -> Plant:
     def plant(s: Setup, rng: np.random.Generator) -> Planted:
         n = s.robot.joint_count
@@ -286,7 +318,7 @@ PLANTS: dict[str, Plant] = {
     "coulomb-friction": _friction, "viscous-friction": _viscous, "stribeck-friction": _stribeck, "presliding": _presliding,
     "load-dependent-friction": _load_dependent, "friction-anisotropy": _anisotropy,
     "tool-mass": _tool_mass, "tool-com": _tool_com, "tool-inertia": _tool_inertia, "tip-offset": _tip_offset,
-    "payload": _payload, "joint-elasticity": _motor_encoders,
+    "payload": _payload, "gravity-error": _gravity_error, "joint-elasticity": _motor_encoders,
     "joint-coulomb-friction": _joints("coulomb", "torque", 0.5, 3.0),
     "joint-viscous-friction": _joints("viscous", "damping", 1.0, 6.0),
     "joint-friction-asymmetry": _joints("asymmetry", "damping", 0.8, 3.0, signed=True),

@@ -12,9 +12,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from kinid.controllers.impedance import impedance_torque
+from kinid.controllers import impedance
 from kinid.errors import KinidError
 from kinid.kernels import dynamics as kernel
+from kinid.kernels.cached import cached
 from kinid.lab import _law as law
 from kinid.lab.arm import Arm, Gains, Joints, design_damping
 from kinid.lab.materials import Material
@@ -22,6 +23,7 @@ from kinid.lab.materials import Material
 Array = NDArray[np.float64]
 
 _dynamics, _factorise, _substitute = kernel.dynamics, kernel.factorise, kernel.substitute
+_impedance_torque = impedance.impedance_torque
 _WORK = kernel.WORK_COLUMNS
 _contact = law.contact
 _FORCE, _MEMORY, _FIELDS = law.FORCE, law.MEMORY, law.FIELDS
@@ -52,12 +54,12 @@ def _place(position: Array, jacobian: Array, dq: Array, axes: Array, point: Arra
     x[2], v[2] = -x[2], -v[2]
 
 
-@njit(cache=True)
+@cached(kernel, law, impedance)
 def run(
     turns: Array, shifts: Array, prismatic: Array, mass: Array, com: Array, inertia: Array, gravity: Array, joints: Array,
     elastic: bool, presliding: float, q0: Array, dq0: Array, positions: Array, velocities: Array, rotations: Array,
-    stiffness: Array, damping: Array, null_damping: float, controlled: bool, axes: Array, point: Array, p: Array,
-    fields: Array, grid: Array, period: float, substeps: int, t0: float, out: Array,
+    stiffness: Array, damping: Array, null_damping: float, controlled: bool, axes: Array, point: Array, table: Array,
+    patches: NDArray[np.int64], fields: Array, grid: Array, period: float, substeps: int, t0: float, out: Array,
 ) -> None:  # fmt: skip
     """Run the loop for as many periods as there are set-points.
 
@@ -65,7 +67,7 @@ def run(
         turns … gravity: the arm. joints: the drives, see `Joints.packed`. elastic: whether joints bend. presliding: [rad].
         q0, dq0: state to begin with, (N,). positions, velocities, rotations: set-points, (n, 3), (n, 6), (n, 3, 3).
         stiffness, damping, null_damping: of the impedance. controlled: False switches all torques off.
-        axes: rows tangent1, tangent2, normal. point: of the surface. p, fields, grid: of the contact.
+        axes: rows tangent1, tangent2, normal. point: of the surface. table, patches, fields, grid: of the contact.
         period [s], substeps: of the controller, and steps within it. t0: the material's time at the beginning [s].
         out: (n, 4 N + 10): q, dq, ddq, tau (link side); contact force, place and depth, tip
             position, work done by the contact so far.
@@ -90,7 +92,7 @@ def run(
         for j in range(n):
             m[j] = q[j] + hold[j] / joints[_SPRING, j]
     _place(position, jacobian, dq, axes, point, x, v)
-    _contact(x, v, t0, 1e-9, memory, ahead, p, fields, grid, at)
+    _contact(x, v, t0, 1e-9, memory, ahead, table, patches, fields, grid, at)
     memory, ahead = ahead, memory
     for i in range(steps):
         if controlled and elastic:
@@ -100,10 +102,10 @@ def run(
                 ql[j] = m[j] - hold[j] / joints[_SPRING, j]
             _dynamics(ql, dm, turns, shifts, prismatic, mass, com, inertia, gravity, work, seen_matrix, seen_bias, seen_hold,
                       seen_rotation, seen_position, seen_jacobian)  # fmt: skip
-            impedance_torque(seen_rotation, seen_position, seen_jacobian, dm, seen_hold, rotations[i], positions[i],
+            _impedance_torque(seen_rotation, seen_position, seen_jacobian, dm, seen_hold, rotations[i], positions[i],
                              velocities[i], stiffness, damping, null_damping, limit, torque)  # fmt: skip
         elif controlled:
-            impedance_torque(rotation, position, jacobian, dq, hold, rotations[i], positions[i], velocities[i], stiffness,
+            _impedance_torque(rotation, position, jacobian, dq, hold, rotations[i], positions[i], velocities[i], stiffness,
                              damping, null_damping, limit, torque)  # fmt: skip
         row = out[i]
         for k in range(3):
@@ -122,7 +124,7 @@ def run(
                     _dynamics(ql, vl, turns, shifts, prismatic, mass, com, inertia, gravity, work, matrix, bias, hold, rotation,
                               position, jacobian)  # fmt: skip
                     _place(position, jacobian, vl, axes, point, x, v)
-                    _contact(x, v, t0 + i * period + s * h + c, c, memory, ahead, p, fields, grid, at)
+                    _contact(x, v, t0 + i * period + s * h + c, c, memory, ahead, table, patches, fields, grid, at)
                     source = ahead
                 else:
                     source = memory
@@ -176,7 +178,7 @@ def run(
             _dynamics(q, dq, turns, shifts, prismatic, mass, com, inertia, gravity, work, matrix, bias, hold, rotation, position,
                       jacobian)  # fmt: skip
             _place(position, jacobian, dq, axes, point, x, v)
-            _contact(x, v, t0 + i * period + (s + 1) * h, h, memory, ahead, p, fields, grid, at)
+            _contact(x, v, t0 + i * period + (s + 1) * h, h, memory, ahead, table, patches, fields, grid, at)
             for k in range(3):
                 f = 0.0
                 for r in range(3):
@@ -239,15 +241,15 @@ class Loop:
         """
         n, dt = self.arm.joints, self.gains.period
         damping = self.damping if self.damping is not None else design_damping(self.gains, self.arm, self.joints, q0)
-        fields, grid = material.raster()
+        fields, patches, grid = material.raster()
         out = np.empty((len(positions), 4 * n + 10))
         run(
             *self.arm.packed, self.joints.packed, not self.joints.rigid, self.joints.presliding,
             np.ascontiguousarray(q0, dtype=float), np.zeros(n) if dq0 is None else np.ascontiguousarray(dq0, dtype=float),
             np.ascontiguousarray(positions), twists(positions, rotations, dt), np.ascontiguousarray(rotations),
             self.gains.stiffness, np.ascontiguousarray(damping), self.gains.null, controlled,
-            np.ascontiguousarray(self.axes), np.asarray(self.point, dtype=float), material.packed(), fields, grid, dt,
-            self.substeps, t0, out,
+            np.ascontiguousarray(self.axes), np.asarray(self.point, dtype=float), material.packed(), patches, fields, grid,
+            dt, self.substeps, t0, out,
         )  # fmt: skip
         if not np.isfinite(out).all() or np.abs(out[:, n : 2 * n]).max() > 1e3:
             raise KinidError("the virtual experiment diverged: the gains don't suit arm and material")

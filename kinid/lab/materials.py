@@ -23,6 +23,23 @@ _HALF, _STEP = 0.06, 5e-4
 
 
 @dataclass(frozen=True, eq=False)
+class Patch:
+    """A rectangle of a surface, along both tangents from `low` to `high` [m], where another material lies."""
+
+    low: tuple[float, float]
+    high: tuple[float, float]
+    material: Material
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite([*self.low, *self.high]).all() and self.low[0] < self.high[0] and self.low[1] < self.high[1]):
+            raise InputError(f"a patch from {self.low} to {self.high} m", "two corners, the lower one first", "correct it")
+
+    def holds(self, x: Array, y: Array) -> NDArray[np.bool_]:
+        """Whether places along both tangents [m], each (n,), lie in it."""
+        return np.asarray((x >= self.low[0]) & (x <= self.high[0]) & (y >= self.low[1]) & (y <= self.high[1]))
+
+
+@dataclass(frozen=True, eq=False)
 class Material:
     """A contact law and its parameters; what is zero isn't there.
 
@@ -37,8 +54,8 @@ class Material:
         softening: ratio, length [m]. adhesion: force [N], length [m]. drift: [1/min].
         stribeck: Δμ, speed [m/s]. viscous: [N·s/m]. bristle: [m]. load_exponent, anisotropy: see the effects.
         coupling: K (3, 3) and C (3, 3) over (x₁, x₂, δ), added to the force. compliance: in series [m/N].
-        fields: properties that change over the surface.
-        colors: colour at places, (n, 3), where it changes.
+        fields: properties that change over the surface. patches: where another material lies; the last one holds.
+        colors: colour at places, (n, 3), where it changes. side: of a square piece [m]; beyond it nothing lies.
     """
 
     name: str = "kelvin-voigt"
@@ -63,7 +80,9 @@ class Material:
     coupling: tuple[Array, Array] | None = None
     compliance: float = 0.0
     fields: dict[str, Field] = field(default_factory=dict)
+    patches: tuple[Patch, ...] = ()
     colors: Callable[[Array, Array], Array] | None = None
+    side: float = np.inf
 
     def replace(self, **changes: object) -> Material:
         """The same with other parameters."""
@@ -72,22 +91,45 @@ class Material:
     def at(self, x: Array, y: Array) -> dict[str, Array]:
         """Its properties at places along both tangents [m], each (n,)."""
         x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
-        return {name: np.asarray(self.fields[name](x, y)) if name in self.fields else np.full(x.shape, getattr(self, name))
-                for name in PROPERTIES}  # fmt: skip
+        out = {name: np.array(self.fields[name](x, y) if name in self.fields else np.full(x.shape, getattr(self, name)))
+               for name in PROPERTIES}  # fmt: skip
+        for patch in self.patches:
+            inside = patch.holds(x, y)
+            for name, values in patch.material.at(x, y).items():
+                out[name][inside] = values[inside]
+        return out
 
-    def raster(self) -> tuple[Array, Array]:
-        """Tables of the properties for the loop, (5, nx, ny), and their grid x0, y0, dx, dy."""
-        if not self.fields:
+    def press(self, x: Array, y: Array, depth: Array) -> Array:
+        """Elastic force of a slow press [N], without memory: at places along both tangents and depths [m], each (n,)."""
+        values = self.at(x, y)
+        exponent = np.full(np.shape(depth), self.exponent)
+        for patch in self.patches:
+            exponent[patch.holds(x, y)] = patch.material.exponent
+        inside = np.maximum(depth, 0.0)
+        out: Array = values["stiffness"] * inside**exponent + values["layer"] * np.maximum(0.0, depth - values["layer_depth"])
+        return out
+
+    def raster(self) -> tuple[Array, NDArray[np.int64], Array]:
+        """For the loop: tables of the properties, (5, nx, ny), the number of the patch, (nx, ny), and x0, y0, dx, dy."""
+        if not self.fields and not self.patches:
             flat = np.array([getattr(self, name) for name in PROPERTIES])
-            return np.ascontiguousarray(np.broadcast_to(flat[:, None, None], (law.FIELDS, 2, 2))), np.array([0.0, 0.0, 1.0, 1.0])
+            return (np.ascontiguousarray(np.broadcast_to(flat[:, None, None], (law.FIELDS, 2, 2))),
+                    np.zeros((2, 2), dtype=np.int64), np.array([0.0, 0.0, 1.0, 1.0]))  # fmt: skip
         ticks = np.arange(-_HALF, _HALF + _STEP / 2, _STEP)
         x, y = np.meshgrid(ticks, ticks, indexing="ij")
         values = self.at(x.ravel(), y.ravel())
         tables = np.stack([values[name].reshape(x.shape) for name in PROPERTIES])
-        return np.ascontiguousarray(tables), np.array([ticks[0], ticks[0], _STEP, _STEP])
+        number = np.zeros(x.shape, dtype=np.int64)
+        for i, patch in enumerate(self.patches, start=1):
+            number[patch.holds(x, y)] = i
+        return np.ascontiguousarray(tables), number, np.array([ticks[0], ticks[0], _STEP, _STEP])
 
     def packed(self) -> Array:
-        """What is the same everywhere, for the loop."""
+        """What is the same throughout a patch, for the loop, a row each: outside of them, then of each patch."""
+        return np.stack([self._row(), *(patch.material._row() for patch in self.patches)])
+
+    def _row(self) -> Array:
+        """What is the same everywhere but in patches."""
         p = np.zeros(law.PARAMETERS)
         branches = [*self.relaxation, (0.0, 1.0), (0.0, 1.0)]
         p[: law.COUPLED_K] = [
@@ -108,6 +150,10 @@ class Material:
                 value = [np.asarray(part).tolist() for part in value]
             if item.name == "fields":
                 value = sorted(value)
+            if item.name == "patches":
+                value = [{"low": patch.low, "high": patch.high, "material": patch.material.truth()} for patch in value]
+            if item.name == "side" and not np.isfinite(value):
+                value = None
             if item.name != "colors":
                 out[item.name] = value
         return out
@@ -123,10 +169,14 @@ DRAGON_SKIN = _silicone("dragon-skin-10", 994.0, 14.5, 0.77, (0.16, 0.42, 0.78))
 ECOFLEX_30 = _silicone("ecoflex-30", 510.0, 7.2, 0.88, (0.80, 0.22, 0.30))
 DRAGON_SKIN_30 = _silicone("dragon-skin-30", 2400.0, 21.0, 0.66, (0.20, 0.60, 0.32))
 SPONGE = Material("sponge", (0.25, 0.25, 0.28), stiffness=280.0, damping=8.1, friction=0.27)
+#: The band was published as three fits to one log, K = 99.4 (Hooke), 98.1 (Kelvin-Voigt) and 92.5 N/m (power law, n = 1.028).
+#: They are of one band where the power law counts depth in cm: 92.5 N/m · 1 cm · (8 cm / 1 cm)ⁿ is 98.0 N/m at the mean depth.
+_BAND_EXPONENT = 1.028
+_BAND_STIFFNESS = 92.5 * 0.01 ** (1.0 - _BAND_EXPONENT)  # [N/mⁿ]
 #: quasi-elastic: a power law near one with losses that grow with force. A stretched band also resists sideways, and pulls
 #: the tip aside as it is pressed, because it hangs between posts of unequal height
 BAND = Material(
-    "band", (0.72, 0.55, 0.35), stiffness=92.5, exponent=1.028, loss=3.37 / 92.5, friction=0.0,
+    "band", (0.72, 0.55, 0.35), stiffness=_BAND_STIFFNESS, exponent=_BAND_EXPONENT, loss=3.37 / _BAND_STIFFNESS, friction=0.0,
     coupling=(np.array([[-60.0, 0.0, 9.0], [0.0, -45.0, -5.0], [0.0, 0.0, 0.0]]),
               np.array([[-0.6, 0.0, 0.0], [0.0, -0.6, 0.0], [0.0, 0.0, 0.0]])),
 )  # fmt: skip
@@ -195,7 +245,7 @@ MOULD = Material(
     "mould", (0.5, 0.45, 0.4),
     fields={"stiffness": _mould_of("stiffness"), "damping": _mould_of("damping"), "friction": _mould_of("friction"),
             "layer": _mould_layer, "layer_depth": lambda x, y: np.full(np.shape(x), _FILM_THICKNESS)},
-    colors=_mould_colors,
+    colors=_mould_colors, side=_SIDE,
 )  # fmt: skip
 
 MATERIALS = {m.name: m for m in (BAND, SPONGE, ECOFLEX, DRAGON_SKIN, ECOFLEX_30, DRAGON_SKIN_30, MOULD)}

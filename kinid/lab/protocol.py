@@ -91,10 +91,13 @@ def five_phases(
     *motions: Poke | Slide, place: tuple[float, float] = (0.0, 0.0), height: float = 0.015, free: float = 2.0,
     hold: float = 1.0, approach: float = 1.2, tilt: float = 0.3, period: float = 1e-3,
 ) -> Script:  # fmt: skip
-    """Turn in the air (that shows weight and bias apart), approach, hold, move, retract, and return.
+    """Turn in the air (that shows weight and bias apart); then for each motion approach, hold, move, retract, and return.
+
+    Each motion begins and ends in the air, so that a sensor that drifts is seen at zero before and after it. The return
+    is the phase "rest".
 
     Args:
-        motions: one after the other, each with a hold before it. place: along both tangents [m].
+        motions: one after the other. place: along both tangents [m].
         height: above the surface [m]. free, hold, approach: [s]; no free phase for 0. tilt: in the air [rad].
         period: of the controller [s].
 
@@ -129,13 +132,11 @@ def five_phases(
     for motion in motions:
         t = (np.arange(round(motion.duration / period)) + 1) * period
         path = motion.path(t)
-        depth = np.array([here[0], here[1], motion.depth])
-        go("approach", depth, approach if here[2] < 0 else 0.5 * approach)
+        go("approach", np.array([0.0, 0.0, motion.depth]), approach)
         still("hold", hold)
-        add(motion.name, path + np.array([here[0], here[1], 0.0]))
-    go("retract", np.array([here[0], here[1], -height]), approach)
-    go("rest", np.array([0.0, 0.0, -height]), 0.5 * approach)
-    # where the free phase is left out, the first and last moments are free motion
+        add(motion.name, path)
+        go("retract", np.array([here[0], here[1], -height]), approach)
+        go("rest", np.array([0.0, 0.0, -height]), 0.5 * approach)
     phase = np.concatenate([np.full(len(path), name) for name, path, _ in parts])
     places: Array = np.concatenate([path for _, path, _ in parts])
     places[:, :2] += place

@@ -155,18 +155,21 @@ class StreamSpec:
         return rows, stamps
 
 
-def load_on_sensor(motion: Motion, robot: Robot, columns: NDArray[np.int64], tool: ToolSpec, axes: Array, tip: Array) -> Array:
+def load_on_sensor(
+    motion: Motion, robot: Robot, columns: NDArray[np.int64], tool: ToolSpec, axes: Array, tip: Array, gravity: Array
+) -> Array:
     """What tool and contact put on the sensor, in its axes about its origin, (n, 6).
 
     Args:
         motion: of the loop. robot: with a sensor frame. columns: of the loop's joints in a log.
         tool: as it is. axes: rows tangent1, tangent2, normal. tip: as it is, in the sensor frame [m].
+        gravity: base frame [m/s²], (3,).
     """
     order = np.argsort(columns)
     q, dq, ddq = (np.ascontiguousarray(part[:, order]) for part in (motion.q, motion.dq, motion.ddq))
     sensor = robot.kinematics(robot.sensor_frame or "", q, dq, ddq)
     force = np.einsum("nji,nj->ni", sensor.rotation, motion.force @ axes)
-    out = tool_load(tool, sensor, robot.gravity)
+    out = tool_load(tool, sensor, gravity)
     out[:, :3] += force
     out[:, 3:] += np.cross(tip, force)
     return out

@@ -1,4 +1,4 @@
-"""A virtual experiment before it runs: what stands where, what is true, what the rig says; and what can't work is said."""
+"""A virtual experiment: what stands where, what is true, what the rig says; and what a run leaves."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.errors import InputError
 from kinid.lab import sensors
-from kinid.lab.arm import Arm, Gains, Joints, design_damping, joints_along, lwr4plus_joints, spectral_radius
+from kinid.lab.arm import Arm, Gains, Joints, lwr4plus_joints
+from kinid.lab.feasible import check
 from kinid.lab.loop import Loop, Motion
 from kinid.lab.materials import Material
 from kinid.lab.protocol import Script
@@ -25,8 +25,6 @@ Array = NDArray[np.float64]
 ELBOW_UP = np.deg2rad([0.0, -40.0, 0.0, 85.0, 0.0, -55.0, 0.0])
 #: rows of a log are every so many control periods apart
 LOG_EVERY = 2
-#: how many set-points a second are tried before anything runs
-CHECKS = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +37,7 @@ class Setup:
         true_tool, true_tip, surface_offset, surface_slope, payload: what is true beyond the rig: the tool; displacement of
             the tip in its axes [m]; how far the surface lies further out [m] and how it rises along the tangents; a load
             between arm and sensor.
+        gravity_error: true gravity less the rig's, base frame [m/s²]; the arm's own gravity compensation knows it.
         sensor, joint_sensors: with their faults. known_crosstalk: what the sensor's calibration sheet, and so the rig, says.
         wrench_stream, joint_stream: how they are logged in a bag.
         seed: of all noise.
@@ -57,6 +56,7 @@ class Setup:
     surface_offset: float = 0.0
     surface_slope: tuple[float, float] = (0.0, 0.0)
     payload: ToolSpec | None = None
+    gravity_error: tuple[float, float, float] = (0.0, 0.0, 0.0)
     sensor: sensors.Sensor = field(default_factory=sensors.Sensor)
     known_crosstalk: Array = field(default_factory=lambda: np.zeros((6, 6)))
     joint_sensors: sensors.JointSensors = sensors.JointSensors()
@@ -99,7 +99,8 @@ class Setup:
         """The arm as it is, to the tip as it is."""
         load = self.true_tool or self.tool
         load = load if self.payload is None else together(load, self.payload)
-        return Arm.pack(self.robot, load).moved_tip(np.asarray(self.true_tip))
+        arm = Arm.pack(self.robot, load).moved_tip(np.asarray(self.true_tip))
+        return dataclasses.replace(arm, gravity=arm.gravity + np.asarray(self.gravity_error))
 
     @cached_property
     def start(self) -> Array:
@@ -109,62 +110,8 @@ class Setup:
         return q
 
     def check(self) -> Array:
-        """Refuse what can't work; the joints at the first set-point, (N,).
-
-        Raises:
-            InputError: a surface that faces away, targets out of reach, joint or torque limits, gains that are no
-                numbers, or with which arm and controller are unstable.
-        """
-        gains, robot = self.gains, self.robot  # a rig that makes no sense is refused here
-        n = self.axes[2]
-        for name, value in (("translational stiffness", gains.translation), ("rotational stiffness", gains.rotation),
-                            ("damping ratio", gains.ratio)):  # fmt: skip
-            if not (np.isfinite(value) and value > 0):
-                raise InputError(f"a {name} of {value}", "a positive number", "correct it")
-        shoulder = robot.kinematics(robot.tip_frame or "", np.zeros((1, robot.joint_count))).position[0]
-        shoulder = np.array([0.0, 0.0, 0.3 * shoulder[2]])  # about a third up the stretched arm
-        if n @ (shoulder - np.asarray(self.point)) <= 0.0:
-            raise InputError(f"a surface at {_shown(self.point)} with its normal {_shown(self.normal)} turned away from the arm",
-                             "a surface that the arm stands in front of", "turn the normal, or move the surface")  # fmt: skip
-        limit = self.robot.upper[0]
-        if abs(self.start[0]) > limit:
-            raise InputError(f"a surface at {_shown(self.point)}, behind the robot ({np.degrees(self.start[0]):.0f}°)",
-                             f"one within ±{np.degrees(limit):.0f}° of the front", "move the surface")  # fmt: skip
-        positions, rotations = self.script.poses(self.axes, np.asarray(self.point))
-        rows = np.unique(np.append(np.arange(0, len(positions), max(1, int(1 / (CHECKS * gains.period)))), len(positions) - 1))
-        q = joints_along(self.robot, positions[rows], rotations[rows], self.start, "a motion")
-        self._check_torques(q[:, self.arm.columns], rows)
-        q0: Array = q[0, self.arm.columns]
-        middle = q[int(np.argmax(self.script.place[rows, 2])), self.arm.columns]
-        for pose in (q0, middle):
-            radius = spectral_radius(gains, design_damping(gains, self.arm, self.joints, q0), self.arm, self.joints, pose)
-            if radius > 1.0 + 1e-6:
-                raise InputError(
-                    f"stiffness {gains.translation:g} N/m and {gains.rotation:g} N·m/rad with damping ratio {gains.ratio:g}, "
-                    f"unstable at {1 / gains.period:g} Hz (errors grow {radius:.3g} times a period)",
-                    "gains at which the loop is stable", "lower stiffness or damping ratio")  # fmt: skip
-        return q0
-
-    def _check_torques(self, q: Array, rows: NDArray[np.int64]) -> None:
-        """What gravity and the contact at each set-point ask of the joints."""
-        k = self.gains.translation
-        properties = self.material.at(self.script.place[rows, 0], self.script.place[rows, 1])
-        for i, row in enumerate(rows):
-            wanted = max(0.0, float(self.script.place[row, 2]))
-            low, high = 0.0, wanted
-            for _ in range(40):  # where the controller's spring balances the material
-                depth = 0.5 * (low + high)
-                force = properties["stiffness"][i] * depth**self.material.exponent
-                low, high = (depth, high) if k * (wanted - depth) > force else (low, depth)
-            state = self.arm.state(q[i])
-            torque = state.gravity - state.jacobian[:3].T @ (self.axes[2] * k * (wanted - low))
-            over = np.flatnonzero(np.abs(torque) > self.joints.torque_limit)
-            if len(over):
-                j = int(over[0])
-                raise InputError(
-                    f"a motion that asks {torque[j]:.1f} N·m of {self.robot.joint_names[self.arm.columns[j]]} "
-                    f"(limit {self.joints.torque_limit[j]:g} N·m)",
-                    "torques within the joints' limits", "touch less deep, or a softer material")  # fmt: skip
+        """Refuse what can't work; the joints at the first set-point, (N,). See `kinid.lab.feasible.check`."""
+        return check(self)
 
     def run(self) -> Result:
         """Check, run the loop, and read the sensors.
@@ -183,7 +130,8 @@ class Setup:
         """What the sensors make of a motion; by the seed."""
         streams = np.random.default_rng(np.random.SeedSequence([self.seed, 1])).spawn(3)
         tip = self.robot.tip_in_sensor() + self.arm_tip_offset
-        clean = sensors.load_on_sensor(motion, self.robot, self.arm.columns, self.true_tool or self.tool, self.true_axes, tip)
+        clean = sensors.load_on_sensor(motion, self.robot, self.arm.columns, self.true_tool or self.tool, self.true_axes, tip,
+                                       self.arm.gravity)  # fmt: skip
         wrench = self.sensor.read(clean, motion.t, streams[0])
         order = np.argsort(self.arm.columns)
         q, dq, ddq, tau = (np.ascontiguousarray(part[:, order]) for part in (motion.q, motion.dq, motion.ddq, motion.tau))
@@ -235,6 +183,3 @@ def together(a: ToolSpec, b: ToolSpec) -> ToolSpec:
     i = total
     return ToolSpec(mass=mass, com=tuple(com.tolist()), inertia=(i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]))
 
-
-def _shown(vector: tuple[float, float, float]) -> str:
-    return "(" + ", ".join(f"{v:g}" for v in vector) + ")"

@@ -1,7 +1,8 @@
-"""An experiment on disk: the log on one clock, its streams as MCAP, the rig, and the truth in a folder of its own."""
+"""An experiment on disk: the log on one clock, its streams as they came, the rig, and the truth in a folder of its own."""
 
 from __future__ import annotations
 
+import importlib.util
 import json
 from pathlib import Path
 from typing import Any
@@ -39,7 +40,9 @@ def write_experiment(folder: Path, result: Result, truth: dict[str, Any], *, nam
     columns |= {quantity: motion.place[:, i] for i, quantity in enumerate(("slip1", "slip2", "depth"))}
     write_table(folder / "truth" / f"{name}.parquet", columns)
     if mcap:
-        write_mcap(folder / f"{name}.mcap", result)
+        streams = stamped(result)
+        write_streams(folder / "streams", name, result, streams)
+        write_mcap(folder / f"{name}.mcap", result, streams)
     path = folder / f"{name}.parquet"
     write_log(path, result.log)
     return path
@@ -75,38 +78,71 @@ def write_log(path: Path, log: Log) -> None:
 def as_truth(result: Result, more: dict[str, Any]) -> dict[str, Any]:
     """What no estimator may see."""
     setup, force = result.setup, result.motion.force
+    wrench, joints = setup.wrench_stream, setup.joint_stream
     return {
         **more, "seed": setup.seed, "material": setup.material.truth(), "sensor": setup.sensor.truth(),
         "surface_offset": setup.surface_offset, "surface_slope": setup.surface_slope, "tip_offset": setup.true_tip,
+        "gravity_error": setup.gravity_error,
         "tool": None if setup.true_tool is None else setup.true_tool.model_dump(),
-        "streams": {"wrench": vars(setup.wrench_stream), "joints": vars(setup.joint_stream)},
+        "streams": {"wrench": vars(wrench), "joints": vars(joints),
+                    "wrench_after_joints": wrench.offset + wrench.delay - joints.offset - joints.delay},
         "deepest": float(result.motion.place[:, 2].max()), "greatest_force": np.abs(force).max(axis=0).tolist(),
         "work_of_the_material": float(result.motion.work[-1]),
     }  # fmt: skip
 
 
-def write_mcap(path: Path, result: Result) -> None:
+def check_mcap() -> None:
+    """Refuse to write MCAP without its libraries, before anything runs.
+
+    Raises:
+        MissingDependencyError: no library for MCAP or for ROS messages.
+    """
+    if importlib.util.find_spec("mcap") is None or importlib.util.find_spec("rosbags") is None:
+        raise MissingDependencyError("mcap and rosbags", "bags")
+
+
+Streams = tuple[tuple[NDArray[np.int64], Array], tuple[NDArray[np.int64], Array]]
+
+
+def stamped(result: Result) -> Streams:
+    """Of joints and of wrench: the control periods that were logged, and their time stamps by the stream's own clock [s]."""
+    setup = result.setup
+    rng = np.random.default_rng(np.random.SeedSequence([setup.seed, 2]))
+    joints, wrench = (stream.stamps(result.motion.t, rng) for stream in (setup.joint_stream, setup.wrench_stream))
+    return joints, wrench
+
+
+def write_streams(folder: Path, name: str, result: Result, streams: Streams) -> None:
+    """Each stream as a table of its own, as it was logged: NAME_joints.parquet and NAME_wrench.parquet."""
+    make_folder(folder)
+    (joints, joint_stamps), (wrench, wrench_stamps) = streams
+    columns: dict[str, NDArray[Any]] = {"t": joint_stamps}
+    for quantity, values in (("q", result.q), ("tau", result.tau)):
+        columns |= {f"{quantity}{j + 1}": values[joints, j] for j in range(values.shape[1])}
+    provenance = result.log.provenance.to_dict()
+    write_table(folder / f"{name}_joints.parquet", columns, provenance)
+    columns = {"t": wrench_stamps} | {channel: result.wrench[wrench, i] for i, channel in enumerate(WRENCH)}
+    write_table(folder / f"{name}_wrench.parquet", columns, provenance)
+
+
+def write_mcap(path: Path, result: Result, streams: Streams) -> None:
     """Joints and wrench as messages of ROS 2 (CDR), each with its own rate, clock, delay and losses; Foxglove opens it.
 
     Raises:
         MissingDependencyError: no library for MCAP or for ROS messages.
     """
-    try:
-        from mcap.writer import CompressionType, Writer
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError:
-        raise MissingDependencyError("mcap and rosbags", "bags") from None
+    check_mcap()
+    from mcap.writer import CompressionType, Writer
+    from rosbags.typesys import Stores, get_typestore
+
     store, setup = get_typestore(Stores.ROS2_HUMBLE), result.setup
     types = store.types
     joint, wrench = "sensor_msgs/msg/JointState", "geometry_msgs/msg/WrenchStamped"
     header, time = types["std_msgs/msg/Header"], types["builtin_interfaces/msg/Time"]
     vector, torsor = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Wrench"]
-    rng = np.random.default_rng(np.random.SeedSequence([setup.seed, 2]))
-    t = result.motion.t
     names, nothing = list(setup.robot.joint_names), np.zeros(0)
     messages: list[tuple[int, int, bytes]] = []
-    for channel, stream in ((0, setup.joint_stream), (1, setup.wrench_stream)):
-        rows, stamps = stream.stamps(t, rng)
+    for channel, (rows, stamps) in enumerate(streams):
         nanoseconds = EPOCH + np.round((stamps + 1.0) * 1e9).astype(np.int64)
         for row, at in zip(rows, nanoseconds.tolist()):
             stamp = time(sec=at // 10**9, nanosec=at % 10**9)

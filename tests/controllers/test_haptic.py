@@ -21,6 +21,7 @@ from kinid.controllers import (
     HuntCrossley,
     Impedance,
     KelvinVoigt,
+    Observer,
     Plane,
     Properties,
     Schedule,
@@ -66,7 +67,7 @@ def fall(rendering: HapticRendering, mass: float, push: Array, steps: int, veloc
     (HuntCrossley(), 0.004**1.4 * (1200.0 + 4.0 * 0.03)),
 ])  # fmt: skip
 def test_laws(law: Any, expected: float) -> None:
-    rendering = HapticRendering(Uniform(MATERIAL), HapticSettings(law, most_damping=0.0))
+    rendering = HapticRendering(Uniform(MATERIAL), HapticSettings(law, passivity=Observer(0.0)))
     rendering.command(np.array([0, 0, -0.0039]), np.zeros(3))
     found = rendering.command(np.array([0, 0, -0.004]), np.array([0, 0, -0.03]))
     np.testing.assert_allclose(found.force, [0, 0, expected], rtol=1e-12)
@@ -80,7 +81,7 @@ def test_laws(law: Any, expected: float) -> None:
 @given(st.integers(0, 10_000))
 def test_the_force_stays_in_the_friction_cone_and_opposes_the_slip(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    rendering = HapticRendering(Uniform(MATERIAL), HapticSettings(KelvinVoigt(), shear=800.0, most_damping=0.0))
+    rendering = HapticRendering(Uniform(MATERIAL), HapticSettings(KelvinVoigt(), shear=800.0, passivity=Observer(0.0)))
     x = np.array([0.0, 0.0, -0.003])
     for _ in range(60):
         v = rng.normal(size=3) * 0.2
@@ -138,7 +139,7 @@ def test_without_the_passivity_controller_a_held_spring_gives_energy() -> None:
     """What the bound above is about: the same device on the same spring runs away."""
     args = 0.1, np.array([0, 0, -1.0]), 6_000, np.array([0, 0, -0.1])
     surface = Uniform(Properties(3000.0))
-    wild, _ = fall(HapticRendering(surface, HapticSettings(Hooke(), most_damping=0.0)), *args)
+    wild, _ = fall(HapticRendering(surface, HapticSettings(Hooke(), passivity=Observer(0.0))), *args)
     tame, _ = fall(HapticRendering(surface, HapticSettings(Hooke())), *args)
     assert wild.max() > 10 * max(abs(wild[0]), 1e-3)
     assert tame.max() < 2 * abs(tame[0])
@@ -146,7 +147,7 @@ def test_without_the_passivity_controller_a_held_spring_gives_energy() -> None:
 
 def test_damping_that_a_device_needs_by_itself() -> None:
     """Colgate's bound K T/2 + B: a device with that much damping bounces down without the controller."""
-    rendering = HapticRendering(Uniform(Properties(2000.0, 1.5)), HapticSettings(KelvinVoigt(), most_damping=0.0))
+    rendering = HapticRendering(Uniform(Properties(2000.0, 1.5)), HapticSettings(KelvinVoigt(), passivity=Observer(0.0)))
     assert rendering.needed_damping(0, 0) == pytest.approx(2.5)
 
 
@@ -160,7 +161,7 @@ def test_a_map_with_a_step_in_stiffness_gives_no_energy() -> None:
     path = path * 20
     gains = {}
     for most in (0.0, 20.0, 100.0):
-        rendering, before = HapticRendering(surface, HapticSettings(Hooke(), most_damping=most)), path[0]
+        rendering, before = HapticRendering(surface, HapticSettings(Hooke(), passivity=Observer(most))), path[0]
         for x in path:
             found = rendering.command(x, (x - before) / PERIOD)
             before = x
@@ -198,7 +199,7 @@ def test_force_limit_and_joint_torques(bench: Any) -> None:
 
 
 @pytest.mark.parametrize("bad", [
-    {"period": 0.0}, {"period": np.nan}, {"shear": -1.0}, {"most_damping": -1.0}, {"force_limit": 0.0}, {"force_limit": np.nan},
+    {"period": 0.0}, {"period": np.nan}, {"shear": -1.0}, {"force_limit": 0.0}, {"force_limit": np.nan},
 ])  # fmt: skip
 def test_bad_settings_are_refused(bad: dict[str, float]) -> None:
     with pytest.raises(InputError):

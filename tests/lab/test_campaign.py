@@ -1,120 +1,22 @@
-"""Logs on disk, hidden effects, and a campaign that is killed and goes on."""
+"""A campaign that is killed and goes on, and its page."""
 
 from __future__ import annotations
 
-import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-import kinid
 from kinid.errors import InputError
 from kinid.lab import campaign as campaigns
 from kinid.lab.campaign import Campaign
-from kinid.lab.experiments import prepare
-from kinid.lab.hidden import PLANTS, hide
-from kinid.lab.materials import MOULD
-from kinid.lab.protocol import Poke, five_phases
-from kinid.lab.sensors import StreamSpec
-from kinid.lab.writing import write_experiment
-from kinid.rig import Rig
-
-SHORT = five_phases(Poke(0.003, ((0.001, 2.0),), 0.6), free=0.4, hold=0.1, approach=0.6, height=0.008)
-
-
-@pytest.fixture(scope="module")
-def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("lab")
-    setup = prepare("poke", seed=3)
-    # one clock but for known offsets, so that both files can be held against each other
-    setup = setup.replace(script=SHORT, wrench_stream=StreamSpec(losses=0.01), joint_stream=StreamSpec(every=2, losses=0.01))
-    write_experiment(folder, setup.run(), {"experiment": "poke"})
-    return folder
-
-
-def test_parquet_and_mcap_hold_the_same(written: Path) -> None:
-    rig = Rig.load(written / "rig.toml")
-    table, bag = kinid.read(written / "log.parquet", rig), kinid.read(written / "log.mcap", rig)
-    assert bag.q is not None
-    assert table.q is not None
-    assert len(bag) > 1.8 * len(table)  # the wrench's rate is twice the joints'
-    shared = np.isfinite(bag.q.sum(axis=1))
-    lost = 1.0 - len(bag) / (2 * len(table))
-    assert 0.0 < lost < 0.05
-    # between joint samples the reader interpolates: acceleration over half a step of 1 ms
-    for j in range(7):
-        assert np.abs(np.interp(bag.t[shared], table.t, table.q[:, j]) - bag.q[shared, j]).max() < 2e-5
-    touch = kinid.contact_series(bag, rig)
-    assert np.nanmax(touch.normal_force) > 1.0
-
-
-def test_truth_stands_apart(written: Path) -> None:
-    truth = json.loads((written / "truth" / "log.json").read_text())
-    assert truth["material"]["stiffness"] == 732.0
-    text = (written / "rig.toml").read_text()
-    assert "732" not in text
-    assert sorted(p.name for p in written.iterdir()) == ["log.mcap", "log.parquet", "rig.toml", "truth"]
-
-
-def test_mcap_is_what_foxglove_opens(written: Path) -> None:
-    from mcap.reader import make_reader
-
-    with (written / "log.mcap").open("rb") as file:
-        summary = make_reader(file).get_summary()
-    assert summary is not None
-    kinds = {s.name: s for s in summary.schemas.values()}
-    assert set(kinds) == {"sensor_msgs/msg/JointState", "geometry_msgs/msg/WrenchStamped"}
-    assert all(s.encoding == "ros2msg" and b"std_msgs/Header" in s.data for s in kinds.values())
-    assert {c.message_encoding for c in summary.channels.values()} == {"cdr"}
-
-
-def test_every_effect_can_be_hidden() -> None:
-    """Every effect of the catalogue but the laws that a model starts from; it changes what is logged."""
-    from kinid import effects
-
-    assert set(PLANTS) == {name for name, effect in effects.catalogue().items() if not effect.base}
-    setup = prepare("ecoflex-50", seed=1)
-    for name in PLANTS:
-        truth = hide(setup, name, 7)[1]
-        assert truth == hide(setup, name, 7)[1]
-        assert truth["effect"] == name
-        assert hide(setup, name, 8)[1] != truth or name == "quantization"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", sorted(PLANTS))
-def test_hidden_effects_show(name: str) -> None:
-    setup = prepare("ecoflex-50", seed=1)
-    log, other = setup.run().log, hide(setup, name, 7)[0].run().log
-    assert log.tau is not None
-    changed = np.abs(np.asarray(log.wrench) - np.asarray(other.wrench)).max() > 0.02 or np.abs(log.tau - other.tau).max() > 0.02
-    assert changed or not np.array_equal(log.q, other.q)
-
-
-def test_unknown_effect() -> None:
-    with pytest.raises(InputError, match="did you mean 'relaxation'"):
-        hide(prepare("poke"), "relaxaton", 0)
-
-
-def test_mould_has_quarters_a_soft_rim_and_a_film() -> None:
-    at = lambda x, y: {k: float(v[0]) for k, v in MOULD.at(np.array([x]), np.array([y])).items()}  # noqa: E731
-    middles = [at(x, y)["stiffness"] for x, y in ((-0.025, -0.025), (-0.025, 0.025), (0.025, -0.025))]
-    np.testing.assert_allclose(middles, [510.0, 732.0, 994.0], rtol=1e-3)
-    assert at(-0.049, 0.025)["stiffness"] < 0.6 * 732.0
-    film = at(0.025, 0.025)
-    assert film["stiffness"] < 400.0
-    assert film["stiffness"] + film["layer"] == pytest.approx(2400.0, rel=1e-2)
-    assert 510.0 < at(-0.025, 0.0)["stiffness"] < 732.0
-    assert MOULD.colors is not None
-    colors = MOULD.colors(np.array([-0.03, -0.03, 0.03, 0.03]), np.array([-0.03, 0.03, -0.03, 0.03]))
-    assert len(np.unique(np.round(colors, 3), axis=0)) == 4
-
+from kinid.lab.campaign_page import NAME, campaign_page
+from kinid.lab.places import Grid
 
 CHILD = """
 import sys
@@ -156,9 +58,78 @@ def test_killed_campaign_goes_on_without_losing_or_repeating_a_poke(tmp_path: Pa
 
 def test_campaign_that_cannot_work_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="reach|limits"):
-        campaigns.run(Campaign(3, 3, spacing=0.4), tmp_path)
+        campaigns.run(Campaign(3, 3, spacing=0.4, material="ecoflex-50"), tmp_path)
     assert not list(campaigns.logs(tmp_path))
     with pytest.raises(InputError):
         Campaign(0, 3)
     with pytest.raises(InputError):
         Campaign(2, 2, spacing=float("nan"))
+    with pytest.raises(InputError, match="beside the mould"):
+        campaigns.run(Campaign(3, 3, spacing=0.06), tmp_path / "never")
+    assert not (tmp_path / "never").exists()
+
+
+def test_a_surface_that_the_arm_can_t_reach_is_refused_for_the_whole_campaign(tmp_path: Path) -> None:
+    for change, words in (({"point": (-0.5, 0.0, 0.1)}, "behind the robot"), ({"normal": (0.0, 0.0, -1.0)}, "turned away"),
+                          ({"stiffness": 1e6}, "unstable")):  # fmt: skip
+        with pytest.raises(InputError, match=words):
+            campaigns.run(Campaign(2, 2, **change), tmp_path / "never")
+    assert not (tmp_path / "never").exists()
+
+
+def test_the_page_tells_places_forces_and_progress_and_nothing_of_the_truth(tmp_path: Path) -> None:
+    task = Campaign(2, 2, spacing=0.05, seed=3, hidden="relaxation")
+
+    def stop(index: int) -> None:
+        if index == 1:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        campaigns.run(task, tmp_path, stop)
+    half = (tmp_path / NAME).read_text()
+    assert "2 of 4 pokes are done (50 %)" in half
+    assert "Not done: poke_0002, poke_0003." in half
+    campaigns.run(task, tmp_path)
+    page = (tmp_path / NAME).read_text()
+    assert "4 of 4 pokes are done (100 %)" in page
+    assert "Not done" not in page
+    least, middle, most = (float(v) for v in re.search(
+        r"normal force held \[N\]</td><td>([\d.]+)</td><td>([\d.]+)</td><td>([\d.]+)", page).groups())  # type: ignore[union-attr]
+    assert 0.3 < least < middle < most < 4.0  # [N]: the rim is soft, the quarters differ
+    assert b"relaxation" not in b"".join(path.read_bytes() for path in tmp_path.glob("*.*") if path.name != NAME)
+    (tmp_path / "poke_0001.parquet").write_bytes(b"damaged")
+    assert campaigns.run(task, tmp_path) == 0
+    damaged = (tmp_path / NAME).read_text()
+    assert "Not readable: poke_0001.parquet" in damaged
+    assert "4 of 4 pokes are done" in damaged
+    body = page[page.index("</script>"):]  # behind the drawing library
+    assert "relaxation" not in body
+    assert not re.search(r'(src|href)="?http', body)
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_a_folder_that_holds_something_else_is_left_alone(tmp_path: Path) -> None:
+    task = Campaign(1, 1)
+    (tmp_path / "poke_0000.parquet").write_bytes(b"mine")
+    with pytest.raises(InputError, match="pokes without"):
+        campaigns.run(task, tmp_path)
+    assert (tmp_path / "poke_0000.parquet").read_bytes() == b"mine"
+    (tmp_path / "truth").mkdir()
+    for damaged in ("{", "[1]", "null"):
+        (tmp_path / "truth" / "campaign.json").write_text(damaged)
+        with pytest.raises(InputError, match="damaged|another campaign"):
+            campaigns.run(task, tmp_path)
+
+
+def test_a_page_without_pokes() -> None:
+    page = campaign_page("Pokes", Grid(2, 3), {})
+    assert "0 of 6 pokes" in page
+    assert "No place has been poked yet" in page
+
+
+def test_grid() -> None:
+    grid = Grid(3, 5, 0.01)
+    assert grid.place(7) == (0.0, 0.0)
+    assert grid.place(0) == (-0.01, -0.02)
+    assert len(grid.rim()) == 12
+    assert {grid.name(i) for i in range(grid.count)} == {f"poke_{i:04d}" for i in range(15)}

@@ -14,11 +14,11 @@ import kinid
 from kinid.errors import InputError
 from kinid.lab import _law as law
 from kinid.lab import experiments, materials
-from kinid.lab.arm import Arm, Gains, Joints, lwr4plus_joints
+from kinid.lab.arm import Arm, Gains, Joints
 from kinid.lab.experiments import prepare
 from kinid.lab.loop import Loop
 from kinid.lab.materials import Material
-from kinid.lab.protocol import Poke, Slide, five_phases
+from kinid.lab.protocol import Poke, five_phases
 from kinid.lab.setup import ELBOW_UP, Result, Setup
 from kinid.rig import Rig, ToolSpec
 from kinid.robot import Robot
@@ -37,7 +37,7 @@ def test_free_arm_keeps_its_energy() -> None:
     motion = loop.run(ELBOW_UP, *still, materials.SPONGE, dq0=np.array([0.3, -0.2, 0.4, 0.1, -0.5, 0.2, 0.6]), controlled=False)
     energy = np.array([arm.energy(motion.q[i], motion.dq[i]) for i in range(0, n, 20)])
     assert np.ptp(motion.q[:, 1]) > 1.0  # it really swings
-    assert np.abs(energy - energy[0]).max() < 1e-6  # [J], the issue's figure
+    assert np.abs(energy - energy[0]).max() < 1e-6  # [J]
     print(f"energy of the free arm over 10 s: {energy[0]:.3f} J, drift {np.abs(energy - energy[0]).max():.1e} J")
 
 
@@ -55,12 +55,12 @@ def _path(n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
 
 def _drive(material: Material, x: np.ndarray, v: np.ndarray, dt: float = 2.5e-4) -> np.ndarray:
     """Force on a tip that is led along a path, (n, 3)."""
-    p, (fields, grid) = material.packed(), material.raster()
+    table, (fields, patches, grid) = material.packed(), material.raster()
     memory, new, at = np.zeros(law.MEMORY), np.zeros(law.MEMORY), np.empty(law.FIELDS)
     memory[7] = -1.0
     out = np.empty_like(x)
     for i in range(len(x)):
-        law.contact(x[i], v[i], i * dt, dt, memory, new, p, fields, grid, at)
+        law.contact(x[i], v[i], i * dt, dt, memory, new, table, patches, fields, grid, at)
         memory, new = new, memory
         out[i] = memory[law.FORCE :]
     return out
@@ -214,47 +214,6 @@ def test_finer_steps_change_nothing() -> None:
     )
     assert np.abs(coarse.q - fine.q).max() < 1e-6  # [rad]
     assert np.abs(coarse.force - fine.force).max() < 2e-3 * np.abs(fine.force).max()
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"point": (1.6, 0.0, 0.1)}, "reach"),
-        ({"point": (-0.55, 0.0, 0.1)}, "behind the robot"),
-        ({"normal": (0.0, 0.0, -1.0)}, "turned away"),
-        ({"gains": Gains(translation=5e5)}, "unstable"),
-        ({"gains": Gains(translation=-1.0)}, "positive"),
-        ({"gains": Gains(ratio=float("nan"))}, "positive"),
-        ({"material": Material(stiffness=1e6), "script": five_phases(Poke(0.09, ((0.001, 1.0),)))}, "N·m"),
-        ({"script": five_phases(Slide(length=0.5, speed=0.1))}, "expected"),
-    ],
-)
-def test_what_cannot_work_is_said_before_anything_runs(
-    change: dict[str, object], words: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(Loop, "run", lambda *_, **__: pytest.fail("it ran"))
-    with pytest.raises(InputError, match=words):
-        prepare("poke").replace(**change).run()
-
-
-def test_unstable_gains_really_are() -> None:
-    """What the check refuses diverges, or at least rings without end; what it lets through doesn't."""
-    from kinid.lab.arm import design_damping, spectral_radius
-
-    setup = prepare("poke")
-    q0 = setup.check()
-    gains = Gains(translation=5e5)
-    damping = design_damping(gains, setup.arm, setup.joints, q0)
-    assert spectral_radius(gains, damping, setup.arm, setup.joints, q0) > 1.0
-    positions, rotations = (part[:1500].copy() for part in setup.script.poses(setup.axes, np.asarray(setup.point)))
-    positions[:] = positions[0]
-    positions[10:] += 1e-4
-    loop = Loop(setup.arm, lwr4plus_joints(friction=False), gains, setup.axes, np.asarray(setup.point) - [0, 0, 1.0])
-    try:
-        late = np.abs(loop.run(q0, positions, rotations, setup.material).dq[-200:]).max()
-    except kinid.errors.KinidError:
-        late = np.inf
-    assert late > 1.0
 
 
 def test_everything_by_the_seed() -> None:

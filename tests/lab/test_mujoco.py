@@ -84,7 +84,7 @@ def test_same_motion_and_force() -> None:
     worst = np.abs(force - ours.force[:, 2]).max() / force.max()
     print(f"MuJoCo: joints within {apart:.1e} rad, force within {1e2 * worst:.2f} % of {force.max():.2f} N")
     assert force.max() > 2.0
-    assert apart < 1e-3  # the figures
+    assert apart < 1e-3  # [rad]
     assert worst < 0.02
     assert np.abs(ours.q - ours.q[0]).max() > 0.02, "an arm that doesn't move agrees with anything"
 

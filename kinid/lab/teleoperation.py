@@ -1,0 +1,222 @@
+"""Teleoperation with delay on a material of the laboratory: poked first, so that a map of it can be reflected.
+
+The slave's material is poked in the virtual laboratory and fitted as a user would; what that fit says is the map. Then
+direct force reflection, impedance reflection from that map, and direct reflection behind passivity controllers are held
+side by side: `kinid.controllers.teleoperation` has the equations.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.controllers.teleoperation import (
+    LINEAR,
+    Environment,
+    Study,
+    Teleoperator,
+    measured_impedance,
+    study,
+    transparency_error,
+)
+from kinid.errors import InputError
+from kinid.lab.experiments import prepare
+from kinid.lab.materials import Material
+from kinid.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, page
+from kinid.writers import make_folder, write_text
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+Array = NDArray[np.float64]
+
+DELAYS = (0.05, 0.1, 0.2, 0.4)
+#: frequencies at which the formulas are held against simulations [Hz]
+CHECKED = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
+#: frequencies of the curves
+POINTS = 80
+#: how wrong a map is whose cost is shown, beside the one that was measured
+MISTAKEN = 1.2
+_LOOK = {
+    "direct": ("direct force reflection", VERMILION), "impedance": ("impedance reflection from the map", BLUE),
+    "passivated": ("direct, observer and damper", ORANGE), "tank": ("direct, energy tank", GREEN),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """What was poked, what is believed of it, and the study.
+
+    Attributes:
+        material: its name. truth, believed: as it is, and as the fit to its poke says. study: see `kinid.controllers`.
+        measured: Z_t by simulation at `CHECKED`, by delay and linear method. mistaken: error of reflection from a map that is
+            `MISTAKEN` times too stiff and too damped.
+    """
+
+    material: str
+    truth: Environment
+    believed: Environment
+    study: Study
+    measured: dict[tuple[float, str], NDArray[np.complex128]]
+    mistaken: float
+
+    def to_dict(self) -> dict[str, object]:
+        """The facts, for JSON."""
+        names = ("delay", "method", "stable", "stable_by_nyquist", "transparency_error")
+        rows = [dict(zip(names, row)) for row in self.study.rows]
+        return {"material": self.material, "true": dataclasses.asdict(self.truth), "map": dataclasses.asdict(self.believed),
+                "unit": {"delay": "s, one-way", "stiffness": "N/m", "damping": "N·s/m"}, "cases": rows,
+                f"transparency_error_of_a_map_{MISTAKEN:g}_times_too_hard": self.mistaken}  # fmt: skip
+
+
+def poked(material: str, seed: int) -> tuple[Environment, Environment]:
+    """Stiffness and damping of a material: the truth, and what a fit to the log of a virtual poke says.
+
+    Raises:
+        InputError: no such material, or one that isn't linear and the same everywhere.
+    """
+    from kinid.contact import contact_series
+    from kinid.fit import fit_model
+    from kinid.model import Model
+
+    setup = prepare("poke", material=material, seed=seed)
+    true: Material = setup.material
+    if true.fields or true.exponent != 1.0 or true.loss != 0.0 or true.coupling is not None:
+        raise InputError(f"material '{material}' for teleoperation", "a linear one that is the same everywhere",
+                         "choose sponge, ecoflex-50 or dragon-skin-10")  # fmt: skip
+    touch = contact_series(setup.run().log, setup.rig)
+    assert touch.phase is not None
+    # without the retraction: the material lets go where the equation of Kelvin-Voigt would pull
+    fit = fit_model(Model("kelvin-voigt", "sensor-bias"), touch, channels=("normal_force",), train=touch.phase != "retract",
+                    held_out=False)  # fmt: skip
+    return (Environment(true.stiffness, true.damping),
+            Environment(fit["stiffness"].value, fit["damping"].value))  # fmt: skip
+
+
+def compare(material: str = "ecoflex-50", seed: int = 0, delays: Sequence[float] = DELAYS) -> Comparison:
+    """Poke, fit, and run the study.
+
+    Args:
+        material: of the laboratory. seed: of the poke's sensor. delays: one-way [s].
+
+    Raises:
+        InputError: see `poked` and `kinid.controllers.study`.
+    """
+    cases = [Teleoperator(delay=float(delay)) for delay in delays]  # refused before anything runs
+    truth, believed = poked(material, seed)
+    found = study(truth, believed, delays, points=POINTS)
+    measured = {(o.delay, method): measured_impedance(o, truth, CHECKED, method, believed)
+                for o in cases for method in LINEAR}  # fmt: skip
+    hard = Environment(MISTAKEN * truth.stiffness, MISTAKEN * truth.damping)
+    error = transparency_error(hard.impedance(found.frequency), found.environment)
+    return Comparison(material, truth, believed, found, measured, error)
+
+
+def write(folder: Path, comparison: Comparison) -> Path:
+    """Write `teleoperation.json` and the page `teleoperation.html` into a folder; the page's path."""
+    make_folder(folder)
+    write_text(folder / "teleoperation.json", json.dumps(comparison.to_dict(), indent=1) + "\n")
+    write_text(folder / "teleoperation.html", comparison_page(comparison))
+    return folder / "teleoperation.html"
+
+
+def comparison_page(c: Comparison) -> str:
+    """Transparency and stability as one self-contained HTML page."""
+    rows = "".join(
+        f"<tr><td>{1e3 * row.delay:.0f} ms, {_LOOK[row.method][0]}</td><td>{'yes' if row.stable else 'no'}</td>"
+        f"<td>{'–' if row.nyquist is None else 'yes' if row.nyquist else 'no'}</td><td>{row.error:.3f}</td></tr>"
+        for row in c.study.rows
+    )
+    head = (
+        f"<p class=facts>{c.material}: true {c.truth.stiffness:.4g} N/m and {c.truth.damping:.3g} N·s/m, on the map "
+        f"{c.believed.stiffness:.4g} N/m and {c.believed.damping:.3g} N·s/m, as a fit to one virtual poke says. Delays are "
+        f"one-way: direct reflection comes back after twice as long. A map {MISTAKEN:g} times too hard would cost a "
+        f"transparency error of {c.mistaken:.2f}, and no stability.</p>"
+    )
+    tail = (
+        "<h2>All cases</h2><div class=scroll><table><tr><th>one-way delay, method</th><th>at rest in the end</th>"
+        f"<th>stable by Nyquist</th><th>transparency error</th></tr>{rows}</table></div>"
+        "<p class=facts>Transparency error: root mean square of |Z transmitted − Z environment| / |Z environment| over "
+        f"{c.study.frequency[0]:g}–{c.study.frequency[-1]:g} Hz; 0 is transparent, 1 is nothing transmitted.</p>"
+    )
+    return page("Teleoperation with delay", head, [
+        ("Transparency: impedance that the operator feels, and the environment's", transparency_figure(c)),
+        ("Stability: a push of 10 mm, held", stability_figure(c)),
+    ], tail)  # fmt: skip
+
+
+def transparency_figure(c: Comparison) -> Figure:
+    """Transmitted and environment's impedance over frequency, one column a delay; dots are simulations of the formulas."""
+    figure, delays = _columns(c, ("|Z| [N·s/m]", "phase [°]", "|Z / Z environment − 1|"), 720)
+    frequency, true = c.study.frequency, c.study.environment
+    for column, delay in enumerate(delays, start=1):
+        _impedance(figure, column, frequency, true, true, ("environment", "#9ca3af"), 7.0)
+        for method in ("direct", "passivated", "tank", "impedance"):
+            _impedance(figure, column, frequency, c.study.transmitted[delay, method], true, _LOOK[method], 1.7)
+            if method in LINEAR:
+                at = np.array(CHECKED)
+                _impedance(figure, column, at, c.measured[delay, method], c.truth.impedance(at), _LOOK[method], None)
+    figure.update_xaxes(type="log", tickvals=[0.2, 0.5, 1, 2, 5], range=[np.log10(0.18), np.log10(9.0)])
+    figure.update_yaxes(type="log", range=[0.6, 3.1], tickvals=[10, 100, 1000], row=1)
+    figure.update_yaxes(tickvals=[-180, -90, 0, 90, 180], range=[-190, 190], row=2)
+    figure.update_yaxes(range=[-0.1, 2.6], row=3)
+    figure.update_xaxes(title_text="frequency [Hz]", row=3)
+    return figure
+
+
+def stability_figure(c: Comparison) -> Figure:
+    """Place of the master and the force felt over time, one column a delay."""
+    figure, delays = _columns(c, ("master [mm]", "force felt [N]"), 520)
+    for column, delay in enumerate(delays, start=1):
+        for method in ("direct", "passivated", "tank", "impedance"):
+            name, colour = _LOOK[method]
+            motion = c.study.motions[delay, method]
+            rows = slice(0, None, 4)
+            for row, values in ((1, 1e3 * motion.master), (2, motion.force)):
+                figure.add_scatter(x=motion.t[rows], y=np.round(values[rows], 3), name=name, legendgroup=name, mode="lines",
+                                   showlegend=column == 1 and row == 1, line={"color": colour, "width": 1.3},
+                                   row=row, col=column)  # fmt: skip
+        figure.add_scatter(x=motion.t[::100], y=1e3 * motion.intended[::100], name="intended", legendgroup="intended",
+                           mode="lines", showlegend=column == 1, line={"color": GREY, "width": 1.2, "dash": "dot"},
+                           row=1, col=column)  # fmt: skip
+    figure.update_xaxes(title_text="time [s]", row=2)
+    figure.update_xaxes(range=[0, 8])
+    figure.update_yaxes(range=[-8, 16], row=1)
+    figure.update_yaxes(range=[-0.5, 16], row=2)
+    return figure
+
+
+def _columns(c: Comparison, labels: tuple[str, ...], height: int) -> tuple[Figure, list[float]]:
+    """An empty figure with a column a delay, and the delays."""
+    from plotly.subplots import make_subplots
+
+    delays = list(dict.fromkeys(row.delay for row in c.study.rows))
+    figure = make_subplots(rows=len(labels), cols=len(delays), shared_xaxes=True, shared_yaxes=True, vertical_spacing=0.05,
+                           horizontal_spacing=0.02, column_titles=[f"{1e3 * delay:.0f} ms" for delay in delays])  # fmt: skip
+    for row, label in enumerate(labels, start=1):
+        figure.update_yaxes(title_text=label, row=row, col=1)
+    figure.update_layout(template="plotly_white", height=height, margin={"l": 70, "r": 20, "t": 60, "b": 90},
+                         legend={"orientation": "h", "y": -60 / (height - 150), "yanchor": "top", "x": 0})  # fmt: skip
+    return figure, delays
+
+
+def _impedance(
+    figure: Figure, column: int, frequency: Array, z: NDArray[np.complex128], true: NDArray[np.complex128],
+    look: tuple[str, str], width: float | None,
+) -> None:  # fmt: skip
+    """Size, phase, and distance from the true one; a line of some width, or dots."""
+    (name, colour), line = look, width is not None
+    phase = np.degrees(np.angle(z))
+    if line:  # a phase that wraps is no line from bottom to top
+        phase = np.where(np.abs(np.diff(phase, prepend=phase[0])) > 180, np.nan, phase)
+    for row, values in ((1, np.abs(z)), (2, phase), (3, np.abs(z / true - 1.0))):
+        figure.add_scatter(x=frequency, y=values, name=name, legendgroup=name, mode="lines" if line else "markers",
+                           showlegend=line and column == 1 and row == 1, line={"color": colour, "width": width or 1.0},
+                           marker={"color": colour, "size": 6}, row=row, col=column)  # fmt: skip
