@@ -1,0 +1,130 @@
+"""`kinid map`: logs of touches to a map of properties over the surface."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from kinid.errors import InputError
+
+if TYPE_CHECKING:
+    from kinid.property_map import PropertyMap
+
+EXAMPLES = """Examples:
+
+kinid map mould -o mould.parquet --plot mould.html
+
+kinid map poke_1.parquet poke_2.parquet --rig rig.toml -o map.parquet
+
+kinid map running-campaign -o map.parquet --follow 10
+"""
+#: the map is written while it grows, but not more often than this [s]
+EVERY = 0.5
+
+
+def map_(
+    logs: Annotated[list[Path], typer.Argument(help="Logs, or folders of logs; every touch is a probe.", show_default=False)],
+    out: Annotated[Path, typer.Option("-o", "--out", help="Map: .parquet; it can be read while it grows.", show_default=False)],
+    rig: Annotated[Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the first log.")] = None,
+    model: Annotated[str, typer.Option(help="Effects that are fitted to each touch.")] = "kelvin-voigt",
+    plot: Annotated[Path | None, typer.Option(help="Pictures of the map: one offline HTML file.")] = None,
+    export: Annotated[
+        Path | None, typer.Option(help="Folder for MuJoCo XML, SDF, glTF, and PNG with JSON, with properties per patch.")
+    ] = None,
+    method: Annotated[str, typer.Option(help="Between the probes, in plot and export: gp, biharmonic or nearest.")] = "gp",
+    follow: Annotated[
+        float, typer.Option(help="Wait so long for logs that are still to come [s]; a campaign's count ends it earlier.")
+    ] = 0.0,
+    anew: Annotated[bool, typer.Option("--anew", help="Don't go on with a map that is there.")] = False,
+) -> None:
+    """Logs of touches to a map of stiffness, damping … over the surface, with covariance; started again, it goes on."""
+    from kinid.interpolation import METHODS
+    from kinid.property_map import PropertyMap
+    from kinid.property_probes import Prober, build, expected, logs_in
+    from kinid.rig import Rig
+    from kinid.writers import check_outputs, write_text
+
+    if method not in METHODS:
+        raise InputError(f"--method {method}", f"one of {', '.join(METHODS)}", "choose one of them")
+    if not 0 <= follow < 1e6:
+        raise InputError(f"--follow {follow}", "seconds, 0 or more", "correct it")
+    if out.suffix.lower() != ".parquet":
+        raise InputError(f"map '{out.name}'", "a name ending in .parquet", "rename it")
+    found = logs_in(logs)
+    first = logs[0] if logs[0].is_dir() else logs[0].parent
+    rig_file = rig or first / "rig.toml"
+    check_outputs((out, plot), (rig_file, *found))
+    prober = Prober.of(Rig.load(rig_file), [part.strip() for part in model.split(",") if part.strip()])
+    start = PropertyMap.read(out) if out.is_file() and not anew else None
+    grown, skipped, last = start, dict[str, str](), 0.0
+    quiet_since = time.monotonic()
+    while True:
+        before = len(grown) if grown is not None else 0
+        todo = [path for path in found if str(path) not in skipped]
+        for latest in build(todo, prober, grown, lambda path, why: skipped.update({str(path): why})):
+            grown = latest
+            if time.monotonic() - last > EVERY:
+                grown.write(out)
+                last = time.monotonic()
+        if grown is not None and (len(grown) > before or not out.is_file()):
+            grown.write(out)
+            quiet_since = time.monotonic()
+        total = expected(logs)
+        if (total is not None and len(found) >= total) or time.monotonic() - quiet_since >= follow:
+            break
+        time.sleep(min(0.5, follow))
+        found = logs_in(logs)
+    if grown is None or not len(grown):
+        why = next(iter(skipped.values()), "no log yet")
+        raise InputError(f"no probe in {len(found)} logs ({why})", "a touch that carries the model",
+                         "look at one with kinid contact")  # fmt: skip
+    if plot is not None:
+        from kinid.property_map_plots import map_page
+
+        write_text(plot, map_page(grown, out.name, method))
+    _show(grown, len(grown) - (len(start) if start is not None else 0), skipped)
+    worlds: list[Path] = []
+    if export is not None:
+        from kinid.worlds import export as to_worlds
+
+        worlds = to_worlds(grown, export, method=method)
+    from kinid.cli.show import written
+
+    written([path for path in (out, plot, *worlds) if path is not None])
+
+
+def _show(grown: PropertyMap, fresh: int, skipped: dict[str, str]) -> None:
+    import numpy as np
+    from rich.markup import escape
+    from rich.table import Table
+
+    from kinid.cli.show import console
+    from kinid.interpolation import METHODS
+
+    out = console()
+    old = f", {len(grown) - fresh} of them there already" if fresh < len(grown) else ""
+    out.print(f"{len(grown)} probes with {grown.model}{old}", soft_wrap=True)
+    table = Table("property", "unit", box=None, pad_edge=False)
+    for heading in ("lowest", "highest", "standard error", *(f"left out: {method}" for method in METHODS)):
+        table.add_column(heading, justify="right")
+    for item in grown.properties:
+        values, errors = grown.values(item.name), grown.deviations(item.name)
+        told = np.isfinite(values)
+        if told.any():
+            held = grown.held_out(item.name)
+            table.add_row(escape(item.name), item.unit, f"{values[told].min():.5g}", f"{values[told].max():.5g}",
+                          f"{np.median(errors[told]):.3g}", *(f"{held[method]:.3g}" for method in METHODS))  # fmt: skip
+        else:
+            table.add_row(escape(item.name), item.unit, *["unknown"] * 2, *["–"] * 4)
+    out.print(table)
+    failing = int(np.nansum(grown.misfit > 3))
+    if failing:
+        out.print(f"doubt: at {failing} of {len(grown)} places the model leaves more than 3 times the noise; kinid diagnose says "
+                  "what may be missing there", soft_wrap=True)  # fmt: skip
+    for path, why in list(skipped.items())[:5]:
+        out.print(f"left out: {escape(path)}: {escape(why)}", soft_wrap=True)
+    if len(skipped) > 5:
+        out.print(f"left out: {len(skipped) - 5} more")

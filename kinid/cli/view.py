@@ -1,0 +1,69 @@
+"""`kinid view`: a map, a log or a campaign in three dimensions, in the browser."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from kinid.errors import InputError
+
+EXAMPLES = """Examples:
+
+kinid view mould.parquet
+
+kinid view run/log.parquet --record run.html
+
+kinid view running-campaign --property damping
+"""
+
+
+def view(
+    target: Annotated[
+        Path, typer.Argument(help="A map, a log, or a folder of logs, perhaps a running campaign.", show_default=False)
+    ],
+    rig: Annotated[Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the log.")] = None,
+    shown: Annotated[str | None, typer.Option("--property", help="Property that colours the surface first.")] = None,
+    method: Annotated[str, typer.Option(help="Between the probes: gp, biharmonic or nearest.")] = "gp",
+    model: Annotated[str | None, typer.Option(help="Effects that predict a log's forces, or that pokes are fitted with.")] = None,
+    port: Annotated[int, typer.Option(help="On 127.0.0.1; 0 for any that is free.")] = 7000,
+    record: Annotated[Path | None, typer.Option(help="Write one self-contained HTML file instead of serving.")] = None,
+    browser: Annotated[bool, typer.Option("--open/--no-open", help="Open the browser.")] = True,
+) -> None:
+    """The arm moving through a log, or the surface coloured by a property, while it grows; to this machine only."""
+    from kinid.interpolation import METHODS
+    from kinid.viewer import View
+    from kinid.viewer import record as recorded
+    from kinid.viewer_page import page
+    from kinid.viewer_server import ViewServer
+    from kinid.writers import check_outputs, write_text
+
+    if method not in METHODS:
+        raise InputError(f"--method {method}", f"one of {', '.join(METHODS)}", "choose one of them")
+    if not 0 <= port < 65536:
+        raise InputError(f"--port {port}", "0 to 65535", "choose another")
+    if record is not None:
+        check_outputs((record,), (target, rig))
+    seen = View(target, rig, shown, method, model)
+    if record is not None:
+        write_text(record, recorded(seen))
+        typer.echo(f"wrote {record}")
+        return
+    server = ViewServer(lambda: page(seen.scene() | {"live": seen.live}), port)
+    typer.echo(f"{target} at {server.url} (for this machine only); stop with Ctrl+C")
+    if browser:
+        import webbrowser
+
+        webbrowser.open(server.url)
+    try:
+        while True:
+            time.sleep(0.3)
+            message = seen.changed()
+            if message is not None:
+                server.send(message)
+    except KeyboardInterrupt:
+        typer.echo("stopped")
+    finally:
+        server.close()

@@ -1,0 +1,141 @@
+"""The viewer: a map, a log or a running campaign in the browser of this machine, or recorded in one HTML file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kinid import viewer_scene as scenes
+from kinid.errors import InputError
+from kinid.property_map import PropertyMap, is_map
+from kinid.property_probes import Prober, build, logs_in
+from kinid.reading import read
+from kinid.rig import Rig
+from kinid.robot import Robot
+from kinid.surface import Plane
+from kinid.viewer_page import page
+
+
+@dataclass(eq=False)
+class View:
+    """What is looked at, and how it changes: `scene()` is all of it, `changed()` what is new since it was last asked.
+
+    Attributes:
+        target: a map, a log, or a folder of logs. rig: default beside the target. shown: property. method: between probes.
+        model: that predicts the forces of a log, and that is fitted to the touches of a folder.
+    """
+
+    target: Path
+    rig: Path | None = None
+    shown: str | None = None
+    method: str = "gp"
+    model: str | None = None
+
+    def __post_init__(self) -> None:
+        if not self.target.exists():
+            raise InputError(f"nothing at {self.target}", "a map, a log, or a campaign's folder", "correct the name")
+        self._map: PropertyMap | None = None
+        self._stamp: tuple[int, int] | None = None
+        self._shown_log: Path | None = None
+        self._bad: set[str] = set()
+        self._kind = "folder" if self.target.is_dir() else "map" if is_map(self.target) else "log"
+        self._rig: Rig | None = None
+        self._robot: Robot | None = None
+        self._prober: Prober | None = None
+        rig = self.rig or (self.target if self._kind == "folder" else self.target.parent) / "rig.toml"
+        if self._kind != "map" or self.rig is not None:
+            self._rig = Rig.load(rig)
+            if self._rig.robot is None:
+                raise InputError(f"no [robot] in {rig}", "a robot to show", 'add [robot] with model = "lwr4plus" or your URDF')
+            self._robot = Robot.load(self._rig)
+        if self._kind == "folder":
+            assert self._rig is not None
+            self._prober = Prober.of(self._rig, self.model.split(",") if self.model else None)
+        self._update()
+
+    @property
+    def live(self) -> bool:
+        """Whether it may change."""
+        return self._kind != "log"
+
+    def scene(self) -> dict[str, Any]:
+        """Everything."""
+        out: dict[str, Any] = {"title": scenes.title_of(self.target), "play": self._kind == "log"}
+        target, normal, distance = np.array([0.3, 0.0, 0.35]), np.array([0.0, 0.0, 1.0]), 1.7
+        if self._map is not None and len(self._map):
+            grown = self._map
+            out["map"] = scenes.map_scene(grown, shown=self.shown, method=self.method)
+            target = grown.places.mean(axis=0)
+            normal = grown.surface.normal if isinstance(grown.surface, Plane) else np.array([0.0, 0.0, 1.0])
+            distance = 1.6 * float(np.linalg.norm(np.ptp(grown.places, axis=0))) + 0.05
+        if self._rig is not None and self._robot is not None:
+            out["robot"] = scenes.robot_scene(self._rig, self._robot)
+            log = self._log()
+            if log is not None:
+                out |= self._moving(log)
+            patch = scenes.patch_scene(self._rig)
+            if patch is not None:
+                out["patch"] = patch
+            target, distance = 0.5 * target + 0.5 * np.array([0.0, 0.0, 0.45]), max(distance, 1.75)
+        out["camera"] = scenes.camera(target, normal, distance)
+        return out
+
+    def changed(self) -> dict[str, Any] | None:
+        """What is new; None when nothing is."""
+        had = (None if self._map is None else len(self._map), self._shown_log)
+        if not self._update():
+            return None
+        out: dict[str, Any] = {}
+        if self._map is not None and len(self._map) and (len(self._map) != had[0] or self._kind == "map"):
+            out["map"] = scenes.map_scene(self._map, shown=self.shown, method=self.method)
+        log = self._log()
+        if self._kind == "folder" and log is not None and log != had[1]:
+            out |= self._moving(log) | {"play": True}
+        return out or None
+
+    def _moving(self, path: Path) -> dict[str, Any]:
+        assert self._rig is not None
+        assert self._robot is not None
+        log = read(path, self._rig, robot=self._robot)
+        if log.q is None:
+            raise InputError(f"no joint positions in {path}", "q1…qN, to show the arm with", "view the map of it instead")
+        self._shown_log = path
+        motion = scenes.motion_scene(log, self._rig, self._robot, self.model)
+        return {"motion": motion, "facts": f"{path.name}: {len(log)} samples, {log.t[-1] - log.t[0]:.1f} s"}
+
+    def _log(self) -> Path | None:
+        if self._kind == "log":
+            return self.target
+        found = [path for path in logs_in([self.target]) if str(path) not in self._bad] if self._kind == "folder" else []
+        return found[-1] if found else None
+
+    def _update(self) -> bool:
+        """Read what has changed on disk; whether anything has."""
+        if self._kind == "map":
+            state = self.target.stat()
+            stamp = (state.st_mtime_ns, state.st_size)
+            if stamp == self._stamp:
+                return False
+            self._stamp, self._map = stamp, PropertyMap.read(self.target)
+            return True
+        if self._kind == "folder":
+            assert self._prober is not None
+            before = 0 if self._map is None else len(self._map)
+            todo = [path for path in logs_in([self.target]) if str(path) not in self._bad]
+            # a few at a time, so that the picture grows while a long campaign is read
+            known = set() if self._map is None else {p.source.split("#")[0] for p in self._map.probes}
+            fresh = [path for path in todo if str(path) not in known][:25]
+            for grown in build(fresh, self._prober, self._map, lambda path, _: self._bad.add(str(path))):
+                self._map = grown
+            return (0 if self._map is None else len(self._map)) > before
+        return False
+
+
+def record(view: View) -> str:
+    """The view as one self-contained HTML text, all of a folder's logs in it."""
+    while view.live and view._kind == "folder" and view._update():
+        pass
+    return page(view.scene())

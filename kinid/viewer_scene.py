@@ -1,0 +1,253 @@
+"""What the viewer shows, as plain data: the robot's shapes and motion, forces at the tip, the surface in colours."""
+
+from __future__ import annotations
+
+import base64
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+import kinid.urdf
+from kinid.contact import ContactSeries, contact_series, tip_motion
+from kinid.errors import KinidError
+from kinid.log import Log
+from kinid.model import Model
+from kinid.property_map import PropertyMap
+from kinid.rig import Rig
+from kinid.robot import Robot
+from kinid.surface import Plane
+from kinid.surface import load as load_surface
+
+Array = NDArray[np.float64]
+
+#: frames a second of a log that are shown
+FRAMES = 50.0
+#: the largest force is drawn so long [m]
+ARROW = 0.16
+#: viridis at seven places: dark is low, also to colour-blind readers and in grey
+VIRIDIS = np.array([[68, 1, 84], [68, 57, 131], [49, 104, 142], [33, 145, 140], [53, 183, 121], [144, 215, 67], [253, 231, 37]])
+INFERNO = np.array([[0, 0, 4], [51, 10, 95], [120, 28, 109], [188, 55, 84], [237, 105, 37], [251, 180, 26], [252, 255, 164]])
+UNKNOWN = (214, 217, 222, 255)
+#: opacity where a value is sure, and where its deviation is as large as the values' spread
+SURE, UNSURE = 1.0, 0.25
+
+
+def map_scene(
+    grown: PropertyMap, *, shown: str | None = None, method: str = "gp", cells: int = 100, shape: bool = True
+) -> dict[str, Any]:
+    """A map's colours by property; with `shape` its vertices and faces too.
+
+    Args:
+        grown: the map. shown: property that is shown first. method: between probes. cells: along the longer side of a plane.
+    """
+    if isinstance(grown.surface, Plane):
+        ticks = grown.grid(cells)
+        x, y = np.meshgrid(*ticks, indexing="ij")
+        queries: NDArray[Any] = np.column_stack([x.ravel(), y.ravel()])
+        vertices = grown.raised(queries)
+        faces = _quads(*x.shape)
+        size = 0.05 * float(np.hypot(*np.ptp(queries, axis=0))) / max(3.0, np.sqrt(len(grown)))
+    else:
+        vertices, faces = grown.surface.vertices, grown.surface.faces
+        queries = np.arange(len(vertices), dtype=np.int64)
+        size = 0.004 * float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    layers = []
+    for item in grown.properties:
+        values = grown.values(item.name)
+        if not np.isfinite(values).any():
+            continue
+        guess = grown.interpolator(item.name, method).at(queries)
+        low, high = float(np.nanmin(values)), float(np.nanmax(values))
+        spread = float(np.nanstd(values)) or abs(high) or 1.0
+        doubt = np.nan_to_num(guess.sd / spread, nan=0.0)
+        layers.append(_layer(item.name, item.unit, guess.mean, low, high, VIRIDIS, doubt, bool(np.isfinite(guess.sd).any())))
+    misfit = grown.misfit
+    if np.isfinite(misfit).any():
+        # of the nearest probe: a residual belongs to a place, nothing is guessed between
+        from scipy.spatial import cKDTree
+
+        told = np.isfinite(misfit)
+        near = cKDTree(grown.places[told]).query(vertices)[1]
+        known = grown.interpolator(grown.properties[0].name, "nearest").at(queries).known
+        field = np.where(known, np.log10(np.maximum(misfit[told][near], 1.0)), np.nan)
+        layer = _layer("model fails", "residual / noise", field, 0.0, 1.5, INFERNO, np.zeros(len(field)), False)
+        layers.append(layer | {"low": "1", "high": "30"})
+    out: dict[str, Any] = {
+        "vertices": len(vertices), "layers": layers, "shown": shown or layers[0]["name"], "probes": packed(grown.places, "<f4"),
+        "size": size, "facts": f"{len(grown)} probes with {grown.model}; between them: {method}",
+    }  # fmt: skip
+    if shape:
+        out |= {"positions": packed(vertices, "<f4"), "faces": packed(faces, "<u4")}
+    return out
+
+
+def robot_scene(rig: Rig, robot: Robot) -> dict[str, Any]:
+    """The robot's shapes by joint, each with its place in the joint's frame; sticks where a URDF holds meshes only."""
+    assert rig.robot is not None
+    path = kinid.urdf.path(rig.robot.model, rig.folder)
+    joints: list[list[dict[str, Any]]] = [[] for _ in range(robot.model.njoints)]
+    kinds = {"Cylinder": "cylinder", "Sphere": "sphere", "Box": "box"}
+    try:
+        shapes = pin.buildGeomFromUrdf(robot.model, str(path), pin.GeometryType.VISUAL).geometryObjects
+    except (ValueError, RuntimeError):  # meshes that aren't where the URDF says
+        shapes = []
+    for item in shapes:
+        kind = kinds.get(type(item.geometry).__name__)
+        if kind is None:
+            continue
+        g = item.geometry
+        if kind == "box":
+            size = (2 * np.asarray(g.halfSide)).tolist()
+        else:
+            size = [g.radius, 2 * g.halfLength] if kind == "cylinder" else [g.radius]
+        joints[item.parentJoint].append({"kind": kind, "size": size, "color": np.asarray(item.meshColor).tolist(),
+                                         "matrix": item.placement.homogeneous.T.ravel().tolist()})  # fmt: skip
+    if not any(joints[1:]):
+        for j in range(1, robot.model.njoints):
+            joints[robot.model.parents[j]].append(_stick(np.asarray(robot.model.jointPlacements[j].translation)))
+            joints[j].append(
+                {"kind": "sphere", "size": [0.04], "color": [0.2, 0.21, 0.23, 1], "matrix": np.eye(4).ravel().tolist()}
+            )
+    if robot.tip_frame is not None:
+        tip = robot.frame(robot.tip_frame)
+        if not shapes or robot.sensor_frame is None:
+            joints[tip.parentJoint].append(_stick(np.asarray(tip.placement.translation)))
+    return {"joints": joints}
+
+
+def motion_scene(log: Log, rig: Rig, robot: Robot, model: str | None = None) -> dict[str, Any]:
+    """The arm's motion through a log at some 50 frames a second, and the forces at its tip, measured and predicted."""
+    assert log.q is not None
+    keep = np.flatnonzero(np.isfinite(log.q).all(axis=1))
+    step = max(1, round(1.0 / (FRAMES * log.period))) if log.period > 0 else 1
+    keep = keep[::step]
+    configuration = robot.configuration(log.q[keep])
+    data = robot.model.createData()
+    poses = np.empty((len(keep), robot.model.njoints, 7))
+    for i, row in enumerate(configuration):
+        pin.forwardKinematics(robot.model, data, row)
+        for j in range(robot.model.njoints):
+            poses[i, j] = pin.SE3ToXYZQUAT(data.oMi[j])
+    out: dict[str, Any] = {"t": packed(log.t[keep] - log.t[keep[0]], "<f4"), "poses": packed(poses, "<f4"), "n": len(keep),
+                           "joints": robot.model.njoints}  # fmt: skip
+    if log.phase is not None:
+        out["phase"] = np.asarray(log.phase)[keep].tolist()
+    forces = _forces(log, rig, robot, model)
+    if forces:
+        out["tip"] = packed(np.nan_to_num(forces.pop("tip")[keep]), "<f4")
+        largest = np.nanquantile(np.linalg.norm(forces["measured"], axis=1), 0.999)
+        out["scale"] = float(ARROW / max(largest, 0.1))
+        out |= {name: packed(np.nan_to_num(vectors[keep]), "<f4") for name, vectors in forces.items()}
+    return out
+
+
+def _forces(log: Log, rig: Rig, robot: Robot, model: str | None) -> dict[str, Array]:
+    """Tip (n, 3) [m], measured and predicted force on it in base axes (n, 3) [N]; empty without a wrench."""
+    if log.wrench is None or robot.tip_frame is None:
+        return {}
+    motion = tip_motion(log, rig, robot=robot)
+    if motion.force is None:
+        return {}
+    out = {"tip": motion.position, "measured": motion.force}
+    try:
+        surface = load_surface(rig)
+        if surface is None:
+            return out
+        touch = contact_series(log, rig, robot=robot)
+        axes = surface.locate(motion.position).axes
+        parts = np.stack([touch.tangential_force1, touch.tangential_force2, touch.normal_force], axis=1)
+        out["measured"] = np.where(touch.in_contact[:, None], np.einsum("ni,nij->nj", parts, axes), 0.0)
+        out["predicted"] = np.einsum("ni,nij->nj", _predicted(touch, model), axes)
+    except KinidError:  # a log that can't carry a model is shown without a prediction
+        pass
+    return out
+
+
+def _predicted(touch: ContactSeries, model: str | None) -> Array:
+    """Tangential and normal forces of a fitted model, (n, 3)."""
+    slid = np.ptp(np.hypot(touch.slip1, touch.slip2)[touch.in_contact]) if touch.in_contact.any() else 0.0
+    names = model.split(",") if model else ["kelvin-voigt", *(["coulomb-friction"] if slid > 1.5e-3 else [])]
+    fit = Model(*names).fit(touch, held_out=False)
+    out = np.zeros((len(touch), 3))
+    column = {"tangential_force1": 0, "tangential_force2": 1, "normal_force": 2}
+    for name, row in zip(fit.experiment.layout.channels, fit.predict()):
+        if name in column:
+            out[fit.experiment.rows, column[name]] = row
+    out[~touch.in_contact] = 0.0
+    return out
+
+
+def patch_scene(rig: Rig, side: float = 0.12, thick: float = 0.03) -> dict[str, Any] | None:
+    """A block under the surface's point; None for a mesh or without a surface."""
+    surface = load_surface(rig)
+    if not isinstance(surface, Plane):
+        return None
+    matrix = np.eye(4)
+    matrix[:3, :3] = surface.axes.T
+    matrix[:3, 3] = surface.point - (0.5 * thick + 5e-4) * surface.normal
+    return {"size": [side, side, thick], "matrix": matrix.T.ravel().tolist()}
+
+
+def camera(target: Array, normal: Array, distance: float) -> dict[str, Any]:
+    """From the front, above and a little to the side of what is looked at."""
+    side = np.cross(normal, [0.0, 0.0, 1.0] if abs(normal[2]) < 0.9 else [1.0, 0.0, 0.0])
+    away = np.array([0.72, -0.62, 0.55]) if abs(normal[2]) > 0.9 else normal + 0.4 * side + np.array([0, 0, 0.4])
+    return {"position": (target + distance * away / np.linalg.norm(away)).tolist(), "target": target.tolist()}
+
+
+def title_of(path: Path) -> str:
+    """Of a file or folder."""
+    return path.resolve().name
+
+
+def packed(values: NDArray[Any], kind: str) -> str:
+    """Numbers as base64 of their bytes."""
+    return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")
+
+
+def colours(field: Array, low: float, high: float, scale: NDArray[Any], doubt: Array) -> NDArray[np.uint8]:
+    """RGBA of values, (n, 4); unknown ones in grey; the larger the doubt (deviation over spread), the more transparent."""
+    place = np.clip((np.nan_to_num(field) - low) / (high - low if high > low else 1.0), 0.0, 1.0) * (len(scale) - 1)
+    at = np.minimum(place.astype(int), len(scale) - 2)
+    part = (place - at)[:, None]
+    out = np.empty((len(field), 4))
+    out[:, :3] = (1 - part) * scale[at] + part * scale[at + 1]
+    out[:, 3] = 255 * (SURE + (UNSURE - SURE) * np.clip(doubt, 0.0, 1.0))
+    out[~np.isfinite(field)] = UNKNOWN
+    return np.asarray(np.round(out), dtype=np.uint8)
+
+
+def _layer(
+    name: str, unit: str, field: Array, low: float, high: float, scale: NDArray[Any], doubt: Array, fades: bool
+) -> dict[str, Any]:
+    stops = [f"rgb({r},{g},{b})" for r, g, b in scale.tolist()]
+    return {"name": name, "unit": unit, "low": f"{low:.4g}", "high": f"{high:.4g}", "stops": stops, "fades": fades,
+            "colors": packed(colours(field, low, high, scale, doubt), "u1")}  # fmt: skip
+
+
+def _quads(rows: int, columns: int) -> NDArray[np.int64]:
+    """Two triangles a cell of a grid, wound about the normal."""
+    a = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    b, c, d = a + columns, a + columns + 1, a + 1
+    return np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+
+
+def _stick(end: Array) -> dict[str, Any]:
+    """A cylinder from the origin to a point."""
+    length = float(np.linalg.norm(end))
+    matrix = np.eye(4)
+    if length > 1e-9:
+        z = end / length
+        x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)
+        x /= np.linalg.norm(x)
+        matrix[:3, :3] = np.column_stack([x, np.cross(z, x), z])
+    matrix[:3, 3] = end / 2
+    return {
+        "kind": "cylinder",
+        "size": [0.025, max(length, 1e-3)],
+        "color": [0.8, 0.81, 0.83, 1],
+        "matrix": matrix.T.ravel().tolist(),
+    }

@@ -1,0 +1,122 @@
+"""Serves the viewer to this machine alone: bound to 127.0.0.1, and to requests that name it so."""
+
+from __future__ import annotations
+
+import json
+import queue
+import threading
+from collections.abc import Callable
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+from kinid.errors import InputError
+
+LOOPBACK = "127.0.0.1"
+#: a comment goes down a quiet stream so often [s], so that a browser that went away is noticed
+HEARTBEAT = 5.0
+
+
+class ViewServer:
+    """A page and a stream of what changes in it (server-sent events).
+
+    Args:
+        page: makes the page anew for each visitor. port: 0 chooses a free one.
+
+    Raises:
+        InputError: the port is taken.
+    """
+
+    def __init__(self, page: Callable[[], str], port: int = 0) -> None:
+        self._page = page
+        self._listeners: list[queue.Queue[str | None]] = []
+        self._lock = threading.Lock()
+        owner = self
+
+        class Handler(BaseHTTPRequestHandler):
+            protocol_version = "HTTP/1.1"
+
+            def do_GET(self) -> None:
+                """The page, or the stream."""
+                owner._answer(self)
+
+            def log_message(self, format: str, *args: Any) -> None:
+                """Say nothing."""
+
+        try:
+            self._server = ThreadingHTTPServer((LOOPBACK, port), Handler)
+        except OSError as error:
+            raise InputError(f"port {port}, which can't be had ({error.strerror})", "a free port of this machine",
+                             "choose another --port, or 0 for any") from None  # fmt: skip
+        self._server.daemon_threads = True
+        self.port = int(self._server.server_address[1])
+        self.url = f"http://{LOOPBACK}:{self.port}/"
+        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.1,), daemon=True)
+        self._thread.start()
+
+    @property
+    def visitors(self) -> int:
+        """Pages that are listening."""
+        return len(self._listeners)
+
+    def send(self, message: dict[str, Any]) -> None:
+        """To all pages that are open."""
+        text = json.dumps(message, allow_nan=False)
+        with self._lock:
+            for listener in self._listeners:
+                listener.put(text)
+
+    def close(self) -> None:
+        """Stop serving."""
+        with self._lock:
+            for listener in self._listeners:
+                listener.put(None)
+        self._server.shutdown()
+        self._server.server_close()
+
+    def _answer(self, request: BaseHTTPRequestHandler) -> None:
+        # a page of elsewhere may lead a browser here under another name (DNS rebinding): it gets nothing
+        if request.headers.get("Host") not in {f"{LOOPBACK}:{self.port}", f"localhost:{self.port}"}:
+            request.send_error(403, "this server is for its own machine")
+            return
+        path = request.path.split("?")[0]
+        if path == "/":
+            body = self._page().encode()
+            request.send_response(200)
+            request.send_header("Content-Type", "text/html; charset=utf-8")
+            request.send_header("Content-Length", str(len(body)))
+            request.send_header("Cache-Control", "no-store")
+            request.send_header("Cross-Origin-Resource-Policy", "same-origin")
+            request.end_headers()
+            request.wfile.write(body)
+        elif path == "/live":
+            self._stream(request)
+        else:
+            request.send_error(404)
+
+    def _stream(self, request: BaseHTTPRequestHandler) -> None:
+        request.send_response(200)
+        request.send_header("Content-Type", "text/event-stream")
+        request.send_header("Cache-Control", "no-store")
+        request.send_header("Connection", "close")
+        request.end_headers()
+        request.close_connection = True
+        listener: queue.Queue[str | None] = queue.Queue()
+        with self._lock:
+            self._listeners.append(listener)
+        try:
+            while True:
+                try:
+                    text = listener.get(timeout=HEARTBEAT)
+                except queue.Empty:
+                    request.wfile.write(b": quiet\n\n")
+                    request.wfile.flush()
+                    continue
+                if text is None:
+                    return
+                request.wfile.write(b"data: " + text.encode() + b"\n\n")
+                request.wfile.flush()
+        except OSError:
+            return  # the browser has gone
+        finally:
+            with self._lock:
+                self._listeners.remove(listener)

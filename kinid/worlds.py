@@ -1,0 +1,279 @@
+"""A property map for other programs: MuJoCo XML, SDF for Gazebo, and glTF with PNG and JSON for game engines.
+
+The surface becomes patches (squares of a plane), each with stiffness, damping and friction. A body that touches several
+patches at once feels them all: make them wider than the tip. Physics engines have their own notion of softness, so that what
+is written says how it was converted:
+
+- MuJoCo: `solref = (−stiffness, −damping)`, its direct form, per unit of the contact's effective mass, which the file
+  states. A contact's acceleration there is d (k r − b v) + (1 − d) g with the impedance d; a small d makes it the map's
+  spring and damper under all but the share d of gravity. That holds for elliptic friction cones, which the file asks for:
+  each edge of a pyramidal one would be a spring of its own.
+- SDF: `<kp>` [N/m], `<kd>` [N·s/m], `<mu>`.
+- glTF 2.0 (binary, `.glb`): one mesh with vertex colours by a property; a PNG holds each property as 16-bit grey over the
+  same grid, and a JSON file its scale, so that an engine reads numbers and not colours.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+import xml.etree.ElementTree as ET
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.errors import InputError
+from kinid.property_map import PropertyMap
+from kinid.surface import Plane
+from kinid.writers import make_folder, replacing, write_text
+
+Array = NDArray[np.float64]
+
+#: of the body that touches: MuJoCo's direct solref is per unit of effective mass [kg]
+EFFECTIVE_MASS = 1.0
+#: impedance d of the patches in MuJoCo; for a constant one its direct form divides both numbers by d
+IMPEDANCE = 0.02
+#: thickness of the patches [m]
+THICK = 0.02
+#: property names that become stiffness, damping and friction
+ROLES = ("stiffness", "damping", "friction")
+FRICTION = 0.5  # where the map holds none; written into the file as assumed
+
+
+@dataclass(frozen=True, eq=False)
+class Patches:
+    """Squares of a plane, and what each is made of.
+
+    Attributes:
+        centres: base frame [m], (k, 3). axes: rows tangent1, tangent2, normal, (3, 3). half: half sides [m], (2,).
+        values: stiffness, damping, friction, (k, 3); NaN where the map holds none. cells: row and column of each, (k, 2).
+        shape: of the grid. assumed: roles that the map doesn't hold.
+    """
+
+    centres: Array
+    axes: Array
+    half: Array
+    values: Array
+    cells: NDArray[np.int64]
+    shape: tuple[int, int]
+    assumed: tuple[str, ...]
+
+
+def patches(grown: PropertyMap, cells: int = 20, method: str = "gp") -> Patches:
+    """Patches of what a map knows; unknown places get none.
+
+    Raises:
+        InputError: a mesh, or a map without stiffness.
+    """
+    if not isinstance(grown.surface, Plane):
+        raise InputError("a map on a mesh", "a map on a plane", "map a plane")
+    names = [p.name for p in grown.properties]
+    if "stiffness" not in names:
+        raise InputError(f"a map of {', '.join(names)}", "one that holds stiffness", "map with a model that has one")
+    edges = grown.grid(cells)
+    ticks = (0.5 * (edges[0][1:] + edges[0][:-1]), 0.5 * (edges[1][1:] + edges[1][:-1]))
+    half = np.array([0.5 * (edges[0][1] - edges[0][0]), 0.5 * (edges[1][1] - edges[1][0])])
+    fields, known = [], np.ones((len(ticks[0]), len(ticks[1])), np.bool_)
+    for role in ROLES:
+        if role in names and np.isfinite(grown.values(role)).any():
+            guess = grown.over_grid(role, ticks, method)
+            fields.append(np.maximum(guess.mean, 0.0))
+            known &= guess.known
+        else:
+            fields.append(np.full(known.shape, np.nan))
+    rows, columns = np.nonzero(known)
+    flat = np.column_stack([ticks[0][rows], ticks[1][columns]])
+    values = np.column_stack([f[rows, columns] for f in fields])
+    assumed = tuple(role for role, f in zip(ROLES, fields) if not np.isfinite(f).any())
+    return Patches(
+        grown.raised(flat),
+        grown.surface.axes,
+        half,
+        values,
+        np.column_stack([rows, columns]),
+        (len(ticks[0]), len(ticks[1])),
+        assumed,
+    )
+
+
+def to_mujoco(made: Patches, effective_mass: float = EFFECTIVE_MASS) -> str:
+    """MuJoCo XML: a static box a patch; the stiffness acts on a body of `effective_mass` [kg]."""
+    root = ET.Element("mujoco", model="property map")
+    ET.SubElement(root, "compiler", angle="radian")
+    ET.SubElement(root, "option", timestep="0.0005", cone="elliptic")
+    body = ET.SubElement(ET.SubElement(root, "worldbody"), "body", name="surface")
+    quat, share = _quaternion(made.axes), (1.0 - IMPEDANCE) / effective_mass
+    for i, (centre, (k, c, mu)) in enumerate(zip(made.centres - 0.5 * THICK * made.axes[2], made.values)):
+        damping = 0.0 if np.isnan(c) else c
+        friction = FRICTION if np.isnan(mu) else mu
+        ET.SubElement(
+            body,
+            "geom",
+            name=f"patch_{i}",
+            type="box",
+            pos=_text(centre),
+            quat=_text(quat),
+            size=_text([*made.half, 0.5 * THICK]),
+            friction=f"{friction:.6g} 0.005 0.0001",
+            priority="1",
+            # both negative says that the form is the direct one, and so an undamped one isn't allowed
+            solref=f"{-k * share:.9g} {-max(damping * share, 1e-3):.9g}",
+            solimp=f"{IMPEDANCE} {IMPEDANCE} 0.001",
+        )
+    ET.SubElement(ET.SubElement(root, "custom"), "numeric", name="effective_mass", data=f"{effective_mass:.9g}")
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode") + "\n"
+
+
+def to_sdf(made: Patches) -> str:
+    """SDF 1.9 for Gazebo: a static model with a collision a patch."""
+    root = ET.Element("sdf", version="1.9")
+    model = ET.SubElement(root, "model", name="property_map")
+    ET.SubElement(model, "static").text = "true"
+    link = ET.SubElement(model, "link", name="surface")
+    roll, pitch, yaw = _rpy(made.axes.T)
+    for i, (centre, (k, c, mu)) in enumerate(zip(made.centres - 0.5 * THICK * made.axes[2], made.values)):
+        collision = ET.SubElement(link, "collision", name=f"patch_{i}")
+        ET.SubElement(collision, "pose").text = _text([*centre, roll, pitch, yaw])
+        box = ET.SubElement(ET.SubElement(collision, "geometry"), "box")
+        ET.SubElement(box, "size").text = _text([*(2 * made.half), THICK])
+        surface = ET.SubElement(collision, "surface")
+        ode = ET.SubElement(ET.SubElement(surface, "contact"), "ode")
+        ET.SubElement(ode, "kp").text = f"{k:.9g}"
+        ET.SubElement(ode, "kd").text = f"{0.0 if np.isnan(c) else c:.9g}"
+        rub = ET.SubElement(ET.SubElement(surface, "friction"), "ode")
+        for name in ("mu", "mu2"):
+            ET.SubElement(rub, name).text = f"{FRICTION if np.isnan(mu) else mu:.9g}"
+    ET.indent(root)
+    return '<?xml version="1.0"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
+
+
+def to_gltf(made: Patches, role: str = "stiffness") -> bytes:
+    """GlTF 2.0, binary: the patches as quads with vertex colours by one property, y up as the format has it."""
+    column = ROLES.index(role)
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    offset = (corners * made.half) @ made.axes[:2]
+    points = (made.centres[:, None, :] + offset).reshape(-1, 3)
+    points = np.column_stack([points[:, 0], points[:, 2], -points[:, 1]]).astype("<f4")
+    quad = np.array([0, 1, 2, 0, 2, 3])
+    index = (np.arange(len(made.centres))[:, None] * 4 + quad).ravel().astype("<u4")
+    v = made.values[:, column]
+    low, high = float(np.nanmin(v)), float(np.nanmax(v))
+    grey = np.repeat((v - low) / (high - low if high > low else 1.0), 4)
+    colour = np.column_stack([grey, 0.35 + 0.3 * (1 - grey), 1 - grey, np.ones(len(grey))]).astype("<f4")
+    blobs = [points.tobytes(), colour.tobytes(), index.tobytes()]
+    views, at = [], 0
+    for blob, target in zip(blobs, (34962, 34962, 34963)):
+        views.append({"buffer": 0, "byteOffset": at, "byteLength": len(blob), "target": target})
+        at += len(blob)
+    accessors = [
+        {
+            "bufferView": 0,
+            "componentType": 5126,
+            "count": len(points),
+            "type": "VEC3",
+            "min": points.min(axis=0).tolist(),
+            "max": points.max(axis=0).tolist(),
+        },
+        {"bufferView": 1, "componentType": 5126, "count": len(points), "type": "VEC4"},
+        {"bufferView": 2, "componentType": 5125, "count": len(index), "type": "SCALAR"},
+    ]
+    primitive = {"attributes": {"POSITION": 0, "COLOR_0": 1}, "indices": 2, "material": 0}
+    document = {
+        "asset": {"version": "2.0", "generator": "kinid"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "name": "property map"}],
+        "meshes": [{"primitives": [primitive], "extras": {"property": role, "low": low, "high": high}}],
+        "materials": [{"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.9}, "doubleSided": True}],
+        "buffers": [{"byteLength": at}],
+        "bufferViews": views,
+        "accessors": accessors,
+    }
+    text = json.dumps(document, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 4)
+    binary = b"".join(blobs)
+    body = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(binary), 0x004E4942) + binary
+    return struct.pack("<III", 0x46546C67, 2, 12 + len(body)) + body
+
+
+def to_png(field: Array, low: float, high: float) -> bytes:
+    """A field (rows, columns) as 16-bit grey PNG: 0 is unknown, 1…65535 spans low…high."""
+    share = np.clip((np.nan_to_num(field) - low) / (high - low if high > low else 1.0), 0.0, 1.0)
+    grey = np.where(np.isfinite(field), 1 + np.round(share * 65534), 0).astype(">u2")
+    rows = b"".join(b"\x00" + row.tobytes() for row in grey)
+    head = struct.pack(">IIBBBBB", grey.shape[1], grey.shape[0], 16, 0, 0, 0, 0)
+    chunks = ((b"IHDR", head), (b"IDAT", zlib.compress(rows, 9)), (b"IEND", b""))
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in chunks
+    )
+
+
+def export(grown: PropertyMap, folder: Path, cells: int = 20, method: str = "gp") -> list[Path]:
+    """All three, into a folder: map.xml, map.sdf, map.glb, a PNG a property and map.json; the paths.
+
+    Raises:
+        InputError: as `patches`, or a folder that can't be written to.
+    """
+    made = patches(grown, cells, method)
+    make_folder(folder)
+    out = [folder / name for name in ("map.xml", "map.sdf", "map.glb", "map.json")]
+    write_text(out[0], to_mujoco(made))
+    write_text(out[1], to_sdf(made))
+    _write_bytes(out[2], to_gltf(made))
+    about: dict[str, Any] = {
+        "frame": {"origin": made.centres.mean(axis=0).tolist(), "axes": made.axes.tolist()},
+        "cell": (2 * made.half).tolist(),
+        "rows": "along tangent 1",
+        "columns": "along tangent 2",
+        "assumed": {role: FRICTION if role == "friction" else 0.0 for role in made.assumed},
+        "properties": {},
+    }
+    for k, role in enumerate(ROLES):
+        if role in made.assumed:
+            continue
+        field = np.full(made.shape, np.nan)
+        field[tuple(made.cells.T)] = made.values[:, k]
+        low, high = float(np.nanmin(field)), float(np.nanmax(field))
+        path = folder / f"{role}.png"
+        _write_bytes(path, to_png(field, low, high))
+        out.append(path)
+        unit = grown.properties[grown.index(role)].unit
+        about["properties"][role] = {
+            "image": path.name,
+            "unit": unit,
+            "low": low,
+            "high": high,
+            "value": "low + (grey − 1)/65534 · (high − low); grey 0 is unknown",
+        }
+    write_text(out[3], json.dumps(about, indent=1, ensure_ascii=False) + "\n")
+    return out
+
+
+def _write_bytes(path: Path, data: bytes) -> None:
+    with replacing(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def _text(values: Any) -> str:
+    return " ".join(f"{float(v):.9g}" for v in values)
+
+
+def _quaternion(axes: Array) -> Array:
+    """(w, x, y, z) of the rotation whose columns are tangent1, tangent2, normal."""
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = Rotation.from_matrix(axes.T).as_quat()
+    return np.array([w, x, y, z])
+
+
+def _rpy(rotation: Array) -> tuple[float, float, float]:
+    """Roll, pitch, yaw about fixed axes [rad]."""
+    from scipy.spatial.transform import Rotation
+
+    yaw, pitch, roll = Rotation.from_matrix(rotation).as_euler("ZYX")
+    return float(roll), float(pitch), float(yaw)

@@ -1,0 +1,109 @@
+"""Maps in other programs' formats, read by independent readers and compared number by number."""
+
+from __future__ import annotations
+
+import io
+import json
+import xml.etree.ElementTree as ET
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+
+from kinid.property_map import Probe, Property, PropertyMap
+from kinid.surface import Plane
+from kinid.worlds import IMPEDANCE, export, patches, to_mujoco
+
+# a surface that stands upright: x is its normal
+AXES = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+
+
+def made(axes=AXES):
+    ticks = np.linspace(-0.04, 0.04, 5)
+    plane = Plane(np.array([0.5, 0.0, 0.3]), axes)
+    probes = [
+        Probe(plane.point + x * axes[0] + y * axes[1], np.array([500 + 5000 * (x + 0.04), 8.0, 0.6]), np.diag([1.0, 1e-4, 1e-6]))
+        for x in ticks
+        for y in ticks
+    ]
+    return PropertyMap(
+        plane, (Property("stiffness", "N/m"), Property("damping", "N·s/m"), Property("friction", "1")), tuple(probes)
+    )
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("worlds")
+    return folder, patches(made(), 8), export(made(), folder, 8)
+
+
+def test_mujoco_reads_it(exported):
+    folder, cells, _ = exported
+    model = mujoco.MjModel.from_xml_path(str(folder / "map.xml"))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert model.ngeom == len(cells.centres)
+    assert np.allclose(-model.geom_solref[:, 0] / (1 - IMPEDANCE), cells.values[:, 0], rtol=1e-6)
+    assert np.allclose(-model.geom_solref[:, 1] / (1 - IMPEDANCE), cells.values[:, 1], rtol=1e-6)
+    assert np.allclose(model.geom_friction[:, 0], cells.values[:, 2], rtol=1e-5)
+    tops = data.geom_xpos + model.geom_size[:, 2:] * data.geom_xmat.reshape(-1, 3, 3)[:, :, 2]
+    assert np.allclose(tops, cells.centres, atol=1e-7)
+
+
+def test_a_weight_in_mujoco_sinks_as_deep_as_the_stiffness_says():
+    flat = made(np.eye(3))
+    cells = patches(flat, 3)  # wider than the ball: a body that touches several patches feels them all
+    i = len(cells.centres) // 2
+    x, y, z = cells.centres[i]
+    ball = f'<body pos="{x} {y} {z + 0.0105}">'
+    ball += '<joint type="slide" axis="0 0 1"/><geom type="sphere" size="0.01" mass="1"/></body></worldbody>'
+    model = mujoco.MjModel.from_xml_string(to_mujoco(cells).replace("</worldbody>", ball))
+    model.opt.gravity[:] = 0, 0, -2.0
+    data = mujoco.MjData(model)
+    for _ in range(8000):
+        mujoco.mj_step(model, data)
+    depth = z + 0.01 - data.xpos[-1, 2]
+    # the solver's own tolerance
+    assert depth == pytest.approx(2.0 / cells.values[i, 0], rel=0.01)
+
+
+def test_sdf_holds_the_same_numbers(exported):
+    folder, cells, _ = exported
+    collisions = ET.parse(folder / "map.sdf").getroot().findall("./model/link/collision")
+    assert len(collisions) == len(cells.centres)
+    for item, (k, c, mu) in zip(collisions, cells.values):
+        assert float(item.findtext("./surface/contact/ode/kp")) == pytest.approx(k, rel=1e-6)
+        assert float(item.findtext("./surface/contact/ode/kd")) == pytest.approx(c, rel=1e-6)
+        assert float(item.findtext("./surface/friction/ode/mu")) == pytest.approx(mu, rel=1e-6)
+    from scipy.spatial.transform import Rotation
+
+    pose = np.array(collisions[0].findtext("pose").split(), dtype=float)
+    turn = Rotation.from_euler("xyz", pose[3:]).as_matrix()  # fixed axes, as SDF has it
+    assert np.allclose(turn, AXES.T, atol=1e-7)
+    assert np.allclose(pose[:3] + 0.01 * turn[:, 2], cells.centres[0], atol=1e-7)
+
+
+def test_gltf_png_and_json_are_read_back(exported):
+    folder, cells, paths = exported
+    mesh = trimesh.load(io.BytesIO((folder / "map.glb").read_bytes()), file_type="glb", force="mesh", process=False)
+    assert len(mesh.faces) == 2 * len(cells.centres)
+    middle = mesh.vertices.reshape(-1, 4, 3).mean(axis=1)
+    assert np.allclose(np.column_stack([middle[:, 0], -middle[:, 2], middle[:, 1]]), cells.centres, atol=1e-6)
+    image = pytest.importorskip("PIL.Image")
+    about = json.loads((folder / "map.json").read_text(encoding="utf-8"))
+    for k, role in enumerate(("stiffness", "damping", "friction")):
+        facts = about["properties"][role]
+        grey = np.asarray(image.open(folder / facts["image"])).astype(float)
+        value = facts["low"] + (grey - 1) / 65534 * (facts["high"] - facts["low"])
+        step = (facts["high"] - facts["low"]) / 65534
+        assert np.allclose(value[tuple(cells.cells.T)], cells.values[:, k], atol=step + 1e-12)
+    assert {p.name for p in paths} == {
+        "map.xml",
+        "map.sdf",
+        "map.glb",
+        "map.json",
+        "stiffness.png",
+        "damping.png",
+        "friction.png",
+    }

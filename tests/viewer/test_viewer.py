@@ -1,0 +1,213 @@
+"""The viewer: for this machine only, nothing asked of others, and in a real browser it shows what it should."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import shutil
+import socket
+import subprocess
+import threading
+import urllib.error
+import urllib.request
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+import numpy as np
+import pytest
+
+from kinid import viewer_scene as scenes
+from kinid.errors import InputError
+from kinid.property_map import Probe, Property, PropertyMap
+from kinid.surface import Plane
+from kinid.viewer import View, record
+from kinid.viewer_page import page
+from kinid.viewer_server import ViewServer
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+
+
+@pytest.fixture(scope="module")
+def grown():
+    ticks = np.linspace(-0.04, 0.04, 6)
+    probes = []
+    for x in ticks:
+        for y in ticks:
+            k = 500.0 if x < 0 else 2000.0
+            probes.append(Probe(np.array([0.5 + x, y, 0.1]), np.array([k]), np.array([[100.0]]), 0.03, 0.03, f"{x}{y}"))
+    return PropertyMap(Plane(np.array([0.5, 0.0, 0.1]), np.eye(3)), (Property("stiffness", "N/m"),), tuple(probes), "hooke")
+
+
+def test_colours_tell_value_doubt_and_ignorance():
+    rgba = scenes.colours(np.array([0.0, 1.0, np.nan, 1.0]), 0.0, 1.0, scenes.VIRIDIS, np.array([0.0, 0.0, 0.0, 1.0]))
+    assert rgba[0].tolist() == [68, 1, 84, 255]
+    assert rgba[1].tolist() == [253, 231, 37, 255]
+    assert tuple(rgba[2]) == scenes.UNKNOWN
+    assert rgba[3, 3] == round(255 * scenes.UNSURE)
+
+
+def test_it_listens_on_loopback_alone(grown):
+    server = ViewServer(lambda: page({"title": "x"}))
+    try:
+        assert server._server.socket.getsockname()[0] == "127.0.0.1"
+        with urllib.request.urlopen(server.url, timeout=10) as answer:
+            assert b"MeshCat" in answer.read()
+        # any other name means that a foreign page led the browser here
+        request = urllib.request.Request(server.url, headers={"Host": "evil.example"})
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(request, timeout=10)
+        with pytest.raises(InputError, match="can't be had"):
+            ViewServer(lambda: "", server.port)
+    finally:
+        server.close()
+
+
+def test_changes_reach_those_who_listen():
+    server = ViewServer(lambda: "")
+    try:
+        with socket.create_connection(("127.0.0.1", server.port), timeout=10) as line:
+            line.sendall(f"GET /live HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\n\r\n".encode())
+            text = b""
+            while b"\r\n\r\n" not in text:
+                text += line.recv(4096)
+            while not server.visitors:
+                pass
+            server.send({"title": "fresh"})
+            while b"\n\n" not in text.split(b"\r\n\r\n", 1)[1]:
+                text += line.recv(4096)
+        assert json.loads(text.split(b"data: ", 1)[1]) == {"title": "fresh"}
+    finally:
+        server.close()
+
+
+def test_a_map_that_grows_is_seen_to_grow(grown, tmp_path):
+    path = tmp_path / "map.parquet"
+    grown.write(path)
+    view = View(path)
+    assert view.scene()["map"]["facts"].startswith("36 probes")
+    assert view.changed() is None
+    grown.added(Probe(np.array([0.5, 0.0, 0.1]), np.array([900.0]), np.array([[100.0]]), source="one more")).write(path)
+    message = view.changed()
+    assert message is not None
+    assert message["map"]["facts"].startswith("37 probes")
+
+
+def test_a_file_name_can_not_run_as_script(grown, tmp_path):
+    path = tmp_path / "<img src=x onerror=alert(1)>.parquet"
+    grown.write(path)
+    text = record(View(path))
+    assert "<img src=x" not in text
+    # nothing that a browser would fetch: no source and no link but the empty icon
+    head = text.split("<script>", 1)[0] + text.rsplit("</script>", 1)[1]
+    assert re.findall(r'(?:src|href)="([^"]*)"', head) == ["data:,"]
+
+
+def test_what_is_not_there_is_said(tmp_path):
+    with pytest.raises(InputError, match="nothing at"):
+        View(tmp_path / "absent.parquet")
+
+
+PROBE = """
+<script>
+(async () => {
+  const wait = ms => new Promise(r => setTimeout(r, ms)), out = {};
+  try {
+    await wait(300);
+    out.errors = kinid.errors; out.ready = kinid.ready === true; out.probes = kinid.shown;
+    out.legend = [document.getElementById("low").textContent, document.getElementById("high").textContent,
+                  document.getElementById("unit").textContent, !document.getElementById("legend").hidden];
+    kinid.viewer.render();
+    const gl = kinid.viewer.renderer.domElement, flat = document.createElement("canvas");
+    flat.width = gl.width; flat.height = gl.height;
+    const pen = flat.getContext("2d"); pen.drawImage(gl, 0, 0);
+    const d = pen.getImageData(0, 0, flat.width, flat.height).data;
+    let purple = 0, yellow = 0;
+    for (let i = 0; i < d.length; i += 4) {
+      if (d[i] > 200 && d[i + 1] > 180 && d[i + 2] < 110) yellow++;
+      if (d[i] > 40 && d[i] < 110 && d[i + 1] < 60 && d[i + 2] > 60 && d[i + 2] < 130) purple++;
+    }
+    out.purple = purple / (d.length / 4); out.yellow = yellow / (d.length / 4);
+    const base = JSON.parse(document.getElementById("scene").textContent).map;
+    delete base.positions;
+    out.cells = base.vertices;
+    const start = performance.now(), buffer = new Uint8Array(4);
+    for (let k = 0; k < 20; k++) {
+      const begun = performance.now();
+      kinid.apply({map: base});
+      out.update = (out.update || 0) + (performance.now() - begun) / 20;
+      kinid.viewer.render();
+      const context = kinid.viewer.renderer.getContext();
+      context.readPixels(0, 0, 1, 1, context.RGBA, context.UNSIGNED_BYTE, buffer);  // waits until it is drawn
+    }
+    out.rate = 20 / ((performance.now() - start) / 1000);
+    out.asked = performance.getEntriesByType("resource").map(e => e.name);
+  } catch (e) { out.failed = String(e); }
+  await fetch("/told", {method: "POST", body: JSON.stringify(out)});
+})();
+</script></body>"""
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium")
+def test_in_a_real_browser(grown, tmp_path):
+    """The scene loads without errors, surface and legend are there, 10 000 cells update fast, and nobody else is asked."""
+    path = tmp_path / "map.parquet"
+    grown.write(path)
+    text = page(View(path).scene()).replace("</body>", PROBE)
+    told, done, asked = [], threading.Event(), []
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self):
+            asked.append(self.path)
+            body = text.encode()
+            self.send_response(200)
+            self.send_header("Content-Type", "text/html; charset=utf-8")
+            self.send_header("Content-Length", str(len(body)))
+            self.end_headers()
+            self.wfile.write(body)
+
+        def do_POST(self):
+            told.append(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))
+            self.send_response(204)
+            self.end_headers()
+            done.set()
+
+        def log_message(self, *_):
+            pass
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    browser = subprocess.Popen(
+        [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader", "--no-first-run",
+         "--disable-sync",
+         "--disable-background-networking", "--disable-component-update",
+         "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
+         f"--user-data-dir={tmp_path / 'profile'}", "--window-size=900,600",
+         f"http://127.0.0.1:{server.server_address[1]}/"],
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    try:
+        assert done.wait(90), "the page told nothing"
+    finally:
+        browser.terminate()
+        browser.wait(20)
+        server.shutdown()
+        server.server_close()
+    out = told[0]
+    print(out)
+    assert "failed" not in out
+    assert out["ready"]
+    assert out["errors"] == []
+    assert out["probes"] == 36
+    assert out["legend"] == ["500", "2000", "N/m", True]
+    # each half of the surface has its colour on some per cent of the picture
+    assert out["purple"] > 0.01
+    assert out["yellow"] > 0.01
+    assert out["cells"] >= 10_000
+    # drawn without a graphics card, on a machine with other work
+    assert out["rate"] >= 10
+    assert asked == ["/"]
+    assert all(name.startswith(("http://127.0.0.1", "data:")) for name in out["asked"])
+
+
+def test_packed_numbers_are_little_endian():
+    assert base64.b64decode(scenes.packed(np.array([1.0]), "<f4")) == b"\x00\x00\x80?"
