@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from kinid.cli.plan_arguments import corners_of, grid_of, numbers_of, place_of, signal_of, sines_of
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
-    from kinid.plan import Law, Planner, Sampled, Trajectory
+    from kinid.plan import Law, Planner, Trajectory
     from kinid.plan.information import Interval
     from kinid.rig import Rig
 
@@ -44,6 +45,14 @@ kinid plan excite --model hunt-crossley --fit fit.json --force-limit 8 -o best.p
 kinid plan excite --model tool-mass,tool-com --duration 10 -o free.parquet
 
 kinid plan excite --model rigid-body,joint-torque-offset,joint-coulomb-friction -o drives.parquet
+"""
+DISCRIMINATE_EXAMPLES = """Examples:
+
+kinid plan discriminate --model hooke --value stiffness=1000 --effects relaxation,stiffness-drift -o hold.parquet
+
+kinid plan discriminate --fit fit.json --effects viscous-friction,stribeck-friction --force-limit 8 -o slides.parquet
+
+kinid plan discriminate --model none --effects tool-mass,sensor-bias -o turns.parquet --json why.json
 """
 
 RigOption = Annotated[Path, typer.Option(help="What robot, tool and surface there are.")]
@@ -91,18 +100,18 @@ def poke(
     from kinid.plan import grid as lattice
     from kinid.plan.touches import tour_length
 
-    moved: Any = Multisine(depth, _sines(sines), duration) if signal is None else _signal(signal)
+    moved: Any = Multisine(depth, sines_of(sines), duration) if signal is None else signal_of(signal)
     planner = _planner(rig, model, fit, value, force_limit, yaw, rate, height, pause, travel_speed, contact_speed, acceleration,
                        jerk, collision)  # fmt: skip
-    centre = _place(at, "--at")
+    centre = place_of(at, "--at")
     places: list[tuple[float, ...]] = [centre]
     if grid is not None and polygon is not None:
         raise InputError("--grid and --polygon", "one of them", "leave one out")
     if grid is not None or polygon is not None:
         if len(centre) != 2:
             raise InputError(f"--at {at} with a campaign", "a place along both tangents of a plane", "give two numbers")
-        corners = _corners(polygon or "", "--polygon")
-        places = lattice(*_grid(grid), spacing, centre) if grid is not None else within(corners, spacing)
+        corners = corners_of(polygon or "", "--polygon")
+        places = lattice(*grid_of(grid), spacing, centre) if grid is not None else within(corners, spacing)
     order = shortest_tour(places)
     motion = planner.plan([Poke(places[k], moved, hold) for k in order])
     if len(places) > 1:
@@ -141,9 +150,9 @@ def slide(
     if four_paths is not None:
         if not 0.0 < four_paths < 10.0:
             raise InputError(f"--four-paths {four_paths}", "a length in m", "correct it")
-        slides = crossing(four_paths, _place(at, "--at"), depth=depth, speed=speed, hold=hold, back=back)
+        slides = crossing(four_paths, place_of(at, "--at"), depth=depth, speed=speed, hold=hold, back=back)
     else:
-        slides = (Slide(tuple(_corners(through or "", "--through")), depth, speed, hold, back),)
+        slides = (Slide(tuple(corners_of(through or "", "--through")), depth, speed, hold, back),)
     _finish(planner.plan(slides), planner.rig, out, plot, preview, mcap)
 
 
@@ -197,7 +206,7 @@ def excite(
 
     console().print(f"the signal is optimised ({criterion}-optimal) …")
     found = optimise(law, bounds, sines=sines, criterion=criterion, noise=sigma, rate=rate)
-    motion = planner.plan([Poke(_place(at, "--at"), found.signal, hold)])
+    motion = planner.plan([Poke(place_of(at, "--at"), found.signal, hold)])
     ideal = ideal_information(law, bounds, criterion=criterion, noise=sigma, rate=rate)
     share = None if ideal is None else efficiency(found.information, ideal, criterion)
     facts = {**found.to_dict(), "efficiency": share, "model": list(law.model.names), "noise": sigma}
@@ -231,7 +240,7 @@ def _excite_free(rig: Path, model: Any, values: dict[str, float], criterion: str
     the_rig = Rig.load(rig)
     robot = Robot.load(the_rig)
     limits = Limits.of(robot, kinid.urdf.path(robot.name, the_rig.folder), acceleration=acceleration, jerk=jerk)
-    posture = None if start is None else np.array(_numbers(start, "--start"))
+    posture = None if start is None else np.array(numbers_of(start, "--start"))
     console().print(f"a free motion is sought ({criterion}-optimal) …")
     found = excite_free(the_rig, model, values, bounds=Bounds(bandwidth=bandwidth, duration=duration or 10.0), start=posture,
                         sines=sines, criterion=criterion, rate=rate, limits=limits, collisions=collision)  # fmt: skip
@@ -240,6 +249,52 @@ def _excite_free(rig: Path, model: Any, values: dict[str, float], criterion: str
                             "swing": found.swing.to_dict(),
                             "intervals": {name: each.to_dict() for name, each in found.intervals.items()}})  # fmt: skip
     _finish(found.trajectory, the_rig, out, plot, preview, mcap, json_file)
+
+
+@app.command("discriminate", epilog=DISCRIMINATE_EXAMPLES)
+def discriminate_(
+    out: OutOption,
+    effects: Annotated[str, typer.Option(help="Candidates that are to be told apart, a,b or more.", show_default=False)],
+    rig: RigOption = Path("rig.toml"),
+    model: ModelOption = None, fit: FitOption = None, value: ValueOption = None,
+    duration: Annotated[float, typer.Option(help="Of the experiment, about [s].")] = 20.0,
+    max_depth: Annotated[float, typer.Option(help="Never deeper than this [m].")] = 0.004,
+    bandwidth: Annotated[float, typer.Option(help="In which the robot follows; no sine is faster [Hz].")] = 3.0,
+    at: Annotated[str, typer.Option(help="Place, as for kinid plan poke [m].")] = "0,0",
+    force_limit: ForceOption = None,
+    yaw: YawOption = None, rate: RateOption = 500.0, height: HeightOption = 0.015, pause: PauseOption = 0.2,
+    travel_speed: SpeedOption = 0.1,
+    contact_speed: ContactOption = 0.02, acceleration: AccelerationOption = None, jerk: JerkOption = None,
+    collision: CollisionOption = True,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Choice, reasons and all experiments as JSON.")] = None,
+    plot: PlotOption = None, preview: PreviewOption = None, mcap: McapOption = None,
+) -> None:  # fmt: skip
+    """The experiment that tells candidate effects apart best, and why it does."""
+    _check(out, plot, preview, mcap, json_file, inputs=(rig, fit))
+    from rich.table import Table
+
+    from kinid.cli.show import console
+    from kinid.plan.discriminate import discriminate
+
+    chosen, values = _model(model, fit, value)
+    planner = _planner(rig, None, None, None, force_limit, yaw, rate, height, pause, travel_speed, contact_speed, acceleration,
+                       jerk, collision)  # fmt: skip
+    names = [name.strip() for name in effects.split(",") if name.strip()]
+    found = discriminate(planner, chosen, names, values, duration=duration, depth=max_depth, place=place_of(at, "--at"),
+                         bandwidth=bandwidth)  # fmt: skip
+    table = Table(title="How far apart the candidates are, in standard deviations of the noise")
+    for name in ("experiment", "s", "apart"):
+        table.add_column(name, justify="left" if name == "experiment" else "right")
+    for _, title, seconds, distance in found.table:
+        table.add_row(title, f"{seconds:.1f}", f"{distance**0.5:.3g}")
+    console().print(table)
+    typer.echo(found.words)
+    for name, why in found.refused.items():
+        typer.echo(f"left out: {name}: {why}")
+    for name in found.open:
+        typer.echo(f"no experiment tells {name}")
+    _write_json(json_file, found.to_dict())
+    _finish(found.trajectory, planner.rig, out, plot, preview, mcap, json_file)
 
 
 def _planner(rig: Path, model: str | None, fit: Path | None, value: list[str] | None, force: float | None, yaw: float | None,
@@ -354,52 +409,3 @@ def _check(out: Path, *others: Path | None, inputs: Sequence[Path | None]) -> No
 
     check_table_name(out)
     check_outputs((out, *others), inputs)
-
-
-def _signal(path: Path) -> Sampled:
-    """A user's signal: the columns t and depth of a table."""
-    import numpy as np
-
-    from kinid.plan import Sampled
-    from kinid.plan.trajectory import read_columns
-
-    table = read_columns(path)
-    if "t" not in table or "depth" not in table:
-        raise InputError(f"{path} with the columns {', '.join(list(table)[:8])}", "t [s] and depth [m]", "name them so")
-    return Sampled(np.asarray(table["t"], dtype=float), np.asarray(table["depth"], dtype=float))
-
-
-def _sines(text: str) -> tuple[tuple[float, float], ...]:
-    out = []
-    for part in filter(None, (p.strip() for p in text.split(","))):
-        amplitude, _, frequency = part.partition("@")
-        try:
-            out.append((float(amplitude), float(frequency)))
-        except ValueError:
-            raise InputError(f"--sines {part}", "amplitude@frequency in m and Hz, as 0.0015@0.9", "correct it") from None
-    return tuple(out)
-
-
-def _grid(text: str) -> tuple[int, int]:
-    parts = text.lower().replace("×", "x").split("x")
-    if len(parts) != 2 or not all(part.strip().isdigit() for part in parts):
-        raise InputError(f"--grid {text}", "rows x columns, as 10x10", "correct it")
-    return int(parts[0]), int(parts[1])
-
-
-def _numbers(text: str, option: str) -> tuple[float, ...]:
-    try:
-        return tuple(float(part) for part in text.split(","))
-    except ValueError:
-        raise InputError(f"{option} {text}", "numbers separated by commas", "correct it") from None
-
-
-def _place(text: str, option: str) -> tuple[float, ...]:
-    values = _numbers(text, option)
-    if len(values) not in (2, 3):
-        raise InputError(f"{option} {text}", "x,y along both tangents, or x,y,z in the base frame [m]", "correct it")
-    return values
-
-
-def _corners(text: str, option: str) -> list[tuple[float, ...]]:
-    return [_place(part, option) for part in text.split(";") if part.strip()]
