@@ -103,7 +103,9 @@ class Fit:
         """The facts as `kinid fit --json` writes them."""
         return {
             "model": list(self.model.names),
-            "parameters": {name: {"value": p.value, "low": p.low, "high": p.high, "unit": p.unit}
+            # JSON has no infinity: an open end is null
+            "parameters": {name: {"value": p.value, "low": p.low if np.isfinite(p.low) else None,
+                                  "high": p.high if np.isfinite(p.high) else None, "unit": p.unit}
                            for name, p in self.parameters.items()},
             "error": self.error.to_dict(),
             "warnings": list(self.warnings),

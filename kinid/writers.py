@@ -70,6 +70,8 @@ def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None])
         if path is None:
             continue
         check_folder(path)
+        if path.exists() and not path.is_file():
+            raise InputError(f"output {path}, which is no regular file", "a file that can be replaced", "name another one")
         if path.resolve() in read:
             raise InputError(f"output {path}, which is read too", "another file than the log and the rig", "rename the output")
         if path.resolve() in seen:

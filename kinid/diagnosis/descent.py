@@ -49,9 +49,14 @@ class State:
     @cached_property
     def halves(self) -> tuple[Array, Array]:
         """Values of the model's parameters fitted to the even half and to the odd half, each (p,)."""
-        even, odd = (fit(self.problem.only(half), self.model, self.values, steps=10).values
+        even, odd = (fit(self.problem.only(half), self.model, self.plain.values, steps=15, calibrate=False).values
                      for half in (self.problem.even, ~self.problem.even))  # fmt: skip
         return even, odd
+
+    @cached_property
+    def plain(self) -> State:
+        """The same model with calibration as it was stated: what its errors and estimates are told from."""
+        return fit(self.problem, self.model, self.values, calibrate=False)
 
     @cached_property
     def _normal(self) -> tuple[Array, Array, Array, Array]:
@@ -115,7 +120,8 @@ def bounds(model: Model, problem: Problem) -> tuple[Array, Array]:
     return np.array([p.low for p in parameters]), np.array([p.high for p in parameters])
 
 
-def fit(problem: Problem, model: Model, start: Array, *, guess: Array | None = None, steps: int = 30) -> State:
+def fit(problem: Problem, model: Model, start: Array, *, guess: Array | None = None, steps: int = 30, calibrate: bool = True
+        ) -> State:  # fmt: skip
     """Weighted least squares with calibration free inside its tolerance (Levenberg-Marquardt).
 
     Sensitivities are carried along by Broyden's rank-one updates and worked out anew when they mislead, and at the end.
@@ -124,16 +130,16 @@ def fit(problem: Problem, model: Model, start: Array, *, guess: Array | None = N
         problem, model: what is fitted to what.
         start: values to begin at, (p,).
         guess: sensitivity to begin with, (m, p), in scales of the parameters.
-        steps: at most so many.
+        steps: at most so many. calibrate: leave calibration free inside its tolerance.
     """
     with np.errstate(all="ignore"):  # a step too far is taken back
-        return _Descent(problem, model, start).run(guess, steps)
+        return _Descent(problem, model, start, calibrate).run(guess, steps)
 
 
 class _Descent:
     """One search; all quantities belong to its present place."""
 
-    def __init__(self, problem: Problem, model: Model, start: Array) -> None:
+    def __init__(self, problem: Problem, model: Model, start: Array, calibrate: bool) -> None:
         self.problem, self.model = problem, model
         parameters = tuple(model.parameters(problem.experiment.layout).values())
         self.scale = np.array([p.scale for p in parameters])
@@ -147,7 +153,7 @@ class _Descent:
         self.y = problem.stack(problem.measured)
         self.predicted = problem.predict(model, self.x)
         self.stacked = problem.stack(self.predicted)
-        self.columns = problem.nuisance(model, self.x, self.predicted)
+        self.columns = problem.nuisance(model, self.x, self.predicted) if calibrate else np.zeros((len(self.y), 0))
         self.shift = np.zeros(self.columns.shape[1])
         self.residual = self.y - self.stacked
         self.cost = float(self.residual @ self.residual)

@@ -104,9 +104,16 @@ def _saturation(experiment: Experiment, motion: Array | None) -> tuple[Mark | No
     count = int(clipped.any(axis=0).sum())
     # the end of a range touches what is just below it, too: filters and sampling
     reach = 1 if experiment.band is None else round(_rate(experiment) / experiment.band)
-    near = np.convolve(clipped.any(axis=0), np.ones(2 * reach + 1), mode="same") > 0
+    valid = experiment.valid
+    for wide in (reach, 1, 0):
+        near = np.convolve(clipped.any(axis=0), np.ones(2 * wide + 1), mode="same") > 0
+        valid = experiment.valid & ~near
+        if valid.sum() > 0.3 * experiment.valid.sum():
+            break
+    else:
+        valid = experiment.valid  # clipped nearly everywhere: what is left would be no log
     mark = Mark(effect, limits, f"flat tops: {channels} in {count} samples", 4.0 * count, count / clipped.shape[1])
-    return mark, dataclasses.replace(experiment, valid=experiment.valid & ~near)
+    return mark, dataclasses.replace(experiment, valid=valid)
 
 
 def _quantization(experiment: Experiment) -> tuple[Mark | None, Experiment]:

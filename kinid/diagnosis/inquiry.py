@@ -26,9 +26,20 @@ from kinid.diagnosis.where import where
 from kinid.errors import InputError
 from kinid.estimators.batch import Solution
 from kinid.experiment import Experiment, from_contact, from_joint_torques, from_wrench
-from kinid.fit import Fit, FitError, FittedParameter, contact_channels, error_rows, error_unit, rms, starting_values
+from kinid.fit import (
+    Fit,
+    FitError,
+    FittedParameter,
+    check_excitation,
+    contact_channels,
+    error_rows,
+    error_unit,
+    rms,
+    starting_values,
+)
 from kinid.log import Log
 from kinid.model import Model
+from kinid.motion import STATIC_PERIOD
 from kinid.rig import Rig
 from kinid.task import folds
 
@@ -36,6 +47,8 @@ Array = NDArray[np.float64]
 
 #: a log must last so long [s], and hold so many blocks of half a second that count
 SHORTEST, FEWEST_BLOCKS = 4.0, 8
+#: share of a channel's own size that noise of static poses is taken to be at most
+STATIC_NOISE = 0.01
 #: share of a channel's own size below which noise is not believed to lie
 DIGITS = 1e-3
 #: effects that are added at most, unless the caller says otherwise
@@ -78,9 +91,11 @@ def diagnose(
         raise InputError(f"max_effects of {max_effects}", "0 or more", "0 compares and adds nothing")
     _check_asked_for(add, model, experiment)
     _refuse(experiment, model)
+    data_doubts = check_excitation(model, experiment)
     # many small products: threads of a linear-algebra library would only wait for each other
     with threadpool_limits(1, user_api="blas"):
         looked = _look(model, experiment, _start(model, experiment, known), max_effects, tuple(add), progress)
+        looked = dataclasses.replace(looked, doubts=tuple(data_doubts))
         return looked.result(progress)
 
 
@@ -152,6 +167,7 @@ class _Looked:
     cleaned: Cleaned
     search: Search
     forced: tuple[str, ...]
+    doubts: tuple[str, ...] = ()
 
     @property
     def marks(self) -> tuple[Mark, ...]:
@@ -186,7 +202,7 @@ class _Looked:
 
     def train(self, state: State, marks: Sequence[Mark]) -> float:
         measured = filled(self.whole)
-        return self.error(measured - self.readings(state, state.values, marks))
+        return self.error(measured - self.readings(state, state.plain.values, marks))
 
     def result(self, progress: Callable[[str], None]) -> Diagnosis:
         progress("measuring errors")
@@ -212,14 +228,20 @@ class _Looked:
         opinion = judge(first, last)
         result = self._fit(best, last, steps[-1])
         progress("a verdict for every effect")
-        told = verdicts(self.search, self.marks, result.parameters, gains, self._rate)
+        told = verdicts(self.search, self.marks, result.parameters, gains, self._rate, tuple(self.forced))
         floor = rms(self._noise[self.rows])
-        if opinion.unexplained:
+        idle = [name for name in self.forced if name in self.search.evidence and not self.search.evidence[name].sure]
+        real = [name for name in added if name not in idle]
+        if opinion.unexplained and self.search.cut_short:
+            verdict, says = UNEXPLAINED, f"not searched further: no more effects were asked for; {opinion.left_says}"
+        elif opinion.unexplained:
             verdict, says = UNEXPLAINED, opinion.says
-        elif added:
-            verdict, says = MISSING, f"{' and '.join(added)} explain{'s' if len(added) == 1 else ''} it: {opinion.says}"
+        elif real:
+            verdict, says = MISSING, f"{' and '.join(real)} explain{'s' if len(real) == 1 else ''} it: {opinion.says}"
         else:
             verdict, says = ADEQUATE, opinion.says
+        if idle:
+            says += f"; {' and '.join(idle)}, added because it was asked for, brings nothing that chance wouldn't"
         progress("where the error sits")
         return Diagnosis(
             self.model, best, verdict, says, added, tuple(steps), floor, error_unit(self.whole),
@@ -278,20 +300,21 @@ class _Looked:
         """White noise of each channel in the band that counts, (channels,)."""
         band = self.whole.band
         share = 1.0 if band is None or self._rate == 0 else np.sqrt(min(1.0, 2.0 * band / self._rate))
-        out: Array = self.whole.noise * share
+        hums = any(mark.effect.id == "mains-hum" for mark in self.marks)
+        noise = np.minimum(self.whole.noise, self.cleaned.experiment.noise) if hums else self.whole.noise
+        out: Array = noise * share
         return out
 
     def _warnings(self) -> tuple[str, ...]:
-        out = []
+        out = list(self.doubts)
         phase = self.whole.phase
         if phase is not None and len(np.unique(phase)) == 1:
             out.append(f"the whole log is one phase, {phase[0]}: effects of the others can't be seen; record approach, hold, "
                        "motion and retraction")  # fmt: skip
-        if self.whole.layout.kind != "joints" and not (self.whole.signals.depth < 0).any():
-            out.append("no free motion in the log: bias and tool can't be told from contact")
         if not self.search.states[-1].converged:
             out.append("the last search stopped before it converged: its parameters may be off")
-        share = float(np.mean(~self.whole.valid))
+        usable = self.whole.valid if self.whole.touch is None else self.whole.touch.valid
+        share = float(np.mean(~usable))
         if share > 0.05:
             out.append(f"{100 * share:.0f} % of the samples are invalid and were left out")
         return tuple(out)
@@ -315,7 +338,7 @@ class _Looked:
         bound = np.zeros(len(values), np.bool_)
         bound[place] = ~last.free[: len(last.values)]
         measured = filled(self.whole)
-        residual = measured - self.readings(last, last.values, self.marks)
+        residual = measured - self.readings(last, last.plain.values, self.marks)
         unit = error_unit(self.whole)
         solution = Solution(np.array(values), cov, open_, bound, residual, float("nan"), (), 0, last.converged)
         return Fit(best, parameters, FitError(step.train, step.held_out, rms(self._noise[self.rows]), unit), self._warnings(),
@@ -329,6 +352,10 @@ def _look(model: Model, experiment: Experiment, values: Array, most: int, forced
     white = np.array([force_noise(channel) for channel in readings])
     # readings that were smoothed or repeated show none: no reading is believed to its last digits
     least = DIGITS * np.sqrt(np.mean(readings**2, axis=1)) + 1e-12
+    s = experiment.signals
+    if len(s) > 1 and float(np.median(np.diff(s.t))) >= STATIC_PERIOD:
+        # from pose to pose everything changes: neighbours tell nothing of noise
+        white = np.minimum(white, STATIC_NOISE * np.sqrt(np.mean(readings**2, axis=1)))
     whole = dataclasses.replace(experiment, noise=np.maximum(white, least))
     progress("fitting the model")
     state = _fitted(model, thin(whole), values)

@@ -17,9 +17,11 @@ UNSEEN = 1e-3
 def covariance(state: State) -> Array:
     """Sandwich covariance over blocks of half a second (White 1980, clustered: Liang & Zeger 1986), (p, p).
 
-    Infinite in the rows of parameters that the log leaves open.
+    Infinite in the rows of parameters that the log leaves open. Tolerances of calibration count: no parameter is better known
+    than they are.
     """
     p = len(state.values)
+    tolerant, state = np.diag(state.inverse)[:p], state.plain
     inverse = state.inverse
     number = state.problem.blocks
     scores = np.zeros((number.max() + 1, inverse.shape[0])) if len(number) else np.zeros((0, inverse.shape[0]))
@@ -28,7 +30,7 @@ def covariance(state: State) -> Array:
     meat = scores.T @ scores
     whole = inverse @ meat @ inverse
     # calibration is no better known than its tolerance, and noise alone is the least
-    whole = np.maximum(np.diag(whole), np.diag(inverse))[:p]
+    whole = np.maximum(np.maximum(np.diag(whole), np.diag(inverse))[:p], tolerant)
     out = np.diag(whole * state.scale**2)
     sandwich = (inverse @ meat @ inverse)[:p, :p] * np.outer(state.scale, state.scale)
     off = ~np.eye(p, dtype=np.bool_)
@@ -53,4 +55,4 @@ def fitted(state: State) -> dict[str, FittedParameter]:
     error = np.sqrt(np.maximum(np.diag(covariance(state)), 0.0))
     named = state.model.parameters(state.problem.experiment.layout)
     return {name: FittedParameter(name, float(v), float(v - Z95 * e), float(v + Z95 * e), p.unit)
-            for (name, p), v, e in zip(named.items(), state.values, error)}  # fmt: skip
+            for (name, p), v, e in zip(named.items(), state.plain.values, error)}  # fmt: skip

@@ -36,6 +36,12 @@ MATERIAL, LEAST, MOST = 0.005, 0.008, 0.02
 ALIKE, ALIKE_SE = 12.0, 2.0
 #: … but never when they lack this share of what the addition brought
 CLOSE = 0.15
+#: a search that still goes down is taken up again so many times
+PATIENCE = 4
+#: of a small log, effects with more than a handful of parameters need so many readings for each
+READINGS = 20
+#: rounds beyond the number of effects that may be added
+EXTRA_ROUNDS = 2
 #: candidates that are refitted, a round
 REFITTED = 6
 
@@ -112,8 +118,10 @@ def look(state: State, *, most: int = REFITTED, spare: Sequence[str] = ()) -> Ro
     Args:
         state: the model as it is. most: how many to refit. spare: names to leave out.
     """
-    able_ones = [effect for effect, why in able(state.model, state.problem.experiment.layout)
-                 if not why and not effect.detector and effect.id not in spare]  # fmt: skip
+    layout = state.problem.experiment.layout
+    able_ones = [effect for effect, why in able(state.model, layout)
+                 if not why and not effect.detector and effect.id not in spare
+                 and len(effect.parameters(layout)) * READINGS <= max(6 * READINGS, len(state.residual))]  # fmt: skip
     starts = {points[0].effect.id: points for points in _side_by_side(lambda e: screen(state, e), able_ones) if points}
     look = Round(state, starts, ())
     worth = [c for c in look.screened[:most] if c.gain >= ENOUGH / 2]
@@ -125,11 +133,16 @@ def look(state: State, *, most: int = REFITTED, spare: Sequence[str] = ()) -> Ro
 
 def _side_by_side(do: Callable[[In], Out], items: Sequence[In]) -> list[Out]:
     """The same for all, on as many cores as there are; kernels let go of the interpreter's lock."""
+
+    def quietly(item: In) -> Out:
+        with np.errstate(all="ignore"):  # a shape that doesn't suit the log may overflow: it is passed over
+            return do(item)
+
     cores = min(os.cpu_count() or 1, 4)
     if cores < 2 or len(items) < 2:
-        return [do(item) for item in items]
+        return [quietly(item) for item in items]
     with ThreadPoolExecutor(cores) as pool:
-        return list(pool.map(do, items))
+        return list(pool.map(quietly, items))
 
 
 def attempt(state: State, candidate: Candidate, points: Sequence[Candidate]) -> Tried:
@@ -143,6 +156,13 @@ def attempt(state: State, candidate: Candidate, points: Sequence[Candidate]) -> 
         if best is None or found.cost < best.cost:
             best = found
     assert best is not None
+    for _ in range(PATIENCE):  # parameters that trade against each other make valleys: slow, but steadily downhill
+        if best.converged:
+            break
+        further = fit(state.problem, model, best.values, steps=60)
+        if further.cost > 0.97 * best.cost:
+            break
+        best = further
     return Tried(candidate.effect, best, weigh(state, best))
 
 
@@ -214,6 +234,7 @@ class Search:
         states: from the model that was asked about to the last one; each has one effect more.
         added: names, in the order of the steps. rivals: of each addition, those that fit as well.
         rounds: every look, first to last. evidence: for each addition, beside all others.
+        cut_short: whether it ended because no more effects were asked for, with candidates left.
     """
 
     states: tuple[State, ...]
@@ -221,6 +242,7 @@ class Search:
     rivals: dict[str, tuple[str, ...]]
     rounds: tuple[Round, ...]
     evidence: dict[str, Evidence]
+    cut_short: bool = False
 
 
 def search(start: State, *, most: int = 4, forced: Sequence[str] = (), spare: Sequence[str] = (),
@@ -237,7 +259,10 @@ def search(start: State, *, most: int = 4, forced: Sequence[str] = (), spare: Se
         points = screen(states[-1], effects.get(name))
         states.append(attempt(states[-1], points[0], points).state)
         added.append(name)
-    while len(added) < most:
+    # an effect that is defended away may come back, but not for ever
+    for _ in range(most + EXTRA_ROUNDS):
+        if len(added) >= most:
+            break
         progress(f"looking for what {' + '.join(['the model', *added])} lacks")
         found = look(states[-1], spare=spare)
         rounds.append(found)
@@ -249,11 +274,12 @@ def search(start: State, *, most: int = 4, forced: Sequence[str] = (), spare: Se
         added.append(chosen.effect.id)
         progress(f"defending {', '.join(added)}")
         states, added = _defend(states[0], states[-1], added, forced, spare)
-    else:
+    if not rounds or rounds[-1].before is not states[-1]:
         rounds.append(look(states[-1], spare=spare, most=0))
-    known = {added[0]: rounds[0]} if len(added) == 1 else {}
+    cut_short = len(added) >= most and any(c.gain > 10 * ENOUGH for c in rounds[-1].screened)
+    known = {added[0]: rounds[0]} if len(added) == 1 and not forced else {}
     rivals, evidence = _rivals(states[-1], added, spare, known)
-    return Search(tuple(_ladder(states[0], states[-1], added)), tuple(added), rivals, tuple(rounds), evidence)
+    return Search(tuple(_ladder(states[0], states[-1], added)), tuple(added), rivals, tuple(rounds), evidence, cut_short)
 
 
 def _simplest(good: Sequence[Tried]) -> Tried:

@@ -141,6 +141,11 @@ class Opinion:
     says: str
     left: Leftover
 
+    @property
+    def left_says(self) -> str:
+        """How much is left, without a reason."""
+        return f"what is left in {self.left.channel} is {self.left.rms:.2f} times the noise"
+
 
 def judge(first: State, last: State) -> Opinion:
     """Hold what is left against what noise leaves, and against what was explained.

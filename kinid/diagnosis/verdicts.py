@@ -27,7 +27,7 @@ SHAPES = 0.75
 
 def verdicts(
     search: Search, marks: tuple[Mark, ...], parameters: dict[str, FittedParameter], gains: dict[str, float],
-    rate: float,
+    rate: float, forced: tuple[str, ...] = (),
 ) -> tuple[EffectVerdict, ...]:  # fmt: skip
     """One for each effect that the model lacked, those that are there first.
 
@@ -48,6 +48,11 @@ def verdicts(
     for name in search.added:
         rivals = search.rivals.get(name, ())
         verdict = INDISTINGUISHABLE if rivals else PRESENT
+        if name in forced and not search.evidence[name].sure:
+            out.append(EffectVerdict(name, NOT_EXCITED, search.evidence[name].value, (), gains.get(name, 0.0),
+                                     _own(name, parameters), f"record {effects.get(name).excited_by}",
+                                     "added because it was asked for; the log doesn't support it"))  # fmt: skip
+            continue
         says = (f"fits as well as {', '.join(rivals)}: this log can't tell them apart" if rivals
                 else effects.get(name).signature)  # fmt: skip
         out.append(EffectVerdict(name, verdict, search.evidence[name].value, rivals, gains.get(name, 0.0),
@@ -56,12 +61,14 @@ def verdicts(
     # the last look was often from the last model
     points = search.rounds[-1].points if search.rounds and search.rounds[-1].before is last else {}
     known = {v.id for v in out}
+    # what an effect would have brought to an earlier model says nothing of the last one
+    latest = {t.effect.id: t for look in search.rounds if look.before is last for t in look.tried}
     inflation = _inflation(last)
     for effect, why in able(last.model, last.problem.experiment.layout):
         name = effect.id
         if name in known:
             continue
-        attempt = tried.get(name)
+        attempt = tried.get(name) if name in rivals_of else latest.get(name)
         evidence = attempt.evidence.value if attempt is not None else 0.0
         shown = _fitted(attempt) if attempt is not None else {}
         gain = gains.get(name, 0.0)

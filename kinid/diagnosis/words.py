@@ -27,6 +27,8 @@ def headline(result: Diagnosis) -> str:
         return f"The model is adequate: {error}, and {noise}."
     if result.verdict == MISSING:
         return f"The model lacks {names}: with {'it' if len(result.added) == 1 else 'them'} {error}; {noise}."
+    if result.says.startswith("not searched further"):
+        return f"Something is missing, and the search was told to stop: {error}; {noise}."
     if not result.added:
         return f"Something is missing that the catalogue does not hold: {error}; {noise}."
     helps = "helps, but does" if len(result.added) == 1 else "help, but do"

@@ -218,7 +218,7 @@ class Figure:
     def line(self) -> str:
         """For a table."""
         sign = "≥" if self.least else "≤"
-        mark = "PASS" if self.reached else "FAIL"
+        mark = "PASS" if self.reached else "FAIL" if self.cases else "none"
         return (f"{mark} {self.name:<52} {self.hits:>4} of {self.cases:<4} {100 * self.share:5.1f} % "
                 f"(asked {sign} {100 * self.asked:g} %)")
 
