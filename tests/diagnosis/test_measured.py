@@ -205,7 +205,12 @@ def test_what_was_planted_is_named_first(planted: dict[tuple[str, str], Case], s
     """And the error falls to that of the true model at least; what else such a log holds may be named after it."""
     case = planted[source, effect]
     found = ask(case.log, case.rig, *case.model, most=4)
-    assert found.added[:1] == (effect,), case.note
+    first = found.added[0]
+    if source == "med14-poses" and effect in ("sensor-gain", "tool-mass"):
+        # at rest in the air a gain and a mass do the same: one is named, and the other as its equal
+        assert {first, *found[first].equivalent_to} >= {"sensor-gain", "tool-mass"}, case.note
+    else:
+        assert first == effect, case.note
     truth = kinid.diagnose(case.log, case.rig, model=kinid.Model(*case.true_model), max_effects=0)
     assert found.steps[-1].held_out < 1.1 * truth.steps[0].held_out
 
