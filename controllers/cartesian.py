@@ -142,7 +142,8 @@ class Impedance:
         out, target = np.empty(len(state.dq)), self.target
         impedance_torque(
             state.rotation, state.position, state.jacobian, state.dq, state.gravity, target.rotation, target.position,
-            target.velocity, self.gains.stiffness(), self.damping(state), self.gains.null_damping, self.torque_limit, out,
+            target.velocity, self.gains.stiffness(), self.damping(state), self.gains.null_damping,
+            per_joint(self.torque_limit, state), out,
         )  # fmt: skip
         return out
 
@@ -251,7 +252,7 @@ class JacobianTranspose:
         out, zero = np.empty(len(state.dq)), np.zeros((6, 6))
         impedance_torque(
             state.rotation, state.position, state.jacobian, state.dq, state.gravity + state.jacobian.T @ self.wrench,
-            state.rotation, state.position, np.zeros(6), zero, zero, self.null_damping, self.torque_limit, out,
+            state.rotation, state.position, np.zeros(6), zero, zero, self.null_damping, per_joint(self.torque_limit, state), out,
         )  # fmt: skip
         return out
 
@@ -266,3 +267,16 @@ def checked_limit(limit: Array) -> Array:
     if values.ndim != 1 or not (values > 0).all():
         raise InputError(f"torque limits {values}", "one positive number a joint [N·m]", "take them from the robot's data sheet")
     return values
+
+
+def per_joint(limit: Array, state: ArmState) -> Array:
+    """Torque limits of this arm, (N,): one for all, or one a joint; kernels don't look at lengths.
+
+    Raises:
+        InputError: as many limits as the arm has no joints.
+    """
+    joints = len(state.gravity)
+    if len(limit) not in (1, joints):
+        raise InputError(f"{len(limit)} torque limits for {joints} joints", "one for all, or one a joint [N·m]",
+                         "take them from the robot's data sheet")  # fmt: skip
+    return np.ascontiguousarray(np.broadcast_to(limit, joints))

@@ -184,6 +184,19 @@ def test_torques_respect_their_limits(bench: Any, kind: type[Impedance]) -> None
     assert (np.abs(found) == bench.limit).any()
 
 
+def test_torque_limits_are_one_for_all_or_one_a_joint(bench: Any) -> None:
+    state = bench.state()
+    target = Target(state.rotation, state.position + np.array([0.0, 0.0, 0.05]))
+    one = Impedance(Gains(), target, np.array([3.0])).command(state)
+    assert np.array_equal(one, Impedance(Gains(), target, np.full(7, 3.0)).command(state))
+    assert np.abs(one).max() == 3.0
+    for limits in (np.array([3.0, 3.0]), np.full(8, 3.0)):
+        with pytest.raises(InputError, match="torque limits for 7 joints"):
+            Impedance(Gains(), target, limits).command(state)
+        with pytest.raises(InputError, match="torque limits for 7 joints"):
+            JacobianTranspose(np.zeros(6), limits).command(state)
+
+
 def lateral(bench: Any, kind: type[Impedance]) -> tuple[float, float]:
     """Largest lateral displacement and normal stroke [m] of a purely normal sine into a Kelvin-Voigt material."""
     control = controller(bench, kind=kind, translation=5200.0, rotation=300.0)
