@@ -108,10 +108,10 @@ class State:
         """Weighted sum of squares, calibration's share included."""
         return float(self.residual @ self.residual + self.shift @ self.shift)
 
-    @property
-    def whitened_rms(self) -> float:
-        """Root mean square of the weighted residual held out: 1 is noise."""
-        return float(np.sqrt(np.mean(self.held**2))) if len(self.held) else float("nan")
+    @cached_property
+    def rms(self) -> float:
+        """Weighted held-out error: 1 is noise."""
+        return float(np.sqrt(np.mean(self.held**2)))
 
 
 def bounds(model: Model, problem: Problem) -> tuple[Array, Array]:

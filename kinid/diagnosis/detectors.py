@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from kinid import effects
 from kinid.contact import force_noise
+from kinid.diagnosis.noise import period_of
 from kinid.diagnosis.problem import RATE
 from kinid.effects import Effect
 from kinid.effects.mains_hum import MainsHum
@@ -37,14 +38,12 @@ class Mark:
     Attributes:
         effect: of the catalogue. values: of its parameters. says: in words.
         evidence: on the scale of all effects (twice a log-likelihood).
-        share: of the readings' samples that it touches.
     """
 
     effect: Effect
     values: Array
     says: str
     evidence: float
-    share: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +102,7 @@ def _saturation(experiment: Experiment, motion: Array | None) -> tuple[Mark | No
         experiment.layout.channels, experiment.layout.units, limits, hits) if hit)  # fmt: skip
     count = int(clipped.any(axis=0).sum())
     # the end of a range touches what is just below it, too: filters and sampling
-    reach = 1 if experiment.band is None else round(_rate(experiment) / experiment.band)
+    reach = 1 if experiment.band is None else round(1.0 / (period_of(experiment.signals) * experiment.band))
     valid = experiment.valid
     for wide in (reach, 1, 0):
         near = np.convolve(clipped.any(axis=0), np.ones(2 * wide + 1), mode="same") > 0
@@ -112,7 +111,7 @@ def _saturation(experiment: Experiment, motion: Array | None) -> tuple[Mark | No
             break
     else:
         valid = experiment.valid  # clipped nearly everywhere: what is left would be no log
-    mark = Mark(effect, limits, f"flat tops: {channels} in {count} samples", 4.0 * count, count / clipped.shape[1])
+    mark = Mark(effect, limits, f"flat tops: {channels} in {count} samples", 4.0 * count)
     return mark, dataclasses.replace(experiment, valid=valid)
 
 
@@ -132,15 +131,15 @@ def _quantization(experiment: Experiment) -> tuple[Mark | None, Experiment]:
     # each sample on a lattice of steps h, rather than anywhere within a standard deviation
     evidence = 2.0 * experiment.measured.shape[1] * max(0.1, float(np.log1p(ratio)))
     # neighbours share their error of rounding: means take nothing off it
-    many = max(1.0, _rate(experiment) / RATE)
+    many = max(1.0, 1.0 / (period_of(experiment.signals) * RATE))
     wider = np.where(coarse, np.sqrt(experiment.noise**2 + many * steps**2 / 12.0), experiment.noise)
-    return Mark(effect, np.where(coarse, steps, 0.0), f"a lattice of values: {says}", evidence, 1.0), dataclasses.replace(
+    return Mark(effect, np.where(coarse, steps, 0.0), f"a lattice of values: {says}", evidence), dataclasses.replace(
         experiment, noise=wider)  # fmt: skip
 
 
 def _hum(experiment: Experiment, motion: Array | None) -> tuple[Mark | None, Experiment]:
     s = experiment.signals
-    rate = _rate(experiment)
+    rate = 1.0 / period_of(experiment.signals)
     if len(s) < 500:
         return None, experiment
     readings = np.where(experiment.valid, experiment.measured, 0.0)
@@ -175,17 +174,11 @@ def _hum(experiment: Experiment, motion: Array | None) -> tuple[Mark | None, Exp
     top = int(np.argmax(sizes / experiment.noise))
     says = (f"a line at {frequency:.2f} Hz{' and its harmonics' if len(lines) > 1 else ''}, "
             f"{sizes[top]:.3g} {experiment.layout.units[top]} in {experiment.layout.channels[top]}")  # fmt: skip
-    mark = Mark(effect, values, says, 0.5 * power * len(s.t), 1.0)
+    mark = Mark(effect, values, says, 0.5 * power * len(s.t))
     quiet = experiment.measured - hum
     # the white noise that differences of neighbours show held the hum, too
     noise = np.minimum(experiment.noise, [force_noise(channel[experiment.valid]) for channel in quiet])
     return mark, dataclasses.replace(experiment, measured=quiet, noise=np.maximum(noise, 1e-9))
-
-
-def _rate(experiment: Experiment) -> float:
-    """Samples a second."""
-    steps = experiment.signals.dt[experiment.signals.dt > 0]
-    return 1.0 / float(np.median(steps)) if len(steps) else 1.0
 
 
 def _pair(readings: Array, t: Array, frequency: float) -> Array:

@@ -17,9 +17,10 @@ from kinid.diagnosis.candidates import able
 from kinid.diagnosis.descent import State, fit
 from kinid.diagnosis.detectors import Cleaned, Mark, detect
 from kinid.diagnosis.intervals import covariance, fitted, open_parameters
+from kinid.diagnosis.noise import period_of
 from kinid.diagnosis.problem import Problem, filled, thin
 from kinid.diagnosis.result import ADEQUATE, MISSING, UNEXPLAINED, Diagnosis, Step
-from kinid.diagnosis.search import Search, Tried, search
+from kinid.diagnosis.search import Search, search
 from kinid.diagnosis.unexplained import judge
 from kinid.diagnosis.verdicts import verdicts
 from kinid.diagnosis.where import where
@@ -292,14 +293,13 @@ class _Looked:
 
     @property
     def _rate(self) -> float:
-        steps = self.whole.signals.dt[self.whole.signals.dt > 0]
-        return 1.0 / float(np.median(steps)) if len(steps) else 0.0
+        return 1.0 / period_of(self.whole.signals)
 
     @property
     def _noise(self) -> Array:
         """White noise of each channel in the band that counts, (channels,)."""
         band = self.whole.band
-        share = 1.0 if band is None or self._rate == 0 else np.sqrt(min(1.0, 2.0 * band / self._rate))
+        share = 1.0 if band is None else np.sqrt(min(1.0, 2.0 * band / self._rate))
         hums = any(mark.effect.id == "mains-hum" for mark in self.marks)
         noise = np.minimum(self.whole.noise, self.cleaned.experiment.noise) if hums else self.whole.noise
         out: Array = noise * share
@@ -367,13 +367,6 @@ def _look(model: Model, experiment: Experiment, values: Array, most: int, forced
     return _Looked(model, whole, cleaned, found, forced)
 
 
-def look_into(model: Model, experiment: Experiment, values: Array, most: int = MOST_EFFECTS) -> tuple[Search, Cleaned]:
-    """Detectors and search alone."""
-    with threadpool_limits(1, user_api="blas"):
-        looked = _look(model, experiment, values, most, (), lambda _: None)
-    return looked.search, looked.cleaned
-
-
 def _fitted(model: Model, experiment: Experiment, values: Array) -> State:
     """The model fitted, from the values and from what its base law calls worth starting from."""
     rough = fit(Problem.build(experiment, model, values), model, values)
@@ -397,6 +390,3 @@ def _other_starts(model: Model, experiment: Experiment, values: Array) -> list[A
         start[places] = point
         out.append(start)
     return out
-
-
-__all__ = ["Diagnosis", "Tried", "diagnose", "experiment_of", "widest"]

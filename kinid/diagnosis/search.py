@@ -185,14 +185,9 @@ def _nearest(state: State, model: Model, point: Candidate) -> Array:
     return np.clip(best, low, high)
 
 
-def rms(state: State) -> float:
-    """Weighted held-out error."""
-    return float(np.sqrt(np.mean(state.held**2)))
-
-
 def accepted(before: State, tried: Tried) -> bool:
     """Whether an addition is believed: evidence that chance doesn't explain, and a size that matters."""
-    return (tried.evidence.sure and rms(tried.state) < (1.0 - _worth(before)) * rms(before) and material(tried)
+    return (tried.evidence.sure and tried.state.rms < (1.0 - _worth(before)) * before.rms and material(tried)
             and not at_end(tried))  # fmt: skip
 
 
@@ -320,7 +315,7 @@ def _defend(first: State, state: State, added: list[str], forced: Sequence[str],
         others = look(less, spare=[*spare, name], most=3)
         mine = weigh(less, state)
         better = [t for t in others.tried if t.evidence.value > mine.value + ALIKE and accepted(less, t)
-                  and rms(t.state) < rms(state)]  # fmt: skip
+                  and t.state.rms < state.rms]  # fmt: skip
         if better:
             state = better[0].state
             added = [n for n in (better[0].effect.id if n == name else n for n in added) if n in state.model]

@@ -68,7 +68,7 @@ def leftover(state: State) -> Leftover:
     over = np.maximum(0.0, per - middle * (1.0 + 5.0 * np.sqrt(2.0 / size)))
     bursts = float((over * size).sum() / max(1e-12, (per * size).sum()))
     excess = power - 1.0 + gained
-    return Leftover(float(np.sqrt(np.mean(rows**2))), predictable, slow, bursts, channels[int(np.argmax(excess))])
+    return Leftover(state.rms, predictable, slow, bursts, channels[int(np.argmax(excess))])
 
 
 def _flexible(state: State, rows: Array) -> Array:
@@ -153,8 +153,7 @@ def judge(first: State, last: State) -> Opinion:
     A law of another form than the catalogue's leaves a part of what it explains: `FORM` of it is forgiven.
     """
     left = leftover(last)
-    began = float(np.sqrt(np.mean(first.held**2)))
-    forgiven = min(MOST_FORGIVEN, float(np.sqrt(ALLOWED**2 + (FORM * began) ** 2)))
+    forgiven = min(MOST_FORGIVEN, float(np.sqrt(ALLOWED**2 + (FORM * first.rms) ** 2)))
     much = left.rms > forgiven
     alike = left.predictable > PREDICTABLE and left.rms > 0.5 * (1.0 + forgiven)
     if not (much or alike):
