@@ -50,6 +50,8 @@ class Candidate:
 
 #: so many points of an effect are searched from, at most
 SEARCHED = 2
+#: and only from such as explain this share of what the best one does
+NEAR = 0.5
 #: of joint torques these are one and the same
 SAME = {"sensor-bias": "joint-torque-offset"}
 
@@ -174,10 +176,11 @@ def screen(state: State, effect: Effect) -> list[Candidate]:
         p = len(state.values)
         theta = state.values + taken[:p] * state.scale
         # its own sensitivity to begin with, in scales of its parameters (nothing for shapes)
-        own_columns = np.zeros((len(d), len(parameters)))
+        own_columns = np.zeros((len(d), len(parameters)), np.float32)  # a first guess: half the memory is exact enough
         own_columns[:, moving] = d * (np.array([parameters[i].scale for i in moving]) / np.array(steps))
         out.append(Candidate(effect, gain, len(parameters), np.insert(theta, before, start), before, own_columns,
                              {i: float(z / abs(step)) for i, z, step in zip(moving, size, steps)},
                              np.insert(state.values, before, [amplitude.get(i, v) for i, v in enumerate(at)])))  # fmt: skip
     out.sort(key=lambda c: -c.gain)
-    return out[:SEARCHED] + [dataclasses.replace(c, columns=None) for c in out[SEARCHED:]]
+    return [c if i < SEARCHED and c.gain >= NEAR * out[0].gain else dataclasses.replace(c, columns=None)
+            for i, c in enumerate(out)]  # fmt: skip

@@ -155,6 +155,7 @@ class _Descent:
         self.stacked = problem.stack(self.predicted)
         self.columns = problem.nuisance(model, self.x, self.predicted) if calibrate else np.zeros((len(self.y), 0))
         self.shift = np.zeros(self.columns.shape[1])
+        self.settled = False
         self.residual = self.y - self.stacked
         self.cost = float(self.residual @ self.residual)
 
@@ -168,6 +169,9 @@ class _Descent:
             gain, change = self.step(a, g, free, damping)
             if gain is None:
                 if fresh and damping > 1e3:
+                    if self.recalibrated():
+                        damping = 1e-4
+                        continue
                     converged = True
                     break
                 if not fresh:
@@ -179,6 +183,8 @@ class _Descent:
             moved, actual, expected = change
             small = gain < ENOUGH * max(1.0, self.cost / len(self.y))
             if small and fresh:
+                if self.recalibrated():
+                    continue
                 converged = True
                 break
             if small or gain < 0.3 * expected:
@@ -194,6 +200,20 @@ class _Descent:
             a, g, free = self.normal(jacobian)
         full = np.concatenate([jacobian, self.columns], axis=1)
         return State(self.problem, self.model, self.x, self.shift, self.residual, full, free, self.scale, converged)
+
+    def recalibrated(self) -> bool:
+        """Whether what calibration does is another thing here than where the search began; it is worked out anew, once."""
+        if self.settled or not len(self.shift):
+            return False
+        self.settled = True
+        before = self.cost
+        self.columns = self.problem.nuisance(self.model, self.x, self.predicted)
+        self.residual = self.y - self.stacked - self.columns @ self.shift
+        self.cost = float(self.residual @ self.residual + self.shift @ self.shift)
+        full = self.columns.T
+        gain = full @ self.residual - self.shift  # slope of the cost along the columns, of which a sure step is the square
+        size = (full**2).sum(axis=1) + 1.0
+        return bool(abs(self.cost - before) + float((gain**2 / size).max()) > ENOUGH * max(1.0, self.cost / len(self.y)))
 
     def normal(self, jacobian: Array) -> tuple[Array, Array, Mask]:
         """Normal equations of parameters and calibration, and which parameters no bound holds."""

@@ -112,7 +112,11 @@ def _saturation(experiment: Experiment, motion: Array | None) -> tuple[Mark | No
     else:
         valid = experiment.valid  # clipped nearly everywhere: what is left would be no log
     mark = Mark(effect, limits, f"flat tops: {channels} in {count} samples", 4.0 * count)
-    return mark, dataclasses.replace(experiment, valid=valid)
+    measured = experiment.measured
+    if experiment.band is not None and motion is not None:
+        # the filter of the band carries a flat top to its neighbours: what the model expects there is nearer to the truth
+        measured = np.where(clipped & (np.abs(motion) > limits[:, None]), motion, measured)
+    return mark, dataclasses.replace(experiment, measured=measured, valid=valid)
 
 
 def _quantization(experiment: Experiment) -> tuple[Mark | None, Experiment]:

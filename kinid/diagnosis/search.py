@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid import effects
-from kinid.diagnosis.candidates import SEARCHED, Candidate, able, amplitudes, base_of, screen
+from kinid.diagnosis.candidates import NEAR, SEARCHED, Candidate, able, amplitudes, base_of, screen
 from kinid.diagnosis.descent import State, bounds, fit
 from kinid.diagnosis.problem import BIAS_FORCE, BIAS_TORQUE, CLOCK, SURFACE
 from kinid.effects import Effect
+from kinid.fit import error_rows
 from kinid.model import Model
 
 Array = NDArray[np.float64]
@@ -32,6 +33,8 @@ PRICE = 4.0
 #: held-out error must fall by this share at least, for each of the samples that are averaged together, within these ends: means
 #: have less noise, in which a fall would hide
 MATERIAL, LEAST, MOST = 0.005, 0.008, 0.02
+#: … or the log's own error must, calibration as it was stated, and evidence be beyond what calibration leaves
+LIGHTER, STRONG = 0.015, 100.0
 #: rivals within so much evidence, or so many standard errors of the difference, fit as well
 ALIKE, ALIKE_SE = 12.0, 2.0
 #: … but never when they lack this share of what the addition brought
@@ -49,9 +52,10 @@ REFITTED = 6
 #: parameters below these are calibration, not physics, by unit
 TOLERATED: dict[str, dict[str, float]] = {
     "surface-offset": {"m": 3 * SURFACE},
+    "tip-offset": {"m": 2.5 * SURFACE},
     "time-offset": {"s": 4 * CLOCK},
     "sensor-lag": {"s": 4 * CLOCK},
-    "sensor-bias": {"N": 3 * BIAS_FORCE, "N·m": 3 * BIAS_TORQUE},
+    "sensor-bias": {"N": 2 * BIAS_FORCE, "N·m": 2 * BIAS_TORQUE},
 }
 
 
@@ -150,7 +154,7 @@ def attempt(state: State, candidate: Candidate, points: Sequence[Candidate]) -> 
     model = state.model + candidate.effect
     best: State | None = None
     for point in points[:SEARCHED]:
-        if best is not None and point.gain < 0.5 * points[0].gain:
+        if best is not None and point.gain < NEAR * points[0].gain:
             break
         found = fit(state.problem, model, _nearest(state, model, point), guess=point.guess(state))
         if best is None or found.cost < best.cost:
@@ -187,8 +191,34 @@ def _nearest(state: State, model: Model, point: Candidate) -> Array:
 
 def accepted(before: State, tried: Tried) -> bool:
     """Whether an addition is believed: evidence that chance doesn't explain, and a size that matters."""
-    return (tried.evidence.sure and tried.state.rms < (1.0 - _worth(before)) * before.rms and material(tried)
-            and not at_end(tried))  # fmt: skip
+    return tried.evidence.sure and material(tried) and not at_end(tried) and _matters(before, tried)
+
+
+def _matters(before: State, tried: Tried) -> bool:
+    """Whether it takes enough off the weighted error; or, if calibration is no explanation, off the error as users see it."""
+    if tried.state.rms < (1.0 - _worth(before)) * before.rms:
+        return True
+    if tried.effect.id in TOLERATED or tried.evidence.value < STRONG:
+        return False
+    return _error(tried.state) < (1.0 - LIGHTER) * _error(before)
+
+
+def _error(state: State) -> float:
+    """Held-out error in the unit of the readings, calibration as it was stated, noise of single samples included."""
+    problem = state.problem
+    rows = error_rows(problem.experiment)
+    sigma = problem.sigma[rows][:, problem.valid]
+    held = state.plain.held.reshape(len(rows), -1)[rows]
+    averaged = np.mean(problem.experiment.noise[rows] ** 2) * (1.0 - np.mean(1.0 / problem.count[problem.valid]))
+    return float(np.sqrt(np.mean((held * sigma) ** 2) + averaged))
+
+
+def _believed(before: State, tried: Sequence[Tried]) -> list[Tried]:
+    """Those that are accepted, and that calibration a little beyond its tolerance doesn't explain as well."""
+    good = [t for t in tried if accepted(before, t)]
+    calibration = [t.evidence.value for t in tried if t.effect.id in TOLERATED and t.evidence.sure and t not in good]
+    doubt = max(calibration, default=-np.inf)
+    return [t for t in good if t.evidence.value > doubt + ALIKE]
 
 
 def _worth(state: State) -> float:
@@ -261,7 +291,7 @@ def search(start: State, *, most: int = 4, forced: Sequence[str] = (), spare: Se
         progress(f"looking for what {' + '.join(['the model', *added])} lacks")
         found = look(states[-1], spare=spare)
         rounds.append(found)
-        good = [t for t in found.tried if accepted(states[-1], t)]
+        good = _believed(states[-1], found.tried)
         if not good:
             break
         chosen = _simplest(good)
@@ -314,12 +344,18 @@ def _defend(first: State, state: State, added: list[str], forced: Sequence[str],
             continue
         others = look(less, spare=[*spare, name], most=3)
         mine = weigh(less, state)
-        better = [t for t in others.tried if t.evidence.value > mine.value + ALIKE and accepted(less, t)
-                  and t.state.rms < state.rms]  # fmt: skip
+        better = [t for t in others.tried if accepted(less, t) and _displaces(t, state, mine)]
         if better:
             state = better[0].state
             added = [n for n in (better[0].effect.id if n == name else n for n in added) if n in state.model]
     return [first, state], added
+
+
+def _displaces(other: Tried, state: State, mine: Evidence) -> bool:
+    """Whether another effect takes the place of one: it fits better, or as well with fewer parameters."""
+    if len(other.state.values) < len(state.values) and _alike(other, state, mine):
+        return True
+    return other.evidence.value > mine.value + ALIKE and other.state.rms < state.rms
 
 
 def _rivals(state: State, added: Sequence[str], spare: Sequence[str], known: Mapping[str, Round]

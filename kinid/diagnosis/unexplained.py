@@ -73,10 +73,15 @@ def leftover(state: State) -> Leftover:
 
 def _flexible(state: State, rows: Array) -> Array:
     """Held-out prediction of the residual from the state of motion: ridge regression on random Fourier features."""
-    x = _features(state)
+    x = _features(state).astype(np.float32)  # a detector: half the memory is exact enough
     rng = np.random.default_rng(0)
     frequency = rng.standard_normal((x.shape[1], FEATURES)) * 10 ** rng.uniform(-0.7, 0.4, FEATURES)
-    z = np.concatenate([np.cos(x @ frequency + rng.uniform(0, 2 * np.pi, FEATURES)), x, np.ones((len(x), 1))], axis=1)
+    z = np.empty((len(x), FEATURES + x.shape[1] + 1), np.float32)
+    waves = z[:, :FEATURES]
+    np.matmul(x, frequency.astype(np.float32), out=waves)
+    waves += rng.uniform(0, 2 * np.pi, FEATURES).astype(np.float32)
+    np.cos(waves, out=waves)
+    z[:, FEATURES:-1], z[:, -1] = x, 1.0
     half = state.problem.even[state.problem.valid]
     out = np.zeros_like(rows)
     for learn in (half, ~half):
@@ -84,7 +89,7 @@ def _flexible(state: State, rows: Array) -> Array:
             continue
         zl = z[learn]
         gram = zl.T @ zl + 0.03 * learn.sum() * 0.5 * np.eye(z.shape[1])
-        weights = np.linalg.solve(gram, zl.T @ rows[:, learn].T)
+        weights = np.linalg.solve(gram, zl.T @ rows[:, learn].T.astype(np.float32))
         out[:, ~learn] = (z[~learn] @ weights).T
     return out
 
