@@ -157,7 +157,7 @@ def _left(result: Diagnosis) -> str:
 def _next(result: Diagnosis) -> str:
     """How to separate rivals, and where it stands how to see what this log doesn't show."""
     rivals = [e for e in result.effects if e.equivalent_to and e.separate_by]
-    hidden = sum(e.verdict == NOT_EXCITED for e in result.effects)
+    hidden = sum(e.verdict == NOT_EXCITED and e.acts for e in result.effects)
     out = "".join(f"<li><b>{_e(e.id)}</b> or {_e(' or '.join(e.equivalent_to))}: {_e(e.separate_by)}</li>" for e in rivals)
     out = f"<ul>{out}</ul>" if out else "<p>No effect that was found has a rival that fits as well.</p>"
     if hidden:
@@ -175,8 +175,10 @@ def _effects(result: Diagnosis) -> str:
         "<p class=facts>Evidence: twice the gain in held-out log-likelihood (Student's t) that the effect brings, less 4 for "
         "each of its parameters; 16 is the least that is believed. Gain: by how much it lowers the held-out error.</p>"
     )
-    for verdict, words, last in ((NOT_EXCITED, "that this log cannot tell", "what to record"), (ABSENT, "absent", "")):
-        rest = [e for e in by_verdict(result) if e.verdict == verdict]
+    folded = ((NOT_EXCITED, True, "that this log cannot tell", "what to record"), (ABSENT, True, "absent", ""),
+              (NOT_EXCITED, False, "that are not about logs of this kind", "what to record"))  # fmt: skip
+    for verdict, acts, words, last in folded:
+        rest = [e for e in by_verdict(result) if e.verdict == verdict and e.acts == acts]
         if rest:
             heads = ("effect", "evidence", "why", last)
             rows = [(_name(e), _evidence(e), _e(e.says), _e(e.separate_by)) for e in rest]

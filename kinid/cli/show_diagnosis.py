@@ -83,8 +83,9 @@ def _effects(out: Console, result: Diagnosis) -> None:
                           f"{e.held_out_gain:.3g}", escape(_numbers(e)))  # fmt: skip
         out.print()
         out.print(table)
-    for verdict, words in (("absent", "absent"), ("not-excited", "this log cannot tell")):
-        names = [e.id for e in result.effects if e.verdict == verdict]
+    for verdict, acts, words in (("absent", True, "absent"), ("not-excited", True, "this log cannot tell"),
+                                 ("not-excited", False, "not about logs of this kind")):  # fmt: skip
+        names = [e.id for e in result.effects if e.verdict == verdict and e.acts == acts]
         if names:
             out.print(f"{words} ({len(names)}): {escape(', '.join(names))}", soft_wrap=True)
 
@@ -100,7 +101,7 @@ def _next(out: Console, result: Diagnosis) -> None:
     """How to separate rivals first, then how to see what this log doesn't show."""
     rivals = [e for e in result.effects if e.equivalent_to and e.separate_by]
     hints = [f"{e.id} or {' or '.join(e.equivalent_to)}: {e.separate_by}" for e in rivals]
-    hidden = [f"{e.id}: {e.separate_by}" for e in result.effects if e.verdict == "not-excited" and e.separate_by]
+    hidden = [f"{e.id}: {e.separate_by}" for e in result.effects if e.verdict == "not-excited" and e.acts and e.separate_by]
     if not hints and not hidden:
         return
     out.print("\n[bold]what to measure next[/]")

@@ -36,7 +36,7 @@ class Candidate:
     rank: int
     start: Array
     place: int
-    columns: Array | None
+    columns: NDArray[np.float32] | None
     sensitivity: dict[int, float]
     origin: Array
 

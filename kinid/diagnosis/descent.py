@@ -20,6 +20,8 @@ MOST_SHIFT = 2.0
 WANDER = 30.0
 #: precision that keeps parameters which a log doesn't move where they are, in units of their scales
 LOOSE = 1e-9
+#: share of its own size that keeps a parameter apart from those that do exactly the same
+SINGULAR = 1e-13
 #: a search has ended when a step gains less than this share of a sample's misfit
 ENOUGH = 0.05
 
@@ -30,7 +32,7 @@ class State:
 
     Attributes:
         model, values: as fitted. shift: of the calibration quantities, in tolerances.
-        residual: weighted, stacked, (m,). jacobian: of readings against parameters in their scales, then tolerances, (m, p + k).
+        residual: weighted, stacked, (m,).
         held: residual of each half from parameters that fit the other, (m,). loss: of `held`, per block.
         free: columns that the log moves and no bound holds, (p + k,). scale: of each parameter, (p,).
         converged: whether the search ended by itself.
@@ -41,10 +43,20 @@ class State:
     values: Array
     shift: Array
     residual: Array
-    jacobian: Array
     free: Mask  # of all columns
     scale: Array
     converged: bool
+
+    @cached_property
+    def jacobian(self) -> Array:
+        """Of weighted readings against parameters in their scales, then tolerances of calibration, (m, p + k)."""
+        return _Descent(self.problem, self.model, self.values, len(self.shift) > 0).everything()
+
+    def light(self) -> State:
+        """The same without its sensitivities, by far the most of it; they are worked out anew if they are asked for."""
+        assert self.loss is not None  # what it is known by is worked out first
+        self.__dict__.pop("jacobian", None)
+        return self
 
     @cached_property
     def halves(self) -> tuple[Array, Array]:
@@ -100,7 +112,10 @@ class State:
         f = np.flatnonzero(self.free)
         out = np.zeros_like(ae)
         prior = np.r_[np.full(len(self.values), LOOSE), np.ones(len(self.shift))][f]
-        out[np.ix_(f, f)] = np.linalg.inv((ae + ao)[np.ix_(f, f)] + np.diag(prior))
+        h = (ae + ao)[np.ix_(f, f)] + np.diag(prior)
+        size = 1.0 / np.sqrt(np.diag(h))
+        scaled = h * np.outer(size, size) + SINGULAR * np.eye(len(f))
+        out[np.ix_(f, f)] = np.linalg.inv(scaled) * np.outer(size, size)
         return out
 
     @cached_property
@@ -198,8 +213,13 @@ class _Descent:
         if not fresh:
             jacobian = self.sensitivity()
             a, g, free = self.normal(jacobian)
-        full = np.concatenate([jacobian, self.columns], axis=1)
-        return State(self.problem, self.model, self.x, self.shift, self.residual, full, free, self.scale, converged)
+        state = State(self.problem, self.model, self.x, self.shift, self.residual, free, self.scale, converged)
+        state.__dict__["jacobian"] = np.concatenate([jacobian, self.columns], axis=1)
+        return state
+
+    def everything(self) -> Array:
+        """Sensitivities of parameters and calibration here, (m, p + k)."""
+        return np.concatenate([self.sensitivity(), self.columns], axis=1)
 
     def recalibrated(self) -> bool:
         """Whether what calibration does is another thing here than where the search began; it is worked out anew, once."""

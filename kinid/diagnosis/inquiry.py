@@ -20,7 +20,7 @@ from kinid.diagnosis.intervals import covariance, fitted, open_parameters
 from kinid.diagnosis.noise import period_of
 from kinid.diagnosis.problem import Problem, filled, thin
 from kinid.diagnosis.result import ADEQUATE, MISSING, UNEXPLAINED, Diagnosis, Step
-from kinid.diagnosis.search import Search, search
+from kinid.diagnosis.search import ENOUGH, Search, search
 from kinid.diagnosis.unexplained import judge
 from kinid.diagnosis.verdicts import verdicts
 from kinid.diagnosis.where import where
@@ -52,6 +52,8 @@ SHORTEST, FEWEST_BLOCKS = 4.0, 8
 STATIC_NOISE = 0.01
 #: share of a channel's own size below which noise is not believed to lie
 DIGITS = 1e-3
+#: an effect that isn't believed is worth a word where it lowers what is left to this share
+NEARER = 0.9
 #: effects that are added at most, unless the caller says otherwise
 MOST_EFFECTS = 4
 
@@ -236,7 +238,7 @@ class _Looked:
         if opinion.unexplained and self.search.cut_short:
             verdict, says = UNEXPLAINED, f"not searched further: no more effects were asked for; {opinion.left_says}"
         elif opinion.unexplained:
-            verdict, says = UNEXPLAINED, opinion.says
+            verdict, says = UNEXPLAINED, opinion.says + self._nearest(last)
         elif real:
             verdict, says = MISSING, f"{' and '.join(real)} explain{'s' if len(real) == 1 else ''} it: {opinion.says}"
         else:
@@ -249,6 +251,16 @@ class _Looked:
             where(self.whole, before, self._noise), where(self.whole, after, self._noise), told, self.whole, before, after,
             result, self._warnings(),
         )  # fmt: skip
+
+    def _nearest(self, last: State) -> str:
+        """The effect that would help most of those that are not believed, in words; "" where none would."""
+        latest = next((look for look in self.search.rounds if look.before is last), None)
+        would = [t for t in (latest.tried if latest else ()) if t.evidence.value > ENOUGH and t.state.rms < NEARER * last.rms]
+        if not would:
+            return ""
+        best = min(would, key=lambda t: t.state.rms)
+        return (f"; {best.effect.id} comes nearest (what is left would be {best.state.rms:.2f} times the noise), "
+                "but this log is no proof of it")  # fmt: skip
 
     def _order(self) -> list[tuple[str, Sequence[Mark], State]]:
         """Rungs: marks that lower the error and effects, those that take off most first."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.diagnosis.descent import State
+from kinid.diagnosis.descent import LOOSE, State, bounds
 from kinid.fit import Z95, FittedParameter
 
 Array = NDArray[np.float64]
@@ -51,8 +51,32 @@ def open_parameters(state: State) -> NDArray[np.bool_]:
 
 
 def fitted(state: State) -> dict[str, FittedParameter]:
-    """Estimates with 95 % intervals, by "effect.parameter"."""
+    """Estimates with 95 % intervals, by "effect.parameter"; where a bound holds an estimate, its interval begins there."""
     error = np.sqrt(np.maximum(np.diag(covariance(state)), 0.0))
-    named = state.model.parameters(state.problem.experiment.layout)
-    return {name: FittedParameter(name, float(v), float(v - Z95 * e), float(v + Z95 * e), p.unit)
-            for (name, p), v, e in zip(named.items(), state.plain.values, error)}  # fmt: skip
+    low, high = state.plain.values - Z95 * error, state.plain.values + Z95 * error
+    parameters = state.model.parameters(state.problem.experiment.layout)
+    for i, sign, width in _pinned(state.plain):
+        if sign > 0:
+            high[i] = low[i] + width
+        else:
+            low[i] = high[i] - width
+    return {name: FittedParameter(name, float(v), float(lo), float(hi), p.unit)
+            for (name, p), v, lo, hi in zip(parameters.items(), state.plain.values, low, high)}  # fmt: skip
+
+
+def _pinned(state: State) -> list[tuple[int, int, float]]:
+    """Parameters that a bound holds: which, on which side of it they may lie, and how far from it noise alone may put them."""
+    p = len(state.values)
+    least, greatest = bounds(state.model, state.problem)
+    spread = float(np.mean(state.residual**2))
+    a = state.jacobian.T @ state.jacobian
+    out = []
+    for i in np.flatnonzero(~state.free[:p] & (np.diag(a)[:p] > UNSEEN**2)):
+        room = 1e-6 * state.scale[i]
+        sign = 1 if state.values[i] <= least[i] + room else -1 if state.values[i] >= greatest[i] - room else 0
+        if not sign:
+            continue
+        f = np.r_[i, np.flatnonzero(state.free)]
+        variance = np.linalg.inv(a[np.ix_(f, f)] + np.diag(np.full(len(f), LOOSE)))[0, 0]
+        out.append((int(i), sign, float(Z95 * np.sqrt(variance * max(1.0, spread)) * state.scale[i])))
+    return out

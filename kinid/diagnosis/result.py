@@ -57,6 +57,7 @@ class EffectVerdict:
         parameters: with 95 % intervals, where it was fitted.
         separate_by: how to tell it from what it is mistaken for, or what to record to see it.
         says: the verdict in words.
+        acts: whether it can act at all in a log of this kind and beside this model.
     """
 
     id: str
@@ -67,6 +68,7 @@ class EffectVerdict:
     parameters: dict[str, FittedParameter]
     separate_by: str
     says: str
+    acts: bool = True
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -75,7 +77,7 @@ class EffectVerdict:
             "held_out_gain": self.held_out_gain,
             "parameters": {name: {"value": p.value, "low": finite(p.low), "high": finite(p.high), "unit": p.unit}
                            for name, p in self.parameters.items()},
-            "separate_by": self.separate_by, "says": self.says,
+            "separate_by": self.separate_by, "says": self.says, "acts": self.acts,
         }  # fmt: skip
 
 

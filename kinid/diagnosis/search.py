@@ -167,7 +167,7 @@ def attempt(state: State, candidate: Candidate, points: Sequence[Candidate]) -> 
         if further.cost > 0.97 * best.cost:
             break
         best = further
-    return Tried(candidate.effect, best, weigh(state, best))
+    return Tried(candidate.effect, best.light(), weigh(state, best))
 
 
 def _nearest(state: State, model: Model, point: Candidate) -> Array:
@@ -208,7 +208,7 @@ def _error(state: State) -> float:
     problem = state.problem
     rows = error_rows(problem.experiment)
     sigma = problem.sigma[rows][:, problem.valid]
-    held = state.plain.held.reshape(len(rows), -1)[rows]
+    held = state.plain.light().held.reshape(len(rows), -1)[rows]
     averaged = np.mean(problem.experiment.noise[rows] ** 2) * (1.0 - np.mean(1.0 / problem.count[problem.valid]))
     return float(np.sqrt(np.mean((held * sigma) ** 2) + averaged))
 

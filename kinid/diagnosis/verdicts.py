@@ -56,7 +56,7 @@ def verdicts(
         says = (f"fits as well as {', '.join(rivals)}: this log can't tell them apart" if rivals
                 else effects.get(name).signature)  # fmt: skip
         out.append(EffectVerdict(name, verdict, search.evidence[name].value, rivals, gains.get(name, 0.0),
-                                 _own(name, parameters), _separate(name, rivals), says))  # fmt: skip
+                                 _own(name, parameters), _separate(name, rivals, search), says))  # fmt: skip
     tried = _tried(search)
     # the last look was often from the last model
     points = search.rounds[-1].points if search.rounds and search.rounds[-1].before is last else {}
@@ -75,12 +75,12 @@ def verdicts(
         if name in rivals_of:
             beside = (rival for added in rivals_of[name] for rival in search.rivals[added] if rival != name)
             others = tuple(dict.fromkeys([*rivals_of[name], *beside]))
-            out.append(EffectVerdict(name, INDISTINGUISHABLE, evidence, others, gain, shown, _separate(name, others),
+            out.append(EffectVerdict(name, INDISTINGUISHABLE, evidence, others, gain, shown, _separate(name, others, search),
                                      f"fits as well as {', '.join(others)}: this log can't tell them apart"))  # fmt: skip
             continue
         verdict, says = (NOT_EXCITED, why) if why else _seen(last, effect, points.get(name), inflation, rate)
         out.append(EffectVerdict(name, verdict, evidence, (), gain, shown,
-                                 "" if verdict == ABSENT else f"record {effect.excited_by}", says))  # fmt: skip
+                                 "" if verdict == ABSENT else f"record {effect.excited_by}", says, not why))  # fmt: skip
     order = {PRESENT: 0, INDISTINGUISHABLE: 1, NOT_EXCITED: 2, ABSENT: 3}
     first = {name: i for i, name in enumerate(search.added)}
     return tuple(sorted(out, key=lambda v: (first.get(v.id, 99) if v.id in first else 98, order[v.verdict], -v.evidence)))
@@ -145,15 +145,18 @@ def _fitted(tried: Tried) -> dict[str, FittedParameter]:
     """Parameters of the effect alone, from its refit, with intervals."""
     from kinid.diagnosis.intervals import fitted
 
-    return _own(tried.effect.id, fitted(tried.state))
+    own = _own(tried.effect.id, fitted(tried.state))
+    tried.state.plain.light()
+    tried.state.light()
+    return own
 
 
 def _own(name: str, parameters: dict[str, FittedParameter]) -> dict[str, FittedParameter]:
     return {full.split(".", 1)[1]: p for full, p in parameters.items() if full.split(".", 1)[0] == name}
 
 
-def _separate(name: str, rivals: tuple[str, ...]) -> str:
-    """What tells an effect from its rivals, in words."""
+def _separate(name: str, rivals: tuple[str, ...], search: Search) -> str:
+    """What tells an effect from its rivals, in words, and the command that plans the experiment."""
     mine = effects.get(name)
     if not rivals:
         return "; ".join(f"{other}: {how}" for other, how in mine.confusions.items())
@@ -162,4 +165,6 @@ def _separate(name: str, rivals: tuple[str, ...]) -> str:
         other = effects.get(rival)
         how = mine.confusions.get(rival) or other.confusions.get(name) or f"{mine.excited_by}; {other.excited_by}"
         out.append(f"{rival}: {how}")
-    return "; ".join(out)
+    known = ",".join(n for n in search.states[-1].model.names if n != name and n not in rivals)
+    plan = f"kinid plan discriminate --model {known or 'none'} --effects {','.join([name, *rivals])} -o separate.parquet"
+    return "; ".join(out) + f"; a trajectory for it: {plan}"

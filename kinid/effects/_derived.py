@@ -10,17 +10,19 @@ import numpy as np
 from kinid.derivative import Differentiator
 from kinid.effects._signals import Array
 
-# by the identities of the arrays it follows from: the first one's end is the entry's, the others live as long as it
-_made: dict[tuple[object, ...], tuple[Array, tuple[Array, ...]]] = {}
+# by the identities of the arrays it follows from: the end of any of them is the entry's
+_made: dict[tuple[object, ...], Array] = {}
 
 
 def derived(name: str, make: Callable[[], Array], *sources: Array) -> Array:
     """The result of `make`, which follows from these read-only inputs of predictions."""
     key = (name, *map(id, sources))
-    if key not in _made:
-        _made[key] = (make(), sources[1:])
-        weakref.finalize(sources[0], _forget, key).atexit = False
-    return _made[key][0]
+    made = _made.get(key)
+    if made is None:
+        made = _made[key] = make()
+        for source in sources:
+            weakref.finalize(source, _forget, key).atexit = False
+    return made
 
 
 def _forget(key: tuple[object, ...]) -> None:
