@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 #: integration steps within a control period
 FINE = 10
-_pay, _afford, _refill = passivity.pay, passivity.afford, passivity.refill
+_pay, _afford, _ease, _refill = passivity.pay, passivity.afford, passivity.ease, passivity.refill
 
 
 @cached(passivity)
@@ -36,7 +36,7 @@ def run(p: Array, delay: int, method: int, path: Array, moved: bool, out: Array)
     x_m, v_m = path[0], 0.0
     x_s, v_s = path[0], 0.0
     energy, tank, felt, before = 0.0, capacity, 0.0, x_m
-    f_e = 0.0
+    f_e, eased = 0.0, 1.0
     for i in range(n):
         if moved:
             x_m = path[i]
@@ -64,7 +64,8 @@ def run(p: Array, delay: int, method: int, path: Array, moved: bool, out: Array)
             added = _pay(energy, v_m * v_m, period, most)
             felt += added * v_m
         elif method == 3:
-            share = _afford(tank, -felt * v_m, abs(felt), v_m * v_m, period, most)
+            eased = _ease(eased, _afford(tank, -felt * v_m, abs(felt), v_m * v_m, period, most), period)
+            share = eased
             added = _refill(tank, capacity, most)
             felt = share * felt + added * v_m
         out[2, i], out[4, i], out[5, i], out[6, i] = felt, energy, added, share

@@ -9,9 +9,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.controllers._given import is_number
 from kinid.controllers.cartesian import GREATEST_STIFFNESS, Impedance
 from kinid.controllers.passivity import check_period
-from kinid.controllers.properties import Plane, PropertyMap
+from kinid.controllers.properties import Plane, PropertyMap, checked_map
 from kinid.controllers.state import ArmState
 from kinid.errors import InputError
 
@@ -45,11 +46,11 @@ class Schedule:
 
     def __post_init__(self) -> None:
         check_period(self.period)
-        if not 0.0 < self.least <= self.most <= GREATEST_STIFFNESS:
+        if not (is_number(self.least) and is_number(self.most) and 0.0 < self.least <= self.most <= GREATEST_STIFFNESS):
             raise InputError(f"a stiffness between {self.least} and {self.most} N/m",
                              f"0 < least ≤ most ≤ {GREATEST_STIFFNESS:g}", "a negative stiffness is unstable")  # fmt: skip
         for name in ("series", "depth", "tank"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0):
+            if not (is_number(getattr(self, name)) and getattr(self, name) > 0):
                 raise InputError(f"{name} {getattr(self, name)}", "a positive number", "see the docstring of Schedule")
 
     def stiffness(self, environment: float) -> float:
@@ -70,7 +71,7 @@ class AdaptiveImpedance:
     """
 
     def __init__(self, base: Impedance, surface: PropertyMap, schedule: Schedule | None = None) -> None:
-        self.base, self.surface, self.schedule = base, surface, schedule or Schedule()
+        self.base, self.surface, self.schedule = base, checked_map(surface), schedule or Schedule()
         translation = base.gains.translation
         self._along = np.array(translation if isinstance(translation, tuple) else [translation] * 3, dtype=float)
         if not isinstance(translation, (int, float)) and not np.allclose(base.gains.axes.T, self.schedule.plane.axes):

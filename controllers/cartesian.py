@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh, expm
 
+from kinid.controllers._given import is_number, numbers
 from kinid.controllers.impedance import impedance_torque
+from kinid.controllers.passivity import check_period
 from kinid.controllers.state import ArmState, Target
 from kinid.errors import InputError
 
@@ -17,6 +19,10 @@ Array = NDArray[np.float64]
 
 #: the greatest translational stiffness that is accepted [N/m]: that of the source study's arm
 GREATEST_STIFFNESS = 5200.0
+#: time constant of null motions where their damping isn't given [s]: stable down to control at 10 Hz
+NULL_TIME = 0.05
+#: motions without stiffness sit on the unit circle, a double eigenvalue that rounding moves by its root
+STEADY = 1.0 + 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +35,8 @@ class Gains:
         axes: columns are the stiffness' axes in the base frame, (3, 3); default: the base's.
         ratio: damping ratio of each mode of stiffness and task-space inertia, 0 … 2.
         damping: a constant matrix instead, base axes, (6, 6) [N·s/m, N·s, N·m·s/rad].
-        null_damping: of motions that leave the tip where it is [N·m·s/rad].
+        null_damping: of motions that leave the tip where it is [N·m·s/rad]; default: by the arm's masses, so that none lasts
+            longer than `NULL_TIME`.
 
     Raises:
         InputError: a stiffness or damping that is negative, too great, not symmetric or not finite.
@@ -40,12 +47,12 @@ class Gains:
     axes: Array = field(default_factory=lambda: np.eye(3))
     ratio: float = 0.7
     damping: Array | None = None
-    null_damping: float = 5.0
+    null_damping: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("translation", "rotation"):
-            values = np.asarray(getattr(self, name), dtype=float)
-            if values.shape not in ((), (3,)) or not np.isfinite(values).all() or (values < 0).any():
+            values = np.atleast_1d(numbers(getattr(self, name), (), f"{name} stiffness", "give one number, or three"))
+            if values.shape not in ((1,), (3,)) or (values < 0).any():
                 raise InputError(f"{name} stiffness {getattr(self, name)}", "one number or three, none negative",
                                  "a negative stiffness pushes away from the target: unstable")  # fmt: skip
         if np.max(self.translation) > GREATEST_STIFFNESS:
@@ -53,12 +60,13 @@ class Gains:
                              "choose a softer spring")  # fmt: skip
         for name, most in (("ratio", 2.0), ("null_damping", np.inf)):
             value = getattr(self, name)
-            if not (np.isfinite(value) and 0 <= value <= most):
+            if not (is_number(value) and 0 <= value <= most) and not (name == "null_damping" and value is None):
                 raise InputError(f"{name} {value}", "a number that isn't negative" + (" nor above 2" if most == 2.0 else ""),
                                  "negative damping gives energy: unstable")  # fmt: skip
-        axes = np.asarray(self.axes, dtype=float)
-        if axes.shape != (3, 3) or np.abs(axes @ axes.T - np.eye(3)).max() > 1e-6:
-            raise InputError("axes of the stiffness that aren't orthonormal", "a rotation (3, 3)", "normalise its columns")
+        axes = numbers(self.axes, (3, 3), "axes of the stiffness", "give a rotation")
+        if np.abs(axes @ axes.T - np.eye(3)).max() > 1e-6 or np.linalg.det(axes) < 0:
+            raise InputError("axes of the stiffness that aren't orthonormal and right-handed", "a rotation (3, 3)",
+                             "normalise its columns, and turn one that is mirrored")  # fmt: skip
         if self.damping is not None:
             check_dissipative(self.damping, "damping")
             object.__setattr__(self, "damping", np.ascontiguousarray(self.damping, dtype=float))
@@ -71,11 +79,14 @@ class Gains:
         return out
 
 
+def _idle(jacobian: Array) -> Array:
+    """Projector onto joint motions that leave the tip where it is, (N, N)."""
+    return np.asarray(np.eye(jacobian.shape[1]) - np.linalg.pinv(jacobian) @ jacobian)
+
+
 def check_dissipative(matrix: Array, name: str) -> None:
     """Refuse a (6, 6) matrix that isn't symmetric and positive semi-definite."""
-    values = np.asarray(matrix, dtype=float)
-    if values.shape != (6, 6) or not np.isfinite(values).all():
-        raise InputError(f"{name} of shape {values.shape}", "finite numbers (6, 6)", "give linear rows first, then angular")
+    values = numbers(matrix, (6, 6), name, "give linear rows first, then angular")
     scale = max(float(np.abs(values).max()), 1e-300)
     if np.abs(values - values.T).max() > 1e-9 * scale or np.linalg.eigvalsh(values).min() < -1e-9 * scale:
         raise InputError(f"a {name} matrix that can give energy", "a symmetric one without negative eigenvalues",
@@ -125,6 +136,9 @@ class Impedance:
     torque_limit: Array
 
     def __post_init__(self) -> None:
+        for name, kind in (("gains", Gains), ("target", Target)):
+            if not isinstance(getattr(self, name), kind):
+                raise InputError(f"{name} {str(getattr(self, name))[:40]!r}", f"{kind.__name__}(…)", "see its docstring")
         object.__setattr__(self, "torque_limit", checked_limit(self.torque_limit))
 
     def toward(self, target: Target) -> Impedance:
@@ -142,7 +156,7 @@ class Impedance:
         out, target = np.empty(len(state.dq)), self.target
         impedance_torque(
             state.rotation, state.position, state.jacobian, state.dq, state.gravity, target.rotation, target.position,
-            target.velocity, self.gains.stiffness(), self.damping(state), self.gains.null_damping,
+            target.velocity, self.gains.stiffness(), self.damping(state), self.null_damping(state),
             per_joint(self.torque_limit, state), out,
         )  # fmt: skip
         return out
@@ -150,21 +164,46 @@ class Impedance:
     def check(self, state: ArmState, period: float) -> None:
         """Refuse gains that are unstable about a state when the controller runs once a period [s].
 
-        All joint motions count: null-space damping is the first to fail where the state's masses hold no rotors.
+        All joint motions count: a null-space damping in numbers is the first to fail where the state's masses hold no rotors.
 
         Raises:
-            InputError: the sampled loop has an eigenvalue outside the unit circle.
+            InputError: the sampled loop has an eigenvalue outside the unit circle; which gain is to blame.
         """
+        check_period(period)
         radius = self._radius(state, period)
-        # motions without stiffness sit on the circle, a double eigenvalue that rounding moves by its root
-        if radius > 1.0 + 1e-6:
-            raise InputError(f"gains whose sampled loop grows by {radius:.4g} a period of {period:g} s", "at most 1",
-                             "less stiffness, another damping, or a shorter period")  # fmt: skip
+        if radius > STEADY:
+            cause, mend = self._blame(state, period)
+            raise InputError(f"{cause}, whose sampled loop grows by {radius:.4g} a period of {period:g} s", "at most 1", mend)
+
+    def _blame(self, state: ArmState, period: float) -> tuple[str, str]:
+        """The gain without which the loop would be stable, and what to do about it."""
+        gains = self.gains
+
+        def steady(**changes: object) -> bool:
+            other = dataclasses.replace(self, gains=dataclasses.replace(gains, **changes))  # type: ignore[arg-type]
+            return other._radius(state, period) <= STEADY
+
+        if gains.null_damping and steady(null_damping=0.0):
+            return (f"a null-space damping of {gains.null_damping:g} N·m·s/rad that is too strong for the arm's masses",
+                    "lower null_damping, leave it out, or state the rotors' inertias (ArmState.of)")  # fmt: skip
+        if gains.damping is None and steady(ratio=0.7):
+            high = gains.ratio > 0.7
+            return (f"a damping ratio of {gains.ratio:g} that is too {'high' if high else 'low'}",
+                    f"{'lower' if high else 'raise'} it towards 0.7")  # fmt: skip
+        return "gains", "less stiffness, another damping, or a shorter period"
+
+    def null_damping(self, state: ArmState) -> float:
+        """Damping of motions that leave the tip where it is [N·m·s/rad]: the gains', or by the lightest one's mass."""
+        if self.gains.null_damping is not None:
+            return self.gains.null_damping
+        idle = _idle(state.jacobian)
+        # mass of a null motion n: 1 / (nᵀ M⁻¹ n)
+        mobility = float(np.linalg.eigvalsh(idle @ np.linalg.solve(state.mass, idle))[-1])
+        return 0.0 if mobility < 1e-9 else 1.0 / (mobility * NULL_TIME)
 
     def _radius(self, state: ArmState, period: float) -> float:
         j = state.jacobian
-        idle = np.eye(len(state.dq)) - np.linalg.pinv(j) @ j
-        damping = j.T @ self.damping(state) @ j + self.gains.null_damping * idle
+        damping = j.T @ self.damping(state) @ j + self.null_damping(state) * _idle(j)
         return sampled_radius(j.T @ self.gains.stiffness() @ j, damping, state.mass, period)
 
 
@@ -204,7 +243,7 @@ class DecoupledImpedance(Impedance):
         tip = sampled_radius(self.gains.stiffness(), self.damping(state), self.shaped_inertia(state), period)
         j = state.jacobian
         idle = np.eye(len(state.dq)) - j.T @ state.task_inertia() @ np.linalg.solve(state.mass, j.T).T
-        rest = np.linalg.eigvals(np.eye(len(idle)) - period * self.gains.null_damping * np.linalg.solve(state.mass, idle))
+        rest = np.linalg.eigvals(np.eye(len(idle)) - period * self.null_damping(state) * np.linalg.solve(state.mass, idle))
         return max(tip, float(np.abs(rest).max()))
 
     def command(self, state: ArmState) -> Array:
@@ -217,7 +256,7 @@ class DecoupledImpedance(Impedance):
         )  # fmt: skip
         acceleration = target.acceleration + np.linalg.solve(self.shaped_inertia(state), wrench + state.wrench)
         tip = own @ (acceleration - state.drift) - state.wrench
-        null = -self.gains.null_damping * state.dq
+        null = -self.null_damping(state) * state.dq
         null = null - state.jacobian.T @ (own @ (state.jacobian @ np.linalg.solve(state.mass, null)))
         torque = state.bias + state.jacobian.T @ tip + null
         return np.asarray(np.clip(torque, -self.torque_limit, self.torque_limit))
@@ -240,10 +279,8 @@ class JacobianTranspose:
     null_damping: float = 0.0
 
     def __post_init__(self) -> None:
-        wrench = np.asarray(self.wrench, dtype=float)
-        if wrench.shape != (6,) or not np.isfinite(wrench).all():
-            raise InputError(f"a wrench of shape {wrench.shape}", "six finite numbers", "give force, then moment")
-        if not (np.isfinite(self.null_damping) and self.null_damping >= 0):
+        object.__setattr__(self, "wrench", numbers(self.wrench, (6,), "a wrench", "give force, then moment"))
+        if not (is_number(self.null_damping) and self.null_damping >= 0):
             raise InputError(f"null_damping {self.null_damping}", "a number that isn't negative", "use 0 for none")
         object.__setattr__(self, "torque_limit", checked_limit(self.torque_limit))
 
@@ -263,7 +300,10 @@ class JacobianTranspose:
 
 def checked_limit(limit: Array) -> Array:
     """Torque limits as positive numbers, (N,)."""
-    values = np.atleast_1d(np.asarray(limit, dtype=float))
+    try:
+        values = np.atleast_1d(np.asarray(limit, dtype=float))
+    except (TypeError, ValueError):
+        values = np.full(1, np.nan)
     if values.ndim != 1 or not (values > 0).all():
         raise InputError(f"torque limits {values}", "one positive number a joint [N·m]", "take them from the robot's data sheet")
     return values

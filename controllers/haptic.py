@@ -15,10 +15,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.controllers._given import is_number, numbers
 from kinid.controllers.passivity import Observer, Passivity, check_period
-from kinid.controllers.properties import Plane, Properties, PropertyMap, Touchable
+from kinid.controllers.properties import Plane, Properties, PropertyMap, Touchable, checked_map
 from kinid.controllers.state import ArmState
-from kinid.errors import InputError
+from kinid.errors import InputError, near
 
 Array = NDArray[np.float64]
 
@@ -79,6 +80,9 @@ class Rendered(NamedTuple):
         Args:
             jacobian: of the tip, linear rows first, base axes, (3, N) or (6, N).
         """
+        jacobian = np.asarray(jacobian)
+        if jacobian.ndim != 2 or len(jacobian) not in (3, 6):
+            raise InputError(f"a Jacobian of shape {jacobian.shape}", "(3, N) or (6, N)", "give linear rows first")
         return np.asarray(jacobian[:3].T @ self.force)
 
 
@@ -105,9 +109,15 @@ class HapticSettings:
 
     def __post_init__(self) -> None:
         check_period(self.period)
-        if not (np.isfinite(self.shear) and self.shear >= 0):
+        for name, kind in (("law", ContactLaw), ("passivity", Passivity)):
+            given, known = getattr(self, name), [f"{each.__name__}()" for each in kind.__subclasses__()]
+            if not isinstance(given, kind):
+                raise InputError(f"{name} {given!r}", f"one of {', '.join(known)}", near(str(given), known))
+        if not isinstance(self.surface, Touchable):
+            raise InputError(f"surface {self.surface!r}", "a plane or a mesh", "use Plane() or MeshSurface(mesh)")
+        if not (is_number(self.shear) and self.shear >= 0):
             raise InputError(f"shear {self.shear}", "a finite number that isn't negative", "a negative one gives energy")
-        if not self.force_limit > 0:
+        if not (isinstance(self.force_limit, float | int) and self.force_limit > 0):
             raise InputError(f"force_limit {self.force_limit}", "a positive number [N]", "take it from the device's data sheet")
 
 
@@ -121,10 +131,13 @@ class HapticRendering:
 
     Args:
         materials: the map. settings: see `HapticSettings`.
+
+    Raises:
+        InputError: a map without `properties(x, y)`.
     """
 
     def __init__(self, materials: PropertyMap, settings: HapticSettings | None = None) -> None:
-        self.materials, self.settings = materials, settings or HapticSettings()
+        self.materials, self.settings = checked_map(materials), settings or HapticSettings()
         self.reset()
 
     def reset(self) -> None:
@@ -145,11 +158,11 @@ class HapticRendering:
         """The force for a device at a position with a velocity, (3,) each, base axes [m], [m/s].
 
         Raises:
-            InputError: a place of the map without usable properties, or a position that isn't finite.
+            InputError: a place of the map without usable properties, or a position or velocity that isn't three finite
+                numbers.
         """
-        position, velocity = np.asarray(position, dtype=float), np.asarray(velocity, dtype=float)
-        if not (np.isfinite(position).all() and np.isfinite(velocity).all()):
-            raise InputError("a device position or velocity that isn't finite", "numbers", "check the device's driver")
+        position = numbers(position, (3,), "a device position", "check the device's driver")
+        velocity = numbers(velocity, (3,), "a device velocity", "check the device's driver")
         if self._before is not None:
             moved = position - self._before[2]
             self._along.book(float(self._before[0] @ moved))

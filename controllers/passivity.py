@@ -20,7 +20,13 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from kinid.controllers._given import is_number
 from kinid.errors import InputError
+
+#: periods that a tank's energy lasts for
+LASTS = 10
+#: time constant with which a share comes back [s]
+RETURN = 0.2
 
 
 @njit(cache=True)
@@ -38,34 +44,47 @@ def pay(energy: float, speed_squared: float, period: float, most: float) -> floa
 
 @njit(cache=True)
 def afford(energy: float, power: float, size: float, speed_squared: float, period: float, most: float) -> float:
-    """Share of a force, 0…1, that a tank affords over the next period.
+    """Share of a force, 0…1, that a tank affords over the next period; never more than it holds.
 
-    An empty tank affords no force along the motion, and against it none that could turn the motion round within the period
-    and give energy then: at most a damper's.
+    What it holds is to last for `LASTS` periods at least: a force that was cut off only where the tank is empty would go on
+    and off with its level. At rest a force costs nothing, whatever the level. An empty tank affords no force along the
+    motion, and against it none that could turn the motion round within the period and give energy then: at most a damper's.
 
     Args:
         energy: in the tank [J]. power: that the force is about to give [W]; negative where it takes. size: of the force [N].
         speed_squared: [m²/s²]. period: [s]. most: greatest damping that a force against the motion acts like where the tank
             is empty [N·s/m]; see `pay`.
     """
-    if energy <= 0.0:
-        return min(1.0, most * np.sqrt(speed_squared) / size) if power < 0.0 else 0.0
-    return 1.0 if power * period <= energy else energy / (power * period)
+    most_power = max(energy, 0.0) / (LASTS * period)
+    if abs(power) <= most_power:
+        return 1.0 if energy > 0.0 else 0.0
+    share = most_power / abs(power)
+    return share if power > 0.0 else float(min(1.0, share + most * np.sqrt(speed_squared) / size))
 
 
 @njit(cache=True)
-def refill(energy: float, capacity: float, most: float) -> float:
-    """Damping [N·s/m] that fills a tank whose level is below half: the more, the emptier it is.
+def ease(before: float, wanted: float, period: float) -> float:
+    """The share to render: it falls at once, as the tank demands, and comes back slowly, lest it go on and off.
 
     Args:
-        energy: in the tank [J]. capacity: [J]. most: greatest damping, where the tank is empty.
+        before: share of the last period. wanted: that the tank affords. period: [s].
     """
-    return most * min(1.0, max(0.0, 1.0 - 2.0 * energy / capacity))
+    return wanted if wanted <= before else before + (wanted - before) * min(1.0, period / RETURN)
+
+
+@njit(cache=True)
+def refill(energy: float, filling: float, most: float) -> float:
+    """Damping [N·s/m] that fills a tank whose level is below half its filling: the more, the emptier it is.
+
+    Args:
+        energy: in the tank [J]. filling: that it began with [J]. most: greatest damping, where the tank is empty.
+    """
+    return most * min(1.0, max(0.0, 1.0 - 2.0 * energy / filling))
 
 
 def check_period(period: float) -> None:
     """Refuse a period that isn't positive."""
-    if not 0.0 < period < 1.0:
+    if not (is_number(period) and 0.0 < period < 1.0):
         raise InputError(f"a control period of {period} s", "between 0 and 1 s", "1 kHz is 0.001")
 
 
@@ -115,7 +134,7 @@ class Observer(Passivity):
     most_damping: float = 20.0
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.most_damping) and self.most_damping >= 0):
+        if not (is_number(self.most_damping) and self.most_damping >= 0):
             raise InputError(f"most_damping {self.most_damping}", "a finite number that isn't negative",
                              "a negative one gives energy")  # fmt: skip
 
@@ -129,27 +148,32 @@ class EnergyTank(Passivity):
     """Hold what the port took up, and give no more.
 
     Args:
-        capacity: of the tank, which begins full [J]: what a material may give at most beyond what was put into it. About
-            what it stores when it is pressed, K δ²/2, renders a spring without loss.
-        most_damping: of the damper that fills it when it is below half; where it is empty, a force against the motion
-            acts at most like such a damper, too [N·s/m]. Below m/T of the device.
+        capacity: of the tank [J]. About what a material stores when it is pressed, K δ²/2, renders a spring without loss.
+        most_damping: of the damper that fills it when it is below half its filling; where it is empty, a force against the
+            motion acts at most like such a damper, too [N·s/m]. Below m/T of the device.
+        filling: that it begins with [J], and that it keeps at most when a touch ends: what a material may give in all
+            beyond what was put into it. A millijoule lifts a device of 100 g by a millimetre.
 
     Raises:
-        InputError: a capacity or damping that isn't positive.
+        InputError: a capacity or damping that isn't positive, or a filling that isn't within the capacity.
     """
 
     capacity: float = 0.02
     most_damping: float = 20.0
+    filling: float = 1e-3
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.capacity) and self.capacity > 0):
+        if not (is_number(self.capacity) and self.capacity > 0):
             raise InputError(f"a tank of {self.capacity} J", "a positive capacity", "K δ²/2 of the deepest touch is a good one")
-        if not (np.isfinite(self.most_damping) and self.most_damping > 0):
+        if not (is_number(self.most_damping) and self.most_damping > 0):
             raise InputError(f"most_damping {self.most_damping}", "a positive number [N·s/m]", "below m/T of the device")
+        if not (is_number(self.filling) and 0 < self.filling <= self.capacity):
+            raise InputError(f"a filling of {self.filling} J", f"a positive energy up to the capacity, {self.capacity:g} J",
+                             "what the material may give beyond what was put into it")  # fmt: skip
 
     def open(self, period: float) -> Ledger:
         """See the class."""
-        return _Held(self.capacity, self.most_damping, period)
+        return _Held(self, period)
 
 
 class _Observed(Ledger):
@@ -168,15 +192,18 @@ class _Observed(Ledger):
 
 
 class _Held(Ledger):
-    def __init__(self, capacity: float, most: float, period: float) -> None:
-        self.energy, self._capacity, self._most, self._period = capacity, capacity, most, period
+    def __init__(self, tank: EnergyTank, period: float) -> None:
+        self.energy, self._tank, self._period, self._share = tank.filling, tank, period, 1.0
 
     def book(self, work: float) -> None:
-        self.energy = min(self._capacity, self.energy - work)
+        self.energy = min(self._tank.capacity, self.energy - work)
 
     def settle(self, power: float, size: float, speed_squared: float) -> tuple[float, float]:
-        share = afford(self.energy, power, size, speed_squared, self._period, self._most)
-        return share, refill(self.energy, self._capacity, self._most)
+        tank = self._tank
+        wanted = afford(self.energy, power, size, speed_squared, self._period, tank.most_damping)
+        self._share = ease(self._share, wanted, self._period)
+        return self._share, refill(self.energy, tank.filling, tank.most_damping)
 
     def leave(self) -> None:
-        """The tank keeps what it holds."""
+        # what was dissipated is forgotten, what was given beyond stays given
+        self.energy, self._share = min(self.energy, self._tank.filling), 1.0

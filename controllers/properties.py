@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.controllers._given import is_number, numbers
 from kinid.errors import InputError
 
 Array = NDArray[np.float64]
@@ -32,7 +33,7 @@ class Properties(NamedTuple):
             InputError: a number that is negative or not finite, or an exponent of 0: such a material gives energy.
         """
         for name, value in self._asdict().items():
-            if not (np.isfinite(value) and value >= 0) or (name == "exponent" and value == 0):
+            if not (is_number(value) and value >= 0) or (name == "exponent" and value == 0):
                 raise InputError(f"{name} {value} in {where}", "a finite number that isn't negative"
                                  + (" nor zero" if name == "exponent" else ""),
                                  "leave places that weren't measured out of the path, or fill them")  # fmt: skip
@@ -44,6 +45,17 @@ class PropertyMap(Protocol):
 
     def properties(self, x: float, y: float) -> Properties:
         """The material there."""
+
+
+def checked_map(surface: PropertyMap) -> PropertyMap:
+    """Itself.
+
+    Raises:
+        InputError: nothing that knows the material at a place.
+    """
+    if not callable(getattr(surface, "properties", None)):
+        raise InputError(f"a map {str(surface)[:40]!r}", "an object with properties(x, y)", "use Uniform(Properties(…))")
+    return surface
 
 
 @dataclass(frozen=True)
@@ -80,6 +92,7 @@ class Tracker(ABC):
         """The foot of a device's next position (3,) [m], base frame."""
 
 
+@runtime_checkable
 class Touchable(Protocol):
     """A surface that can be rendered: `Plane`, `kinid.controllers.MeshSurface`."""
 
@@ -98,10 +111,9 @@ class Plane:
     axes: Array = field(default_factory=lambda: np.eye(3))
 
     def __post_init__(self) -> None:
-        point, axes = np.asarray(self.point, dtype=float), np.asarray(self.axes, dtype=float)
-        if point.shape != (3,) or not np.isfinite(point).all():
-            raise InputError(f"a surface point of shape {point.shape}", "three finite numbers", "give it in the base frame")
-        if axes.shape != (3, 3) or np.abs(axes @ axes.T - np.eye(3)).max() > 1e-6 or np.linalg.det(axes) < 0:
+        point = numbers(self.point, (3,), "a surface point", "give it in the base frame")
+        axes = numbers(self.axes, (3, 3), "surface axes", "take them from Rig.axes")
+        if np.abs(axes @ axes.T - np.eye(3)).max() > 1e-6 or np.linalg.det(axes) < 0:
             raise InputError("surface axes that aren't orthonormal", "rows tangent1, tangent2, normal, right-handed",
                              "take them from Rig.axes")  # fmt: skip
         object.__setattr__(self, "point", point)

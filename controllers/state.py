@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.controllers._given import numbers
 from kinid.errors import InputError
 from kinid.robot import Robot
 
@@ -22,6 +23,9 @@ class ArmState:
         jacobian: of the tip, rows linear, angular, base axes, (6, N). drift: J̇ q̇, (6,) [m/s², rad/s²].
         mass: M, (N, N). bias: Coriolis, centrifugal and gravity torque, (N,) [N·m]. gravity: gravity's part, (N,).
         wrench: of the environment on the tip, at the tip, force then moment, base axes, (6,); 0 where not measured.
+
+    Raises:
+        InputError: an array of another shape, or with numbers that aren't finite: a torque made of them would be, too.
     """
 
     dq: Array
@@ -34,6 +38,14 @@ class ArmState:
     gravity: Array
     wrench: Array = field(default_factory=lambda: np.zeros(6))
 
+    def __post_init__(self) -> None:
+        n = np.size(self.dq)
+        shapes = {"dq": (n,), "rotation": (3, 3), "position": (3,), "jacobian": (6, n), "drift": (6,), "mass": (n, n),
+                  "bias": (n,), "gravity": (n,), "wrench": (6,)}  # fmt: skip
+        for name, shape in shapes.items():
+            values = numbers(getattr(self, name), shape, f"a state's {name}", "check what the arm or its driver reports")
+            object.__setattr__(self, name, values)
+
     @classmethod
     def of(
         cls, robot: Robot, q: Array, dq: Array | None = None, wrench: Array | None = None, rotor: Array | None = None
@@ -45,17 +57,18 @@ class ArmState:
             rotor: the drives' inertias, reflected to the joints, which a URDF leaves out, (N,) [kg·m²].
 
         Raises:
-            InputError: no tip frame, or a number of joints that isn't the robot's.
+            InputError: no tip frame, or joints that aren't as many finite numbers as the robot has.
         """
         import pinocchio as pin
 
         if robot.tip_frame is None:
             raise InputError(f"{robot.name} without a tip frame", "the point to control", "name [robot] tip_frame")
-        q, n = np.asarray(q, dtype=float), robot.joint_count
-        dq = np.zeros(n) if dq is None else np.asarray(dq, dtype=float)
-        if q.shape != (n,) or dq.shape != (n,):
-            raise InputError(f"joint arrays of shapes {q.shape} and {dq.shape}", f"({n},) for {robot.name}",
-                             "give one state at a time")  # fmt: skip
+        n = robot.joint_count
+        q = numbers(q, (n,), f"joint positions of {robot.name}", "give one state at a time")
+        dq = np.zeros(n) if dq is None else numbers(dq, (n,), f"joint velocities of {robot.name}", "give one state at a time")
+        drives = np.zeros(n) if rotor is None else np.asarray(rotor, dtype=float)
+        if drives.shape not in ((), (n,)) or not (np.isfinite(drives).all() and (drives >= 0).all()):
+            raise InputError(f"rotor inertias {rotor}", f"one number that isn't negative, or {n}", "give them in kg·m²")
         model = robot.model
         data, frame = model.createData(), model.getFrameId(robot.tip_frame)
         configuration, speed, zero = robot.configuration(q)[0], robot.tangent(dq)[0], np.zeros(model.nv)
@@ -70,12 +83,9 @@ class ArmState:
         gravity = pin.computeGeneralizedGravity(model, data, configuration).copy()
         in_order = robot.from_tangent
         mass = in_order(np.ascontiguousarray(in_order(mass).T))
-        if rotor is not None:
-            mass = mass + np.diag(np.broadcast_to(np.asarray(rotor, dtype=float), n))
         return cls(
-            dq, rotation, position, np.ascontiguousarray(in_order(jacobian)), drift, mass,
-            in_order(bias[None, :])[0], in_order(gravity[None, :])[0],
-            np.zeros(6) if wrench is None else np.asarray(wrench, dtype=float),
+            dq, rotation, position, in_order(jacobian), drift, mass + np.diag(np.broadcast_to(drives, n)),
+            in_order(bias[None, :])[0], in_order(gravity[None, :])[0], np.zeros(6) if wrench is None else wrench,
         )  # fmt: skip
 
     @property
@@ -108,9 +118,6 @@ class Target:
 
     def __post_init__(self) -> None:
         for name, shape in (("rotation", (3, 3)), ("position", (3,)), ("velocity", (6,)), ("acceleration", (6,))):
-            values = np.ascontiguousarray(getattr(self, name), dtype=float)
-            if values.shape != shape or not np.isfinite(values).all():
-                raise InputError(f"a target's {name} of shape {values.shape}", f"finite numbers of shape {shape}", "check it")
-            object.__setattr__(self, name, values)
+            object.__setattr__(self, name, numbers(getattr(self, name), shape, f"a target's {name}"))
         if np.abs(self.rotation @ self.rotation.T - np.eye(3)).max() > 1e-6 or np.linalg.det(self.rotation) < 0:
             raise InputError("a target's rotation that isn't one", "orthonormal columns, right-handed", "normalise it")

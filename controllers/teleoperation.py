@@ -23,6 +23,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.controllers._given import is_number
 from kinid.controllers.passivity import check_period
 from kinid.controllers.properties import PropertyMap
 from kinid.errors import InputError, near
@@ -100,7 +101,7 @@ class Teleoperator:
         _not_negative(self, "master_damping", "hand_mass", "hand_damping", "hand_stiffness", "slave_damping",
                       "coupling_stiffness", "coupling_damping", "delay", "most_damping")  # fmt: skip
         for name, unit in (("master_mass", "mass [kg]"), ("slave_mass", "mass [kg]"), ("tank", "energy [J]")):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0):
+            if not (is_number(getattr(self, name)) and getattr(self, name) > 0):
                 raise InputError(f"{name} {getattr(self, name)}", f"a positive {unit}", "see the docstring of Teleoperator")
         if self.delay > 0 and self.master_damping + self.hand_damping == 0:
             raise InputError("a master and a hand without damping on a delayed line", "some damping",
@@ -202,7 +203,7 @@ def simulate(
         InputError: an unknown method, a depth that isn't positive, or a duration shorter than ten round trips and 4 s.
     """
     shortest = max(4.0, 20 * teleoperator.delay)
-    if not depth > 0 or not duration >= shortest:
+    if not (is_number(depth) and depth > 0 and is_number(duration) and duration >= shortest):
         raise InputError(f"depth {depth} m and duration {duration} s", f"depth > 0, duration ≥ {shortest:g} s",
                          "push in, and wait")  # fmt: skip
     n = round(duration / teleoperator.period)
@@ -299,7 +300,7 @@ def study(
         raise InputError(f"{len(delays)} delays and {points} frequencies", "at least one delay, two frequencies", "give some")
     for method in methods:
         _method(method)
-    cases = [dataclasses.replace(teleoperator, delay=float(delay)) for delay in delays]  # all checked before any runs
+    cases = [dataclasses.replace(teleoperator, delay=delay) for delay in delays]  # all checked before any runs
     frequency = np.geomspace(*BAND, points)
     truth, rows = environment.impedance(frequency), []
     transmitted, motions = {}, {}
@@ -340,6 +341,6 @@ def _method(name: str) -> str:
 def _not_negative(thing: object, *names: str) -> None:
     for name in names:
         value = getattr(thing, name)
-        if not (math.isfinite(value) and value >= 0):
+        if not (is_number(value) and value >= 0):
             raise InputError(f"{name} {value}", "a finite number that isn't negative",
                              "a negative gain gives energy: unstable")  # fmt: skip

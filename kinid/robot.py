@@ -187,6 +187,24 @@ class Robot:
             np.array([self.joint_names.index(model.names[j]) for j in ids], dtype=np.int64),
         )
 
+    def bodies(self, frame: str) -> tuple[Array, Array, Array]:
+        """What each joint on the way to a frame carries, in the axes of `chain`: mass [kg], com [m], inertia about it [kg·m²].
+
+        Returns:
+            Arrays (N,), (N, 3), (N, 9) row-major.
+
+        Raises:
+            InputError: joints that don't lie between the base and the frame.
+        """
+        model = self.model
+        ids = [j for j in model.supports[self.frame(frame).parentJoint] if j > 0]
+        if len(ids) != model.njoints - 1:
+            raise InputError(f"{model.njoints - 1} joints of {self.name}, {len(ids)} of them up to '{frame}'",
+                             "one serial arm", "name its joints in [robot] joints; the others are locked")  # fmt: skip
+        turned = [(z_onto(joint_axis(model, j)[0]), model.inertias[j]) for j in ids]
+        return (np.array([body.mass for _, body in turned]), np.array([align.T @ body.lever for align, body in turned]),
+                np.array([(align.T @ body.inertia @ align).ravel() for align, body in turned]))  # fmt: skip
+
     def frame(self, name: str) -> Any:
         """Pinocchio's frame of that name; where a link and a joint share it, the link's."""
         return _find(self.model, name, self.name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,8 +11,10 @@ import typer
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
+    from rich.progress import Progress
+
     from kinid.lab.campaign import Campaign
-    from kinid.lab.setup import Result
+    from kinid.lab.setup import Result, Setup
 
 EXAMPLES = """Examples:
 
@@ -21,32 +24,59 @@ kinid lab poke --material sponge --hide relaxation --seed 7 -o secret
 
 kinid lab mould --campaign 10x10 -o campaign
 
-kinid lab mould --campaign 10x10 --hide relaxation --where 0,-0.05,0.05,0 -o campaign
+kinid lab mould --campaign 10x10 --hide relaxation --where 0,-0.05,0.05,0 -o part
+
+kinid lab --trajectory plan.parquet --rig rig.toml --material dragon-skin-10 -o run
 
 kinid lab teleoperation -o study
 """
 
 Vector = tuple[float, float, float]
+Rectangle = tuple[tuple[float, float], tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What every kind of experiment is asked for."""
+
+    material: str | None
+    hide: str | None
+    where: Rectangle | None
+    seed: int
+    stiffness: float
+    torque_limit: tuple[float, ...] | None
+    point: Vector | None
+    normal: Vector | None
 
 
 def lab(
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for logs, rig and truth.", show_default=False)],
     experiment: Annotated[
-        str,
+        str | None,
         typer.Argument(help="poke, slide, band, sponge, ecoflex-50, dragon-skin-10, mould, wave; or teleoperation, a study.",
                        show_default=False),
-    ],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for logs, rig and truth.", show_default=False)],
-    material: Annotated[str | None, typer.Option(help="What is touched; default: the experiment's.")] = None,
+    ] = None,
+    trajectory: Annotated[
+        Path | None, typer.Option(help="Instead: a trajectory that kinid plan wrote, carried out.", show_default=False)
+    ] = None,
+    rig: Annotated[
+        Path | None, typer.Option(help="The rig that the trajectory was planned for; default: rig.toml beside it, if any.")
+    ] = None,
+    material: Annotated[str | None, typer.Option(help="What is touched; default: the experiment's, else ecoflex-50.")] = None,
     hide: Annotated[str | None, typer.Option(help="Effect to plant, of a size by the seed; only truth/ tells it.")] = None,
     where: Annotated[
         str | None, typer.Option(help="Part of the surface that has it, along both tangents: x0,y0,x1,y1 [m]; default: all.")
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of sensor faults, noise and hidden effect.")] = 0,
     campaign: Annotated[
-        str | None, typer.Option(help="A grid of pokes, as 10x10; started again, it goes on where it stopped.")
+        str | None, typer.Option(help="A grid of pokes (of slides with slide), as 10x10; started again, it goes on where it "
+                                      "stopped.")
     ] = None,
-    spacing: Annotated[float | None, typer.Option(help="Between the pokes of a campaign [m]; default: 0.01.")] = None,
+    spacing: Annotated[float | None, typer.Option(help="Between the places of a campaign [m]; default: 0.01.")] = None,
     stiffness: Annotated[float, typer.Option(help="Translational stiffness of the impedance controller [N/m].")] = 5200.0,
+    torque_limit: Annotated[
+        str | None, typer.Option(help="Of the drives: one for all joints, or seven, as 176,176,100,… [N·m]; default: the arm's.")
+    ] = None,
     point: Annotated[str | None, typer.Option(help="A point of the surface, base frame: x,y,z [m].")] = None,
     normal: Annotated[str | None, typer.Option(help="Normal of the surface, base frame: x,y,z.")] = None,
     mcap: Annotated[
@@ -54,89 +84,151 @@ def lab(
     ] = None,
 ) -> None:
     """An LWR4+ under impedance control pokes and slides: its raw log, the rig, and the truth in a folder of its own."""
+    if (experiment is None) == (trajectory is None):
+        found = "neither an experiment nor --trajectory" if experiment is None else f"'{experiment}' and --trajectory"
+        raise InputError(found, "one of them", "name an experiment, as kinid lab poke, or a trajectory")
+    _check(experiment, seed, out, {"--where": where, "--hide": hide, "--spacing": spacing, "--campaign": campaign,
+                                   "--rig": rig, "--trajectory": trajectory})  # fmt: skip
+    asked = Asked(
+        material, hide, None if where is None else _rectangle(where), seed, stiffness,
+        None if torque_limit is None else _limits(torque_limit), None if point is None else _vector(point, "--point"),
+        None if normal is None else _vector(normal, "--normal"),
+    )  # fmt: skip
+    if experiment == "teleoperation":
+        others = {"--hide": hide, "--campaign": campaign, "--point": point, "--normal": normal, "--mcap": mcap,
+                  "--torque-limit": torque_limit, "--stiffness": None if stiffness == 5200.0 else stiffness}  # fmt: skip
+        if given := [name for name, value in others.items() if value is not None]:
+            raise InputError(f"teleoperation with {', '.join(given)}", "--material and --seed alone", "leave the others out")
+        _teleoperation(out, asked)
+    elif campaign is not None and experiment is not None:
+        _campaign(_task(experiment, asked, campaign, 0.01 if spacing is None else spacing, bool(mcap)), out)
+    else:
+        _single(out, asked, experiment, trajectory, rig, mcap is None or mcap)
+
+
+def _check(experiment: str | None, seed: int, out: Path, given: dict[str, object]) -> None:
+    """What doesn't go together."""
     if seed < 0:
         raise InputError(f"--seed {seed}", "0 or more", "choose another")
     if out.exists() and not out.is_dir():
         raise InputError(f"a file at {out}", "a folder for the results", "choose another -o/--out")
-    if where is not None and hide is None:
-        raise InputError("--where without --hide", "the effect that is hidden there", "name it with --hide")
-    if spacing is not None and campaign is None:
-        raise InputError("--spacing without --campaign", "a grid of pokes", "name it with --campaign, as 10x10")
-    at = None if point is None else _vector(point, "--point")
-    up = None if normal is None else _vector(normal, "--normal")
-    rectangle = None if where is None else _rectangle(where)
-    if experiment == "teleoperation":
-        others = {"--hide": hide, "--campaign": campaign, "--point": point, "--normal": normal, "--mcap": mcap,
-                  "--stiffness": None if stiffness == 5200.0 else stiffness}  # fmt: skip
-        if given := [name for name, value in others.items() if value is not None]:
-            raise InputError(f"teleoperation with {', '.join(given)}", "--material and --seed alone", "leave the others out")
-        _teleoperation(out, material or "ecoflex-50", seed)
-        return
-    if campaign is not None:
-        _campaign(_task(experiment, material, campaign, spacing, seed, hide, rectangle, stiffness, at, up, bool(mcap)), out)
-        return
-    from kinid.cli.show import console
-    from kinid.lab import experiments
-    from kinid.lab.arm import Gains
+    for option, needed, says in (("--where", "--hide", "the effect that is hidden there"),
+                                 ("--spacing", "--campaign", "a grid, as 10x10"),
+                                 ("--rig", "--trajectory", "what was planned for it")):  # fmt: skip
+        if given[option] is not None and given[needed] is None:
+            raise InputError(f"{option} without {needed}", says, f"name it with {needed}")
+    if given["--campaign"] is not None and experiment in (None, "wave"):
+        raise InputError(f"--campaign with {experiment or '--trajectory'}", "pokes, or slides with slide",
+                         "leave it out, or plan the campaign with kinid plan poke --grid")  # fmt: skip
+
+
+def _single(out: Path, asked: Asked, experiment: str | None, trajectory: Path | None, rig: Path | None, mcap: bool) -> None:
+    """One experiment, by its name or as it was planned."""
+    from kinid.lab.folder import at_work, check_free
     from kinid.lab.writing import check_mcap, write_experiment
 
-    mcap = mcap is None or mcap
     if mcap:
         check_mcap()
-    setup = experiments.prepare(experiment, material=material, seed=seed, gains=Gains(translation=stiffness), point=at, normal=up)
-    truth: dict[str, object] = {"experiment": experiment}
-    if hide is not None:
+    check_free(out)
+    setup = _prepared(asked, experiment)
+    truth: dict[str, object] = {"experiment": experiment or "trajectory"}
+    if trajectory is not None:
+        setup, truth["trajectory"] = _planned(setup, asked, trajectory, rig), trajectory.name
+    if asked.hide is not None:
+        from kinid.lab.hidden import check_met
         from kinid.lab.hidden import hide as plant
 
-        setup, truth["hidden"] = plant(setup, hide, seed, rectangle)
+        setup, truth["hidden"] = plant(setup, asked.hide, asked.seed, asked.where)
+        if asked.where is not None:
+            check_met(asked.where, setup.script.place[setup.script.touching, :2])
     setup.check()
-    console().print(f"the arm follows {len(setup.script.t) * setup.gains.period:.1f} s of set-points …")
-    result = setup.run()
-    path = write_experiment(out, result, truth, mcap=mcap)
+    with _progress() as progress:
+        bar = progress.add_task(f"{len(setup.script.t) * setup.gains.period:.1f} s of set-points", total=1.0)
+        result = setup.run(lambda share: progress.update(bar, completed=share))
+    with at_work(out):
+        check_free(out)
+        path = write_experiment(out, result, truth, mcap=mcap)
     _show(path, result, mcap)
 
 
-def _teleoperation(out: Path, material: str, seed: int) -> None:
+def _prepared(asked: Asked, experiment: str | None) -> Setup:
+    from kinid.lab import experiments
+    from kinid.lab.arm import Gains
+
+    return experiments.prepare(experiment or "poke", material=asked.material, seed=asked.seed, point=asked.point,
+                               gains=Gains(translation=asked.stiffness), normal=asked.normal,
+                               torque_limit=asked.torque_limit)  # fmt: skip
+
+
+def _planned(base: Setup, asked: Asked, trajectory: Path, rig: Path | None) -> Setup:
+    """The set-up that carries a trajectory out on its rig's surface."""
+    from kinid.cli.show import console
+    from kinid.lab.planned import planned
+    from kinid.rig import Rig
+
+    beside = trajectory.parent / "rig.toml"
+    if rig is None and beside.is_file():
+        rig = beside
+    setup, ahead = planned(trajectory, None if rig is None else Rig.load(rig), base=base, point=asked.point, normal=asked.normal)
+    console().print(f"surface and tool of {rig}" if rig is not None else "surface and tool of the laboratory; a rig's: --rig",
+                    markup=False)  # fmt: skip
+    if not ahead:
+        console().print("the plan expects no forces (no --model): the tip stays behind it by force over stiffness", markup=False)
+    return setup
+
+
+def _teleoperation(out: Path, asked: Asked) -> None:
     from kinid.cli.show import console, written
     from kinid.lab import teleoperation
+    from kinid.lab.folder import at_work, check_free
 
-    found = teleoperation.compare(material, seed)
+    check_free(out)
+    with console().status("a poke, its fit, and the study …"):
+        found = teleoperation.compare(asked.material or "ecoflex-50", asked.seed)
+    with at_work(out):
+        check_free(out)
+        page = teleoperation.write(out, found)
     console().print(found.study.table(), markup=False)
-    written([out / "teleoperation.json", teleoperation.write(out, found)])
+    written([out / "teleoperation.json", page])
 
 
-def _task(
-    experiment: str, material: str | None, grid: str, spacing: float | None, seed: int, hide: str | None,
-    where: tuple[tuple[float, float], tuple[float, float]] | None, stiffness: float, point: Vector | None, normal: Vector | None,
-    mcap: bool,
-) -> Campaign:  # fmt: skip
+def _task(experiment: str, asked: Asked, grid: str, spacing: float, mcap: bool) -> Campaign:
     from kinid.lab import experiments
     from kinid.lab.campaign import Campaign
     from kinid.lab.materials import material as named
 
     rows, columns = _grid(grid)
-    chosen = named(material or experiments.named(experiment).material)
-    apart = 0.01 if spacing is None else spacing
-    return Campaign(rows, columns, apart, chosen.name, seed, hide, where, stiffness, point, normal, mcap)
+    chosen = named(asked.material or experiments.named(experiment).material)
+    return Campaign(
+        rows, columns, spacing, "slide" if experiment == "slide" else "poke", material=chosen.name, seed=asked.seed,
+        hidden=asked.hide, where=asked.where, stiffness=asked.stiffness, torque_limit=asked.torque_limit, point=asked.point,
+        normal=asked.normal, mcap=mcap,
+    )  # fmt: skip
+
+
+def _progress() -> Progress:
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+    from kinid.cli.show import console
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    out = console()
+    return Progress(*columns, console=out, transient=True, disable=not out.is_terminal)
 
 
 def _campaign(task: Campaign, out: Path) -> None:
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    from kinid.cli.show import console
     from kinid.lab import campaign
     from kinid.lab.campaign_page import NAME
     from kinid.lab.writing import check_mcap
 
     if task.mcap:
         check_mcap()
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console(), transient=True) as progress:
-        bar = progress.add_task(f"pokes on {task.material}", total=task.count)
+    with _progress() as progress:
+        bar = progress.add_task(f"{task.count} {task.touch}s on {task.material}", total=task.count)
         made = campaign.run(task, out, lambda index: progress.update(bar, completed=index + 1))
     there = f" ({task.count - made} were there already)" if made < task.count else ""
-    typer.echo(f"{made} pokes made{there}: {out}/poke_*.parquet, {out / 'rig.toml'}; at a glance: {out / NAME}; the truth, which "
-               f"no other command reads: {out / 'truth'}")  # fmt: skip
+    typer.echo(f"{made} {task.touch}s made{there}: {out}/{task.touch}_*.parquet, {out / 'rig.toml'}; at a glance: {out / NAME}; "
+               f"the truth, which no other command reads: {out / 'truth'}")  # fmt: skip
 
 
 def _show(path: Path, result: Result, mcap: bool) -> None:
@@ -175,11 +267,16 @@ def _numbers(text: str, count: int, option: str, example: str) -> list[float]:
     return values
 
 
+def _limits(text: str) -> tuple[float, ...]:
+    count = text.count(",") + 1
+    return tuple(_numbers(text, count if count in (1, 7) else 7, "--torque-limit", "100, or seven of them"))
+
+
 def _vector(text: str, option: str) -> Vector:
     x, y, z = _numbers(text, 3, option, "0.55,0,0.1")
     return x, y, z
 
 
-def _rectangle(text: str) -> tuple[tuple[float, float], tuple[float, float]]:
+def _rectangle(text: str) -> Rectangle:
     x0, y0, x1, y1 = _numbers(text, 4, "--where", "0,-0.05,0.05,0")
     return (x0, y0), (x1, y1)

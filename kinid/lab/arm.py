@@ -53,19 +53,8 @@ class Arm:
         if frame is None:
             raise InputError(f"{robot.name} without a tip frame", "the point that touches", "name [robot] tip_frame")
         carrying = robot if tool is None or tool.mass == 0.0 else robot.with_tool(tool)
-        chain, model = robot.chain(frame), carrying.model
-        ids = [j for j in model.supports[robot.frame(frame).parentJoint] if j > 0]
-        if len(ids) != model.njoints - 1:
-            raise InputError(f"{model.njoints - 1} joints of {robot.name}, {len(ids)} of them up to '{frame}'",
-                             "one serial arm", "name its joints in [robot] joints; the others are locked")  # fmt: skip
-        mass, com, inertia = [], [], []
-        for j in ids:
-            align = _alignment(model, j)
-            body = model.inertias[j]
-            mass.append(body.mass)
-            com.append(align.T @ body.lever)
-            inertia.append((align.T @ body.inertia @ align).ravel())
-        return cls(chain.turns, chain.shifts, chain.prismatic, np.array(mass), np.array(com), np.array(inertia),
+        chain = robot.chain(frame)
+        return cls(chain.turns, chain.shifts, chain.prismatic, *carrying.bodies(frame),
                    np.asarray(robot.gravity, dtype=float).copy(), chain.columns)  # fmt: skip
 
     @property
@@ -275,9 +264,3 @@ def joints_along(robot: Robot, positions: Array, rotations: Array, start: Array,
                 "joints within their limits", "move the surface, or make the motion smaller")  # fmt: skip
         out[i] = q
     return out
-
-
-def _alignment(model: pin.Model, j: int) -> Array:
-    from kinid.robot import joint_axis, z_onto
-
-    return z_onto(joint_axis(model, j)[0])

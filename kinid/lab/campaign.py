@@ -1,8 +1,8 @@
-"""Many pokes, one file each: stopped at any moment, even by a power cut, a campaign goes on where it was.
+"""Many pokes or slides, one file each: stopped at any moment, even by a power cut, a campaign goes on where it was.
 
 A poke is done when its log is there: the log is written last, under another name first, and renamed whole. What each poke
 does follows from the seed and its number alone, so that a campaign that was stopped ends with the same bytes as one that
-wasn't.
+wasn't; a file that is damaged or gone is made again, with the bytes that it had.
 """
 
 from __future__ import annotations
@@ -11,65 +11,92 @@ import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.errors import InputError
+from kinid.errors import InputError, near
 from kinid.lab.arm import Gains
 from kinid.lab.campaign_page import Overview
 from kinid.lab.experiments import Vector, prepare
-from kinid.lab.hidden import Rectangle, hide
+from kinid.lab.folder import at_work, check_free, is_whole
+from kinid.lab.hidden import Rectangle, check_met, hide
 from kinid.lab.places import Grid
-from kinid.lab.protocol import Poke, five_phases
+from kinid.lab.protocol import Poke, Slide, five_phases
 from kinid.lab.setup import Setup
-from kinid.lab.writing import write_experiment
+from kinid.lab.writing import write_experiment, write_rig
+from kinid.rig import Rig
 from kinid.writers import make_folder, write_text
 
 Array = NDArray[np.float64]
 
 #: in the folder, and with what is hidden in the truth's
 MANIFEST = "campaign.json"
-#: a poke of a campaign is shorter than the study's: three turns of the slow sine
-POKE = Poke(0.003, ((0.0015, 0.9), (0.0005, 5.0)), duration=3.0)
+#: what is done at each place, shorter than the study's: three turns of the slow sine, or 3 mm out and back each way
+Touch = Literal["poke", "slide"]
+MOTIONS: dict[str, Poke | Slide] = {
+    "poke": Poke(0.003, ((0.0015, 0.9), (0.0005, 5.0)), duration=3.0), "slide": Slide(2.5e-3, 3e-3, 3e-3),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Campaign(Grid):
-    """A grid of pokes.
+    """A grid of pokes or slides.
 
     Attributes:
-        rows, columns, spacing: see `Grid`.
-        material, seed, hidden, where, stiffness: as for one experiment. point, normal: of the surface; default: the lab's.
+        rows, columns, spacing: see `Grid`. touch: what is done at each place.
+        material, seed, hidden, where, stiffness, torque_limit: as for one experiment.
+        point, normal: of the surface; default: the lab's.
         mcap: whether each poke's streams are written, too.
+
+    Raises:
+        InputError: no such touch.
     """
 
+    touch: Touch = "poke"
     material: str = "mould"
     seed: int = 0
     hidden: str | None = None
     where: Rectangle | None = None
     stiffness: float = 5200.0
+    torque_limit: tuple[float, ...] | None = None
     point: Vector | None = None
     normal: Vector | None = None
     mcap: bool = False
 
-    def manifest(self, everything: bool = False) -> dict[str, Any]:
-        """What the campaign is, in the words of JSON; what is hidden only with everything."""
-        whole = {"kind": "campaign", "version": 2, **vars(self)}
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.touch not in MOTIONS:
+            raise InputError(f"a campaign of '{self.touch}'", f"one of {', '.join(get_args(Touch))}", near(self.touch, MOTIONS))
+
+    @property
+    def done_there(self) -> str:
+        """What is done at each place."""
+        return self.touch
+
+    def manifest(self, rig: Rig, everything: bool = False) -> dict[str, Any]:
+        """What the campaign is and what measures it, in the words of JSON; what is hidden only with everything."""
+        whole = {"kind": "campaign", "version": 3, **vars(self), "motion": vars(MOTIONS[self.touch]), "rig": rig_facts(rig)}
         if not everything:
             whole = {name: value for name, value in whole.items() if name not in ("hidden", "where")}
         out: dict[str, Any] = json.loads(json.dumps(whole))
         return out
 
+    def base(self) -> tuple[Setup, dict[str, Any]]:
+        """What all pokes have in common, and what is hidden in it."""
+        base = prepare("poke", material=self.material, seed=self.seed, gains=Gains(translation=self.stiffness), point=self.point,
+                       normal=self.normal, torque_limit=self.torque_limit)  # fmt: skip
+        if self.hidden is None:
+            return base, {}
+        base, hidden = hide(base, self.hidden, self.seed, self.where)
+        return base, {"hidden": hidden}
+
     def setup(self, index: int) -> tuple[Setup, dict[str, Any]]:
         """Of one poke, and what is hidden in it."""
-        base = prepare("poke", material=self.material, seed=self.seed, gains=Gains(translation=self.stiffness), point=self.point,
-                       normal=self.normal)  # fmt: skip
-        truth: dict[str, Any] = {}
-        if self.hidden is not None:
-            base, truth["hidden"] = hide(base, self.hidden, self.seed, self.where)
-        script = five_phases(POKE, place=self.place(index), height=0.008, free=0.4, hold=0.4, approach=0.8, tilt=0.1)
+        base, truth = self.base()
+        script = five_phases(MOTIONS[self.touch], place=self.place(index), height=0.008, free=0.4, hold=0.4, approach=0.8,
+                             tilt=0.1)  # fmt: skip
         # the seed and the number: the same poke always, and another noise for each
         seed = int(np.random.SeedSequence([self.seed, 3, index]).generate_state(1)[0])
         return base.replace(script=script, seed=seed), truth
@@ -78,8 +105,12 @@ class Campaign(Grid):
         """Refuse places that can't be poked, before any is: the outermost ones.
 
         Raises:
-            InputError: as `Setup.check`.
+            InputError: as `Setup.check`; or a hidden effect where nothing is poked.
         """
+        if self.where is not None:
+            script = self.setup(0)[0].script
+            way = np.unique(np.round(script.place[script.touching, :2] - self.place(0), 4), axis=0)
+            check_met(self.where, np.concatenate([way + self.place(index) for index in range(self.count)]))
         for index in self.rim():
             self.setup(index)[0].check()
 
@@ -91,24 +122,24 @@ def run(campaign: Campaign, folder: Path, done: Callable[[int], None] | None = N
         campaign: what is done. folder: of the logs. done: told the number of each poke that is there, old ones first.
 
     Raises:
-        InputError: another campaign in the folder, or one that can't work.
+        InputError: another campaign or process in the folder, or a campaign that can't work.
     """
     campaign.check()
-    make_folder(folder)
-    _claim(campaign, folder)
-    clean(folder)
-    overview = Overview(folder, campaign, f"Pokes on {campaign.material}")
-    made = 0
-    try:
-        for index in range(campaign.count):
-            if not (folder / f"{campaign.name(index)}.parquet").is_file():
-                _poke(campaign, folder, index)
-                made += 1
-            overview.add(index)
-            if done is not None:
-                done(index)
-    finally:
-        overview.write()
+    with at_work(folder):
+        _claim(campaign, folder)
+        clean(folder)
+        overview = Overview(folder, campaign, f"{campaign.touch.capitalize()}s on {campaign.material}")
+        made = 0
+        try:
+            for index in range(campaign.count):
+                if not is_whole(folder, campaign.name(index)):
+                    _poke(campaign, folder, index)
+                    made += 1
+                overview.add(index)
+                if done is not None:
+                    done(index)
+        finally:
+            overview.write()
     return made
 
 
@@ -124,13 +155,19 @@ def _poke(campaign: Campaign, folder: Path, index: int) -> None:
 
 
 def logs(folder: Path) -> Iterator[Path]:
-    """The pokes of a campaign that are done."""
-    yield from sorted(folder.glob("poke_*.parquet"))
+    """The pokes and slides of a campaign that are done."""
+    yield from sorted(path for touch in MOTIONS for path in folder.glob(f"{touch}_*.parquet"))
+
+
+def rig_facts(rig: Rig) -> dict[str, Any]:
+    """What a rig states, in the words of JSON."""
+    return rig.model_dump(mode="json", exclude={"folder"}, exclude_none=True)
 
 
 def _claim(campaign: Campaign, folder: Path) -> None:
-    """Write the manifest, or find it to be the same; what is hidden stands in the truth's alone."""
-    path, wanted = folder / "truth" / MANIFEST, campaign.manifest(everything=True)
+    """Write the manifest, or find it and the rig to be the same; what is hidden stands in the truth's alone."""
+    path, base = folder / "truth" / MANIFEST, campaign.base()[0]
+    wanted = campaign.manifest(base.rig, everything=True)
     if path.is_file():
         try:
             there = json.loads(path.read_text(encoding="utf-8"))
@@ -140,18 +177,31 @@ def _claim(campaign: Campaign, folder: Path) -> None:
         if differ:
             raise InputError(f"another campaign in {folder} ({', '.join(differ)} differ{'s' if len(differ) == 1 else ''})",
                              "the same campaign to go on with, or an empty folder", "choose another folder with -o")  # fmt: skip
+        _check_rig(folder / "rig.toml", wanted["rig"])
     else:
-        if any(folder.glob("poke_*.parquet")):
-            raise InputError(f"pokes without {path} in {folder}", "an empty folder", "choose another folder with -o")
+        if any(logs(folder)):
+            raise InputError(f"{campaign.touch}s without {path} in {folder}", "an empty folder", "choose another folder with -o")
+        check_free(folder)
         make_folder(folder / "truth")
         write_text(path, json.dumps(wanted, indent=1) + "\n")
-    write_text(folder / MANIFEST, json.dumps(campaign.manifest(), indent=1) + "\n")
+    write_text(folder / MANIFEST, json.dumps(campaign.manifest(base.rig), indent=1) + "\n")
+    write_rig(folder, base)
+
+
+def _check_rig(path: Path, begun_with: dict[str, Any]) -> None:
+    """A rig that was edited meanwhile isn't overwritten; one that is gone is made again."""
+    if not path.is_file():
+        return
+    there = json.loads(json.dumps(rig_facts(Rig.load(path))))
+    differ = sorted(k for k in {*there, *begun_with} if there.get(k) != begun_with.get(k))
+    if differ:
+        raise InputError(f"{path} with another [{'], ['.join(differ)}] than the campaign was begun with", "the same rig",
+                         "put it back, or remove it and it is made again")  # fmt: skip
 
 
 def clean(folder: Path) -> None:
     """Remove what a writer that was killed has left: files that never got their name."""
-    for place in (folder, folder / "truth"):
-        if place.is_dir():
-            for kind in (".poke_*.*.*", ".overview.*.html", ".rig.*.toml", ".campaign.*.json"):
-                for left in place.glob(kind):
-                    left.unlink(missing_ok=True)
+    for place in (folder, folder / "truth", folder / "streams"):
+        for kind in (".poke_", ".slide_", ".overview.", ".rig.", ".campaign."):
+            for left in (*place.glob(f"{kind}*.*"), *place.glob(f".{kind}*.*")):
+                left.unlink(missing_ok=True)

@@ -88,14 +88,14 @@ class Overview:
 def campaign_page(title: str, grid: Grid, seen: dict[int, Seen], unreadable: Sequence[str] = ()) -> str:
     """Progress, places and forces as one self-contained HTML page; with the names of logs that can't be read."""
     done = len(seen) + len(unreadable)
-    head = (f"<p class=facts>{done} of {grid.count} pokes are done ({100 * done / grid.count:.0f} %): {grid.rows} × "
+    head = (f"<p class=facts>{done} of {grid.count} {grid.done_there}s are done ({100 * done / grid.count:.0f} %): {grid.rows} × "
             f"{grid.columns} places, {1e3 * grid.spacing:g} mm apart.</p>"
             f"<progress max={grid.count} value={done} style='width:100%'></progress>")  # fmt: skip
     if unreadable:
-        head += (f"<p class=facts>Not readable: {html.escape(', '.join(unreadable))}. Remove them and run the same command "
+        head += (f"<p class=facts>Not readable: {html.escape(', '.join(unreadable))}. Run the same command again: they are made "
                  "again.</p>")  # fmt: skip
     if not seen:
-        return page(title, head + "<p class=facts>No place has been poked yet.</p>", [])
+        return page(title, head + "<p class=facts>No place has been touched yet.</p>", [])
     values = np.array([[s.greatest, s.held, 1e3 * s.deepest] for s in seen.values()])
     rows = "".join(
         f"<tr><td>{label}</td><td>{low:.3g}</td><td>{middle:.3g}</td><td>{high:.3g}</td></tr>"
@@ -120,10 +120,10 @@ def _map(grid: Grid, seen: dict[int, Seen]) -> Figure:
     held = np.full((grid.rows, grid.columns), np.nan)
     for index, poke in seen.items():
         held[divmod(index, grid.columns)] = poke.held
-    x = [1e3 * grid.place(i * grid.columns)[0] for i in range(grid.rows)]
-    y = [1e3 * grid.place(j)[1] for j in range(grid.columns)]
+    apart, (x, y) = 1e3 * grid.spacing, grid.place(0)
     figure = go.Figure(go.Heatmap(
-        x=x, y=y, z=held.T, colorscale="Viridis", xgap=1, ygap=1, colorbar={"title": {"text": "[N]"}},
+        x0=1e3 * x, dx=apart, y0=1e3 * y, dy=apart, z=held.T, colorscale="Viridis", xgap=1, ygap=1,
+        colorbar={"title": {"text": "[N]"}},
         hovertemplate="(%{x:g}, %{y:g}) mm: %{z:.3g} N<extra></extra>"))  # fmt: skip
     finish(figure, 560)
     figure.update_layout(hovermode="closest", plot_bgcolor="#f3f4f6")

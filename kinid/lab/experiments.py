@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import dataclasses
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from kinid.errors import InputError, near
 from kinid.lab import materials
-from kinid.lab.arm import Gains
+from kinid.lab.arm import Gains, Joints, lwr4plus_joints
 from kinid.lab.protocol import Poke, Script, Slide, five_phases, minimum_jerk
 from kinid.lab.sensors import Sensor, StreamSpec
 from kinid.lab.setup import Setup
@@ -64,6 +65,8 @@ EXPERIMENTS = {
         Experiment("wave", "free motion of all joints, nothing touched", "ecoflex-50", _wave),
     )
 }  # fmt: skip
+#: what can be asked for by name: these, and the study of teleoperation
+NAMES = (*EXPERIMENTS, "teleoperation")
 
 
 def named(name: str) -> Experiment:
@@ -73,22 +76,39 @@ def named(name: str) -> Experiment:
         InputError: no such experiment.
     """
     if name not in EXPERIMENTS:
-        raise InputError(f"experiment '{name}'", f"one of {', '.join(EXPERIMENTS)}", near(name, EXPERIMENTS))
+        raise InputError(f"experiment '{name}'", f"one of {', '.join(NAMES)}", near(name, NAMES))
     return EXPERIMENTS[name]
+
+
+def limited(torque_limit: Sequence[float] | None) -> Joints:
+    """The LWR4+'s drives, with other torque limits [N·m]: one for all joints, or one for each.
+
+    Raises:
+        InputError: a number of limits that isn't the arm's, or one that isn't positive.
+    """
+    joints = lwr4plus_joints()
+    if torque_limit is None:
+        return joints
+    limit, count = np.asarray(torque_limit, dtype=float), len(joints.torque_limit)
+    if limit.shape not in ((1,), (count,)) or not (np.isfinite(limit).all() and (limit > 0).all()):
+        raise InputError(f"torque limits {', '.join(f'{v:g}' for v in limit)}",
+                         f"one positive number [N·m] for all joints, or {count}", "correct them")  # fmt: skip
+    return dataclasses.replace(joints, torque_limit=np.broadcast_to(limit, count).copy())
 
 
 def prepare(
     name: str, *, material: str | None = None, seed: int = 0, gains: Gains | None = None, point: Vector | None = None,
-    normal: Vector | None = None,
+    normal: Vector | None = None, torque_limit: Sequence[float] | None = None,
 ) -> Setup:  # fmt: skip
     """The set-up of a named experiment, its sensor and clocks by the seed.
 
     Args:
         name: of the experiment. material: touched; default: the experiment's. seed: of sensor and noise.
         gains: of the controller. point [m], normal: of the surface, base frame; default: the experiment's, upwards.
+        torque_limit: of the drives [N·m], one for all joints or one for each; default: the arm's.
 
     Raises:
-        InputError: no such experiment or material.
+        InputError: no such experiment or material, or a limit that is none.
     """
     experiment = named(name)
     rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
@@ -96,10 +116,13 @@ def prepare(
     wrench = StreamSpec(offset=float(rng.uniform(-2e-3, 2e-3)), delay=float(rng.uniform(0.0, 1e-3)), jitter=2e-5, losses=2e-3,
                         skew=float(rng.normal(scale=5e-6)))  # fmt: skip
     joints = StreamSpec(every=2, jitter=2e-5, losses=1e-3)
+    # as an experimenter finds it who compares the clocks once: to the microsecond, and not how they drift apart
+    known = round(joints.offset + joints.delay - wrench.offset - wrench.delay, 6)
     out = normal or (0.0, 0.0, 1.0)
     tangent = (0.0, 1.0, 0.0) if abs(out[0]) > 0.9 * max(map(abs, out)) else (1.0, 0.0, 0.0)
     return Setup(
         experiment.script(), materials.material(material or experiment.material), gains or Gains(),
-        point=point or experiment.point, normal=out, tangent=tangent, sensor=sensor, known_crosstalk=sensor.crosstalk,
-        wrench_stream=wrench, joint_stream=joints, seed=seed,
+        joints=limited(torque_limit), point=point or experiment.point, normal=out, tangent=tangent,
+        sensor=sensor, known_crosstalk=sensor.crosstalk, known_bias=sensor.bias,
+        wrench_stream=wrench, joint_stream=joints, known_clock_offset=known, seed=seed,
     )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from kinid.errors import InputError
-from kinid.lab.arm import Gains, design_damping, joints_along, spectral_radius
+from kinid.lab.arm import Gains, design_damping, spectral_radius
 
 if TYPE_CHECKING:
     from kinid.lab.setup import Setup
@@ -20,6 +21,8 @@ Array = NDArray[np.float64]
 CHECKS = 10
 #: the arm's controller takes translational stiffness up to this [N/m]
 GREATEST_STIFFNESS = 5200.0
+#: rounding moves eigenvalues of motions without stiffness off the unit circle by so little
+STEADY = 1.0 + 1e-6
 
 
 def check(setup: Setup) -> Array:
@@ -30,16 +33,17 @@ def check(setup: Setup) -> Array:
             joints, speeds, torques or the sensor, gains that are no numbers or with which arm and controller are unstable.
     """
     gains, script = setup.gains, setup.script
-    _check_numbers(gains, script.place, script.tilt)
+    check_gains(gains)
+    _check_numbers(script.place, script.tilt)
     _check_surface(setup)
-    if not np.abs(script.place[:, :2]).max() <= setup.material.side / 2:
-        x, y = script.place[int(np.abs(script.place[:, :2]).max(axis=1).argmax()), :2]
+    touched = script.place[script.touching, :2]
+    if not np.abs(touched).max(initial=0.0) <= setup.material.side / 2:
+        x, y = touched[int(np.abs(touched).max(axis=1).argmax())]
         raise InputError(f"a path through ({1e3 * x:.0f}, {1e3 * y:.0f}) mm, beside the {setup.material.name}",
                          f"places within ±{500 * setup.material.side:.0f} mm", "make the motion or the grid smaller")  # fmt: skip
-    positions, rotations = script.poses(setup.axes, np.asarray(setup.point))
     stride = max(1, int(1 / (CHECKS * gains.period)))
-    rows = np.unique(np.append(np.arange(0, len(positions), stride), len(positions) - 1))
-    in_log = joints_along(setup.robot, positions[rows], rotations[rows], setup.start, "a motion")
+    rows = np.unique(np.append(np.arange(0, len(script.t), stride), len(script.t) - 1))
+    in_log = script.joints(rows, setup.robot, setup.axes, np.asarray(setup.point), setup.start)
     _check_speeds(setup, in_log, rows)
     q = in_log[:, setup.arm.columns]
     _check_stability(setup, q[0], q[int(np.argmax(script.place[rows, 2]))])
@@ -48,13 +52,21 @@ def check(setup: Setup) -> Array:
     return q0
 
 
-def _check_numbers(gains: Gains, place: Array, tilt: Array) -> None:
+def check_gains(gains: Gains) -> None:
+    """Refuse gains that are no numbers.
+
+    Raises:
+        InputError: which.
+    """
     for name, value in (("translational stiffness", gains.translation), ("rotational stiffness", gains.rotation),
                         ("damping ratio", gains.ratio), ("control period", gains.period)):  # fmt: skip
         if not (np.isfinite(value) and value > 0):
             raise InputError(f"a {name} of {value}", "a positive number", "correct it")
     if not (np.isfinite(gains.null) and gains.null >= 0):
         raise InputError(f"a null-space damping of {gains.null}", "a number that isn't negative", "correct it")
+
+
+def _check_numbers(place: Array, tilt: Array) -> None:
     if not (np.isfinite(place).all() and np.isfinite(tilt).all()):
         raise InputError("set-points that are no numbers", "finite places and tilts", "correct the script")
     if len(place) < 2:
@@ -94,14 +106,31 @@ def _check_stability(setup: Setup, *poses: Array) -> None:
     damping = design_damping(gains, setup.arm, setup.joints, poses[0])
     for pose in poses:
         radius = spectral_radius(gains, damping, setup.arm, setup.joints, pose)
-        if radius > 1.0 + 1e-6:
-            raise InputError(
-                f"stiffness {gains.translation:g} N/m and {gains.rotation:g} N·m/rad with damping ratio {gains.ratio:g}, "
-                f"unstable at {1 / gains.period:g} Hz (errors grow {radius:.3g} times a period)",
-                "gains at which the loop is stable", "lower stiffness or damping ratio")  # fmt: skip
+        if radius > STEADY:
+            cause, mend = _blame(setup, pose, poses[0])
+            raise InputError(f"{cause}, unstable at {1 / gains.period:g} Hz (errors grow {radius:.3g} times a period)",
+                             "gains at which the loop is stable", mend)  # fmt: skip
     if gains.translation > GREATEST_STIFFNESS:
         raise InputError(f"a translational stiffness of {gains.translation:g} N/m", f"at most {GREATEST_STIFFNESS:g} N/m",
                          "the arm's controller takes no more; lower it")  # fmt: skip
+
+
+def _blame(setup: Setup, pose: Array, designed_at: Array) -> tuple[str, str]:
+    """The gain without which the loop would be stable, and what to do about it."""
+    gains, arm, joints = setup.gains, setup.arm, setup.joints
+
+    def steady(**changes: float) -> bool:
+        other = dataclasses.replace(gains, **changes)
+        return spectral_radius(other, design_damping(other, arm, joints, designed_at), arm, joints, pose) <= STEADY
+
+    if gains.null > 0.0 and steady(null=0.0):
+        return f"a null-space damping of {gains.null:g} N·m·s/rad, too strong for arm and drives", "lower it"
+    if steady(ratio=0.7):
+        high = gains.ratio > 0.7
+        return (f"a damping ratio of {gains.ratio:g}, too {'high' if high else 'low'}",
+                f"{'lower' if high else 'raise'} it towards 0.7")  # fmt: skip
+    return (f"stiffness {gains.translation:g} N/m and {gains.rotation:g} N·m/rad with damping ratio {gains.ratio:g}",
+            "lower stiffness or damping ratio")  # fmt: skip
 
 
 def _check_torques(setup: Setup, q: Array, rows: NDArray[np.int64]) -> None:

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError, near
-from kinid.lab.materials import Field, Patch
-from kinid.lab.sensors import StreamSpec
+from kinid.lab.materials import SURFACE, Field, Patch
 from kinid.lab.setup import Setup, together
 from kinid.rig import ToolSpec
 
@@ -44,9 +43,44 @@ def hide(setup: Setup, effect: str, seed: int, where: Rectangle | None = None) -
             raise InputError(f"'{effect}' to hide in a part of the surface", "an effect of the material",
                              "hide it without a place: it is everywhere")  # fmt: skip
         patch = Patch(*where, planted.material)
+        check_where(setup, where)
         planted = setup.replace(material=setup.material.replace(patches=(*setup.material.patches, patch)))
         truth["where"] = where
     return planted, truth
+
+
+def check_where(setup: Setup, where: Rectangle) -> None:
+    """Refuse a part of the surface that lies off the piece.
+
+    Raises:
+        InputError: no point in common.
+    """
+    half = min(setup.material.side / 2, SURFACE)
+    if max(where[0]) >= half or min(where[1]) <= -half:
+        raise InputError(f"a part of the surface {_shown(where)}, off the {setup.material.name}",
+                         f"places within ±{1e3 * half:g} mm of its middle", "move or enlarge it")  # fmt: skip
+
+
+def check_met(where: Rectangle, places: Array) -> None:
+    """Refuse a part of the surface that no motion touches: what is hidden there would never show.
+
+    Args:
+        where: its corners [m]. places: that are touched, along both tangents [m], (n, 2).
+
+    Raises:
+        InputError: none of them lies in it.
+    """
+    low, high = np.asarray(where)
+    if not ((places >= low) & (places <= high)).all(axis=1).any():
+        near, far = 1e3 * places.min(axis=0, initial=np.inf), 1e3 * places.max(axis=0, initial=-np.inf)
+        touched = f"({near[0]:.3g}, {near[1]:.3g}) to ({far[0]:.3g}, {far[1]:.3g}) mm" if len(places) else "nothing"
+        raise InputError(f"a part of the surface {_shown(where)} that isn't touched", f"some of what is: {touched}",
+                         "move or enlarge it, or touch elsewhere")  # fmt: skip
+
+
+def _shown(where: Rectangle) -> str:
+    (a, b), (c, d) = where
+    return f"from ({1e3 * a:g}, {1e3 * b:g}) to ({1e3 * c:g}, {1e3 * d:g}) mm"
 
 
 def _material(setup: Setup, truth: Truth, **changes: object) -> Planted:
@@ -253,7 +287,7 @@ def _sensor(setup: Setup, truth: Truth, **changes: object) -> Planted:
 
 def _bias(s: Setup, rng: np.random.Generator) -> Planted:
     bias = rng.uniform(0.5, 1.5, 6) * rng.choice([-1.0, 1.0], 6) * np.array([2.0, 2.0, 4.0, 0.1, 0.1, 0.05])
-    return _sensor(s, {"offset": bias.tolist()}, bias=bias)
+    return _sensor(s, {"offset": bias.tolist()}, bias=s.sensor.bias + bias)
 
 
 def _sensor_drift(s: Setup, rng: np.random.Generator) -> Planted:
@@ -286,7 +320,7 @@ def _lag(s: Setup, rng: np.random.Generator) -> Planted:
 
 def _time_offset(s: Setup, rng: np.random.Generator) -> Planted:
     delay = float(rng.uniform(5e-3, 1.5e-2))
-    return s.replace(sensor=s.sensor.replace(delay=delay), wrench_stream=StreamSpec()), {"delay": delay}
+    return _sensor(s, {"delay": delay}, delay=delay)
 
 
 def _hum(s: Setup, rng: np.random.Generator) -> Planted:
@@ -301,13 +335,13 @@ def _quantization(s: Setup, rng: np.random.Generator) -> Planted:
 
 
 def _saturation(s: Setup, rng: np.random.Generator) -> Planted:
-    force = _load(s)[1]
-    weight = 9.81 * s.tool.mass
-    # the hanging tool pulls (+z of the sensor), the material pushes: an offset brings the push to the end of the range
+    force, weight = _load(s)[1], 9.81 * s.tool.mass
+    # The hanging tool pulls (+z of the sensor), the material pushes, and both ends of the range are alike: so light a push
+    # comes to its end where the sensor's zero has moved as well. The rig goes on stating the zero that was.
     limit = np.array([40.0, 40.0, weight + float(rng.uniform(0.1, 0.3)) * force, 2.0, 2.0, 2.0])
     bias = s.sensor.bias.copy()
     bias[2] = -limit[2] + float(rng.uniform(0.45, 0.6)) * force - weight
-    return _sensor(s, {"limit": limit.tolist()}, limit=limit, bias=bias)
+    return _sensor(s, {"limit": limit.tolist(), "offset": (bias - s.sensor.bias).tolist()}, limit=limit, bias=bias)
 
 
 PLANTS: dict[str, Plant] = {

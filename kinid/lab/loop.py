@@ -6,6 +6,7 @@ finer steps. The contact's memory advances with each step; within a step every s
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -29,6 +30,8 @@ _contact = law.contact
 _FORCE, _MEMORY, _FIELDS = law.FORCE, law.MEMORY, law.FIELDS
 # rows of `joints`
 _ROTOR, _SPRING, _DASHPOT, _COULOMB, _VISCOUS, _LINK_COULOMB, _LINK_VISCOUS, _LIMIT = range(8)
+#: periods after which the loop says how far it is
+PART = 2000
 
 
 @njit(cache=True)
@@ -57,43 +60,49 @@ def _place(position: Array, jacobian: Array, dq: Array, axes: Array, point: Arra
 @cached(kernel, law, impedance)
 def run(
     turns: Array, shifts: Array, prismatic: Array, mass: Array, com: Array, inertia: Array, gravity: Array, joints: Array,
-    elastic: bool, presliding: float, q0: Array, dq0: Array, positions: Array, velocities: Array, rotations: Array,
+    elastic: bool, presliding: float, positions: Array, velocities: Array, rotations: Array,
     stiffness: Array, damping: Array, null_damping: float, controlled: bool, axes: Array, point: Array, table: Array,
-    patches: NDArray[np.int64], fields: Array, grid: Array, period: float, substeps: int, t0: float, out: Array,
+    patches: NDArray[np.int64], fields: Array, grid: Array, period: float, substeps: int, t0: float, first: int,
+    state: Array, memory: Array, out: Array,
 ) -> None:  # fmt: skip
     """Run the loop for as many periods as there are set-points.
 
     Args:
         turns … gravity: the arm. joints: the drives, see `Joints.packed`. elastic: whether joints bend. presliding: [rad].
-        q0, dq0: state to begin with, (N,). positions, velocities, rotations: set-points, (n, 3), (n, 6), (n, 3, 3).
+        positions, velocities, rotations: set-points, (n, 3), (n, 6), (n, 3, 3).
         stiffness, damping, null_damping: of the impedance. controlled: False switches all torques off.
         axes: rows tangent1, tangent2, normal. point: of the surface. table, patches, fields, grid: of the contact.
         period [s], substeps: of the controller, and steps within it. t0: the material's time at the beginning [s].
+        first: number of the first of these periods; 0 puts drives and contact into what belongs to q and dq.
+        state: joints, their speeds, those of the motors, bristles of links and motors, (6, N). memory: of the contact, and
+            the work done so far [J], (MEMORY + 1,). Both are where the loop begins, and then where it ends.
         out: (n, 4 N + 10): q, dq, ddq, tau (link side); contact force, place and depth, tip
             position, work done by the contact so far.
     """
-    n, steps, h = q0.shape[0], positions.shape[0], period / substeps
+    n, steps, h = state.shape[1], positions.shape[0], period / substeps
     work, matrix, bias, hold = np.empty((n, _WORK)), np.empty((n, n)), np.empty(n), np.empty(n)
     rotation, position, jacobian = np.empty((3, 3)), np.empty(3), np.empty((6, n))
     seen_matrix, seen_bias, seen_hold = np.empty((n, n)), np.empty(n), np.empty(n)
     seen_rotation, seen_position, seen_jacobian = np.empty((3, 3)), np.empty(3), np.empty((6, n))
-    q, dq, m, dm = q0.copy(), dq0.copy(), q0.copy(), dq0.copy()
+    q, dq, m, dm, link_z, motor_z = state[0], state[1], state[2], state[3], state[4], state[5]
     ql, vl, ml, wl = np.empty(n), np.empty(n), np.empty(n), np.empty(n)  # state of a stage
     qa, va, ma, wa = np.empty(n), np.empty(n), np.empty(n), np.empty(n)  # weighted sums of the stages' slopes
     accel, motor, torque = np.empty(n), np.empty(n), np.zeros(n)
-    link_z, motor_z = np.zeros(n), np.zeros(n)
-    memory, ahead, at = np.zeros(_MEMORY), np.zeros(_MEMORY), np.empty(_FIELDS)
-    memory[7] = -1.0  # no bond yet
+    kept, done = memory, memory[_MEMORY]
+    memory, ahead, at = kept[:_MEMORY].copy(), np.zeros(_MEMORY), np.empty(_FIELDS)
     x, v, tip, before = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    done, limit = 0.0, joints[_LIMIT]
+    limit = joints[_LIMIT]
     _dynamics(q, dq, turns, shifts, prismatic, mass, com, inertia, gravity, work, matrix, bias, hold, rotation, position,
               jacobian)  # fmt: skip
-    if elastic and controlled:
-        for j in range(n):
-            m[j] = q[j] + hold[j] / joints[_SPRING, j]
     _place(position, jacobian, dq, axes, point, x, v)
-    _contact(x, v, t0, 1e-9, memory, ahead, table, patches, fields, grid, at)
-    memory, ahead = ahead, memory
+    if first == 0:
+        for j in range(n):
+            m[j], dm[j] = q[j], dq[j]
+            if elastic and controlled:
+                m[j] += hold[j] / joints[_SPRING, j]
+        memory[7] = -1.0  # no bond yet
+        _contact(x, v, t0, 1e-9, memory, ahead, table, patches, fields, grid, at)
+        memory, ahead = ahead, memory
     for i in range(steps):
         if controlled and elastic:
             # from the motors' side, less what gravity bends: a spring between drive and measurement would destabilise
@@ -124,7 +133,7 @@ def run(
                     _dynamics(ql, vl, turns, shifts, prismatic, mass, com, inertia, gravity, work, matrix, bias, hold, rotation,
                               position, jacobian)  # fmt: skip
                     _place(position, jacobian, vl, axes, point, x, v)
-                    _contact(x, v, t0 + i * period + s * h + c, c, memory, ahead, table, patches, fields, grid, at)
+                    _contact(x, v, t0 + (first + i) * period + s * h + c, c, memory, ahead, table, patches, fields, grid, at)
                     source = ahead
                 else:
                     source = memory
@@ -178,13 +187,15 @@ def run(
             _dynamics(q, dq, turns, shifts, prismatic, mass, com, inertia, gravity, work, matrix, bias, hold, rotation, position,
                       jacobian)  # fmt: skip
             _place(position, jacobian, dq, axes, point, x, v)
-            _contact(x, v, t0 + i * period + (s + 1) * h, h, memory, ahead, table, patches, fields, grid, at)
+            _contact(x, v, t0 + (first + i) * period + (s + 1) * h, h, memory, ahead, table, patches, fields, grid, at)
             for k in range(3):
                 f = 0.0
                 for r in range(3):
                     f += 0.5 * axes[r, k] * (tip[r] + ahead[_FORCE + r])
                 done += f * (position[k] - before[k])
             memory, ahead = ahead, memory
+    kept[:_MEMORY] = memory
+    kept[_MEMORY] = done
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,13 +239,13 @@ class Loop:
     substeps: int = 4
 
     def run(self, q0: Array, positions: Array, rotations: Array, material: Material, *, dq0: Array | None = None,
-            controlled: bool = True, t0: float = 0.0) -> Motion:  # fmt: skip
+            controlled: bool = True, t0: float = 0.0, progress: Callable[[float], None] | None = None) -> Motion:  # fmt: skip
         """Follow set-points, one a control period.
 
         Args:
             q0: joints to begin with, (N,). positions: (n, 3) [m]. rotations: (n, 3, 3). material: touched.
             dq0: speeds to begin with; default: rest. controlled: False lets the arm go.
-            t0: the material's time at the beginning [s].
+            t0: the material's time at the beginning [s]. progress: told the share that is done, 0…1, now and then.
 
         Raises:
             KinidError: the loop diverged.
@@ -242,15 +253,21 @@ class Loop:
         n, dt = self.arm.joints, self.gains.period
         damping = self.damping if self.damping is not None else design_damping(self.gains, self.arm, self.joints, q0)
         fields, patches, grid = material.raster()
-        out = np.empty((len(positions), 4 * n + 10))
-        run(
-            *self.arm.packed, self.joints.packed, not self.joints.rigid, self.joints.presliding,
-            np.ascontiguousarray(q0, dtype=float), np.zeros(n) if dq0 is None else np.ascontiguousarray(dq0, dtype=float),
-            np.ascontiguousarray(positions), twists(positions, rotations, dt), np.ascontiguousarray(rotations),
-            self.gains.stiffness, np.ascontiguousarray(damping), self.gains.null, controlled,
-            np.ascontiguousarray(self.axes), np.asarray(self.point, dtype=float), material.packed(), patches, fields, grid,
-            dt, self.substeps, t0, out,
-        )  # fmt: skip
+        positions, rotations, velocities = (np.ascontiguousarray(part) for part in
+                                            (positions, rotations, twists(positions, rotations, dt)))  # fmt: skip
+        out, state, memory = np.empty((len(positions), 4 * n + 10)), np.zeros((6, n)), np.zeros(_MEMORY + 1)
+        state[0], state[1] = q0, 0.0 if dq0 is None else dq0
+        for first in range(0, len(out), PART):
+            part = slice(first, first + PART)
+            run(
+                *self.arm.packed, self.joints.packed, not self.joints.rigid, self.joints.presliding,
+                positions[part], velocities[part], rotations[part],
+                self.gains.stiffness, np.ascontiguousarray(damping), self.gains.null, controlled,
+                np.ascontiguousarray(self.axes), np.asarray(self.point, dtype=float), material.packed(), patches, fields, grid,
+                dt, self.substeps, t0, first, state, memory, out[part],
+            )  # fmt: skip
+            if progress is not None:
+                progress(min(1.0, (first + PART) / len(out)))
         if not np.isfinite(out).all() or np.abs(out[:, n : 2 * n]).max() > 1e3:
             raise KinidError("the virtual experiment diverged: the gains don't suit arm and material")
         q, dq, ddq, tau, rest = np.split(out, [n, 2 * n, 3 * n, 4 * n], axis=1)

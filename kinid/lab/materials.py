@@ -19,7 +19,7 @@ Field = Callable[[Array, Array], Array]
 #: names of the properties that may change over a surface, in the order of the law's fields
 PROPERTIES = ("stiffness", "damping", "friction", "layer", "layer_depth")
 #: half the side of the raster on which fields are tabled [m], and its step
-_HALF, _STEP = 0.06, 5e-4
+SURFACE, _STEP = 0.06, 5e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +115,7 @@ class Material:
             flat = np.array([getattr(self, name) for name in PROPERTIES])
             return (np.ascontiguousarray(np.broadcast_to(flat[:, None, None], (law.FIELDS, 2, 2))),
                     np.zeros((2, 2), dtype=np.int64), np.array([0.0, 0.0, 1.0, 1.0]))  # fmt: skip
-        ticks = np.arange(-_HALF, _HALF + _STEP / 2, _STEP)
+        ticks = np.arange(-SURFACE, SURFACE + _STEP / 2, _STEP)
         x, y = np.meshgrid(ticks, ticks, indexing="ij")
         values = self.at(x.ravel(), y.ravel())
         tables = np.stack([values[name].reshape(x.shape) for name in PROPERTIES])

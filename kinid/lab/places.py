@@ -40,9 +40,14 @@ class Grid:
         i, j = divmod(index, self.columns)
         return ((i - (self.rows - 1) / 2) * self.spacing, (j - (self.columns - 1) / 2) * self.spacing)
 
+    @property
+    def done_there(self) -> str:
+        """What is done at each place."""
+        return "poke"
+
     def name(self, index: int) -> str:
         """Of a place's files."""
-        return f"poke_{index:04d}"
+        return f"{self.done_there}_{index:04d}"
 
     def rim(self) -> list[int]:
         """Numbers of the outermost places."""

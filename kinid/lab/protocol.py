@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError
+from kinid.lab.arm import joints_along
+from kinid.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -85,6 +87,20 @@ class Script:
             return positions, np.ascontiguousarray(np.broadcast_to(base, (len(self.t), 3, 3)))
         turn = np.einsum("nij,njk->nik", _turn(self.tilt[:, 0], t1), _turn(self.tilt[:, 1], t2))
         return positions, np.ascontiguousarray(turn @ base)
+
+    def joints(self, rows: NDArray[np.int64], robot: Robot, axes: Array, point: Array, start: Array) -> Array:
+        """Joints at some set-points, log order, (rows, N); searched from a posture `start`.
+
+        Raises:
+            InputError: a pose out of reach, or one that needs a joint beyond its limits.
+        """
+        positions, rotations = self.poses(axes, point)
+        return joints_along(robot, positions[rows], rotations[rows], start, "a motion")
+
+    @property
+    def touching(self) -> NDArray[np.bool_]:
+        """Set-points inside the material, (n,)."""
+        return np.asarray(self.place[:, 2] > 0.0)
 
 
 def five_phases(

@@ -58,8 +58,8 @@ class Sensor:
         crosstalk[3:, :3] *= 0.05
         crosstalk[3:, 3:] *= 0.1
         np.fill_diagonal(crosstalk, 0.0)
-        # the calibration sheet has so many digits
-        return cls(crosstalk=np.round(crosstalk, 5), bias=rng.normal(scale=[0.5, 0.5, 1.0, 0.02, 0.02, 0.01]),
+        # the calibration sheet, and the reading without load, have so many digits
+        return cls(crosstalk=np.round(crosstalk, 5), bias=np.round(rng.normal(scale=[0.5, 0.5, 1.0, 0.02, 0.02, 0.01]), 5),
                    walk=np.array([4e-3, 4e-3, 6e-3, 2e-4, 2e-4, 1e-4]))  # fmt: skip
 
     def replace(self, **changes: object) -> Sensor:

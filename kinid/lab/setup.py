@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -38,8 +39,10 @@ class Setup:
             the tip in its axes [m]; how far the surface lies further out [m] and how it rises along the tangents; a load
             between arm and sensor.
         gravity_error: true gravity less the rig's, base frame [m/s²]; the arm's own gravity compensation knows it.
-        sensor, joint_sensors: with their faults. known_crosstalk: what the sensor's calibration sheet, and so the rig, says.
-        wrench_stream, joint_stream: how they are logged in a bag.
+        sensor, joint_sensors: with their faults. known_crosstalk, known_bias: what the sensor's calibration sheet and the
+            reading without load, and so the rig, say.
+        wrench_stream, joint_stream: how they are logged in a bag. known_clock_offset: what the rig adds to the wrench's
+            stamps [s].
         seed: of all noise.
     """
 
@@ -59,9 +62,11 @@ class Setup:
     gravity_error: tuple[float, float, float] = (0.0, 0.0, 0.0)
     sensor: sensors.Sensor = field(default_factory=sensors.Sensor)
     known_crosstalk: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    known_bias: Array = field(default_factory=lambda: np.zeros(6))
     joint_sensors: sensors.JointSensors = sensors.JointSensors()
     wrench_stream: sensors.StreamSpec = sensors.StreamSpec()
     joint_stream: sensors.StreamSpec = sensors.StreamSpec(every=LOG_EVERY)
+    known_clock_offset: float = 0.0
     model: str = "lwr4plus"
     seed: int = 0
 
@@ -73,9 +78,10 @@ class Setup:
     def rig(self) -> Rig:
         """What the experimenter believes."""
         surface = {"point": self.point, "normal": self.normal, "tangent": self.tangent}
-        return Rig.parse({"robot": {"model": self.model}, "tool": self.tool, "surface": surface,
-                          "sensor": {"range": tuple(sensors.RANGE), "noise": tuple(sensors.NOISE),
-                                     "crosstalk": tuple(map(tuple, np.eye(6) + self.known_crosstalk))}})  # fmt: skip
+        sensor = {"range": tuple(sensors.RANGE), "noise": tuple(sensors.NOISE), "bias": tuple(self.known_bias),
+                  "crosstalk": tuple(map(tuple, np.eye(6) + self.known_crosstalk))}  # fmt: skip
+        return Rig.parse({"robot": {"model": self.model}, "tool": self.tool, "surface": surface, "sensor": sensor,
+                          "streams": {"wrench_clock_offset": self.known_clock_offset}})  # fmt: skip
 
     @cached_property
     def robot(self) -> Robot:
@@ -113,8 +119,11 @@ class Setup:
         """Refuse what can't work; the joints at the first set-point, (N,). See `kinid.lab.feasible.check`."""
         return check(self)
 
-    def run(self) -> Result:
+    def run(self, progress: Callable[[float], None] | None = None) -> Result:
         """Check, run the loop, and read the sensors.
+
+        Args:
+            progress: told the share of the loop that is done, 0…1, now and then.
 
         Raises:
             InputError: see `check`.
@@ -123,7 +132,7 @@ class Setup:
         positions, rotations = self.script.poses(self.axes, np.asarray(self.point))
         true_point = np.asarray(self.point) + self.surface_offset * self.axes[2]
         loop = Loop(self.arm, self.joints, self.gains, self.true_axes, true_point)
-        motion = loop.run(q0, positions, rotations, self.material)
+        motion = loop.run(q0, positions, rotations, self.material, progress=progress)
         return self.observe(motion)
 
     def observe(self, motion: Motion) -> Result:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import MissingDependencyError
+from kinid.lab.folder import digest, digests
 from kinid.lab.setup import Result, Setup
 from kinid.log import Log
 from kinid.rig import WRENCH
@@ -23,7 +24,9 @@ EPOCH = 1_700_000_000_000_000_000
 
 
 def write_experiment(folder: Path, result: Result, truth: dict[str, Any], *, name: str = "log", mcap: bool = True) -> Path:
-    """Write rig, truth, streams and, last of all, the log; each file whole or not at all. The log's path.
+    """Write rig, streams, truth and, last of all, the log; each file whole or not at all. The log's path.
+
+    What is told as truth ends with the digests of the files, by which `kinid.lab.folder.is_whole` knows them again.
 
     Raises:
         InputError: a folder that can't be made or written to.
@@ -31,20 +34,24 @@ def write_experiment(folder: Path, result: Result, truth: dict[str, Any], *, nam
     """
     make_folder(folder / "truth")
     write_rig(folder, result.setup)
-    write_text(folder / "truth" / f"{name}.json", json.dumps(as_truth(result, truth), indent=1, default=_plain) + "\n")
     motion = result.motion
     columns = {"t": motion.t, "work": motion.work}
     columns |= {f"tip_{a}": motion.tip[:, i] for i, a in enumerate("xyz")}
     for i, force in enumerate(("tangential_force1", "tangential_force2", "normal_force")):
         columns[force] = motion.force[:, i]
     columns |= {quantity: motion.place[:, i] for i, quantity in enumerate(("slip1", "slip2", "depth"))}
-    write_table(folder / "truth" / f"{name}.parquet", columns)
+    files = [folder / "truth" / f"{name}.parquet"]
+    write_table(files[0], columns)
     if mcap:
         streams = stamped(result)
-        write_streams(folder / "streams", name, result, streams)
-        write_mcap(folder / f"{name}.mcap", result, streams)
+        files += [*write_streams(folder / "streams", name, result, streams), folder / f"{name}.mcap"]
+        write_mcap(files[-1], result, streams)
     path = folder / f"{name}.parquet"
-    write_log(path, result.log)
+    with replacing(path) as temporary:
+        write_log(temporary, result.log)
+        known = {**digests(folder, files), path.name: digest(temporary)}
+        told = as_truth(result, truth) | {"files": known}
+        write_text(folder / "truth" / f"{name}.json", json.dumps(told, indent=1, default=_plain) + "\n")
     return path
 
 
@@ -57,8 +64,10 @@ def write_rig(folder: Path, setup: Setup) -> None:
               f"tangent = {list(setup.tangent)}", "", "[sensor]"]  # fmt: skip
     sensor = setup.rig.sensor
     lines += [f"range = {list(sensor.range or ())}", f"noise = {list(sensor.noise or ())}"]
+    lines += [f"bias = {[float(v) for v in sensor.bias or ()]}"]
     if sensor.crosstalk is not None:
         lines += ["crosstalk = [", *(f"  {[float(v) for v in row]}," for row in sensor.crosstalk), "]"]
+    lines += ["", "[streams]", f"wrench_clock_offset = {setup.rig.streams.wrench_clock_offset}"]
     write_text(folder / "rig.toml", "\n".join(lines) + "\n")
 
 
@@ -112,7 +121,7 @@ def stamped(result: Result) -> Streams:
     return joints, wrench
 
 
-def write_streams(folder: Path, name: str, result: Result, streams: Streams) -> None:
+def write_streams(folder: Path, name: str, result: Result, streams: Streams) -> tuple[Path, Path]:
     """Each stream as a table of its own, as it was logged: NAME_joints.parquet and NAME_wrench.parquet."""
     make_folder(folder)
     (joints, joint_stamps), (wrench, wrench_stamps) = streams
@@ -120,9 +129,11 @@ def write_streams(folder: Path, name: str, result: Result, streams: Streams) -> 
     for quantity, values in (("q", result.q), ("tau", result.tau)):
         columns |= {f"{quantity}{j + 1}": values[joints, j] for j in range(values.shape[1])}
     provenance = result.log.provenance.to_dict()
-    write_table(folder / f"{name}_joints.parquet", columns, provenance)
+    paths = folder / f"{name}_joints.parquet", folder / f"{name}_wrench.parquet"
+    write_table(paths[0], columns, provenance)
     columns = {"t": wrench_stamps} | {channel: result.wrench[wrench, i] for i, channel in enumerate(WRENCH)}
-    write_table(folder / f"{name}_wrench.parquet", columns, provenance)
+    write_table(paths[1], columns, provenance)
+    return paths
 
 
 def write_mcap(path: Path, result: Result, streams: Streams) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from kinid.errors import InputError
 from kinid.plan.limits import Limits
 from kinid.rig import ToolSpec
-from kinid.robot import Robot, joint_axis, z_onto
+from kinid.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -47,22 +47,10 @@ class Reach:
     @cached_property
     def packed(self) -> tuple[NDArray[Any], ...]:
         """Chain and inertias as the kernels take them; every joint acts along its own z axis there."""
-        robot = self.robot
-        model = (robot if self.tool is None or self.tool.mass == 0.0 else robot.with_tool(self.tool)).model
-        assert robot.tip_frame is not None
-        chain = robot.chain(robot.tip_frame)
-        ids = [j for j in model.supports[robot.frame(robot.tip_frame).parentJoint] if j > 0]
-        if len(ids) != model.njoints - 1:
-            raise InputError(f"{model.njoints - 1} joints of {robot.name}, {len(ids)} of them up to '{robot.tip_frame}'",
-                             "one serial arm", "name its joints in [robot] joints; the others are locked")  # fmt: skip
-        mass, com, inertia = [], [], []
-        for j in ids:
-            align, body = z_onto(joint_axis(model, j)[0]), model.inertias[j]
-            mass.append(body.mass)
-            com.append(align.T @ body.lever)
-            inertia.append((align.T @ body.inertia @ align).ravel())
-        return (chain.turns, chain.shifts, chain.prismatic, np.array(mass), np.array(com), np.array(inertia),
-                np.ascontiguousarray(robot.gravity, dtype=float))  # fmt: skip
+        robot, tool, tip = self.robot, self.tool, self.robot.tip_frame or ""
+        chain = robot.chain(tip)
+        bodies = (robot if tool is None or tool.mass == 0.0 else robot.with_tool(tool)).bodies(tip)
+        return (chain.turns, chain.shifts, chain.prismatic, *bodies, np.ascontiguousarray(robot.gravity, dtype=float))
 
     @cached_property
     def columns(self) -> NDArray[np.int64]:

@@ -284,3 +284,46 @@ def test_stiffening_is_paid_by_the_tank(bench: Any) -> None:
 def test_bad_schedules_are_refused(bad: dict[str, float]) -> None:
     with pytest.raises(InputError):
         Schedule(**bad)
+
+
+@pytest.mark.parametrize(
+    ("position", "velocity", "match"),
+    [
+        (np.zeros(2), np.zeros(3), "device position of shape"),
+        (np.zeros(3), np.full(3, np.nan), "device velocity with 3 values"),
+        ("here", np.zeros(3), "device position 'here'"), (np.zeros(3), None, "device velocity"),
+        (np.zeros((1, 3)), np.zeros(3), "device position of shape"),
+    ],
+)  # fmt: skip
+def test_what_a_driver_must_not_send(position: Any, velocity: Any, match: str) -> None:
+    with pytest.raises(InputError, match=match):
+        HapticRendering(Uniform(Properties(500.0))).command(position, velocity)
+
+
+@pytest.mark.parametrize(
+    ("bad", "match"),
+    [
+        ({"law": "hunt-crosley"}, "law 'hunt-crosley'.*HuntCrossley"), ({"law": Hooke}, "law"), ({"surface": "table"}, "surface"),
+        ({"passivity": "tank"}, "passivity 'tank'"), ({"shear": "500"}, "shear"), ({"period": "1 ms"}, "period"),
+        ({"force_limit": "8"}, "force_limit"), ({"force_limit": np.nan}, "force_limit"),
+    ],
+)  # fmt: skip
+def test_settings_of_the_wrong_kind(bad: Any, match: str) -> None:
+    with pytest.raises(InputError, match=match):
+        HapticSettings(**bad)
+
+
+def test_properties_planes_and_jacobians_of_the_wrong_kind() -> None:
+    for thing in ("map.parquet", None):
+        with pytest.raises(InputError, match="a map"):
+            HapticRendering(thing)  # type: ignore[arg-type]
+    for bad in ((Properties("stiff"), "stiffness stiff"), (Properties(500.0, None), "damping None")):  # type: ignore[arg-type]
+        with pytest.raises(InputError, match=bad[1]):
+            Uniform(bad[0])
+    with pytest.raises(InputError, match="orthonormal"):
+        Plane(axes=np.diag([1.0, 1.0, -1.0]))
+    with pytest.raises(InputError, match="surface point"):
+        Plane(point=np.zeros(2))
+    found = HapticRendering(Uniform(Properties(500.0))).command(np.zeros(3), np.zeros(3))
+    with pytest.raises(InputError, match="Jacobian of shape"):
+        found.torques(np.zeros((4, 7)))

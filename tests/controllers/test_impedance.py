@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from kinid.controllers import (
     potential,
     sampled_radius,
 )
+from kinid.controllers.cartesian import NULL_TIME
 from kinid.errors import InputError
 from kinid.rig import Rig
 from kinid.robot import Robot
@@ -282,13 +284,45 @@ def test_unstable_gains_are_refused_before_they_run(bench: Any) -> None:
         controller(bench, kind=kind).check(state, 1e-3)
         with pytest.raises(InputError, match="sampled loop grows"):
             controller(bench, kind=kind, null_damping=2000.0).check(state, 1e-3)
-    # without rotors the same null-space damping is too much for the wrist
+    # without rotors a null-space damping that suits them is too much for the wrist
     robot = Robot.load(Rig.parse({"robot": {"model": "lwr4plus"}}))
-    with pytest.raises(InputError, match="sampled loop grows"):
-        controller(bench).check(ArmState.of(robot, bench.pose), 1e-3)
+    light = ArmState.of(robot, bench.pose)
+    with pytest.raises(InputError, match="null-space damping of 5 .* too strong"):
+        controller(bench, null_damping=5.0).check(light, 1e-3)
     loaded = ArmState.of(robot, bench.pose, rotor=np.full(7, 0.4))
     np.testing.assert_allclose(loaded.mass, state.mass, atol=1e-12)
-    controller(bench).check(loaded, 1e-3)
+    controller(bench, null_damping=5.0).check(loaded, 1e-3)
+    for ratio, words in ((0.05, "damping ratio of 0.05 .* too low.*raise it"), (2.0, "ratio of 2 .* too high.*lower it")):
+        with pytest.raises(InputError, match=words):
+            controller(bench, ratio=ratio).check(light, 1e-3)
+    with pytest.raises(InputError, match="period"):
+        controller(bench).check(light, 0.0)
+
+
+@pytest.mark.parametrize("kind", [Impedance, DecoupledImpedance])
+@pytest.mark.parametrize("rotor", [0.0, 0.05, 0.4])
+def test_null_damping_suits_the_arm_where_it_isn_t_given(bench: Any, kind: type[Impedance], rotor: float) -> None:
+    """Stable with and without rotors, and null motions die out within their time constant, by forward dynamics."""
+    robot = Robot.load(Rig.parse({"robot": {"model": "lwr4plus"}}))
+    state = ArmState.of(robot, bench.pose, rotor=np.full(7, rotor))
+    control = controller(bench, kind=kind)
+    control.check(state, 1e-3)
+    idle = np.linalg.svd(state.jacobian)[2][-1]
+    still = ArmState.of(robot, bench.pose, 0.1 * idle, rotor=np.full(7, rotor))
+    slowing = np.linalg.solve(state.mass, control.command(still) - still.bias)
+    rate = -float(idle @ slowing) / 0.1
+    assert 0.0 < rate < 1.5 / NULL_TIME
+    if kind is Impedance:
+        # the other directions of M⁻¹ P move the tip, which the spring holds
+        assert rate == pytest.approx(1.0 / NULL_TIME, rel=0.02)
+
+
+def test_an_arm_without_null_space_needs_no_null_damping() -> None:
+    robot = Robot.load(Rig.parse({"robot": {"model": "ur5", "tip_frame": "tool0"}}))
+    state = ArmState.of(robot, np.array([0.0, -1.0, 1.2, -0.5, 0.7, 0.2]))
+    control = Impedance(Gains(), Target(state.rotation, state.position), np.full(6, 100.0))
+    assert control.null_damping(state) == 0.0
+    control.check(state, 1e-3)
 
 
 @pytest.mark.parametrize(
@@ -298,7 +332,10 @@ def test_unstable_gains_are_refused_before_they_run(bench: Any) -> None:
         ({"translation": (1.0, -2.0, 3.0)}, "negative"), ({"ratio": -0.1}, "ratio"), ({"ratio": 3.0}, "ratio"),
         ({"null_damping": -1.0}, "null_damping"), ({"axes": np.ones((3, 3))}, "orthonormal"),
         ({"damping": -np.eye(6)}, "can give energy"), ({"damping": np.triu(np.ones((6, 6)))}, "can give energy"),
-        ({"damping": np.eye(3)}, "shape"),
+        ({"damping": np.eye(3)}, "shape"), ({"translation": "a"}, "translation stiffness 'a'"),
+        ({"rotation": None}, "rotation stiffness"), ({"translation": (1.0, 2.0)}, "translation stiffness"),
+        ({"axes": np.diag([1.0, 1.0, -1.0])}, "right-handed"), ({"axes": "xyz"}, "axes of the stiffness 'xyz'"),
+        ({"ratio": "0.7"}, "ratio"), ({"null_damping": "5"}, "null_damping"), ({"damping": "much"}, "damping 'much'"),
     ],
 )  # fmt: skip
 def test_gains_that_make_no_sense_are_refused(bad: dict[str, Any], match: str) -> None:
@@ -320,6 +357,21 @@ def test_other_bad_input_is_refused(bench: Any) -> None:
         DecoupledImpedance(Gains(), Target(at.rotation, at.position), bench.limit, np.zeros((6, 6)))
     with pytest.raises(InputError, match="one state at a time"):
         ArmState.of(bench.robot, np.zeros((2, 7)))
+    with pytest.raises(InputError, match="joint velocities of lwr4plus with 7 values that aren't finite"):
+        ArmState.of(bench.robot, bench.pose, np.full(7, np.nan))
+    with pytest.raises(InputError, match="rotor inertias"):
+        ArmState.of(bench.robot, bench.pose, rotor=np.full(6, 0.4))
+    with pytest.raises(InputError, match="a state's wrench of shape"):
+        ArmState.of(bench.robot, bench.pose, wrench=np.zeros(3))
+    for name, value in (("dq", np.full(7, np.nan)), ("mass", np.eye(6)), ("jacobian", "J"), ("position", np.full(3, np.inf))):
+        with pytest.raises(InputError, match=f"a state's {name}"):
+            dataclasses.replace(at, **{name: value})
+    with pytest.raises(InputError, match="torque limits"):
+        Impedance(Gains(), Target(at.rotation, at.position), "strong")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="gains '2000'"):
+        Impedance("2000", Target(at.rotation, at.position), bench.limit)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="target"):
+        Impedance(Gains(), at.position, bench.limit)
     straight = ArmState.of(bench.robot, np.zeros(7))
     with pytest.raises(InputError, match="task-space inertia"):
         straight.task_inertia()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -19,7 +21,8 @@ from kinid.controllers import (
     Properties,
     Uniform,
 )
-from kinid.controllers.passivity import Passivity, afford, pay
+from kinid.controllers.haptic import Rendered
+from kinid.controllers.passivity import LASTS, RETURN, Passivity, afford, ease, pay
 from kinid.errors import InputError
 
 Array = NDArray[np.float64]
@@ -35,8 +38,12 @@ def test_a_damper_pays_a_debt_within_a_period() -> None:
 
 def test_a_tank_affords_what_it_holds() -> None:
     assert afford(1e-3, -1.0, 2.0, 0.25, PERIOD, 10.0) == 1.0  # a force that takes energy needs none
+    # nearly empty: no jump from what an empty one affords
+    assert afford(1e-9, -0.2, 2.0, 0.01, PERIOD, 10.0) == pytest.approx(0.5, abs=1e-5)
     assert afford(1.0, 2.0, 2.0, 1.0, PERIOD, 10.0) == 1.0
-    assert afford(1e-3, 2.0, 2.0, 1.0, PERIOD, 10.0) == pytest.approx(0.5)
+    # what there is lasts for some periods; at rest a force costs nothing
+    assert afford(1e-3, 2.0, 2.0, 1.0, PERIOD, 10.0) == pytest.approx(0.5 / LASTS)
+    assert afford(1e-9, 0.0, 2.0, 0.0, PERIOD, 10.0) == 1.0
     # empty: nothing along the motion or at rest, a damper's force against it
     assert afford(0.0, 2.0, 2.0, 1.0, PERIOD, 10.0) == 0.0
     assert afford(-1.0, 0.0, 2.0, 0.0, PERIOD, 10.0) == 0.0
@@ -48,7 +55,7 @@ def test_a_tank_affords_what_it_holds() -> None:
 def test_a_tank_never_gives_more_than_it_had(seed: int, capacity: float) -> None:
     """Any force on a mass that nothing else holds: the mass never has more energy than came with it and was in the tank."""
     rng = np.random.default_rng(seed)
-    ledger, mass = EnergyTank(capacity).open(PERIOD), 0.2
+    ledger, mass = EnergyTank(capacity, filling=capacity).open(PERIOD), 0.2
     v, strongest, most = 0.3 * float(rng.normal()), 8.0, 0.0
     wild = v
     start = 0.5 * mass * v * v
@@ -83,10 +90,10 @@ def drop(rendering: HapticRendering, mass: float, steps: int) -> Array:
 @pytest.mark.parametrize("stiffness", [500.0, 3000.0])
 def test_energy_of_an_undamped_device_behind_a_tank_is_bounded(law: Hooke, mass: float, stiffness: float) -> None:
     """20 s at 1 kHz; without a tank the same spring drives the device away (`test_haptic.py`)."""
-    tank = EnergyTank(1e-3)
+    tank = EnergyTank(filling=1e-3)
     energy = drop(HapticRendering(Uniform(Properties(stiffness, 1.0)), HapticSettings(law, passivity=tank)), mass, 20_000)
     force = stiffness * 0.1 * np.sqrt(mass / stiffness) + 2.0
-    assert energy.max() < energy[0] + tank.capacity + 0.5 * force**2 / mass * PERIOD**2
+    assert energy.max() < energy[0] + tank.filling + 0.5 * force**2 / mass * PERIOD**2
     assert np.isfinite(energy).all()
 
 
@@ -115,7 +122,8 @@ def test_a_border_in_stiffness_can_t_be_harvested(passivity: Passivity) -> None:
 
 def test_a_full_tank_renders_the_material_as_it_is() -> None:
     """Pressed and let go slowly, spring energy below the capacity: not a newton is missing."""
-    rendering = HapticRendering(Uniform(Properties(1000.0)), HapticSettings(Hooke(), passivity=EnergyTank(0.02)))
+    tank = EnergyTank(0.02, filling=0.02)
+    rendering = HapticRendering(Uniform(Properties(1000.0)), HapticSettings(Hooke(), passivity=tank))
     depth = 0.004 * np.sin(np.linspace(0, 6 * np.pi, 3000))
     for d, rate in zip(depth, np.gradient(depth, PERIOD)):
         found = rendering.command(np.array([0, 0, -d]), np.array([0, 0, -rate]))
@@ -123,12 +131,52 @@ def test_a_full_tank_renders_the_material_as_it_is() -> None:
         assert found.share == (1.0, 1.0)
 
 
-@pytest.mark.parametrize("bad", [0.0, -1.0, np.nan, np.inf])
-def test_bad_capacities_and_dampings_are_refused(bad: float) -> None:
+@pytest.mark.parametrize("mass", [0.03, 0.05, 0.1])
+def test_the_default_tank_acts_for_light_devices(mass: float) -> None:
+    """A fall that a sampled spring would drive on without end: the tank as it comes gives its millijoule and no more."""
+    seen = []
+
+    class Watched(HapticRendering):
+        def command(self, position: Array, velocity: Array) -> Rendered:
+            seen.append(super().command(position, velocity))
+            return seen[-1]
+
+    energy = drop(Watched(Uniform(Properties(1500.0)), HapticSettings(Hooke(), passivity=EnergyTank())), mass, 20_000)
+    wild = drop(HapticRendering(Uniform(Properties(1500.0)), HapticSettings(Hooke(), passivity=Observer(0.0))), mass, 20_000)
+    late = 0.5 * (1500.0 * 0.1 * np.sqrt(mass / 1500.0) + 2.0) ** 2 / mass * PERIOD**2
+    assert energy.max() < energy[0] + EnergyTank().filling + late
+    assert wild.max() > energy[0] + 10 * EnergyTank().filling
+    assert min(found.share[0] for found in seen) < 0.9
+
+
+def test_what_a_touch_has_lost_is_not_given_back_in_the_next() -> None:
+    """A hand that presses into a lossy material fills the tank; once it has left, the filling alone is there."""
+    ledger, tank = EnergyTank(0.02, filling=1e-3).open(PERIOD), EnergyTank(0.02, filling=1e-3)
+    ledger.book(-0.5)
+    assert ledger.energy == tank.capacity
+    ledger.leave()
+    assert ledger.energy == tank.filling
+    ledger.book(5e-4)
+    ledger.leave()
+    assert ledger.energy == pytest.approx(5e-4)
+
+
+def test_a_share_falls_at_once_and_comes_back_slowly() -> None:
+    assert ease(0.8, 0.1, PERIOD) == 0.1
+    share = 0.1
+    for _ in range(round(RETURN / PERIOD)):
+        share = ease(share, 1.0, PERIOD)
+    assert share == pytest.approx(1.0 - 0.9 * np.exp(-1.0), abs=2e-3)
+
+
+@pytest.mark.parametrize("bad", [0.0, -1.0, np.nan, np.inf, "a", None])
+def test_bad_capacities_and_dampings_are_refused(bad: Any) -> None:
     with pytest.raises(InputError, match="tank"):
         EnergyTank(bad)
     with pytest.raises(InputError, match="most_damping"):
         EnergyTank(0.02, bad)
+    with pytest.raises(InputError, match="filling"):
+        EnergyTank(0.02, 20.0, bad)
     if bad != 0.0:
         with pytest.raises(InputError, match="most_damping"):
             Observer(bad)

@@ -127,6 +127,10 @@ def test_a_tank_keeps_direct_reflection_passive_and_stable(delay: float) -> None
     assert tame.injected.max() > 0
     still = simulate(dataclasses.replace(o, delay=0.0, hand_damping=30.0), e, "direct")
     assert tame.master[-1] == pytest.approx(still.master[-1], abs=3e-4)
+    # no force that goes on and off: it rises and falls with the echoes, once a round trip
+    echoes = tame.t[-1] / (2 * delay)
+    assert np.abs(np.diff(tame.force)).sum() < 2 * echoes * np.abs(tame.force).max()
+    assert np.abs(np.diff(tame.share)).max() < 0.5
 
 
 def test_impedance_reflection_settles_in_static_balance() -> None:
@@ -158,7 +162,7 @@ def test_environment_from_a_map() -> None:
     ({"master_mass": 0.0}, "master_mass"), ({"slave_mass": np.nan}, "slave_mass"), ({"delay": -0.1}, "delay"),
     ({"coupling_damping": -1.0}, "coupling_damping"), ({"coupling_stiffness": 0.0}, "hold"), ({"period": 0.0}, "period"),
     ({"coupling_damping": 5000.0}, "too strong"), ({"most_damping": 5000.0}, "most_damping"),
-    ({"tank": 0.0}, "tank"),
+    ({"tank": 0.0}, "tank"), ({"slave_mass": "2"}, "slave_mass"), ({"delay": None}, "delay"),
 ])  # fmt: skip
 def test_a_line_that_makes_no_sense_is_refused(bad: dict[str, Any], match: str) -> None:
     with pytest.raises(InputError, match=match):
@@ -184,3 +188,7 @@ def test_other_bad_input_is_refused() -> None:
         study(delays=[0.1, -0.1])
     with pytest.raises(InputError, match="delays"):
         study(delays=[])
+    with pytest.raises(InputError, match="delay slow"):
+        study(delays=["slow"])  # type: ignore[list-item]
+    with pytest.raises(InputError, match="depth deep"):
+        simulate(o, e, depth="deep")  # type: ignore[arg-type]

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import kinid
 from kinid.errors import InputError
 from kinid.lab import campaign as campaigns
 from kinid.lab.campaign import Campaign
 from kinid.lab.campaign_page import NAME, campaign_page
 from kinid.lab.places import Grid
 
+SMALL = Campaign(1, 2, spacing=0.05, seed=4)
 CHILD = """
 import sys
 from pathlib import Path
@@ -97,11 +102,6 @@ def test_the_page_tells_places_forces_and_progress_and_nothing_of_the_truth(tmp_
         r"normal force held \[N\]</td><td>([\d.]+)</td><td>([\d.]+)</td><td>([\d.]+)", page).groups())  # type: ignore[union-attr]
     assert 0.3 < least < middle < most < 4.0  # [N]: the rim is soft, the quarters differ
     assert b"relaxation" not in b"".join(path.read_bytes() for path in tmp_path.glob("*.*") if path.name != NAME)
-    (tmp_path / "poke_0001.parquet").write_bytes(b"damaged")
-    assert campaigns.run(task, tmp_path) == 0
-    damaged = (tmp_path / NAME).read_text()
-    assert "Not readable: poke_0001.parquet" in damaged
-    assert "4 of 4 pokes are done" in damaged
     body = page[page.index("</script>"):]  # behind the drawing library
     assert "relaxation" not in body
     assert not re.search(r'(src|href)="?http', body)
@@ -121,10 +121,95 @@ def test_a_folder_that_holds_something_else_is_left_alone(tmp_path: Path) -> Non
             campaigns.run(task, tmp_path)
 
 
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("campaign") / "done"
+    campaigns.run(SMALL, folder)
+    return folder
+
+
+def test_what_is_damaged_or_gone_is_made_again(finished: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "c"
+    shutil.copytree(finished, folder)
+    whole = (folder / "poke_0001.parquet").read_bytes()
+    turned = bytearray(whole)
+    turned[len(turned) // 2] ^= 0xFF
+    for damaged in (b"", b"damaged", whole[: len(whole) // 2], bytes(turned)):
+        (folder / "poke_0001.parquet").write_bytes(damaged)
+        assert campaigns.run(SMALL, folder) == 1
+        assert (folder / "poke_0001.parquet").read_bytes() == whole
+    for name in ("poke_0000.json", "poke_0001.parquet"):
+        truth = folder / "truth" / name
+        known = truth.read_bytes()
+        truth.unlink()
+        assert campaigns.run(SMALL, folder) == 1
+        assert truth.read_bytes() == known
+        truth.write_bytes(known[: len(known) // 2])
+        assert campaigns.run(SMALL, folder) == 1
+        assert truth.read_bytes() == known
+    assert campaigns.run(SMALL, folder) == 0
+
+
+def test_a_campaign_goes_on_with_its_own_rig_and_settings_alone(finished: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "c"
+    shutil.copytree(finished, folder)
+    for change in ({"stiffness": 3000.0}, {"torque_limit": (150.0,)}, {"touch": "slide"}, {"material": "sponge"}):
+        with pytest.raises(InputError, match=f"another campaign.*{next(iter(change))}"):
+            campaigns.run(dataclasses.replace(SMALL, **change), folder)
+    text = (folder / "rig.toml").read_text()
+    (folder / "rig.toml").write_text(text.replace("mass = 0.24", "mass = 0.25"))
+    with pytest.raises(InputError, match=r"another \[tool\] than the campaign was begun with"):
+        campaigns.run(SMALL, folder)
+    (folder / "rig.toml").unlink()
+    assert campaigns.run(SMALL, folder) == 0
+    assert (folder / "rig.toml").read_text() == text
+
+
+def test_two_processes_don_t_work_on_one_campaign(tmp_path: Path) -> None:
+    """The second is refused as long as the first lives, and not when the first was killed."""
+    process = subprocess.Popen([sys.executable, "-c", CHILD, str(tmp_path)], stdout=subprocess.PIPE)
+    assert process.stdout is not None
+    process.stdout.readline()
+    with pytest.raises(InputError, match="another process at work"):
+        campaigns.run(Campaign(2, 3, seed=5), tmp_path)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    process.stdout.close()
+    assert 0 < campaigns.run(Campaign(2, 3, seed=5), tmp_path) < 6
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_a_campaign_of_slides(tmp_path: Path) -> None:
+    task = Campaign(1, 2, touch="slide", material="mould", spacing=0.09)
+    assert campaigns.run(task, tmp_path) == 2
+    assert [path.name for path in campaigns.logs(tmp_path)] == ["slide_0000.parquet", "slide_0001.parquet"]
+    rig = kinid.Rig.load(tmp_path / "rig.toml")
+    log = kinid.read(tmp_path / "slide_0001.parquet", rig)
+    assert log.phase is not None
+    assert "slide" in log.phase.tolist()
+    touch = kinid.contact_series(log, rig)
+    sliding = touch.phase == "slide"
+    # 3 mm out and back along both tangents; 2.5 N of friction bend 5200 N/m by half a millimetre each way
+    for slip in (touch.slip1, touch.slip2):
+        assert 3e-3 < np.ptp(slip[sliding]) < 6e-3
+    page = (tmp_path / NAME).read_text()
+    assert "2 of 2 slides are done" in page
+    with pytest.raises(InputError, match="campaign of 'wave'"):
+        Campaign(1, 1, touch="wave")  # type: ignore[arg-type]
+
+
+def test_what_is_hidden_where_nothing_is_touched_is_refused(tmp_path: Path) -> None:
+    for where, words in ((((0.06, 0.0), (0.08, 0.02)), "off the mould"), (((0.02, 0.02), (0.03, 0.03)), "isn't touched")):
+        with pytest.raises(InputError, match=words):
+            campaigns.run(Campaign(2, 2, hidden="relaxation", where=where), tmp_path / "never")
+    assert not (tmp_path / "never").exists()
+    Campaign(2, 2, hidden="relaxation", where=((0.0, -0.05), (0.05, 0.0))).check()
+
+
 def test_a_page_without_pokes() -> None:
     page = campaign_page("Pokes", Grid(2, 3), {})
     assert "0 of 6 pokes" in page
-    assert "No place has been poked yet" in page
+    assert "No place has been touched yet" in page
 
 
 def test_grid() -> None:

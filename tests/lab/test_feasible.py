@@ -7,7 +7,7 @@ import pytest
 
 import kinid
 from kinid.errors import InputError
-from kinid.lab.arm import Gains, design_damping, lwr4plus_joints, spectral_radius
+from kinid.lab.arm import Gains, Joints, design_damping, lwr4plus_joints, spectral_radius
 from kinid.lab.experiments import EXPERIMENTS, SILICONE_POKE, prepare
 from kinid.lab.feasible import asked_forces
 from kinid.lab.loop import Loop
@@ -23,6 +23,10 @@ from kinid.rig import ToolSpec
         ({"point": (-0.55, 0.0, 0.1)}, "behind the robot"),
         ({"normal": (0.0, 0.0, -1.0)}, "turned away"),
         ({"gains": Gains(translation=5e5)}, "unstable"),
+        ({"gains": Gains(null=2000.0)}, "a null-space damping of 2000 .* unstable.*lower it"),
+        ({"joints": Joints.ideal(7)}, "a null-space damping of 6 .* unstable"),
+        ({"gains": Gains(ratio=0.01)}, "damping ratio of 0.01, too low, unstable.*raise it"),
+        ({"gains": Gains(ratio=20.0)}, "damping ratio of 20, too high, unstable.*lower it"),
         ({"gains": Gains(translation=-1.0)}, "positive"),
         ({"gains": Gains(ratio=float("nan"))}, "positive"),
         ({"gains": Gains(null=-1.0)}, "null-space damping"),

@@ -52,6 +52,20 @@ def test_what_changes_over_a_surface_gives_way_to_what_is_planted(name: str) -> 
         np.testing.assert_array_equal(after[prop], parameters[parameter])
 
 
+def test_a_saturation_comes_with_the_offset_that_it_needs() -> None:
+    """The push, and not the hanging tool, comes to the end of the range; an offset that was planted is told."""
+    for name in ("ecoflex-50", "sponge", "band"):
+        nominal = prepare(name, seed=1)
+        planted, truth = hide(nominal, "saturation", 7)
+        parameters = truth["parameters"]
+        assert isinstance(parameters, dict)
+        moved = planted.sensor.bias - nominal.sensor.bias
+        np.testing.assert_allclose(parameters["offset"], moved)
+        reading, limit, half = planted.run().wrench[:, 2], parameters["limit"][2], 0.011  # half a step of the converter
+        assert (np.abs(reading + limit) < half).sum() > 500
+        assert (reading < limit - half).all()
+
+
 def test_unknown_effect() -> None:
     with pytest.raises(InputError, match="did you mean 'relaxation'"):
         hide(prepare("poke"), "relaxaton", 0)

@@ -229,3 +229,18 @@ def test_names_are_checked() -> None:
     with pytest.raises(InputError, match="material"):
         prepare("poke", material="wood")
     assert set(experiments.EXPERIMENTS) >= {"poke", "slide", "band", "sponge", "ecoflex-50", "dragon-skin-10", "mould"}
+
+
+def test_a_loop_in_parts_is_the_loop_as_a_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The state that is handed on is all there is; and progress is told up to the end."""
+    from kinid.lab import loop as module
+
+    setup = prepare("poke", seed=2)
+    shares: list[float] = []
+    whole = setup.run(shares.append).motion
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    monkeypatch.setattr(module, "PART", 777)
+    parts = setup.run().motion
+    for name in ("q", "dq", "ddq", "tau", "force", "place", "tip", "work"):
+        np.testing.assert_array_equal(getattr(whole, name), getattr(parts, name))

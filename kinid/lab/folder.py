@@ -1,0 +1,74 @@
+"""A folder for results: one experiment or campaign in it, one process at work in it, and files that are known by their digest."""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import json
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from kinid.errors import InputError
+from kinid.writers import make_folder
+
+#: what an experiment, a campaign or a study leaves in its folder
+LEFT = ("rig.toml", "log.parquet", "log.mcap", "streams", "truth", "campaign.json", "teleoperation.json",
+        "poke_*.parquet", "slide_*.parquet")  # fmt: skip
+
+
+@contextmanager
+def at_work(folder: Path) -> Iterator[None]:
+    """Make a folder, and keep other processes that ask out of it until the block ends, however it ends.
+
+    The lock is the kernel's (flock on the folder itself): it leaves no file, and ends with the process that holds it. File
+    systems without such locks keep nobody apart.
+
+    Raises:
+        InputError: a folder that can't be made, or in which another process is at work.
+    """
+    make_folder(folder)
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(f"another process at work in {folder}", "a folder to itself",
+                             "wait until it is done, or choose another folder with -o") from None  # fmt: skip
+        except OSError:
+            pass
+        yield
+    finally:
+        os.close(handle)
+
+
+def check_free(folder: Path) -> None:
+    """Refuse a folder that holds an experiment: a second one's log would stand beside the first one's rig and truth.
+
+    Raises:
+        InputError: what is there.
+    """
+    there = [path.name for name in LEFT for path in sorted(folder.glob(name))[:1] if path.is_file() or any(path.iterdir())]
+    if there:
+        raise InputError(f"{', '.join(there[:3])}{', …' if len(there) > 3 else ''} in {folder}, where results are already",
+                         "a folder without results", "choose another folder with -o, or remove them first")  # fmt: skip
+
+
+def digests(folder: Path, files: Iterable[Path]) -> dict[str, str]:
+    """SHA-256 of files, by their names within a folder."""
+    return {path.relative_to(folder).as_posix(): digest(path) for path in files}
+
+
+def digest(path: Path) -> str:
+    """SHA-256 of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def is_whole(folder: Path, name: str) -> bool:
+    """Whether an experiment's log, truth and streams are all there as they were written."""
+    try:
+        files = json.loads((folder / "truth" / f"{name}.json").read_text(encoding="utf-8"))["files"]
+        return f"{name}.parquet" in files and all(digest(folder / file) == known for file, known in files.items())
+    except (OSError, ValueError, TypeError, KeyError, AttributeError):
+        return False

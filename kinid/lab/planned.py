@@ -1,0 +1,140 @@
+"""A planned trajectory as an experiment: what `kinid plan` wrote, carried out by the virtual arm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.errors import InputError
+from kinid.lab.experiments import Vector, prepare
+from kinid.lab.feasible import check_gains
+from kinid.lab.protocol import Script
+from kinid.lab.setup import Setup
+from kinid.plan.following import SetPoints, set_points
+from kinid.plan.trajectory import Trajectory, read_trajectory
+from kinid.rig import Rig
+from kinid.robot import Robot
+
+Array = NDArray[np.float64]
+
+#: a trajectory begins at rest: no joint faster than this [rad/s]
+REST = 0.01
+#: by how much the depths that a trajectory states may differ from those on the rig's surface [m]
+SAME = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Planned(Script):
+    """Set-points as a plan has them.
+
+    Attributes:
+        q: joints of the plan, log order, (n, N). positions: of the tip, base frame [m], (n, 3). rotations: (n, 3, 3).
+    """
+
+    q: Array
+    positions: Array
+    rotations: Array
+
+    def poses(self, axes: Array, point: Array) -> tuple[Array, Array]:
+        """Positions (n, 3) and rotations (n, 3, 3) of the tip, wherever the surface lies."""
+        return self.positions, self.rotations
+
+    def joints(self, rows: NDArray[np.int64], robot: Robot, axes: Array, point: Array, start: Array) -> Array:
+        """The plan's own joints at some set-points, (rows, N)."""
+        return self.q[rows]
+
+
+def planned(path: Path, rig: Rig | None = None, *, base: Setup | None = None, point: Vector | None = None,
+            normal: Vector | None = None) -> tuple[Setup, bool]:  # fmt: skip
+    """The set-up that carries a trajectory out, and whether set-points go ahead of it by the forces that the plan expects.
+
+    Args:
+        path: Parquet, CSV or NPZ, as `kinid.plan.read_trajectory` reads it.
+        rig: that it was planned for: its surface and tool are touched and carried; default: the laboratory's.
+        base: what is touched, gains, sensor and seed; default: as for a poke. point, normal: of the surface instead.
+
+    Raises:
+        InputError: no trajectory; another robot's joints, limits or surface; a start in motion or in the material.
+    """
+    base = base or prepare("poke", point=point, normal=normal)
+    check_gains(base.gains)
+    moved = point is not None or normal is not None
+    if rig is not None:
+        base = _as_rigged(base, rig, moved)
+    robot = base.robot
+    motion = read_trajectory(path, robot.joint_names)
+    ahead = motion.force is not None and bool(np.isfinite(motion.force).all())
+    points = set_points(motion, robot, base.gains.period, base.gains.translation if ahead else None)
+    _check_limits(path, robot, points)
+    place, tip = (_on_surface(base, positions) for positions in (
+        points.positions, robot.kinematics(robot.tip_frame or "", points.q).position))  # fmt: skip
+    _check_start(path, robot, points, tip)
+    if rig is not None and rig.surface is not None and not moved:
+        _check_surface(path, motion, points, tip)
+    script = Planned(points.t, points.phase, place, np.zeros((len(points.t), 2)), points.q, points.positions, points.rotations)
+    return base.replace(script=script), ahead
+
+
+def _as_rigged(base: Setup, rig: Rig, moved: bool) -> Setup:
+    """With the rig's surface and tool; its sensor stays the laboratory's."""
+    ours, theirs = Rig.parse({"robot": {"model": base.model}}).robot, rig.robot
+    if theirs is not None and theirs != ours:
+        differ = [name for name in type(theirs).model_fields if getattr(theirs, name) != getattr(ours, name)]
+        raise InputError(f"a rig whose [robot] {', '.join(differ)} isn't the laboratory's",
+                         f'[robot] model = "{base.model}" alone', "plan for it, or name its rig with --rig")  # fmt: skip
+    if rig.tool is not None:
+        base = base.replace(tool=rig.tool)
+    if moved or rig.surface is None:
+        return base
+    if rig.surface.point is None or rig.axes is None:
+        raise InputError("a rig whose surface is a mesh", "a plane: [surface] point and normal",
+                         "plan on a plane, or name another with --point and --normal")  # fmt: skip
+    tangent, _, normal = (tuple(axis.tolist()) for axis in rig.axes)
+    return base.replace(point=rig.surface.point, normal=normal, tangent=tangent)
+
+
+def _on_surface(setup: Setup, positions: Array) -> Array:
+    """Along both tangents, and depth [m], (n, 3)."""
+    out: Array = (positions - np.asarray(setup.point)) @ setup.axes.T * np.array([1.0, 1.0, -1.0])
+    return out
+
+
+def _check_limits(path: Path, robot: Robot, points: SetPoints) -> None:
+    """Positions and speeds at every set-point."""
+    over = np.maximum(points.q - robot.upper, robot.lower - points.q)
+    if over.max() > 0.0:
+        i, j = np.unravel_index(int(over.argmax()), over.shape)
+        raise InputError(
+            f"{path} with {robot.joint_names[j]} at {points.q[i, j]:.3f} rad after {points.t[i]:.2f} s (limits "
+            f"{robot.lower[j]:.3f}, {robot.upper[j]:.3f})",
+            "joints within their limits", "plan within the virtual arm's limits")  # fmt: skip
+    most = robot.from_tangent(robot.model.velocityLimit[None, :])[0]
+    share = np.abs(points.dq) / np.where(most > 0, most, np.inf)
+    if share.max() > 1.0:
+        i, j = np.unravel_index(int(share.argmax()), share.shape)
+        raise InputError(
+            f"{path} with {robot.joint_names[j]} at {points.dq[i, j]:.2f} rad/s after {points.t[i]:.2f} s (limit {most[j]:.2f} "
+            "rad/s)", "speeds within the joints' limits", "move more slowly, or repair a jump in the table")  # fmt: skip
+
+
+def _check_start(path: Path, robot: Robot, points: SetPoints, tip: Array) -> None:
+    fast = int(np.abs(points.dq[0]).argmax())
+    if abs(points.dq[0, fast]) > REST:
+        raise InputError(f"{path}, which begins with {robot.joint_names[fast]} at {points.dq[0, fast]:.3f} rad/s",
+                         "a trajectory that begins at rest", "begin it with a moment of standing still")  # fmt: skip
+    if tip[0, 2] > 0.0:
+        raise InputError(f"{path}, which begins {1e3 * tip[0, 2]:.2f} mm inside the material", "a start in the air",
+                         "begin above the surface, or name the rig that it was planned for with --rig")  # fmt: skip
+
+
+def _check_surface(path: Path, motion: Trajectory, points: SetPoints, tip: Array) -> None:
+    """The depths that the plan states are those on this surface."""
+    if motion.place is None or not np.isfinite(motion.place[:, 2]).all():
+        return
+    apart = np.abs(np.interp(points.t, motion.t - motion.t[0], motion.place[:, 2]) - tip[:, 2]).max()
+    if apart > SAME:
+        raise InputError(f"{path}, whose depths lie up to {1e3 * apart:.2f} mm beside those on this surface",
+                         "a trajectory that was planned for it", "name the rig that it was planned for with --rig")  # fmt: skip

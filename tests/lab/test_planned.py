@@ -1,0 +1,171 @@
+"""Plans carried out by the virtual arm, and read back."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+import kinid
+from kinid.cli.lab import lab
+from kinid.cli.plan import app as plan_app
+from kinid.derivative import Differentiator
+from kinid.errors import InputError
+from kinid.fit import fit_model
+from kinid.lab.arm import Gains
+from kinid.lab.experiments import prepare
+from kinid.lab.planned import planned
+from kinid.lab.writing import write_rig
+from kinid.model import Model
+from kinid.plan.trajectory import read_trajectory
+from kinid.rig import Rig
+from kinid.writers import write_table
+
+VALUES = ["--value", "stiffness=732", "--value", "damping=9.9"]
+TRUE = {"stiffness": (732.0, 0.03), "damping": (9.9, 0.10), "coefficient": (0.82, 0.05)}
+PLANS = {
+    "poke": ["poke", "--model", "kelvin-voigt", *VALUES],
+    "slide": ["slide", "--through", "0,0;0.006,0;0.006,0.006", "--model", "kelvin-voigt,coulomb-friction", *VALUES,
+              "--value", "coefficient=0.82"],
+    "excite": ["excite", "--model", "kelvin-voigt", *VALUES, "--bandwidth", "2", "--max-depth", "0.01"],
+    "free": ["excite", "--model", "tool-mass,tool-com"],
+    "blind": ["poke"],
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def app() -> typer.Typer:
+    app = typer.Typer()
+    app.command()(lab)
+    return app
+
+
+@pytest.fixture(scope="module")
+def plans(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Plans, and the rig beside them that they are for."""
+    folder = tmp_path_factory.mktemp("plans")
+    write_rig(folder, prepare("poke"))
+    for name, words in PLANS.items():
+        made = CliRunner().invoke(plan_app, [*words, "--rig", str(folder / "rig.toml"), "-o", str(folder / f"{name}.parquet")])
+        assert made.exit_code == 0, made.output
+    return folder
+
+
+def carried_out(app: typer.Typer, plans: Path, name: str, out: Path, *words: str) -> tuple[kinid.ContactSeries, str]:
+    result = CliRunner().invoke(app, ["--trajectory", str(plans / f"{name}.parquet"), "-o", str(out), *words])
+    assert result.exit_code == 0, (result.output, result.exception)
+    rig = Rig.load(out / "rig.toml")
+    log = kinid.read(out / "log.parquet", rig)
+    return kinid.contact_series(log, rig, differentiator=Differentiator(bandwidth=40.0)), result.output
+
+
+@pytest.mark.parametrize(("name", "effects"), [
+    ("poke", ("kelvin-voigt",)), ("excite", ("kelvin-voigt",)), ("slide", ("kelvin-voigt", "coulomb-friction")),
+])  # fmt: skip
+def test_a_plan_that_is_carried_out_gives_the_material_back(
+    app: typer.Typer, plans: Path, tmp_path: Path, name: str, effects: tuple[str, ...]
+) -> None:
+    touch, _ = carried_out(app, plans, name, tmp_path / "x", "--seed", "3")
+    assert {path.name for path in (tmp_path / "x").iterdir()} == {"log.parquet", "log.mcap", "streams", "rig.toml", "truth"}
+    assert touch.phase is not None
+    channels = ("normal_force", "tangential_force1", "tangential_force2") if len(effects) > 1 else ("normal_force",)
+    # without the retraction: the material lets go where the equation of Kelvin-Voigt would pull
+    fit = fit_model(Model(*effects, "sensor-bias"), touch, channels=channels, train=touch.phase != "retract", held_out=False)
+    for parameter in ("stiffness", "damping", "coefficient")[: 1 + len(effects)]:
+        (true, within), found = TRUE[parameter], fit[parameter]
+        print(f"{name}: {found}, true {true:g}")
+        assert found.value == pytest.approx(true, rel=within)
+
+
+def test_the_tip_goes_where_the_plan_says(plans: Path) -> None:
+    rig, motion = Rig.load(plans / "rig.toml"), read_trajectory(plans / "poke.parquet")
+    setup, ahead = planned(plans / "poke.parquet", rig)
+    assert ahead
+    assert setup.rig.surface == rig.surface
+    result = setup.run()
+    wanted = np.stack([np.interp(result.motion.t, motion.t - motion.t[0], motion.tip[:, k]) for k in range(3)], axis=1)
+    # 5 Hz of the signal is beyond the arm's 3 Hz
+    assert np.sqrt(np.mean((result.motion.tip - wanted) ** 2)) < 3e-4
+    with pytest.raises(InputError, match="translational stiffness"):
+        planned(plans / "poke.parquet", rig, base=prepare("poke", gains=Gains(translation=0.0)))
+    blind, ahead = planned(plans / "blind.parquet", rig)
+    assert not ahead
+    assert blind.run().motion.place[:, 2].max() < result.motion.place[:, 2].max()
+
+
+def test_free_motion_and_what_is_said_without_forces(app: typer.Typer, plans: Path, tmp_path: Path) -> None:
+    touch, _ = carried_out(app, plans, "free", tmp_path / "free")
+    assert not touch.in_contact.any()
+    assert "expects no forces" in carried_out(app, plans, "blind", tmp_path / "blind")[1]
+
+
+def test_what_is_hidden_is_told_to_the_truth_alone(app: typer.Typer, plans: Path, tmp_path: Path) -> None:
+    _, said = carried_out(app, plans, "poke", tmp_path / "x", "--hide", "relaxation", "--seed", "7")
+    truth = json.loads((tmp_path / "x" / "truth" / "log.json").read_text())
+    assert truth["hidden"]["effect"] == "relaxation"
+    assert truth["trajectory"] == "poke.parquet"
+    assert "relaxation" not in said
+    for path in (tmp_path / "x").rglob("*"):
+        assert path.is_dir() or path.parent.name == "truth" or b"relaxation" not in path.read_bytes()
+
+
+def test_the_seed_alone_decides(app: typer.Typer, plans: Path, tmp_path: Path) -> None:
+    logs = []
+    for name, seed in (("a", "1"), ("b", "1"), ("c", "2")):
+        carried_out(app, plans, "poke", tmp_path / name, "--seed", seed)
+        logs.append((tmp_path / name / "log.parquet").read_bytes())
+    assert logs[0] == logs[1] != logs[2]
+
+
+def _changed(columns: dict[str, Any], **changes: Any) -> dict[str, Any]:
+    return {**columns, **changes}
+
+
+def test_a_trajectory_that_does_not_fit_is_refused(plans: Path, tmp_path: Path, app: typer.Typer) -> None:
+    motion = read_trajectory(plans / "poke.parquet")
+    only = {name: values for name, values in motion.columns().items() if name[0] in "tq" and name[:3] not in ("tip", "tou")}
+    far, jump, moving = (only["q2"].copy() for _ in range(3))
+    far[100:] += 3.0
+    jump[100:] += 0.05
+    late = len(only["t"]) // 2
+    cases: list[tuple[dict[str, Any], str]] = [
+        (_changed(only, q2=far), "joint_2 at .* limits"),
+        (_changed(only, q2=jump), "joint_2 at .* rad/s .* limit"),
+        ({name: values[late:] for name, values in only.items()}, "begins"),
+        ({name: values for name, values in only.items() if name != "q7"}, "6 joints"),
+        (_changed(only, q2=np.full(len(moving), np.nan)), "no numbers"),
+    ]
+    for i, (columns, words) in enumerate(cases):
+        path = tmp_path / f"{i}.parquet"
+        write_table(path, columns)
+        for name, options in (("table", ["--rig", str(plans / "rig.toml")]), ("no rig", [])):
+            refused = CliRunner().invoke(app, ["--trajectory", str(path), *options, "-o", str(tmp_path / "never")])
+            with pytest.raises(InputError, match=words):
+                raise refused.exception or AssertionError(name)
+    # another arm's joints, as the file says
+    other = dataclasses.replace(motion, joint_names=tuple(f"panda_joint{j + 1}" for j in range(7)))
+    other.write(tmp_path / "panda.parquet")
+    with pytest.raises(InputError, match="trajectory of panda_joint1.*joints of lwr4plus"):
+        planned(tmp_path / "panda.parquet", Rig.load(plans / "rig.toml"))
+    assert not (tmp_path / "never").exists()
+
+
+def test_a_rig_that_is_not_the_plan_s_is_refused(plans: Path) -> None:
+    rig = Rig.load(plans / "rig.toml")
+    assert rig.surface is not None
+    lower = rig.model_copy(update={"surface": rig.surface.model_copy(update={"point": (0.55, 0.0, 0.09)})})
+    with pytest.raises(InputError, match="depths lie up to 10.00 mm beside"):
+        planned(plans / "poke.parquet", lower)
+    for tables, words in (({"robot": {"model": "panda"}}, "isn't the laboratory's"),
+                          ({"robot": {"model": "lwr4plus", "gravity": [0.0, 9.81, 0.0]}}, "gravity"),
+                          ({"surface": {"mesh": "part.stl"}}, "mesh")):  # fmt: skip
+        with pytest.raises(InputError, match=words):
+            planned(plans / "poke.parquet", Rig.parse(tables))
+    with pytest.raises(InputError, match="inside the material"):
+        planned(plans / "poke.parquet", rig, point=(0.55, 0.0, 0.2))
