@@ -1,9 +1,9 @@
 """Less touching: where the next poke tells most, by what the map doesn't know yet.
 
-A poke is worth the doubt that it takes away around it: the map's variance, which is large far from probes, and at borders,
-where a guess is a mixture of two materials (`kinid.interpolation_gp`), averaged over the neighbourhood that a probe speaks
-for (Cohn, Neural Networks 9, 1996, with the neighbourhood in place of the whole map). Where the properties are positive the
-doubt is relative, so that a soft material counts as much as a hard one.
+Three probes around a place say what it may be like: if they differ, a border runs between them. What a triangle leaves open
+is its area times the standard deviation half-way along its edges (relative where values are positive, so that a soft material
+counts as much as a hard one), and the next poke halves the edge that leaves most open: borders are closed in by bisection,
+the widest open ones first. What is expected in advance, as from a picture, makes the map surer, and pokes go elsewhere.
 """
 
 from __future__ import annotations
@@ -16,85 +16,102 @@ from numpy.typing import NDArray
 
 from kinid.errors import InputError
 from kinid.exploration_slide import Border, SlidePath
-from kinid.interpolation import PlaneGround
-from kinid.interpolation_gp import GaussianProcess
-from kinid.interpolation_zones import belonging
+from kinid.interpolation import REACH, PlaneGround, Prior
+from kinid.interpolation_triangles import Triangles
 
 Array = NDArray[np.float64]
 
-#: a second poke nearer than this share of the smallest distance worth telling apart is refused
-CLOSE = 0.7
-#: a poke is made where one material is this probable
-SIDED = 0.8
+
+@dataclass(frozen=True)
+class Region:
+    """A rectangle that can be poked, along both tangents [m]: its lower and its upper corner."""
+
+    low: tuple[float, float]
+    high: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite([*self.low, *self.high]).all() and self.high[0] > self.low[0] and self.high[1] > self.low[1]):
+            raise InputError(f"a region from {self.low} to {self.high} m", "two corners, the lower one first", "correct it")
+
+    @property
+    def corners(self) -> Array:
+        """All four, (4, 2)."""
+        (a, b), (c, d) = self.low, self.high
+        return np.array([[a, b], [a, d], [c, b], [c, d]])
+
+    def grid(self, rows: int, columns: int | None = None) -> Array:
+        """Middles of equal cells, (rows · columns, 2): what spreads probes evenly."""
+        ticks = [low + (high - low) * (np.arange(n) + 0.5) / n
+                 for low, high, n in zip(self.low, self.high, (rows, columns or rows))]  # fmt: skip
+        return np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """The next place to poke: along both tangents [m], (2,); its gain, the doubt that is left on average, and all gains."""
+    """The next place to poke: along both tangents [m], (2,), and its gain: area [m²] times what is left open there."""
 
     place: Array
     gain: float
-    doubt: float
-    gains: Array
 
 
-def next_poke(
-    process: GaussianProcess, candidates: Array, *, apart: float, prior: Callable[[Array], Array] | None = None
-) -> Choice:
+def next_poke(grown: Triangles, region: Region, *, apart: float) -> Choice:
     """Where to poke next.
 
     Args:
-        process: the map so far. candidates: places that can be poked, (m, 2) [m]. apart: the smallest detail that matters [m].
-        prior: how sure a place is of its material already, 0…1 (a picture's say); a sure place is worth less.
+        grown: the map so far. region: what can be poked. apart: the smallest detail that matters [m]; no two pokes are nearer.
 
     Raises:
-        InputError: every candidate has been poked.
+        InputError: everything has been poked as closely as that.
     """
-    candidates = np.asarray(candidates, dtype=float)
-    mean, variance = process._of_zone(candidates, None, True) if process.across >= 1.0 else process._mixture(candidates, True)
-    doubt = np.sqrt(variance)
-    if np.all(process.values > 0):
-        doubt = doubt / np.maximum(np.abs(mean), 0.1 * float(np.median(process.values)))
-    if prior is not None:
-        doubt = doubt * (1.0 - 0.9 * np.clip(prior(candidates), 0.0, 1.0))
-    from scipy.spatial import cKDTree
+    from scipy.spatial import Delaunay, cKDTree
 
-    tree = cKDTree(candidates)
-    # a probe speaks for its surroundings as far as half-way to the next one, and at least for the smallest detail
-    distance = cKDTree(process.ground.places).query(candidates)[0]
-    gains = np.array([float(np.mean(doubt[tree.query_ball_point(c, max(apart, 0.5 * d))] ** 2)) * max(d, apart) ** 2
-                      for c, d in zip(candidates, distance)])  # fmt: skip
-    free = distance > CLOSE * apart
-    if not free.any():
-        raise InputError(
-            "every place poked already", "candidates that are apart from the probes", "the map is done, or give more candidates"
-        )
-    # right on a border a poke feels both materials at once, and tells of neither: better to close in from its sides
-    sided = np.ones(len(candidates), np.bool_)
-    if process.across < 1.0:
-        sided = belonging(candidates, process.ground.places, process.zones, process.ground.spacing)[1].max(axis=1) >= SIDED
-    gains = np.where(free & sided if (free & sided).any() else free, gains, -np.inf)
-    k = int(gains.argmax())
-    return Choice(candidates[k], float(gains[k]), float(np.mean(doubt)), gains)
+    tree = cKDTree(grown.ground.places)
+    # the region's corners stand as the nearest probe does
+    far = np.array([corner for corner in region.corners if tree.query(corner)[0] > apart]).reshape(-1, 2)
+    places = np.vstack([grown.ground.places, far])
+    height = np.append(grown.heights[0], grown.heights[0][tree.query(far)[1]] if len(far) else [])
+    corners = Delaunay(places).simplices
+    a, b, c = (places[corners[:, k]] for k in range(3))
+    area = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+    ends = np.stack([corners, np.roll(corners, -1, axis=1)])  # (2, k, 3)
+    middles = 0.5 * places[ends].sum(axis=0)
+    length = np.linalg.norm(places[ends[0]] - places[ends[1]], axis=2)
+    open_ = grown.halfway(height[ends[0]] - height[ends[1]], middles.reshape(-1, 2)).reshape(-1, 3)
+    gains = area * open_.max(axis=1)
+    widest = np.argmax(length * open_, axis=1)
+    for k in np.argsort(-gains).tolist():
+        middle = middles[k, widest[k]]
+        if tree.query(middle)[0] >= apart:
+            return Choice(middle, float(gains[k]))
+    raise InputError(f"every place poked within {1e3 * apart:g} mm", "a region that is not known yet",
+                     "the map is done, or allow pokes closer together")  # fmt: skip
 
 
 def explore(
-    poke: Callable[[Array], tuple[float, float]], candidates: Array, start: Array, *, apart: float, most: int,
-    prior: Callable[[Array], Array] | None = None,
-) -> Iterator[GaussianProcess]:  # fmt: skip
-    """Poke the starting places, then wherever it is worth most, until `most` pokes; the map after each of the latter.
+    poke: Callable[[Array], tuple[float, float]], region: Region, start: Array, *, apart: float, most: int,
+    prior: Prior | None = None,
+) -> Iterator[Triangles]:  # fmt: skip
+    """Poke the starting places, then wherever most is left open, until `most` pokes; the map after each of the latter.
 
     Args:
-        poke: value and its standard error at a place. candidates, apart, prior: as for `next_poke`. start: (k, 2) [m].
+        poke: value and its standard error at a place. region, apart: as for `next_poke`. start: (k, 2) [m].
+        prior: what is expected, as `kinid.vision_map.Sighted.prior` says it.
+
+    Raises:
+        InputError: fewer than 3 starting places, or nothing left to poke before `most`.
     """
-    places = np.asarray(start, dtype=float)
+    places = np.asarray(start, dtype=float).reshape(-1, 2)
+    if len(places) < 3:
+        raise InputError(f"{len(places)} starting places", "3 at least", "start with more")
     told = np.array([poke(place) for place in places])
+    # the start is spread over the region: what it reaches is known from then on
+    reach = max(PlaneGround(places).reach, REACH * float(np.sqrt(np.prod(np.subtract(region.high, region.low)) / len(places))))
     while True:
-        process = GaussianProcess.fit(PlaneGround(places), told[:, 0], told[:, 1])
-        yield process
+        grown = Triangles(PlaneGround(places, reach), told[:, 0], told[:, 1], prior)
+        yield grown
         if len(places) >= most:
             return
-        place = next_poke(process, candidates, apart=apart, prior=prior).place
+        place = next_poke(grown, region, apart=apart).place
         places = np.vstack([places, place])
         told = np.vstack([told, poke(place)])
 

@@ -1,12 +1,13 @@
-"""From estimates at places to guesses anywhere: nearest, biharmonic, Gaussian process; each says how well it does.
+"""From estimates at places to guesses anywhere: nearest, biharmonic, triangles, Gaussian process; each says how well it does.
 
-All three stand on a `Ground`, which knows how places lie to each other: Euclidean on a plane (`PlaneGround`), along the
+All of them stand on a `Ground`, which knows how places lie to each other: Euclidean on a plane (`PlaneGround`), along the
 surface on a mesh (`kinid.interpolation_mesh.MeshGround`). Where there is nothing near, a guess is unknown, not invented.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, final
@@ -19,7 +20,11 @@ from kinid.errors import InputError
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-METHODS = ("gp", "biharmonic", "nearest")
+METHODS = ("gp", "triangles", "biharmonic", "nearest")
+#: on a mesh
+MESH_METHODS = ("gp", "biharmonic", "nearest")
+#: what is expected of places (m, 2) before they are touched: mean (NaN where nothing is) and standard deviation, (m,) both
+Prior = Callable[[Array], tuple[Array, Array]]
 #: a guess is known within so many spacings of a probe; where probes lie in a grid every cell's middle is within 0.71
 REACH = 1.25
 #: beyond the hull of the probes a guess is known within this share of a spacing only
@@ -212,3 +217,12 @@ def _green(a: Array, b: Array) -> Array:
 
 def _guess(mean: Array, sd: Array, known: Mask) -> Guess:
     return Guess(np.where(known, mean, np.nan), np.where(known, sd, np.nan), known)
+
+
+def expected(prior: Prior, q: Array, logarithmic: bool) -> tuple[Array, Array]:
+    """What a prior says of places (m, 2), as logarithms if asked, mean and standard deviation (m,); NaN where it says nothing."""
+    mean, sd = prior(q)
+    told = np.isfinite(mean) & (sd > 0) & (mean > 0 if logarithmic else True)
+    if logarithmic:
+        mean, sd = np.log(np.where(told, mean, 1.0)), sd / np.where(told, mean, 1.0)
+    return np.where(told, mean, np.nan), np.where(told, sd, np.nan)

@@ -374,6 +374,10 @@ def interpolator(method: str, ground: PlaneGround, values: Array, noise: Array |
         return Nearest(ground, values)
     if method == "biharmonic":
         return Biharmonic(ground, values, noise)
+    if method == "triangles":
+        from kinid.interpolation_triangles import Triangles
+
+        return Triangles(ground, values, np.zeros(len(values)) if noise is None else np.asarray(noise, dtype=float))
     if method == "gp":
         return GaussianProcess.fit(ground, values, noise)
     raise InputError(f"method '{method}'", f"one of {', '.join(METHODS)}", near(method, METHODS))

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError, near
-from kinid.interpolation import METHODS, REACH, Guess, Interpolator, Mask
+from kinid.interpolation import MESH_METHODS, REACH, Guess, Interpolator, Mask
 from kinid.surface import Mesh
 
 Array = NDArray[np.float64]
@@ -267,7 +267,7 @@ class MeshProcess(Interpolator):
 
 
 def on_mesh(method: str, ground: MeshGround, values: Array, noise: Array | None = None) -> Interpolator:
-    """One of `kinid.interpolation.METHODS` along a mesh.
+    """One of `kinid.interpolation.MESH_METHODS` along a mesh.
 
     Raises:
         InputError: no such method.
@@ -278,4 +278,4 @@ def on_mesh(method: str, ground: MeshGround, values: Array, noise: Array | None 
         return MeshProcess.biharmonic(ground, values, noise)
     if method == "gp":
         return MeshProcess.fit(ground, values, noise)
-    raise InputError(f"method '{method}'", f"one of {', '.join(METHODS)}", near(method, METHODS))
+    raise InputError(f"method '{method}'", f"one of {', '.join(MESH_METHODS)}", near(method, MESH_METHODS))

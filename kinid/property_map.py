@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError, near
-from kinid.interpolation import METHODS, Guess, Interpolator, PlaneGround
+from kinid.interpolation import MESH_METHODS, METHODS, Guess, Interpolator, PlaneGround
 from kinid.interpolation_gp import interpolator
 from kinid.surface import Mesh, Plane
 from kinid.writers import replacing
@@ -170,9 +170,14 @@ class PropertyMap:
         guess = self.interpolator(name, method).at(np.column_stack([x.ravel(), y.ravel()]))
         return Guess(guess.mean.reshape(x.shape), guess.sd.reshape(x.shape), guess.known.reshape(x.shape))
 
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """Ways to interpolate on this surface."""
+        return METHODS if isinstance(self.surface, Plane) else MESH_METHODS
+
     def held_out(self, name: str) -> dict[str, float]:
         """Root mean square error of each method where each probe is left out in turn, by its name."""
-        return {method: self.interpolator(name, method).left_out_error for method in METHODS}
+        return {method: self.interpolator(name, method).left_out_error for method in self.methods}
 
     def write(self, path: Path) -> None:
         """As Parquet, whole or not at all; a file that is there is replaced in one step.

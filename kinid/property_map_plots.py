@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.interpolation import METHODS
 from kinid.plots import page
 from kinid.property_map import PropertyMap
 from kinid.surface import Plane
@@ -38,7 +37,7 @@ def map_page(grown: PropertyMap, title: str, method: str = "gp", truth: dict[str
         figures.append(("Where the model fails: residual over noise", misfit_figure(grown)))
     rows = "".join(
         f"<tr><td>{html.escape(item.name)} [{html.escape(item.unit)}]</td>"
-        + "".join(f"<td>{grown.held_out(item.name)[m]:.4g}</td>" for m in METHODS)
+        + "".join(f"<td>{grown.held_out(item.name)[m]:.4g}</td>" for m in grown.methods)
         + "</tr>"
         for item in grown.properties
         if np.isfinite(grown.values(item.name)).any()
@@ -46,7 +45,7 @@ def map_page(grown: PropertyMap, title: str, method: str = "gp", truth: dict[str
     head = (
         f"<p class=facts>{len(grown)} probes with {html.escape(grown.model)}. Grey is unknown. Error where each probe is left "
         "out in turn:</p><div class=scroll><table><tr><th>property</th>"
-        + "".join(f"<th>{m}</th>" for m in METHODS)
+        + "".join(f"<th>{m}</th>" for m in grown.methods)
         + f"</tr>{rows}</table></div>"
     )
     return page(title, head, figures)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from kinid.contact import ContactSeries, contact_series, tip_motion
 from kinid.errors import InputError, KinidError
+from kinid.exploration_slide import paths
 from kinid.fit import Fit
 from kinid.log import Log
 from kinid.model import Model
@@ -26,6 +27,10 @@ Array = NDArray[np.float64]
 
 #: a touch that is interrupted for less is one touch; a shorter one is a knock [s]
 JOINED, SHORTEST = 0.1, 0.2
+#: a slide further than this is cut into pieces, each a probe: one estimate would be of no place [m]
+FAR = 0.02
+#: neighbouring bins of a slide share their errors: so many count as one
+SHARED = 3.0
 #: what touches are fitted with unless the user says more
 MODEL = ("kelvin-voigt",)
 #: files of logs in a folder
@@ -33,7 +38,7 @@ LOG_SUFFIXES = (".parquet", ".csv", ".npz", ".mcap", ".bag")
 
 
 def logs_in(paths: Sequence[Path]) -> list[Path]:
-    """The logs that files and folders name, in order; of a campaign's folder its pokes.
+    """The logs that files and folders name, in order; of a campaign's folder its pokes and slides.
 
     Raises:
         InputError: a folder without logs, or nothing there.
@@ -45,7 +50,7 @@ def logs_in(paths: Sequence[Path]) -> list[Path]:
                 raise InputError(f"no log at {path}", "a log, or a folder of logs", "correct the name")
             out.append(path)
             continue
-        found = sorted(path.glob("poke_*.parquet"))
+        found = sorted((*path.glob("poke_*.parquet"), *path.glob("slide_*.parquet")))
         if not found and not (path / "campaign.json").is_file():
             found = sorted(f for f in path.iterdir() if f.suffix.lower() in LOG_SUFFIXES and not f.name.startswith("."))
         if not found and not (path / "campaign.json").is_file():
@@ -91,26 +96,30 @@ class Prober:
     """Turns logs of one rig into probes.
 
     Attributes:
-        rig: what measured. model: effects to fit. robot, surface: the rig's.
+        rig: what measured. model: effects to fit. robot, surface: the rig's. along: length of the pieces that slides further
+            than `FAR` are cut into [m]; 0 for none.
     """
 
     rig: Rig
     model: Model
     robot: Robot
     surface: Plane | Mesh
+    along: float = 0.002
 
     @classmethod
-    def of(cls, rig: Rig, model: Sequence[str] | None = None) -> Prober:
+    def of(cls, rig: Rig, model: Sequence[str] | None = None, along: float = 0.002) -> Prober:
         """For a rig; default model: `MODEL`.
 
         Raises:
-            InputError: no robot or no surface in the rig, or no such effect.
+            InputError: no robot or no surface in the rig, no such effect, or pieces of slides without a length.
         """
+        if not (along == 0 or 5e-4 <= along <= FAR):
+            raise InputError(f"pieces of slides of {along} m", f"0.0005 to {FAR} m, or 0 for none", "correct it")
         surface = load_surface(rig)
         if not isinstance(surface, Plane | Mesh):
             raise InputError("a rig without [surface]", "the surface that is mapped",
                              "add [surface] with point and normal, or a mesh")  # fmt: skip
-        return cls(rig, Model(*(model or MODEL)), Robot.load(rig), surface)
+        return cls(rig, Model(*(model or MODEL)), Robot.load(rig), surface, along)
 
     @property
     def name(self) -> str:
@@ -139,16 +148,54 @@ class Prober:
         for i, (a, b) in enumerate(spans):
             low = 0 if i == 0 else (spans[i - 1][1] + a) // 2
             high = len(touch) if i == len(spans) - 1 else (b + spans[i + 1][0]) // 2
-            fit = self.model.fit(_cut(touch, low, high) if len(spans) > 1 else touch, held_out=False)
+            part = _cut(touch, low, high) if len(spans) > 1 else touch
+            fit = self.model.fit(part, held_out=False)
             properties = tuple(Property(_short(name, fit), p.unit) for name, p in fit.parameters.items())
+            name = source if len(spans) == 1 else f"{source}#{i}"
+            pieces = self._pieces(part, [p.name for p in properties], name)
+            if pieces:
+                out += pieces
+                continue
             inside = slice(a, b)
             # the deeper, the more a place says about the estimate
             weight = np.maximum(np.nan_to_num(touch.depth[inside]), 0.0) + 1e-9
             mean = np.average(np.nan_to_num(position[inside], nan=0.0), axis=0, weights=weight)
             place = self.surface.locate(mean[None]).closest[0]
             out.append(Probe(place, fit.values.copy(), fit.solution.covariance.copy(), fit.error.train, fit.error.noise_floor,
-                             source if len(spans) == 1 else f"{source}#{i}"))  # fmt: skip
+                             name))  # fmt: skip
         return properties, out
+
+    def _pieces(self, touch: ContactSeries, names: Sequence[str], source: str) -> list[Probe]:
+        """A probe for each piece of a long slide: force over depth as stiffness, tangential over normal force as friction.
+
+        Passes over the same place are taken together. What a steady slide doesn't tell, as damping, is left open.
+        """
+        if not (self.along and isinstance(self.surface, Plane)):
+            return []
+        inside = touch.in_contact
+        if not inside.any() or np.hypot(np.ptp(touch.slip1[inside]), np.ptp(touch.slip2[inside])) < FAR:
+            return []
+        try:
+            ways = [way for way in paths(touch) if np.ptp(way.x) >= 0.25 * FAR]
+        except InputError:
+            return []
+        flat = np.concatenate([way.origin + way.x[:, None] * way.direction for way in ways])
+        felt = np.concatenate([way.felt for way in ways], axis=1)
+        cell = np.unique(np.round(flat / self.along).astype(int), axis=0, return_inverse=True)[1].ravel()
+        out: list[Probe] = []
+        for k in range(int(cell.max()) + 1):
+            rows = cell == k
+            if rows.sum() < 3:
+                continue
+            told = dict(zip(("stiffness", "friction"), felt[:, rows].mean(axis=1)))
+            error = dict(zip(told, felt[:, rows].std(axis=1, ddof=1) / np.sqrt(max(rows.sum() / SHARED, 1.0))))
+            values = np.array([told.get(name, np.nan) for name in names])
+            variance = np.array([error[name] ** 2 if name in error else np.inf for name in names])
+            covariance = np.where(np.eye(len(names)) > 0, variance, 0.0)
+            place = self.surface.point + flat[rows].mean(axis=0) @ self.surface.axes[:2]
+            out.append(Probe(place, np.nan_to_num(values), covariance, source=f"{source}#piece{k}" if "#" not in source
+                             else f"{source}.piece{k}"))  # fmt: skip
+        return out
 
 
 def build(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from kinid import viewer_scene as scenes
-from kinid.errors import InputError
+from kinid.errors import InputError, KinidError
 from kinid.property_map import PropertyMap, is_map
 from kinid.property_probes import Prober, build, logs_in
 from kinid.reading import read
@@ -58,8 +58,8 @@ class View:
 
     @property
     def live(self) -> bool:
-        """Whether it may change."""
-        return self._kind != "log"
+        """Whether it may change: a map and a campaign grow, and so does a log that is still being written."""
+        return True
 
     def scene(self) -> dict[str, Any]:
         """Everything."""
@@ -88,6 +88,12 @@ class View:
         had = (None if self._map is None else len(self._map), self._shown_log)
         if not self._update():
             return None
+        if self._kind == "log":
+            try:
+                return self._moving(self.target) | {"follow": True}
+            except KinidError:  # in the middle of being written: the next look finds it whole
+                self._stamp = None
+                return None
         out: dict[str, Any] = {}
         if self._map is not None and len(self._map) and (len(self._map) != had[0] or self._kind == "map"):
             out["map"] = scenes.map_scene(self._map, shown=self.shown, method=self.method)
@@ -114,12 +120,17 @@ class View:
 
     def _update(self) -> bool:
         """Read what has changed on disk; whether anything has."""
-        if self._kind == "map":
-            state = self.target.stat()
+        if self._kind in ("map", "log"):
+            try:
+                state = self.target.stat()
+            except OSError:  # between being removed and being written anew
+                return False
             stamp = (state.st_mtime_ns, state.st_size)
             if stamp == self._stamp:
                 return False
-            self._stamp, self._map = stamp, PropertyMap.read(self.target)
+            self._stamp = stamp
+            if self._kind == "map":
+                self._map = PropertyMap.read(self.target)
             return True
         if self._kind == "folder":
             assert self._prober is not None

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -27,10 +28,8 @@ HALF = 4
 FEATURES = ("red", "green", "blue", "spread of red", "spread of green", "spread of blue", "gradient", "curvature")
 #: the study's number of random folds
 FOLDS = 20
-#: samples stranger than this share of those learnt from are unknown
-STRANGE = 0.995
-#: and by at least so many deviations, so that a close-knit class isn't surrounded by strangers
-FAR = 4.0
+#: what lies further from the nearest samples than this share of the samples from each other, by this factor, is unknown
+STRANGE, FAR, NEIGHBOURS = 0.98, 1.3, 3
 UNKNOWN = "unknown"
 
 
@@ -74,6 +73,11 @@ class Picture:
         except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as error:
             raise InputError(f"no picture at {path} ({str(error)[:60]})", "a PNG or JPEG image", "correct the name") from None
 
+    def shows(self, places: Array) -> NDArray[np.bool_]:
+        """Whether places (n, 2) [m] are in the picture, (n,)."""
+        at = np.asarray(places)
+        return np.asarray(((at >= self.low) & (at <= self.high)).all(axis=1))
+
     def pixel(self, places: Array) -> NDArray[np.int64]:
         """Row and column of places (n, 2) [m], clipped to the picture, (n, 2)."""
         span = np.array(self.high) - np.array(self.low)
@@ -86,7 +90,7 @@ class Picture:
         at = self.pixel(places)
         return np.asarray(self._fields[at[:, 0], at[:, 1]])
 
-    @property
+    @cached_property
     def _fields(self) -> Array:
         """Features of every pixel, (rows, columns, 8)."""
         from scipy.ndimage import gaussian_gradient_magnitude, gaussian_laplace, uniform_filter
@@ -115,16 +119,18 @@ class MaterialClassifier:
     """Learns classes from features; make it with `learn`.
 
     Attributes:
-        classes: names. centre, scale: of the features, (p,). machine: scikit-learn's. strange: squared distance beyond which
-            a sample is unknown. shapes: mean and inverse covariance of each class.
+        classes: names. centre, scale: of the features, (p,). machine: scikit-learn's. samples: learnt from, (n, p), in units of
+            what is usual within a class, (p,), in scaled features. strange: mean distance to the nearest of them beyond which
+            features are unknown.
     """
 
     classes: tuple[str, ...]
     centre: Array
     scale: Array
     machine: Any
-    strange: Array
-    shapes: tuple[tuple[Array, Array], ...]
+    samples: Array
+    usual: Array
+    strange: float
 
     @classmethod
     def learn(cls, features: Array, labels: Sequence[str], *, calibrated: bool = True) -> MaterialClassifier:
@@ -145,15 +151,11 @@ class MaterialClassifier:
         centre, scale = features.mean(axis=0), np.maximum(features.std(axis=0), 1e-9)
         z = (features - centre) / scale
         machine = _machine(z.shape[1], calibrated).fit(z, names)
-        shapes: list[tuple[Array, Array]] = []
-        strange: list[float] = []
-        for name in classes:
-            own = z[names == name]
-            covariance = np.cov(own.T) + 0.02 * np.eye(z.shape[1])
-            shapes.append((np.asarray(own.mean(axis=0)), np.asarray(np.linalg.inv(covariance), dtype=np.float64)))
-            distance = _mahalanobis(own, *shapes[-1])
-            strange.append(max(float(np.quantile(distance, STRANGE)) * 1.5, FAR**2 * 1.5))
-        return cls(tuple(classes.tolist()), centre, scale, machine, np.array(strange), tuple(shapes))
+        # distances count in what is usual within a class: colours differ little there, noise of texture much
+        away = np.abs(np.concatenate([z[names == name] - np.median(z[names == name], axis=0) for name in classes]))
+        usual = np.maximum(1.4826 * np.median(away, axis=0), 0.02)
+        apart = _apart(z / usual, z / usual, own=True)
+        return cls(tuple(classes.tolist()), centre, scale, machine, z / usual, usual, FAR * float(np.quantile(apart, STRANGE)))
 
     def at(self, features: Array) -> Sight:
         """Classes of features (m, p)."""
@@ -166,7 +168,7 @@ class MaterialClassifier:
             scores = np.exp(scores - scores.max(axis=1, keepdims=True))
             probabilities = scores / scores.sum(axis=1, keepdims=True)
         best = probabilities.argmax(axis=1)
-        strange = np.all([_mahalanobis(z, *shape) > limit for shape, limit in zip(self.shapes, self.strange)], axis=0)
+        strange = _apart(z / self.usual, self.samples) > self.strange
         label = np.where(strange, UNKNOWN, np.array(self.classes)[best])
         return Sight(label, np.where(strange, 0.0, probabilities.max(axis=1)), probabilities, self.classes)
 
@@ -196,12 +198,8 @@ def held_out(
         features: (n, p). labels: (n,). places: (n, 2) [m]. block: side of a spatial block [m]. folds: of the random kind.
     """
     features, names = np.asarray(features, dtype=float), np.asarray(labels, dtype=str)
-    fold = np.random.default_rng(seed).permutation(len(names)) % folds
-    cell = np.floor((np.asarray(places) - np.min(places, axis=0)) / block).astype(int)
-    number = np.unique(cell, axis=0, return_inverse=True)[1].ravel()
-    blocks = np.random.default_rng(seed).permutation(number.max() + 1)[number] % min(folds, number.max() + 1)
-    random, _, _ = _scores(features, names, fold, calibrated)
-    spatial, probability, right = _scores(features, names, blocks, calibrated)
+    random, _, _ = _scores(features, names, random_folds(len(names), folds, seed), calibrated)
+    spatial, probability, right = _scores(features, names, spatial_blocks(places, block, folds, seed), calibrated)
     bins = np.clip((probability * 10).astype(int), 0, 9)
     gap = sum(
         abs(float(np.mean(probability[bins == b]) - np.mean(right[bins == b]))) * np.mean(bins == b) for b in np.unique(bins)
@@ -209,9 +207,22 @@ def held_out(
     return HeldOut(random, spatial, float(gap))
 
 
+def random_folds(n: int, folds: int = FOLDS, seed: int = 0) -> NDArray[np.int64]:
+    """Fold of each of n samples, (n,)."""
+    return np.asarray(np.random.default_rng(seed).permutation(n) % folds, dtype=np.int64)
+
+
+def spatial_blocks(places: Array, block: float, folds: int = FOLDS, seed: int = 0) -> NDArray[np.int64]:
+    """Fold of places (n, 2) [m], (n,): squares of side `block` [m] go into a fold whole."""
+    cell = np.floor((np.asarray(places) - np.min(places, axis=0)) / block).astype(int)
+    number = np.unique(cell, axis=0, return_inverse=True)[1].ravel()
+    count = int(number.max()) + 1
+    return np.asarray(np.random.default_rng(seed).permutation(count)[number] % min(folds, count), dtype=np.int64)
+
+
 def zones_of(values: Array, most: int = 6) -> NDArray[np.int64]:
     """Classes of positive values by their size, (n,): as many as a mixture of lognormals asks for (BIC)."""
-    mixture = _sklearn("mixture")
+    mixture = sklearn("mixture")
     y = np.log(np.asarray(values, dtype=float))[:, None]
     best = None
     for k in range(1, min(most, len(y) // 3) + 1):
@@ -242,18 +253,27 @@ def _scores(
 def _machine(count: int, calibrated: bool) -> Any:
     """The study's: exp(−|x − x'|²/s²) with s = √P/4, which scikit-learn writes as γ = 1/s²; and the calibrated alternative."""
     if not calibrated:
-        return _sklearn("svm").SVC(kernel="rbf", gamma=16.0 / count, C=1.0)
+        return sklearn("svm").SVC(kernel="rbf", gamma=16.0 / count, C=1.0)
     # a wider kernel generalises to places that were not touched; the logistic curve on left-out scores calibrates it
-    machine = _sklearn("svm").SVC(kernel="rbf", gamma=1.0 / count, C=1.0)
-    return _sklearn("calibration").CalibratedClassifierCV(machine, method="sigmoid", cv=3, ensemble=False)
+    machine = sklearn("svm").SVC(kernel="rbf", gamma=1.0 / count, C=1.0)
+    return sklearn("calibration").CalibratedClassifierCV(machine, method="sigmoid", cv=3, ensemble=False)
 
 
-def _mahalanobis(z: Array, mean: Array, inverse: Array) -> Array:
-    away = z - mean
-    return np.asarray(np.einsum("ij,jk,ik->i", away, inverse, away))
+def _apart(z: Array, samples: Array, own: bool = False) -> Array:
+    """Mean distance of features to the `NEIGHBOURS` nearest samples, (m,); their own place left out if they are the samples."""
+    from scipy.spatial import cKDTree
+
+    k = min(NEIGHBOURS + own, len(samples))
+    distance = cKDTree(samples).query(z, k=k)[0].reshape(len(z), k)
+    return np.asarray(distance[:, int(own) :].mean(axis=1))
 
 
-def _sklearn(module: str) -> Any:
+def sklearn(module: str) -> Any:
+    """One of scikit-learn's modules.
+
+    Raises:
+        MissingDependencyError: it isn't installed.
+    """
     import importlib
 
     try:

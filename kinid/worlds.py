@@ -1,8 +1,8 @@
 """A property map for other programs: MuJoCo XML, SDF for Gazebo, and glTF with PNG and JSON for game engines.
 
-The surface becomes patches (squares of a plane), each with stiffness, damping and friction. A body that touches several
-patches at once feels them all: make them wider than the tip. Physics engines have their own notion of softness, so that what
-is written says how it was converted:
+The surface becomes patches (squares of a plane, or one for each face of a mesh), each with stiffness, damping and friction.
+A body that touches several patches at once feels them all: make them wider than the tip. Physics engines have their own
+notion of softness, so that what is written says how it was converted:
 
 - MuJoCo: `solref = (−stiffness, −damping)`, its direct form, per unit of the contact's effective mass, which the file
   states. A contact's acceleration there is d (k r − b v) + (1 − d) g with the impedance d; a small d makes it the map's
@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import json
 import struct
+import warnings
 import xml.etree.ElementTree as ET
 import zlib
 from dataclasses import dataclass
@@ -28,7 +29,7 @@ from numpy.typing import NDArray
 
 from kinid.errors import InputError
 from kinid.property_map import PropertyMap
-from kinid.surface import Plane
+from kinid.surface import Mesh
 from kinid.writers import make_folder, replacing, write_text
 
 Array = NDArray[np.float64]
@@ -39,6 +40,8 @@ EFFECTIVE_MASS = 1.0
 IMPEDANCE = 0.02
 #: thickness of the patches [m]
 THICK = 0.02
+#: a mesh of more faces is too many patches for an engine
+MOST_FACES = 5000
 #: property names that become stiffness, damping and friction
 ROLES = ("stiffness", "damping", "friction")
 FRICTION = 0.5  # where the map holds none; written into the file as assumed
@@ -46,12 +49,12 @@ FRICTION = 0.5  # where the map holds none; written into the file as assumed
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """Squares of a plane, and what each is made of.
+    """Rectangles of a plane, or squares that stand for a mesh's faces, and what each is made of.
 
     Attributes:
-        centres: base frame [m], (k, 3). axes: rows tangent1, tangent2, normal, (3, 3). half: half sides [m], (2,).
+        centres: base frame [m], (k, 3). axes: rows tangent1, tangent2, normal of each, (k, 3, 3). half: half sides [m], (k, 2).
         values: stiffness, damping, friction, (k, 3); NaN where the map holds none. cells: row and column of each, (k, 2).
-        shape: of the grid. assumed: roles that the map doesn't hold.
+        shape: of the grid; (0, 0) on a mesh. assumed: roles that the map doesn't hold.
     """
 
     centres: Array
@@ -62,24 +65,31 @@ class Patches:
     shape: tuple[int, int]
     assumed: tuple[str, ...]
 
+    @property
+    def thick(self) -> float:
+        """Of the boxes [m]: on a mesh no more than they are wide, so that they don't come out of its other side."""
+        return THICK if self.shape != (0, 0) else min(THICK, 2.0 * float(np.median(self.half)))
+
 
 def patches(grown: PropertyMap, cells: int = 20, method: str = "gp") -> Patches:
-    """Patches of what a map knows; unknown places get none.
+    """Patches of what a map knows; unknown places get none. On a mesh one stands for each face, of its area.
 
     Raises:
-        InputError: a mesh, or a map without stiffness.
+        InputError: a map without stiffness, or a mesh of too many faces.
     """
-    if not isinstance(grown.surface, Plane):
-        raise InputError("a map on a mesh", "a map on a plane", "map a plane")
     names = [p.name for p in grown.properties]
     if "stiffness" not in names:
         raise InputError(f"a map of {', '.join(names)}", "one that holds stiffness", "map with a model that has one")
+    told = [role in names and bool(np.isfinite(grown.values(role)).any()) for role in ROLES]
+    assumed = tuple(role for role, there in zip(ROLES, told) if not there)
+    if isinstance(grown.surface, Mesh):
+        return _of_faces(grown, grown.surface, told, assumed, method)
     edges = grown.grid(cells)
     ticks = (0.5 * (edges[0][1:] + edges[0][:-1]), 0.5 * (edges[1][1:] + edges[1][:-1]))
     half = np.array([0.5 * (edges[0][1] - edges[0][0]), 0.5 * (edges[1][1] - edges[1][0])])
     fields, known = [], np.ones((len(ticks[0]), len(ticks[1])), np.bool_)
-    for role in ROLES:
-        if role in names and np.isfinite(grown.values(role)).any():
+    for role, there in zip(ROLES, told):
+        if there:
             guess = grown.over_grid(role, ticks, method)
             fields.append(np.maximum(guess.mean, 0.0))
             known &= guess.known
@@ -87,17 +97,34 @@ def patches(grown: PropertyMap, cells: int = 20, method: str = "gp") -> Patches:
             fields.append(np.full(known.shape, np.nan))
     rows, columns = np.nonzero(known)
     flat = np.column_stack([ticks[0][rows], ticks[1][columns]])
-    values = np.column_stack([f[rows, columns] for f in fields])
-    assumed = tuple(role for role, f in zip(ROLES, fields) if not np.isfinite(f).any())
-    return Patches(
-        grown.raised(flat),
-        grown.surface.axes,
-        half,
-        values,
-        np.column_stack([rows, columns]),
-        (len(ticks[0]), len(ticks[1])),
-        assumed,
-    )
+    return Patches(grown.raised(flat), np.tile(grown.surface.axes, (len(rows), 1, 1)), np.tile(half, (len(rows), 1)),
+                   np.column_stack([f[rows, columns] for f in fields]), np.column_stack([rows, columns]),
+                   (len(ticks[0]), len(ticks[1])), assumed)  # fmt: skip
+
+
+def _of_faces(grown: PropertyMap, mesh: Mesh, told: list[bool], assumed: tuple[str, ...], method: str) -> Patches:
+    """A square for each face whose corners are all known, of its area, at its middle, lying in it."""
+    if len(mesh.faces) > MOST_FACES:
+        raise InputError(f"a mesh of {len(mesh.faces)} faces", f"{MOST_FACES} at most, a patch each", "export a coarser mesh")
+    corner = mesh.vertices[mesh.faces]  # (k, 3, 3)
+    along = corner[:, 1] - corner[:, 0]
+    normal = np.cross(along, corner[:, 2] - corner[:, 0])
+    area = 0.5 * np.linalg.norm(normal, axis=1)
+    fields = np.full((len(corner), len(ROLES)), np.nan)
+    known = area > 0
+    for k, (role, there) in enumerate(zip(ROLES, told)):
+        if there:
+            guess = grown.interpolator(role, method).at(np.arange(len(mesh.vertices), dtype=np.int64))
+            fields[:, k] = np.maximum(guess.mean[mesh.faces].mean(axis=1), 0.0)
+            known &= guess.known[mesh.faces].all(axis=1)
+    if not known.any():
+        raise InputError("a map that knows no whole face", "probes that reach one at least", "poke more, or refine the mesh")
+    t1 = along[known] / np.linalg.norm(along[known], axis=1, keepdims=True)
+    n = normal[known] / (2 * area[known, None])
+    half = np.repeat(0.5 * np.sqrt(area[known])[:, None], 2, axis=1)
+    number = np.flatnonzero(known)
+    return Patches(corner[known].mean(axis=1), np.stack([t1, np.cross(n, t1), n], axis=1), half, fields[known],
+                   np.column_stack([number, np.zeros_like(number)]), (0, 0), assumed)  # fmt: skip
 
 
 def to_mujoco(made: Patches, effective_mass: float = EFFECTIVE_MASS) -> str:
@@ -106,8 +133,9 @@ def to_mujoco(made: Patches, effective_mass: float = EFFECTIVE_MASS) -> str:
     ET.SubElement(root, "compiler", angle="radian")
     ET.SubElement(root, "option", timestep="0.0005", cone="elliptic")
     body = ET.SubElement(ET.SubElement(root, "worldbody"), "body", name="surface")
-    quat, share = _quaternion(made.axes), (1.0 - IMPEDANCE) / effective_mass
-    for i, (centre, (k, c, mu)) in enumerate(zip(made.centres - 0.5 * THICK * made.axes[2], made.values)):
+    share, quats = (1.0 - IMPEDANCE) / effective_mass, _quaternions(made.axes)
+    middles = made.centres - 0.5 * made.thick * made.axes[:, 2]
+    for i, (centre, quat, half, (k, c, mu)) in enumerate(zip(middles, quats, made.half, made.values)):
         damping = 0.0 if np.isnan(c) else c
         friction = FRICTION if np.isnan(mu) else mu
         ET.SubElement(
@@ -117,7 +145,7 @@ def to_mujoco(made: Patches, effective_mass: float = EFFECTIVE_MASS) -> str:
             type="box",
             pos=_text(centre),
             quat=_text(quat),
-            size=_text([*made.half, 0.5 * THICK]),
+            size=_text([*half, 0.5 * made.thick]),
             friction=f"{friction:.6g} 0.005 0.0001",
             priority="1",
             # both negative says that the form is the direct one, and so an undamped one isn't allowed
@@ -135,12 +163,12 @@ def to_sdf(made: Patches) -> str:
     model = ET.SubElement(root, "model", name="property_map")
     ET.SubElement(model, "static").text = "true"
     link = ET.SubElement(model, "link", name="surface")
-    roll, pitch, yaw = _rpy(made.axes.T)
-    for i, (centre, (k, c, mu)) in enumerate(zip(made.centres - 0.5 * THICK * made.axes[2], made.values)):
+    middles, turns = made.centres - 0.5 * made.thick * made.axes[:, 2], _rpy(made.axes)
+    for i, (centre, turn, half, (k, c, mu)) in enumerate(zip(middles, turns, made.half, made.values)):
         collision = ET.SubElement(link, "collision", name=f"patch_{i}")
-        ET.SubElement(collision, "pose").text = _text([*centre, roll, pitch, yaw])
+        ET.SubElement(collision, "pose").text = _text([*centre, *turn])
         box = ET.SubElement(ET.SubElement(collision, "geometry"), "box")
-        ET.SubElement(box, "size").text = _text([*(2 * made.half), THICK])
+        ET.SubElement(box, "size").text = _text([*(2 * half), made.thick])
         surface = ET.SubElement(collision, "surface")
         ode = ET.SubElement(ET.SubElement(surface, "contact"), "ode")
         ET.SubElement(ode, "kp").text = f"{k:.9g}"
@@ -156,7 +184,7 @@ def to_gltf(made: Patches, role: str = "stiffness") -> bytes:
     """GlTF 2.0, binary: the patches as quads with vertex colours by one property, y up as the format has it."""
     column = ROLES.index(role)
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    offset = (corners * made.half) @ made.axes[:2]
+    offset = np.einsum("ci,ki,kij->kcj", corners, made.half, made.axes[:, :2])
     points = (made.centres[:, None, :] + offset).reshape(-1, 3)
     points = np.column_stack([points[:, 0], points[:, 2], -points[:, 1]]).astype("<f4")
     quad = np.array([0, 1, 2, 0, 2, 3])
@@ -214,7 +242,9 @@ def to_png(field: Array, low: float, high: float) -> bytes:
 
 
 def export(grown: PropertyMap, folder: Path, cells: int = 20, method: str = "gp") -> list[Path]:
-    """All three, into a folder: map.xml, map.sdf, map.glb, a PNG a property and map.json; the paths.
+    """All of them, into a folder: map.xml, map.sdf, map.glb, map.json, and on a plane a PNG a property; the paths.
+
+    On a mesh the JSON holds the numbers by face.
 
     Raises:
         InputError: as `patches`, or a folder that can't be written to.
@@ -225,31 +255,26 @@ def export(grown: PropertyMap, folder: Path, cells: int = 20, method: str = "gp"
     write_text(out[0], to_mujoco(made))
     write_text(out[1], to_sdf(made))
     _write_bytes(out[2], to_gltf(made))
-    about: dict[str, Any] = {
-        "frame": {"origin": made.centres.mean(axis=0).tolist(), "axes": made.axes.tolist()},
-        "cell": (2 * made.half).tolist(),
-        "rows": "along tangent 1",
-        "columns": "along tangent 2",
-        "assumed": {role: FRICTION if role == "friction" else 0.0 for role in made.assumed},
-        "properties": {},
-    }
-    for k, role in enumerate(ROLES):
-        if role in made.assumed:
-            continue
-        field = np.full(made.shape, np.nan)
-        field[tuple(made.cells.T)] = made.values[:, k]
-        low, high = float(np.nanmin(field)), float(np.nanmax(field))
-        path = folder / f"{role}.png"
-        _write_bytes(path, to_png(field, low, high))
-        out.append(path)
-        unit = grown.properties[grown.index(role)].unit
-        about["properties"][role] = {
-            "image": path.name,
-            "unit": unit,
-            "low": low,
-            "high": high,
-            "value": "low + (grey − 1)/65534 · (high − low); grey 0 is unknown",
-        }
+    about: dict[str, Any] = {"assumed": {role: FRICTION if role == "friction" else 0.0 for role in made.assumed}}
+    roles = {k: role for k, role in enumerate(ROLES) if role not in made.assumed}
+    units = {role: grown.properties[grown.index(role)].unit for role in roles.values()}
+    if isinstance(grown.surface, Mesh):
+        about |= {"faces": made.cells[:, 0].tolist(), "centres": made.centres.tolist(), "normals": made.axes[:, 2].tolist(),
+                  "properties": {role: {"unit": units[role], "values": made.values[:, k].tolist()}
+                                 for k, role in roles.items()}}  # fmt: skip
+    else:
+        about |= {"frame": {"origin": made.centres.mean(axis=0).tolist(), "axes": made.axes[0].tolist()},
+                  "cell": (2 * made.half[0]).tolist(), "rows": "along tangent 1", "columns": "along tangent 2",
+                  "properties": {}}  # fmt: skip
+        for k, role in roles.items():
+            field = np.full(made.shape, np.nan)
+            field[tuple(made.cells.T)] = made.values[:, k]
+            low, high = float(np.nanmin(field)), float(np.nanmax(field))
+            path = folder / f"{role}.png"
+            _write_bytes(path, to_png(field, low, high))
+            out.append(path)
+            about["properties"][role] = {"image": path.name, "unit": units[role], "low": low, "high": high,
+                                         "value": "low + (grey − 1)/65534 · (high − low); grey 0 is unknown"}  # fmt: skip
     write_text(out[3], json.dumps(about, indent=1, ensure_ascii=False) + "\n")
     return out
 
@@ -263,17 +288,17 @@ def _text(values: Any) -> str:
     return " ".join(f"{float(v):.9g}" for v in values)
 
 
-def _quaternion(axes: Array) -> Array:
-    """(w, x, y, z) of the rotation whose columns are tangent1, tangent2, normal."""
+def _quaternions(axes: Array) -> Array:
+    """(w, x, y, z) of the rotations whose columns are tangent1, tangent2, normal, for rows of them (k, 3, 3), (k, 4)."""
     from scipy.spatial.transform import Rotation
 
-    x, y, z, w = Rotation.from_matrix(axes.T).as_quat()
-    return np.array([w, x, y, z])
+    return np.asarray(Rotation.from_matrix(np.swapaxes(axes, 1, 2)).as_quat()[:, [3, 0, 1, 2]])
 
 
-def _rpy(rotation: Array) -> tuple[float, float, float]:
-    """Roll, pitch, yaw about fixed axes [rad]."""
+def _rpy(axes: Array) -> Array:
+    """Roll, pitch, yaw about fixed axes [rad] of the same rotations, (k, 3)."""
     from scipy.spatial.transform import Rotation
 
-    yaw, pitch, roll = Rotation.from_matrix(rotation).as_euler("ZYX")
-    return float(roll), float(pitch), float(yaw)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # where roll and yaw turn about one axis, any share between them is right
+        return np.asarray(Rotation.from_matrix(np.swapaxes(axes, 1, 2)).as_euler("ZYX")[:, ::-1])

@@ -8,9 +8,12 @@ from typing import Annotated
 import typer
 
 import kinid
-from kinid.cli import compare, contact, demo, diagnose, fit, lab, plan, view
+from kinid.cli import compare, contact, demo, diagnose, doctor, fit, lab, picture, plan, view
 from kinid.cli import map as map_command
 from kinid.errors import KinidError
+
+#: exit code of a command that the user stopped
+STOPPED = 130
 
 app = typer.Typer(
     name="kinid",
@@ -37,27 +40,36 @@ def _root(
     pass
 
 
-app.command("contact", epilog=contact.EXAMPLES)(contact.contact)
-app.command("fit", epilog=fit.EXAMPLES)(fit.fit)
-app.command("compare", epilog=compare.EXAMPLES)(compare.compare)
-app.command("diagnose", epilog=diagnose.EXAMPLES)(diagnose.diagnose)
-app.add_typer(plan.app, name="plan")
-app.command("lab", epilog=lab.EXAMPLES)(lab.lab)
-app.command("map", epilog=map_command.EXAMPLES)(map_command.map_)
-app.command("view", epilog=view.EXAMPLES)(view.view)
-app.command("demo", epilog=demo.EXAMPLES)(demo.demo)
+#: each command with the line that the list of commands shows of it
+for name, function, examples, short in (
+    ("demo", demo.demo, demo.EXAMPLES, "See it all: a virtual arm finds out what its model lacks."),
+    ("doctor", doctor.doctor, doctor.EXAMPLES, "Is everything here that kinid needs?"),
+    ("contact", contact.contact, contact.EXAMPLES, "Raw log to contact-frame quantities."),
+    ("fit", fit.fit, fit.EXAMPLES, "Parameters of a model, with intervals."),
+    ("compare", compare.compare, compare.EXAMPLES, "Models side by side on samples held out."),
+    ("diagnose", diagnose.diagnose, diagnose.EXAMPLES, "Where a model fails, and what it lacks."),
+    ("lab", lab.lab, lab.EXAMPLES, "Virtual experiments whose truth is known."),
+    ("map", map_command.map_, map_command.EXAMPLES, "Touches to a map of properties."),
+    ("picture", picture.picture, picture.EXAMPLES, "What a picture says of a mapped property."),
+    ("view", view.view, view.EXAMPLES, "A log or a map in three dimensions."),
+):
+    app.command(name, epilog=examples, short_help=short)(function)
+app.add_typer(plan.app, name="plan", short_help="Trajectories the robot can run.")
+for command in (*app.registered_commands, *plan.app.registered_commands):
+    lines = [line.strip() for line in (command.epilog or "").splitlines() if line.strip()]
+    # "\b": each example stays on its line, to be copied
+    command.epilog = "\b\n" + "\n".join([*lines[:1], *(f"  {line}" for line in lines[1:])])
 
 
 def main() -> None:
     """Run the command line; bad input ends in one line on stderr and exit code 2."""
     try:
-        code = app(standalone_mode=False)
+        code = app(prog_name="kinid", standalone_mode=False)
     except KinidError as error:
         _say(str(error))
         code = 2
     except (KeyboardInterrupt, typer.Abort):
-        _say("stopped; nothing was left half-written")
-        code = 130
+        code = STOPPED
     except BrokenPipeError:  # the reader of a pipe has gone: nobody is left to tell
         sys.stderr.close()
         code = 0
@@ -69,6 +81,8 @@ def main() -> None:
         where = f"{context.command_path} --help" if context is not None else "kinid --help"
         _say(f"{error.format_message()} See '{where}'.")
         code = 2
+    if code == STOPPED:
+        _say("stopped; nothing was left half-written")
     sys.exit(code)
 
 

@@ -34,10 +34,15 @@ def map_(
     export: Annotated[
         Path | None, typer.Option(help="Folder for MuJoCo XML, SDF, glTF, and PNG with JSON, with properties per patch.")
     ] = None,
-    method: Annotated[str, typer.Option(help="Between the probes, in plot and export: gp, biharmonic or nearest.")] = "gp",
+    method: Annotated[
+        str, typer.Option(help="Between the probes, in plot and export: gp, triangles, biharmonic or nearest.")
+    ] = "gp",
     follow: Annotated[
         float, typer.Option(help="Wait so long for logs that are still to come [s]; a campaign's count ends it earlier.")
     ] = 0.0,
+    along: Annotated[
+        float, typer.Option(help="A slide of more than 20 mm is cut into probes of this length [m]; 0 for one probe a touch.")
+    ] = 0.002,
     anew: Annotated[bool, typer.Option("--anew", help="Don't go on with a map that is there.")] = False,
 ) -> None:
     """Logs of touches to a map of stiffness, damping … over the surface, with covariance; started again, it goes on."""
@@ -57,7 +62,7 @@ def map_(
     first = logs[0] if logs[0].is_dir() else logs[0].parent
     rig_file = rig or first / "rig.toml"
     check_outputs((out, plot), (rig_file, *found))
-    prober = Prober.of(Rig.load(rig_file), [part.strip() for part in model.split(",") if part.strip()])
+    prober = Prober.of(Rig.load(rig_file), [part.strip() for part in model.split(",") if part.strip()], along)
     start = PropertyMap.read(out) if out.is_file() and not anew else None
     grown, skipped, last = start, dict[str, str](), 0.0
     quiet_since = time.monotonic()
@@ -102,13 +107,12 @@ def _show(grown: PropertyMap, fresh: int, skipped: dict[str, str]) -> None:
     from rich.table import Table
 
     from kinid.cli.show import console
-    from kinid.interpolation import METHODS
 
     out = console()
     old = f", {len(grown) - fresh} of them there already" if fresh < len(grown) else ""
     out.print(f"{len(grown)} probes with {grown.model}{old}", soft_wrap=True)
     table = Table("property", "unit", box=None, pad_edge=False)
-    for heading in ("lowest", "highest", "standard error", *(f"left out: {method}" for method in METHODS)):
+    for heading in ("lowest", "highest", "standard error", *(f"left out: {method}" for method in grown.methods)):
         table.add_column(heading, justify="right")
     for item in grown.properties:
         values, errors = grown.values(item.name), grown.deviations(item.name)
@@ -116,9 +120,9 @@ def _show(grown: PropertyMap, fresh: int, skipped: dict[str, str]) -> None:
         if told.any():
             held = grown.held_out(item.name)
             table.add_row(escape(item.name), item.unit, f"{values[told].min():.5g}", f"{values[told].max():.5g}",
-                          f"{np.median(errors[told]):.3g}", *(f"{held[method]:.3g}" for method in METHODS))  # fmt: skip
+                          f"{np.median(errors[told]):.3g}", *(f"{held[method]:.3g}" for method in grown.methods))  # fmt: skip
         else:
-            table.add_row(escape(item.name), item.unit, *["unknown"] * 2, *["–"] * 4)
+            table.add_row(escape(item.name), item.unit, *["unknown"] * 2, *["–"] * (1 + len(grown.methods)))
     out.print(table)
     failing = int(np.nansum(grown.misfit > 3))
     if failing:

@@ -26,7 +26,7 @@ def view(
     ],
     rig: Annotated[Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the log.")] = None,
     shown: Annotated[str | None, typer.Option("--property", help="Property that colours the surface first.")] = None,
-    method: Annotated[str, typer.Option(help="Between the probes: gp, biharmonic or nearest.")] = "gp",
+    method: Annotated[str, typer.Option(help="Between the probes: gp, triangles, biharmonic or nearest.")] = "gp",
     model: Annotated[str | None, typer.Option(help="Effects that predict a log's forces, or that pokes are fitted with.")] = None,
     port: Annotated[int, typer.Option(help="On 127.0.0.1; 0 for any that is free.")] = 7000,
     record: Annotated[Path | None, typer.Option(help="Write one self-contained HTML file instead of serving.")] = None,

@@ -9,10 +9,10 @@ import pytest
 
 import kinid
 from kinid.errors import InputError
-from kinid.exploration import explore, next_poke, pokes_after_slides
+from kinid.exploration import Region, explore, next_poke, pokes_after_slides
 from kinid.exploration_slide import SlidePath, by_slope, changes, paths
 from kinid.interpolation import PlaneGround
-from kinid.interpolation_gp import GaussianProcess
+from kinid.interpolation_triangles import Triangles
 
 
 def slid(place, angle, seed, material="mould"):
@@ -96,23 +96,116 @@ def test_pokes_after_slides_stand_beside_borders():
     assert np.allclose(pokes, [[0.0, 0.01], [0.007, 0.01], [0.013, 0.01], [0.0298, 0.01]], atol=3e-4)
 
 
-def test_the_next_poke_goes_where_nothing_is_known():
-    rng = np.random.default_rng(7)
-    places = rng.uniform(0, 0.1, (60, 2))
-    places = places[np.hypot(*(places - [0.07, 0.03]).T) > 0.025]
-    process = GaussianProcess.fit(PlaneGround(places), 800 + 300 * np.sin(60 * places[:, 0]), np.full(len(places), 2.0))
-    ticks = np.linspace(0.005, 0.095, 19)
-    candidates = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), -1).reshape(-1, 2)
-    chosen = next_poke(process, candidates, apart=0.004)
-    assert np.hypot(*(chosen.place - [0.07, 0.03])) < 0.02
-    # a picture that is sure of that corner sends the poke elsewhere
-    sure = next_poke(process, candidates, apart=0.004, prior=lambda p: (np.hypot(*(p - [0.07, 0.03]).T) < 0.03).astype(float))
-    assert np.hypot(*(sure.place - [0.07, 0.03])) > 0.02
+REGION = Region((-0.045, -0.045), (0.045, 0.045))
+
+
+def mould(shift):
+    """Stiffness of the mould with its borders shifted [m], as an exact poke would feel it."""
+    from kinid.lab import materials
+
+    values = tuple(tuple(np.asarray(float(m.stiffness)) for m in row) for row in materials._QUARTERS)
+
+    def at(q):
+        u, v = (np.asarray(q) - shift).T
+        body = materials._quarters(u, v, values) * materials._rim(*np.asarray(q).T)
+        film = materials._film(u, v)
+        return (1 - film) * body + film * 0.75 * body
+
+    return at
+
+
+def error(guess, truth):
+    return float(np.mean(np.abs(guess / truth - 1)))
+
+
+def explored(seed, count, prior=None):
+    """Truth over the region, the error of the explored map after `count` pokes, and of a grid of a hundred."""
+    rng = np.random.default_rng(seed)
+    at = mould(rng.uniform(-0.01, 0.01, 2))
+    q = REGION.grid(45)
+    truth = at(q)
+
+    def poke(places):
+        return at(places) * (1 + 0.005 * rng.standard_normal(len(places)))
+
+    ticks = np.linspace(-0.045, 0.045, 10)
+    grid = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), -1).reshape(-1, 2)
+    values = poke(grid)
+    even = Triangles(PlaneGround(grid, reach=1.0), values, 0.005 * values)
+    expect = None if prior is None else prior(at)
+    *_, grown = explore(lambda p: ((v := float(poke(p[None])[0])), 0.005 * v), REGION, REGION.grid(4), apart=4e-3, most=count,
+                        prior=expect)  # fmt: skip
+    # what the grid's mid-cells and rim are to it, all the region is to the exploration
+    wide = Triangles(PlaneGround(grown.ground.places, reach=1.0), grown.values, grown.noise, expect)
+    return error(wide.at(q).mean, truth), error(even.at(q).mean, truth)
+
+
+def test_fifty_pokes_where_they_tell_most_are_as_good_as_a_grid_of_a_hundred():
+    """Moulds poured each a little elsewhere: where a border lies in a grid's cell is luck, so the mean counts."""
+    few, grid = np.mean([explored(seed, 50) for seed in range(200, 206)], axis=0)
+    assert few < grid
+
+
+def test_what_is_expected_saves_pokes_and_a_wrong_guess_costs_little():
+    def good(at):
+        return lambda q: (at(q) * (1 + 0.08 * np.sin(900 * q[:, 0])), 0.08 * at(q))
+
+    def wrong(at):
+        return lambda q: (np.full(len(q), 3000.0), np.full(len(q), 100.0))
+
+    def silent(at):
+        return lambda q: (np.full(len(q), np.nan), np.full(len(q), np.nan))
+
+    seeds = range(200, 203)
+    plain = np.mean([explored(seed, 25)[0] for seed in seeds])
+    assert np.mean([explored(seed, 25, good)[0] for seed in seeds]) < 0.7 * plain
+    assert np.mean([explored(seed, 25, wrong)[0] for seed in seeds]) < 1.3 * plain
+    assert np.mean([explored(seed, 25, silent)[0] for seed in seeds]) == pytest.approx(plain)
+
+
+def test_the_next_poke_halves_the_widest_open_border():
+    ticks = np.linspace(-0.045, 0.045, 4)
+    places = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), -1).reshape(-1, 2)
+    grown = Triangles(PlaneGround(places), np.where(places[:, 0] < 0.02, 500.0, 1000.0), np.full(16, 1.0))
+    assert next_poke(grown, REGION, apart=4e-3).place[0] == pytest.approx(0.03)
     with pytest.raises(InputError, match="every place poked"):
-        next_poke(process, places[:5], apart=0.004)
+        next_poke(grown, REGION, apart=0.05)
 
 
 def test_exploring_ends_with_its_count():
-    maps = list(explore(lambda p: (800.0 + 1e3 * p[0], 1.0), np.random.default_rng(8).uniform(0, 0.1, (80, 2)),
-                        np.array([[0.01, 0.01], [0.09, 0.01], [0.01, 0.09], [0.09, 0.09]]), apart=0.003, most=9))  # fmt: skip
+    region = Region((0.0, 0.0), (0.1, 0.1))
+    maps = list(explore(lambda p: (800.0 + 1e3 * p[0], 1.0), region, region.grid(2), apart=0.003, most=9))
     assert [len(m.values) for m in maps] == [4, 5, 6, 7, 8, 9]
+    with pytest.raises(InputError, match="starting places"):
+        next(explore(lambda p: (1.0, 1.0), region, region.grid(1), apart=0.003, most=9))
+    with pytest.raises(InputError, match="a region from"):
+        Region((0.1, 0.0), (0.0, 0.1))
+
+
+def test_a_long_slide_is_cut_into_places_with_their_own_friction():
+    """Across a border of the virtual mould, from joints and wrench alone, beside the truth."""
+    from kinid.lab.experiments import prepare
+    from kinid.lab.materials import MOULD
+    from kinid.lab.protocol import Slide, five_phases
+    from kinid.property_probes import Prober
+
+    base = prepare("slide", material="mould", seed=1)
+    slide = Slide(depth=2.5e-3, speed=8e-3, length=0.018, directions=(0.0,))
+    script = five_phases(slide, place=(0.0, -0.025), height=0.008, free=0.4, hold=0.4, approach=0.8, tilt=0.1)
+    setup = dataclasses.replace(base, script=script, seed=3)
+    prober = Prober.of(setup.rig, ["kelvin-voigt", "coulomb-friction"])
+    properties, probes = prober.of_log(setup.run().log, "slide")
+    names = [p.name for p in properties]
+    assert len(probes) > 12
+    flat = np.array([(p.place - prober.surface.point) @ prober.surface.axes[:2].T for p in probes])
+    truth = MOULD.at(*flat.T)
+    away = np.abs(flat[:, 0] - 1.5e-3 * np.sin(90 * -0.025)) > 5e-3
+    stiffness = np.array([p.values[names.index("stiffness")] for p in probes])
+    friction = np.array([p.values[names.index("friction")] for p in probes])
+    assert np.allclose(stiffness[away], (truth["stiffness"] + truth["layer"])[away], rtol=0.03)
+    assert np.allclose(friction[away], truth["friction"][away], rtol=0.05)
+    assert all(np.isinf(p.covariance[names.index("damping"), names.index("damping")]) for p in probes)
+    whole = Prober.of(setup.rig, ["kelvin-voigt"], along=0).of_log(setup.run().log, "slide")[1]
+    assert len(whole) == 1
+    with pytest.raises(InputError, match="pieces of slides"):
+        Prober.of(setup.rig, along=1.0)

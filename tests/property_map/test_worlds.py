@@ -12,7 +12,7 @@ import pytest
 import trimesh
 
 from kinid.property_map import Probe, Property, PropertyMap
-from kinid.surface import Plane
+from kinid.surface import Mesh, Plane
 from kinid.worlds import IMPEDANCE, export, patches, to_mujoco
 
 # a surface that stands upright: x is its normal
@@ -107,3 +107,31 @@ def test_gltf_png_and_json_are_read_back(exported):
         "damping.png",
         "friction.png",
     }
+
+
+def test_a_mesh_is_a_patch_a_face(tmp_path):
+    """A ball, stiffer at its top: read back by MuJoCo, SDF's XML and trimesh, every patch on the ball with its face's value."""
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=0.05)
+    mesh = Mesh(np.asarray(ball.vertices), np.asarray(ball.faces), source="ball.stl")
+    probes = tuple(Probe(p, np.array([1000 + 1e4 * p[2], 8.0]), np.diag([1.0, 1e-4])) for p in mesh.vertices)
+    ball_map = PropertyMap(mesh, (Property("stiffness", "N/m"), Property("damping", "N·s/m")), probes)
+    export(ball_map, tmp_path)
+    facts = json.loads((tmp_path / "map.json").read_text(encoding="utf-8"))
+    centres, stiffness = np.array(facts["centres"]), np.array(facts["properties"]["stiffness"]["values"])
+    assert len(centres) == len(facts["faces"]) == len(mesh.faces)
+    assert np.allclose(stiffness, 1000 + 1e4 * centres[:, 2], rtol=0.03)
+    assert "friction" in facts["assumed"]
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "map.xml"))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    tops = data.geom_xpos + data.geom_xmat.reshape(-1, 3, 3)[:, :, 2] * model.geom_size[:, 2:]
+    assert np.allclose(tops, centres, atol=1e-6)
+    assert np.allclose(-model.geom_solref[:, 0] / (1 - IMPEDANCE), stiffness, rtol=1e-6)
+    kp = [float(item.text) for item in ET.parse(tmp_path / "map.sdf").iter("kp")]
+    assert np.allclose(kp, stiffness, rtol=1e-6)
+    shape = trimesh.load(tmp_path / "map.glb", force="mesh")
+    assert shape.area == pytest.approx(ball.area, rel=1e-4)
+    assert not list(tmp_path.glob("*.png"))
+    # where nobody touched it there are no patches
+    half = PropertyMap(mesh, ball_map.properties, tuple(p for p in probes if p.place[2] > 0.01))
+    assert patches(half).centres[:, 2].min() > -0.02

@@ -212,3 +212,32 @@ def test_in_a_real_browser(grown, tmp_path):
 
 def test_packed_numbers_are_little_endian():
     assert base64.b64decode(scenes.packed(np.array([1.0]), "<f4")) == b"\x00\x00\x80?"
+
+
+def test_samples_that_come_are_followed(tmp_path):
+    """A log that somebody writes row by row, also when he is looked at in the middle of a row."""
+    from kinid.lab.experiments import prepare
+    from kinid.lab.writing import write_experiment
+
+    setup = prepare("poke", seed=0)
+    write_experiment(tmp_path, setup.run(), {}, mcap=False)
+    import pyarrow.csv as csv
+    from pyarrow import parquet
+
+    csv.write_csv(parquet.read_table(next(tmp_path.glob("*.parquet"))), tmp_path / "whole.csv")
+    lines = (tmp_path / "whole.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+    live = tmp_path / "live.csv"
+    live.write_text("".join(lines[:2000]), encoding="utf-8")
+    view = View(live)
+    first = view.scene()["motion"]["n"]
+    assert view.changed() is None
+    with live.open("a", encoding="utf-8") as file:
+        file.write("".join(lines[2000:4000]) + lines[4000][:17])
+    more = view.changed()
+    if more is not None:
+        assert more["motion"]["n"] > first
+    with live.open("a", encoding="utf-8") as file:
+        file.write(lines[4000][17:] + "".join(lines[4001:5000]))
+    last = view.changed()
+    assert last["follow"]
+    assert last["motion"]["n"] > 2 * first

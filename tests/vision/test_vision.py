@@ -96,3 +96,72 @@ def test_zones_follow_from_the_values():
 def test_one_class_is_no_classes(seen):
     with pytest.raises(InputError, match="two at least"):
         MaterialClassifier.learn(seen[0], ["a"] * 300)
+
+
+def mould_map(n=10):
+    """A map of the mould from a grid of exact pokes on the stiffness alone."""
+    from kinid.lab.materials import MOULD
+    from kinid.property_map import Probe, Property, PropertyMap
+    from kinid.surface import Plane
+
+    ticks = np.linspace(-0.045, 0.045, n)
+    places = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), -1).reshape(-1, 2)
+    values = MOULD.at(*places.T)["stiffness"] + MOULD.at(*places.T)["layer"]
+    probes = [Probe(np.array([*p, 0.0]), np.array([v]), np.array([[25.0]]), source=str(i))
+              for i, (p, v) in enumerate(zip(places, values))]  # fmt: skip
+    return PropertyMap(Plane(np.zeros(3), np.eye(3)), (Property("stiffness", "N/m"),), tuple(probes), "truth")
+
+
+def save(picture, path):
+    image = pytest.importorskip("PIL.Image")
+    image.fromarray(np.round(255 * picture.pixels).astype(np.uint8)).save(path)
+
+
+def test_values_follow_from_another_picture():
+    """What is stated holds: nine of ten places lie within two standard deviations."""
+    from kinid.lab.materials import MOULD
+    from kinid.vision_map import Sighted
+
+    sighted = Sighted.learn(mould_map(), "stiffness", mould_picture())
+    q = np.random.default_rng(6).uniform(-0.04, 0.04, (400, 2))
+    mean, sd = sighted.prior(mould_picture(seed=9))(q)
+    truth = MOULD.at(*q.T)["stiffness"] + MOULD.at(*q.T)["layer"]
+    told = np.isfinite(mean)
+    assert told.mean() > 0.75
+    assert np.median(np.abs(mean / truth - 1)[told]) < 0.1
+    assert np.mean((np.abs(mean - truth) < 2 * sd)[told]) > 0.85
+    assert sighted.errors[1] > 0.8 * sighted.errors[0]
+
+
+def test_the_command_says_both_figures_and_what_is_unknown(tmp_path):
+    import json
+    import subprocess
+    import sys
+
+    from kinid.property_map import PropertyMap
+
+    mould_map().write(tmp_path / "m.parquet")
+    save(mould_picture(), tmp_path / "a.png")
+    other = mould_picture(seed=9).pixels.copy()
+    strange = [0.9, 0.1, 0.9]
+    other[80:, :60] = np.clip(strange + 0.05 * np.random.default_rng(0).standard_normal((80, 60, 3)), 0, 1)
+    save(Picture(other, (-0.05, -0.05), (0.05, 0.05)), tmp_path / "b.png")
+    call = [sys.executable, "-c", "from kinid.cli import main; main()", "picture", str(tmp_path / "m.parquet"),
+            str(tmp_path / "a.png"), "--corners=-0.05,-0.05,0.05,0.05"]  # fmt: skip
+    more = ["--onto", str(tmp_path / "b.png"), "-o", str(tmp_path / "p.parquet"), "--json", str(tmp_path / "f.json")]
+    done = subprocess.run([*call, *more], capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    assert "random folds, as in the study" in done.stdout
+    assert "spatial blocks" in done.stdout
+    facts = json.loads((tmp_path / "f.json").read_text(encoding="utf-8"))
+    assert facts["held_out"]["spatial_blocks"]["recognised"] <= facts["held_out"]["random_folds"]["recognised"] + 0.05
+    predicted = PropertyMap.read(tmp_path / "p.parquet")
+    assert len(predicted) + facts["unknown_cells"] == 900
+    # the strange corner has no cells
+    flat = predicted.flat(predicted.places)
+    assert not ((flat[:, 0] > 0.004) & (flat[:, 1] < -0.018)).any()
+    wrong = subprocess.run([*call[:-1], "--corners=0,0,1"], capture_output=True, text=True, timeout=60, check=False)
+    assert wrong.returncode == 2
+    assert "four numbers" in wrong.stderr
+    assert len(wrong.stderr.strip().splitlines()) == 1
