@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from kinid.contact import ContactSeries, contact_series, force_noise
 from kinid.derivative import GAP_FACTOR, Differentiator
-from kinid.effects import JointMotion, Layout, SensorMotion, Signals
+from kinid.effects import AsRead, JointMotion, Layout, SensorMotion, Signals
 from kinid.errors import InputError
 from kinid.log import Log
 from kinid.motion import STATIC_PERIOD, joint_motion
@@ -27,6 +27,9 @@ Array = NDArray[np.float64]
 DRIVE_BANDWIDTH = 50.0
 #: samples in the air that tell the noise
 FREE_ENOUGH = 200
+#: samples that are missing for less than this lose no memory: half a period of the fastest motion that the differentiator
+#: passes [s]
+BRIDGED = 0.5 / Differentiator().bandwidth
 #: depth that stands for "nowhere near a surface" where the rig has none [m]
 FAR = -1.0
 
@@ -56,6 +59,19 @@ class Experiment:
     rows: NDArray[np.int64]
     band: float | None = None
     touch: ContactSeries | None = field(default=None, repr=False)
+
+    @property
+    def raw(self) -> Array:
+        """Readings as the sensor's converter gave them, (channels, n)."""
+        return self.as_read(self.measured)
+
+    def as_read(self, readings: Array) -> Array:
+        """Readings (channels, n) with what the rig states of the sensor's faults, as its converter would give them."""
+        return readings if self.signals.as_read is None else self.signals.as_read.raw(readings)
+
+    def as_true(self, raw: Array) -> Array:
+        """Raw readings (channels, n) without what the rig states of the sensor's faults."""
+        return raw if self.signals.as_read is None else self.signals.as_read.true(raw)
 
     def in_band(self, readings: Array) -> Array:
         """Readings (channels, n) without what lies above the band; zero-phase, piece by piece (Gustafsson 1996)."""
@@ -198,7 +214,7 @@ def from_wrench(
         nothing if touch is None else np.stack([touch.slip1[rows], touch.slip2[rows]]),
         nothing if touch is None else np.stack([touch.slip_rate1[rows], touch.slip_rate2[rows]]),
         measured=_rows(reading.true()[rows]),
-        sensor=_sensor_motion(robot, rig, sensor, axes),
+        sensor=_sensor_motion(robot, rig, sensor, axes), as_read=_as_read(rig, reading.inverse_crosstalk, stated),
     )  # fmt: skip
     noise = _noise(measured[:, valid])
     if rig.sensor.noise is not None:
@@ -375,12 +391,20 @@ def _slides(rig: Rig, joint: int) -> bool:
     return False
 
 
+def _as_read(rig: Rig, inverse: Array, bias: Array) -> AsRead | None:
+    """What was taken out of the readings, where anything was."""
+    if rig.sensor.crosstalk is None and not bias.any():
+        return None
+    crosstalk = np.asarray(np.linalg.inv(inverse), dtype=np.float64)
+    return AsRead(crosstalk, inverse, bias)
+
+
 def _clock(t: Array, rows: NDArray[np.int64], what: str, where: str) -> tuple[Array, Array]:
     """Times of these rows from the first of them, and steps of time: memory bridges rows left out, but not gaps."""
     if not len(rows):
         raise InputError(f"no sample with {what} in {where}", "finite positions and rates", "check the log's columns")
     period = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
-    starts = np.concatenate([[True], np.diff(t[rows]) > GAP_FACTOR * period])
+    starts = np.concatenate([[True], np.diff(t[rows]) > max(GAP_FACTOR * period, BRIDGED)])
     return t[rows] - t[rows[0]], time_steps(t[rows], starts)
 
 

@@ -141,8 +141,17 @@ class Model:
         else:
             self._contact(s, slices)
         self._run(Stage.SENSOR, s, slices)
-        self._run(Stage.ACQUISITION, s, slices)
+        if Stage.ACQUISITION in self.stages:
+            self._convert(s, slices)
         return s.reading
+
+    def _convert(self, s: Signals, slices: list[Array]) -> None:
+        """What happens to raw readings; the sensor's stated faults come back for it, and go again."""
+        if s.as_read is not None:
+            s.reading = s.as_read.raw(s.reading)
+        self._run(Stage.ACQUISITION, s, slices)
+        if s.as_read is not None:
+            s.reading = s.as_read.true(s.reading)
 
     def _contact(self, s: Signals, slices: list[Array]) -> None:
         self._run(Stage.GEOMETRY, s, slices)

@@ -58,7 +58,7 @@ class Task:
         shown, search = [], []
         for effect in self.model.effects:
             free = np.full(len(effect.parameters(self.experiment.layout)), np.nan)
-            marks = effect.marks(self.experiment.measured) if effect.detector else None
+            marks = effect.marks(self.experiment.raw) if effect.detector else None
             shown.append(free if marks is None else marks[0])
             search.append(free if marks is None else marks[1])
         constants = np.full(len(self.experiment.measured) if self.free_bias else 0, np.nan)

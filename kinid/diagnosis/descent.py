@@ -290,6 +290,6 @@ def _held(model: Model, problem: Problem) -> Array:
     out = []
     for effect in model.effects:
         free = np.full(len(effect.parameters(problem.experiment.layout)), np.nan)
-        marks = effect.marks(problem.experiment.measured) if effect.detector else None
+        marks = effect.marks(problem.experiment.raw) if effect.detector else None
         out.append(free if marks is None else marks[1])
     return np.concatenate(out) if out else np.zeros(0)

@@ -21,12 +21,16 @@ from kinid.experiment import Experiment
 
 Array = NDArray[np.float64]
 
-#: a step of the converter counts from this share of the noise on
-COARSE = 0.75
+#: a step of the converter counts from this multiple of the noise on: of smaller ones noise makes noise (dither)
+COARSE = 1.2
+#: and from this multiple on several samples may share their largest value by chance
+SHARED = 0.1
 #: a line of the mains counts from this amplitude on, in standard deviations of the white noise
 LINE = 0.2
 #: and where it holds so many times the power of its neighbours
 STANDS_OUT = 25.0
+#: share of a log that must be left beside flat tops; else they stay in
+ENOUGH_LEFT = 0.15
 #: frequencies of power grids [Hz], and how far they may be off
 GRIDS, OFF = (50.0, 60.0), 0.3
 
@@ -67,7 +71,7 @@ def detect(experiment: Experiment, names: tuple[str, ...], motion: Array | None 
         mark, experiment = _saturation(experiment, motion)
         marks += [] if mark is None else [mark]
     if "quantization" not in names:
-        mark, experiment = _quantization(experiment)
+        mark, experiment = _quantization(experiment, motion)
         marks += [] if mark is None else [mark]
     hum = np.zeros_like(experiment.measured)
     if "mains-hum" not in names:
@@ -79,19 +83,20 @@ def detect(experiment: Experiment, names: tuple[str, ...], motion: Array | None 
 
 
 def _saturation(experiment: Experiment, motion: Array | None) -> tuple[Mark | None, Experiment]:
-    effect = effects.get("saturation")
-    found = effect.marks(experiment.measured)
-    steps = effects.get("quantization").marks(experiment.measured)
+    effect, raw = effects.get("saturation"), experiment.raw
+    found = effect.marks(raw)
+    steps = effects.get("quantization").marks(raw)
     assert found is not None
     assert steps is not None
     limits = found[0]
-    clipped = np.abs(experiment.measured) >= limits[:, None] * (1 - 1e-9)
+    clipped = np.abs(raw) >= limits[:, None] * (1 - 1e-9)
     # a reading that never changes is not a saturated one; nor is a coarse one that reaches its highest step now and then,
     # unless the model expects more than another step there
-    alive = np.array([len(np.unique(channel[:5000])) > 20 for channel in experiment.measured])
-    coarse = steps[0] > COARSE * experiment.noise
-    if motion is not None:
-        beyond = (np.abs(motion) > limits[:, None] + steps[0][:, None]) & clipped
+    alive = np.array([len(np.unique(channel[:5000])) > 20 for channel in raw])
+    coarse = steps[0] > SHARED * _raw_noise(experiment)
+    expected = None if motion is None else experiment.as_read(motion)
+    if expected is not None:
+        beyond = (np.abs(expected) > limits[:, None] + steps[0][:, None]) & clipped
         alive &= ~coarse | (beyond.sum(axis=1) >= 5)
     clipped &= alive[:, None]
     hits: NDArray[np.bool_] = np.any(clipped, axis=1)
@@ -107,24 +112,31 @@ def _saturation(experiment: Experiment, motion: Array | None) -> tuple[Mark | No
     for wide in (reach, 1, 0):
         near = np.convolve(clipped.any(axis=0), np.ones(2 * wide + 1), mode="same") > 0
         valid = experiment.valid & ~near
-        if valid.sum() > 0.3 * experiment.valid.sum():
+        if valid.sum() > ENOUGH_LEFT * experiment.valid.sum():
             break
     else:
         valid = experiment.valid  # clipped nearly everywhere: what is left would be no log
     mark = Mark(effect, limits, f"flat tops: {channels} in {count} samples", 4.0 * count)
     measured = experiment.measured
-    if experiment.band is not None and motion is not None:
+    if experiment.band is not None and expected is not None:
         # the filter of the band carries a flat top to its neighbours: what the model expects there is nearer to the truth
-        measured = np.where(clipped & (np.abs(motion) > limits[:, None]), motion, measured)
+        measured = experiment.as_true(np.where(clipped & (np.abs(expected) > limits[:, None]), expected, raw))
     return mark, dataclasses.replace(experiment, measured=measured, valid=valid)
 
 
-def _quantization(experiment: Experiment) -> tuple[Mark | None, Experiment]:
-    effect = effects.get("quantization")
-    found = effect.marks(experiment.measured)
+def _raw_noise(experiment: Experiment) -> Array:
+    """White noise of each raw channel, (channels,)."""
+    if experiment.signals.as_read is None:
+        return experiment.noise
+    return np.array([force_noise(channel[experiment.valid]) for channel in experiment.raw])
+
+
+def _quantization(experiment: Experiment, motion: Array | None) -> tuple[Mark | None, Experiment]:
+    effect, raw = effects.get("quantization"), experiment.raw
+    found = effect.marks(raw)
     assert found is not None
     steps = found[0]
-    noise = np.array([force_noise(channel[experiment.valid]) for channel in experiment.measured])
+    noise = np.array([force_noise(channel[experiment.valid]) for channel in raw])
     spread = np.maximum(noise, steps / np.sqrt(12.0))
     coarse = (steps > 0) & (steps > COARSE * spread)
     if not coarse.any():
@@ -136,7 +148,13 @@ def _quantization(experiment: Experiment) -> tuple[Mark | None, Experiment]:
     evidence = 2.0 * experiment.measured.shape[1] * max(0.1, float(np.log1p(ratio)))
     # neighbours share their error of rounding: means take nothing off it
     many = max(1.0, 1.0 / (period_of(experiment.signals) * RATE))
-    wider = np.where(coarse, np.sqrt(experiment.noise**2 + many * steps**2 / 12.0), experiment.noise)
+    rounding = many * np.where(coarse, steps, 0.0) ** 2 / 12.0
+    if motion is not None:  # a reading that never leaves one value of so coarse a sensor tells nothing finer than the model
+        still = np.ptp(raw[:, experiment.valid], axis=1) == 0.0
+        rounding[still] = many * np.mean(experiment.as_read(motion)[still] ** 2, axis=1)
+    if experiment.signals.as_read is not None:
+        rounding = experiment.signals.as_read.inverse**2 @ rounding
+    wider = np.sqrt(experiment.noise**2 + rounding)
     return Mark(effect, np.where(coarse, steps, 0.0), f"a lattice of values: {says}", evidence), dataclasses.replace(
         experiment, noise=wider)  # fmt: skip
 
@@ -172,6 +190,8 @@ def _hum(experiment: Experiment, motion: Array | None) -> tuple[Mark | None, Exp
     power, frequency, lines, pairs, _ = best
     effect = MainsHum(frequency=frequency, harmonics=lines)
     # per channel: sine and cosine of each harmonic, one after the other
+    if s.as_read is not None:  # the effect acts on raw readings
+        pairs = pairs @ s.as_read.crosstalk.T
     values = np.ascontiguousarray(np.moveaxis(pairs, -1, 0)).ravel()
     hum = sum((_line(rest, s.t, h * frequency) for h in lines), np.zeros_like(rest))
     sizes = np.hypot(*_pair(rest, s.t, lines[0] * frequency))

@@ -185,7 +185,8 @@ class _Looked:
         predicted = state.model.predict(self.whole.signals, values)
         for mark in marks:
             if mark.effect.id == "saturation":
-                predicted = np.clip(predicted, -mark.values[:, None], mark.values[:, None])
+                limits = mark.values[:, None]
+                predicted = self.whole.as_true(np.clip(self.whole.as_read(predicted), -limits, limits))
             elif mark.effect.id == "mains-hum":
                 predicted = predicted + self.cleaned.hum
         return self.whole.in_band(predicted)

@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 RELATIVE = 2e-3
 #: rates hold nothing above this [Hz]
 RATE_BAND = 25.0
+#: a material has let go where its force is below so many times the noise; so much of a usual force is open then
+LET_GO, OPEN = 3.0, 0.1
 #: how often motion is shaken to see what its noise does
 HELPINGS = 4
 
@@ -41,7 +43,8 @@ def spread(experiment: Experiment, model: Model, values: Array, edge: NDArray[np
     mean = np.add.reduceat(predicted, edge, axis=1) / count
     if s.layout.kind != "joints" and (s.depth > 0).any():
         white = white + _carried(experiment, model, values, predicted, edge, count)
-        white = white + (np.add.reduceat(_pulled(s, predicted), edge, axis=1) / count) ** 2
+        open_ = _pulled(s, predicted) + _left(experiment)
+        white = white + (np.add.reduceat(open_, edge, axis=1) / count) ** 2
     out: Array = np.sqrt(white + (RELATIVE * mean) ** 2)
     return out
 
@@ -123,6 +126,36 @@ def _pulled(s: Signals, predicted: Array) -> Array:
         out[:3] = np.abs(normal) * pull
         out[3:] = np.abs(np.cross(s.sensor.tip, normal, axis=0)) * pull
     return out
+
+
+def _left(experiment: Experiment) -> Array:
+    """What is open of each reading while a tool retracts from a material that has let it go already, (channels, n) [N, N·m].
+
+    Linear dashpots pull there, and rub; materials that remember or lose energy don't: laws that differ in this alone are one.
+    """
+    s = experiment.signals
+    normal = _normal_force(experiment)
+    if normal is None:
+        return np.zeros_like(experiment.measured)
+    quiet = float(np.hypot.reduce(experiment.noise[:3]))
+    inside = s.depth > 0
+    gone = inside & (s.depth_rate < 0) & (np.abs(normal) < LET_GO * quiet)
+    arm = 1.0 if s.sensor is None else float(np.linalg.norm(s.sensor.tip))
+    lever = np.array([1.0 if unit == "N" else arm for unit in s.layout.units])
+    out: Array = lever[:, None] * (OPEN * float(np.percentile(normal[inside], 95)) * gone)
+    return out
+
+
+def _normal_force(experiment: Experiment) -> Array | None:
+    """As measured (n,), None where nobody measured it."""
+    s = experiment.signals
+    if s.layout.kind == "contact":
+        rows = s.layout.channels
+        return experiment.measured[rows.index("normal_force")] if "normal_force" in rows else None
+    if s.sensor is None or s.measured is None:
+        return None
+    force: Array = np.einsum("ni,in->n", s.sensor.to_contact[:, 2], s.measured[:3] - s.sensor.load[:3])
+    return force
 
 
 def position_noise(position: Array) -> float:

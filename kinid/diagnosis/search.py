@@ -35,12 +35,17 @@ PRICE = 4.0
 MATERIAL, LEAST, MOST = 0.005, 0.008, 0.02
 #: … or the log's own error must, calibration as it was stated, and evidence be beyond what calibration leaves
 LIGHTER, STRONG = 0.015, 100.0
+#: after several additions, while the error is so many times the noise, what takes off less than this share only stands in for
+#: something that the catalogue lacks
+SEVERAL, LOUD, CRUMB = 2, 2.0, 0.04
 #: rivals within so much evidence, or so many standard errors of the difference, fit as well
 ALIKE, ALIKE_SE = 12.0, 2.0
 #: … but never when they lack this share of what the addition brought
 CLOSE = 0.15
 #: a search that still goes down is taken up again so many times
 PATIENCE = 4
+#: steps of a search, so that models of many parameters don't take minutes: so many divided by their number, within these ends
+EFFORT, FEW_STEPS, MANY_STEPS = 900, 12, 60
 #: of a small log, effects with more than a handful of parameters need so many readings for each
 READINGS = 20
 #: rounds beyond the number of effects that may be added
@@ -152,18 +157,19 @@ def _side_by_side(do: Callable[[In], Out], items: Sequence[In]) -> list[Out]:
 def attempt(state: State, candidate: Candidate, points: Sequence[Candidate]) -> Tried:
     """Refit with the candidate, from its best shapes."""
     model = state.model + candidate.effect
+    steps = int(np.clip(EFFORT / max(1, len(candidate.start)), FEW_STEPS, MANY_STEPS))
     best: State | None = None
     for point in points[:SEARCHED]:
         if best is not None and point.gain < NEAR * points[0].gain:
             break
-        found = fit(state.problem, model, _nearest(state, model, point), guess=point.guess(state))
+        found = fit(state.problem, model, _nearest(state, model, point), guess=point.guess(state), steps=min(30, steps))
         if best is None or found.cost < best.cost:
             best = found
     assert best is not None
     for _ in range(PATIENCE):  # parameters that trade against each other make valleys: slow, but steadily downhill
         if best.converged:
             break
-        further = fit(state.problem, model, best.values, steps=60)
+        further = fit(state.problem, model, best.values, steps=steps)
         if further.cost > 0.97 * best.cost:
             break
         best = further
@@ -292,6 +298,8 @@ def search(start: State, *, most: int = 4, forced: Sequence[str] = (), spare: Se
         found = look(states[-1], spare=spare)
         rounds.append(found)
         good = _believed(states[-1], found.tried)
+        if len(added) >= SEVERAL and states[-1].rms > LOUD:
+            good = [t for t in good if t.state.rms < (1.0 - CRUMB) * states[-1].rms]
         if not good:
             break
         chosen = _simplest(good)

@@ -7,10 +7,10 @@ import pkgutil
 from functools import cache
 
 from kinid.effects._effect import Effect, Stage
-from kinid.effects._signals import JointMotion, Layout, SensorMotion, Signals
+from kinid.effects._signals import AsRead, JointMotion, Layout, SensorMotion, Signals
 from kinid.errors import InputError, near
 
-__all__ = ["Effect", "JointMotion", "Layout", "SensorMotion", "Signals", "Stage", "catalogue", "get"]
+__all__ = ["AsRead", "Effect", "JointMotion", "Layout", "SensorMotion", "Signals", "Stage", "catalogue", "get"]
 
 
 @cache

@@ -60,6 +60,31 @@ class SensorMotion:
 
 
 @dataclass(frozen=True, eq=False)
+class AsRead:
+    """What the rig states of a sensor's faults, which are taken out of readings: raw = crosstalk · true + bias.
+
+    Converters act on raw readings: a range and a lattice show there alone.
+
+    Attributes:
+        crosstalk, inverse: (6, 6). bias: (6,) [N, N·m].
+    """
+
+    crosstalk: Array
+    inverse: Array
+    bias: Array
+
+    def raw(self, readings: Array) -> Array:
+        """As the converter gave them, (6, n)."""
+        out: Array = self.crosstalk @ readings + self.bias[:, None]
+        return out
+
+    def true(self, raw: Array) -> Array:
+        """Without the faults, (6, n)."""
+        out: Array = self.inverse @ (raw - self.bias[:, None])
+        return out
+
+
+@dataclass(frozen=True, eq=False)
 class JointMotion:
     """Motion of the joints, for joint torques; arrays (N, n).
 
@@ -95,6 +120,7 @@ class Signals:
         mu: friction coefficient, (2, n) along the tangents. bristle: length [m]. tangential: (2, n) [N].
         reading: what the sensor delivers, (channels, n).
         sensor: motion of the sensor, for wrenches. joints: motion of the joints, for joint torques.
+        as_read: the sensor's stated faults, None where `reading` is what the converter gives.
     """
 
     layout: Layout
@@ -107,6 +133,7 @@ class Signals:
     measured: Array | None = None
     sensor: SensorMotion | None = None
     joints: JointMotion | None = None
+    as_read: AsRead | None = None
     compliance: float = 0.0
     elastic: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
     exponent: float = 1.0

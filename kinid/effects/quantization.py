@@ -10,6 +10,9 @@ from kinid.effects._effect import Effect
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
+#: so many samples on two or three values are on a lattice, too
+MANY = 1000
+
 
 @final
 class Quantization(Effect):
@@ -54,7 +57,7 @@ def _lattice(values: Array) -> float:
     distinct = np.unique(values)
     gaps = np.diff(distinct)
     gaps = gaps[gaps > 1e-9 * max(1e-12, float(np.abs(distinct).max(initial=0.0)))]
-    if len(gaps) < 3:
+    if len(gaps) < 3 and not (len(gaps) and len(values) >= MANY):
         return 0.0
     step = float(gaps.min())
     wholes = gaps / step

@@ -121,7 +121,8 @@ def test_a_phantom_is_not_the_same_everywhere(real_data: Path) -> None:
     found = ask(log, kinid.Rig(), "hooke", "surface-offset")
     assert "stiffness-inhomogeneity" in found.added
     assert found.added[0] == "stiffness-inhomogeneity"
-    assert found.steps[-1].held_out < 0.93 * found.steps[0].held_out  # 0.106 → 0.097 N; a line for each probe leaves 0.069 N
+    assert found.steps[0].held_out < 0.104
+    assert found.steps[-1].held_out < 0.0975  # N; a line for each probe leaves 0.069 N
 
 
 # ------------------------------------------------------------------------------------------------------- a tool in the air
