@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,8 @@ FREE_ENOUGH = 200
 #: samples that are missing for less than this lose no memory: half a period of the fastest motion that the differentiator
 #: passes [s]
 BRIDGED = 0.5 / Differentiator().bandwidth
+#: a material has let go where its force is below so many times the noise
+LET_GO = 3.0
 #: depth that stands for "nowhere near a surface" where the rig has none [m]
 FAR = -1.0
 
@@ -72,6 +75,28 @@ class Experiment:
     def as_true(self, raw: Array) -> Array:
         """Raw readings (channels, n) without what the rig states of the sensor's faults."""
         return raw if self.signals.as_read is None else self.signals.as_read.true(raw)
+
+    @cached_property
+    def normal_force(self) -> Array | None:
+        """As measured, bias of free motion removed (n,); None where nobody measured it."""
+        s = self.signals
+        if s.layout.kind == "contact":
+            channels = s.layout.channels
+            return self.measured[channels.index("normal_force")] if "normal_force" in channels else None
+        if s.sensor is None or s.measured is None:
+            return None
+        force: Array = np.einsum("ni,in->n", s.sensor.to_contact[:, 2], s.measured[:3] - s.sensor.load[:3])
+        return force
+
+    @cached_property
+    def let_go(self) -> NDArray[np.bool_]:
+        """Samples in which a tool retracts inside a material that has let it go already: no force is left, (n,)."""
+        force = self.normal_force
+        if force is None:
+            return np.zeros(len(self.signals), np.bool_)
+        quiet = float(np.hypot.reduce(self.noise[:3]))
+        with np.errstate(invalid="ignore"):
+            return np.asarray((self.signals.depth > 0) & (self.signals.depth_rate < 0) & (np.abs(force) < LET_GO * quiet))
 
     def in_band(self, readings: Array) -> Array:
         """Readings (channels, n) without what lies above the band; zero-phase, piece by piece (Gustafsson 1996)."""

@@ -149,7 +149,7 @@ def fit_model(
     warnings = check_excitation(model, experiment)
     task = Task(model, experiment)
     begin, known = starting_values(model, experiment, named, start)
-    mask = experiment.valid if train is None else experiment.valid & train
+    mask = task.told if train is None else task.told & train
     solution = search(task, begin, mask, known)
     rows = error_rows(experiment)
     if train is not None:

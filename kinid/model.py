@@ -109,6 +109,11 @@ class Model:
         return bool(self.needs & {"wrench", "joints"}) or any(not effect.parameters(one) for effect in self.effects)
 
     @property
+    def pulls(self) -> bool:
+        """Whether it pulls at a tool that retracts and no adhesion is meant: a material that lets go says nothing to it then."""
+        return any(effect.pulls for effect in self.effects) and not self._reaches_out
+
+    @property
     def acts_on_reading(self) -> bool:
         """Whether an effect of tool, sensor or acquisition is in it: such act on all that the sensor reads."""
         return bool(self.stages & {Stage.TOOL, Stage.SENSOR, Stage.ACQUISITION})

@@ -32,6 +32,12 @@ class Task:
     model: Model
     experiment: Experiment
 
+    @cached_property
+    def told(self) -> Mask:
+        """Valid samples that say something to this model, (n,): none where it would pull at a tool that was let go."""
+        valid = self.experiment.valid
+        return valid & ~self.experiment.let_go if self.model.pulls else valid
+
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the model's parameters, "effect.parameter", in order."""
@@ -116,7 +122,7 @@ class Task:
         even = folds(self.experiment)
         out = np.full_like(self.measured, np.nan)
         for fold in (even, ~even):
-            seen = self.experiment.valid & fold
+            seen = self.told & fold
             if seen.sum() * len(self.experiment.measured) > 2 * len(self.parameters):
                 out[:, ~fold] = self.solve(start, seen, covariance=False).residual[:, ~fold]
         return out

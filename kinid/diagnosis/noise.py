@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 RELATIVE = 2e-3
 #: rates hold nothing above this [Hz]
 RATE_BAND = 25.0
-#: a material has let go where its force is below so many times the noise; so much of a usual force is open then
-LET_GO, OPEN = 3.0, 0.1
+#: share of a usual force that is open where a material has let go
+OPEN = 0.1
 #: how often motion is shaken to see what its noise does
 HELPINGS = 4
 
@@ -133,29 +133,14 @@ def _left(experiment: Experiment) -> Array:
 
     Linear dashpots pull there, and rub; materials that remember or lose energy don't: laws that differ in this alone are one.
     """
-    s = experiment.signals
-    normal = _normal_force(experiment)
-    if normal is None:
+    s, normal = experiment.signals, experiment.normal_force
+    if normal is None or not experiment.let_go.any():
         return np.zeros_like(experiment.measured)
-    quiet = float(np.hypot.reduce(experiment.noise[:3]))
-    inside = s.depth > 0
-    gone = inside & (s.depth_rate < 0) & (np.abs(normal) < LET_GO * quiet)
     arm = 1.0 if s.sensor is None else float(np.linalg.norm(s.sensor.tip))
     lever = np.array([1.0 if unit == "N" else arm for unit in s.layout.units])
-    out: Array = lever[:, None] * (OPEN * float(np.percentile(normal[inside], 95)) * gone)
+    usual = float(np.percentile(normal[s.depth > 0], 95))
+    out: Array = lever[:, None] * (OPEN * usual * experiment.let_go)
     return out
-
-
-def _normal_force(experiment: Experiment) -> Array | None:
-    """As measured (n,), None where nobody measured it."""
-    s = experiment.signals
-    if s.layout.kind == "contact":
-        rows = s.layout.channels
-        return experiment.measured[rows.index("normal_force")] if "normal_force" in rows else None
-    if s.sensor is None or s.measured is None:
-        return None
-    force: Array = np.einsum("ni,in->n", s.sensor.to_contact[:, 2], s.measured[:3] - s.sensor.load[:3])
-    return force
 
 
 def position_noise(position: Array) -> float:

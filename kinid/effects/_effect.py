@@ -52,6 +52,7 @@ class Effect(ABC):
             change readings in proportion, and any start serves.
         affine: whether readings stay affine in the linear parameters of a model that holds it; False for a law that
             bends what others predict (a power of the normal force, a clipped reading).
+        pulls: whether the law pulls at a tool that retracts, as a linear dashpot does and no material that lets go.
     """
 
     id: ClassVar[str]
@@ -68,6 +69,7 @@ class Effect(ABC):
     null: ClassVar[Mapping[str, float]] = {}
     grid: ClassVar[Mapping[str, tuple[float, ...]]] = {}
     affine: ClassVar[bool] = True
+    pulls: ClassVar[bool] = False
 
     def null_for(self, base: str | None) -> Mapping[str, float]:
         """`null` in a model with this base, for the effects where it depends on it."""

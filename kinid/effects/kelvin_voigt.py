@@ -20,6 +20,7 @@ class KelvinVoigt(Effect):
     base = True
     signature = "a loop over depth as wide at the surface as deep inside, wider the faster it is run through"
     confusions = {"hunt-crossley": "a wide range of depths, in and out at several speeds"}
+    pulls = True
     excited_by = "two depths at two speeds"
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:

@@ -27,6 +27,7 @@ class Maxwell(Effect):
     base = True
     signature = "force that falls to nothing while depth is held, and pulls on the way out"
     confusions = {"zener": "a hold of several time constants: does a force remain?"}
+    pulls = True
     excited_by = "a fast approach, then a hold of several time constants"
     grid = {"time-constant": (0.02, 0.1, 0.5, 2.0, 10.0, 60.0)}
 

@@ -23,6 +23,7 @@ class ViscousDamping(Effect):
         "hunt-crossley-damping": "fast motion deep inside and near the surface",
         "time-offset": "fast motion in one direction, then the other, at different stiffness or depth",
     }
+    pulls = True
     excited_by = "in and out at several speeds"
     wants = ("hooke", "hertz", "hunt-crossley", "maxwell", "zener")  # kelvin-voigt has one
     null = {"damping": 0.0}

@@ -31,6 +31,7 @@ class Zener(Effect):
         "kelvin-voigt": "a hold after a fast approach: only this one goes on falling",
         "maxwell": "a hold of several time constants: does a force remain?",
     }
+    pulls = True
     excited_by = "a fast approach, then a hold of several time constants"
     grid = {"branch-ratio": (0.2, 1.0, 5.0), "time-constant": (0.02, 0.1, 0.4, 1.5, 6.0, 30.0)}
 
