@@ -1,5 +1,5 @@
 # Two commands are all a new user needs, on a machine with Python 3.11 or newer:
-#   make demo    from raw joint logs to contact-frame quantities, with pictures
+#   make demo    a virtual arm finds out what its model lacks: raw logs, fits, diagnosis, map, report, scenes
 #   make test    everything the project checks about itself
 PYTHON ?= python3
 VENV   ?= .venv
@@ -8,7 +8,7 @@ TEST   := $(VENV)/test
 OUT    ?= demo-out
 WORKERS ?= 2
 
-.PHONY: demo test slow lint types bench lock clean
+.PHONY: demo test slow lint types bench docs lock clean
 
 demo: $(DEMO)/.ready
 	$(DEMO)/bin/kinid demo -o $(OUT)
@@ -31,6 +31,10 @@ types: $(TEST)/.ready
 bench: $(TEST)/.ready
 	$(TEST)/bin/pytest tests/benchmarks --benchmark-enable --benchmark-only -s -p no:xdist
 
+# concepts, commands and the reference from the docstrings, in build/site
+docs: $(TEST)/.ready
+	$(TEST)/bin/python -m sphinx -q -W -b html -d build/doctrees docs build/site
+
 # Packages come from the lock file alone, each checked against its hash; kinid itself is built from this folder.
 $(DEMO)/.ready: requirements/demo.lock pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "kinid needs Python 3.11 or newer, found " + sys.version.split()[0])'
@@ -51,7 +55,7 @@ lock:
 	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header --no-annotate \
 		--extra bags pyproject.toml requirements/build.in -o requirements/demo.lock
 	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header --no-annotate \
-		--extra bags --extra vision --extra test pyproject.toml requirements/build.in -o requirements/test.lock
+		--extra bags --extra vision --extra docs --extra test pyproject.toml requirements/build.in -o requirements/test.lock
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info

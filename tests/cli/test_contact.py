@@ -1,4 +1,4 @@
-"""`kinid contact` and `kinid demo` as a user meets them: results, and one clear line for whatever is wrong."""
+"""`kinid contact` as a user meets it: results, and one clear line for whatever is wrong."""
 
 from __future__ import annotations
 
@@ -190,21 +190,6 @@ def test_a_material_tester_needs_no_robot(run: Run, tmp_path: Path) -> None:
     assert code == 0, err
     assert "unknown" in said  # slip
     assert np.load(tmp_path / "out.npz")["depth"].max() == pytest.approx(2e-3, rel=1e-3)
-
-
-def test_demo_makes_its_files_without_measured_data(run: Run, tmp_path: Path) -> None:
-    code, said, err = run("demo", "-o", tmp_path / "out", "--real", tmp_path / "none")
-    assert code == 0, err
-    assert "left out" in said
-    assert {p.name for p in (tmp_path / "out").iterdir()} >= {"log.parquet", "rig.toml", "contact.parquet", "contact.html"}
-
-
-@pytest.mark.real
-def test_demo_shows_the_measured_robot(run: Run, tmp_path: Path, real_data: Path) -> None:
-    code, said, err = run("demo", "-o", tmp_path / "out", "--real", real_data)
-    assert code == 0, err
-    assert (tmp_path / "out" / "lwr4plus-motion.html").stat().st_size > 1e6
-    assert "joint_7" in said
 
 
 def test_help_and_version(run: Run) -> None:

@@ -1,0 +1,78 @@
+"""What holds for every command: help with examples, completion, a summary for scripts, plain text where it is piped."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+import typer
+
+from kinid.cli import app
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+def walk(command: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Every command that does something, with the words that call it."""
+    children = getattr(command, "commands", None)
+    if not children:
+        yield path, command
+    for name, child in (children or {}).items():
+        yield from walk(child, (*path, name))
+
+
+COMMANDS = dict(walk(typer.main.get_command(app)))
+each = pytest.mark.parametrize("path", COMMANDS, ids=" ".join)
+
+
+@each
+def test_help_has_examples_that_can_be_copied(path: tuple[str, ...], run: Run) -> None:
+    code, said, _ = run(*path, "--help")
+    assert code == 0
+    assert said.startswith(f"Usage: kinid {' '.join(path)}")
+    examples = re.findall(r"^ +((?:\w+=\S+ )?kinid .+)$", said.split("Examples:", 1)[1], re.MULTILINE)
+    assert examples
+    known = {option for parameter in COMMANDS[path].params for option in (*parameter.opts, *parameter.secondary_opts)}
+    for example in examples:
+        words = shlex.split(re.sub(r"\s\s+\(.*\)$", "", example))
+        words = words[words.index("kinid") + 1 :]
+        assert tuple(words[: len(path)]) == path, example
+        assert {word.split("=")[0] for word in words if re.match(r"--?[a-z]", word)} <= known | {"--help"}, example
+
+
+@each
+def test_the_list_of_commands_names_it_in_one_line(path: tuple[str, ...], run: Run) -> None:
+    said = run(*path[:-1], "--help")[1]
+    (line,) = re.findall(rf"^  {path[-1]} +(\S.*)$", said, re.MULTILINE)
+    if len(path) == 1:
+        assert not line.endswith("..."), "cut short"
+
+
+#: commands whose result is the file that they write
+ANSWERS_BY_FILE = {("lab",), ("map",), ("view",), ("plan", "poke"), ("plan", "slide")}
+
+
+@each
+def test_a_summary_for_scripts(path: tuple[str, ...]) -> None:
+    options = {option for parameter in COMMANDS[path].params for option in parameter.opts}
+    if path in ANSWERS_BY_FILE:
+        assert options & {"-o", "--out", "--record"}
+    else:
+        assert "--json" in options
+
+
+COMPLETED = [("kinid di", "diagnose"), ("kinid plan ex", "excite"), ("kinid fit --mo", "--model")]
+
+
+@pytest.mark.parametrize(("typed", "offered"), COMPLETED)
+def test_the_shell_completes(typed: str, offered: str) -> None:
+    asked = {"_KINID_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(len(typed.split()) - 1)}
+    done = subprocess.run([sys.executable, "-c", "from kinid.cli import main; main()"], env=os.environ | asked, check=True,
+                          capture_output=True, text=True)  # fmt: skip
+    assert done.stdout.split() == [offered]
