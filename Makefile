@@ -8,7 +8,7 @@ TEST   := $(VENV)/test
 OUT    ?= demo-out
 WORKERS ?= 2
 
-.PHONY: demo test slow lint types bench docs lock clean
+.PHONY: demo test slow gallery lint types bench docs lock clean
 
 demo: $(DEMO)/.ready
 	$(DEMO)/bin/kinid demo -o $(OUT)
@@ -26,6 +26,10 @@ lint: $(TEST)/.ready
 
 types: $(TEST)/.ready
 	$(TEST)/bin/mypy
+
+# diagnoses of the measured logs as pages, in gallery/; they hold measured samples and stay out of the repository
+gallery: $(TEST)/.ready
+	KINID_GALLERY=$(CURDIR)/gallery $(TEST)/bin/pytest tests/diagnosis/test_measured.py -p no:xdist
 
 # ratios of speed, in one run, on one thread
 bench: $(TEST)/.ready

@@ -183,7 +183,8 @@ def _hum(experiment: Experiment, motion: Array | None) -> tuple[Mark | None, Exp
                 found_lines.append(h)
                 amplitudes.append(_coherent(rest, s.t, h * frequency))
                 power += float(((size / experiment.noise) ** 2)[clear].sum())
-        if found_lines and (best is None or power > best[0]):
+        # harmonics without the line itself are a machine's vibration
+        if 1 in found_lines and (best is None or power > best[0]):
             best = (power, frequency, tuple(found_lines), np.stack(amplitudes), pair)
     if best is None:
         return None, experiment
