@@ -16,7 +16,7 @@ from kinid.contact import force_noise
 from kinid.diagnosis.noise import period_of
 from kinid.diagnosis.problem import RATE
 from kinid.effects import Effect
-from kinid.effects.mains_hum import MainsHum
+from kinid.effects.mains_hum import GRIDS, OFF, MainsHum
 from kinid.experiment import Experiment
 
 Array = NDArray[np.float64]
@@ -31,8 +31,6 @@ LINE = 0.2
 STANDS_OUT = 25.0
 #: share of a log that must be left beside flat tops; else they stay in
 ENOUGH_LEFT = 0.15
-#: frequencies of power grids [Hz], and how far they may be off
-GRIDS, OFF = (50.0, 60.0), 0.3
 
 
 @dataclass(frozen=True, eq=False)
