@@ -14,14 +14,18 @@ Array = NDArray[np.float64]
 UNSEEN = 1e-3
 
 
-def covariance(state: State) -> Array:
+def covariance(state: State, stated: bool = True) -> Array:
     """Sandwich covariance over blocks of half a second (White 1980, clustered: Liang & Zeger 1986), (p, p).
 
     Infinite in the rows of parameters that the log leaves open. Tolerances of calibration count: no parameter is better known
     than they are.
+
+    Args:
+        stated: of the fit with calibration as it was stated; else of the one with calibration free, which is at hand.
     """
     p = len(state.values)
-    tolerant, state = np.diag(state.inverse)[:p], state.plain
+    tolerant = np.diag(state.inverse)[:p]
+    state = state.plain if stated else state
     inverse = state.inverse
     number = state.problem.blocks
     scores = np.zeros((number.max() + 1, inverse.shape[0])) if len(number) else np.zeros((0, inverse.shape[0]))
@@ -50,18 +54,23 @@ def open_parameters(state: State) -> NDArray[np.bool_]:
     return out
 
 
-def fitted(state: State) -> dict[str, FittedParameter]:
-    """Estimates with 95 % intervals, by "effect.parameter"; where a bound holds an estimate, its interval begins there."""
-    error = np.sqrt(np.maximum(np.diag(covariance(state)), 0.0))
-    low, high = state.plain.values - Z95 * error, state.plain.values + Z95 * error
+def fitted(state: State, stated: bool = True) -> dict[str, FittedParameter]:
+    """Estimates with 95 % intervals, by "effect.parameter"; where a bound holds an estimate, its interval begins there.
+
+    Args:
+        stated: as for `covariance`.
+    """
+    error = np.sqrt(np.maximum(np.diag(covariance(state, stated)), 0.0))
+    told = state.plain if stated else state
+    low, high = told.values - Z95 * error, told.values + Z95 * error
     parameters = state.model.parameters(state.problem.experiment.layout)
-    for i, sign, width in _pinned(state.plain):
+    for i, sign, width in _pinned(told):
         if sign > 0:
             high[i] = low[i] + width
         else:
             low[i] = high[i] - width
     return {name: FittedParameter(name, float(v), float(lo), float(hi), p.unit)
-            for (name, p), v, lo, hi in zip(parameters.items(), state.plain.values, low, high)}  # fmt: skip
+            for (name, p), v, lo, hi in zip(parameters.items(), told.values, low, high)}  # fmt: skip
 
 
 def _pinned(state: State) -> list[tuple[int, int, float]]:

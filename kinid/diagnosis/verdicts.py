@@ -145,8 +145,7 @@ def _fitted(tried: Tried) -> dict[str, FittedParameter]:
     """Parameters of the effect alone, from its refit, with intervals."""
     from kinid.diagnosis.intervals import fitted
 
-    own = _own(tried.effect.id, fitted(tried.state))
-    tried.state.plain.light()
+    own = _own(tried.effect.id, fitted(tried.state, stated=False))
     tried.state.light()
     return own
 
