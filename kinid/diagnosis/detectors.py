@@ -119,7 +119,9 @@ def _saturation(experiment: Experiment, motion: Array | None) -> tuple[Mark | No
     if experiment.band is not None and expected is not None:
         # the filter of the band carries a flat top to its neighbours: what the model expects there is nearer to the truth
         measured = experiment.as_true(np.where(clipped & (np.abs(expected) > limits[:, None]), expected, raw))
-    return mark, dataclasses.replace(experiment, measured=measured, valid=valid)
+    # flat tops have no noise: a channel's own shows beside them
+    noise = np.maximum(experiment.noise, [force_noise(channel[valid]) for channel in experiment.measured])
+    return mark, dataclasses.replace(experiment, measured=measured, valid=valid, noise=noise)
 
 
 def _raw_noise(experiment: Experiment) -> Array:
