@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         Rendered,
     )
     from kinid.controllers.impedance import impedance_torque, potential
+    from kinid.controllers.measured import Measured
     from kinid.controllers.mesh_surface import MeshSurface
     from kinid.controllers.passivity import EnergyTank, Observer
     from kinid.controllers.properties import Foot, Plane, Properties, PropertyMap, Touchable, Uniform
@@ -48,6 +49,7 @@ __all__ = [
     "Impedance",
     "JacobianTranspose",
     "KelvinVoigt",
+    "Measured",
     "MeshSurface",
     "Observer",
     "Plane",
@@ -74,6 +76,7 @@ _HOMES = {
     "cartesian": ("DecoupledImpedance", "Gains", "Impedance", "JacobianTranspose", "design_damping", "sampled_radius"),
     "haptic": ("HapticRendering", "HapticSettings", "Hooke", "HuntCrossley", "KelvinVoigt", "Rendered"),
     "impedance": ("impedance_torque", "potential"),
+    "measured": ("Measured",),
     "mesh_surface": ("MeshSurface",),
     "passivity": ("EnergyTank", "Observer"),
     "properties": ("Foot", "Plane", "Properties", "PropertyMap", "Touchable", "Uniform"),

@@ -3,19 +3,31 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from numbers import Real
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.errors import InputError
+from kinid.errors import InputError, near
 
 Array = NDArray[np.float64]
+
+
+def closest(name: object, valid: Iterable[str]) -> str:
+    """How to mend a name where the message lists all valid ones already."""
+    said = near(str(name), valid)
+    return said if said.startswith("did you mean") else "correct the name"
 
 
 def is_number(value: object) -> bool:
     """Whether it is one finite number."""
     return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def is_positive(value: object, or_infinite: bool = False) -> bool:
+    """Whether it is one number above 0, finite or not."""
+    return (is_number(value) and float(value) > 0.0) or (or_infinite and isinstance(value, Real) and value == math.inf)  # type: ignore[arg-type]
 
 
 def numbers(value: object, shape: tuple[int, ...], what: str, mend: str = "check it") -> Array:
@@ -29,6 +41,8 @@ def numbers(value: object, shape: tuple[int, ...], what: str, mend: str = "check
     """
     try:
         out = np.ascontiguousarray(value, dtype=float)
+        if np.asarray(value).dtype == np.bool_:
+            raise TypeError("truth values")
     except (TypeError, ValueError):
         raise InputError(f"{what} {str(value)[:40]!r}", f"finite numbers of shape {shape}", mend) from None
     if shape and out.shape != shape:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ Array = NDArray[np.float64]
 GREATEST_STIFFNESS = 5200.0
 #: time constant of null motions where their damping isn't given [s]: stable down to control at 10 Hz
 NULL_TIME = 0.05
+#: a turn whose cosine is so near −1 is half a turn; and by how much less is then asked [rad]
+BALANCED, ASIDE = 1e-6, 0.02
 #: motions without stiffness sit on the unit circle, a double eigenvalue that rounding moves by its root
 STEADY = 1.0 + 1e-6
 
@@ -55,6 +58,8 @@ class Gains:
             if values.shape not in ((1,), (3,)) or (values < 0).any():
                 raise InputError(f"{name} stiffness {getattr(self, name)}", "one number or three, none negative",
                                  "a negative stiffness pushes away from the target: unstable")  # fmt: skip
+            # a single number in a list is one number; lists and arrays become what they mean
+            object.__setattr__(self, name, float(values[0]) if len(values) == 1 else tuple(values.tolist()))
         if np.max(self.translation) > GREATEST_STIFFNESS:
             raise InputError(f"translational stiffness {self.translation} N/m", f"at most {GREATEST_STIFFNESS:g} N/m",
                              "choose a softer spring")  # fmt: skip
@@ -141,7 +146,7 @@ class Impedance:
                 raise InputError(f"{name} {str(getattr(self, name))[:40]!r}", f"{kind.__name__}(…)", "see its docstring")
         object.__setattr__(self, "torque_limit", checked_limit(self.torque_limit))
 
-    def toward(self, target: Target) -> Impedance:
+    def toward(self, target: Target) -> Self:
         """The same controller with another target."""
         return dataclasses.replace(self, target=target)
 
@@ -152,12 +157,23 @@ class Impedance:
         return design_damping(self.gains.stiffness(), state.task_inertia(), self.gains.ratio)
 
     def command(self, state: ArmState) -> Array:
-        """Joint torques [N·m], (N,)."""
+        """Joint torques [N·m], (N,), clipped to the limits; `saturates` says whether they were.
+
+        A target turned by half a turn, where the spring is in balance, is taken to be `ASIDE` short of it.
+        """
+        return self._torque(state, per_joint(self.torque_limit, state))
+
+    def saturates(self, state: ArmState) -> bool:
+        """Whether a joint can't give what the impedance asks of it: a far target, say; another wrench comes out."""
+        limit = per_joint(self.torque_limit, state)
+        return bool((np.abs(self._torque(state, np.full(len(limit), np.inf))) > limit).any())
+
+    def _torque(self, state: ArmState, limit: Array) -> Array:
+        """Joint torques clipped to limits, (N,) both."""
         out, target = np.empty(len(state.dq)), self.target
         impedance_torque(
-            state.rotation, state.position, state.jacobian, state.dq, state.gravity, target.rotation, target.position,
-            target.velocity, self.gains.stiffness(), self.damping(state), self.null_damping(state),
-            per_joint(self.torque_limit, state), out,
+            state.rotation, state.position, state.jacobian, state.dq, state.gravity, short_of_half_a_turn(target.rotation, state),
+            target.position, target.velocity, self.gains.stiffness(), self.damping(state), self.null_damping(state), limit, out,
         )  # fmt: skip
         return out
 
@@ -246,20 +262,20 @@ class DecoupledImpedance(Impedance):
         rest = np.linalg.eigvals(np.eye(len(idle)) - period * self.null_damping(state) * np.linalg.solve(state.mass, idle))
         return max(tip, float(np.abs(rest).max()))
 
-    def command(self, state: ArmState) -> Array:
-        """Joint torques [N·m], (N,)."""
+    def _torque(self, state: ArmState, limit: Array) -> Array:
+        """Joint torques clipped to limits, (N,) both."""
         own, target, wrench = state.task_inertia(), self.target, np.empty(6)
         # an arm that is the tip itself turns the kernel's torques into the impedance's wrench
         impedance_torque(
-            state.rotation, state.position, np.eye(6), state.twist, np.zeros(6), target.rotation, target.position,
-            target.velocity, self.gains.stiffness(), self.damping(state), 0.0, np.full(6, np.inf), wrench,
+            state.rotation, state.position, np.eye(6), state.twist, np.zeros(6), short_of_half_a_turn(target.rotation, state),
+            target.position, target.velocity, self.gains.stiffness(), self.damping(state), 0.0, np.full(6, np.inf), wrench,
         )  # fmt: skip
         acceleration = target.acceleration + np.linalg.solve(self.shaped_inertia(state), wrench + state.wrench)
         tip = own @ (acceleration - state.drift) - state.wrench
         null = -self.null_damping(state) * state.dq
         null = null - state.jacobian.T @ (own @ (state.jacobian @ np.linalg.solve(state.mass, null)))
         torque = state.bias + state.jacobian.T @ tip + null
-        return np.asarray(np.clip(torque, -self.torque_limit, self.torque_limit))
+        return np.asarray(np.clip(torque, -limit, limit))
 
 
 @dataclass(frozen=True, eq=False)
@@ -295,7 +311,21 @@ class JacobianTranspose:
 
     def saturates(self, state: ArmState) -> bool:
         """Whether a joint can't give its share of the wrench, so that another wrench comes out."""
-        return bool((np.abs(state.gravity + state.jacobian.T @ self.wrench) > self.torque_limit).any())
+        return bool((np.abs(state.gravity + state.jacobian.T @ self.wrench) > per_joint(self.torque_limit, state)).any())
+
+
+def short_of_half_a_turn(rotation: Array, state: ArmState) -> Array:
+    """A target's rotation; where it is half a turn from the tip's, `ASIDE` less: any way round is as short, and one is chosen.
+
+    Exactly there the spring's moment about the axis of the turn vanishes; the tip would stay turned over, at rest.
+    """
+    left = rotation @ state.rotation.T
+    if np.trace(left) > -1.0 + BALANCED:
+        return rotation
+    both = left + np.eye(3)  # 2 a aᵀ about an axis a
+    axis = both[:, int(np.argmax(np.diag(both)))]
+    x, y, z = -ASIDE * axis / np.sqrt(axis @ axis)
+    return np.ascontiguousarray(expm(np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])) @ rotation)
 
 
 def checked_limit(limit: Array) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,15 +47,39 @@ class PropertyMap(Protocol):
         """The material there."""
 
 
-def checked_map(surface: PropertyMap) -> PropertyMap:
-    """Itself.
+def checked_map(surface: Any, unknown: Any = "softest") -> PropertyMap:
+    """Itself; of a measured map what controllers read, `kinid.controllers.Measured`.
+
+    Args:
+        surface: see `PropertyMap`, or what `kinid.property_map.PropertyMap.read` gives. unknown: see `Measured`.
 
     Raises:
         InputError: nothing that knows the material at a place.
     """
-    if not callable(getattr(surface, "properties", None)):
-        raise InputError(f"a map {str(surface)[:40]!r}", "an object with properties(x, y)", "use Uniform(Properties(…))")
-    return surface
+    if not isinstance(surface, type) and callable(getattr(surface, "properties", None)):
+        known: PropertyMap = surface
+        return known
+    from kinid import property_map  # heavy, and seldom needed
+
+    if isinstance(surface, property_map.PropertyMap):
+        from kinid.controllers.measured import Measured
+
+        return Measured(surface, unknown=unknown)
+    raise InputError(f"a map {str(surface)[:40]!r}", "an object with properties(x, y), or a measured PropertyMap",
+                     "use Uniform(Properties(…)) or PropertyMap.read(path)")  # fmt: skip
+
+
+def material_at(surface: PropertyMap, x: float, y: float) -> Properties:
+    """What a map says of a place.
+
+    Raises:
+        InputError: no `Properties`, or such that give energy.
+    """
+    material: object = surface.properties(x, y)
+    if not isinstance(material, Properties):
+        raise InputError(f"{str(material)[:40]} of the map at ({x:g}, {y:g}) m", "Properties(stiffness, damping, …)",
+                         "let properties(x, y) return Properties")  # fmt: skip
+    return material.checked(f"the map at ({x:g}, {y:g}) m")
 
 
 @dataclass(frozen=True)
@@ -65,6 +89,8 @@ class Uniform:
     material: Properties
 
     def __post_init__(self) -> None:
+        if not isinstance(self.material, Properties):
+            raise InputError(f"a material {str(self.material)[:40]!r}", "Properties(stiffness, damping, …)", "name them apart")
         self.material.checked("the material")
 
     def properties(self, x: float, y: float) -> Properties:

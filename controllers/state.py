@@ -13,6 +13,9 @@ from kinid.robot import Robot
 
 Array = NDArray[np.float64]
 
+#: the tip's least mobility below which, as a share of its greatest, a pose is singular
+DAMPED = 1e-7
+
 
 @dataclass(frozen=True, eq=False)
 class ArmState:
@@ -93,18 +96,30 @@ class ArmState:
         """Velocity and angular velocity of the tip, base axes, (6,)."""
         return np.asarray(self.jacobian @ self.dq)
 
+    @property
+    def singular(self) -> bool:
+        """Whether the tip can hardly move along some direction, so that `task_inertia` is the damped one."""
+        mobility = np.linalg.eigvalsh(self._mobility())
+        return bool(mobility[0] < DAMPED * mobility[-1])
+
     def task_inertia(self) -> Array:
         """Λ = (J M⁻¹ Jᵀ)⁻¹, what the tip weighs, base axes, (6, 6) (O. Khatib, IEEE J. Robotics Automation 3, 1987).
 
-        Raises:
-            InputError: a pose in which the tip can't move along some direction; Λ is infinite there.
+        Near a singular pose Λ grows beyond bounds, and torques with it; there it is damped, (J M⁻¹ Jᵀ + λ)⁻¹ with a λ that
+        sets in gently as the least mobility falls below ε, λ = ε (1 − least/ε)² (Y. Nakamura, H. Hanafusa, J. Dynamic
+        Systems, Measurement and Control 108, 1986). Along what the tip can do this changes next to nothing; along what it
+        can't, a controller asks for less than it would need. `singular` says so.
         """
-        mobility = self.jacobian @ np.linalg.solve(self.mass, self.jacobian.T)
-        if np.linalg.cond(mobility) > 1e10:
-            raise InputError("a pose without a task-space inertia", "a tip that can move in all six directions",
-                             "leave the singular pose, or give the damping as a matrix")  # fmt: skip
-        inertia = np.linalg.inv(mobility)
+        values, vectors = np.linalg.eigh(self._mobility())
+        edge = DAMPED * values[-1]
+        values = values + edge * max(0.0, 1.0 - values[0] / edge) ** 2
+        inertia = (vectors / values) @ vectors.T
         return np.asarray(0.5 * (inertia + inertia.T))
+
+    def _mobility(self) -> Array:
+        """J M⁻¹ Jᵀ, (6, 6)."""
+        mobility = self.jacobian @ np.linalg.solve(self.mass, self.jacobian.T)
+        return np.asarray(0.5 * (mobility + mobility.T))
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from kinid.controllers._given import is_number
 from kinid.controllers.passivity import check_period
-from kinid.controllers.properties import PropertyMap
+from kinid.controllers.properties import PropertyMap, checked_map, material_at
 from kinid.errors import InputError, near
 
 Array = NDArray[np.float64]
@@ -56,8 +56,20 @@ class Environment:
 
     @classmethod
     def at(cls, surface: PropertyMap, x: float, y: float, depth: float = 2e-3) -> Environment:
-        """The material of a map at a place [m], linearised at a depth [m] by its secant."""
-        material = surface.properties(x, y).checked(f"the map at ({x:g}, {y:g}) m")
+        """The material of a map at a place [m], linearised at a depth [m] by its secant.
+
+        Args:
+            surface: also a measured `kinid.property_map.PropertyMap`. x, y: along both tangents [m]. depth: > 0.
+
+        Raises:
+            InputError: no map, a place without usable properties, or a depth that isn't positive.
+        """
+        if not (is_number(depth) and depth > 0):
+            raise InputError(f"a depth of {depth} m", "a positive one", "give about the depth of a touch")
+        for name, value in (("x", x), ("y", y)):
+            if not is_number(value):
+                raise InputError(f"{name} {value!r}", "a finite number [m]", "give a place along both tangents")
+        material = material_at(checked_map(surface), x, y)
         power = depth ** (material.exponent - 1.0)
         return cls(material.stiffness * power, material.damping * (power * depth if material.exponent != 1.0 else 1.0))
 

@@ -28,9 +28,9 @@ Array = NDArray[np.float64]
 DRIVE_BANDWIDTH = 50.0
 #: samples in the air that tell the noise
 FREE_ENOUGH = 200
-#: samples that are missing for less than this lose no memory: half a period of the fastest motion that the differentiator
-#: passes [s]
-BRIDGED = 0.5 / Differentiator().bandwidth
+#: samples that are missing for less than this lose no memory: a period of the fastest motion that the differentiator passes;
+#: slower ones run nearly straight meanwhile [s]
+BRIDGED = 1.0 / Differentiator().bandwidth
 #: a material has let go where its force is below so many times the noise
 LET_GO = 3.0
 #: depth that stands for "nowhere near a surface" where the rig has none [m]

@@ -73,8 +73,8 @@ def page(title: str, head: str, figures: Sequence[tuple[str, Figure]], tail: str
     from plotly.offline import get_plotlyjs
 
     parts = [f"<h2>{html.escape(name)}</h2>" + figure.to_html(
-        full_html=False, include_plotlyjs=False, config={"displaylogo": False, "responsive": True})
-        for name, figure in figures]  # fmt: skip
+        full_html=False, include_plotlyjs=False, config={"displaylogo": False, "responsive": True}, div_id=f"figure-{i}")
+        for i, (name, figure) in enumerate(figures, start=1)]  # fmt: skip
     return (
         "<!doctype html><html lang=en><head><meta charset=utf-8>"
         '<meta name=viewport content="width=device-width,initial-scale=1">'

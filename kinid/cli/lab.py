@@ -28,7 +28,11 @@ kinid lab mould --campaign 10x10 --hide relaxation --where 0,-0.05,0.05,0 -o par
 
 kinid lab --trajectory plan.parquet --rig rig.toml --material dragon-skin-10 -o run
 
+kinid lab study -o found
+
 kinid lab teleoperation -o study
+
+kinid lab teleoperation --material mould --map mould.parquet --at 0.02,0.02 -o study
 """
 
 Vector = tuple[float, float, float]
@@ -53,8 +57,8 @@ def lab(
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for logs, rig and truth.", show_default=False)],
     experiment: Annotated[
         str | None,
-        typer.Argument(help="poke, slide, band, sponge, ecoflex-50, dragon-skin-10, mould, wave; or teleoperation, a study.",
-                       show_default=False),
+        typer.Argument(help="poke, slide, band, sponge, ecoflex-50, dragon-skin-10, mould, wave; or a study: teleoperation, or "
+                            "study, which finds the published materials again.", show_default=False),
     ] = None,
     trajectory: Annotated[
         Path | None, typer.Option(help="Instead: a trajectory that kinid plan wrote, carried out.", show_default=False)
@@ -82,6 +86,13 @@ def lab(
     mcap: Annotated[
         bool | None, typer.Option(help="Write the streams, as MCAP and Parquet; default: of one experiment, not of a campaign.")
     ] = None,
+    measured_map: Annotated[
+        Path | None, typer.Option("--map", help="Of teleoperation: a map that kinid map wrote, reflected to the operator.",
+                                  show_default="the place is poked first")
+    ] = None,
+    at: Annotated[
+        str | None, typer.Option(help="Of teleoperation: the place that is touched, along both tangents: x,y [m]; default: 0,0.")
+    ] = None,
 ) -> None:
     """An LWR4+ under impedance control pokes and slides: its raw log, the rig, and the truth in a folder of its own."""
     if (experiment is None) == (trajectory is None):
@@ -94,12 +105,23 @@ def lab(
         None if torque_limit is None else _limits(torque_limit), None if point is None else _vector(point, "--point"),
         None if normal is None else _vector(normal, "--normal"),
     )  # fmt: skip
+    for option, value in (("--map", measured_map), ("--at", at)):
+        if value is not None and experiment != "teleoperation":
+            raise InputError(f"{option} without teleoperation", "kinid lab teleoperation, which reflects a map", "leave it out")
     if experiment == "teleoperation":
         others = {"--hide": hide, "--campaign": campaign, "--point": point, "--normal": normal, "--mcap": mcap,
                   "--torque-limit": torque_limit, "--stiffness": None if stiffness == 5200.0 else stiffness}  # fmt: skip
         if given := [name for name, value in others.items() if value is not None]:
-            raise InputError(f"teleoperation with {', '.join(given)}", "--material and --seed alone", "leave the others out")
-        _teleoperation(out, asked)
+            raise InputError(f"teleoperation with {', '.join(given)}", "--material, --seed, --map and --at alone",
+                             "leave the others out")  # fmt: skip
+        x, y = (0.0, 0.0) if at is None else _numbers(at, 2, "--at", "0.02,0.02")
+        _teleoperation(out, asked, measured_map, (x, y))
+    elif experiment == "study":
+        others = {"--material": material, "--hide": hide, "--campaign": campaign, "--point": point, "--normal": normal,
+                  "--mcap": mcap, "--torque-limit": torque_limit, "--stiffness": None if stiffness == 5200.0 else stiffness}
+        if given := [name for name, value in others.items() if value is not None]:
+            raise InputError(f"study with {', '.join(given)}", "--seed alone", "leave the others out")
+        _study(out, seed)
     elif campaign is not None and experiment is not None:
         _campaign(_task(experiment, asked, campaign, 0.01 if spacing is None else spacing, bool(mcap)), out)
     else:
@@ -124,7 +146,7 @@ def _check(experiment: str | None, seed: int, out: Path, given: dict[str, object
 
 def _single(out: Path, asked: Asked, experiment: str | None, trajectory: Path | None, rig: Path | None, mcap: bool) -> None:
     """One experiment, by its name or as it was planned."""
-    from kinid.lab.folder import at_work, check_free
+    from kinid.lab.folder import at_work, begin, check_free, done
     from kinid.lab.writing import check_mcap, write_experiment
 
     if mcap:
@@ -134,6 +156,7 @@ def _single(out: Path, asked: Asked, experiment: str | None, trajectory: Path | 
     truth: dict[str, object] = {"experiment": experiment or "trajectory"}
     if trajectory is not None:
         setup, truth["trajectory"] = _planned(setup, asked, trajectory, rig), trajectory.name
+    nominal = setup
     if asked.hide is not None:
         from kinid.lab.hidden import check_met
         from kinid.lab.hidden import hide as plant
@@ -147,8 +170,10 @@ def _single(out: Path, asked: Asked, experiment: str | None, trajectory: Path | 
         result = setup.run(lambda share: progress.update(bar, completed=share))
     with at_work(out):
         check_free(out)
+        begin(out)
         path = write_experiment(out, result, truth, mcap=mcap)
-    _show(path, result, mcap)
+        done(out)
+    _show(path, result, nominal, mcap)
 
 
 def _prepared(asked: Asked, experiment: str | None) -> Setup:
@@ -163,7 +188,7 @@ def _prepared(asked: Asked, experiment: str | None) -> Setup:
 def _planned(base: Setup, asked: Asked, trajectory: Path, rig: Path | None) -> Setup:
     """The set-up that carries a trajectory out on its rig's surface."""
     from kinid.cli.show import console
-    from kinid.lab.planned import planned
+    from kinid.lab.planned import doubts, planned
     from kinid.rig import Rig
 
     beside = trajectory.parent / "rig.toml"
@@ -172,24 +197,51 @@ def _planned(base: Setup, asked: Asked, trajectory: Path, rig: Path | None) -> S
     setup, ahead = planned(trajectory, None if rig is None else Rig.load(rig), base=base, point=asked.point, normal=asked.normal)
     console().print(f"surface and tool of {rig}" if rig is not None else "surface and tool of the laboratory; a rig's: --rig",
                     markup=False)  # fmt: skip
+    for line in doubts(setup):
+        console().print(line, style="yellow", markup=False)
     if not ahead:
         console().print("the plan expects no forces (no --model): the tip stays behind it by force over stiffness", markup=False)
     return setup
 
 
-def _teleoperation(out: Path, asked: Asked) -> None:
+def _teleoperation(out: Path, asked: Asked, measured_map: Path | None, place: tuple[float, float]) -> None:
     from kinid.cli.show import console, written
     from kinid.lab import teleoperation
     from kinid.lab.folder import at_work, check_free
 
     check_free(out)
     with console().status("a poke, its fit, and the study …"):
-        found = teleoperation.compare(asked.material or "ecoflex-50", asked.seed)
+        found = teleoperation.compare(asked.material or "ecoflex-50", asked.seed, measured_map=measured_map, place=place)
     with at_work(out):
         check_free(out)
         page = teleoperation.write(out, found)
+    console().print(f"{found.material} at ({1e3 * place[0]:g}, {1e3 * place[1]:g}) mm: true {found.truth.stiffness:.4g} N/m and "
+                    f"{found.truth.damping:.3g} N·s/m; {found.told} says {found.believed.stiffness:.4g} N/m and "
+                    f"{found.believed.damping:.3g} N·s/m", markup=False)  # fmt: skip
     console().print(found.study.table(), markup=False)
     written([out / "teleoperation.json", page])
+
+
+def _study(out: Path, seed: int) -> None:
+    from rich.table import Table
+
+    from kinid.cli.show import console, written
+    from kinid.lab import study
+    from kinid.lab.folder import at_work, check_free
+
+    check_free(out)
+    with console().status("three materials, poked and slid on …"):
+        rows = study.study(seed)
+    with at_work(out):
+        check_free(out)
+        path = study.write(out, rows)
+    table = Table()
+    for title in ("material", "parameter", "published", "true", "estimated", "95 % from", "to", "unit"):
+        table.add_column(title, justify="left" if title in ("material", "parameter", "unit") else "right")
+    for row in rows:
+        table.add_row(row.material, row.parameter, *(f"{value:.4g}" for value in row[2:7]), row.unit)
+    console().print(table)
+    written([path])
 
 
 def _task(experiment: str, asked: Asked, grid: str, spacing: float, mcap: bool) -> Campaign:
@@ -225,26 +277,37 @@ def _campaign(task: Campaign, out: Path) -> None:
         check_mcap()
     with _progress() as progress:
         bar = progress.add_task(f"{task.count} {task.touch}s on {task.material}", total=task.count)
-        made = campaign.run(task, out, lambda index: progress.update(bar, completed=index + 1))
+        try:
+            made = campaign.run(task, out, lambda index: progress.update(bar, completed=index + 1))
+        except KeyboardInterrupt:
+            whole = round(progress.tasks[0].completed)
+            typer.echo(f"stopped: {whole} of {task.count} {task.touch}s are whole in {out}; the same command again goes on there",
+                       err=True)  # fmt: skip
+            raise typer.Exit(130) from None
     there = f" ({task.count - made} were there already)" if made < task.count else ""
     typer.echo(f"{made} {task.touch}s made{there}: {out}/{task.touch}_*.parquet, {out / 'rig.toml'}; at a glance: {out / NAME}; "
                f"the truth, which no other command reads: {out / 'truth'}")  # fmt: skip
 
 
-def _show(path: Path, result: Result, mcap: bool) -> None:
+def _show(path: Path, result: Result, nominal: Setup, mcap: bool) -> None:
     from rich.table import Table
 
     from kinid.cli.show import console
+    from kinid.lab.outcome import outcomes, remarks
+
+    found = outcomes(result)
 
     table = Table(title=f"{path}")
     table.add_column("phase")
     table.add_column("time [s]", justify="right")
-    table.add_column("measured force, greatest [N]", justify="right")
-    script, force = result.setup.script, result.wrench[:, :3] - result.wrench[:50, :3].mean(axis=0)
-    for name in dict.fromkeys(script.phase.tolist()):
-        rows = script.phase == name
-        table.add_row(name, f"{rows.sum() * result.setup.gains.period:.1f}", f"{(force[rows] ** 2).sum(axis=1).max() ** 0.5:.2f}")
+    for title in ("deepest [mm]", "of [mm]", "off set-point [mm rms]", "force, most [N]"):
+        table.add_column(title, justify="right")
+    for o in found:
+        inside = ("–", "–") if max(o.asked, o.reached) <= 0.0 else (f"{1e3 * o.reached:.2f}", f"{1e3 * o.asked:.2f}")
+        table.add_row(o.phase, f"{o.duration:.1f}", *inside, f"{1e3 * o.apart:.2f}", f"{o.force:.2f}")
     console().print(table)
+    for line in remarks(found, result.setup, nominal):
+        console().print(line, style="yellow", markup=False)
     streams = f"; its streams: {path.with_suffix('.mcap')}, {path.parent / 'streams'}" if mcap else ""
     typer.echo(f"log: {path}{streams}; what measured it: {path.parent / 'rig.toml'}; the truth, which no other command reads: "
                f"{path.parent / 'truth'}")  # fmt: skip

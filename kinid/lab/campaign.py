@@ -16,7 +16,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.errors import InputError, near
+from kinid.controllers._given import closest
+from kinid.errors import InputError
 from kinid.lab.arm import Gains
 from kinid.lab.campaign_page import Overview
 from kinid.lab.experiments import Vector, prepare
@@ -68,7 +69,8 @@ class Campaign(Grid):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.touch not in MOTIONS:
-            raise InputError(f"a campaign of '{self.touch}'", f"one of {', '.join(get_args(Touch))}", near(self.touch, MOTIONS))
+            raise InputError(f"a campaign of '{self.touch}'", f"one of {', '.join(get_args(Touch))}",
+                             closest(self.touch, MOTIONS))  # fmt: skip
 
     @property
     def done_there(self) -> str:

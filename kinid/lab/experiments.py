@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinid.errors import InputError, near
+from kinid.controllers._given import closest, numbers
+from kinid.errors import InputError
 from kinid.lab import materials
 from kinid.lab.arm import Gains, Joints, lwr4plus_joints
 from kinid.lab.protocol import Poke, Script, Slide, five_phases, minimum_jerk
@@ -65,8 +66,9 @@ EXPERIMENTS = {
         Experiment("wave", "free motion of all joints, nothing touched", "ecoflex-50", _wave),
     )
 }  # fmt: skip
-#: what can be asked for by name: these, and the study of teleoperation
-NAMES = (*EXPERIMENTS, "teleoperation")
+#: what can be asked for by name: these, and the studies of teleoperation and of published materials
+STUDIES = ("teleoperation", "study")
+NAMES = (*EXPERIMENTS, *STUDIES)
 
 
 def named(name: str) -> Experiment:
@@ -76,7 +78,7 @@ def named(name: str) -> Experiment:
         InputError: no such experiment.
     """
     if name not in EXPERIMENTS:
-        raise InputError(f"experiment '{name}'", f"one of {', '.join(NAMES)}", near(name, NAMES))
+        raise InputError(f"experiment '{name}'", f"one of {', '.join(NAMES)}", closest(name, NAMES))
     return EXPERIMENTS[name]
 
 
@@ -89,8 +91,9 @@ def limited(torque_limit: Sequence[float] | None) -> Joints:
     joints = lwr4plus_joints()
     if torque_limit is None:
         return joints
-    limit, count = np.asarray(torque_limit, dtype=float), len(joints.torque_limit)
-    if limit.shape not in ((1,), (count,)) or not (np.isfinite(limit).all() and (limit > 0).all()):
+    count = len(joints.torque_limit)
+    limit = np.atleast_1d(numbers(torque_limit, (), "torque limits", f"one positive number [N·m] for all joints, or {count}"))
+    if limit.shape not in ((1,), (count,)) or not (limit > 0).all():
         raise InputError(f"torque limits {', '.join(f'{v:g}' for v in limit)}",
                          f"one positive number [N·m] for all joints, or {count}", "correct them")  # fmt: skip
     return dataclasses.replace(joints, torque_limit=np.broadcast_to(limit, count).copy())
@@ -108,9 +111,16 @@ def prepare(
         torque_limit: of the drives [N·m], one for all joints or one for each; default: the arm's.
 
     Raises:
-        InputError: no such experiment or material, or a limit that is none.
+        InputError: no such experiment or material, or a seed, gains, point, normal or limit that are none.
     """
     experiment = named(name)
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise InputError(f"seed {seed!r}", "a whole number, 0 or more", "choose another")
+    if not isinstance(gains, Gains | None):
+        raise InputError(f"gains {str(gains)[:40]!r}", "kinid.lab.arm.Gains(…)", "see its docstring")
+    for what, vector in (("point", point), ("normal", normal)):
+        if vector is not None:
+            numbers(vector, (3,), f"a surface's {what}", "give three numbers in the base frame")
     rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
     sensor = Sensor.mini40(rng)
     wrench = StreamSpec(offset=float(rng.uniform(-2e-3, 2e-3)), delay=float(rng.uniform(0.0, 1e-3)), jitter=2e-5, losses=2e-3,

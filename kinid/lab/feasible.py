@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from kinid.controllers._given import is_number, is_positive
 from kinid.errors import InputError
 from kinid.lab.arm import Gains, design_damping, spectral_radius
 
@@ -46,7 +47,9 @@ def check(setup: Setup) -> Array:
     in_log = script.joints(rows, setup.robot, setup.axes, np.asarray(setup.point), setup.start)
     _check_speeds(setup, in_log, rows)
     q = in_log[:, setup.arm.columns]
-    _check_stability(setup, q[0], q[int(np.argmax(script.place[rows, 2]))])
+    deepest = q[int(np.argmax(script.place[rows, 2]))]
+    _check_stability(setup, q[0], deepest)
+    _check_friction(setup, deepest)
     _check_torques(setup, q, rows)
     q0: Array = q[0]
     return q0
@@ -60,9 +63,9 @@ def check_gains(gains: Gains) -> None:
     """
     for name, value in (("translational stiffness", gains.translation), ("rotational stiffness", gains.rotation),
                         ("damping ratio", gains.ratio), ("control period", gains.period)):  # fmt: skip
-        if not (np.isfinite(value) and value > 0):
+        if not is_positive(value):
             raise InputError(f"a {name} of {value}", "a positive number", "correct it")
-    if not (np.isfinite(gains.null) and gains.null >= 0):
+    if not (is_number(gains.null) and gains.null >= 0):
         raise InputError(f"a null-space damping of {gains.null}", "a number that isn't negative", "correct it")
 
 
@@ -108,11 +111,35 @@ def _check_stability(setup: Setup, *poses: Array) -> None:
         radius = spectral_radius(gains, damping, setup.arm, setup.joints, pose)
         if radius > STEADY:
             cause, mend = _blame(setup, pose, poses[0])
-            raise InputError(f"{cause}, unstable at {1 / gains.period:g} Hz (errors grow {radius:.3g} times a period)",
+            raise InputError(f"{cause}, unstable at {1 / gains.period:g} Hz ({_growth(radius)})",
                              "gains at which the loop is stable", mend)  # fmt: skip
     if gains.translation > GREATEST_STIFFNESS:
         raise InputError(f"a translational stiffness of {gains.translation:g} N/m", f"at most {GREATEST_STIFFNESS:g} N/m",
                          "the arm's controller takes no more; lower it")  # fmt: skip
+
+
+def _growth(radius: float) -> str:
+    """How errors grow, from one period's factor."""
+    return f"errors grow by {100 * (radius - 1):.2g} % a period" if radius < 1.1 else f"errors grow {radius:.3g} times a period"
+
+
+def _check_friction(setup: Setup, pose: Array) -> None:
+    """A spring so soft that the joints' friction holds the tip back from the surface, or on it.
+
+    The tip stays where it is until one joint moves: K d |n J_j| = τ_j, d behind its set-point along the normal n.
+    """
+    script, drives = setup.script, setup.joints.packed
+    if not script.touching.any():
+        return
+    lever = np.abs(setup.axes[2] @ setup.arm.state(pose).jacobian[:3])
+    held = float(((drives[3] + drives[5]) / np.maximum(lever, 1e-6)).min()) / setup.gains.translation
+    for way, does in ((float(script.place[:, 2].max()), "press below the surface"),
+                      (-float(script.place[:, 2].min()), "lie above it in the air")):  # fmt: skip
+        if 0.0 < way <= held:
+            raise InputError(
+                f"a translational stiffness of {setup.gains.translation:g} N/m, at which the joints' friction holds the tip up "
+                f"to {1e3 * held:.1f} mm behind its set-points", f"less than the {1e3 * way:.1f} mm that they {does}",
+                f"a stiffness well above {setup.gains.translation * held / way:.0f} N/m")  # fmt: skip
 
 
 def _blame(setup: Setup, pose: Array, designed_at: Array) -> tuple[str, str]:

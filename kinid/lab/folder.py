@@ -11,11 +11,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from kinid.errors import InputError
-from kinid.writers import make_folder
+from kinid.writers import make_folder, write_text
 
 #: what an experiment, a campaign or a study leaves in its folder
 LEFT = ("rig.toml", "log.parquet", "log.mcap", "streams", "truth", "campaign.json", "teleoperation.json",
-        "poke_*.parquet", "slide_*.parquet")  # fmt: skip
+        "study.json", "poke_*.parquet", "slide_*.parquet")  # fmt: skip
 
 
 @contextmanager
@@ -46,13 +46,51 @@ def at_work(folder: Path) -> Iterator[None]:
 def check_free(folder: Path) -> None:
     """Refuse a folder that holds an experiment: a second one's log would stand beside the first one's rig and truth.
 
+    What an experiment that was stopped as it wrote has left is no experiment: it is made again.
+
     Raises:
         InputError: what is there.
     """
+    if unfinished(folder):
+        return
     there = [path.name for name in LEFT for path in sorted(folder.glob(name))[:1] if path.is_file() or any(path.iterdir())]
     if there:
         raise InputError(f"{', '.join(there[:3])}{', …' if len(there) > 3 else ''} in {folder}, where results are already",
                          "a folder without results", "choose another folder with -o, or remove them first")  # fmt: skip
+
+
+def unfinished(folder: Path, name: str = "log") -> bool:
+    """Whether a folder holds no more than what an experiment that was stopped as it wrote has left.
+
+    An experiment says what it is about to write before it writes, in `truth/NAME.begun`, and takes that away when its log,
+    the last file, is there.
+    """
+    begun = folder / "truth" / f"{name}.begun"
+    if not begun.is_file() or (folder / f"{name}.parquet").exists():
+        return False
+    return all(_own(path.relative_to(folder), name) for path in folder.rglob("*") if path.is_file())
+
+
+def _own(path: Path, name: str) -> bool:
+    """Whether an experiment of this name writes such a file, or writes it at first under another name."""
+    stem, folders = path.name.lstrip("."), path.parts[:-1]
+    if not folders:
+        return stem.startswith(("rig.", f"{name}."))
+    return folders in (("truth",), ("streams",)) and stem.startswith((f"{name}.", f"{name}_"))
+
+
+def begin(folder: Path, name: str = "log") -> None:
+    """Take away what an experiment that was stopped has left, if anything, and say that another one begins."""
+    if unfinished(folder, name):
+        for path in [p for p in folder.rglob("*") if p.is_file()]:
+            path.unlink()
+    make_folder(folder / "truth")
+    write_text(folder / "truth" / f"{name}.begun", "")
+
+
+def done(folder: Path, name: str = "log") -> None:
+    """Say that an experiment is whole."""
+    (folder / "truth" / f"{name}.begun").unlink(missing_ok=True)
 
 
 def digests(folder: Path, files: Iterable[Path]) -> dict[str, str]:

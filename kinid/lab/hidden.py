@@ -8,7 +8,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.errors import InputError, near
+from kinid.controllers._given import closest
+from kinid.errors import InputError
 from kinid.lab.materials import SURFACE, Field, Patch
 from kinid.lab.setup import Setup, together
 from kinid.rig import ToolSpec
@@ -33,7 +34,7 @@ def hide(setup: Setup, effect: str, seed: int, where: Rectangle | None = None) -
         InputError: no such effect, or one that isn't at a place.
     """
     if effect not in PLANTS:
-        raise InputError(f"effect '{effect}' to hide", f"one of {', '.join(sorted(PLANTS))}", near(effect, PLANTS))
+        raise InputError(f"effect '{effect}' to hide", f"one of {', '.join(sorted(PLANTS))}", closest(effect, PLANTS))
     rng = np.random.default_rng(np.random.SeedSequence([seed, *effect.encode()]))
     planted, parameters = PLANTS[effect](setup, rng)
     truth: Truth = {"effect": effect, "parameters": parameters}

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.errors import InputError, near
+from kinid.controllers._given import closest
+from kinid.errors import InputError
 from kinid.lab import _law as law
 
 Array = NDArray[np.float64]
@@ -258,5 +259,5 @@ def material(name: str) -> Material:
         InputError: no such material.
     """
     if name not in MATERIALS:
-        raise InputError(f"material '{name}'", f"one of {', '.join(MATERIALS)}", near(name, MATERIALS))
+        raise InputError(f"material '{name}'", f"one of {', '.join(MATERIALS)}", closest(name, MATERIALS))
     return MATERIALS[name]

@@ -14,6 +14,7 @@ from kinid.lab.feasible import check_gains
 from kinid.lab.protocol import Script
 from kinid.lab.setup import Setup
 from kinid.plan.following import SetPoints, set_points
+from kinid.plan.limits import JERK, Limits
 from kinid.plan.trajectory import Trajectory, read_trajectory
 from kinid.rig import Rig
 from kinid.robot import Robot
@@ -22,6 +23,10 @@ Array = NDArray[np.float64]
 
 #: a trajectory begins at rest: no joint faster than this [rad/s]
 REST = 0.01
+#: accelerations are means over so long [s]; plans keep to the limits at each sample, but for rounding
+SMOOTH, ROUNDED = 5e-3, 1.05
+#: jerks beyond so many times what plans keep to, and a share of the speed beyond the arm's bandwidth, are said
+JERKS, FAST = 2.0, 0.3
 #: by how much the depths that a trajectory states may differ from those on the rig's surface [m]
 SAME = 1e-4
 
@@ -69,6 +74,7 @@ def planned(path: Path, rig: Rig | None = None, *, base: Setup | None = None, po
     ahead = motion.force is not None and bool(np.isfinite(motion.force).all())
     points = set_points(motion, robot, base.gains.period, base.gains.translation if ahead else None)
     _check_limits(path, robot, points)
+    _check_smooth(path, robot, points, base.gains.period)
     place, tip = (_on_surface(base, positions) for positions in (
         points.positions, robot.kinematics(robot.tip_frame or "", points.q).position))  # fmt: skip
     _check_start(path, robot, points, tip)
@@ -118,6 +124,43 @@ def _check_limits(path: Path, robot: Robot, points: SetPoints) -> None:
         raise InputError(
             f"{path} with {robot.joint_names[j]} at {points.dq[i, j]:.2f} rad/s after {points.t[i]:.2f} s (limit {most[j]:.2f} "
             "rad/s)", "speeds within the joints' limits", "move more slowly, or repair a jump in the table")  # fmt: skip
+
+
+def _check_smooth(path: Path, robot: Robot, points: SetPoints, period: float) -> None:
+    """Accelerations that the arm has: a plan that was hurried, and a log's noise, ask for others."""
+    limits, h = Limits.of(robot), max(1, round(SMOOTH / period))
+    if len(points.t) <= h:
+        return
+    mean = np.abs(points.dq[h:] - points.dq[:-h]) / (h * period)
+    over = mean / limits.acceleration
+    if over.max() > ROUNDED:
+        i, j = np.unravel_index(int(over.argmax()), over.shape)
+        raise InputError(
+            f"{path} with {robot.joint_names[j]} at {mean[i, j]:.1f} rad/s² after {points.t[i]:.2f} s (limit "
+            f"{limits.acceleration[j]:g} rad/s²)", "accelerations that the arm has",
+            "move more slowly; smooth what was measured")  # fmt: skip
+
+
+def doubts(setup: Setup) -> list[str]:
+    """What of a trajectory the arm won't follow, one line each: it is a mass behind the controller's spring."""
+    script, period = setup.script, setup.gains.period
+    assert isinstance(script, Planned)
+    lines = []
+    jerk = float(np.abs(np.diff(script.q, n=3, axis=0)).max(initial=0.0)) / period**3
+    if jerk > JERKS * JERK:
+        lines.append(f"joints asked to jerk by {jerk:.2g} rad/s³, where plans keep to {JERK:g}: a log's noise, or a hurried plan")
+    state = setup.arm.state(script.q[int(np.argmax(script.place[:, 2]))][setup.arm.columns])
+    moved, inertia = state.jacobian[:3], state.mass + np.diag(setup.joints.packed[0])
+    heaviest = 1.0 / float(np.linalg.eigvalsh(moved @ np.linalg.solve(inertia, moved.T))[0])
+    bandwidth = float(np.sqrt(setup.gains.translation / heaviest)) / (2 * np.pi)
+    speed = np.diff(script.positions, axis=0) / period
+    power = (np.abs(np.fft.rfft(speed, axis=0)) ** 2).sum(axis=1)
+    fast = np.fft.rfftfreq(len(speed), period) > bandwidth
+    share = float(np.sqrt(power[fast].sum() / max(power.sum(), 1e-300)))
+    if share > FAST:
+        lines.append(f"{100 * share:.0f} % of the tip's speed (rms) are above {bandwidth:.1f} Hz, where a tip of "
+                     f"{heaviest:.1f} kg behind {setup.gains.translation:g} N/m no longer follows")  # fmt: skip
+    return lines
 
 
 def _check_start(path: Path, robot: Robot, points: SetPoints, tip: Array) -> None:

@@ -171,6 +171,11 @@ class Result:
     tau: Array
 
     @cached_property
+    def targets(self) -> tuple[Array, Array]:
+        """Where the controller was told to put the tip: positions (n, 3) [m] and rotations (n, 3, 3), base frame."""
+        return self.setup.script.poses(self.setup.axes, np.asarray(self.setup.point))
+
+    @cached_property
     def log(self) -> Log:
         """On one clock, every second control period."""
         t, q, tau, wrench = (np.ascontiguousarray(part[::LOG_EVERY]) for part in (self.motion.t, self.q, self.tau, self.wrench))

@@ -8,6 +8,7 @@ side by side: `kinid.controllers.teleoperation` has the equations.
 from __future__ import annotations
 
 import dataclasses
+import html
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,8 +28,10 @@ from kinid.controllers.teleoperation import (
     transparency_error,
 )
 from kinid.errors import InputError
-from kinid.lab.experiments import prepare
+from kinid.lab import materials
+from kinid.lab.experiments import SILICONE_POKE, prepare
 from kinid.lab.materials import Material
+from kinid.lab.protocol import five_phases
 from kinid.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, page
 from kinid.writers import make_folder, write_text
 
@@ -44,6 +47,8 @@ CHECKED = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 POINTS = 80
 #: how wrong a map is whose cost is shown, beside the one that was measured
 MISTAKEN = 1.2
+#: four columns need so much room: a narrow screen scrolls them sideways
+WIDE = "h2+div{overflow-x:auto}h2+div>.plotly-graph-div{min-width:760px}"
 _LOOK = {
     "direct": ("direct force reflection", VERMILION), "impedance": ("impedance reflection from the map", BLUE),
     "passivated": ("direct, observer and damper", ORANGE), "tank": ("direct, energy tank", GREEN),
@@ -57,7 +62,7 @@ class Comparison:
     Attributes:
         material: its name. truth, believed: as it is, and as the fit to its poke says. study: see `kinid.controllers`.
         measured: Z_t by simulation at `CHECKED`, by delay and linear method. mistaken: error of reflection from a map that is
-            `MISTAKEN` times too stiff and too damped.
+            `MISTAKEN` times too stiff and too damped. place: along both tangents [m]. told: by what the map is known.
     """
 
     material: str
@@ -66,57 +71,84 @@ class Comparison:
     study: Study
     measured: dict[tuple[float, str], NDArray[np.complex128]]
     mistaken: float
+    place: tuple[float, float] = (0.0, 0.0)
+    told: str = "a fit to one virtual poke"
 
     def to_dict(self) -> dict[str, object]:
         """The facts, for JSON."""
         names = ("delay", "method", "stable", "stable_by_nyquist", "transparency_error")
         rows = [dict(zip(names, row)) for row in self.study.rows]
-        return {"material": self.material, "true": dataclasses.asdict(self.truth), "map": dataclasses.asdict(self.believed),
+        return {"material": self.material, "place": self.place, "map_by": self.told,
+                "true": dataclasses.asdict(self.truth), "map": dataclasses.asdict(self.believed),
                 "unit": {"delay": "s, one-way", "stiffness": "N/m", "damping": "N·s/m"}, "cases": rows,
                 f"transparency_error_of_a_map_{MISTAKEN:g}_times_too_hard": self.mistaken}  # fmt: skip
 
 
-def poked(material: str, seed: int) -> tuple[Environment, Environment]:
-    """Stiffness and damping of a material: the truth, and what a fit to the log of a virtual poke says.
+def at_place(material: Material, x: float, y: float, depth: float = SILICONE_POKE.depth) -> Environment:
+    """A material at a place [m], linearised by its secant at a depth [m]: what a spring and a damper can say of it."""
+    here = material.at(np.array([x]), np.array([y]))
+    force = float(material.press(np.array([x]), np.array([y]), np.array([depth]))[0])
+    return Environment(force / depth, float(here["damping"][0]) + material.loss * force)
+
+
+def believed_of(path: Path, x: float, y: float) -> Environment:
+    """What a measured map says of a place.
 
     Raises:
-        InputError: no such material, or one that isn't linear and the same everywhere.
+        InputError: no map there, or a place that it doesn't know.
+    """
+    from kinid.controllers.measured import Measured
+    from kinid.property_map import PropertyMap
+
+    return Environment.at(Measured(PropertyMap.read(path), unknown="refuse"), x, y, SILICONE_POKE.depth)
+
+
+def poked(material: str, seed: int, place: tuple[float, float] = (0.0, 0.0)) -> Environment:
+    """What a fit to the log of a virtual poke says of a material at a place along both tangents [m].
+
+    Raises:
+        InputError: no such material, or a place beside it.
     """
     from kinid.contact import contact_series
     from kinid.fit import fit_model
     from kinid.model import Model
 
-    setup = prepare("poke", material=material, seed=seed)
-    true: Material = setup.material
-    if true.fields or true.exponent != 1.0 or true.loss != 0.0 or true.coupling is not None:
-        raise InputError(f"material '{material}' for teleoperation", "a linear one that is the same everywhere",
-                         "choose sponge, ecoflex-50 or dragon-skin-10")  # fmt: skip
+    setup = prepare("poke", material=material, seed=seed).replace(script=five_phases(SILICONE_POKE, place=place))
     touch = contact_series(setup.run().log, setup.rig)
     assert touch.phase is not None
     # without the retraction: the material lets go where the equation of Kelvin-Voigt would pull
     fit = fit_model(Model("kelvin-voigt", "sensor-bias"), touch, channels=("normal_force",), train=touch.phase != "retract",
                     held_out=False)  # fmt: skip
-    return (Environment(true.stiffness, true.damping),
-            Environment(fit["stiffness"].value, fit["damping"].value))  # fmt: skip
+    return Environment(fit["stiffness"].value, max(0.0, fit["damping"].value))
 
 
-def compare(material: str = "ecoflex-50", seed: int = 0, delays: Sequence[float] = DELAYS) -> Comparison:
-    """Poke, fit, and run the study.
+def compare(
+    material: str = "ecoflex-50", seed: int = 0, delays: Sequence[float] = DELAYS, measured_map: Path | None = None,
+    place: tuple[float, float] = (0.0, 0.0),
+) -> Comparison:  # fmt: skip
+    """Poke and fit, or look a measured map up, and run the study.
 
     Args:
-        material: of the laboratory. seed: of the poke's sensor. delays: one-way [s].
+        material: of the laboratory; linearised at the place. seed: of the poke's sensor. delays: one-way [s].
+        measured_map: what `kinid map` wrote; default: the place is poked. place: along both tangents [m].
 
     Raises:
-        InputError: see `poked` and `kinid.controllers.study`.
+        InputError: see `poked`, `believed_of` and `kinid.controllers.study`.
     """
     cases = [Teleoperator(delay=float(delay)) for delay in delays]  # refused before anything runs
-    truth, believed = poked(material, seed)
+    chosen = materials.material(material)
+    if not max(abs(place[0]), abs(place[1])) <= chosen.side / 2:
+        raise InputError(f"a place ({1e3 * place[0]:g}, {1e3 * place[1]:g}) mm, beside the {material}",
+                         f"one within ±{500 * chosen.side:g} mm", "choose another")  # fmt: skip
+    truth = at_place(chosen, *place)
+    believed = poked(material, seed, place) if measured_map is None else believed_of(measured_map, *place)
     found = study(truth, believed, delays, points=POINTS)
     measured = {(o.delay, method): measured_impedance(o, truth, CHECKED, method, believed)
                 for o in cases for method in LINEAR}  # fmt: skip
     hard = Environment(MISTAKEN * truth.stiffness, MISTAKEN * truth.damping)
     error = transparency_error(hard.impedance(found.frequency), found.environment)
-    return Comparison(material, truth, believed, found, measured, error)
+    told = "a fit to one virtual poke" if measured_map is None else measured_map.name
+    return Comparison(material, truth, believed, found, measured, error, place, told)
 
 
 def write(folder: Path, comparison: Comparison) -> Path:
@@ -135,8 +167,9 @@ def comparison_page(c: Comparison) -> str:
         for row in c.study.rows
     )
     head = (
-        f"<p class=facts>{c.material}: true {c.truth.stiffness:.4g} N/m and {c.truth.damping:.3g} N·s/m, on the map "
-        f"{c.believed.stiffness:.4g} N/m and {c.believed.damping:.3g} N·s/m, as a fit to one virtual poke says. Delays are "
+        f"<p class=facts>{c.material} at ({1e3 * c.place[0]:g}, {1e3 * c.place[1]:g}) mm: true {c.truth.stiffness:.4g} N/m and "
+        f"{c.truth.damping:.3g} N·s/m, on the map "
+        f"{c.believed.stiffness:.4g} N/m and {c.believed.damping:.3g} N·s/m, as {html.escape(c.told)} says. Delays are "
         f"one-way: direct reflection comes back after twice as long. A map {MISTAKEN:g} times too hard would cost a "
         f"transparency error of {c.mistaken:.2f}, and no stability.</p>"
     )
@@ -149,7 +182,7 @@ def comparison_page(c: Comparison) -> str:
     return page("Teleoperation with delay", head, [
         ("Transparency: impedance that the operator feels, and the environment's", transparency_figure(c)),
         ("Stability: a push of 10 mm, held", stability_figure(c)),
-    ], tail)  # fmt: skip
+    ], tail, WIDE)  # fmt: skip
 
 
 def transparency_figure(c: Comparison) -> Figure:

@@ -2,23 +2,33 @@
 
 from __future__ import annotations
 
+import functools
 import importlib.util
 import json
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from kinid.errors import MissingDependencyError
 from kinid.lab.folder import digest, digests
-from kinid.lab.setup import Result, Setup
+from kinid.lab.setup import LOG_EVERY, Result, Setup
 from kinid.log import Log
 from kinid.rig import WRENCH
 from kinid.writers import make_folder, replacing, write_table, write_text
 
 Array = NDArray[np.float64]
 
+JOINTS, WRENCHES, TARGET, PHASE = _TOPICS = "/joint_states", "/ft_sensor/wrench", "/target_pose", "/phase"
+_KINDS = ("sensor_msgs/msg/JointState", "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PoseStamped",
+          "std_msgs/msg/String")  # fmt: skip
+#: frame of the target's pose
+BASE = "base_link"
+#: the phase is told at each change, and again after so long [s]
+AGAIN = 0.1
 #: when the virtual experiments took place [ns since 1970]
 EPOCH = 1_700_000_000_000_000_000
 
@@ -48,7 +58,7 @@ def write_experiment(folder: Path, result: Result, truth: dict[str, Any], *, nam
         write_mcap(files[-1], result, streams)
     path = folder / f"{name}.parquet"
     with replacing(path) as temporary:
-        write_log(temporary, result.log)
+        write_log(temporary, result.log, targets(result, np.arange(0, len(result.q), LOG_EVERY)))
         known = {**digests(folder, files), path.name: digest(temporary)}
         told = as_truth(result, truth) | {"files": known}
         write_text(folder / "truth" / f"{name}.json", json.dumps(told, indent=1, default=_plain) + "\n")
@@ -71,8 +81,16 @@ def write_rig(folder: Path, setup: Setup) -> None:
     write_text(folder / "rig.toml", "\n".join(lines) + "\n")
 
 
-def write_log(path: Path, log: Log) -> None:
-    """A log as Parquet, with the columns of the log format."""
+def targets(result: Result, rows: NDArray[np.int64]) -> dict[str, Array]:
+    """Where the controller was told to put the tip at some control periods, base frame: place [m] and quaternion."""
+    positions, rotations = result.targets
+    turned = Rotation.from_matrix(rotations[rows]).as_quat()
+    columns = {f"target_{axis}": positions[rows, i] for i, axis in enumerate("xyz")}
+    return columns | {f"target_q{axis}": turned[:, i] for i, axis in enumerate("xyzw")}
+
+
+def write_log(path: Path, log: Log, more: dict[str, Array] | None = None) -> None:
+    """A log as Parquet, with the columns of the log format, and more that readers pass over."""
     columns: dict[str, NDArray[Any]] = {"t": log.t}
     for name, values in (("q", log.q), ("tau", log.tau)):
         if values is not None:
@@ -81,7 +99,7 @@ def write_log(path: Path, log: Log) -> None:
         columns |= {name: log.wrench[:, i] for i, name in enumerate(WRENCH)}
     if log.phase is not None:
         columns["phase"] = np.asarray(log.phase)
-    write_table(path, columns, log.provenance.to_dict())
+    write_table(path, columns | (more or {}), log.provenance.to_dict())
 
 
 def as_truth(result: Result, more: dict[str, Any]) -> dict[str, Any]:
@@ -139,45 +157,83 @@ def write_streams(folder: Path, name: str, result: Result, streams: Streams) -> 
 def write_mcap(path: Path, result: Result, streams: Streams) -> None:
     """Joints and wrench as messages of ROS 2 (CDR), each with its own rate, clock, delay and losses; Foxglove opens it.
 
+    Beside them, on the controller's clock, the pose that the tip was told to take and the protocol's phase.
+
     Raises:
         MissingDependencyError: no library for MCAP or for ROS messages.
     """
     check_mcap()
     from mcap.writer import CompressionType, Writer
-    from rosbags.typesys import Stores, get_typestore
 
-    store, setup = get_typestore(Stores.ROS2_HUMBLE), result.setup
-    types = store.types
-    joint, wrench = "sensor_msgs/msg/JointState", "geometry_msgs/msg/WrenchStamped"
-    header, time = types["std_msgs/msg/Header"], types["builtin_interfaces/msg/Time"]
-    vector, torsor = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Wrench"]
-    names, nothing = list(setup.robot.joint_names), np.zeros(0)
-    messages: list[tuple[int, int, bytes]] = []
-    for channel, (rows, stamps) in enumerate(streams):
-        nanoseconds = EPOCH + np.round((stamps + 1.0) * 1e9).astype(np.int64)
-        for row, at in zip(rows, nanoseconds.tolist()):
-            stamp = time(sec=at // 10**9, nanosec=at % 10**9)
-            if channel == 0:
-                head = header(stamp=stamp, frame_id="")
-                message = types[joint](header=head, name=names, position=result.q[row], velocity=nothing, effort=result.tau[row])
-            else:
-                f = result.wrench[row].tolist()
-                head = header(stamp=stamp, frame_id=setup.robot.sensor_frame or "")
-                load = torsor(force=vector(x=f[0], y=f[1], z=f[2]), torque=vector(x=f[3], y=f[4], z=f[5]))
-                message = types[wrench](header=head, wrench=load)
-            messages.append((at, channel, bytes(store.serialize_cdr(message, joint if channel == 0 else wrench))))
-    messages.sort(key=lambda item: item[:2])
+    messages = sorted(_messages(result, streams), key=lambda item: (item.at, _TOPICS.index(item.topic)))
     with replacing(path) as temporary, temporary.open("wb") as file:
         writer = Writer(file, compression=CompressionType.NONE)
         writer.start(profile="ros2", library="kinid")
-        ids = []
-        for topic, kind in (("/joint_states", joint), ("/ft_sensor/wrench", wrench)):
-            text, _ = store.generate_msgdef(kind, ros_version=2)
+        channels = {}
+        for topic, kind in zip(_TOPICS, _KINDS):
+            text, _ = _store().generate_msgdef(kind, ros_version=2)
             schema = writer.register_schema(name=kind, encoding="ros2msg", data=text.encode())
-            ids.append(writer.register_channel(topic=topic, message_encoding="cdr", schema_id=schema))
-        for at, channel, data in messages:
-            writer.add_message(ids[channel], log_time=at, publish_time=at, data=data)
+            channels[topic] = writer.register_channel(topic=topic, message_encoding="cdr", schema_id=schema)
+        for at, topic, data in messages:
+            writer.add_message(channels[topic], log_time=at, publish_time=at, data=data)
         writer.finish()
+
+
+class _Message(NamedTuple):
+    """Time of reception [ns], topic, and bytes."""
+
+    at: int
+    topic: str
+    data: bytes
+
+
+@functools.cache
+def _store() -> Any:
+    """Definitions of ROS messages."""
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores.ROS2_HUMBLE)
+
+
+def _messages(result: Result, streams: Streams) -> Iterator[_Message]:
+    """All messages of a run, topic by topic."""
+    store, setup = _store(), result.setup
+    types = store.types
+    header, time = types["std_msgs/msg/Header"], types["builtin_interfaces/msg/Time"]
+    vector, quaternion = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Quaternion"]
+    names, nothing = list(setup.robot.joint_names), np.zeros(0)
+
+    def head(at: int, frame: str) -> Any:
+        return header(stamp=time(sec=at // 10**9, nanosec=at % 10**9), frame_id=frame)
+
+    def pack(kind: str, **fields: Any) -> bytes:
+        return bytes(store.serialize_cdr(types[kind](**fields), kind))
+
+    (joints, joint_stamps), (wrench, wrench_stamps) = streams
+    told = np.column_stack(list(targets(result, joints).values())).tolist()
+    for row, at, target in zip(joints, _nanoseconds(joint_stamps), told):
+        yield _Message(at, JOINTS, pack(_KINDS[0], header=head(at, ""), name=names, position=result.q[row], velocity=nothing,
+                                        effort=result.tau[row]))  # fmt: skip
+        x, y, z, *turned = target
+        place = types["geometry_msgs/msg/Point"](x=x, y=y, z=z)
+        pose = types["geometry_msgs/msg/Pose"](position=place, orientation=quaternion(*turned))
+        yield _Message(at, TARGET, pack(_KINDS[2], header=head(at, BASE), pose=pose))
+    for row, at in zip(wrench, _nanoseconds(wrench_stamps)):
+        f = result.wrench[row].tolist()
+        load = types["geometry_msgs/msg/Wrench"](force=vector(*f[:3]), torque=vector(*f[3:]))
+        yield _Message(at, WRENCHES, pack(_KINDS[1], header=head(at, setup.robot.sensor_frame or ""), wrench=load))
+    phase = setup.script.phase
+    again = np.arange(0, len(phase), max(1, round(AGAIN / setup.gains.period)))  # for who listens in late
+    begins = np.flatnonzero(phase[1:] != phase[:-1]) + 1
+    rows = np.union1d(again, begins)
+    for row, at in zip(rows, _nanoseconds(result.motion.t[rows])):
+        yield _Message(at, PHASE, pack(_KINDS[3], data=str(phase[row])))
+
+
+def _nanoseconds(stamps: Array) -> list[int]:
+    """Of stamps [s] since the experiment began: since 1970."""
+    out: list[int] = (EPOCH + np.round((stamps + 1.0) * 1e9).astype(np.int64)).tolist()
+    return out
 
 
 def _plain(value: Any) -> Any:

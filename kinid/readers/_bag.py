@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinid.errors import InputError, near
 from kinid.log import Array, Log, Provenance, Step
@@ -16,13 +17,15 @@ from kinid.streams import Merged, Stream, merge
 from kinid.units import factor
 
 #: what a message type means here, by the last part of its name
-KINDS: dict[str, str] = {"JointState": "joints", "JointStates": "joints", "WrenchStamped": "wrench"}
+KINDS: dict[str, str] = {"JointState": "joints", "JointStates": "joints", "WrenchStamped": "wrench", "String": "text"}
 _FIELDS = ("position", "velocity", "effort")
+#: a topic of text with this name tells the protocol's phase
+_PHASE = "phase"
 
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic of a bag: its name, message type, `joints`, `wrench` or None, and number of messages."""
+    """A topic of a bag: its name, message type, `joints`, `wrench`, `text` or None, and number of messages."""
 
     name: str
     type: str
@@ -45,6 +48,8 @@ class Bag(Protocol):
         """Topic, time of reception [ns] and message."""
 
 
+#: a phase that begins so shortly after a sample began with it [s]
+_JITTER = 1e-4
 #: messages that seem to travel longer than this [ns] carry the stamps of another clock
 LONGEST_DELAY = 1_000_000_000
 
@@ -115,7 +120,8 @@ def to_log(bag: Bag, rig: Rig, joints: Sequence[str] | None) -> Log:
     facts |= {"clocks": {name: whose for name, (_, whose) in clocks.items()}, "time_origin": origin * 1e-9}
     streams = [_stream(part, clocks[part.name][0], origin) for part in parts]
     merged = _merge(streams, rig, bag.source)
-    return _log(parts, merged, rig, bag.source, facts)
+    phase = _phase(samples["phase"][()], parts, clocks, origin, merged.t) if "phase" in topics else None
+    return _log(parts, merged, rig, bag.source, facts, phase)
 
 
 def _reception_delay(parts: Sequence[_Part], clocks: dict[str, tuple[list[int], str]]) -> int | None:
@@ -126,6 +132,22 @@ def _reception_delay(parts: Sequence[_Part], clocks: dict[str, tuple[list[int], 
              for part in parts if clocks[part.name][1] == "header"]  # fmt: skip
     delay = int(np.median(np.concatenate(waits)))
     return delay if 0 <= delay < LONGEST_DELAY else None  # anything else is another epoch, not a delay
+
+
+def _phase(
+    words: _Samples, parts: Sequence[_Part], clocks: Mapping[str, tuple[list[int], str]], origin: int, t: Array
+) -> NDArray[np.str_]:
+    """The word that held at each time, (len(t),): from its message on, empty before the first.
+
+    Text has no stamps: it came as long after it was sent as the others did.
+    """
+    waits = [np.array(part.samples.received) - np.array(clocks[part.name][0]) for part in parts]
+    delay = int(np.median(np.concatenate(waits)))
+    sent = np.array(words.received) - origin - (delay if 0 <= delay < LONGEST_DELAY else 0)
+    order = np.argsort(sent, kind="stable")
+    # a stamp and a time of reception that are meant to be one differ by their jitter
+    last = np.searchsorted(1e-9 * sent[order], t + _JITTER, side="right")
+    return np.array(["", *(str(words.rows[i]) for i in order)])[last]
 
 
 def _stream(part: _Part, stamps: Sequence[int], origin: int) -> Stream:
@@ -147,7 +169,9 @@ def _merge(streams: Sequence[Stream], rig: Rig, source: str) -> Merged:
     return merge(reference, others, max_gap=rig.streams.max_gap, offsets=offsets)
 
 
-def _log(parts: Sequence[_Part], merged: Merged, rig: Rig, source: str, facts: dict[str, Any]) -> Log:
+def _log(
+    parts: Sequence[_Part], merged: Merged, rig: Rig, source: str, facts: dict[str, Any], phase: NDArray[np.str_] | None
+) -> Log:
     """The log's arrays from the streams' columns."""
     fields: dict[str, Any] = {}
     width: dict[str, int] = {}
@@ -170,7 +194,7 @@ def _log(parts: Sequence[_Part], merged: Merged, rig: Rig, source: str, facts: d
     facts |= {"to_si": scales} if scales else {}
     facts["rows"] = len(merged.t)
     step = Step("read", facts)
-    log = Log(merged.t, **fields, provenance=Provenance(source, (step, *merged.steps)))
+    log = Log(merged.t, **fields, phase=phase, provenance=Provenance(source, (step, *merged.steps)))
     facts["invalid_rows"] = int((~log.valid).sum())  # known only now; the step is not yet anybody else's
     return log
 
@@ -179,7 +203,7 @@ def _log(parts: Sequence[_Part], merged: Merged, rig: Rig, source: str, facts: d
 
 
 def _topics(bag: Bag, rig: Rig) -> dict[str, str]:
-    """Topic by role: wrench, joints, joint_commands."""
+    """Topic by role: wrench, joints, joint_commands, phase."""
     streams = rig.streams
     chosen: dict[str, str] = {}
     if streams.joint_commands is not None:
@@ -199,7 +223,8 @@ def _topics(bag: Bag, rig: Rig) -> dict[str, str]:
         shown = ", ".join(f"{t.name} ({t.type})" for t in bag.topics[:12]) or "no messages"
         raise InputError(f"{shown} in {bag.source}", "sensor_msgs/JointState or geometry_msgs/WrenchStamped",
                          "record a topic of one of these types")  # fmt: skip
-    return chosen
+    words = [t.name for t in bag.topics if t.kind == "text" and t.count and t.name.rsplit("/", 1)[-1] == _PHASE]
+    return chosen | ({"phase": words[0]} if len(words) == 1 else {})
 
 
 def _named(bag: Bag, name: str, role: str, kind: str) -> str:
@@ -226,6 +251,8 @@ def _collect(bag: Bag, topics: Mapping[str, str]) -> dict[str, dict[Names, _Samp
             if role == "wrench":
                 names: Names = ()
                 row: Any = _wrench_row(message)
+            elif role == "phase":
+                names, row = (), message.data
             else:
                 found, values = _joint_values(message)
                 names, places = orders.setdefault(found, _order(found, samples[role]))

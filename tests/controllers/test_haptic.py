@@ -14,6 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from kinid.controllers import (
     AdaptiveImpedance,
+    EnergyTank,
+    Environment,
     Gains,
     HapticRendering,
     HapticSettings,
@@ -161,7 +163,7 @@ def test_a_map_with_a_step_in_stiffness_gives_no_energy() -> None:
     path = path * 20
     gains = {}
     for most in (0.0, 20.0, 100.0):
-        rendering, before = HapticRendering(surface, HapticSettings(Hooke(), passivity=Observer(most))), path[0]
+        rendering, before = HapticRendering(surface, HapticSettings(Hooke(), passivity=Observer(most), mass=0.2)), path[0]
         for x in path:
             found = rendering.command(x, (x - before) / PERIOD)
             before = x
@@ -204,6 +206,55 @@ def test_force_limit_and_joint_torques(bench: Any) -> None:
 def test_bad_settings_are_refused(bad: dict[str, float]) -> None:
     with pytest.raises(InputError):
         HapticSettings(**bad)
+
+
+def test_numbers_of_numpy_pass_and_truth_values_do_not() -> None:
+    settings = HapticSettings(force_limit=np.float32(3), shear=np.float64(100), mass=np.float32(0.1))  # type: ignore[arg-type]
+    assert settings.force_limit == 3
+    assert HapticSettings(force_limit=np.inf).force_limit == np.inf
+    assert Gains(np.float32(3), [500, 500, 400]).rotation == (500.0, 500.0, 400.0)  # type: ignore[arg-type]
+    for bad in ({"force_limit": True}, {"shear": np.bool_(True)}, {"mass": True}, {"mass": 0.0}, {"period": True}):
+        with pytest.raises(InputError):
+            HapticSettings(**bad)
+    for bad in ({"translation": True}, {"ratio": True}, {"rotation": [True, True, True]}):
+        with pytest.raises(InputError):
+            Gains(**bad)
+
+
+@pytest.mark.parametrize("passivity", [Observer(), EnergyTank()])
+@pytest.mark.parametrize("mass", [0.01, 0.05, 0.3, 1.0])
+def test_energy_of_a_device_on_any_material_is_bounded(mass: float, passivity: Any) -> None:
+    """Stiff, strongly damped and both, on light devices and heavy ones: a spring's debt of one touch, and it never builds up.
+
+    A held spring gives up to ½ π T √(K/m) of a touch's energy, half of it at the stiffness that is still rendered, before the
+    controller knows; a touch may bring a debt of the one before.
+    """
+    worst, softened = 0.0, 0
+    for stiffness in (732.0, 2e4, 1e5):
+        for damping in (0.0, 150.0, 1000.0):
+            for law in (KelvinVoigt(), HuntCrossley()):
+                material, push = Uniform(Properties(stiffness, damping, 1.0, 0.5)), np.array([0, 0, -1.0])
+                rendering = HapticRendering(material, HapticSettings(law, passivity=passivity, mass=mass))
+                energy, places = fall(rendering, mass, push, 1500, np.array([0.05, 0.02, -0.1]))
+                # the touch has what the push does on the way through the material, too
+                start = 0.5 * mass * 0.0129 - push[2] * (1e-3 - places[:, 2].min())
+                worst = max(worst, (energy.max() - energy[0]) / start)
+                at = rendering.settings
+                softened += stiffness > at.most_stiffness or damping > at.most_damping
+    print(f"{type(passivity).__name__}, {1e3 * mass:g} g: at most {100 * worst:.0f} % more energy; {softened} of 18 softened")
+    assert softened
+    assert worst < 0.5
+
+
+def test_softening_is_said_and_nothing_else_is_softened() -> None:
+    inside, fast = np.array([0, 0, -2e-3]), np.array([0, 0, -0.1])
+    for mass, limited in ((0.05, True), (0.5, False)):
+        rendering = HapticRendering(Uniform(Properties(732.0, 150.0)), HapticSettings(mass=mass, passivity=Observer(0.0)))
+        found = rendering.command(inside, fast)
+        assert found.limited == limited
+        assert found.force[2] == pytest.approx(732.0 * 2e-3 + (15.0 if not limited else 0.05 / PERIOD * 0.1))
+    with pytest.raises(InputError, match="shear spring of 500"):
+        HapticSettings(mass=1e-3)
 
 
 def test_bad_materials_places_and_planes_are_refused() -> None:
@@ -280,6 +331,25 @@ def test_stiffening_is_paid_by_the_tank(bench: Any) -> None:
     assert control.stiffness == 5000.0
 
 
+def test_what_an_adaptive_impedance_is_not_made_of(bench: Any) -> None:
+    state = bench.state()
+    target = Target(state.rotation, state.position)
+    base, soft = Impedance(Gains([500, 500, 500]), target, bench.limit), Uniform(Properties(600.0))  # type: ignore[arg-type]
+    for bad in ((5, soft), (base, 5), (base, soft, 3)):
+        with pytest.raises(InputError):
+            AdaptiveImpedance(*bad)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="stiffnesses along axes"):
+        AdaptiveImpedance(base, soft, Schedule(plane=Plane(axes=Rotation.from_rotvec([0.3, 0, 0]).as_matrix())))
+    control = AdaptiveImpedance(base, soft)
+    control.toward(Target(state.rotation, state.position + [0, 0, 0.01]))
+    assert control.base.target.position[2] == pytest.approx(state.position[2] + 0.01)
+    with pytest.raises(InputError, match="target"):
+        control.toward(state.position)
+    control.check(state)
+    with pytest.raises(InputError, match="grows by"):
+        control.check(state, 0.1)
+
+
 @pytest.mark.parametrize("bad", [{"series": 0.0}, {"least": -1.0}, {"most": 6000.0}, {"tank": -1.0}, {"period": 0.0}])
 def test_bad_schedules_are_refused(bad: dict[str, float]) -> None:
     with pytest.raises(InputError):
@@ -317,6 +387,14 @@ def test_properties_planes_and_jacobians_of_the_wrong_kind() -> None:
     for thing in ("map.parquet", None):
         with pytest.raises(InputError, match="a map"):
             HapticRendering(thing)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="settings 7"):
+        HapticRendering(Uniform(Properties(500.0)), settings=7)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="a material"):
+        Uniform((700.0, 1.0))  # type: ignore[arg-type]
+    pair = type("Pair", (), {"properties": lambda self, x, y: (700.0, 1.0)})()
+    for ask in (lambda: HapticRendering(pair).command(-1e-3 * np.ones(3), np.zeros(3)), lambda: Environment.at(pair, 0.0, 0.0)):
+        with pytest.raises(InputError, match="of the map at"):
+            ask()
     for bad in ((Properties("stiff"), "stiffness stiff"), (Properties(500.0, None), "damping None")):  # type: ignore[arg-type]
         with pytest.raises(InputError, match=bad[1]):
             Uniform(bad[0])

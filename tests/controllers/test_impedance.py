@@ -372,6 +372,49 @@ def test_other_bad_input_is_refused(bench: Any) -> None:
         Impedance("2000", Target(at.rotation, at.position), bench.limit)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="target"):
         Impedance(Gains(), at.position, bench.limit)
-    straight = ArmState.of(bench.robot, np.zeros(7))
-    with pytest.raises(InputError, match="task-space inertia"):
-        straight.task_inertia()
+    for kind in (Impedance, DecoupledImpedance):
+        short = kind(Gains(), Target(at.rotation, at.position), np.full(6, 100.0))
+        for ask in (short.command, short.saturates):
+            with pytest.raises(InputError, match="6 torque limits for 7 joints"):
+                ask(at)
+    lifted = JacobianTranspose(np.zeros(6), np.full(6, 100.0))
+    for ask in (lifted.command, lifted.saturates):
+        with pytest.raises(InputError, match="6 torque limits for 7 joints"):
+            ask(at)
+
+
+@pytest.mark.parametrize("kind", [Impedance, DecoupledImpedance])
+def test_an_arm_goes_through_a_singular_pose(bench: Any, kind: type[Impedance]) -> None:
+    """Stretched out and near it: torques stay those of the spring, and far from it the inertia is exact."""
+    assert not bench.state().singular
+    mobility = bench.state().jacobian @ np.linalg.solve(bench.state().mass, bench.state().jacobian.T)
+    np.testing.assert_allclose(bench.state().task_inertia() @ mobility, np.eye(6), atol=1e-8)
+    for bend in (0.0, 1e-6, 1e-4, 1e-3, 1e-2):
+        state = ArmState.of(bench.robot, np.array([0.0, 0.5, 0.0, bend, 0.0, 0.3, 0.0]))
+        assert state.singular or bend > 1e-3
+        target = Target(state.rotation, state.position + [0.01, 0.0, -0.01])
+        torque = kind(Gains(2000.0), target, NO_LIMIT).command(state) - state.gravity
+        # 28 N on an arm of a metre or so; a decoupled one bends the wrench into axes of its own
+        assert np.isfinite(torque).all()
+        assert np.abs(torque).max() < 60.0
+
+
+@pytest.mark.parametrize("kind", [Impedance, DecoupledImpedance])
+def test_a_target_turned_over_is_turned_back_to(bench: Any, kind: type[Impedance]) -> None:
+    """Exactly half a turn away every way round is as short: one is chosen; the arm doesn't stay turned over."""
+    state = bench.state()
+    for axis in np.vstack([np.eye(3), [0.6, 0.8, 0.0], [-0.6, 0.48, 0.64]]):
+        over = Rotation.from_rotvec(np.pi * axis).as_matrix() @ state.rotation
+        torque = kind(Gains(2000.0, 100.0), Target(over, state.position), NO_LIMIT).command(state) - state.bias
+        assert np.abs(torque).max() > 0.1
+        # it is the moment about the axis, which the arm turns by
+        turned = state.jacobian[3:] @ np.linalg.solve(state.mass, torque)
+        assert abs(turned @ axis) > 0.5 * np.linalg.norm(turned) or kind is Impedance
+
+
+def test_a_far_target_saturates_and_says_so(bench: Any) -> None:
+    state = bench.state()
+    for far, saturates in ((0.001, False), (0.5, True)):
+        control = Impedance(Gains(5000.0), Target(state.rotation, state.position + [0, 0, far]), bench.limit)
+        assert control.saturates(state) == saturates
+        assert (np.abs(control.command(state)) >= bench.limit - 1e-9).any() == saturates

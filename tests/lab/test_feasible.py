@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ import kinid
 from kinid.errors import InputError
 from kinid.lab.arm import Gains, Joints, design_damping, lwr4plus_joints, spectral_radius
 from kinid.lab.experiments import EXPERIMENTS, SILICONE_POKE, prepare
-from kinid.lab.feasible import asked_forces
+from kinid.lab.feasible import _growth, asked_forces
 from kinid.lab.loop import Loop
 from kinid.lab.materials import MOULD, Material
 from kinid.lab.protocol import Poke, Slide, five_phases
@@ -22,12 +24,16 @@ from kinid.rig import ToolSpec
         ({"point": (1.6, 0.0, 0.1)}, "reach"),
         ({"point": (-0.55, 0.0, 0.1)}, "behind the robot"),
         ({"normal": (0.0, 0.0, -1.0)}, "turned away"),
-        ({"gains": Gains(translation=5e5)}, "unstable"),
+        ({"gains": Gains(translation=5e5)}, r"unstable at 1000 Hz \(errors grow 1[.]8. times a period"),
         ({"gains": Gains(null=2000.0)}, "a null-space damping of 2000 .* unstable.*lower it"),
         ({"joints": Joints.ideal(7)}, "a null-space damping of 6 .* unstable"),
         ({"gains": Gains(ratio=0.01)}, "damping ratio of 0.01, too low, unstable.*raise it"),
         ({"gains": Gains(ratio=20.0)}, "damping ratio of 20, too high, unstable.*lower it"),
         ({"gains": Gains(translation=-1.0)}, "positive"),
+        ({"gains": Gains(translation="x")}, "stiffness of x"),
+        ({"gains": Gains(translation=True)}, "stiffness of True"),
+        ({"gains": Gains(null=None)}, "null-space damping of None"),
+        ({"gains": Gains(translation=250.0)}, "friction holds the tip up to 6.4 mm .* 5.0 mm that they press"),
         ({"gains": Gains(ratio=float("nan"))}, "positive"),
         ({"gains": Gains(null=-1.0)}, "null-space damping"),
         ({"gains": Gains(period=0.0)}, "period"),
@@ -89,3 +95,22 @@ def test_named_experiments_stay_within_what_was_checked(name: str) -> None:
     expected = np.abs(state.gravity + (asked @ setup.axes) @ state.jacobian[:3]).max(axis=0)
     assert (np.abs(motion.tau).max(axis=0) < expected + 15.0).all()  # [N·m], link friction and turning
 
+
+
+def test_slow_growth_is_told_in_per_cent() -> None:
+    assert _growth(1.0004) == "errors grow by 0.04 % a period"
+    assert _growth(1.5) == "errors grow 1.5 times a period"
+
+
+@pytest.mark.parametrize(
+    ("bad", "words"),
+    [
+        ({"seed": "x"}, "seed 'x'"), ({"seed": -1}, "seed -1"), ({"seed": 1.5}, "seed 1.5"), ({"seed": True}, "seed True"),
+        ({"torque_limit": "x"}, "torque limits 'x'"), ({"torque_limit": [1.0, 2.0]}, "torque limits 1, 2"),
+        ({"name": None}, "experiment 'None'"), ({"material": 5}, "material '5'"), ({"gains": 5200.0}, "gains '5200.0'"),
+        ({"point": "here"}, "point 'here'"), ({"normal": (0.0, 1.0)}, "normal of shape"),
+    ],
+)  # fmt: skip
+def test_what_an_experiment_is_not_prepared_of(bad: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        prepare(**({"name": "poke"} | bad))

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 import typer
 from typer.testing import CliRunner
 
 from kinid.cli.lab import lab
 from kinid.errors import InputError
+from kinid.property_map import Probe, Property, PropertyMap
+from kinid.surface import Plane
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +64,99 @@ def test_teleoperation(app: typer.Typer, tmp_path: Path) -> None:
     assert {p.name for p in (tmp_path / "t").iterdir()} == {"teleoperation.html", "teleoperation.json"}
 
 
+def test_teleoperation_reflects_a_map_that_was_measured(app: typer.Typer, tmp_path: Path) -> None:
+    lies = Plane(np.array([0.55, 0.0, 0.1]), np.eye(3))
+    places = [lies.point + [x, y, 0.0] for x in (0.01, 0.02, 0.03) for y in (0.01, 0.02, 0.03)]
+    kinds = (Property("stiffness", "N/m"), Property("damping", "N·s/m"))
+    probes = tuple(Probe(place, np.array([900.0, 12.0]), np.diag([4.0, 0.01])) for place in places)
+    PropertyMap(lies, kinds, probes).write(tmp_path / "map.parquet")
+    words = ["teleoperation", "--material", "mould", "--map", str(tmp_path / "map.parquet")]
+    result = CliRunner().invoke(app, [*words, "--at", "0.02,0.02", "-o", str(tmp_path / "t")])
+    assert result.exit_code == 0, result.output
+    told = json.loads((tmp_path / "t" / "teleoperation.json").read_text())
+    assert told["map"] == {"stiffness": pytest.approx(900.0, rel=0.01), "damping": pytest.approx(12.0, rel=0.01)}
+    assert told["place"] == [0.02, 0.02]
+    away = CliRunner().invoke(app, [*words, "--at", "-0.04,-0.04", "-o", str(tmp_path / "u")])
+    assert "doesn't know" in str(away.exception)
+
+
+def test_published_true_and_estimated_side_by_side(app: typer.Typer, tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["study", "--seed", "2", "-o", str(tmp_path / "s")])
+    assert result.exit_code == 0, result.output
+    rows = json.loads((tmp_path / "s" / "study.json").read_text())
+    assert len(rows) == 9
+    within = {"stiffness": 0.03, "damping": 0.10, "friction": 0.05}
+    for row in rows:
+        assert row["published"] == row["true"]
+        assert row["estimated"] == pytest.approx(row["true"], rel=within[row["parameter"]])
+        assert row["low"] < row["estimated"] < row["high"]
+        assert f"{row['estimated']:.4g}" in result.output
+
+
 FIRST = ["poke", "--seed", "3"]
+
+
+def test_what_was_not_reached_is_said(app: typer.Typer, tmp_path: Path) -> None:
+    """Soft gains that get through; a motion in the air; and an effect of the material that it can't show."""
+    soft = CliRunner().invoke(app, [*FIRST, "--stiffness", "450", "-o", str(tmp_path / "soft")])
+    assert soft.exit_code == 0, soft.output
+    assert "no contact in hold: asked for 3.0 mm below the surface" in soft.output
+    stiff = CliRunner().invoke(app, [*FIRST, "-o", str(tmp_path / "stiff")])
+    assert "no contact" not in stiff.output
+    for hide, words in (("relaxation", True), ("tool-mass", False)):
+        wave = CliRunner().invoke(app, ["wave", "--hide", hide, "-o", str(tmp_path / hide)])
+        assert "nothing was touched" in wave.output
+        assert ("this log can't tell it" in wave.output.replace("\n", " ")) == words
+
+
+def test_an_experiment_that_was_killed_is_made_again(app: typer.Typer, tmp_path: Path) -> None:
+    """Killed at any step of writing, the folder isn't blocked, and ends with the bytes of a run that wasn't."""
+    assert CliRunner().invoke(app, [*FIRST, "-o", str(tmp_path / "whole")]).exit_code == 0
+    whole = {p.relative_to(tmp_path / "whole"): p.read_bytes() for p in (tmp_path / "whole").rglob("*") if p.is_file()}
+    stops = ["kinid.lab.writing.write_rig", "kinid.lab.writing.write_streams", "kinid.lab.writing.write_mcap",
+             "kinid.lab.writing.write_log"]  # fmt: skip
+    for i, stop in enumerate(stops):
+        out = tmp_path / str(i)
+        code = (f"import os, sys; import kinid.lab.writing; {stop} = lambda *a, **k: os._exit(9); "
+                f"sys.argv = ['kinid', 'lab', 'poke', '--seed', '3', '-o', {str(out)!r}]; from kinid.cli import main; main()")
+        assert subprocess.run([sys.executable, "-c", code], check=False, capture_output=True).returncode == 9
+        assert (out / "truth" / "log.begun").is_file()
+        if i == 1:  # somebody else's file in it: nothing is taken away
+            (out / "notes.txt").write_text("mine")
+            assert "rig.toml" in str(CliRunner().invoke(app, [*FIRST, "-o", str(out)]).exception)
+            (out / "notes.txt").unlink()
+        again = CliRunner().invoke(app, [*FIRST, "-o", str(out)])
+        assert again.exit_code == 0, (again.output, again.exception)
+        assert {p.relative_to(out): p.read_bytes() for p in out.rglob("*") if p.is_file()} == whole
+
+
+def test_a_campaign_that_is_interrupted_says_how_it_goes_on(
+    app: typer.Typer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from kinid.lab import campaign
+
+    made, poke = [], campaign._poke
+
+    def stops(*args: Any) -> None:
+        if made:
+            raise KeyboardInterrupt
+        made.append(poke(*args))
+
+    monkeypatch.setattr(campaign, "_poke", stops)
+    words = ["mould", "--campaign", "1x3", "-o", str(tmp_path / "c")]
+    stopped = CliRunner().invoke(app, words)
+    assert stopped.exit_code == 130
+    assert "1 of 3 pokes are whole" in stopped.output
+    monkeypatch.setattr(campaign, "_poke", poke)
+    assert "2 pokes made (1 were there already)" in CliRunner().invoke(app, words).output
+
+
+def test_the_overview_of_a_campaign_is_the_same_each_time(app: typer.Typer, tmp_path: Path) -> None:
+    pages = []
+    for name in ("a", "b"):
+        assert CliRunner().invoke(app, ["mould", "--campaign", "1x1", "-o", str(tmp_path / name)]).exit_code == 0
+        pages.append((tmp_path / name / "overview.html").read_bytes())
+    assert pages[0] == pages[1]
 
 
 def test_a_folder_holds_one_experiment(app: typer.Typer, tmp_path: Path) -> None:
@@ -123,7 +221,7 @@ def test_torque_limits_reach_the_drives(app: typer.Typer, tmp_path: Path) -> Non
         (["poke", "--where", "0,0,1,1"], "--where"),
         (["poke", "--hide", "relaxation", "--where", "0,0,1"], "4 numbers"),
         (["poke", "--hide", "sensor-bias", "--where", "0,0,1,1"], "part of the surface"),
-        (["teleoperation", "--material", "mould"], "material 'mould'"),
+        (["teleoperation", "--material", "wood"], "material 'wood'"),
         (["teleoperation", "--hide", "relaxation"], "teleoperation with --hide"),
         (["pok"], "teleoperation"),
         (["teleoperation", "--torque-limit", "9"], "teleoperation with --torque-limit"),
@@ -138,6 +236,14 @@ def test_torque_limits_reach_the_drives(app: typer.Typer, tmp_path: Path) -> Non
         (["poke", "--hide", "relaxation", "--where", "0.02,0.02,0.03,0.03"], "isn't touched"),
         (["poke", "--hide", "relaxation", "--where", "0.02,0,0.01,0.01"], "two corners"),
         (["mould", "--campaign", "2x2", "--hide", "relaxation", "--where", "0.02,0.02,0.03,0.03"], "isn't touched"),
+        (["poke", "--stiffness", "100"], "friction holds the tip"),
+        (["band", "--stiffness", "90"], "lie above it in the air"),
+        (["study", "--material", "sponge"], "study with --material"),
+        (["poke", "--map", "map.parquet"], "--map without teleoperation"),
+        (["poke", "--at", "0,0"], "--at without teleoperation"),
+        (["teleoperation", "--at", "here"], "2 numbers"),
+        (["teleoperation", "--material", "mould", "--at", "0.2,0"], "beside the mould"),
+        (["teleoperation", "--map", "absent.parquet"], "no readable map"),
         (["poke", "--torque-limit", "20"], "limit 20 N·m"),
         (["poke", "--torque-limit", "20,30"], "--torque-limit 20,30"),
         (["poke", "--torque-limit", "-5"], "torque limits -5"),

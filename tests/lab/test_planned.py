@@ -20,7 +20,7 @@ from kinid.errors import InputError
 from kinid.fit import fit_model
 from kinid.lab.arm import Gains
 from kinid.lab.experiments import prepare
-from kinid.lab.planned import planned
+from kinid.lab.planned import doubts, planned
 from kinid.lab.writing import write_rig
 from kinid.model import Model
 from kinid.plan.trajectory import read_trajectory
@@ -154,6 +154,26 @@ def test_a_trajectory_that_does_not_fit_is_refused(plans: Path, tmp_path: Path, 
     with pytest.raises(InputError, match="trajectory of panda_joint1.*joints of lwr4plus"):
         planned(tmp_path / "panda.parquet", Rig.load(plans / "rig.toml"))
     assert not (tmp_path / "never").exists()
+
+
+def test_a_log_is_no_plan_and_a_hurried_plan_neither(app: typer.Typer, plans: Path, tmp_path: Path) -> None:
+    """A plan ten times as fast asks for accelerations that the arm hasn't; what a log's noise asks for is said."""
+    out = tmp_path / "x"
+    assert CliRunner().invoke(app, ["--trajectory", str(plans / "poke.parquet"), "-o", str(out)]).exit_code == 0
+    words = ["--trajectory", str(out / "log.parquet"), "--rig", str(plans / "rig.toml"), "-o", str(tmp_path / "again")]
+    assert "a log's noise" in " ".join(CliRunner().invoke(app, words).output.split())
+    motion = read_trajectory(plans / "poke.parquet")
+    columns = {"t": 0.1 * motion.t} | {f"q{j + 1}": motion.q[:, j] for j in range(7)}
+    write_table(tmp_path / "fast.parquet", columns)
+    words = ["--trajectory", str(tmp_path / "fast.parquet"), "--rig", str(plans / "rig.toml"), "-o", str(tmp_path / "no")]
+    assert "rad/s" in str(CliRunner().invoke(app, words).exception)
+    assert not (tmp_path / "no").exists()
+    setup, _ = planned(plans / "poke.parquet", Rig.load(plans / "rig.toml"))
+    said = doubts(setup)
+    assert not [line for line in said if "jerk" in line]
+    # the study's signal has half of its speed in 5 Hz
+    assert [line for line in said if "no longer follows" in line]
+    assert not doubts(planned(plans / "slide.parquet", Rig.load(plans / "rig.toml"))[0])
 
 
 def test_a_rig_that_is_not_the_plan_s_is_refused(plans: Path) -> None:

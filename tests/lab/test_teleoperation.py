@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from kinid.controllers import Environment
 from kinid.errors import InputError
-from kinid.lab import teleoperation
-from kinid.lab.teleoperation import CHECKED, DELAYS, MISTAKEN, Comparison
+from kinid.lab import materials, teleoperation
+from kinid.lab.teleoperation import CHECKED, DELAYS, MISTAKEN, Comparison, at_place, poked
 
 
 @pytest.fixture(scope="module")
@@ -61,10 +62,16 @@ def test_the_page_stands_alone(found: Comparison, tmp_path: Path) -> None:
     assert facts["true"] == {"stiffness": 732.0, "damping": 9.9}
 
 
-@pytest.mark.parametrize("material", ["mould", "band", "wood"])
-def test_only_a_linear_material_that_is_the_same_everywhere(material: str) -> None:
-    with pytest.raises(InputError, match="material"):
-        teleoperation.compare(material)
+def test_materials_that_are_not_linear_or_not_the_same_everywhere_are_linearised() -> None:
+    for name, place in (("mould", (0.03, 0.03)), ("mould", (-0.03, -0.03)), ("band", (0.0, 0.0)), ("sponge", (0.0, 0.0))):
+        truth, told = at_place(materials.material(name), *place), poked(name, 1, place)
+        print(f"{name} at {place}: true {truth.stiffness:.1f} N/m, a poke says {told.stiffness:.1f}")
+        assert told.stiffness == pytest.approx(truth.stiffness, rel=0.05)
+    assert at_place(materials.ECOFLEX, 0.0, 0.0) == Environment(732.0, 9.9)
+    with pytest.raises(InputError, match="material 'wood'"):
+        teleoperation.compare("wood")
+    with pytest.raises(InputError, match="beside the mould"):
+        teleoperation.compare("mould", place=(0.1, 0.0))
 
 
 def test_delays_are_checked_before_anything_is_poked(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pyarrow import parquet
 
 import kinid
 from kinid.fit import fit_model
@@ -18,6 +19,7 @@ from kinid.lab.setup import Result
 from kinid.lab.writing import EPOCH, write_experiment, write_rig
 from kinid.model import Model
 from kinid.rig import Rig, StreamsSpec
+from kinid.robot import Robot
 
 SHORT = five_phases(Poke(0.003, ((0.001, 2.0),), 0.6), free=0.4, hold=0.1, approach=0.6, height=0.008, tilt=0.1)
 
@@ -78,8 +80,10 @@ def test_mcap_is_what_foxglove_opens(written: Path) -> None:
         summary = make_reader(file).get_summary()
     assert summary is not None
     kinds = {s.name: s for s in summary.schemas.values()}
-    assert set(kinds) == {"sensor_msgs/msg/JointState", "geometry_msgs/msg/WrenchStamped"}
-    assert all(s.encoding == "ros2msg" and b"std_msgs/Header" in s.data for s in kinds.values())
+    stamped = {"sensor_msgs/msg/JointState", "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PoseStamped"}
+    assert set(kinds) == {*stamped, "std_msgs/msg/String"}
+    assert all(s.encoding == "ros2msg" for s in kinds.values())
+    assert all(b"std_msgs/Header" in kinds[name].data for name in stamped)
     assert {c.message_encoding for c in summary.channels.values()} == {"cdr"}
 
 
@@ -138,6 +142,47 @@ def test_bag_and_table_give_the_same_estimates(tmp_path: Path, seed: int) -> Non
     for name in ("stiffness", "damping"):
         print(f"seed {seed}: {table[name]} of the table, {bag[name]} of the bag")
         assert bag[name].value == pytest.approx(table[name].value, rel=0.002 if name == "stiffness" else 0.02)
+
+
+@pytest.mark.parametrize("seed", [0, 5])
+def test_bag_and_table_get_the_same_verdict(tmp_path: Path, seed: int) -> None:
+    """Messages are lost in bursts of up to 10 ms: what friction remembers of the slip before isn't lost with them."""
+    write_experiment(tmp_path, prepare("slide", seed=seed).run(), {})
+    rig = Rig.load(tmp_path / "rig.toml")
+    fits = []
+    for name in ("log.parquet", "log.mcap"):
+        touch = kinid.contact_series(kinid.read(tmp_path / name, rig), rig)
+        fits.append(fit_model(Model("kelvin-voigt", "coulomb-friction"), touch))
+    table, bag = fits
+    print(f"seed {seed}: {table.error.held_out:.4f} N of the table, {bag.error.held_out:.4f} N of the bag")
+    assert bag.warnings == table.warnings == ()
+    assert bag.error.held_out == pytest.approx(table.error.held_out, rel=0.1)
+    assert bag["coefficient"].value == pytest.approx(table["coefficient"].value, rel=0.003)
+
+
+def test_phase_and_target_are_in_both(written: Path) -> None:
+    """The controller's clock is the joints': a phase begins with the set-point that it names, to a sample."""
+    from mcap.reader import make_reader
+    from rosbags.typesys import Stores, get_typestore
+
+    rig = Rig.load(written / "rig.toml")
+    table, bag = kinid.read(written / "log.parquet", rig), kinid.read(written / "log.mcap", rig)
+    assert table.phase is not None
+    assert bag.phase is not None
+    last = np.clip(np.searchsorted(table.t, bag.t + 1e-6, side="right") - 1, 0, len(table) - 1)
+    assert (table.phase[last] != bag.phase).sum() <= len(np.unique(table.phase))  # an odd period between two rows
+    columns = parquet.read_table(written / "log.parquet")
+    target = np.column_stack([columns[f"target_{axis}"].to_numpy() for axis in ("x", "y", "z", "qx", "qy", "qz", "qw")])
+    np.testing.assert_allclose(np.linalg.norm(target[:, 3:], axis=1), 1.0)
+    tip = Robot.load(rig).kinematics("tool_tip", np.ascontiguousarray(table.q)).position
+    hold = table.phase == "hold"
+    assert 0.0 < np.linalg.norm(tip - target[:, :3], axis=1)[hold].max() < 2e-3  # behind by force over stiffness
+    decode = get_typestore(Stores.ROS2_HUMBLE).deserialize_cdr
+    with (written / "log.mcap").open("rb") as file:
+        poses = [decode(message.data, schema.name).pose for schema, _, message in
+                 make_reader(file).iter_messages(topics=["/target_pose"])]  # fmt: skip
+    seen = np.array([[p.position.x, p.position.y, p.position.z, p.orientation.x, p.orientation.w] for p in poses])
+    np.testing.assert_allclose(seen[-1], target[-1][[0, 1, 2, 3, 6]], atol=1e-12)
 
 
 @pytest.mark.parametrize("hidden", [None, "sensor-bias", "saturation", "tool-mass"])
