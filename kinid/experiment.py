@@ -51,6 +51,7 @@ class Experiment:
         touch: the contact quantities that it was made of, or None.
         band: readings and predictions are compared below this frequency [Hz]: velocities and accelerations that a
             differentiator made hold nothing above it. None: at all frequencies.
+        steps: of a converter so coarse that noise doesn't blur it, (channels,), 0 where it isn't; None where nobody looked.
     """
 
     signals: Signals
@@ -62,6 +63,7 @@ class Experiment:
     rows: NDArray[np.int64]
     band: float | None = None
     touch: ContactSeries | None = field(default=None, repr=False)
+    steps: Array | None = None
 
     @property
     def raw(self) -> Array:

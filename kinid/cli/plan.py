@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from kinid.cli.plan_arguments import corners_of, grid_of, numbers_of, place_of, signal_of, sines_of
+from kinid.cli.plan_arguments import (
+    Options,
+    angles_of,
+    corners_of,
+    grid_of,
+    numbers_of,
+    place_of,
+    signal_of,
+    sines_of,
+    with_options,
+)
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
@@ -55,54 +64,31 @@ kinid plan discriminate --fit fit.json --effects viscous-friction,stribeck-frict
 kinid plan discriminate --model none --effects tool-mass,sensor-bias -o turns.parquet --json why.json
 """
 
-RigOption = Annotated[Path, typer.Option(help="What robot, tool and surface there are.")]
-OutOption = Annotated[Path, typer.Option("-o", "--out", help="Trajectory to write: Parquet, CSV or NPZ.", show_default=False)]
-PlotOption = Annotated[Path | None, typer.Option(help="Plots to write: one offline HTML file.")]
-PreviewOption = Annotated[Path | None, typer.Option(help="The moving arm to write: one offline HTML file (meshcat).")]
-McapOption = Annotated[Path | None, typer.Option(help="JointTrajectory for ROS 2 to write, as MCAP.")]
-ModelOption = Annotated[str | None, typer.Option(help="Contact model to expect forces from; effects separated by commas.")]
-FitOption = Annotated[Path | None, typer.Option(help="Model and values as kinid fit --json wrote them.")]
-ValueOption = Annotated[list[str] | None, typer.Option(help="A parameter of the model, as stiffness=900; once for each.")]
-ForceOption = Annotated[float | None, typer.Option("--force-limit", help="Guarded move: normal force never to pass [N].")]
-YawOption = Annotated[float | None, typer.Option(help="Turn of the tool about its axis [rad]; default: what suits the arm.")]
-RateOption = Annotated[float, typer.Option(help="Samples a second [Hz].")]
-HeightOption = Annotated[float, typer.Option(help="Above the surface between touches [m].")]
-PauseOption = Annotated[float, typer.Option(help="Standing in the air before and after each touch [s].")]
-SpeedOption = Annotated[float, typer.Option("--travel-speed", help="Of the tip in the air [m/s].")]
-ContactOption = Annotated[float, typer.Option("--contact-speed", help="Of the tip on its last way to the surface [m/s].")]
-AccelerationOption = Annotated[float | None, typer.Option(help="Limit of all joints [rad/s²]; default: the URDF's, else 4.")]
-JerkOption = Annotated[float | None, typer.Option(help="Limit of all joints [rad/s³]; default: the URDF's, else 1000.")]
-CollisionOption = Annotated[bool, typer.Option("--collision/--no-collision", help="Whether collisions are looked for.")]
-
 
 @app.command("poke", epilog=POKE_EXAMPLES)
+@with_options
 def poke(
-    out: OutOption,
-    rig: RigOption = Path("rig.toml"),
+    o: Options,
     at: Annotated[str, typer.Option(help="Place: x,y along both tangents, or x,y,z of a mesh in the base frame [m].")] = "0,0",
     depth: Annotated[float, typer.Option(help="About which the signal swings [m].")] = 0.003,
     sines: Annotated[str, typer.Option(help="amplitude@frequency [m@Hz], separated by commas.")] = "0.0015@0.9,0.0005@5",
     signal: Annotated[Path | None, typer.Option(help="Instead: a table with t [s] and depth [m].")] = None,
     duration: Annotated[float, typer.Option(help="Of the signal [s].")] = 4.0,
     hold: Annotated[float, typer.Option(help="At the depth before the signal [s].")] = 1.0,
+    tilt: Annotated[str, typer.Option(help="Of the tool about both tangents [rad].")] = "0,0",
     grid: Annotated[str | None, typer.Option(help="A campaign about the place, as 10x10.")] = None,
     polygon: Annotated[str | None, typer.Option(help="A campaign within corners x,y;x,y;… along both tangents [m].")] = None,
     spacing: Annotated[float, typer.Option(help="Between the pokes of a campaign [m].")] = 0.01,
-    model: ModelOption = None, fit: FitOption = None, value: ValueOption = None, force_limit: ForceOption = None,
-    yaw: YawOption = None, rate: RateOption = 500.0, height: HeightOption = 0.015, pause: PauseOption = 0.2,
-    travel_speed: SpeedOption = 0.1,
-    contact_speed: ContactOption = 0.02, acceleration: AccelerationOption = None, jerk: JerkOption = None,
-    collision: CollisionOption = True, plot: PlotOption = None, preview: PreviewOption = None, mcap: McapOption = None,
 ) -> None:  # fmt: skip
     """Approach, hold, poke, retract and return; one place, or a campaign over a grid or a polygon."""
-    _check(out, plot, preview, mcap, inputs=(rig, fit, signal))
+    _check(o, signal)
     from kinid.plan import Multisine, Poke, shortest_tour, within
     from kinid.plan import grid as lattice
     from kinid.plan.touches import tour_length
 
     moved: Any = Multisine(depth, sines_of(sines), duration) if signal is None else signal_of(signal)
-    planner = _planner(rig, model, fit, value, force_limit, yaw, rate, height, pause, travel_speed, contact_speed, acceleration,
-                       jerk, collision)  # fmt: skip
+    planner = _planner(o)
+    lean = angles_of(tilt, "--tilt")
     centre = place_of(at, "--at")
     places: list[tuple[float, ...]] = [centre]
     if grid is not None and polygon is not None:
@@ -113,17 +99,19 @@ def poke(
         corners = corners_of(polygon or "", "--polygon")
         places = lattice(*grid_of(grid), spacing, centre) if grid is not None else within(corners, spacing)
     order = shortest_tour(places)
-    motion = planner.plan([Poke(places[k], moved, hold) for k in order])
+    motion = planner.plan([Poke(places[k], moved, hold, lean) for k in order])
+    travel = tour_length(places, order)
     if len(places) > 1:
-        typer.echo(f"{len(places)} places, {tour_length(places, order):.3f} m of travel between them "
+        typer.echo(f"{len(places)} places, {travel:.3f} m of travel between them "
                    f"({tour_length(places, range(len(places))):.3f} m row by row)")  # fmt: skip
-    _finish(motion, planner.rig, out, plot, preview, mcap)
+    _finish(o, motion, planner.rig, {"signal": moved.to_dict(), "hold": hold, "tilt": list(lean), "travel": travel,
+                                     "places": [list(places[k]) for k in order]})  # fmt: skip
 
 
 @app.command("slide", epilog=SLIDE_EXAMPLES)
+@with_options
 def slide(
-    out: OutOption,
-    rig: RigOption = Path("rig.toml"),
+    o: Options,
     through: Annotated[str | None, typer.Option(help="Corners x,y;x,y;… along both tangents, or x,y,z;… on a mesh [m].")] = None,
     four_paths: Annotated[float | None, typer.Option(help="Instead: both tangents and both diagonals, so long [m].")] = None,
     at: Annotated[str, typer.Option(help="Where the four paths cross, along both tangents x,y [m].")] = "0,0",
@@ -131,41 +119,33 @@ def slide(
     speed: Annotated[float, typer.Option(help="Along the surface [m/s].")] = 0.003,
     hold: Annotated[float, typer.Option(help="At the depth before sliding [s].")] = 1.0,
     back: Annotated[bool, typer.Option("--back/--one-way", help="Whether each path is slid back too.")] = True,
-    model: ModelOption = None, fit: FitOption = None, value: ValueOption = None, force_limit: ForceOption = None,
-    yaw: YawOption = None, rate: RateOption = 500.0, height: HeightOption = 0.015, pause: PauseOption = 0.2,
-    travel_speed: SpeedOption = 0.1,
-    contact_speed: ContactOption = 0.02, acceleration: AccelerationOption = None, jerk: JerkOption = None,
-    collision: CollisionOption = True, plot: PlotOption = None, preview: PreviewOption = None, mcap: McapOption = None,
 ) -> None:  # fmt: skip
     """Approach, hold, slide along a polyline, retract and return."""
-    _check(out, plot, preview, mcap, inputs=(rig, fit))
+    _check(o)
     from kinid.plan import Slide
     from kinid.plan import four_paths as crossing
 
     if (through is None) == (four_paths is None):
         raise InputError("--through and --four-paths" if through else "neither --through nor --four-paths", "one of them",
                          'name corners, as --through "0,0;0.02,0"')  # fmt: skip
-    planner = _planner(rig, model, fit, value, force_limit, yaw, rate, height, pause, travel_speed, contact_speed, acceleration,
-                       jerk, collision)  # fmt: skip
+    planner = _planner(o)
     if four_paths is not None:
         if not 0.0 < four_paths < 10.0:
             raise InputError(f"--four-paths {four_paths}", "a length in m", "correct it")
         slides = crossing(four_paths, place_of(at, "--at"), depth=depth, speed=speed, hold=hold, back=back)
     else:
         slides = (Slide(tuple(corners_of(through or "", "--through")), depth, speed, hold, back),)
-    _finish(planner.plan(slides), planner.rig, out, plot, preview, mcap)
+    _finish(o, planner.plan(slides), planner.rig, {"slides": [each.to_dict() for each in slides]})
 
 
 @app.command("excite", epilog=EXCITE_EXAMPLES)
+@with_options
 def excite(
-    out: OutOption,
-    rig: RigOption = Path("rig.toml"),
-    model: ModelOption = None, fit: FitOption = None, value: ValueOption = None,
+    o: Options,
     criterion: Annotated[str, typer.Option(help="D: volume of the confidence region; A: sum of squared intervals.")] = "D",
     duration: Annotated[float | None, typer.Option(help="Of the motion [s]; default: 4 in contact, 10 in the air.")] = None,
     max_depth: Annotated[float, typer.Option(help="Never deeper than this [m].")] = 0.02,
     min_depth: Annotated[float, typer.Option(help="Never less deep than this during the motion [m].")] = 0.0005,
-    force_limit: ForceOption = None,
     max_speed: Annotated[float, typer.Option(help="Of the tip along the normal [m/s].")] = 0.15,
     bandwidth: Annotated[float, typer.Option(help="In which the robot follows; no sine is faster [Hz].")] = 3.0,
     sines: Annotated[int, typer.Option(help="How many (in the air: of each joint).")] = 3,
@@ -173,60 +153,60 @@ def excite(
     at: Annotated[str, typer.Option(help="Place of the poke, as for kinid plan poke [m].")] = "0,0",
     hold: Annotated[float, typer.Option(help="Before the motion [s].")] = 1.0,
     start: Annotated[str | None, typer.Option(help="In the air: posture to swing about, q1,q2,… [rad].")] = None,
-    yaw: YawOption = None, rate: RateOption = 500.0, height: HeightOption = 0.015, pause: PauseOption = 0.2,
-    travel_speed: SpeedOption = 0.1,
-    contact_speed: ContactOption = 0.02, acceleration: AccelerationOption = None, jerk: JerkOption = None,
-    collision: CollisionOption = True,
-    json_file: Annotated[Path | None, typer.Option("--json", help="The expected intervals as JSON.")] = None,
-    plot: PlotOption = None, preview: PreviewOption = None, mcap: McapOption = None,
 ) -> None:  # fmt: skip
     """The motion that tells most about a model's parameters, and the 95 % intervals to expect before anything moves."""
-    _check(out, plot, preview, mcap, json_file, inputs=(rig, fit))
+    _check(o)
     from kinid.model import Model
     from kinid.plan.excite import NOISE, Bounds, optimise
 
-    chosen, values = _model(model, fit, value)
+    chosen, values = _model(o)
     if not any(effect.base for effect in chosen.effects if effect.id != "rigid-body"):
-        _excite_free(rig, chosen, values, criterion, duration, bandwidth, sines, start, rate, acceleration, jerk, collision, out,
-                     plot, preview, mcap, json_file)  # fmt: skip
+        _excite_free(o, chosen, values, criterion, duration, bandwidth, sines, start)
         return
     assert isinstance(chosen, Model)
     from kinid.plan import Poke
     from kinid.plan.ideal import efficiency, ideal_information
 
-    planner = _planner(rig, model, fit, value, force_limit, yaw, rate, height, pause, travel_speed, contact_speed, acceleration,
-                       jerk, collision)  # fmt: skip
+    planner = _planner(o)
     law = planner.law
     assert law is not None
     stated = planner.rig.sensor.noise
     sigma = noise if noise is not None else float(stated[2]) if stated is not None and stated[2] > 0 else NOISE
-    bounds = Bounds(max_depth, min_depth, float("inf") if force_limit is None else force_limit, max_speed, bandwidth,
+    bounds = Bounds(max_depth, min_depth, float("inf") if o.force is None else o.force, max_speed, bandwidth,
                     4.0 if duration is None else duration)  # fmt: skip
     from kinid.cli.show import console
 
+    place = place_of(at, "--at")
     console().print(f"the signal is optimised ({criterion}-optimal) …")
-    found = optimise(law, bounds, sines=sines, criterion=criterion, noise=sigma, rate=rate)
-    motion = planner.plan([Poke(place_of(at, "--at"), found.signal, hold)])
-    ideal = ideal_information(law, bounds, criterion=criterion, noise=sigma, rate=rate)
+    found = optimise(law, bounds, sines=sines, criterion=criterion, noise=sigma, rate=o.rate,
+                     joints=planner.joints(place, max_depth))  # fmt: skip
+    motion = planner.plan([Poke(place, found.signal, hold)])
+    ideal = ideal_information(law, bounds, criterion=criterion, noise=sigma, rate=o.rate)
     share = None if ideal is None else efficiency(found.information, ideal, criterion)
     facts = {**found.to_dict(), "efficiency": share, "model": list(law.model.names), "noise": sigma}
     provenance = {**motion.provenance, "excitation": facts, "intervals": facts["intervals"]}
     motion = dataclasses.replace(motion, provenance=provenance)
     lines = ", ".join(f"{1e3 * a:.3g} mm at {f:.3g} Hz" for a, f, *_ in found.signal.sines if abs(a) > 1e-5)
-    bound = ", ".join(found.binding) or "nothing"
+    bound = ", ".join(_bound(name, motion) for name in found.binding) or "nothing"
     typer.echo(f"{lines or 'no sine'} about {1e3 * found.signal.depth:.3g} mm; at most {1e3 * found.deepest:.3g} mm, "
                f"{found.force:.3g} N, {1e3 * found.speed:.3g} mm/s; bound by {bound}")  # fmt: skip
     if share is not None:
         typer.echo(f"the best conceivable poke within these bounds would tell as much in {100 * share:.0f} % of the time")
     _show_intervals(found.intervals.values())
-    _write_json(json_file, facts)
-    _finish(motion, planner.rig, out, plot, preview, mcap, json_file)
+    _finish(o, motion, planner.rig, facts)
 
 
-def _excite_free(rig: Path, model: Any, values: dict[str, float], criterion: str, duration: float | None, bandwidth: float,
-                 sines: int, start: str | None, rate: float, acceleration: float | None, jerk: float | None, collision: bool,
-                 out: Path, plot: Path | None, preview: Path | None, mcap: Path | None,
-                 json_file: Path | None) -> None:  # fmt: skip
+def _bound(name: str, motion: Trajectory) -> str:
+    """A bound that the optimum reaches; of the joints, which limit and whose."""
+    if name != "joints":
+        return name
+    nearest = max((use for use in motion.provenance["used"] if use["quantity"] in ("velocity", "acceleration", "jerk")),
+                  key=lambda use: use["share"])  # fmt: skip
+    return f"the {nearest['quantity']} of {nearest['joint']}"
+
+
+def _excite_free(o: Options, model: Any, values: dict[str, float], criterion: str, duration: float | None, bandwidth: float,
+                 sines: int, start: str | None) -> None:  # fmt: skip
     import numpy as np
 
     import kinid.urdf
@@ -237,48 +217,38 @@ def _excite_free(rig: Path, model: Any, values: dict[str, float], criterion: str
     from kinid.rig import Rig
     from kinid.robot import Robot
 
-    the_rig = Rig.load(rig)
+    the_rig = Rig.load(o.rig)
     robot = Robot.load(the_rig)
-    limits = Limits.of(robot, kinid.urdf.path(robot.name, the_rig.folder), acceleration=acceleration, jerk=jerk)
+    limits = Limits.of(robot, kinid.urdf.path(robot.name, the_rig.folder), acceleration=o.acceleration, jerk=o.jerk)
     posture = None if start is None else np.array(numbers_of(start, "--start"))
     console().print(f"a free motion is sought ({criterion}-optimal) …")
     found = excite_free(the_rig, model, values, bounds=Bounds(bandwidth=bandwidth, duration=duration or 10.0), start=posture,
-                        sines=sines, criterion=criterion, rate=rate, limits=limits, collisions=collision)  # fmt: skip
+                        sines=sines, criterion=criterion, rate=o.rate, limits=limits, collisions=o.collision)  # fmt: skip
     _show_intervals(found.intervals.values())
-    _write_json(json_file, {"model": list(model.names), "criterion": criterion, "cost": found.cost,
-                            "swing": found.swing.to_dict(),
-                            "intervals": {name: each.to_dict() for name, each in found.intervals.items()}})  # fmt: skip
-    _finish(found.trajectory, the_rig, out, plot, preview, mcap, json_file)
+    facts = {"model": list(model.names), "criterion": criterion, "cost": found.cost, "swing": found.swing.to_dict(),
+             "intervals": {name: each.to_dict() for name, each in found.intervals.items()}}  # fmt: skip
+    _finish(o, found.trajectory, the_rig, facts)
 
 
 @app.command("discriminate", epilog=DISCRIMINATE_EXAMPLES)
+@with_options
 def discriminate_(
-    out: OutOption,
+    o: Options,
     effects: Annotated[str, typer.Option(help="Candidates that are to be told apart, a,b or more.", show_default=False)],
-    rig: RigOption = Path("rig.toml"),
-    model: ModelOption = None, fit: FitOption = None, value: ValueOption = None,
     duration: Annotated[float, typer.Option(help="Of the experiment, about [s].")] = 20.0,
     max_depth: Annotated[float, typer.Option(help="Never deeper than this [m].")] = 0.004,
     bandwidth: Annotated[float, typer.Option(help="In which the robot follows; no sine is faster [Hz].")] = 3.0,
     at: Annotated[str, typer.Option(help="Place, as for kinid plan poke [m].")] = "0,0",
-    force_limit: ForceOption = None,
-    yaw: YawOption = None, rate: RateOption = 500.0, height: HeightOption = 0.015, pause: PauseOption = 0.2,
-    travel_speed: SpeedOption = 0.1,
-    contact_speed: ContactOption = 0.02, acceleration: AccelerationOption = None, jerk: JerkOption = None,
-    collision: CollisionOption = True,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Choice, reasons and all experiments as JSON.")] = None,
-    plot: PlotOption = None, preview: PreviewOption = None, mcap: McapOption = None,
 ) -> None:  # fmt: skip
     """The experiment that tells candidate effects apart best, and why it does."""
-    _check(out, plot, preview, mcap, json_file, inputs=(rig, fit))
+    _check(o)
     from rich.table import Table
 
     from kinid.cli.show import console
     from kinid.plan.discriminate import discriminate
 
-    chosen, values = _model(model, fit, value)
-    planner = _planner(rig, None, None, None, force_limit, yaw, rate, height, pause, travel_speed, contact_speed, acceleration,
-                       jerk, collision)  # fmt: skip
+    chosen, values = _model(o)
+    planner = _planner(o, expecting=False)
     names = [name.strip() for name in effects.split(",") if name.strip()]
     found = discriminate(planner, chosen, names, values, duration=duration, depth=max_depth, place=place_of(at, "--at"),
                          bandwidth=bandwidth)  # fmt: skip
@@ -293,54 +263,52 @@ def discriminate_(
         typer.echo(f"left out: {name}: {why}")
     for name in found.open:
         typer.echo(f"no experiment tells {name}")
-    _write_json(json_file, found.to_dict())
-    _finish(found.trajectory, planner.rig, out, plot, preview, mcap, json_file)
+    _finish(o, found.trajectory, planner.rig, found.to_dict())
 
 
-def _planner(rig: Path, model: str | None, fit: Path | None, value: list[str] | None, force: float | None, yaw: float | None,
-             rate: float, height: float, pause: float, travel: float, contact: float, acceleration: float | None,
-             jerk: float | None, collision: bool) -> Planner:  # fmt: skip
+def _planner(o: Options, *, expecting: bool = True) -> Planner:
+    """What plans for these options; with the force to expect of their model, or without."""
     import kinid.urdf
     from kinid.plan import Guard, Law, Limits, Planner, Protocol
     from kinid.plan.setpoint import Pace
     from kinid.rig import Rig
 
-    the_rig = Rig.load(rig)
+    the_rig = Rig.load(o.rig)
     law: Law | None = None
-    if model is not None or fit is not None:
-        law = Law(*_model(model, fit, value))
-    elif value:
+    if expecting and (o.model is not None or o.fit is not None):
+        law = Law(*_model(o))
+    elif expecting and o.value:
         raise InputError("--value without --model", "the model that it belongs to", "name it with --model or --fit")
     default = Protocol()
     protocol = Protocol(
-        height=height, pause=pause, clearance=min(default.clearance, 0.5 * height), rate=rate, yaw=yaw, collisions=collision,
-        travel=Pace(travel, default.travel.acceleration, default.travel.jerk),
-        contact=Pace(contact, default.contact.acceleration, default.contact.jerk),
-        guard=None if force is None else Guard(force),
+        height=o.height, pause=o.pause, clearance=min(default.clearance, 0.5 * o.height), rate=o.rate, yaw=o.yaw,
+        travel=Pace(o.travel, default.travel.acceleration, default.travel.jerk),
+        contact=Pace(o.contact, default.contact.acceleration, default.contact.jerk),
+        guard=None if o.force is None else Guard(o.force), collisions=o.collision,
     )  # fmt: skip
     planner = Planner(the_rig, protocol, law)
-    if acceleration is None and jerk is None:
+    if o.acceleration is None and o.jerk is None:
         return planner
     path = kinid.urdf.path(planner.robot.name, the_rig.folder)
-    return Planner(the_rig, protocol, law, Limits.of(planner.robot, path, acceleration=acceleration, jerk=jerk))
+    return Planner(the_rig, protocol, law, Limits.of(planner.robot, path, acceleration=o.acceleration, jerk=o.jerk))
 
 
-def _model(model: str | None, fit: Path | None, value: list[str] | None) -> tuple[Any, dict[str, float]]:
+def _model(o: Options) -> tuple[Any, dict[str, float]]:
     """The model, and the values that are given for it."""
     from kinid.cli.fit import parse_model
 
-    values: dict[str, float] = {}
-    if fit is not None:
+    model, values = o.model, dict[str, float]()
+    if o.fit is not None:
         from kinid.coupling import load_fit
 
-        named, values = load_fit(fit)
+        named, values = load_fit(o.fit)
         if model is None:
             model = ",".join(named.names)
         kept = {effect.id for effect in parse_model(model).effects}
         values = {name: v for name, v in values.items() if name.split(".", 1)[0] in kept}
     if model is None:
         raise InputError("no model", "the effects to plan for", "name them with --model, or a fit with --fit")
-    for text in value or ():
+    for text in o.value or ():
         name, _, number = text.partition("=")
         try:
             values[name.strip()] = float(number)
@@ -349,27 +317,28 @@ def _model(model: str | None, fit: Path | None, value: list[str] | None) -> tupl
     return parse_model(model), values
 
 
-def _finish(motion: Trajectory, rig: Rig, out: Path, plot: Path | None, preview: Path | None, mcap: Path | None,
-            *others: Path | None) -> None:  # fmt: skip
+def _finish(o: Options, motion: Trajectory, rig: Rig, facts: dict[str, Any]) -> None:
     """Write what was asked for, and show what the motion uses of each limit."""
     from rich.table import Table
 
     from kinid.cli.show import console, written
     from kinid.writers import write_text
 
-    motion.write(out)
-    if plot is not None:
+    motion.write(o.out)
+    if o.json is not None:
+        write_text(o.json, json.dumps({**facts, "motion": _summary(motion)}, indent=2, default=str) + "\n")
+    if o.plot is not None:
         from kinid.plan.figures import plan_page
 
-        write_text(plot, plan_page(motion, title=out.name))
-    if preview is not None:
+        write_text(o.plot, plan_page(motion, title=o.out.name))
+    if o.preview is not None:
         from kinid.plan.preview import preview_page
 
-        write_text(preview, preview_page(motion, rig, title=out.name))
-    if mcap is not None:
+        write_text(o.preview, preview_page(motion, rig, title=o.out.name))
+    if o.mcap is not None:
         from kinid.plan.ros import write_joint_trajectory
 
-        write_joint_trajectory(motion, mcap)
+        write_joint_trajectory(motion, o.mcap)
     table = Table(title=f"{len(motion)} samples over {motion.duration:.2f} s")
     for name in ("limit", "nearest to it", "used", "value", "limit"):
         table.add_column(name, justify="left" if name in ("limit", "nearest to it") and not table.columns[1:] else "right")
@@ -378,7 +347,21 @@ def _finish(motion: Trajectory, rig: Rig, out: Path, plot: Path | None, preview:
     console().print(table)
     for note in motion.provenance.get("notes", ()):
         typer.echo(f"note: {note}")
-    written([path for path in (out, plot, preview, mcap, *others) if path is not None])
+    written(o.written)
+
+
+def _summary(motion: Trajectory) -> dict[str, Any]:
+    """For JSON: how long, how deep, what force to expect, and how much of each limit is used."""
+    import numpy as np
+
+    known = motion.normal_force is not None and bool(np.isfinite(motion.normal_force).all())
+    return {
+        "robot": motion.provenance.get("robot"), "samples": len(motion), "duration": motion.duration,
+        "phases": {str(name): int(count) for name, count in zip(*np.unique(motion.phase, return_counts=True))},
+        "deepest": None if motion.place is None else float(motion.place[:, 2].max()),
+        "largest_normal_force": float(np.max(motion.normal_force)) if known and motion.normal_force is not None else None,
+        "used": list(motion.provenance.get("used", ())), "notes": list(motion.provenance.get("notes", ())),
+    }  # fmt: skip
 
 
 def _show_intervals(intervals: Any) -> None:
@@ -397,15 +380,8 @@ def _show_intervals(intervals: Any) -> None:
     console().print(table)
 
 
-def _write_json(path: Path | None, facts: dict[str, Any]) -> None:
-    if path is not None:
-        from kinid.writers import write_text
-
-        write_text(path, json.dumps(facts, indent=2, default=str) + "\n")
-
-
-def _check(out: Path, *others: Path | None, inputs: Sequence[Path | None]) -> None:
+def _check(o: Options, signal: Path | None = None) -> None:
     from kinid.writers import check_outputs, check_table_name
 
-    check_table_name(out)
-    check_outputs((out, *others), inputs)
+    check_table_name(o.out)
+    check_outputs(o.written, (o.rig, o.fit, signal))

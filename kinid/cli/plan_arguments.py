@@ -1,14 +1,75 @@
-"""What `kinid plan` is told in short texts: places, corners, sines, grids; and a signal in a table."""
+"""What `kinid plan` is told: options that all its commands share; places, corners, sines, grids; a signal in a table."""
 
 from __future__ import annotations
 
+import dataclasses
+import functools
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+
+import typer
 
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
     from kinid.plan import Sampled
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Options of all commands: what there is, how it moves, and what is written. `with_options` gives them to a command."""
+
+    out: Annotated[Path, typer.Option("-o", "--out", help="Trajectory to write: Parquet, CSV or NPZ.", show_default=False)]
+    rig: Annotated[Path, typer.Option(help="What robot, tool and surface there are.")] = Path("rig.toml")
+    model: Annotated[str | None, typer.Option(help="Contact model to expect forces from; effects separated by commas.")] = None
+    fit: Annotated[Path | None, typer.Option(help="Model and values as kinid fit --json wrote them.")] = None
+    value: Annotated[list[str] | None, typer.Option(help="A parameter of the model, as stiffness=900; once for each.")] = None
+    force: Annotated[float | None, typer.Option("--force-limit", help="Guarded move: normal force never to pass [N].")] = None
+    yaw: Annotated[float | None, typer.Option(help="Turn of the tool about its axis [rad]; default: what suits the arm.")] = None
+    rate: Annotated[float, typer.Option(help="Samples a second [Hz].")] = 500.0
+    height: Annotated[float, typer.Option(help="Above the surface between touches [m].")] = 0.015
+    pause: Annotated[float, typer.Option(help="Standing in the air before and after each touch [s].")] = 0.2
+    travel: Annotated[float, typer.Option("--travel-speed", help="Of the tip in the air [m/s].")] = 0.1
+    contact: Annotated[float, typer.Option("--contact-speed", help="Of the tip on its last way to the surface [m/s].")] = 0.02
+    acceleration: Annotated[float | None, typer.Option(help="Limit of all joints [rad/s²]; default: the URDF's, else 4.")] = None
+    jerk: Annotated[float | None, typer.Option(help="Limit of all joints [rad/s³]; default: the URDF's, else 1000.")] = None
+    collision: Annotated[bool, typer.Option("--collision/--no-collision", help="Whether collisions are looked for.")] = True
+    json: Annotated[Path | None, typer.Option("--json", help="What is planned, and why, as JSON.")] = None
+    plot: Annotated[Path | None, typer.Option(help="Plots to write: one offline HTML file.")] = None
+    preview: Annotated[Path | None, typer.Option(help="The moving arm to write: one offline HTML file (meshcat).")] = None
+    mcap: Annotated[Path | None, typer.Option(help="JointTrajectory for ROS 2 to write, as MCAP.")] = None
+
+    @property
+    def written(self) -> list[Path]:
+        """All files that are asked for."""
+        return [path for path in (self.out, self.plot, self.preview, self.mcap, self.json) if path is not None]
+
+
+def with_options(command: Callable[..., None]) -> Callable[..., None]:
+    """A command whose first argument is `Options`, as one that has all of these options beside its own."""
+    shared, own = get_type_hints(Options, include_extras=True), get_type_hints(command, include_extras=True)
+    _, *rest = inspect.signature(command).parameters.values()
+    empty = inspect.Parameter.empty
+    parameters = [
+        inspect.Parameter(field.name, inspect.Parameter.KEYWORD_ONLY, annotation=shared[field.name],
+                          default=empty if field.default is dataclasses.MISSING else field.default)
+        for field in dataclasses.fields(Options)
+    ]  # fmt: skip
+    # what is the command's own stands first in its help, after where the result goes
+    own_parameters = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=own[p.name]) for p in rest]
+    parameters[1:1] = own_parameters
+
+    @functools.wraps(command)
+    def run(**given: Any) -> None:
+        command(Options(**{p.name: given.pop(p.name) for p in dataclasses.fields(Options)}), **given)
+
+    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    run.__annotations__ = {p.name: p.annotation for p in parameters}
+    del run.__wrapped__
+    return run
 
 
 def signal_of(path: Path) -> Sampled:
@@ -58,6 +119,14 @@ def place_of(text: str, option: str) -> tuple[float, ...]:
     if len(values) not in (2, 3):
         raise InputError(f"{option} {text}", "x,y along both tangents, or x,y,z in the base frame [m]", "correct it")
     return values
+
+
+def angles_of(text: str, option: str) -> tuple[float, float]:
+    """Two angles [rad]."""
+    values = numbers_of(text, option)
+    if len(values) != 2:
+        raise InputError(f"{option} {text}", "two angles a,b in rad", "correct it")
+    return values[0], values[1]
 
 
 def corners_of(text: str, option: str) -> list[tuple[float, ...]]:

@@ -156,7 +156,7 @@ def _quantization(experiment: Experiment, motion: Array | None) -> tuple[Mark | 
         rounding = experiment.signals.as_read.inverse**2 @ rounding
     wider = np.sqrt(experiment.noise**2 + rounding)
     return Mark(effect, np.where(coarse, steps, 0.0), f"a lattice of values: {says}", evidence), dataclasses.replace(
-        experiment, noise=wider)  # fmt: skip
+        experiment, noise=wider, steps=np.where(coarse, np.sqrt(12.0 * rounding / many), 0.0))  # fmt: skip
 
 
 def _hum(experiment: Experiment, motion: Array | None) -> tuple[Mark | None, Experiment]:

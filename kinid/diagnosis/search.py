@@ -197,7 +197,18 @@ def _nearest(state: State, model: Model, point: Candidate) -> Array:
 
 def accepted(before: State, tried: Tried) -> bool:
     """Whether an addition is believed: evidence that chance doesn't explain, and a size that matters."""
-    return tried.evidence.sure and material(tried) and not at_end(tried) and _matters(before, tried)
+    return (tried.evidence.sure and material(tried) and not at_end(tried) and _matters(before, tried)
+            and _beyond_rounding(before, tried))  # fmt: skip
+
+
+def _beyond_rounding(before: State, tried: Tried) -> bool:
+    """Whether it changes readings by more than a coarse converter rounds them: neighbours share that, in any shape."""
+    steps = before.problem.experiment.steps
+    if steps is None or not (steps > 0).all():
+        return True
+    sigma = before.problem.sigma[:, before.problem.valid]
+    change = (before.residual - tried.state.residual).reshape(len(sigma), -1) * sigma
+    return bool((np.percentile(np.abs(change), 95, axis=1) > 0.5 * steps).any())
 
 
 def _matters(before: State, tried: Tried) -> bool:

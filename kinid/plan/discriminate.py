@@ -227,13 +227,19 @@ class Ranking:
 
 def criterion(verdict: Verdict, kept: Mapping[Pair, NDArray[np.bool_]]) -> float:
     """The squared distance of the worst pair, at the worst of its forms that count."""
-    return min(float(distances[kept[pair]].min()) for pair, distances in verdict.distances.items())
+    return min(float(distances[kept[pair]].min()) for pair, distances in verdict.distances.items() if kept[pair].any())
 
 
 def counting(verdicts: Sequence[Verdict]) -> dict[Pair, NDArray[np.bool_]]:
-    """Which forms count: those that some experiment tells; where none tells any of a pair, those that come nearest to it."""
+    """Which forms count: those that some experiment tells; where none tells any of a pair, those that come nearest to it.
+
+    An effect that its rival can imitate, such as a special case of it, is told from it by no experiment, and needn't be: of
+    two that explain a log equally well the one with fewer parameters is named. What counts then are the rival's own forms.
+    """
     best = {pair: np.max([verdict.distances[pair] for verdict in verdicts], axis=0) for pair in verdicts[0].distances}
-    return {pair: each >= min(SURE, 0.5 * float(each.max())) for pair, each in best.items()}
+    told = {pair: float(each.max()) >= HOPELESS for pair, each in best.items()}
+    return {(a, b): each >= min(SURE, 0.5 * float(each.max())) if told[a, b] or not told[b, a] else np.zeros(len(each), np.bool_)
+            for (a, b), each in best.items()}  # fmt: skip
 
 
 def judge_for(planner: Planner, model: Model, values: Mapping[str, float], names: Sequence[str], *,
@@ -296,6 +302,8 @@ def discriminate(planner: Planner, model: Model, names: Sequence[str], values: M
     ranking = rank(planner, model, names, values, duration=duration, depth=depth, place=place, bandwidth=bandwidth)
     judge, kept, refused = ranking.judge, ranking.kept, dict(ranking.refused)
     if criterion(ranking.verdicts[0], kept) < HOPELESS:
+        if refused and not any(v.proposal.touches for v in ranking.verdicts):  # what touches might have told
+            raise _none(refused)
         raise InputError(f"{' and '.join(names)}, which no experiment on the list tells apart for {model}",
                          "effects of which one can't imitate the other",
                          "learn one of them by other means: a calibration, a scale")  # fmt: skip
@@ -311,7 +319,8 @@ def discriminate(planner: Planner, model: Model, names: Sequence[str], values: M
         raise _none(refused)
     table = tuple((v.proposal.name, v.proposal.title, v.duration, criterion(v, kept)) for v in ranking.verdicts
                   if v.proposal.name not in refused)  # fmt: skip
-    lost = {f"{form.told()} from {b}": None for (a, b), seen in kept.items() for form, ok in zip(judge.forms[a], seen) if not ok}
+    lost = {f"{form.told()} from {b}": None for (a, b), seen in kept.items() if seen.any()
+            for form, ok in zip(judge.forms[a], seen) if not ok}  # fmt: skip
     found = Discrimination(tuple(e.id for e in judge.effects), verdict.proposal, motion, criterion(verdict, kept),
                            _words(judge, verdict, kept), table, refused, tuple(lost))  # fmt: skip
     facts = {**motion.provenance, "discrimination": found.to_dict()}
@@ -406,7 +415,10 @@ def _words(judge: Judge, verdict: Verdict, kept: Mapping[Pair, NDArray[np.bool_]
         parts.append(f"{one.id} shows as {one.signature}, {two.id} as {two.signature}"
                      + (f" (known to help: {'; '.join(sorted(hints))})" if hints else ""))  # fmt: skip
     # the form that is hardest to tell decides, and is told
-    worst = {pair: int(np.argmin(np.where(kept[pair], each, np.inf))) for pair, each in verdict.distances.items()}
+    worst = {pair: int(np.argmin(np.where(kept[pair], each, np.inf))) for pair, each in verdict.distances.items()
+             if kept[pair].any()}  # fmt: skip
+    parts += [f"{b} can imitate {judge.forms[a][0].told()}; of two that explain the readings, the simpler one is believed"
+              for (a, b), seen in kept.items() if not seen.any()]  # fmt: skip
     pair = min(worst, key=lambda key: float(verdict.distances[key][worst[key]]))
     form, (phase, channel, share) = judge.forms[pair[0]][worst[pair]], verdict.lies[pair][worst[pair]]
     distance = float(verdict.distances[pair][worst[pair]])

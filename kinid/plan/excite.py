@@ -2,12 +2,13 @@
 
 The readings' sensitivities to the parameters, at values that are assumed, give Fisher's information; its determinant (D) or
 the sum of relative variances (A) is brought to its best by an interior-point method (casadi, ipopt), within limits of depth,
-force, speed and of the bandwidth in which the robot follows.
+force, speed and of the bandwidth in which the robot follows; of a robot also within what its joints can do.
 """
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,12 +22,17 @@ from kinid.plan.signals import FADE, Multisine
 
 Array = NDArray[np.float64]
 
+#: depth and its first three derivatives (4, n) → share of the joints' limits that each sample uses, (n,)
+Joints = Callable[[Array], Array]
+
 #: standard deviation of a Mini40's normal force [N] at the log's rate, where the rig states none
 NOISE = 0.029
 #: samples a second that the optimisation looks at: 30 for each turn of a 3 Hz sine
 DESIGN_RATE = 100.0
 #: share of the force limit that the motion is planned for: the rest is for what lies between samples
 SPARED = 0.99
+#: share of the joints' limits that it is planned for: the mean jerk between samples and the way in and out want some
+JOINTS = 0.97
 #: starts of the search, and steps of each
 STARTS, STEPS = 2, 50
 
@@ -94,12 +100,13 @@ def expected_intervals(law: Law, signal: Multisine, *, noise: float = NOISE, rat
 
 
 def optimise(law: Law, bounds: Bounds = Bounds(), *, sines: int = 3, criterion: str = "D", noise: float = NOISE,
-             rate: float = 500.0) -> Excitation:  # fmt: skip
+             rate: float = 500.0, joints: Joints | None = None) -> Excitation:  # fmt: skip
     """The multisine that tells most about a contact law within bounds.
 
     Args:
         law: the model, and the values assumed. bounds: to be kept. sines: how many. criterion: "D" or "A".
         noise: of the normal force, standard deviation at the log's rate [N]. rate: of the log [Hz].
+        joints: what the robot's joints can do there, as `Planner.joints` tells it; default: anything.
 
     Raises:
         InputError: bounds that leave no motion, or a parameter that no poke tells.
@@ -114,7 +121,7 @@ def optimise(law: Law, bounds: Bounds = Bounds(), *, sines: int = 3, criterion: 
     room = _room(law, bounds)
     best: tuple[float, Multisine] | None = None
     for number in range(STARTS):
-        found = _kept(law, bounds, _search(law, bounds, room, sines, criterion, noise, rate, number))
+        found = _kept(law, bounds, _search(law, bounds, room, sines, criterion, noise, rate, number, joints), joints)
         t = np.arange(round(found.duration * DESIGN_RATE)) / DESIGN_RATE
         motion = found(t)
         value = cost(_information(law, t, motion[0], motion[1], noise, rate / DESIGN_RATE), criterion)
@@ -126,7 +133,8 @@ def optimise(law: Law, bounds: Bounds = Bounds(), *, sines: int = 3, criterion: 
     motion = signal(t)
     force, speed, deepest = float(_force(law, t, motion).max()), float(np.abs(motion[1]).max()), float(motion[0].max())
     reached = {"force": force / bounds.force, "speed": speed / bounds.speed, "deepest": deepest / bounds.deepest,
-               "bandwidth": max(s[1] for s in signal.sines) / bounds.bandwidth}  # fmt: skip
+               "bandwidth": max(s[1] for s in signal.sines) / bounds.bandwidth,
+               "joints": 0.0 if joints is None else float(joints(motion).max()) / JOINTS}  # fmt: skip
     t = np.arange(round(signal.duration * rate)) / rate
     motion = signal(t)
     matrix = _information(law, t, motion[0], motion[1], noise, 1.0)
@@ -163,7 +171,7 @@ def _room(law: Law, bounds: Bounds) -> tuple[float, float]:
 
 
 def _search(law: Law, bounds: Bounds, room: tuple[float, float], sines: int, criterion: str, noise: float, rate: float,
-            number: int) -> Multisine:  # fmt: skip
+            number: int, joints: Joints | None) -> Multisine:  # fmt: skip
     """One run of the interior-point method; variables: offset and amplitudes by the room's size, frequencies, phases."""
     import casadi
 
@@ -176,8 +184,11 @@ def _search(law: Law, bounds: Bounds, room: tuple[float, float], sines: int, cri
         return Multisine(float(low + size * x[0]), tuple((float(size * u), float(v), float(w)) for u, v, w in zip(a, f, p)),
                          bounds.duration, bounds.fade)  # fmt: skip
 
+    def used(motion: Array) -> Array:
+        return np.zeros(motion.shape[1]) if joints is None else joints(motion) / JOINTS
+
     class Told(casadi.Callback):
-        """Criterion, then depth, speed and force at every so manieth sample, each by its bound."""
+        """Criterion, then depth, speed, force and joints at every so manieth sample, each by its bound."""
 
         def __init__(self) -> None:
             casadi.Callback.__init__(self)
@@ -193,14 +204,14 @@ def _search(law: Law, bounds: Bounds, room: tuple[float, float], sines: int, cri
             return casadi.Sparsity.dense(1 + 3 * sines, 1)
 
         def get_sparsity_out(self, i: int) -> Any:
-            return casadi.Sparsity.dense(1 if i == 0 else 3 * len(t[::2]), 1)
+            return casadi.Sparsity.dense(1 if i == 0 else 4 * len(t[::2]), 1)
 
         def eval(self, arguments: Any) -> Any:
             motion = signal(np.array(arguments[0]).ravel())(t)
             matrix = _information(law, t, motion[0], motion[1], noise, rate / DESIGN_RATE)
             limit = bounds.force if np.isfinite(bounds.force) else 1e6
             kept = np.concatenate([(motion[0, ::2] - low) / size, motion[1, ::2] / bounds.speed,
-                                   _force(law, t, motion)[::2] / limit])  # fmt: skip
+                                   _force(law, t, motion)[::2] / limit, used(motion[:, ::2])])  # fmt: skip
             return [casadi.DM(cost(matrix, criterion)), casadi.DM(kept)]
 
     told = Told()
@@ -217,8 +228,8 @@ def _search(law: Law, bounds: Bounds, room: tuple[float, float], sines: int, cri
         x0=begin,
         lbx=np.concatenate([[0.0], np.full(sines, -0.6), np.full(sines, slow), np.full(sines, -20.0)]),
         ubx=np.concatenate([[1.0], np.full(sines, 0.6), np.full(sines, bounds.bandwidth), np.full(sines, 20.0)]),
-        lbg=np.concatenate([np.zeros(count), -np.ones(count), np.full(count, -np.inf)]),
-        ubg=np.concatenate([np.full(count, top), np.ones(2 * count)]),
+        lbg=np.concatenate([np.zeros(count), -np.ones(count), np.full(2 * count, -np.inf)]),
+        ubg=np.concatenate([np.full(count, top), np.ones(3 * count)]),
     )  # fmt: skip
     return signal(np.array(found["x"]).ravel())
 
@@ -244,7 +255,7 @@ def _start(bounds: Bounds, size: float, sines: int, number: int) -> tuple[Array,
     return amplitudes, frequencies, np.random.default_rng(number).uniform(-0.2, 0.2, sines)
 
 
-def _kept(law: Law, bounds: Bounds, signal: Multisine) -> Multisine:
+def _kept(law: Law, bounds: Bounds, signal: Multisine, joints: Joints | None) -> Multisine:
     """The signal drawn towards its start until every sample keeps the bounds, in between those of the search too."""
     t = np.arange(round(signal.duration * 1000)) / 1000
     floor = bounds.shallowest
@@ -258,6 +269,7 @@ def _kept(law: Law, bounds: Bounds, signal: Multisine) -> Multisine:
         return bool(
             motion[0].min() >= floor - 1e-12 and motion[0].max() <= bounds.deepest + 1e-12
             and np.abs(motion[1]).max() <= bounds.speed and _force(law, t, motion).max() <= bounds.force
+            and (joints is None or joints(motion).max() <= JOINTS)
         )  # fmt: skip
 
     if keeps(1.0):
@@ -268,5 +280,5 @@ def _kept(law: Law, bounds: Bounds, signal: Multisine) -> Multisine:
         share = 0.5 * (low + high)
         low, high = (share, high) if keeps(share) else (low, share)
     if low == 0.0:
-        raise InputError("bounds that no signal keeps", "room for a motion", "allow more depth, force or speed")
+        raise InputError("bounds that no signal keeps", "room for a motion", "allow more depth, force or speed, or faster joints")
     return drawn(low)

@@ -22,7 +22,7 @@ from kinid.model import Model
 from kinid.plan.check import check
 from kinid.plan.excite import Bounds
 from kinid.plan.expected import Law
-from kinid.plan.free_motion import Swing, _base, _Design, _drawn, _scene
+from kinid.plan.free_motion import Design, Swing, posture, scene_of, swing_drawn
 from kinid.plan.planner import Planner
 from kinid.plan.signals import Multisine
 from kinid.plan.touches import Place, Poke, Slide, Touch
@@ -113,6 +113,9 @@ def _touching(duration: float, depth: float, place: Place, bandwidth: float) -> 
     yield Proposal("return-later", f"a poke of {mm / 2:.2g} mm, one of {mm:.2g} mm elsewhere, and the first place again",
                    (Poke(place, sine(0.8, third, 0.5 * depth), 0.3), Poke(shifted(0.01, 0.0), sine(0.8, third), 0.3),
                     Poke(place, sine(0.8, third, 0.5 * depth), 0.3)))  # fmt: skip
+    taps = max(2, int(duration / (OVERHEAD + 0.7)))
+    yield Proposal("taps", f"{taps} touches to {mm:.2g} mm with quick retreats",
+                   tuple(Poke(place, still(depth), 0.0) for _ in range(taps)))  # fmt: skip
     twice = tuple(Poke(place, still(depth), 0.3 * duration - OVERHEAD) for _ in range(2))
     yield Proposal("rest-between-holds", "two holds at one place with a rest in the air between them", twice, 0.1 * duration)
 
@@ -204,16 +207,16 @@ class Bench:
         return from_wrench(log, rig, bias=(0.0,) * 6, robot=self.planner.robot, trust_wrench=True)
 
     @cached_property
-    def _design(self) -> _Design:
+    def _design(self) -> Design:
         p = self.planner
-        return _Design(p.rig, p.robot, p.limits, Model(), {}, p.reach, None, "D", p.protocol.rate)
+        return Design(p.rig, p.robot, p.limits, Model(), {}, p.reach, None, "D", p.protocol.rate)
 
     @cached_property
     def _posture(self) -> Array:
         """From which turns of the tool begin: above the surface if there is one, else the middle of the joints' range."""
         p = self.planner
         if p.rig.surface is None or p.rig.surface.mesh is not None:
-            return _base(p.limits, np.random.default_rng(0), 0)
+            return posture(p.limits, np.random.default_rng(0), 0)
         touch = Poke(signal=Multisine(1e-4, (), 0.6), hold=0.0)
         quick = dataclasses.replace(p.protocol, rate=50.0, collisions=False, height=0.1, pause=0.1)
         first: Array = Planner(p.rig, quick, None, p.limits).plan([touch]).q[0]
@@ -223,9 +226,9 @@ class Bench:
         p, count = self.planner, self.planner.robot.joint_count
         rng = np.random.default_rng(proposal.seed)
         bounds = Bounds(bandwidth=self.bandwidth, duration=proposal.duration)
-        design = dataclasses.replace(self._design, scene=_scene(p.rig, p.robot) if collisions else None)
+        design = dataclasses.replace(self._design, scene=scene_of(p.rig, p.robot) if collisions else None)
         if proposal.wrist is None:
-            swing: Swing | None = _drawn(_base(p.limits, rng, proposal.seed), bounds, 2, rng)
+            swing: Swing | None = swing_drawn(posture(p.limits, rng, proposal.seed), bounds, 2, rng)
         else:
             # the last three joints, out of step; as wide as limits allow, which for fast turns is not far
             amplitudes = np.zeros((count, 1))

@@ -86,8 +86,14 @@ class FreeExcitation:
 
 
 @dataclass(frozen=True, eq=False)
-class _Design:
-    """What stays the same while motions are compared."""
+class Design:
+    """What stays the same while motions in the air are compared.
+
+    Attributes:
+        rig: without a surface where nothing is touched. robot, limits, reach: of it. model, values: that motions are to tell of,
+            by full name. scene: what the arm may run into; None: collisions aren't looked for. criterion: "D" or "A".
+        rate: of the log [Hz].
+    """
 
     rig: Rig
     robot: Robot
@@ -177,18 +183,18 @@ def excite_free(rig: Rig, model: Model, values: dict[str, float] | None = None, 
     robot = Robot.load(rig)
     limits = limits or Limits.of(robot, kinid.urdf.path(robot.name, rig.folder))
     reach = Reach(robot, limits, rig.tool)
-    scene = _scene(rig, robot) if collisions else None
+    scene = scene_of(rig, robot) if collisions else None
     bare = rig.model_copy(update={"surface": None})
-    design = _Design(bare, robot, limits, model, values or {}, reach, scene, criterion, rate)
+    design = Design(bare, robot, limits, model, values or {}, reach, scene, criterion, rate)
     rng = np.random.default_rng(3)
     best: tuple[float, Swing] | None = None
     for number in range(DRAWN):
-        base = np.asarray(start, dtype=float) if start is not None else _base(limits, rng, number)
+        base = np.asarray(start, dtype=float) if start is not None else posture(limits, rng, number)
         if base.shape != (robot.joint_count,) or not ((base > limits.lower) & (base < limits.upper)).all():
             shown = ", ".join(f"{v:g}" for v in base)
             raise InputError(f"a posture ({shown})", f"{robot.joint_count} joints within their limits",
                              "choose another with --start")  # fmt: skip
-        swing = design.fitted(_drawn(base, bounds, sines, rng))
+        swing = design.fitted(swing_drawn(base, bounds, sines, rng))
         if swing is not None and ((value := design.cost(swing)) < (best[0] if best else np.inf)):
             best = value, swing
     if best is None:
@@ -201,7 +207,7 @@ def excite_free(rig: Rig, model: Model, values: dict[str, float] | None = None, 
     return _finished(design, best[1], best[0], rate)
 
 
-def _finished(design: _Design, swing: Swing, value: float, rate: float) -> FreeExcitation:
+def _finished(design: Design, swing: Swing, value: float, rate: float) -> FreeExcitation:
     t = np.arange(int(np.ceil(swing.duration * rate)) + 1) / rate
     q, dq, ddq, _ = swing(np.minimum(t, swing.duration))
     robot = design.robot
@@ -223,20 +229,22 @@ def _finished(design: _Design, swing: Swing, value: float, rate: float) -> FreeE
     return FreeExcitation(dataclasses.replace(trajectory, provenance=facts), swing, design.criterion, value, expected)
 
 
-def _scene(rig: Rig, robot: Robot) -> Scene:
+def scene_of(rig: Rig, robot: Robot) -> Scene:
+    """What an arm that touches nothing has to keep clear of."""
     from kinid.surface import load
 
     return Scene.of(robot, rig.folder, load(rig))
 
 
-def _base(limits: Limits, rng: np.random.Generator, number: int) -> Array:
-    """A posture to swing about: the middle of the range first, then others near it."""
+def posture(limits: Limits, rng: np.random.Generator, number: int) -> Array:
+    """The posture of this number to swing about: the middle of the joints' range first, then others near it."""
     lower, upper = (np.where(np.isfinite(v), v, s * np.pi) for v, s in ((limits.lower, -1.0), (limits.upper, 1.0)))
     shift = np.zeros(len(lower)) if number == 0 else rng.uniform(-0.4, 0.4, len(lower))
     return np.asarray(0.5 * (lower + upper) + shift * (upper - lower) / 2)
 
 
-def _drawn(base: Array, bounds: Bounds, sines: int, rng: np.random.Generator) -> Swing:
+def swing_drawn(base: Array, bounds: Bounds, sines: int, rng: np.random.Generator) -> Swing:
+    """Sines of random amplitude, frequency and phase in every joint about a base; their size is left to `Design.fitted`."""
     shape = (len(base), sines)
     slow = 1.0 / bounds.duration
     # fast sines reach the acceleration limit with small angles: most of the octaves are slow
@@ -259,4 +267,4 @@ def _scaled(swing: Swing, factors: Array) -> Swing:
     return Swing(swing.base, swing.amplitudes * factors[:, None], swing.frequencies, swing.phases, swing.duration, swing.fade)
 
 
-__all__ = ["FreeExcitation", "Swing", "excite_free"]
+__all__ = ["Design", "FreeExcitation", "Swing", "excite_free", "posture", "scene_of", "swing_drawn"]

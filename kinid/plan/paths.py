@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from kinid.errors import InputError
 from kinid.plan.course import line_nodes
-from kinid.plan.touches import Touch
+from kinid.plan.touches import Poke, Touch
 from kinid.surface import Plane, Surface
 
 Array = NDArray[np.float64]
@@ -21,14 +21,17 @@ Array = NDArray[np.float64]
 MESH_STEP, SMOOTH = 0.002, 0.004
 #: a point named on a mesh may be so far off it [m]
 OFF = 0.02
+#: how far from the tip the point of the tool is whose way counts where it turns on the spot [m]
+LEVER = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class Spot:
-    """A point of the surface and its outward normal, (3,) each."""
+    """A point of the surface and its outward normal, (3,) each; how the tool is tilted there, about both tangents [rad]."""
 
     point: Array
     normal: Array
+    tilt: tuple[float, float] = (0.0, 0.0)
 
     def above(self, height: float) -> Array:
         """The point a height [m] above it."""
@@ -66,6 +69,19 @@ class Frames:
         out: Array = base @ np.array([[c, -d, 0.0], [d, c, 0.0], [0.0, 0.0, 1.0]])
         return out
 
+    def at(self, spot: Spot) -> Array:
+        """The same above a spot, the tool tilted about its tip as is asked for there."""
+        upright = self.rotation(spot.normal)
+        if not any(spot.tilt):
+            return upright
+        from scipy.spatial.transform import Rotation
+
+        first = self.tangent - (self.tangent @ spot.normal) * spot.normal
+        first /= np.linalg.norm(first)
+        about = spot.tilt[0] * first + spot.tilt[1] * np.cross(spot.normal, first)
+        out: Array = Rotation.from_rotvec(about).as_matrix() @ upright
+        return out
+
 
 Poses = tuple[Array, Array, Array]  # lengths (k,), positions (k, 3), rotations (k, 3, 3)
 
@@ -76,12 +92,12 @@ def spots(surface: Surface, touch: Touch, height: float) -> list[Spot]:
     Raises:
         InputError: two numbers on a mesh, three off it, or a surface above which there is no air.
     """
-    out = []
+    out, tilt = [], touch.tilt if isinstance(touch, Poke) else (0.0, 0.0)
     for place in touch.corners:
         if isinstance(surface, Plane):
             if len(place) != 2:
                 raise InputError(f"the place {place} on a plane", "two numbers, along its tangents [m]", "leave one out")
-            out.append(Spot(surface.point + place[0] * surface.axes[0] + place[1] * surface.axes[1], surface.normal))
+            out.append(Spot(surface.point + place[0] * surface.axes[0] + place[1] * surface.axes[1], surface.normal, tilt))
             continue
         if len(place) != 3:
             raise InputError(f"the place {place} on a mesh", "a point in the base frame, three numbers [m]", "add one")
@@ -89,7 +105,7 @@ def spots(surface: Surface, touch: Touch, height: float) -> list[Spot]:
         if np.abs(found.depth[0]) > OFF:
             raise InputError(f"the place {place}, {1e3 * abs(found.depth[0]):.0f} mm off the mesh", "a point on it",
                              "move it there")  # fmt: skip
-        spot = Spot(found.closest[0], found.axes[0, 2])
+        spot = Spot(found.closest[0], found.axes[0, 2], tilt)
         up = surface.locate(spot.above(height)[None, :]).depth[0]
         if up > -0.5 * height:
             raise InputError(f"the place {place}, above which the mesh leaves {-1e3 * up:.1f} mm of air",
@@ -102,16 +118,18 @@ def down(spot: Spot, height: float, deepest: float, frames: Frames) -> Poses:
     """From above a spot straight into the material."""
     nodes = line_nodes(height + deepest)
     positions = spot.above(height) - nodes[:, None] * spot.normal
-    return nodes, positions, np.broadcast_to(frames.rotation(spot.normal), (len(nodes), 3, 3))
+    return nodes, positions, np.broadcast_to(frames.at(spot), (len(nodes), 3, 3))
 
 
 def travel(a: Spot, b: Spot, frames: Frames, height: float) -> Poses:
     """Straight through the air from above one spot to above another, the tool turning evenly."""
     start, end = a.above(height), b.above(height)
-    length = float(np.linalg.norm(end - start))
+    first, last = frames.at(a), frames.at(b)
+    # a turn on the spot counts as a way, too: that of a point of the tool
+    angle = float(np.arccos(np.clip(0.5 * (np.trace(first.T @ last) - 1.0), -1.0, 1.0)))
+    length = max(float(np.linalg.norm(end - start)), LEVER * angle if angle > 1e-6 else 0.0)
     nodes = line_nodes(length)
     positions = start + (nodes / max(length, 1e-12))[:, None] * (end - start)
-    first, last = frames.rotation(a.normal), frames.rotation(b.normal)
     if np.abs(first - last).max() < 1e-12:
         return nodes, positions, np.broadcast_to(first, (len(nodes), 3, 3))
     from scipy.spatial.transform import Rotation, Slerp

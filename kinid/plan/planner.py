@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -20,7 +20,7 @@ from kinid.plan.expected import Law
 from kinid.plan.limits import Limits
 from kinid.plan.reach import TURNS, Reach
 from kinid.plan.setpoint import Pace, Profile, change, rest
-from kinid.plan.touches import Poke, Slide, Touch
+from kinid.plan.touches import Place, Poke, Slide, Touch
 from kinid.plan.trajectory import Trajectory
 from kinid.rig import Rig
 from kinid.robot import Robot
@@ -85,6 +85,8 @@ class Protocol:
                              "0 < clearance < height < 1 m", "correct them")  # fmt: skip
         if not (np.isfinite(self.pause) and self.pause >= 0):
             raise InputError(f"a pause of {self.pause} s", "0 or more", "correct it")
+        if self.yaw is not None and not np.isfinite(self.yaw):
+            raise InputError(f"a yaw of {self.yaw} rad", "a number, or none for what suits the arm", "correct it")
         if not (np.isfinite(self.rate) and 10 <= self.rate <= 10_000):
             raise InputError(f"a rate of {self.rate} Hz", "10 to 10 000 Hz", "correct it")
 
@@ -147,21 +149,48 @@ class Planner:
         if not touches:
             raise InputError("no touch to plan", "a poke or a slide", "add one")
         spots = [paths.spots(self.surface, touch, self.protocol.height) for touch in touches]
-        yaws = [self.protocol.yaw] if self.protocol.yaw is not None else [k * 2 * np.pi / TURNS for k in range(TURNS)]
-        frames = [paths.Frames(spots[0][0].normal, self.surface, yaw) for yaw in yaws]
-        top = spots[0][0].above(self.protocol.height)
-        rotations = np.stack([frame.rotation(spots[0][0].normal) for frame in frames])
         scene = self._scene(spots, touches)
         first: InputError | None = None
-        for tries, (posture, k) in enumerate(self.reach.postures(top, rotations, "the first touch")):
+        for tries, (posture, frames) in enumerate(self._starts(spots[0][0], "the first touch")):
             if tries == TRIES:
                 break
             try:
-                return self._from(posture, frames[k], touches, spots, scene)
+                return self._from(posture, frames, touches, spots, scene)
             except InputError as error:  # the most comfortable posture's reason is the one to tell
                 first = first or error
         assert first is not None
         raise first
+
+    def joints(self, place: Place, deepest: float) -> Callable[[Array], Array]:
+        """Depth and its first three derivatives (4, n) → share of velocity, acceleration and jerk that joints use there, (n,).
+
+        Args:
+            place: of a poke. deepest: that it may go [m].
+
+        Raises:
+            InputError: a place that the robot can't reach.
+        """
+        (spot,) = paths.spots(self.surface, Poke(place), self.protocol.height)
+        posture, frames = next(self._starts(spot, "the poke"))
+        course = self._down(spot, deepest, frames, posture, "the poke")
+        limits, height = self.limits, self.protocol.height
+
+        def shares(motion: Array) -> Array:
+            s = motion[0] + height
+            _, dq, ddq = course(s, motion[1], motion[2])
+            used = (dq / limits.velocity, ddq / limits.acceleration, course.jerk(s, *motion[1:]) / limits.jerk)
+            out: Array = np.max(np.abs(used), axis=(0, 2))
+            return out
+
+        return shares
+
+    def _starts(self, spot: paths.Spot, what: str) -> Iterator[tuple[Array, paths.Frames]]:
+        """Postures above a spot, the most comfortable first, and how the tool is turned in each."""
+        yaws = [self.protocol.yaw] if self.protocol.yaw is not None else [k * 2 * np.pi / TURNS for k in range(TURNS)]
+        frames = [paths.Frames(spot.normal, self.surface, yaw) for yaw in yaws]
+        rotations = np.stack([frame.at(spot) for frame in frames])
+        for posture, k in self.reach.postures(spot.above(self.protocol.height), rotations, what):
+            yield posture, frames[k]
 
     def _scene(self, spots: list[list[paths.Spot]], touches: Sequence[Touch]) -> Scene | None:
         if not self.protocol.collisions:

@@ -21,22 +21,28 @@ Place = tuple[float, ...]
 
 #: more touches than this are more than one plan
 MOST = 20_000
+#: a tool that leans more than this touches with its side [rad]
+STEEPEST = 1.0
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class Poke:
-    """Approach to the signal's base depth, hold [s], the signal, retract."""
+    """Approach to the signal's base depth, hold [s], the signal, retract; the tool tilted about both tangents [rad]."""
 
     place: Place = (0.0, 0.0)
     signal: Multisine | Sampled = Multisine(0.003, ((0.0015, 0.9), (0.0005, 5.0)))
     hold: float = 1.0
+    tilt: tuple[float, float] = (0.0, 0.0)
 
     name = "poke"
 
     def __post_init__(self) -> None:
         _check_place(self.place)
         _check_hold(self.hold)
+        if len(self.tilt) != 2 or not np.isfinite(self.tilt).all() or np.linalg.norm(self.tilt) > STEEPEST:
+            raise InputError(f"a tilt of {self.tilt} rad", f"angles about both tangents, {STEEPEST:g} rad at most together",
+                             "let the tool lean less")  # fmt: skip
 
     @property
     def corners(self) -> tuple[Place, ...]:
@@ -50,7 +56,8 @@ class Poke:
 
     def to_dict(self) -> dict[str, Any]:
         """For provenance."""
-        return {"kind": self.name, "place": list(self.place), "signal": self.signal.to_dict(), "hold": self.hold}
+        return {"kind": self.name, "place": list(self.place), "signal": self.signal.to_dict(), "hold": self.hold,
+                "tilt": list(self.tilt)}  # fmt: skip
 
 
 @final

@@ -86,9 +86,11 @@ def test_chosen_experiment_is_a_motion_within_limits(rig: Any) -> None:
     assert (np.abs(motion.dq) <= planner.limits.velocity).all()
     assert (np.abs(motion.ddq) <= planner.limits.acceleration).all()
     assert max(use["share"] for use in motion.provenance["used"]) <= 1.0
-    assert motion.provenance["discrimination"]["experiment"] == "rest-between-holds"
+    assert motion.provenance["discrimination"]["experiment"] == found.proposal.name
+    # what is looked at in the air between touches tells them apart
+    assert found.proposal.name in ("rest-between-holds", "hold-between-looks-in-the-air", "taps")
     # the words name the experiment, both effects, and where the difference lies
-    assert found.words.startswith("two holds at one place with a rest in the air between them: sensor-drift shows as a ramp")
+    assert found.words.startswith(f"{found.proposal.title}: sensor-drift shows as a ramp")
     assert "look in the air" in found.words
     assert "% lies in" in found.words
 
@@ -105,6 +107,18 @@ def test_force_limit_is_kept(rig: Any) -> None:
     planner = Planner(rig, Protocol(guard=Guard(30.0), rate=100.0, collisions=False))
     ranking = rank(planner, kinid.Model("hooke"), pair, values, duration=10.0, depth=DEPTH)
     assert "at 4 mm" in next(v.proposal.title for v in ranking.verdicts if v.proposal.name == "long-hold")
+
+
+def test_a_special_case_is_told_by_what_its_rival_does_more(rig: Any) -> None:
+    """A turned sensor is cross-talk of a special form: no experiment shows what only the turn can do."""
+    pair = ("sensor-crosstalk", "sensor-misalignment")
+    model = kinid.Model("hooke", "coulomb-friction")
+    ranking = rank(Planner(rig, Protocol(collisions=False)), model, pair, STIFF, duration=10.0, depth=DEPTH)
+    assert not ranking.kept[pair[1], pair[0]].any()
+    assert ranking.kept[pair].any()
+    assert criterion(ranking.verdicts[0], ranking.kept) > 1.0
+    found = discriminate(Planner(rig, Protocol(rate=100.0, collisions=False)), model, pair, STIFF, duration=10.0, depth=DEPTH)
+    assert "sensor-crosstalk can imitate sensor-misalignment" in found.words
 
 
 def test_joint_torques(rig: Any) -> None:
@@ -133,6 +147,7 @@ def test_experiments_last_about_as_long() -> None:
     (("--model", "hooke", "--effects", "joint-viscous-friction,relaxation"), "which acts on joint torques"),
     (("--model", "none", "--effects", "relaxation,sensor-bias"), "no contact law"),
     (("--model", "hooke", "--effects", "tool-mass,sensor-gain"), "no experiment on the list"),
+    (("--model", "hooke", "--effects", "relaxation,stiffness-drift", "--at", "3,3"), "can't reach"),
     (("--effects", "relaxation,stiffness-drift"), "--model"),
 ])  # fmt: skip
 def test_bad_input_is_one_line(run: Any, args: tuple[str, ...], word: str) -> None:  # noqa: F811

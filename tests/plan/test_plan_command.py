@@ -55,6 +55,38 @@ def test_poke(run: Any, tmp_path: Path) -> None:
     assert (tmp_path / "v.html").stat().st_size > 100_000
 
 
+def test_facts_of_plans_as_json(run: Any, tmp_path: Path) -> None:
+    for args in (("poke", "--grid", "1x2", "--duration", 1, "--tilt", "0.1,0"), ("slide", "--through", "0,0;0.01,0")):
+        code, out, err = run(*args, "--rate", 100, "-o", "p.parquet", "--json", "p.json", "--model", "hooke")
+        assert code == 0, err
+        assert "p.json" in out
+        facts = json.loads((tmp_path / "p.json").read_text(encoding="utf-8"))
+        motion = read_trajectory(tmp_path / "p.parquet")
+        assert facts["motion"]["samples"] == len(motion) == sum(facts["motion"]["phases"].values())
+        assert motion.place is not None
+        assert facts["motion"]["deepest"] == pytest.approx(motion.place[:, 2].max())
+        assert facts["motion"]["largest_normal_force"] == pytest.approx(1e3 * motion.place[:, 2].max(), rel=1e-6)
+        assert max(use["share"] for use in facts["motion"]["used"]) <= 1.0
+        assert len(facts["places"] if args[0] == "poke" else facts["slides"][0]["corners"]) == 2
+
+
+def test_excite_finds_what_the_joints_can_do(run: Any, tmp_path: Path) -> None:
+    """With no bound given the joints are what binds, and the motion keeps to them."""
+    code, out, err = run("excite", "--model", "kelvin-voigt", "--value", "stiffness=732", "--value", "damping=9.9", "-o",
+                         "e.parquet", "--json", "e.json", "--rate", 200)  # fmt: skip
+    assert code == 0, err
+    assert "bound by the acceleration of joint_" in " ".join(out.split())
+    facts = json.loads((tmp_path / "e.json").read_text(encoding="utf-8"))
+    used = {use["quantity"]: use["share"] for use in facts["motion"]["used"]}
+    assert 0.9 < used["acceleration"] <= 1.0
+    # where joints are quicker, more can be told
+    code, _, err = run("excite", "--model", "kelvin-voigt", "--value", "stiffness=732", "--value", "damping=9.9", "-o",
+                       "f.parquet", "--json", "f.json", "--rate", 200, "--acceleration", 12)  # fmt: skip
+    assert code == 0, err
+    more = json.loads((tmp_path / "f.json").read_text(encoding="utf-8"))
+    assert more["intervals"]["kelvin-voigt.damping"]["half"] < facts["intervals"]["kelvin-voigt.damping"]["half"]
+
+
 def test_campaigns(run: Any, tmp_path: Path) -> None:
     code, out, err = run("poke", "-o", "c.parquet", "--grid", "2x3", "--duration", 1, "--hold", 0.1, "--rate", 100)
     assert code == 0, err
@@ -103,6 +135,10 @@ def test_excite_in_contact_and_in_the_air(run: Any, tmp_path: Path) -> None:
     (("poke", "-o", "p.parquet", "--at", "2,0"), "reach"),
     (("poke", "-o", "p.parquet", "--sines", "1mm"), "amplitude@frequency"),
     (("poke", "-o", "p.parquet", "--sines", "0.003@9"), "acceleration of joint_"),
+    (("poke", "-o", "p.parquet", "--yaw", "inf"), "yaw"),
+    (("poke", "-o", "p.parquet", "--tilt", "0.1"), "two angles"),
+    (("poke", "-o", "p.parquet", "--tilt", "2,0"), "lean"),
+    (("poke", "-o", "p.parquet", "--json", "p.parquet"), "two outputs"),
     (("poke", "-o", "p.parquet", "--grid", "10"), "rows x columns"),
     (("poke", "-o", "p.parquet", "--grid", "2x2", "--polygon", "0,0;1,0;0,1"), "one of them"),
     (("poke", "-o", "p.parquet", "--value", "stiffness=3"), "--model"),

@@ -274,6 +274,25 @@ def test_infeasible_requests_name_the_binding_limit(change: dict[str, float], wo
         Planner(rig, Protocol(), law, limits).plan([Poke(signal=STUDY)])
 
 
+def test_tilted_pokes(rig: Any) -> None:
+    """The tool leans about its tip by what was asked for, turns in the air alone, and the tip goes where it went upright."""
+    planner = Planner(rig, Protocol(rate=200.0, collisions=False))  # the sensor's primitive shape would be near the surface
+    still = Multisine(0.003, (), 0.6)
+    leans = ((0.0, 0.0), (0.2, 0.0), (-0.1, 0.15))
+    motion = planner.plan([Poke((0.0, 0.0), still, 0.3, lean) for lean in leans])
+    pose = planner.robot.kinematics(planner.robot.tip_frame or "", motion.q)
+    assert motion.place is not None
+    assert motion.touch is not None
+    down, inside = -pose.rotation[:, :, 2], motion.place[:, 2] > 0
+    for k, (about_x, about_y) in enumerate(leans):
+        rows = inside & (motion.touch == k)
+        lean = np.cross(np.array([0.0, 0.0, 1.0]), down[rows])
+        angle = np.hypot(about_x, about_y)
+        np.testing.assert_allclose(lean[:, :2], np.sinc(angle / np.pi) * np.array([[about_x, about_y]] * len(lean)), atol=1e-6)
+    assert np.abs(motion.place[inside, :2]).max() < 1e-6
+    assert motion.place[:, 2].max() == pytest.approx(0.003, abs=1e-6)
+
+
 def test_set_points_slow_down_where_joints_are_slow(rig: Any) -> None:
     limits = Limits.of(kinid.Robot.load(rig))
     limits = limits.replace(velocity=np.full(7, 0.03), acceleration=np.full(7, 0.2), jerk=np.full(7, 5.0))
