@@ -116,7 +116,8 @@ def _headline(result: Diagnosis) -> str:
     cards = [("held-out error, as asked", f"{before:.3g} {result.unit}")]
     if result.added:
         cards.append(("with what was added", f"{after:.3g} {result.unit}"))
-    cards += [("noise alone", f"{result.noise_floor:.3g} {result.unit}"), ("left over noise", _ratio(after, result.noise_floor))]
+    cards += [("noise alone", f"{result.noise_floor:.3g} {result.unit}"),
+              ("error over white noise", _ratio(after, result.noise_floor))]  # fmt: skip
     doubted = "".join(f"<li>{_e(doubt)}</li>" for doubt in doubts(result))
     shown = "".join(f"<div class=card><span>{_e(what)}</span><b>{_e(value)}</b></div>" for what, value in cards)
     return (

@@ -78,6 +78,9 @@ def main() -> None:
         if not (hasattr(error, "format_message") and hasattr(error, "exit_code")):
             raise
         context = getattr(error, "ctx", None)
+        if type(error).__name__ == "NoArgsIsHelpError" and context is not None:
+            print(context.get_help(), file=sys.stderr)
+            sys.exit(2)
         where = f"{context.command_path} --help" if context is not None else "kinid --help"
         _say(f"{error.format_message()} See '{where}'.")
         code = 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -52,6 +53,8 @@ def diagnose(
 
     if log is None:
         raise InputError("no log", "a log to diagnose", "kinid diagnose LOG --model …, or --explain EFFECT")
+    if not model:
+        raise InputError("no --model", "the model to ask about", f"kinid diagnose {log} --model kelvin-voigt,coulomb-friction")
     chosen = parse_model(model)
     if out is not None:
         check_table_name(out)
@@ -70,7 +73,10 @@ def diagnose(
     if report is not None:
         from kinid.diagnosis_page import diagnosis_page
 
-        write_text(report, diagnosis_page(result, title=f"{log.name}: {chosen}"))
+        provenance = the_log.provenance.then("rig", file=str(rig_path(log, rig) or "none")).then(
+            "diagnose", model=str(chosen), on=datetime.datetime.now().astimezone().isoformat(timespec="seconds")
+        )
+        write_text(report, diagnosis_page(result, title=f"{log.name}: {chosen}", provenance=provenance))
     show_diagnosis(result)
     written([path for path in (out, report, json_file) if path is not None])
 

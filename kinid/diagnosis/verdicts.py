@@ -79,6 +79,8 @@ def verdicts(
                                      f"fits as well as {', '.join(others)}: this log can't tell them apart"))  # fmt: skip
             continue
         verdict, says = (NOT_EXCITED, why) if why else _seen(last, effect, points.get(name), inflation, rate)
+        if verdict == ABSENT and evidence >= ENOUGH:
+            says = "one that matters would show in this log; the fit gains by one that is too small to count"
         out.append(EffectVerdict(name, verdict, evidence, (), gain, shown,
                                  "" if verdict == ABSENT else f"record {effect.excited_by}", says, not why))  # fmt: skip
     order = {PRESENT: 0, INDISTINGUISHABLE: 1, NOT_EXCITED: 2, ABSENT: 3}
