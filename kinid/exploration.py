@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from kinid.errors import InputError
 from kinid.exploration_slide import Border, SlidePath
-from kinid.interpolation import REACH, PlaneGround, Prior
+from kinid.interpolation import REACH, Interpolator, PlaneGround, Prior
 from kinid.interpolation_triangles import Triangles
 
 Array = NDArray[np.float64]
@@ -54,17 +54,21 @@ class Choice:
     gain: float
 
 
-def next_poke(grown: Triangles, region: Region, *, apart: float) -> Choice:
+def next_poke(grown: Interpolator, region: Region, *, apart: float) -> Choice:
     """Where to poke next.
 
     Args:
-        grown: the map so far. region: what can be poked. apart: the smallest detail that matters [m]; no two pokes are nearer.
+        grown: the map so far, on a plane; of another method than "triangles" its probes are taken, and triangles laid over them.
+        region: what can be poked. apart: the smallest detail that matters [m]; no two pokes are nearer.
 
     Raises:
-        InputError: everything has been poked as closely as that.
+        InputError: everything has been poked as closely as that; a map on a mesh; no distance apart.
     """
     from scipy.spatial import Delaunay, cKDTree
 
+    if not (np.isfinite(apart) and apart > 0):
+        raise InputError(f"pokes {apart} m apart", "a positive distance [m]", "say the smallest detail that matters")
+    grown = _over_probes(grown)
     tree = cKDTree(grown.ground.places)
     # the region's corners stand as the nearest probe does
     far = np.array([corner for corner in region.corners if tree.query(corner)[0] > apart]).reshape(-1, 2)
@@ -85,6 +89,18 @@ def next_poke(grown: Triangles, region: Region, *, apart: float) -> Choice:
             return Choice(middle, float(gains[k]))
     raise InputError(f"every place poked within {1e3 * apart:g} mm", "a region that is not known yet",
                      "the map is done, or allow pokes closer together")  # fmt: skip
+
+
+def _over_probes(grown: Interpolator) -> Triangles:
+    """Triangles over the probes of any interpolator on a plane."""
+    if isinstance(grown, Triangles):
+        return grown
+    ground, values = getattr(grown, "ground", None), getattr(grown, "values", None)
+    if not isinstance(ground, PlaneGround) or values is None:
+        raise InputError(f"{type(grown).__name__}, which is no map on a plane", "one on a plane",
+                         "ask for PropertyMap.interpolator(…, 'triangles') of a map on a plane")  # fmt: skip
+    noise = getattr(grown, "noise", None)
+    return Triangles(ground, values, np.zeros(len(values)) if noise is None else np.asarray(noise, dtype=float))
 
 
 def explore(

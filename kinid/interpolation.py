@@ -45,7 +45,11 @@ class Interpolator(ABC):
 
     @abstractmethod
     def at(self, queries: NDArray[Any], sd: bool = True) -> Guess:
-        """What is expected at places: (m, 2) on a plane [m], vertex numbers (m,) on a mesh."""
+        """What is expected at places: (m, 2) on a plane [m], vertex numbers (m,) on a mesh.
+
+        Raises:
+            InputError: something else than that.
+        """
 
     @property
     @abstractmethod
@@ -123,7 +127,7 @@ class Nearest(Interpolator):
         """As the nearest probe."""
         from scipy.spatial import cKDTree
 
-        q = np.asarray(queries, dtype=float).reshape(-1, 2)
+        q = on_plane(queries)
         at = cKDTree(self.ground.places).query(q)[1]
         return _guess(self.values[at], np.full(len(q), np.nan), self.ground.known(q))
 
@@ -188,7 +192,7 @@ class Biharmonic(Interpolator):
 
     def at(self, queries: NDArray[Any], sd: bool = True) -> Guess:
         """The spline; no uncertainty is stated."""
-        q = np.asarray(queries, dtype=float).reshape(-1, 2)
+        q = on_plane(queries)
         centre, scale = self._frame  # type: ignore[attr-defined]
         unit, own = (q - centre) / scale, (self.ground.places - centre) / scale
         solution: Array = self._solution  # type: ignore[attr-defined]
@@ -205,6 +209,27 @@ class Biharmonic(Interpolator):
         """In closed form: a weight over its diagonal of the inverse (Wahba 1990, § 4.2), (n,)."""
         out: Array = self._left_out  # type: ignore[attr-defined]
         return out
+
+
+def on_plane(queries: NDArray[Any]) -> Array:
+    """Places that a map on a plane can be asked about, (m, 2) [m]; one place alone may be (2,).
+
+    Raises:
+        InputError: another shape, or what is no finite number.
+    """
+    try:
+        q = np.asarray(queries, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError("places that are no numbers", "(m, 2) along the plane's tangents [m]", "correct them") from None
+    if q.size and (q.ndim > 2 or q.shape[-1] != 2):
+        raise InputError(f"places of shape {q.shape}", "(m, 2) along the plane's tangents [m]",
+                         "turn points in the base frame into them with PropertyMap.flat")  # fmt: skip
+    q = q.reshape(-1, 2)
+    bad = ~np.isfinite(q).all(axis=1)
+    if bad.any():
+        raise InputError(f"{bad.sum()} of {len(q)} places that are not finite, the first in row {int(bad.argmax())}",
+                         "finite coordinates along the plane's tangents [m]", "leave them out")  # fmt: skip
+    return q
 
 
 def _green(a: Array, b: Array) -> Array:

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError, near
-from kinid.interpolation import METHODS, Biharmonic, Guess, Interpolator, Nearest, PlaneGround
+from kinid.interpolation import METHODS, Biharmonic, Guess, Interpolator, Nearest, PlaneGround, on_plane
+from kinid.interpolation_misfit import misfit, spread_over
 from kinid.interpolation_zones import belonging, candidates, scaled
 
 Array = NDArray[np.float64]
@@ -168,9 +169,10 @@ class GaussianProcess(Interpolator):
     def at(self, queries: NDArray[Any], sd: bool = True) -> Guess:
         """Mean and standard deviation of the property itself (no probe's noise), (m,) each.
 
+        Where probes side by side deviate from the mean to one side by more than chance, that is in the standard deviation.
         Many queries are answered in single precision: the standard deviation is good to 0.1 % of the prior's there.
         """
-        q = np.asarray(queries, dtype=float).reshape(-1, 2)
+        q = on_plane(queries)
         if self.across >= 1.0:
             mean, variance = self._of_zone(q, None, sd)
         else:
@@ -179,7 +181,16 @@ class GaussianProcess(Interpolator):
         deviation = np.sqrt(variance)
         if sd and self.across >= 1.0:
             known &= deviation <= IGNORANCE * self.covariance.size
+        if sd:
+            deviation = np.hypot(deviation, spread_over(self.ground.places, self.misfit, q))
         return Guess(np.where(known, mean, np.nan), np.where(known, deviation, np.nan), known)
+
+    @cached_property
+    def misfit(self) -> Array:
+        """What the mean may be off by at each probe, as the residuals around it say, (n,)."""
+        own = _diagonal(self.noise, self.covariance)
+        # the covariance of the property times the weights is the guess, so that its diagonal times them is what is left
+        return misfit(self.ground.places, own * self.weights, np.sqrt(own), self.ground.spacing)
 
     def _mixture(self, q: Array, sd: bool) -> tuple[Array, Array]:
         """Mean and variance over the two zones that a query may lie in."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from kinid.errors import InputError, near
 from kinid.interpolation import MESH_METHODS, REACH, Guess, Interpolator, Mask
+from kinid.interpolation_misfit import misfit, spread_over
 from kinid.surface import Mesh
 
 Array = NDArray[np.float64]
@@ -42,6 +43,21 @@ class MeshGround:
     def __post_init__(self) -> None:
         if not np.isfinite(self.reach):
             object.__setattr__(self, "reach", REACH * self.spacing)
+
+    def vertices(self, queries: NDArray[Any]) -> Index:
+        """Vertex numbers that a map on this mesh can be asked about, (m,).
+
+        Raises:
+            InputError: places instead of numbers, or numbers that no vertex has.
+        """
+        q, n = np.asarray(queries), len(self.mesh.vertices)
+        if q.size == 0:
+            return np.zeros(0, dtype=np.int64)
+        if q.dtype.kind not in "iu" or q.ndim > 1 or q.min() < 0 or q.max() >= n:
+            what = f"numbers from {q.min()} to {q.max()}" if q.dtype.kind in "iu" else f"{q.dtype} of shape {q.shape}"
+            raise InputError(f"{what} asked of a map on a mesh", f"vertex numbers, whole, 0 to {n - 1}, of shape (m,)",
+                             "name the vertices nearest to the places")  # fmt: skip
+        return np.atleast_1d(q).astype(np.int64)
 
     @cached_property
     def shares(self) -> Any:
@@ -136,7 +152,7 @@ class MeshNearest(Interpolator):
     def at(self, queries: NDArray[Any], sd: bool = True) -> Guess:
         """At vertices, by their numbers (m,)."""
         probe, distance = self.ground.nearest
-        q = np.asarray(queries)
+        q = self.ground.vertices(queries)
         known: Mask = np.asarray(distance[q] <= self.ground.reach)
         return Guess(np.where(known, self.values[probe[q]], np.nan), np.full(len(q), np.nan), known)
 
@@ -249,15 +265,22 @@ class MeshProcess(Interpolator):
         told = np.einsum("ij,jk,ik->i", columns, self._inverse, columns, optimize=True)
         return mean, np.sqrt(np.maximum(prior - told, 0.0)), np.sqrt(prior)
 
+    @cached_property
+    def misfit(self) -> Array:
+        """What the mean may be off by at each probe, as the residuals around it say, (n,)."""
+        residual = self.noise**2 * (self._inverse @ (self.values - self.mean))
+        return misfit(self.ground.places, residual, self.noise, self.ground.spacing)
+
     def at(self, queries: NDArray[Any], sd: bool = True) -> Guess:
         """At vertices, by their numbers (m,)."""
-        q = np.asarray(queries)
+        q = self.ground.vertices(queries)
         known: Mask = np.asarray(self.ground.nearest[1][q] <= self.ground.reach)
         if not self.states:
             mean = self.mean + self.size**2 * self._columns[q] @ (self._inverse @ (self.values - self.mean))
             return Guess(np.where(known, mean, np.nan), np.full(len(q), np.nan), known)
         mean, deviation, prior = (part[q] for part in self._vertices)
         known &= deviation <= IGNORANCE * prior
+        deviation = np.hypot(deviation, spread_over(self.ground.places, self.misfit, self.ground.mesh.vertices[q]))
         return Guess(np.where(known, mean, np.nan), np.where(known, deviation, np.nan), known)
 
     @property

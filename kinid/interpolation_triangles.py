@@ -15,7 +15,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.interpolation import RIM, Guess, Interpolator, PlaneGround, Prior, expected
+from kinid.interpolation import RIM, Guess, Interpolator, PlaneGround, Prior, expected, on_plane
 from kinid.interpolation_zones import scaled
 
 Array = NDArray[np.float64]
@@ -112,7 +112,7 @@ class Triangles(Interpolator):
 
     def at(self, queries: NDArray[Any], sd: bool = True) -> Guess:
         """Linear in its triangle, on the scale that is interpolated."""
-        q = np.asarray(queries, dtype=float).reshape(-1, 2)
+        q = on_plane(queries)
         mean, variance = self.between(q)
         if self.logarithmic:
             mean = np.exp(mean)

@@ -25,6 +25,10 @@ from kinid.writers import replacing
 Array = NDArray[np.float64]
 
 VERSION = 1
+#: of entries of a covariance, relative
+TOLERANCE = 1e-6
+#: standard errors to either side that hold 95 %
+WITHIN = 1.96
 
 
 @dataclass(frozen=True)
@@ -83,9 +87,23 @@ class PropertyMap:
             raise InputError(f"a probe with values {np.shape(probe.values)} and covariance {np.shape(probe.covariance)}",
                              f"({p},) and ({p}, {p}) for {', '.join(q.name for q in self.properties)}",
                              "map logs of one kind together")  # fmt: skip
+        for item, value, variance in zip(self.properties, probe.values, np.diag(probe.covariance)):
+            _check_estimate(item, float(value), float(variance), probe.source)
+        told = np.isfinite(np.diag(probe.covariance))
+        cov, sd = np.asarray(probe.covariance)[np.ix_(told, told)], np.sqrt(np.diag(probe.covariance)[told])
+        most = np.outer(sd, sd)  # of each entry; rounding is relative to it
+        bounded, symmetric = np.abs(cov) <= (1 + TOLERANCE) * most, np.abs(cov - cov.T) <= TOLERANCE * most
+        if not (bounded.all() and symmetric.all()):
+            raise InputError(f"a covariance that is none{_of(probe.source)}",
+                             "a finite, symmetric one with correlations within ±1", "leave the probe out")  # fmt: skip
 
     def added(self, *probes: Probe) -> PropertyMap:
-        """The map with more probes."""
+        """The map with more probes.
+
+        Raises:
+            InputError: no finite place; values that are no numbers though they are told; a covariance that is none; a stiffness
+                that is surely negative.
+        """
         for probe in probes:
             self._check(probe)
         made = object.__new__(PropertyMap)  # the others were checked when they came
@@ -256,6 +274,27 @@ class PropertyMap:
         """The map without the probes of some sources."""
         gone = set(sources)
         return replace(self, probes=tuple(p for p in self.probes if p.source not in gone))
+
+
+def _check_estimate(item: Property, value: float, variance: float, source: str) -> None:
+    """Refuse what is no estimate; one whose variance is infinite is left open, and its value says nothing."""
+    if not variance >= 0.0:
+        raise InputError(f"{item.name} with variance {variance}{_of(source)}", "0 or more, infinite where it is left open",
+                         "leave the probe out")  # fmt: skip
+    if not np.isfinite(variance):
+        return
+    if not np.isfinite(value):
+        raise InputError(f"{item.name} {value}{_of(source)}", "a finite value, or an infinite variance where it is left open",
+                         "leave the probe out")  # fmt: skip
+    half = WITHIN * np.sqrt(variance)
+    if item.name.rsplit(".", 1)[-1] == "stiffness" and value + half < 0.0:
+        raise InputError(f"a stiffness of {value:.4g} ± {half:.2g} {item.unit}{_of(source)}",
+                         "one whose interval reaches positive values",
+                         "check the surface's normal and the sign of the force")  # fmt: skip
+
+
+def _of(source: str) -> str:
+    return f" of the probe {source}" if source else ""
 
 
 def is_map(path: Path) -> bool:

@@ -220,14 +220,13 @@ def build(
             continue
         try:
             properties, probes = prober.probes(path)
+            empty = PropertyMap(prober.surface, properties, (), prober.name) if grown is None else grown
+            grown = empty.added(*probes)
         except KinidError as error:
             if skipped is None:
                 raise
             skipped(path, str(error))
             continue
-        if grown is None:
-            grown = PropertyMap(prober.surface, properties, (), prober.name)
-        grown = grown.added(*probes)
         yield grown
 
 

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from kinid import viewer_scene as scenes
-from kinid.errors import InputError, KinidError
+from kinid.errors import InputError, KinidError, near
+from kinid.model import Model
 from kinid.property_map import PropertyMap, is_map
 from kinid.property_probes import Prober, build, logs_in
 from kinid.reading import read
@@ -42,6 +43,7 @@ class View:
         self._shown_log: Path | None = None
         self._bad: set[str] = set()
         self._kind = "folder" if self.target.is_dir() else "map" if is_map(self.target) else "log"
+        self._check_options()
         self._rig: Rig | None = None
         self._robot: Robot | None = None
         self._prober: Prober | None = None
@@ -53,8 +55,36 @@ class View:
             self._robot = Robot.load(self._rig)
         if self._kind == "folder":
             assert self._rig is not None
-            self._prober = Prober.of(self._rig, self.model.split(",") if self.model else None)
+            self._prober = Prober.of(self._rig, self._effects)
         self._update()
+
+    @property
+    def _effects(self) -> list[str] | None:
+        return None if self.model is None else [part.strip() for part in self.model.split(",") if part.strip()]
+
+    def _check_options(self) -> None:
+        """Refuse what says nothing about the target, and effects that nobody knows."""
+        if self._kind == "map" and self.model is not None:
+            raise InputError(f"--model {self.model} for a map, which is fitted already", "a log or a folder of logs",
+                             "leave --model out, or map the logs anew with kinid map --model")  # fmt: skip
+        if self._kind == "log" and self.shown is not None:
+            raise InputError(f"--property {self.shown} for a log, which has no properties", "a map or a folder of logs",
+                             "leave --property out, or map the log with kinid map")  # fmt: skip
+        if self.model is not None:
+            effects = self._effects
+            if not effects:
+                raise InputError(
+                    "--model without an effect", "names of effects, separated by commas", "name one, as kelvin-voigt"
+                )
+            Model(*effects)
+
+    def _check_shown(self) -> None:
+        """Refuse a property that the map doesn't hold; before the first probe of a campaign that isn't known."""
+        if self.shown is None or self._map is None or not len(self._map):
+            return
+        layers = scenes.layers_of(self._map)
+        if self.shown not in layers:
+            raise InputError(f"property '{self.shown}'", f"one of {', '.join(layers)}", near(self.shown, layers))
 
     @property
     def live(self) -> bool:
@@ -131,6 +161,7 @@ class View:
             self._stamp = stamp
             if self._kind == "map":
                 self._map = PropertyMap.read(self.target)
+                self._check_shown()
             return True
         if self._kind == "folder":
             assert self._prober is not None
@@ -141,6 +172,7 @@ class View:
             fresh = [path for path in todo if str(path) not in known][:25]
             for grown in build(fresh, self._prober, self._map, lambda path, _: self._bad.add(str(path))):
                 self._map = grown
+            self._check_shown()
             return (0 if self._map is None else len(self._map)) > before
         return False
 

@@ -31,6 +31,8 @@ ARROW = 0.16
 VIRIDIS = np.array([[68, 1, 84], [68, 57, 131], [49, 104, 142], [33, 145, 140], [53, 183, 121], [144, 215, 67], [253, 231, 37]])
 INFERNO = np.array([[0, 0, 4], [51, 10, 95], [120, 28, 109], [188, 55, 84], [237, 105, 37], [251, 180, 26], [252, 255, 164]])
 UNKNOWN = (214, 217, 222, 255)
+#: layer that shows where the model fails
+FAILS = "model fails"
 #: opacity where a value is sure, and where its deviation is as large as the values' spread
 SURE, UNSURE = 1.0, 0.25
 
@@ -73,7 +75,7 @@ def map_scene(
         near = cKDTree(grown.places[told]).query(vertices)[1]
         known = grown.interpolator(grown.properties[0].name, "nearest").at(queries).known
         field = np.where(known, np.log10(np.maximum(misfit[told][near], 1.0)), np.nan)
-        layer = _layer("model fails", "residual / noise", field, 0.0, 1.5, INFERNO, np.zeros(len(field)), False)
+        layer = _layer(FAILS, "residual / noise", field, 0.0, 1.5, INFERNO, np.zeros(len(field)), False)
         layers.append(layer | {"low": "1", "high": "30"})
     out: dict[str, Any] = {
         "vertices": len(vertices), "layers": layers, "shown": shown or layers[0]["name"], "probes": packed(grown.places, "<f4"),
@@ -82,6 +84,12 @@ def map_scene(
     if shape:
         out |= {"positions": packed(vertices, "<f4"), "faces": packed(faces, "<u4")}
     return out
+
+
+def layers_of(grown: PropertyMap) -> list[str]:
+    """Names of what a map can be coloured by: the properties that some probe tells, and where the model fails."""
+    told = [item.name for item in grown.properties if np.isfinite(grown.values(item.name)).any()]
+    return [*told, FAILS] if np.isfinite(grown.misfit).any() else told
 
 
 def robot_scene(rig: Rig, robot: Robot) -> dict[str, Any]:

@@ -1,8 +1,9 @@
 """A property map for other programs: MuJoCo XML, SDF for Gazebo, and glTF with PNG and JSON for game engines.
 
 The surface becomes patches (squares of a plane, or one for each face of a mesh), each with stiffness, damping and friction.
-A body that touches several patches at once feels them all: make them wider than the tip. Physics engines have their own
-notion of softness, so that what is written says how it was converted:
+A body that touches several patches at once feels them all: make them wider than the tip (`cells_of`); `map.json` says up to
+which radius a tip on the middle of a patch feels that patch alone. Physics engines have their own notion of softness, so that
+what is written says how it was converted:
 
 - MuJoCo: `solref = (−stiffness, −damping)`, its direct form, per unit of the contact's effective mass, which the file
   states. A contact's acceleration there is d (k r − b v) + (1 − d) g with the impedance d; a small d makes it the map's
@@ -42,6 +43,8 @@ IMPEDANCE = 0.02
 THICK = 0.02
 #: a mesh of more faces is too many patches for an engine
 MOST_FACES = 5000
+#: along the longer side of a plane, unless the user says more
+CELLS = 20
 #: property names that become stiffness, damping and friction
 ROLES = ("stiffness", "damping", "friction")
 FRICTION = 0.5  # where the map holds none; written into the file as assumed
@@ -71,7 +74,7 @@ class Patches:
         return THICK if self.shape != (0, 0) else min(THICK, 2.0 * float(np.median(self.half)))
 
 
-def patches(grown: PropertyMap, cells: int = 20, method: str = "gp") -> Patches:
+def patches(grown: PropertyMap, cells: int = CELLS, method: str = "gp") -> Patches:
     """Patches of what a map knows; unknown places get none. On a mesh one stands for each face, of its area.
 
     Raises:
@@ -100,6 +103,27 @@ def patches(grown: PropertyMap, cells: int = 20, method: str = "gp") -> Patches:
     return Patches(grown.raised(flat), np.tile(grown.surface.axes, (len(rows), 1, 1)), np.tile(half, (len(rows), 1)),
                    np.column_stack([f[rows, columns] for f in fields]), np.column_stack([rows, columns]),
                    (len(ticks[0]), len(ticks[1])), assumed)  # fmt: skip
+
+
+def cells_of(grown: PropertyMap, cell: float) -> int:
+    """Cells along the longer side of a map on a plane for patches no smaller than `cell` [m].
+
+    Raises:
+        InputError: a mesh, whose patches are its faces; a size that is none, or that leaves fewer than two patches.
+    """
+    if isinstance(grown.surface, Mesh):
+        raise InputError(f"patches of {cell} m on a mesh", "a plane; a mesh has a patch for each of its faces",
+                         "leave the size out, or remesh the surface")  # fmt: skip
+    ticks = grown.grid(2)
+    side = max(float(np.ptp(t)) for t in ticks)
+    if not (np.isfinite(cell) and 0 < cell <= 0.5 * side):
+        raise InputError(f"patches of {cell} m", f"more than 0, up to half the map's longer side, {0.5 * side:.3g} m",
+                         "correct it, or map more of the surface")  # fmt: skip
+    # the shorter side is cut into a whole number of cells too, which may be smaller: one less along the longer side mends it
+    for count in range(int(side / cell + 1e-9), 1, -1):
+        if min(float(np.min(np.diff(t))) for t in grown.grid(count)) >= cell * (1 - 1e-9):
+            return count
+    return 2
 
 
 def _of_faces(grown: PropertyMap, mesh: Mesh, told: list[bool], assumed: tuple[str, ...], method: str) -> Patches:
@@ -241,7 +265,7 @@ def to_png(field: Array, low: float, high: float) -> bytes:
     )
 
 
-def export(grown: PropertyMap, folder: Path, cells: int = 20, method: str = "gp") -> list[Path]:
+def export(grown: PropertyMap, folder: Path, cells: int = CELLS, method: str = "gp") -> list[Path]:
     """All of them, into a folder: map.xml, map.sdf, map.glb, map.json, and on a plane a PNG a property; the paths.
 
     On a mesh the JSON holds the numbers by face.
@@ -256,6 +280,9 @@ def export(grown: PropertyMap, folder: Path, cells: int = 20, method: str = "gp"
     write_text(out[1], to_sdf(made))
     _write_bytes(out[2], to_gltf(made))
     about: dict[str, Any] = {"assumed": {role: FRICTION if role == "friction" else 0.0 for role in made.assumed}}
+    about["alone"] = {"tip_radius": float(made.half.min()), "unit": "m",
+                      "means": "a tip up to this radius, on the middle of a patch, feels that patch alone; a wider one feels "
+                               "several, and their stiffnesses add up"}  # fmt: skip
     roles = {k: role for k, role in enumerate(ROLES) if role not in made.assumed}
     units = {role: grown.properties[grown.index(role)].unit for role in roles.values()}
     if isinstance(grown.surface, Mesh):

@@ -34,6 +34,9 @@ def map_(
     export: Annotated[
         Path | None, typer.Option(help="Folder for MuJoCo XML, SDF, glTF, and PNG with JSON, with properties per patch.")
     ] = None,
+    cell: Annotated[
+        float | None, typer.Option(help="Patches of the export are no smaller than this [m]: twice the tip's radius, or more.")
+    ] = None,
     method: Annotated[
         str, typer.Option(help="Between the probes, in plot and export: gp, triangles, biharmonic or nearest.")
     ] = "gp",
@@ -50,12 +53,16 @@ def map_(
     from kinid.property_map import PropertyMap
     from kinid.property_probes import Prober, build, expected, logs_in
     from kinid.rig import Rig
+    from kinid.surface import Mesh
     from kinid.writers import check_outputs, write_text
 
     if method not in METHODS:
         raise InputError(f"--method {method}", f"one of {', '.join(METHODS)}", "choose one of them")
     if not 0 <= follow < 1e6:
         raise InputError(f"--follow {follow}", "seconds, 0 or more", "correct it")
+    if cell is not None and (export is None or not 0 < cell < 1e3):
+        raise InputError(f"--cell {cell}{' without --export' if export is None else ''}", "the size of the export's patches [m]",
+                         "name a folder with --export" if export is None else "correct it")  # fmt: skip
     if out.suffix.lower() != ".parquet":
         raise InputError(f"map '{out.name}'", "a name ending in .parquet", "rename it")
     found = logs_in(logs)
@@ -63,6 +70,8 @@ def map_(
     rig_file = rig or first / "rig.toml"
     check_outputs((out, plot), (rig_file, *found))
     prober = Prober.of(Rig.load(rig_file), [part.strip() for part in model.split(",") if part.strip()], along)
+    if cell is not None and isinstance(prober.surface, Mesh):
+        raise InputError(f"--cell {cell} for a mesh", "a plane; a mesh has a patch for each of its faces", "leave --cell out")
     start = PropertyMap.read(out) if out.is_file() and not anew else None
     grown, skipped, last = start, dict[str, str](), 0.0
     quiet_since = time.monotonic()
@@ -93,12 +102,21 @@ def map_(
     _show(grown, len(grown) - (len(start) if start is not None else 0), skipped)
     worlds: list[Path] = []
     if export is not None:
+        from kinid.worlds import CELLS, FRICTION, cells_of
         from kinid.worlds import export as to_worlds
 
-        worlds = to_worlds(grown, export, method=method)
+        worlds = to_worlds(grown, export, CELLS if cell is None else cells_of(grown, cell), method)
+        if not _tells(grown, "friction"):
+            typer.echo(f"assumed friction {FRICTION} in {export}: the map holds none")
     from kinid.cli.show import written
 
     written([path for path in (out, plot, *worlds) if path is not None])
+
+
+def _tells(grown: PropertyMap, name: str) -> bool:
+    import numpy as np
+
+    return name in [p.name for p in grown.properties] and bool(np.isfinite(grown.values(name)).any())
 
 
 def _show(grown: PropertyMap, fresh: int, skipped: dict[str, str]) -> None:

@@ -11,7 +11,8 @@ import kinid
 from kinid.errors import InputError
 from kinid.exploration import Region, explore, next_poke, pokes_after_slides
 from kinid.exploration_slide import SlidePath, by_slope, changes, paths
-from kinid.interpolation import PlaneGround
+from kinid.interpolation import METHODS, PlaneGround
+from kinid.interpolation_gp import interpolator
 from kinid.interpolation_triangles import Triangles
 
 
@@ -170,6 +171,29 @@ def test_the_next_poke_halves_the_widest_open_border():
     assert next_poke(grown, REGION, apart=4e-3).place[0] == pytest.approx(0.03)
     with pytest.raises(InputError, match="every place poked"):
         next_poke(grown, REGION, apart=0.05)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_any_map_on_a_plane_says_where_to_poke_next(method):
+    ticks = np.linspace(-0.045, 0.045, 4)
+    places = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), -1).reshape(-1, 2)
+    grown = interpolator(method, PlaneGround(places), np.where(places[:, 0] < 0.02, 500.0, 1000.0), np.full(16, 1.0))
+    assert next_poke(grown, REGION, apart=4e-3).place[0] == pytest.approx(0.03)
+    with pytest.raises(InputError, match="a positive distance"):
+        next_poke(grown, REGION, apart=float("nan"))
+
+
+def test_a_map_on_a_mesh_has_no_next_poke():
+    import trimesh
+
+    from kinid.interpolation_mesh import MeshGround, on_mesh
+    from kinid.surface import Mesh
+
+    ball = trimesh.creation.icosphere(subdivisions=1, radius=0.05)
+    mesh = Mesh(np.asarray(ball.vertices), np.asarray(ball.faces))
+    grown = on_mesh("nearest", MeshGround(mesh, mesh.vertices[:5]), np.ones(5))
+    with pytest.raises(InputError, match="'triangles'"):
+        next_poke(grown, REGION, apart=4e-3)
 
 
 def test_exploring_ends_with_its_count():

@@ -223,3 +223,52 @@ def test_triangles_meet_their_probes_and_are_exact_on_a_plane():
     for count in (1, 2, 3):
         few = interpolator("triangles", PlaneGround(places[:count], reach=1.0), values[:count], np.full(count, 1e-6))
         assert np.allclose(few.at(places[:count]).mean, values[:count])
+
+
+def stubborn(agree: bool):
+    """A grid of sure probes about 2400, in whose corner 3 × 3 say 1700 ± 450, or as much above as below."""
+    ticks = 0.01 * np.arange(7)
+    places = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), -1).reshape(-1, 2)
+    rng = np.random.default_rng(4)
+    values, noise = 2400.0 + rng.normal(scale=5.0, size=49), np.full(49, 5.0)
+    corner = (places >= 0.035).all(axis=1)
+    sign = np.ones(9) if agree else np.array([1, -1, 1, -1, 1, -1, 1, -1, 0])
+    values[corner] = 2400.0 - 700.0 * sign
+    noise[corner] = 450.0
+    return places, values, noise, corner
+
+
+def test_where_probes_agree_against_the_surface_it_is_not_sure():
+    places, values, noise, corner = stubborn(True)
+    guess = GaussianProcess.fit(PlaneGround(places), values, noise).at(places)
+    away = np.abs(guess.mean - values)
+    assert (guess.sd[corner] >= 0.5 * away[corner]).all()
+    # those who agree with the surface know their places as before
+    assert (guess.sd[~corner] < 10.0).all()
+
+
+def test_errors_to_both_sides_are_chance():
+    places, values, noise, corner = stubborn(False)
+    process = GaussianProcess.fit(PlaneGround(places), values, noise)
+    assert not process.misfit[corner].any()
+    assert (process.at(places[corner]).sd < 0.5 * 450.0).all()
+
+
+def test_chance_alone_is_seldom_taken_for_disagreement(smooth):
+    places, values, noise, _, _ = smooth
+    process = GaussianProcess.fit(PlaneGround(places), values, noise)
+    # the process takes up what neighbours share, so that fewer stay beyond two standard errors than the 5 % of white noise,
+    # each of them with its neighbours
+    assert np.mean(process.misfit > 0) < 0.2
+    own = np.sqrt(noise**2 + process.covariance.nugget**2)
+    assert np.max(process.misfit / own) < 2.5
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("query", [[[np.nan, 0.0]], [[np.inf, 0.0]], [[0.0, 0.0, 0.0]], [["here", "there"]]])
+def test_places_that_are_none_are_refused(method, query):
+    ground = PlaneGround(np.random.default_rng(0).uniform(0, 0.1, (12, 2)))
+    between = interpolator(method, ground, np.arange(12.0) + 1.0, np.ones(12))
+    with pytest.raises(InputError, match=r"along the plane's tangents \[m\]"):
+        between.at(query)
+    assert len(between.at(np.zeros((0, 2))).mean) == 0

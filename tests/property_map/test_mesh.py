@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from kinid.errors import InputError
 from kinid.interpolation_mesh import MeshGround, on_mesh, shares
 from kinid.surface import Mesh
 
@@ -70,3 +71,25 @@ def test_places_are_mixtures_of_corners(ball):
     parts = rng.dirichlet(np.ones(3), size=20)
     places = np.einsum("ni,nij->nj", parts, ball.vertices[ball.faces[picked]])
     assert np.allclose(shares(ball, places) @ ball.vertices, places, atol=1e-9)
+
+
+@pytest.mark.parametrize("method", ["gp", "biharmonic", "nearest"])
+def test_a_mesh_is_asked_by_vertices(ball, method):
+    places = ball.vertices[::20]
+    between = on_mesh(method, MeshGround(ball, places), places[:, 2], np.full(len(places), 1e-3))
+    for query in (ball.vertices[:3], [0.5], [np.nan], [-1], [len(ball.vertices)], ["first"]):
+        with pytest.raises(InputError, match=f"vertex numbers, whole, 0 to {len(ball.vertices) - 1}"):
+            between.at(query)
+    assert between.at([0, 20]).mean.shape == (2,)
+
+
+def test_where_probes_agree_against_the_surface_it_is_not_sure(ball):
+    """Probes about the pole say 700 less, each with an error that alone would excuse it."""
+    v = ball.vertices[::3]
+    values, noise = 2400.0 + np.random.default_rng(0).normal(scale=5.0, size=len(v)), np.full(len(v), 5.0)
+    pole = v[:, 2] > 0.043
+    values[pole], noise[pole] = 1700.0, 450.0
+    assert pole.sum() >= 5
+    guess = on_mesh("gp", MeshGround(ball, v), values, noise).at(np.arange(0, len(ball.vertices), 3))
+    assert (guess.sd[pole] >= 0.5 * np.abs(guess.mean - values)[pole]).all()
+    assert np.median(guess.sd[~pole]) < 20.0

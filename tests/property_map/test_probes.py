@@ -82,13 +82,19 @@ def test_the_command(small, tmp_path):
         str(tmp_path / "map.html"),
         "--method",
         "nearest",
+        "--cell",
+        "0.02",
     ]
     done = subprocess.run(call, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
     assert "4 probes with kelvin-voigt" in done.stdout
     assert "at 1 of 4 places the model leaves more than 3 times the noise" in done.stdout
     assert len(PropertyMap.read(out)) == 4
-    assert json.loads((worlds / "map.json").read_text(encoding="utf-8"))["properties"]["stiffness"]["unit"] == "N/m"
+    about = json.loads((worlds / "map.json").read_text(encoding="utf-8"))
+    assert about["properties"]["stiffness"]["unit"] == "N/m"
+    assert min(about["cell"]) >= 0.02 - 1e-9
+    assert about["alone"]["tip_radius"] == pytest.approx(0.5 * min(about["cell"]))
+    assert "assumed friction 0.5" in done.stdout
     assert "plotly" in (tmp_path / "map.html").read_text(encoding="utf-8")
     wrong = subprocess.run(
         [*call[:4], str(tmp_path / "absent"), "-o", str(out)], capture_output=True, text=True, timeout=60, check=False

@@ -97,3 +97,41 @@ def test_nonsense_is_refused(tmp_path):
     assert not is_map(tmp_path / "no.parquet")
     with pytest.raises(InputError, match="ending in .parquet"):
         PropertyMap(plane, PROPERTIES).write(tmp_path / "m.csv")
+
+
+def stored(values, covariance, place=(0.5, 0.0, 0.0)):
+    plane = Plane(np.array([0.5, 0.0, 0.0]), AXES)
+    probe = Probe(np.array(place), np.array(values, dtype=float), np.array(covariance, dtype=float), source="poke_9")
+    return PropertyMap(plane, PROPERTIES).added(probe)
+
+
+@pytest.mark.parametrize(
+    ("values", "covariance", "found"),
+    [
+        ([np.nan, 7], np.eye(2), "stiffness nan of the probe poke_9"),
+        ([np.inf, 7], np.eye(2), "stiffness inf"),
+        ([500, 7], [[-1, 0], [0, 1]], "stiffness with variance -1"),
+        ([500, 7], [[1, 0], [0, np.nan]], "damping with variance nan"),
+        ([500, 7], [[1, 0.5], [0.2, 1]], "a covariance that is none"),
+        ([500, 7], [[1, 2], [2, 1]], "a covariance that is none"),
+        ([500, 7], [[1, np.nan], [np.nan, 1]], "a covariance that is none"),
+        ([-500, 7], np.diag([100.0, 1]), "a stiffness of -500"),
+    ],
+)
+def test_what_is_no_estimate_is_not_stored(values, covariance, found):
+    with pytest.raises(InputError, match=found):
+        stored(values, covariance)
+
+
+def test_a_place_that_is_none_is_not_stored():
+    with pytest.raises(InputError, match="three finite coordinates"):
+        stored([500, 7], np.eye(2), (np.nan, 0, 0))
+
+
+def test_what_is_open_or_may_be_positive_is_stored():
+    assert len(stored([-10, 7], np.diag([100.0, 1]))) == 1
+    left_open = stored([np.nan, 7], [[np.inf, np.nan], [np.nan, 1]])
+    assert np.isnan(left_open.values("stiffness")[0])
+    assert left_open.values("damping")[0] == 7
+    # rounding is no asymmetry
+    assert len(stored([500, 7], [[4, 1], [1 + 1e-9, 1]])) == 1

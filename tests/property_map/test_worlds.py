@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 import trimesh
 
+from kinid.errors import InputError
 from kinid.property_map import Probe, Property, PropertyMap
 from kinid.surface import Mesh, Plane
-from kinid.worlds import IMPEDANCE, export, patches, to_mujoco
+from kinid.worlds import IMPEDANCE, cells_of, export, patches, to_mujoco
 
 # a surface that stands upright: x is its normal
 AXES = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
@@ -66,6 +67,24 @@ def test_a_weight_in_mujoco_sinks_as_deep_as_the_stiffness_says():
     depth = z + 0.01 - data.xpos[-1, 2]
     # the solver's own tolerance
     assert depth == pytest.approx(2.0 / cells.values[i, 0], rel=0.01)
+
+
+@pytest.mark.parametrize("cell", [0.004, 0.011, 0.02, 0.03])
+def test_patches_are_as_wide_as_asked(cell):
+    cells = patches(made(), cells_of(made(), cell))
+    assert 2 * cells.half.min() >= cell * (1 - 1e-6)
+    assert 2 * cells.half.min() < 2 * cell
+
+
+def test_patches_without_a_size_are_refused():
+    for cell in (0.0, -1.0, float("nan"), 1.0):
+        with pytest.raises(InputError, match="half the map's longer side"):
+            cells_of(made(), cell)
+    ball = trimesh.creation.icosphere(subdivisions=1, radius=0.05)
+    mesh = Mesh(np.asarray(ball.vertices), np.asarray(ball.faces))
+    probe = Probe(mesh.vertices[0], np.array([1000.0]), np.eye(1))
+    with pytest.raises(InputError, match="on a mesh"):
+        cells_of(PropertyMap(mesh, (Property("stiffness", "N/m"),), (probe,)), 0.01)
 
 
 def test_sdf_holds_the_same_numbers(exported):

@@ -8,6 +8,7 @@ import re
 import shutil
 import socket
 import subprocess
+import sys
 import threading
 import urllib.error
 import urllib.request
@@ -105,6 +106,47 @@ def test_a_file_name_can_not_run_as_script(grown, tmp_path):
 def test_what_is_not_there_is_said(tmp_path):
     with pytest.raises(InputError, match="nothing at"):
         View(tmp_path / "absent.parquet")
+
+
+def test_options_that_say_nothing_about_a_map_are_refused(grown, tmp_path):
+    path = tmp_path / "map.parquet"
+    grown.write(path)
+    with pytest.raises(InputError, match="property 'colour'; expected one of stiffness, model fails"):
+        View(path, shown="colour")
+    with pytest.raises(InputError, match="for a map, which is fitted already"):
+        View(path, model="hooke")
+    assert View(path, shown="model fails").scene()["map"]["shown"] == "model fails"
+
+
+def test_a_property_that_no_probe_tells_is_no_colour(grown, tmp_path):
+    both = (*grown.properties, Property("damping", "N·s/m"))
+    probes = tuple(Probe(p.place, np.array([p.values[0], 0.0]), np.diag([100.0, np.inf])) for p in grown.probes)
+    PropertyMap(grown.surface, both, probes, "kelvin-voigt").write(tmp_path / "open.parquet")
+    with pytest.raises(InputError, match="property 'damping'; expected one of stiffness;"):
+        View(tmp_path / "open.parquet", shown="damping")
+
+
+def test_options_that_say_nothing_about_a_log_are_refused(tmp_path):
+    log = tmp_path / "log.csv"
+    log.write_text("t,q1\n0,0\n", encoding="utf-8")
+    with pytest.raises(InputError, match="for a log, which has no properties"):
+        View(log, shown="stiffness")
+    with pytest.raises(InputError, match="effect 'foo'"):
+        View(log, model="kelvin-voigt,foo")
+    with pytest.raises(InputError, match="without an effect"):
+        View(log, model=" , ")
+
+
+def test_the_command_ends_with_one_line_and_writes_nothing(grown, tmp_path):
+    path, page_ = tmp_path / "map.parquet", tmp_path / "x.html"
+    grown.write(path)
+    for option in (["--property", "colour"], ["--model", "foo"]):
+        call = [sys.executable, "-c", "from kinid.cli import main; main()", "view", str(path), *option, "--record", str(page_)]
+        done = subprocess.run(call, capture_output=True, text=True, timeout=120, check=False)
+        assert done.returncode == 2
+        assert "Traceback" not in done.stderr
+        assert len(done.stderr.strip().splitlines()) == 1
+    assert not page_.exists()
 
 
 PROBE = """

@@ -1,0 +1,63 @@
+"""Where a smooth surface and its probes disagree: what residuals of one sign, side by side, say a guess may be off by.
+
+A probe that states a large error (a contact law that fails there, say) hardly pulls a Gaussian process: its sure neighbours
+decide, and the process is as sure as they are. That is right for one such probe, whose error may be chance. Where several
+beside each other deviate to one side by more than chance, the surface is another one there, and a guess must say so.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: probes within so many spacings are neighbours: in a grid, all eight around one
+NEAR = 1.5
+#: neighbours whose error is this share of a probe's own, or more, bear witness; sure ones say nothing about it
+ALIKE = 1.0 / 3.0
+#: pooled residual over its standard error beyond which neighbours disagree by more than chance
+LIMIT = 2.0
+#: so many probes around a place share in what it may be off by
+AROUND = 4
+#: among such neighbours the value of a probe is so many standard deviations from a guess at most
+PLAUSIBLE = 2.0
+
+
+def misfit(places: Array, residual: Array, error: Array, spacing: float) -> Array:
+    """What a guess may be off by at each probe, (n,); 0 where residuals are as small, or as mixed in sign, as chance has it.
+
+    The mean of the residuals of a probe and its neighbours with alike errors, weighed by these. The witnesses are chosen by
+    their errors and not by their residuals, so that their sum is as surely chance as it looks.
+
+    Args:
+        places: of probes [m], (n, 2) or (n, 3). residual: value less the guess, (n,). error: standard error of each, (n,).
+        spacing: typical distance between neighbours [m].
+    """
+    from scipy.spatial import cKDTree
+
+    out = np.zeros(len(places))
+    error = np.maximum(error, 1e-300)
+    trust = 1.0 / error**2
+    for i, around in enumerate(cKDTree(places).query_ball_point(places, NEAR * spacing)):
+        alike = np.array(around)[error[around] >= ALIKE * error[i]]
+        pooled = abs(np.sum(residual[alike] / error[alike])) / np.sqrt(len(alike))
+        if len(alike) > 1 and pooled > LIMIT:
+            mean = float(np.average(residual[alike], weights=trust[alike]))
+            out[i] = max(out[i], abs(mean))
+            same = alike[residual[alike] * mean > 0]
+            out[same] = np.maximum(out[same], np.abs(residual[same]) / PLAUSIBLE)
+    return out
+
+
+def spread_over(places: Array, off: Array, queries: Array) -> Array:
+    """The same between the probes, (m,): of the nearest ones, weighed by the inverse square of their distance (Shepard)."""
+    from scipy.spatial import cKDTree
+
+    if not off.any():
+        return np.zeros(len(queries))
+    count = min(AROUND, len(places))
+    distance, at = cKDTree(places).query(queries, k=count)
+    distance, at = distance.reshape(-1, count), at.reshape(-1, count)
+    weight = 1.0 / (distance**2 + 1e-12 * float(np.ptp(places, axis=0).max()) ** 2 + 1e-300)
+    return np.asarray(np.sqrt(np.sum(weight * off[at] ** 2, axis=1) / weight.sum(axis=1)))
