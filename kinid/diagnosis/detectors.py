@@ -17,6 +17,7 @@ from kinid.diagnosis.noise import period_of
 from kinid.diagnosis.problem import RATE
 from kinid.effects import Effect
 from kinid.effects.mains_hum import GRIDS, OFF, MainsHum
+from kinid.effects.saturation import FLAT
 from kinid.experiment import Experiment
 
 Array = NDArray[np.float64]
@@ -92,6 +93,8 @@ def _saturation(experiment: Experiment, motion: Array | None) -> tuple[Mark | No
     # unless the model expects more than another step there
     alive = np.array([len(np.unique(channel[:5000])) > 20 for channel in raw])
     coarse = steps[0] > SHARED * _raw_noise(experiment)
+    # the end of a range holds a reading for a while; single samples meet at a largest value by chance
+    alive &= np.array([_held(flags) >= FLAT for flags in clipped])
     expected = None if motion is None else experiment.as_read(motion)
     if expected is not None:
         beyond = (np.abs(expected) > limits[:, None] + steps[0][:, None]) & clipped
@@ -122,6 +125,13 @@ def _saturation(experiment: Experiment, motion: Array | None) -> tuple[Mark | No
     # flat tops have no noise: a channel's own shows beside them
     noise = np.maximum(experiment.noise, [force_noise(channel[valid]) for channel in experiment.measured])
     return mark, dataclasses.replace(experiment, measured=measured, valid=valid, noise=noise)
+
+
+def _held(flags: NDArray[np.bool_]) -> int:
+    """Samples that stand in rows of three or more, of flags (n,)."""
+    edges = np.flatnonzero(np.diff(np.r_[0, flags.astype(np.int8), 0]))
+    rows = edges[1::2] - edges[::2]
+    return int(rows[rows >= 3].sum())
 
 
 def _raw_noise(experiment: Experiment) -> Array:

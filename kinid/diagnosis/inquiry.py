@@ -83,6 +83,12 @@ def diagnose(
         InputError: a log too short to hold any of it out, an unknown name, an effect that the model has already, or data that
             can't carry the model.
     """
+    if not isinstance(data, Fit | ContactSeries | Log):
+        raise InputError(f"{type(data).__name__} to diagnose", "a fit, contact-frame quantities, or a log with its rig",
+                         "read it with kinid.read(path, rig)")  # fmt: skip
+    if model is not None and not isinstance(model, Model):
+        raise InputError(f"a model that is a {type(model).__name__}", "a kinid.Model",
+                         "pass model=kinid.Model('kelvin-voigt', …)")  # fmt: skip
     if isinstance(data, Fit):
         model, experiment = data.model, widest(data.experiment, data.model)
         known = {name: p.value for name, p in data.parameters.items()}

@@ -65,10 +65,11 @@ def fitted(state: State, stated: bool = True) -> dict[str, FittedParameter]:
     low, high = told.values - Z95 * error, told.values + Z95 * error
     parameters = state.model.parameters(state.problem.experiment.layout)
     for i, sign, width in _pinned(told):
-        if sign > 0:
-            high[i] = low[i] + width
-        else:
-            low[i] = high[i] - width
+        wide = max(width, Z95 * error[i]) if np.isfinite(error[i]) else width
+        low[i], high[i] = (told.values[i], told.values[i] + wide) if sign > 0 else (told.values[i] - wide, told.values[i])
+    least, greatest = bounds(state.model, state.problem)
+    low = np.where(np.isfinite(low), np.maximum(low, least), low)
+    high = np.where(np.isfinite(high), np.minimum(high, greatest), high)
     return {name: FittedParameter(name, float(v), float(lo), float(hi), p.unit)
             for (name, p), v, lo, hi in zip(parameters.items(), told.values, low, high)}  # fmt: skip
 

@@ -357,7 +357,7 @@ def _defend(first: State, state: State, added: list[str], forced: Sequence[str],
         if name not in added:
             continue
         less = _without(state, name)
-        if not weigh(less, state).sure:
+        if _vanished(state, name) or not weigh(less, state).sure:
             added = [n for n in added if n in less.model]
             state = less
             continue
@@ -375,6 +375,20 @@ def _displaces(other: Tried, state: State, mine: Evidence) -> bool:
     if len(other.state.values) < len(state.values) and _alike(other, state, mine):
         return True
     return other.evidence.value > mine.value + ALIKE and other.state.rms < state.rms
+
+
+def _vanished(state: State, name: str) -> bool:
+    """Whether an effect does nothing any more beside those that came after it."""
+    layout = state.problem.experiment.layout
+    effect = effects.get(name)
+    parameters = effect.parameters(layout)
+    own = np.array([full.split(".")[0] == name for full in state.model.parameters(layout)])
+    null = amplitudes(effect, layout, base_of(state.model))
+    if not null:
+        return False
+    # with calibration free, or as it was stated
+    return any(all(abs(fitted.values[own][i] - zero) < 1e-3 * parameters[i].scale for i, zero in null.items())
+               for fitted in (state, state.plain.light()))  # fmt: skip
 
 
 def _rivals(state: State, added: Sequence[str], spare: Sequence[str], known: Mapping[str, Round]

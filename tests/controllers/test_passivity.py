@@ -109,7 +109,7 @@ def test_a_border_in_stiffness_can_t_be_harvested(passivity: Passivity) -> None:
             ((0.01, 0.001), (-0.01, 0.001))]  # fmt: skip
     lap = np.concatenate([np.linspace(a, b, 300) for a, b in legs])
     path = np.tile(lap, (40, 1))
-    rendering = HapticRendering(Halves(), HapticSettings(Hooke(), passivity=passivity))
+    rendering = HapticRendering(Halves(), HapticSettings(Hooke(), passivity=passivity, mass=0.2))
     won, before, last = [], path[0], np.zeros(2)
     for at in path:
         won.append(float(last @ (at - before)))
