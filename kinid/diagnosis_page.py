@@ -157,7 +157,8 @@ def _left(result: Diagnosis) -> str:
 
 def _next(result: Diagnosis) -> str:
     """How to separate rivals, and where it stands how to see what this log doesn't show."""
-    rivals = [e for e in result.effects if e.equivalent_to and e.separate_by]
+    rivals = list({frozenset([e.id, *e.equivalent_to]): e for e in reversed(result.effects) if e.equivalent_to and e.separate_by}
+                  .values())[::-1]  # fmt: skip
     hidden = sum(e.verdict == NOT_EXCITED and e.acts for e in result.effects)
     out = "".join(f"<li><b>{_e(e.id)}</b> or {_e(' or '.join(e.equivalent_to))}: {_e(e.separate_by)}</li>" for e in rivals)
     out = f"<ul>{out}</ul>" if out else "<p>No effect that was found has a rival that fits as well.</p>"

@@ -215,6 +215,8 @@ def experiment_for(
     if not isinstance(data, Log):
         raise InputError(f"{type(data).__name__} to fit to", "a log with its rig, or contact-frame quantities",
                          "read it with kinid.read(path, rig)")  # fmt: skip
+    if rig is None and "depth" in data.contact:
+        rig = Rig()  # a tester's log needs none
     if rig is None:
         raise InputError("a log without its rig", "both", "call fit(log, rig)")
     if "joints" in model.needs:

@@ -279,10 +279,18 @@ def test_an_effect_that_needs_another_is_refused(tester: Tester) -> None:
     refused("presliding", "coulomb-friction", data=short(tester), model=kinid.Model("hooke"), add=["presliding"])
 
 
-def test_a_model_is_needed_and_a_rig_with_a_log(tester: Tester) -> None:
+def test_a_model_is_needed_and_a_rig_with_the_log_of_a_robot(tester: Tester) -> None:
     refused("model", data=short(tester))
+    refused("a model that is a str", data=short(tester), model="hooke")
+    refused("ndarray to diagnose", data=np.zeros(5), model=kinid.Model("hooke"))
+    joints = kinid.Log(t=np.arange(3000) * 2e-3, q=np.zeros((3000, 7)), wrench=np.zeros((3000, 6)))
     with pytest.raises(InputError, match="rig"):
-        kinid.diagnose(short(tester), model=kinid.Model("hooke"))
+        kinid.diagnose(joints, model=kinid.Model("hooke"))
+
+
+def test_a_testers_log_needs_no_rig(tester: Tester) -> None:
+    alone = kinid.diagnose(short(tester), model=kinid.Model("hooke"), max_effects=0)
+    assert alone.steps == kinid.diagnose(short(tester), kinid.Rig(), model=kinid.Model("hooke"), max_effects=0).steps
 
 
 @pytest.mark.parametrize("column", ["depth", "normal_force"])
