@@ -241,7 +241,7 @@ def from_wrench(
         nothing if touch is None else np.stack([touch.slip1[rows], touch.slip2[rows]]),
         nothing if touch is None else np.stack([touch.slip_rate1[rows], touch.slip_rate2[rows]]),
         measured=_rows(reading.true()[rows]),
-        sensor=_sensor_motion(robot, rig, sensor, axes), as_read=_as_read(rig, reading.inverse_crosstalk, stated),
+        sensor=_sensor_motion(robot, rig, sensor, axes), as_read=AsRead.stated(reading.inverse_crosstalk, stated),
     )  # fmt: skip
     noise = _noise(measured[:, valid])
     if rig.sensor.noise is not None:
@@ -416,14 +416,6 @@ def _slides(rig: Rig, joint: int) -> bool:
             if name in rig.columns and rig.columns[name].unit in units:
                 return True
     return False
-
-
-def _as_read(rig: Rig, inverse: Array, bias: Array) -> AsRead | None:
-    """What was taken out of the readings, where anything was."""
-    if rig.sensor.crosstalk is None and not bias.any():
-        return None
-    crosstalk = np.asarray(np.linalg.inv(inverse), dtype=np.float64)
-    return AsRead(crosstalk, inverse, bias)
 
 
 def _clock(t: Array, rows: NDArray[np.int64], what: str, where: str) -> tuple[Array, Array]:

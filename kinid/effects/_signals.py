@@ -73,6 +73,13 @@ class AsRead:
     inverse: Array
     bias: Array
 
+    @classmethod
+    def stated(cls, inverse: Array, bias: Array) -> AsRead | None:
+        """What was taken out of readings, None where nothing was."""
+        if np.array_equal(inverse, np.eye(len(inverse))) and not bias.any():
+            return None
+        return cls(np.asarray(np.linalg.inv(inverse), dtype=np.float64), inverse, bias)
+
     def raw(self, readings: Array) -> Array:
         """As the converter gave them, (6, n)."""
         out: Array = self.crosstalk @ readings + self.bias[:, None]
