@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import kinid
 from kinid import effects as catalogue
 from kinid.diagnosis.result import ABSENT, INDISTINGUISHABLE, NOT_EXCITED, PRESENT, Cell, Diagnosis, EffectVerdict
-from kinid.diagnosis.words import by_verdict, channel_words, doubts, headline, number, sentence
+from kinid.diagnosis.words import by_verdict, channel_words, doubts, headline, number, rivalries, sentence
 from kinid.diagnosis_figures import Shown, Titled, ladder, loops, readings
 from kinid.diagnosis_multiples import multiples
 from kinid.fit import FittedParameter
@@ -157,8 +157,7 @@ def _left(result: Diagnosis) -> str:
 
 def _next(result: Diagnosis) -> str:
     """How to separate rivals, and where it stands how to see what this log doesn't show."""
-    rivals = list({frozenset([e.id, *e.equivalent_to]): e for e in reversed(result.effects) if e.equivalent_to and e.separate_by}
-                  .values())[::-1]  # fmt: skip
+    rivals = rivalries(result)
     hidden = sum(e.verdict == NOT_EXCITED and e.acts for e in result.effects)
     out = "".join(f"<li><b>{_e(e.id)}</b> or {_e(' or '.join(e.equivalent_to))}: {_e(e.separate_by)}</li>" for e in rivals)
     out = f"<ul>{out}</ul>" if out else "<p>No effect that was found has a rival that fits as well.</p>"

@@ -45,6 +45,11 @@ class FittedParameter:
     def __str__(self) -> str:
         return f"{self.name} = {self.value:.5g} [{self.low:.5g}, {self.high:.5g}] {self.unit}"
 
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON, which has no infinity: an open end is null."""
+        low, high = (end if np.isfinite(end) else None for end in (self.low, self.high))
+        return {"value": self.value, "low": low, "high": high, "unit": self.unit}
+
 
 @dataclass(frozen=True)
 class FitError:
@@ -103,10 +108,7 @@ class Fit:
         """The facts as `kinid fit --json` writes them."""
         return {
             "model": list(self.model.names),
-            # JSON has no infinity: an open end is null
-            "parameters": {name: {"value": p.value, "low": p.low if np.isfinite(p.low) else None,
-                                  "high": p.high if np.isfinite(p.high) else None, "unit": p.unit}
-                           for name, p in self.parameters.items()},
+            "parameters": {name: p.to_dict() for name, p in self.parameters.items()},
             "error": self.error.to_dict(),
             "warnings": list(self.warnings),
         }  # fmt: skip
@@ -215,10 +217,7 @@ def experiment_for(
     if not isinstance(data, Log):
         raise InputError(f"{type(data).__name__} to fit to", "a log with its rig, or contact-frame quantities",
                          "read it with kinid.read(path, rig)")  # fmt: skip
-    if rig is None and "depth" in data.contact:
-        rig = Rig()  # a tester's log needs none
-    if rig is None:
-        raise InputError("a log without its rig", "both", "call fit(log, rig)")
+    rig = rig_of(data, rig, "fit(log, rig)")
     if "joints" in model.needs:
         return from_joint_torques(data, rig)
     if model.needs_log or (data.wrench is not None and data.q is not None and model.acts_on_reading):
@@ -226,6 +225,17 @@ def experiment_for(
     from kinid.contact import contact_series
 
     return experiment_for(model, contact_series(data, rig), None, channels)
+
+
+def rig_of(log: Log, rig: Rig | None, call: str) -> Rig:
+    """The rig that goes with a log; a material tester's needs none.
+
+    Raises:
+        InputError: the log of a robot alone.
+    """
+    if rig is None and "depth" not in log.contact:
+        raise InputError("a log without its rig", "both", f"call {call}")
+    return rig or Rig()
 
 
 def _asks_for_more(model: Model, log: Log, rig: Rig) -> bool:

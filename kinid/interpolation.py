@@ -134,14 +134,18 @@ class Nearest(Interpolator):
     @property
     def left_out(self) -> Array:
         """Value less that of the nearest other probe, (n,)."""
-        from scipy.spatial import cKDTree
+        return less_the_nearest(self.ground.places, self.values)
 
-        if len(self.values) < 2:
-            return np.full(len(self.values), np.nan)
-        at = cKDTree(self.ground.places).query(self.ground.places, k=2)[1]
-        own = np.arange(len(self.values))
-        other = np.where(at[:, 0] == own, at[:, 1], at[:, 0])
-        return np.asarray(self.values - self.values[other])
+
+def less_the_nearest(places: Array, values: Array) -> Array:
+    """Each value less that of the nearest other place by straight distance, (n,); NaN where there is no other."""
+    from scipy.spatial import cKDTree
+
+    if len(values) < 2:
+        return np.full(len(values), np.nan)
+    at = cKDTree(places).query(places, k=2)[1]
+    other = np.where(at[:, 0] == np.arange(len(values)), at[:, 1], at[:, 0])
+    return np.asarray(values - values[other])
 
 
 #: shares of the largest Green's value that are tried as smoothing; the first is none: the values are met exactly

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError, near
-from kinid.interpolation import MESH_METHODS, REACH, Guess, Interpolator, Mask
+from kinid.interpolation import MESH_METHODS, REACH, Guess, Interpolator, Mask, less_the_nearest
 from kinid.interpolation_misfit import misfit, spread_over
 from kinid.surface import Mesh
 
@@ -159,13 +159,7 @@ class MeshNearest(Interpolator):
     @property
     def left_out(self) -> Array:
         """Value less that of the nearest other probe: by straight distance, which close neighbours share, (n,)."""
-        from scipy.spatial import cKDTree
-
-        if len(self.values) < 2:
-            return np.full(len(self.values), np.nan)
-        at = cKDTree(self.ground.places).query(self.ground.places, k=2)[1]
-        own = np.arange(len(self.values))
-        return np.asarray(self.values - self.values[np.where(at[:, 0] == own, at[:, 1], at[:, 0])])
+        return less_the_nearest(self.ground.places, self.values)
 
 
 @final

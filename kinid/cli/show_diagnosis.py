@@ -99,8 +99,9 @@ def _numbers(effect: EffectVerdict) -> str:
 
 def _next(out: Console, result: Diagnosis) -> None:
     """How to separate rivals first, then how to see what this log doesn't show."""
-    rivals = list({frozenset([e.id, *e.equivalent_to]): e for e in reversed(result.effects) if e.equivalent_to and e.separate_by}
-                  .values())[::-1]  # fmt: skip
+    from kinid.diagnosis.words import rivalries
+
+    rivals = rivalries(result)
     hints = [f"{e.id} or {' or '.join(e.equivalent_to)}: {e.separate_by}" for e in rivals]
     hidden = [f"{e.id}: {e.separate_by}" for e in result.effects if e.verdict == "not-excited" and e.acts and e.separate_by]
     if not hints and not hidden:

@@ -35,6 +35,7 @@ from kinid.fit import (
     contact_channels,
     error_rows,
     error_unit,
+    rig_of,
     rms,
     starting_values,
 )
@@ -128,10 +129,7 @@ def widest(experiment: Experiment, model: Model) -> Experiment:
 def experiment_of(data: ContactSeries | Log, rig: Rig | None, model: Model) -> Experiment:
     """Every channel of a log that this model speaks about: joint torques, the whole wrench, or contact forces."""
     if isinstance(data, Log):
-        if rig is None and "depth" in data.contact:
-            rig = Rig()  # a tester's log needs none
-        if rig is None:
-            raise InputError("a log without its rig", "both", "call diagnose(log, rig, model=…)")
+        rig = rig_of(data, rig, "diagnose(log, rig, model=…)")
         if "joints" in model.needs:
             return from_joint_torques(data, rig)
         if data.wrench is not None and data.q is not None and rig.robot is not None:

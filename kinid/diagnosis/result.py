@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -75,8 +74,7 @@ class EffectVerdict:
         return {
             "id": self.id, "verdict": self.verdict, "evidence": self.evidence, "equivalent_to": list(self.equivalent_to),
             "held_out_gain": self.held_out_gain,
-            "parameters": {name: {"value": p.value, "low": finite(p.low), "high": finite(p.high), "unit": p.unit}
-                           for name, p in self.parameters.items()},
+            "parameters": {name: p.to_dict() for name, p in self.parameters.items()},
             "separate_by": self.separate_by, "says": self.says, "acts": self.acts,
         }  # fmt: skip
 
@@ -149,8 +147,3 @@ class Diagnosis:
             "effects": [effect.to_dict() for effect in self.effects],
             "warnings": list(self.warnings),
         }  # fmt: skip
-
-
-def finite(value: float) -> float | None:
-    """JSON has no infinity: an open end is null."""
-    return value if math.isfinite(value) else None

@@ -47,6 +47,12 @@ def by_verdict(result: Diagnosis) -> list[EffectVerdict]:
     return sorted(result.effects, key=lambda e: (rank.get(e.verdict, len(rank)), -e.evidence if np.isfinite(e.evidence) else 0.0))
 
 
+def rivalries(result: Diagnosis) -> list[EffectVerdict]:
+    """Of effects that this log can't tell apart, the first of each class: how to separate them is the same for all."""
+    open_ = [e for e in result.effects if e.equivalent_to and e.separate_by]
+    return list({frozenset([e.id, *e.equivalent_to]): e for e in reversed(open_)}.values())[::-1]
+
+
 def doubts(result: Diagnosis) -> list[str]:
     """What to doubt, each once; without the advice of a fit to do what was done here."""
     return [d for d in dict.fromkeys([*result.warnings, *result.fit.warnings]) if "kinid diagnose" not in d]
