@@ -8,7 +8,7 @@ TEST   := $(VENV)/test
 OUT    ?= demo-out
 WORKERS ?= 2
 
-.PHONY: demo test slow gallery lint types bench docs lock clean
+.PHONY: demo test slow gallery notebooks story figure lint types bench docs lock clean
 
 demo: $(DEMO)/.ready
 	$(DEMO)/bin/kinid demo -o $(OUT)
@@ -27,9 +27,21 @@ lint: $(TEST)/.ready
 types: $(TEST)/.ready
 	$(TEST)/bin/mypy
 
+# what the tests of one file measure, long studies included: make figure OF=tests/lab/test_estimates.py
+figure: $(TEST)/.ready
+	$(TEST)/bin/pytest -s -p no:xdist -m "slow or not slow" $(OF)
+
 # diagnoses of the measured logs as pages, in gallery/; they hold measured samples and stay out of the repository
 gallery: $(TEST)/.ready
 	KINID_GALLERY=$(CURDIR)/gallery $(TEST)/bin/pytest tests/diagnosis/test_measured.py -p no:xdist
+
+# the notebooks run anew, with what they show kept in them as text and small pictures; Chromium draws those
+notebooks: $(TEST)/.ready
+	$(TEST)/bin/python notebooks/execute.py
+
+# the picture at the top of README.md, from a demo run now; Chromium draws it
+story: $(TEST)/.ready
+	$(TEST)/bin/python docs/story.py docs/story.png
 
 # ratios of speed, in one run, on one thread
 bench: $(TEST)/.ready

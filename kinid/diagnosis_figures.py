@@ -18,7 +18,7 @@ from kinid.diagnosis.parts import phase_words, phases
 from kinid.diagnosis.result import Diagnosis
 from kinid.diagnosis.view import View
 from kinid.diagnosis.words import channel_words, sentence
-from kinid.plots import BLUE, VERMILION
+from kinid.plots import BLUE, INK, VERMILION
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -27,11 +27,13 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Titled = tuple[str, "Figure"]
 
-INK, NOISE = "#4b5563", "#9ca3af"
+NOISE = "#9ca3af"
 #: points of a line, at most: more can't be told apart on a screen
 MOST_POINTS = 3000
 #: points of a loop, at most, and of measured samples in it
 MOST_LOOP = 3000
+#: lines of more samples are drawn solid: dashes of a dense line are mud
+DENSE = 400
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +67,11 @@ class Shown:
         if self.after is None:
             return [("the model", self.before, BLUE, "solid")]
         return [("before", self.before, VERMILION, "dash"), ("after", self.after, BLUE, "solid")]
+
+    @property
+    def dense(self) -> bool:
+        """Whether lines over time are drawn without dashes."""
+        return len(self.before.experiment.signals) > DENSE
 
     def worst(self, most: int) -> list[int]:
         """Rows of the channels that hold most of the error, the worst first; the first channel where none does."""
@@ -121,7 +128,7 @@ def readings(shown: Shown) -> Iterator[Titled]:
         _line(figure, t[rows], shown.measured[row][rows], "measured", INK, "solid", 1, legend=True)
         for name, view, colour, dash in shown.lines:
             predicted = shown.measured[row][rows] - view.residual[row][rows]
-            _line(figure, t[rows], predicted, name, colour, dash, 1, legend=True)
+            _line(figure, t[rows], predicted, name, colour, "solid" if shown.dense else dash, 1, legend=True)
             _line(figure, t[rows], view.residual[row][rows], name, colour, "solid", 2, legend=False)
         for sign in (-2, 2):
             figure.add_hline(y=sign * shown.before.sigma[row], line={"color": INK, "width": 1, "dash": "dot"}, row=2, col=1)
@@ -269,7 +276,7 @@ def compact(values: Array) -> NDArray[np.float32]:
 
 
 def _line(figure: Any, x: Array, y: Array, name: str, colour: str, dash: str, row: int, *, legend: bool) -> None:
-    shape = {"color": colour, "width": 1.3, "dash": "solid" if len(x) > 400 else dash}  # dashes of a dense line are mud
+    shape = {"color": colour, "width": 1.3, "dash": dash}
     figure.add_scatter(x=compact(x), y=compact(y), name=name, legendgroup=name, showlegend=legend, mode="lines", line=shape,
                        row=row, col=1)  # fmt: skip
 

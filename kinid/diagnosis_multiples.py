@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from kinid.diagnosis.parts import LEAST_SPREAD, STANDING, moving
 from kinid.diagnosis.where import spectrum
-from kinid.diagnosis_figures import INK, Shown, Titled, bars, compact, phase_bars, profile, rms, style
+from kinid.diagnosis_figures import Shown, Titled, bars, compact, phase_bars, profile, rms, style
+from kinid.plots import INK
 
 Array = NDArray[np.float64]
 
@@ -112,6 +113,7 @@ def _places(shown: Shown, row: int) -> Titled | None:
     style(figure, 230)
     figure.update_layout(hovermode="closest", margin={"t": 30, "r": 4})
     figure.update_annotations(font={"size": 12})
-    figure.update_xaxes(title_text="slip 1 [mm]", nticks=4)
+    low, high = edges[0][0], edges[0][-1]
+    figure.update_xaxes(title_text="slip 1 [mm]", tickvals=[low, 0.5 * (low + high), high], tickformat=".2~g", tickangle=0)
     figure.update_yaxes(title_text="slip 2 [mm]", col=1)
     return "place on the surface", figure

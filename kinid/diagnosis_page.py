@@ -5,7 +5,6 @@ from __future__ import annotations
 import html
 import platform
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +13,11 @@ import kinid
 from kinid import effects as catalogue
 from kinid.diagnosis.result import ABSENT, INDISTINGUISHABLE, NOT_EXCITED, PRESENT, Cell, Diagnosis, EffectVerdict
 from kinid.diagnosis.words import by_verdict, channel_words, doubts, headline, number, rivalries, sentence
-from kinid.diagnosis_figures import Shown, Titled, ladder, loops, readings
+from kinid.diagnosis_figures import Shown, ladder, loops, readings
 from kinid.diagnosis_multiples import multiples
 from kinid.fit import FittedParameter
 from kinid.log import Provenance
-from kinid.plots import BLUE, VERMILION, page
-
-if TYPE_CHECKING:
-    from plotly.graph_objects import Figure
+from kinid.plots import BLUE, INK, VERMILION, drawing, grid, key, page
 
 Array = NDArray[np.float64]
 
@@ -41,46 +37,28 @@ h2{{margin-top:2.2rem;border-bottom:2px solid #e5e7eb;padding-bottom:.2rem}}
 h3{{font-size:1rem;margin:1rem 0 .2rem}}
 .verdict{{font-size:1.15rem;border-left:6px solid {BLUE};background:#f3f6fa;padding:.6rem .9rem;margin:.8rem 0}}
 .verdict.unexplained{{border-color:{VERMILION};background:#fdf3ec}}
-.cards{{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,9rem),1fr));gap:.6rem;margin:.8rem 0}}
+.cards{{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,9.5rem),1fr));gap:.6rem;margin:.8rem 0}}
 .card{{border:1px solid #e5e7eb;border-radius:.4rem;padding:.5rem .7rem}}
-.card b{{display:block;font-size:1.35rem;font-variant-numeric:tabular-nums}}
+.card b{{display:block;font-size:1.25rem;white-space:nowrap;font-variant-numeric:tabular-nums}}
 .card span{{color:#4b5563;font-size:.85rem}}
-.grid{{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,330px),1fr));gap:.4rem 1.2rem}}
-.grid.wide{{grid-template-columns:repeat(auto-fill,minmax(min(100%,480px),1fr))}}
-.grid.wide>figure:only-child{{grid-column:1/-1}}
-figure{{margin:.3rem 0;min-width:0;max-width:100%}}
-figcaption{{font-size:.9rem;font-weight:600;margin:.2rem 0}}
 .bar{{background:{BLUE};height:.5rem;border-radius:.2rem}}
 ol.where{{list-style:none;padding:0}}ol.where li{{margin:.5rem 0}}
 .track{{background:#e5e7eb;border-radius:.2rem;max-width:24rem;margin-top:.15rem}}
-pre{{white-space:pre-wrap;background:#f6f7f9;padding:.6rem .8rem;border-radius:.4rem;font-size:.9rem;margin:.4rem 0}}
 table{{line-height:1.35}}th{{white-space:nowrap}}td,th{{vertical-align:top}}td.text,th.text{{text-align:left}}
 td.text{{min-width:12rem;max-width:24rem}}
 td.text:first-child,td.text:nth-child(2){{min-width:8rem}}
+td.text:nth-child(5){{min-width:18rem}}
 td.num{{white-space:nowrap}}details summary{{cursor:pointer}}section>details{{margin:.8rem 0}}
-.key span{{display:inline-block;margin-right:1.2rem}}.key i{{display:inline-block;width:1.6rem;height:0;border-top:3px solid;
-vertical-align:middle;margin-right:.35rem}}
-@media (max-width:600px){{body{{padding:.6rem}}td,th{{padding-right:.55rem;font-size:.85rem}}}}
-@media print{{@page{{margin:12mm}}body{{max-width:none;padding:0;font-size:10.5pt}}
-figure,.card,li,tr,.verdict{{break-inside:avoid}}
-h2,h3,.key,.facts{{break-after:avoid}}.scroll{{overflow:visible}}
-td,th,td.text,td.text:nth-child(n){{font-size:8pt;padding-right:.4rem;white-space:normal;min-width:0}}
-.grid,.grid.wide{{grid-template-columns:1fr 1fr}}
-*{{print-color-adjust:exact;-webkit-print-color-adjust:exact}}}}
+@media (max-width:600px){{th{{white-space:normal}}td.text:nth-child(n){{min-width:0}}
+table:not(.cards_of) :is(td,th){{padding-right:.4rem;font-size:.8rem}}
+table:not(.cards_of) td:first-child{{overflow-wrap:anywhere}}
+.cards_of,.cards_of tbody,.cards_of tr,.cards_of td{{display:block}}.cards_of thead{{display:none}}
+.cards_of tr{{border:1px solid #e5e7eb;border-radius:.4rem;padding:.4rem .6rem;margin:.5rem 0}}
+.cards_of td,.cards_of td.num{{border:0;text-align:left;max-width:none;white-space:normal;padding:.1rem 0}}
+.cards_of td:not(:first-child)::before{{content:attr(data-of) ": ";color:#4b5563}}.cards_of td:empty{{display:none}}}}
+@media print{{.card,.verdict{{break-inside:avoid}}
+td,th,td.text,td.text:nth-child(n){{white-space:normal;min-width:0}}}}
 """
-
-#: figures are drawn while the page is read, before it has its final width; and for printing each is fitted to its column
-_FIT = """<script>
-(function(){
-  var all=function(f){document.querySelectorAll('.js-plotly-plot').forEach(f)};
-  addEventListener('load',function(){all(function(p){Plotly.Plots.resize(p)})});
-  addEventListener('beforeprint',function(){
-    document.querySelectorAll('details').forEach(function(d){d.open=true});
-    all(function(p){var half=p.closest('.grid');Plotly.relayout(p,{width:half?335:690,autosize:false})});
-  });
-  addEventListener('afterprint',function(){all(function(p){Plotly.relayout(p,{width:null,autosize:true})})});
-})();
-</script>"""
 
 
 def diagnosis_page(result: Diagnosis, title: str, provenance: Provenance | None = None) -> str:
@@ -92,23 +70,23 @@ def diagnosis_page(result: Diagnosis, title: str, provenance: Provenance | None 
         provenance: of the log, where the caller has it: its source and what was done to it.
     """
     shown = Shown.of(result)
-    curves = _grid(loops(shown), wide=True) or "<p class=facts>Nothing is touched.</p>"
+    curves = grid(loops(shown), wide=True) or "<p class=facts>Nothing is touched.</p>"
     head = "".join((
         _headline(result),
-        _section("Error as effects are added", _figure("", ladder(result)) + _ladder_words(result)),
+        _section("Error as effects are added", drawing(ladder(result)) + _ladder_words(result)),
         _section("Where the model fails", _where(result.where)),
         _section("What is still left", _left(result)) if shown.after is not None and result.left else "",
         _section("Effects", _effects(result)),
         _section("What to measure next", _next(result)),
         _section("The model, with its numbers", _model(result)),
-        _section("Measured against predicted", _key(shown, measured=True) + (
+        _section("Measured against predicted", _key(shown, measured=True, dashed=not shown.dense) + (
             "<p class=facts>Predictions of each half of the log come from a fit to the other half. Below each: what is left, "
-            "measured less predicted; dotted: ± 2 standard deviations of the noise.</p>") + _grid(readings(shown), wide=True)),
+            "measured less predicted; dotted: ± 2 standard deviations of the noise.</p>") + grid(readings(shown), wide=True)),
         _section("The residual, divided", _divided(shown)),
-        _section("Loops", _key(shown, measured=True) + curves),
+        _section("Loops", _key(shown, measured=True, dashed=False) + curves),
         _section("Quality of the data", _quality(result)),
     ))  # fmt: skip
-    return page(title, head, [], _provenance(result, provenance) + _FIT, STYLE)
+    return page(title, head, [], _provenance(result, provenance), STYLE)
 
 
 def _headline(result: Diagnosis) -> str:
@@ -170,7 +148,7 @@ def _effects(result: Diagnosis) -> str:
     """Every effect; what is absent or cannot be seen is folded away on a screen."""
     found = [e for e in by_verdict(result) if e.verdict in MARK]
     table = _table(("effect", "verdict", "evidence", f"gain [{result.unit}]", "parameters (95 %)", "why", "how to tell"),
-                   [_row(e) for e in found])  # fmt: skip
+                   [_row(e) for e in found], cards=True)  # fmt: skip
     out = [table if found else "<p>None was found.</p>"]
     out.append(
         "<p class=facts>Evidence: twice the gain in held-out log-likelihood (Student's t) that the effect brings, less 4 for "
@@ -185,7 +163,7 @@ def _effects(result: Diagnosis) -> str:
             rows = [(_name(e), _evidence(e), _e(e.says), _e(e.separate_by)) for e in rest]
             width = 4 if last or any(e.separate_by for e in rest) else 3
             out.append(f"<details><summary>{len(rest)} {words}: {_e(', '.join(e.id for e in rest))}</summary>"
-                       f"{_table(heads[:width], [row[:width] for row in rows])}</details>")  # fmt: skip
+                       f"{_table(heads[:width], [row[:width] for row in rows], cards=True)}</details>")  # fmt: skip
     return "".join(out)
 
 
@@ -201,18 +179,23 @@ def _name(e: EffectVerdict) -> str:
     return f"<b>{_e(e.id)}</b><br>{_e(known[e.id].title)}" if e.id in known else f"<b>{_e(e.id)}</b>"
 
 
-def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table whose cells are HTML; it scrolls sideways on a narrow screen, and only it."""
+def _table(heads: Sequence[str], rows: Iterable[Sequence[str]], *, cards: bool = False) -> str:
+    """A table whose cells are HTML; on a narrow screen it scrolls sideways, and only it, or becomes a card a row."""
     kinds = ["num" if head.split(" ")[0] in NUMBERS else "text" for head in heads]
     top = "".join(f"<th class={kind}>{_e(head)}</th>" for kind, head in zip(kinds, heads))
-    body = "".join(f"<tr>{''.join(f'<td class={kind}>{cell}</td>' for kind, cell in zip(kinds, row))}</tr>" for row in rows)
-    return f"<div class=scroll><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>"
+    marks = [f'class={kind} data-of="{_e(head)}"' if cards else f"class={kind}" for kind, head in zip(kinds, heads)]
+    body = "".join(f"<tr>{''.join(f'<td {mark}>{cell}</td>' for mark, cell in zip(marks, row))}</tr>" for row in rows)
+    opened = "<table class=cards_of>" if cards else "<table>"
+    return f"<div class=scroll>{opened}<thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>"
 
 
 def _evidence(effect: EffectVerdict) -> str:
     if effect.verdict == NOT_EXCITED or not np.isfinite(effect.evidence):
         return "–"
-    return f"{effect.evidence:.3g}".replace("-", "−")
+    value = effect.evidence
+    if abs(value) < 1000:
+        return f"{value:.3g}".replace("-", "−")
+    return f"{float(f'{value:.3g}'):,.0f}".replace(",", "\u2009").replace("-", "−")
 
 
 def _parameter(name: str, p: FittedParameter) -> str:
@@ -231,10 +214,10 @@ def _model(result: Diagnosis) -> str:
 
 
 def _divided(shown: Shown) -> str:
-    out = [_key(shown, measured=False),
+    out = [_key(shown, measured=False, dashed=True),
            "<p class=facts>Root mean square of what is left, where the error is largest. Dotted: noise.</p>"]  # fmt: skip
     for row in shown.worst(MOST_DIVIDED):
-        out += [f"<h3>{_e(sentence(channel_words(shown.before, row)))}</h3>", _grid(multiples(shown, row))]
+        out += [f"<h3>{_e(sentence(channel_words(shown.before, row)))}</h3>", grid(multiples(shown, row))]
     return "".join(out)
 
 
@@ -260,7 +243,7 @@ def _quality(result: Diagnosis) -> str:
         else:
             rows.append((_e(name), *["–"] * 7, _e(unit)))
     heads = ("channel", "lowest", "highest", "noise", "signal over noise", "step", "repeated", "flat tops", "unit")
-    return f"<p>{_e('; '.join(facts))}.</p>{_table(heads, rows)}"
+    return f"<p>{_e('; '.join(facts))}.</p>{_table(heads, rows, cards=True)}"
 
 
 def _channel_quality(v: Array, noise: float) -> tuple[str, ...]:
@@ -285,25 +268,12 @@ def _provenance(result: Diagnosis, provenance: Provenance | None) -> str:
     ))  # fmt: skip
 
 
-def _key(shown: Shown, *, measured: bool) -> str:
-    """Which colour is which, once for many pictures."""
-    entries = [("measured", "#4b5563", "solid")] if measured else []
-    entries += [(name, colour, "dashed" if dash == "dash" else "solid") for name, _, colour, dash in shown.lines]
+def _key(shown: Shown, *, measured: bool, dashed: bool) -> str:
+    """Which line is which; `dashed` where the pictures below dash what is dashed."""
     words = {"before": f"before ({shown.result.model})", "after": f"after ({shown.result.best})"}
-    spans = (f'<span><i style="border-color:{colour};border-top-style:{dash}"></i>{_e(words.get(name, name))}</span>'
-             for name, colour, dash in entries)  # fmt: skip
-    return f"<p class=key>{''.join(spans)}</p>"
-
-
-def _grid(figures: Iterable[Titled], *, wide: bool = False) -> str:
-    inside = "".join(_figure(name, figure) for name, figure in figures)
-    return f'<div class="grid{" wide" if wide else ""}">{inside}</div>' if inside else ""
-
-
-def _figure(name: str, figure: Figure) -> str:
-    drawn = figure.to_html(full_html=False, include_plotlyjs=False, config={"displaylogo": False, "responsive": True,
-                                                                           "displayModeBar": False})  # fmt: skip
-    return f"<figure>{f'<figcaption>{_e(name)}</figcaption>' if name else ''}{drawn}</figure>"
+    lines = [(words.get(name, name), colour, "dashed" if dashed and dash == "dash" else "solid")
+             for name, _, colour, dash in shown.lines]  # fmt: skip
+    return key([("measured", INK, "solid"), *lines] if measured else lines)
 
 
 def _section(name: str, inside: str) -> str:

@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.carried import gravity_torques, payload_torques, sensor_motion
 from kinid.contact import ContactSeries, contact_series, force_noise
 from kinid.derivative import GAP_FACTOR, Differentiator
-from kinid.effects import AsRead, JointMotion, Layout, SensorMotion, Signals
+from kinid.effects import AsRead, JointMotion, Layout, Signals
 from kinid.errors import InputError
 from kinid.log import Log
 from kinid.motion import STATIC_PERIOD, joint_motion
-from kinid.rig import WRENCH, Rig, ToolSpec
-from kinid.robot import Kinematics, Robot
-from kinid.surface import Plane
+from kinid.rig import WRENCH, Rig
+from kinid.robot import Robot
 from kinid.surface import load as load_surface
-from kinid.wrench import Bias, read_wrench, tool_load
+from kinid.wrench import Bias, read_wrench
 
 Array = NDArray[np.float64]
 
@@ -187,7 +187,7 @@ def from_wrench(
 ) -> Experiment:
     """The six channels of the sensor, in its axes, with what the rig states of its faults removed.
 
-    `signals.measured`, which only drives laws (structural compliance), always has the bias of free motion removed.
+    `signals.measured`, which drives no law, always has the bias of free motion removed.
     Without a `[surface]` in the rig the whole log is free motion: depth −1 m, contact axes those of the base.
 
     Args:
@@ -206,11 +206,11 @@ def from_wrench(
         raise InputError(f"no wrench in {log.provenance.source}", "fx fy fz tx ty tz [N, N·m]",
                          "record the force/torque sensor, or name its columns in [columns]")  # fmt: skip
     robot = robot or Robot.load(rig)
-    motion = joint_motion(log, robot, differentiator)
-    surface = load_surface(rig)
-    touch = None
-    if surface is not None:
+    surface, touch = load_surface(rig), None
+    if surface is not None:  # first, so that its own motion has gone when the motion here is worked out
         touch = contact_series(log, rig, robot=robot, differentiator=differentiator, trust_wrench=trust_wrench)
+    motion = joint_motion(log, robot, differentiator)
+    if touch is not None:
         moving = np.isfinite(touch.depth + touch.depth_rate)
         found = next(step.facts["bias"] for step in touch.provenance.steps if step.name == "wrench")
         reading = read_wrench(log, rig, robot, motion, np.empty(0, dtype=np.int64), found, trust=True)
@@ -225,12 +225,8 @@ def from_wrench(
         stated = reading.bias
     rows = np.flatnonzero(moving)
     t, dt = _clock(log.t, rows, "joint motion", log.provenance.source)
-    sensor = robot.kinematics(robot.sensor_frame or "", motion.q[rows], motion.dq[rows], motion.ddq[rows])
-    axes = np.broadcast_to(np.eye(3), (len(rows), 3, 3))
-    if isinstance(surface, Plane):
-        axes = np.broadcast_to(surface.axes, (len(rows), 3, 3))
-    elif surface is not None:
-        axes = surface.locate(robot.kinematics(robot.tip_frame or "", motion.q[rows]).position).axes
+    sensor = sensor_motion(robot, rig, motion, rows, surface)
+    del motion  # the largest of all
     measured = _rows(dataclasses.replace(reading, bias=stated).true()[rows])
     valid = np.asarray(np.isfinite(measured).all(axis=0))
     nothing = np.zeros((2, len(rows)))
@@ -240,8 +236,7 @@ def from_wrench(
         np.zeros(len(rows)) if touch is None else touch.depth_rate[rows],
         nothing if touch is None else np.stack([touch.slip1[rows], touch.slip2[rows]]),
         nothing if touch is None else np.stack([touch.slip_rate1[rows], touch.slip_rate2[rows]]),
-        measured=_rows(reading.true()[rows]),
-        sensor=_sensor_motion(robot, rig, sensor, axes), as_read=AsRead.stated(reading.inverse_crosstalk, stated),
+        measured=_rows(reading.true()[rows]), sensor=sensor, as_read=AsRead.stated(reading.inverse_crosstalk, stated),
     )  # fmt: skip
     noise = _noise(measured[:, valid])
     if rig.sensor.noise is not None:
@@ -316,75 +311,6 @@ def from_joint_torques(
         band = None
     return Experiment(signals, measured, valid, _noise(measured[:, valid]), _named(log.phase, rows),
                       np.zeros(len(rows), dtype=np.bool_), rows, band)  # fmt: skip
-
-
-def payload_torques(robot: Robot, q: Array, dq: Array, ddq: Array) -> Array:
-    """Joint torques per unit of a payload's m [kg] and m·com [kg·m], (4, N, n), in the log's order of joints.
-
-    The payload is fixed to the sensor frame (without one, to the tip's, else to the last frame of the model), and its com
-    is given there; its inertia about the origin of that frame is zero. By Newton-Euler its wrench is linear in these four,
-    and so are the torques −Jᵀ w that hold it.
-    """
-    import pinocchio as pin
-
-    model = robot.model
-    name = robot.sensor_frame or robot.tip_frame or model.frames[model.nframes - 1].name
-    motion = robot.kinematics(name, q, dq, ddq)
-    wrench = payload_wrenches(*_in_sensor(motion, robot.gravity))
-    frame, data = model.getFrameId(name, robot.frame(name).type), model.createData()
-    configuration = robot.configuration(q)
-    out = np.empty((len(q), 4, model.nv))
-    for i in range(len(q)):
-        jacobian = pin.computeFrameJacobian(model, data, configuration[i], frame, pin.LOCAL)
-        out[i] = -wrench[:, :, i] @ jacobian
-    order = [robot.from_tangent(np.ascontiguousarray(out[:, k])) for k in range(4)]
-    return np.ascontiguousarray(np.stack(order).transpose(0, 2, 1))
-
-
-def gravity_torques(robot: Robot, q: Array) -> Array:
-    """Joint torques that hold the arm per unit of gravity along each axis of its base, (3, N, n), in the log's order."""
-    import pinocchio as pin
-
-    data, configuration = robot.model.createData(), robot.configuration(q)
-    out = np.empty((3, len(q), robot.model.nv))
-    for axis in range(3):
-        model = pin.Model(robot.model)
-        model.gravity = pin.Motion(np.eye(3)[axis], np.zeros(3))
-        for i, row in enumerate(configuration):
-            out[axis, i] = pin.computeGeneralizedGravity(model, data, row)
-    return np.ascontiguousarray(np.stack([robot.from_tangent(rows) for rows in out]).transpose(0, 2, 1))
-
-
-def payload_wrenches(specific: Array, omega: Array, alpha: Array) -> Array:
-    """Wrench at the origin of the sensor per unit of m and m·com, its inertia about that origin zero, (4, 6, n).
-
-    f = m (g − a) − α × h − ω × (ω × h), τ = h × (g − a); arguments as in `SensorMotion`, (3, n).
-    """
-    out = np.zeros((4, 6, specific.shape[1]))
-    out[0, :3] = specific
-    for k, h in enumerate(np.eye(3)[:, :, None]):
-        turned = np.cross(omega, np.broadcast_to(h, omega.shape), axis=0)
-        out[k + 1, :3] = -np.cross(alpha, np.broadcast_to(h, alpha.shape), axis=0) - np.cross(omega, turned, axis=0)
-        out[k + 1, 3:] = np.cross(np.broadcast_to(h, specific.shape), specific, axis=0)
-    return out
-
-
-def _in_sensor(motion: Kinematics, gravity: Array) -> tuple[Array, Array, Array]:
-    """Specific force g − a, angular velocity and acceleration in the frame's own axes, each (3, n)."""
-    into = [np.einsum("nji,nj->in", motion.rotation, vector)
-            for vector in (gravity - motion.acceleration, motion.angular_velocity, motion.angular_acceleration)]  # fmt: skip
-    return into[0], into[1], into[2]
-
-
-def _sensor_motion(robot: Robot, rig: Rig, sensor: Kinematics, axes: Array) -> SensorMotion:
-    tool = rig.tool or ToolSpec(mass=0.0)
-    specific, omega, alpha = _in_sensor(sensor, robot.gravity)
-    return SensorMotion(
-        to_contact=axes @ sensor.rotation,
-        tip=robot.tip_in_sensor() if robot.tip_frame is not None else np.zeros(3),
-        specific=specific, omega=omega, alpha=alpha,
-        load=_rows(tool_load(tool, sensor, robot.gravity)), mass=tool.mass, com=np.asarray(tool.com),
-    )  # fmt: skip
 
 
 def _joint_motion(log: Log, robot: Robot, differentiator: Differentiator | None) -> tuple[Array, Array, Array]:

@@ -16,7 +16,7 @@ from kinid.estimators.hunt_crossley import SingleStage
 from kinid.estimators.kelvin_voigt import KelvinVoigt
 from kinid.fit import Fit
 from kinid.loops import Loop, loops
-from kinid.plots import BLUE, GREEN, GREY, MOST_POINTS, ORANGE, VERMILION, finish, line, page, thin
+from kinid.plots import BLUE, GREEN, GREY, INK, MOST_POINTS, ORANGE, VERMILION, drawing, finish, grid, key, line, page, thin
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 MEMORY = 2.0
 #: panels of energy loops on a page, the measured one included
 MOST_PANELS = 6
-COLOURS = (VERMILION, GREEN, ORANGE, "#CC79A7", "#56B4E9", "#F0E442")
+COLOURS = (VERMILION, BLUE, GREEN, ORANGE, "#CC79A7", "#000000")
 
 
 def fit_page(fit: Fit, title: str) -> str:
@@ -45,10 +45,7 @@ def fit_page(fit: Fit, title: str) -> str:
         f"samples held out; the noise is {error.noise_floor:.4g}.</p>"
         + "".join(f"<p class=facts>doubt: {html.escape(warning)}</p>" for warning in fit.warnings)
     )
-    fits = {str(fit.model): fit}
-    figures = [("Readings over time", _time_figure(fits))]
-    if "normal_force" in fit.experiment.layout.channels:
-        figures = [("Force over depth", _loop_figure(fits)), *_energy_figures(fits), *figures]
+    figures = _pictures({str(fit.model): fit})
     tracks = recursive_tracks(fit)
     if tracks:
         figures.append(("Estimates over time, recursively (band: 95 %; where the log excites them)", _track_figure(fit, tracks)))
@@ -105,20 +102,27 @@ def comparison_page(result: Comparison, title: str) -> str:
         f"<tr><td>{row.rank}. {html.escape(str(row.fit.model))}</td><td>{row.held_out:.4g}</td>"
         + ("<td>reference</td><td></td>" if str(row.fit.model) == result.reference else
            f"<td>{row.difference:+.3g}</td><td>{row.standard_error:.2g}</td>")
-        + f"<td style='text-align:left'>{'<br>'.join(map(html.escape, row.fit.warnings))}</td></tr>"
+        + "</tr>"
         for row in result.rows
     )
     head = (
         f"<div class=scroll><table><tr><th>model</th><th>held-out error [{result.unit}]</th><th>difference</th>"
-        f"<th>± standard error</th><th style='text-align:left'>doubts</th></tr>{rows}</table></div>"
+        f"<th>± standard error</th></tr>{rows}</table></div>"
         f"<p class=facts>differences are to {html.escape(result.reference)}; "
         f"the noise is {result.noise_floor:.4g} {result.unit}.</p>"
-    )
-    fits = {str(row.fit.model): row.fit for row in result.rows}
-    figures = [("Readings over time", _time_figure(fits))]
-    if "normal_force" in result.rows[0].fit.experiment.layout.channels:
-        figures = [("Force over depth", _loop_figure(fits)), *_energy_figures(fits), *figures]
-    return page(title, head, figures)
+        + "".join(f"<p class=facts>doubt: {html.escape(f'{row.fit.model}: {warning}')}</p>"
+                  for row in result.rows for warning in row.fit.warnings)
+    )  # fmt: skip
+    return page(title, head, _pictures({str(row.fit.model): row.fit for row in result.rows}))
+
+
+def _pictures(fits: dict[str, Fit]) -> list[tuple[str, Figure | str]]:
+    """Force over depth with its loops where the log has them, and all readings over time."""
+    names = key([("measured", INK, "solid"), *((name, colour, "solid") for name, colour in zip(fits, COLOURS))])
+    figures: list[tuple[str, Figure | str]] = [("Readings over time", names + drawing(_time_figure(fits)))]
+    if "normal_force" not in next(iter(fits.values())).experiment.layout.channels:
+        return figures
+    return [("Force over depth", names + drawing(_loop_figure(fits))), *_energies(fits), *figures]
 
 
 def _loop_figure(fits: dict[str, Fit]) -> Figure:
@@ -132,68 +136,81 @@ def _loop_figure(fits: dict[str, Fit]) -> Figure:
     near = near[:: 1 + len(near) // MOST_POINTS]
     figure = go.Figure()
     figure.add_scatter(x=1e3 * depth[near], y=experiment.measured[row][near], mode="markers", name="measured",
-                       marker={"size": 3, "color": GREY})  # fmt: skip
+                       marker={"size": 3, "color": GREY}, showlegend=False)  # fmt: skip
     for (name, fit), colour in zip(fits.items(), COLOURS):
         figure.add_scatter(x=1e3 * depth[near], y=fit.predict()[row][near], mode="lines", name=name,
-                           line={"color": colour, "width": 1.2})  # fmt: skip
+                           line={"color": colour, "width": 1.2}, showlegend=False)  # fmt: skip
     figure.update_xaxes(title_text="depth [mm]")
     figure.update_yaxes(title_text="normal force [N]")
     finish(figure, 460)
+    figure.update_layout(hovermode="closest")
     return figure
 
 
-def _energy_figures(fits: dict[str, Fit]) -> list[tuple[str, Figure]]:
+def _energies(fits: dict[str, Fit]) -> list[tuple[str, Figure | str]]:
     """Loops of force over depth with the energy that each encloses, measured and by each model; none without a loop."""
-    from plotly.subplots import make_subplots
-
     experiment = next(iter(fits.values())).experiment
     row = experiment.layout.channels.index("normal_force")
     s = experiment.signals
     readings = {"measured": np.where(experiment.valid, experiment.measured[row], np.nan)}
     readings |= {name: fit.predict()[row] for name, fit in list(fits.items())[: MOST_PANELS - 1]}
     found = {name: loops(s.depth, force, s.dt) for name, force in readings.items()}
-    if not found["measured"]:
+    cycles = found["measured"]
+    if not cycles:
         return []
-    columns = min(3, len(readings))
-    lines = -(-len(readings) // columns)
-    titles = [f"{html.escape(name)}<br>{energy_line(found[name])}" for name in readings]
-    figure = make_subplots(rows=lines, cols=columns, shared_xaxes="all", shared_yaxes="all", subplot_titles=titles,
-                           horizontal_spacing=0.04, vertical_spacing=0.16)  # fmt: skip
-    drawn = np.unique(np.linspace(0, len(found["measured"]) - 1, len(COLOURS)).round().astype(int))
-    for k, (name, force) in enumerate(readings.items()):
-        at = {"row": k // columns + 1, "col": k % columns + 1}
-        for colour, i in zip(COLOURS, drawn):
-            if i >= len(found[name]):
-                continue
-            loop = found[name][i]
-            rows = np.arange(loop.begin, loop.end)
-            rows = rows[np.isfinite(force[rows])]
-            rows = rows[:: 1 + len(rows) // 600]
-            figure.add_scatter(
-                x=1e3 * s.depth[rows], y=force[rows], mode="lines", fill="toself", opacity=0.7,
-                line={"color": colour, "width": 1.2}, legendgroup=str(i), showlegend=k == 0,
-                name=f"cycle {i + 1} ({s.t[loop.begin]:.3g} s)",
-                hovertemplate=f"{1e3 * loop.lost:.4g} mJ lost of {1e3 * loop.put_in:.4g}<extra>cycle {i + 1}</extra>", **at,
-            )  # fmt: skip
-        energies = [f"{i + 1}: {1e3 * found[name][i].lost:.3g} mJ" for i in drawn if i < len(found[name])]
-        figure.add_annotation(text="<br>".join(energies), x=0.03, y=0.97, xref="x domain", yref="y domain", showarrow=False,
-                              align="left", xanchor="left", yanchor="top", font={"size": 12}, **at)  # fmt: skip
-    figure.update_xaxes(title_text="depth [mm]", row=lines)
-    figure.update_yaxes(title_text="normal force [N]", col=1)
-    finish(figure, 380 * lines + 60)
-    figure.update_layout(hovermode="closest", margin={"t": 90}, legend={"y": 1.0 + 0.16 / lines})
-    return [("Energy lost in each way in and out (the area of its loop)", figure)]
+    drawn = np.unique(np.linspace(0, len(cycles) - 1, len(COLOURS)).round().astype(int)).tolist()
+    inside = np.concatenate([np.arange(cycles[i].begin, cycles[i].end) for i in drawn])
+    spans = [(float(np.nanmin(force[inside])), float(np.nanmax(force[inside]))) for force in readings.values()]
+    low, high = min(span[0] for span in spans), max(span[1] for span in spans)
+    room = 0.05 * (high - low) + 1e-12
+    panels = [(f"{name}: {energy_line(found[name])}", _panel(s.depth, force, found[name], drawn, (low - room, high + room)))
+              for name, force in readings.items()]  # fmt: skip
+    names = key((f"cycle {i + 1} ({s.t[cycles[i].begin]:.3g} s)", colour, "solid") for colour, i in zip(COLOURS, drawn))
+    return [("Energy lost in each way in and out (the area of its loop)", names + grid(panels))]
+
+
+def _panel(depth: Array, force: Array, found: list[Loop], drawn: list[int], span: tuple[float, float]) -> Figure:
+    """Some loops of one model, with what each loses."""
+    import plotly.graph_objects as go
+
+    figure = go.Figure()
+    for colour, i in zip(COLOURS, drawn):
+        if i >= len(found):
+            continue
+        loop = found[i]
+        rows = np.arange(loop.begin, loop.end)
+        rows = rows[np.isfinite(force[rows])]
+        rows = rows[:: 1 + len(rows) // 600]
+        figure.add_scatter(
+            x=1e3 * depth[rows], y=force[rows], mode="lines", fill="toself", opacity=0.7, showlegend=False,
+            line={"color": colour, "width": 1.2}, name=f"cycle {i + 1}",
+            hovertemplate=f"{1e3 * loop.lost:.4g} mJ lost of {1e3 * loop.put_in:.4g}<extra>cycle {i + 1}</extra>",
+        )  # fmt: skip
+    energies = [f"{i + 1}: {_millijoules(found[i].lost, found[i].put_in)} mJ" for i in drawn if i < len(found)]
+    figure.add_annotation(text="<br>".join(energies), x=0.03, y=0.97, xref="paper", yref="paper", showarrow=False, align="left",
+                          xanchor="left", yanchor="top", font={"size": 12}, bgcolor="rgba(255,255,255,0.7)")  # fmt: skip
+    figure.update_xaxes(title_text="depth [mm]")
+    figure.update_yaxes(title_text="normal force [N]", range=span)
+    finish(figure, 330)
+    figure.update_layout(hovermode="closest", margin={"l": 58, "r": 12, "t": 12, "b": 44})
+    return figure
+
+
+def _millijoules(energy: float, put_in: float) -> str:
+    """An energy [J] in mJ, to a thousandth of what was put in: finer digits of a loop are rounding."""
+    digits = 3 - int(np.floor(np.log10(1e3 * put_in))) - 1 if put_in > 0 else 3
+    return f"{round(1e3 * energy, digits) + 0.0:.{max(0, digits)}f}".replace("-", "−")
 
 
 def energy_line(found: list[Loop]) -> str:
     """Energy lost in a cycle, its share, and its spread between cycles."""
     if not found:
         return "no loop"
-    lost = 1e3 * np.array([loop.lost for loop in found])
-    put_in = 1e3 * float(np.mean([loop.put_in for loop in found]))
-    spread = f" ± {lost.std(ddof=1):.2g}" if len(found) > 1 else ""
+    lost = np.array([loop.lost for loop in found])
+    put_in = float(np.mean([loop.put_in for loop in found]))
+    spread = f" ± {_millijoules(float(lost.std(ddof=1)), put_in)}" if len(found) > 1 else ""
     times = f" a cycle, {len(found)} cycles" if len(found) > 1 else ""
-    return f"{lost.mean():.3g}{spread} mJ lost of {put_in:.3g}{times}"
+    return f"{_millijoules(float(lost.mean()), put_in)}{spread} mJ lost of {1e3 * put_in:.3g}{times}"
 
 
 def _time_figure(fits: dict[str, Fit]) -> Figure:
@@ -209,9 +226,9 @@ def _time_figure(fits: dict[str, Fit]) -> Figure:
     t = experiment.signals.t[keep]
     predictions = {name: fit.predict() for name, fit in fits.items()}
     for i, (channel, unit) in enumerate(zip(layout.channels, layout.units)):
-        line(figure, t, experiment.measured[i][keep], "measured", BLUE, i + 1, legend=i == 0)
+        line(figure, t, experiment.measured[i][keep], "measured", INK, i + 1, legend=False)
         for (name, predicted), colour in zip(predictions.items(), COLOURS):
-            line(figure, t, predicted[i][keep], name, colour, i + 1, legend=i == 0)
+            line(figure, t, predicted[i][keep], name, colour, i + 1, legend=False)
         figure.update_yaxes(title_text=f"{channel.replace('_', ' ')} [{unit}]", row=i + 1, col=1)
     figure.update_xaxes(title_text="time [s]", row=len(layout.channels), col=1)
     finish(figure, max(320, 200 * len(layout.channels)) + 60)

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from kinid.errors import InputError, near
 from kinid.interpolation import METHODS, Biharmonic, Guess, Interpolator, Nearest, PlaneGround, on_plane
-from kinid.interpolation_misfit import misfit, spread_over
-from kinid.interpolation_zones import belonging, candidates, scaled
+from kinid.interpolation_misfit import misfit, shared_error, spread_over
+from kinid.interpolation_zones import belonging, candidates, neighbours, scaled
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -79,6 +79,7 @@ class GaussianProcess(Interpolator):
         factor: lower Cholesky factor of all probes' covariance, (n, n). weights: its solution for the values, (n,).
         zones: of the probes, (n,). across: share of the covariance that zones have in common; 1 without edges.
         step: a larger difference between neighbours (of logarithms, where all values are positive) parts zones.
+        shared: the part of each probe's error that its neighbours make too, (n,); it isn't in `noise`, but in what is stated.
     """
 
     ground: PlaneGround
@@ -91,6 +92,7 @@ class GaussianProcess(Interpolator):
     zones: Index
     across: float = 1.0
     step: float = float("inf")
+    shared: Array | None = None
 
     @classmethod
     def fit(
@@ -106,6 +108,19 @@ class GaussianProcess(Interpolator):
         noise = np.zeros(len(values)) if noise is None else np.asarray(noise, dtype=float)
         spread = float(np.std(values)) or max(abs(float(values[0])), 1.0)
         noise = np.clip(np.where(np.isfinite(noise), noise, 1e3 * spread), 0.0, 1e3 * spread)
+        shared = shared_error(ground.places, values, noise, neighbours(ground.places))
+        found, evidence = cls._fitted(ground, values, noise, spread, smoothness, edges)
+        if shared.any():
+            other, better = cls._fitted(ground, values, np.sqrt(noise**2 - shared**2), spread, smoothness, edges)
+            if better > evidence:
+                return replace(other, shared=shared)
+        return found
+
+    @classmethod
+    def _fitted(
+        cls, ground: PlaneGround, values: Array, noise: Array, spread: float, smoothness: float | None, edges: bool
+    ) -> tuple[GaussianProcess, float]:
+        """As `fit`, with errors that are each a probe's own; and its evidence."""
         trust = 1.0 / (noise**2 + spread**2)
         mean = float(trust @ values / trust.sum())
         kinds = (smoothness,) if smoothness else SMOOTHNESS
@@ -117,8 +132,8 @@ class GaussianProcess(Interpolator):
                 learnt, evidence = _learn(ground, values - mean, noise, spread, kind, zones, across, best[0])
                 if evidence > best[1]:
                     best = (learnt, evidence, zones, across, limit)
-        learnt, _, zones, across, step = best
-        return cls._built(ground, values, noise, learnt, mean, zones, across, step)
+        learnt, evidence, zones, across, step = best
+        return cls._built(ground, values, noise, learnt, mean, zones, across, step), evidence
 
     @classmethod
     def _built(
@@ -155,7 +170,9 @@ class GaussianProcess(Interpolator):
         weights = cho_solve((factor, True), values - self.mean, check_finite=False)
         ground = replace(self.ground, places=np.vstack([self.ground.places, place]))
         zones = np.append(self.zones, zone)
-        return replace(self, ground=ground, values=values, noise=noises, factor=factor, weights=weights, zones=zones)
+        shared = None if self.shared is None else np.append(self.shared, 0.0)
+        return replace(self, ground=ground, values=values, noise=noises, factor=factor, weights=weights, zones=zones,
+                       shared=shared)  # fmt: skip
 
     def _zone_of(self, distance: Array, value: float) -> int:
         """Zone of a new probe: that of the neighbour whose value is nearest to it, or a new one beyond the step."""
@@ -182,7 +199,7 @@ class GaussianProcess(Interpolator):
         if sd and self.across >= 1.0:
             known &= deviation <= IGNORANCE * self.covariance.size
         if sd:
-            deviation = np.hypot(deviation, spread_over(self.ground.places, self.misfit, q))
+            deviation = np.hypot(deviation, spread_over(self.ground.places, self._off, q))
         return Guess(np.where(known, mean, np.nan), np.where(known, deviation, np.nan), known)
 
     @cached_property
@@ -191,6 +208,11 @@ class GaussianProcess(Interpolator):
         own = _diagonal(self.noise, self.covariance)
         # the covariance of the property times the weights is the guess, so that its diagonal times them is what is left
         return misfit(self.ground.places, own * self.weights, np.sqrt(own), self.ground.spacing)
+
+    @property
+    def _off(self) -> Array:
+        """What the mean may be off by at each probe beyond chance, (n,)."""
+        return self.misfit if self.shared is None else np.hypot(self.misfit, self.shared)
 
     def _mixture(self, q: Array, sd: bool) -> tuple[Array, Array]:
         """Mean and variance over the two zones that a query may lie in."""
@@ -247,7 +269,8 @@ class GaussianProcess(Interpolator):
     @property
     def left_out_sd(self) -> Array:
         """Standard deviation that the others state for each value, with its own noise, (n,)."""
-        return np.asarray(np.sqrt(self._left_out_guess[1]))
+        own = np.sqrt(self._left_out_guess[1])
+        return np.asarray(own if self.shared is None else np.hypot(own, self.shared))
 
     @cached_property
     def _left_out_guess(self) -> tuple[Array, Array]:

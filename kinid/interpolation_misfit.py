@@ -22,6 +22,8 @@ LIMIT = 2.0
 AROUND = 4
 #: among such neighbours the value of a probe is so many standard deviations from a guess at most
 PLAUSIBLE = 2.0
+#: errors this many times larger than what neighbours differ by are shared
+SAME = 10.0
 
 
 def misfit(places: Array, residual: Array, error: Array, spacing: float) -> Array:
@@ -47,6 +49,27 @@ def misfit(places: Array, residual: Array, error: Array, spacing: float) -> Arra
             out[i] = max(out[i], abs(mean))
             same = alike[residual[alike] * mean > 0]
             out[same] = np.maximum(out[same], np.abs(residual[same]) / PLAUSIBLE)
+    return out
+
+
+def shared_error(places: Array, values: Array, noise: Array, pairs: NDArray[np.int64]) -> Array:
+    """The part of each probe's error that its neighbours make too, (n,): 0 unless they agree far better than their errors say.
+
+    Several pokes that one wrong law was fitted to have large errors, and yet the same value each time: what they are off by is
+    alike. Such errors say how far all of them may be off, not how far from each other.
+
+    Args:
+        places: (n, 2). values, noise: of the probes and their standard errors, (n,) both. pairs: neighbours, (e, 2).
+    """
+    out = np.zeros(len(places))
+    both = np.concatenate([pairs, pairs[:, ::-1]])
+    # of alike errors alone: a sure neighbour of another material says nothing
+    both = both[noise[both[:, 1]] >= ALIKE * noise[both[:, 0]]]
+    for i in np.unique(both[:, 0]).tolist():
+        around = both[both[:, 0] == i, 1]
+        apart = np.sort(np.abs(values[around] - values[i]))[: max(2, len(around) // 2)]
+        if len(apart) > 1 and noise[i] > SAME * apart[-1]:
+            out[i] = np.sqrt(noise[i] ** 2 - (noise[i] / SAME) ** 2)
     return out
 
 

@@ -18,6 +18,8 @@ FEWEST, SHARE = 3, 0.7
 SHARES = (0.03, 0.08)
 #: how fast belonging to a zone fades beyond its nearest probe, in spacings
 FADE = 0.15
+#: so many of the nearest probes say which zone a place is in
+VOTERS = 8
 
 
 def neighbours(places: Array) -> Index:
@@ -97,14 +99,18 @@ def connected(n: int, pairs: Index) -> Index:
 
 
 def belonging(queries: Array, places: Array, zones: Index, spacing: float) -> tuple[Index, Array]:
-    """The two nearest zones of each query and how sure it lies in each, (m, 2) both; the second is 0 where there is one only."""
+    """The two likeliest zones of each query and how sure it lies in each, (m, 2) both; the second is 0 where there is one only.
+
+    The probes around vote, with weights that fade with their distance: beside one nearest probe a place is of its zone, and
+    among several that are as near, of the zone of most of them.
+    """
     from scipy.spatial import cKDTree
 
-    kinds = np.unique(zones)
-    distance = np.column_stack([cKDTree(places[zones == kind]).query(queries)[0] for kind in kinds])
-    order = np.argsort(distance, axis=1)[:, :2]
-    near = np.take_along_axis(distance, order, axis=1)
+    distance, index = cKDTree(places).query(queries, k=np.arange(1, min(VOTERS, len(places)) + 1))
+    weight, kinds = np.exp(-(distance - distance[:, :1]) / (FADE * spacing)), np.unique(zones)
+    votes = np.column_stack([np.sum(weight * (zones[index] == kind), axis=1) for kind in kinds])
     if len(kinds) == 1:
-        order, near = np.repeat(order, 2, axis=1), np.column_stack([near, np.full(len(near), np.inf)])
-    share = np.exp(-(near - near[:, :1]) / (FADE * spacing))
+        return np.repeat(kinds[None], len(queries), axis=0).repeat(2, axis=1), np.tile([1.0, 0.0], (len(queries), 1))
+    order = np.argsort(-votes, axis=1)[:, :2]
+    share = np.take_along_axis(votes, order, axis=1)
     return kinds[order], share / share.sum(axis=1, keepdims=True)

@@ -6,7 +6,7 @@ Colours are those of Okabe and Ito (2008), which colour-blind readers can tell a
 from __future__ import annotations
 
 import html
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,6 +24,10 @@ Array = NDArray[np.float64]
 
 BLUE, VERMILION, GREEN, ORANGE, GREY = "#0072B2", "#D55E00", "#009E73", "#E69F00", "#6b7280"
 AXES = (BLUE, VERMILION, GREEN)
+#: what was measured, in every picture that holds it against a model
+INK = "#4b5563"
+#: name, colour and dash ("solid" or "dashed") of a line, for a key
+Entry = tuple[str, str, str]
 
 #: more points than this in a line can't be told apart on a screen
 MOST_POINTS = 6000
@@ -38,19 +42,46 @@ td,th{padding:.2rem .8rem .2rem 0;text-align:right;border-bottom:1px solid #e5e7
 td:first-child,th:first-child{text-align:left}
 .scroll{overflow-x:auto}
 details{margin:1.5rem 0;color:#4b5563}code{font-size:.85rem;overflow-wrap:anywhere}
-@media print{.modebar{display:none}}
+pre{white-space:pre-wrap;background:#f6f7f9;padding:.6rem .8rem;border-radius:.4rem;font-size:.9rem;margin:.4rem 0}
+figure{margin:.3rem 0;min-width:0;max-width:100%}
+figcaption{font-size:.9rem;font-weight:600;margin:.2rem 0}
+.grid{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,330px),1fr));gap:.4rem 1.2rem}
+.grid.wide{grid-template-columns:repeat(auto-fill,minmax(min(100%,480px),1fr))}
+.grid.wide>figure:only-child{grid-column:1/-1}
+.key{margin:.4rem 0}.key span{display:inline-block;margin-right:1.2rem}.key i{display:inline-block;width:1.6rem;height:0;
+border-top:3px solid;vertical-align:middle;margin-right:.35rem}
+@media (max-width:600px){body{padding:.6rem}td,th{padding-right:.55rem;font-size:.85rem}}
+@media print{@page{margin:12mm}body{max-width:none;padding:0;font-size:10.5pt}
+figure,li,tr{break-inside:avoid}h2,h3,.key,.facts{break-after:avoid}.scroll{overflow:visible}
+td,th{font-size:8pt;padding-right:.4rem}.grid,.grid.wide{grid-template-columns:1fr 1fr}
+*{print-color-adjust:exact;-webkit-print-color-adjust:exact}}
 """
+
+#: figures are drawn while the page is read, before it has its final width; a finger that strokes one scrolls the page; and for
+#: printing each is fitted to its column, and what is folded away is shown
+_FIT = """<script>
+(function(){
+  var all=function(f){document.querySelectorAll('.js-plotly-plot').forEach(f)},finger=matchMedia('(pointer:coarse)').matches;
+  addEventListener('load',function(){all(function(p){Plotly.Plots.resize(p);if(finger)Plotly.relayout(p,{dragmode:false})})});
+  addEventListener('beforeprint',function(){
+    document.querySelectorAll('details').forEach(function(d){d.open=true});
+    all(function(p){var half=p.closest('.grid');Plotly.relayout(p,{width:half?335:690,autosize:false})});
+  });
+  addEventListener('afterprint',function(){all(function(p){Plotly.relayout(p,{width:null,autosize:true})})});
+})();
+</script>"""
 
 
 def analysis_page(result: Analysis, title: str) -> str:
     """The contact frame or the tip's motion, and joint torques, as one HTML page."""
-    figures: list[tuple[str, Figure]] = []
+    figures: list[tuple[str, Figure | str]] = []
     if result.contact is not None:
         figures += contact_figures(result.contact)
     if result.tip is not None:
         figures.append(("Motion of the tip, base frame", tip_figure(result.tip)))
     if result.torques is not None:
-        figures.append(("Joint torques: measured, and inverse dynamics", torque_figure(result.torques)))
+        names = key((("measured", INK, "solid"), ("inverse dynamics", VERMILION, "solid"), ("residual", BLUE, "solid")))
+        figures.append(("Joint torques: measured, and inverse dynamics", names + drawing(torque_figure(result.torques))))
     facts = result.summary()
     body = []
     if result.contact is not None:
@@ -68,32 +99,51 @@ def analysis_page(result: Analysis, title: str) -> str:
     return page(title, "".join(body), figures, tail)
 
 
-def page(title: str, head: str, figures: Sequence[tuple[str, Figure]], tail: str = "", style: str = "") -> str:
-    """One self-contained HTML page of titled figures; `style` is added to the house's."""
+def page(title: str, head: str, figures: Sequence[tuple[str, Figure | str]], tail: str = "", style: str = "") -> str:
+    """One self-contained HTML page of titled figures, or of HTML with figures in it; `style` is added to the house's."""
     from plotly.offline import get_plotlyjs
 
-    parts = [f"<h2>{html.escape(name)}</h2>" + figure.to_html(
-        full_html=False, include_plotlyjs=False, config={"displaylogo": False, "responsive": True}, div_id=f"figure-{i}")
-        for i, (name, figure) in enumerate(figures, start=1)]  # fmt: skip
+    parts = [f"<section><h2>{html.escape(name)}</h2>{figure if isinstance(figure, str) else drawing(figure)}</section>"
+             for name, figure in figures]  # fmt: skip
     return (
         "<!doctype html><html lang=en><head><meta charset=utf-8>"
         '<meta name=viewport content="width=device-width,initial-scale=1">'
         # an empty icon: the page asks nobody for one
         f'<link rel=icon href="data:,"><title>{html.escape(title)} – kinid</title><style>{_STYLE}{style}</style>'
-        f"<script>{get_plotlyjs()}</script></head><body><h1>{html.escape(title)}</h1>{head}{''.join(parts)}{tail}"
+        f"<script>{get_plotlyjs()}</script></head><body><h1>{html.escape(title)}</h1>{head}{''.join(parts)}{tail}{_FIT}"
         "</body></html>\n"
     )
 
 
-def contact_figures(touch: ContactSeries) -> list[tuple[str, Figure]]:
-    """Contact-frame quantities over time, and force over depth."""
+def drawing(figure: Figure, caption: str = "") -> str:
+    """A figure as part of a page, as wide as its place."""
+    drawn = figure.to_html(full_html=False, include_plotlyjs=False, config={"displaylogo": False, "responsive": True,
+                                                                           "displayModeBar": False})  # fmt: skip
+    return f"<figure>{f'<figcaption>{html.escape(caption)}</figcaption>' if caption else ''}{drawn}</figure>"
+
+
+def grid(figures: Iterable[tuple[str, Figure]], *, wide: bool = False) -> str:
+    """Captioned figures side by side, as many as the page is wide."""
+    inside = "".join(drawing(figure, caption) for caption, figure in figures)
+    return f'<div class="grid{" wide" if wide else ""}">{inside}</div>' if inside else ""
+
+
+def key(entries: Iterable[Entry]) -> str:
+    """Which colour is which, as text that wraps on a narrow screen; once for many pictures."""
+    spans = (f'<span><i style="border-color:{colour};border-top-style:{dash}"></i>{html.escape(name)}</span>'
+             for name, colour, dash in entries)  # fmt: skip
+    return f"<p class=key>{''.join(spans)}</p>"
+
+
+def contact_figures(touch: ContactSeries) -> list[tuple[str, Figure | str]]:
+    """Contact-frame quantities over time, each in a row with the axis that names it, and force over depth."""
     from plotly.subplots import make_subplots
 
     keep = thin(len(touch.t), touch.depth, touch.normal_force)
     t = touch.t[keep] - touch.t[0]
     rows: list[tuple[str, list[tuple[str, Array]]]] = [
         ("depth [mm]", [("depth", 1e3 * touch.depth[keep])]),
-        ("rate [mm/s]", [("depth rate", 1e3 * touch.depth_rate[keep])]),
+        ("depth rate [mm/s]", [("depth rate", 1e3 * touch.depth_rate[keep])]),
         ("slip [mm]", [("along tangent 1", 1e3 * touch.slip1[keep]), ("along tangent 2", 1e3 * touch.slip2[keep])]),
         ("normal force [N]", [("normal", touch.normal_force[keep])]),
         (
@@ -106,7 +156,7 @@ def contact_figures(touch: ContactSeries) -> list[tuple[str, Figure]]:
     time = make_subplots(rows=len(rows), cols=1, shared_xaxes=True, vertical_spacing=0.025)
     for i, (label, lines) in enumerate(rows, start=1):
         for (name, values), colour in zip(lines, AXES):
-            line(time, t, values, name, colour, i)
+            line(time, t, values, name, colour, i, legend=False)
         time.update_yaxes(title_text=label, row=i, col=1)
     # one shape a touch over the whole height, added at once: adding them one by one takes seconds
     time.update_layout(shapes=[
@@ -114,7 +164,9 @@ def contact_figures(touch: ContactSeries) -> list[tuple[str, Figure]]:
          "line": {"width": 0}, "layer": "below"} for a, b in _runs(touch.in_contact, touch.t - touch.t[0])])  # fmt: skip
     time.update_xaxes(title_text="time [s]", row=len(rows), col=1)
     finish(time, 170 * len(rows) + 60)
-    figures = [("Contact frame over time (shaded: in contact)", time)]
+    pairs = any(len(lines) > 1 for _, lines in rows)
+    names = key((f"along tangent {i}", AXES[i - 1], "solid") for i in (1, 2)) if pairs else ""
+    figures: list[tuple[str, Figure | str]] = [("Contact frame over time (shaded: in contact)", names + drawing(time))]
     inside = touch.in_contact & np.isfinite(touch.normal_force)
     if inside.any():
         figures.append(("Force over depth, in contact", _loop(touch, inside)))
@@ -126,7 +178,7 @@ def _loop(touch: ContactSeries, inside: NDArray[np.bool_]) -> Figure:
 
     names = np.full(len(touch), "contact") if touch.phase is None else touch.phase
     figure = go.Figure()
-    palette = (BLUE, VERMILION, GREEN, ORANGE, "#CC79A7", "#56B4E9", GREY)
+    palette = (BLUE, VERMILION, GREEN, ORANGE, "#CC79A7", "#000000", GREY)
     order = list(dict.fromkeys(names[inside].tolist()))
     for i, name in enumerate(order):
         rows = np.flatnonzero(inside & (names == name))
@@ -136,6 +188,7 @@ def _loop(touch: ContactSeries, inside: NDArray[np.bool_]) -> Figure:
     figure.update_xaxes(title_text="depth [mm]")
     figure.update_yaxes(title_text="normal force [N]")
     finish(figure, 420)
+    figure.update_layout(hovermode="closest", legend={"itemsizing": "constant"})  # marks in the legend that can be seen
     return figure
 
 
@@ -168,10 +221,10 @@ def torque_figure(torques: JointTorques) -> Figure:
     t = torques.t[keep] - torques.t[0]
     for j in range(count):
         for values, name, colour in (
-            (torques.measured, "measured", BLUE), (torques.predicted, "inverse dynamics", VERMILION),
-            (torques.residual, "residual", GREY),
+            (torques.measured, "measured", INK), (torques.predicted, "inverse dynamics", VERMILION),
+            (torques.residual, "residual", BLUE),
         ):  # fmt: skip
-            line(figure, t, values[keep, j], name, colour, j + 1, legend=j == 0)
+            line(figure, t, values[keep, j], name, colour, j + 1, legend=False)
         figure.update_yaxes(title_text="[N·m]", row=j + 1, col=1)
     figure.update_xaxes(title_text="time [s]", row=count, col=1)
     finish(figure, 190 * count + 60)

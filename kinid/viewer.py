@@ -6,17 +6,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from kinid import viewer_scene as scenes
 from kinid.errors import InputError, KinidError, near
 from kinid.model import Model
 from kinid.property_map import PropertyMap, is_map
-from kinid.property_probes import Prober, build, logs_in
+from kinid.property_probes import Prober, build, logs_in, same_surface
 from kinid.reading import read
 from kinid.rig import Rig
 from kinid.robot import Robot
-from kinid.surface import Plane
+from kinid.surface import Mesh, Plane
+from kinid.surface import load as load_surface
 from kinid.viewer_page import page
 
 
@@ -53,10 +52,28 @@ class View:
             if self._rig.robot is None:
                 raise InputError(f"no [robot] in {rig}", "a robot to show", 'add [robot] with model = "lwr4plus" or your URDF')
             self._robot = Robot.load(self._rig)
+        else:
+            self._find_arm()
         if self._kind == "folder":
             assert self._rig is not None
             self._prober = Prober.of(self._rig, self._effects)
         self._update()
+
+    def _find_arm(self) -> None:
+        """The arm that a map was made with, where its last log and the rig beside that still tell: else there is none."""
+        self._map = PropertyMap.read(self.target)
+        log = self._log()
+        if log is None:
+            return
+        try:
+            rig = Rig.load(log.parent / "rig.toml")
+            surface = load_surface(rig)
+            if rig.robot is None or not isinstance(surface, Plane | Mesh) or not same_surface(surface, self._map.surface):
+                return
+            self._rig, self._robot = rig, Robot.load(rig)
+            self._moving(log)
+        except KinidError:
+            self._rig = self._robot = self._shown_log = None
 
     @property
     def _effects(self) -> list[str] | None:
@@ -94,23 +111,40 @@ class View:
     def scene(self) -> dict[str, Any]:
         """Everything."""
         out: dict[str, Any] = {"title": scenes.title_of(self.target), "play": self._kind == "log"}
-        target, normal, distance = np.array([0.3, 0.0, 0.35]), np.array([0.0, 0.0, 1.0]), 1.7
-        if self._map is not None and len(self._map):
-            grown = self._map
-            out["map"] = scenes.map_scene(grown, shown=self.shown, method=self.method)
-            target = grown.places.mean(axis=0)
-            normal = grown.surface.normal if isinstance(grown.surface, Plane) else np.array([0.0, 0.0, 1.0])
-            distance = 1.6 * float(np.linalg.norm(np.ptp(grown.places, axis=0))) + 0.05
+        log = None
         if self._rig is not None and self._robot is not None:
-            out["robot"] = scenes.robot_scene(self._rig, self._robot)
             log = self._log()
+            out["robot"] = scenes.robot_scene(self._rig, self._robot)
+            out |= {"ground": {"centre": [0.3, 0.0, -2e-3], "size": 0.9}, "patch": scenes.patch_scene(self._rig)}
             if log is not None:
                 out |= self._moving(log)
-            patch = scenes.patch_scene(self._rig)
-            if patch is not None:
-                out["patch"] = patch
-            target, distance = 0.5 * target + 0.5 * np.array([0.0, 0.0, 0.45]), max(distance, 1.75)
-        out["camera"] = scenes.camera(target, normal, distance)
+        out |= self._mapped()
+        if self._kind == "map":
+            # what is looked at is the map: the arm is a view beside it
+            out["views"] = [*out["views"][1:], *out["views"][:1]] if "robot" in out else out["views"]
+            out["play"] = False
+        return {name: part for name, part in out.items() if part is not None}
+
+    def _mapped(self) -> dict[str, Any]:
+        """The map with what stands around it, and the views of all that is shown."""
+        grown = self._map if self._map is not None and len(self._map) else None
+        out: dict[str, Any] = {"views": scenes.views(grown, self._robot is not None, self._shown_log is not None)}
+        if grown is None:
+            return out
+        out["map"] = scenes.map_scene(grown, shown=self.shown, method=self.method)
+        out["axes"] = scenes.axes_scene(grown)
+        if self._robot is None:
+            out["ground"] = scenes.ground_scene(grown)
+        patch = scenes.map_patch(grown, out["ground"]["centre"][2] if self._robot is None else 0.0)
+        return out if patch is None else out | {"patch": patch}
+
+    def facts(self) -> dict[str, Any]:
+        """What is shown, in the words of JSON: the kind of target, the map's model, probes and colours, the log that moves."""
+        out: dict[str, Any] = {"target": str(self.target), "kind": self._kind, "method": self.method,
+                               "log": None if self._shown_log is None else str(self._shown_log)}  # fmt: skip
+        if self._map is not None and len(self._map):
+            layers = scenes.layers_of(self._map)
+            out |= {"model": self._map.model, "probes": len(self._map), "colours": layers, "shown": self.shown or layers[0]}
         return out
 
     def changed(self) -> dict[str, Any] | None:
@@ -126,11 +160,11 @@ class View:
                 return None
         out: dict[str, Any] = {}
         if self._map is not None and len(self._map) and (len(self._map) != had[0] or self._kind == "map"):
-            out["map"] = scenes.map_scene(self._map, shown=self.shown, method=self.method)
-        log = self._log()
-        if self._kind == "folder" and log is not None and log != had[1]:
+            out |= self._mapped()
+        log = self._log() if self._robot is not None else None
+        if log is not None and log != had[1]:
             out |= self._moving(log) | {"play": True}
-        return out or None
+        return {name: part for name, part in out.items() if part is not None} or None
 
     def _moving(self, path: Path) -> dict[str, Any]:
         assert self._rig is not None
@@ -145,6 +179,9 @@ class View:
     def _log(self) -> Path | None:
         if self._kind == "log":
             return self.target
+        if self._kind == "map":
+            sources = [Path(probe.source.split("#")[0]) for probe in self._map.probes[-1:]] if self._map is not None else []
+            return next((path for path in sources if path.is_file()), None)
         found = [path for path in logs_in([self.target]) if str(path) not in self._bad] if self._kind == "folder" else []
         return found[-1] if found else None
 

@@ -123,7 +123,9 @@ def robot_scene(rig: Rig, robot: Robot) -> dict[str, Any]:
         tip = robot.frame(robot.tip_frame)
         if not shapes or robot.sensor_frame is None:
             joints[tip.parentJoint].append(_stick(np.asarray(tip.placement.translation)))
-    return {"joints": joints}
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, pin.neutral(robot.model))
+    return {"joints": joints, "zero": packed(np.array([pin.SE3ToXYZQUAT(pose) for pose in data.oMi]), "<f4")}
 
 
 def motion_scene(log: Log, rig: Rig, robot: Robot, model: str | None = None) -> dict[str, Any]:
@@ -188,15 +190,96 @@ def _predicted(touch: ContactSeries, model: str | None) -> Array:
     return out
 
 
-def patch_scene(rig: Rig, side: float = 0.12, thick: float = 0.03) -> dict[str, Any] | None:
+def patch_scene(rig: Rig, side: float = 0.12) -> dict[str, Any] | None:
     """A block under the surface's point; None for a mesh or without a surface."""
     surface = load_surface(rig)
     if not isinstance(surface, Plane):
         return None
+    return _block(surface, np.full(2, -0.5 * side), np.full(2, 0.5 * side), 0.0)
+
+
+def map_patch(grown: PropertyMap, ground: float) -> dict[str, Any] | None:
+    """A block under all of a map on a plane, that stands on a ground at this height [m]; None on a mesh."""
+    if not isinstance(grown.surface, Plane):
+        return None
+    low, high = _extent(grown)
+    edge = 0.06 * float((high - low).max())
+    return _block(grown.surface, low - edge, high + edge, ground)
+
+
+def _block(surface: Plane, low: Array, high: Array, ground: float) -> dict[str, Any]:
+    """From corner to corner along both tangents [m]; down to the ground where that is not far and the surface lies level."""
+    side, height = float((high - low).max()), float(surface.point[2]) - ground
+    level = surface.normal[2] > 0.99 and 0.05 * side < height < 3.0 * side
+    thick = height if level else 0.25 * side
     matrix = np.eye(4)
     matrix[:3, :3] = surface.axes.T
-    matrix[:3, 3] = surface.point - (0.5 * thick + 5e-4) * surface.normal
-    return {"size": [side, side, thick], "matrix": matrix.T.ravel().tolist()}
+    matrix[:3, 3] = surface.point + 0.5 * (low + high) @ surface.axes[:2] - (0.5 * thick + 4e-3 * side) * surface.normal
+    return {"size": [*(high - low).tolist(), thick], "matrix": matrix.T.ravel().tolist()}
+
+
+def axes_scene(grown: PropertyMap) -> dict[str, Any] | None:
+    """Where the axes of a map on a plane run: its point, its axes, and its extent along both tangents [m]; None on a mesh."""
+    if not isinstance(grown.surface, Plane):
+        return None
+    low, high = _extent(grown)
+    facts = {"point": grown.surface.point, "axes": grown.surface.axes, "low": low, "high": high}
+    return {name: values.tolist() for name, values in facts.items()}
+
+
+def ground_scene(grown: PropertyMap) -> dict[str, Any]:
+    """A level ground under a map that is seen without a robot: its middle [m], and the size of what stands on it [m]."""
+    if isinstance(grown.surface, Plane):
+        low, high = _extent(grown)
+        corners = grown.raised(np.array([[u, v] for u in (low[0], high[0]) for v in (low[1], high[1])]))
+        below = 0.25 * float((high - low).max())
+    else:
+        corners, below = grown.surface.vertices, 0.0
+    middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+    size = float(np.linalg.norm(np.ptp(corners, axis=0)))
+    return {"centre": [middle[0], middle[1], float(corners[:, 2].min()) - below - 2e-3 * size], "size": size}
+
+
+def _extent(grown: PropertyMap) -> tuple[Array, Array]:
+    """Lowest and highest coordinates of the coloured surface along both tangents [m]."""
+    ticks = grown.grid(2)
+    return np.array([t[0] for t in ticks]), np.array([t[-1] for t in ticks])
+
+
+def views(grown: PropertyMap | None, arm: bool, moves: bool) -> list[dict[str, Any]]:
+    """Cameras to choose from, the first one first: what each frames, its direction, and whether the arm is shown.
+
+    Args:
+        grown: a map, if any. arm: whether there is a robot. moves: whether a log moves it, with a force at its tip.
+    """
+    front = [0.72, -0.62, 0.55]
+    out = []
+    if arm:
+        of = ["robot", "patch"] if grown is None else ["robot", "patch", "surface"]
+        out.append({"name": "arm", "says": "all of the arm", "of": of, "away": front, "arm": True})
+    if moves and grown is None:
+        near = [front[0], front[1], 0.3]
+        out.append({"name": "tip", "says": "the tool's tip and its forces", "of": ["tip"], "away": near, "arm": True})
+    if grown is not None:
+        plane = grown.surface if isinstance(grown.surface, Plane) else None
+        normal = np.array([0.0, 0.0, 1.0]) if plane is None else plane.normal
+        of = ["surface"] if plane is None else ["surface", "axes"]
+        seen = {"name": "surface", "says": "the surface alone", "of": of, "away": _aside(plane), "arm": False}
+        out.append(seen)
+        # a trace to the side decides which way is up in the picture: the second tangent
+        above = normal - 1e-3 * (np.array([0.0, 1.0, 0.0]) if plane is None else plane.axes[1])
+        of = ["surface"] if plane is None else ["surface", "axes"]
+        out.append(seen | {"name": "above", "says": "the surface from above", "of": of, "away": above.tolist()})
+    return out
+
+
+def _aside(plane: Plane | None) -> list[float]:
+    """A direction from which a surface is seen as a whole, its axes in front."""
+    if plane is None:
+        return [0.72, -0.62, 0.55]
+    t1, t2, normal = plane.axes
+    away = 0.75 * normal + 0.35 * t1 - 0.62 * t2
+    return (away + [0.0, 0.0, 0.25 if abs(normal[2]) < 0.5 else 0.0]).tolist()  # type: ignore[no-any-return]
 
 
 def camera(target: Array, normal: Array, distance: float) -> dict[str, Any]:

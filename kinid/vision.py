@@ -31,6 +31,8 @@ FOLDS = 20
 #: what lies further from the nearest samples than this share of the samples from each other, by this factor, is unknown
 STRANGE, FAR, NEIGHBOURS = 0.98, 1.3, 3
 UNKNOWN = "unknown"
+#: a gain of so many standard errors is no chance
+BEYOND_CHANCE = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,11 +177,27 @@ class MaterialClassifier:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Share of places that were recognised: in random folds, in spatial blocks, and how far probabilities were off there."""
+    """Share of places that were recognised: in random folds, in spatial blocks, and how far probabilities were off there.
+
+    `commonest` is the share of the commonest class, which needs no picture to be right so often; `gain` is what the picture
+    adds to that, and `gain_error` its standard error over blocks.
+    """
 
     random_folds: float
     spatial_blocks: float
     calibration_error: float
+    commonest: float
+    gain_error: float
+
+    @property
+    def gain(self) -> float:
+        """Share recognised in spatial blocks beyond that of the commonest class."""
+        return self.spatial_blocks - self.commonest
+
+    @property
+    def tells(self) -> bool:
+        """Whether classes are recognised more often than chance makes so."""
+        return self.gain > max(BEYOND_CHANCE * self.gain_error, 0.0)
 
 
 def held_out(
@@ -199,12 +217,15 @@ def held_out(
     """
     features, names = np.asarray(features, dtype=float), np.asarray(labels, dtype=str)
     random, _, _ = _scores(features, names, random_folds(len(names), folds, seed), calibrated)
-    spatial, probability, right = _scores(features, names, spatial_blocks(places, block, folds, seed), calibrated)
+    fold = spatial_blocks(places, block, folds, seed)
+    spatial, probability, right = _scores(features, names, fold, calibrated)
     bins = np.clip((probability * 10).astype(int), 0, 9)
     gap = sum(
         abs(float(np.mean(probability[bins == b]) - np.mean(right[bins == b]))) * np.mean(bins == b) for b in np.unique(bins)
     )
-    return HeldOut(random, spatial, float(gap))
+    classes, counts = np.unique(names, return_counts=True)
+    plain = names == classes[counts.argmax()]
+    return HeldOut(random, spatial, float(gap), float(plain.mean()), error_of_mean(right.astype(float) - plain, fold))
 
 
 def random_folds(n: int, folds: int = FOLDS, seed: int = 0) -> NDArray[np.int64]:
@@ -248,6 +269,13 @@ def _scores(
         right[test] = np.array(seen.classes)[seen.probabilities.argmax(axis=1)] == names[test]
         probability[test] = seen.probabilities.max(axis=1)
     return float(right.mean()), probability, right
+
+
+def error_of_mean(values: Array, fold: NDArray[np.int64]) -> float:
+    """Standard error of a mean whose samples go together within folds (cluster-robust: Liang & Zeger, Biometrika 73, 1986)."""
+    sums = np.bincount(fold, values - values.mean())
+    count = len(np.unique(fold))
+    return float(np.sqrt(np.sum(sums**2) * count / max(count - 1, 1))) / len(values)
 
 
 def _machine(count: int, calibrated: bool) -> Any:

@@ -19,11 +19,13 @@ from kinid.interpolation import Prior
 from kinid.property_map import Probe, Property, PropertyMap
 from kinid.surface import Plane
 from kinid.vision import (
+    BEYOND_CHANCE,
     FEATURES,
     UNKNOWN,
     HeldOut,
     MaterialClassifier,
     Picture,
+    error_of_mean,
     held_out,
     random_folds,
     sklearn,
@@ -35,6 +37,8 @@ Array = NDArray[np.float64]
 
 #: a class of fewer probes teaches nothing
 FEWEST = 5
+#: folds of spatial blocks in which the regression is learnt anew
+LEARNT_ANEW = 5
 #: a spatial block is this share of the map's longer side
 BLOCKS = 5.0
 
@@ -48,6 +52,8 @@ class Sighted:
         levels: mean of the property in each class, (c,). counts: probes of each class, (c,).
         regression: scikit-learn's, of the logarithm of the property by the scaled features. centre, scale: of the features.
         errors: relative error (root mean square) of left-out probes: random folds, spatial blocks.
+        explained: share of the variance of the property's logarithm that the picture explains in left-out spatial blocks, and
+            the standard error of that over blocks.
     """
 
     item: Property
@@ -59,6 +65,13 @@ class Sighted:
     centre: Array
     scale: Array
     errors: tuple[float, float]
+    explained: tuple[float, float]
+
+    @property
+    def tells(self) -> bool:
+        """Whether the picture says anything of the property: recognises classes, or explains values, beyond chance."""
+        share, error = self.explained
+        return self.figures.tells or share > max(BEYOND_CHANCE * error, 0.0)
 
     @classmethod
     def learn(cls, grown: PropertyMap, name: str, picture: Picture, *, calibrated: bool = True) -> Sighted:
@@ -86,11 +99,17 @@ class Sighted:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a length at its bound is of a feature that tells nothing: nothing to warn of
             regression = _regression().fit(z, log)
-        errors = tuple(_left_out(regression, z, log, fold) for fold in (random_folds(len(z)), spatial_blocks(flat, block)))
+        # lengths that were learnt on all samples know which features happen to go with values that are left out: in blocks, of
+        # which a figure is to be honest, they are learnt anew
+        blocks = spatial_blocks(flat, block, folds=len(flat))
+        wrong = [_left_out(z, log, random_folds(len(z)), regression.kernel_), _left_out(z, log, blocks % LEARNT_ANEW)]
+        errors = [float(np.sqrt(np.mean(np.expm1(part) ** 2))) for part in wrong]
+        spread = max(float(np.var(log)), 1e-300)
+        gain = ((log - log.mean()) ** 2 - wrong[1] ** 2) / spread
         return cls(grown.properties[grown.index(name)], classifier, figures,
                    np.array([values[labels == c].mean() for c in classifier.classes]),
                    np.array([np.sum(labels == c) for c in classifier.classes]), regression, centre, scale,
-                   (errors[0], errors[1]))  # fmt: skip
+                   (errors[0], errors[1]), (float(gain.mean()), error_of_mean(gain, blocks)))  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
         """Classes and figures, in the words of JSON."""
@@ -101,17 +120,23 @@ class Sighted:
             "property": self.item.name, "unit": self.item.unit, "classes": classes,
             "held_out": {"random_folds": {"recognised": seen.random_folds, "error": random},
                          "spatial_blocks": {"recognised": seen.spatial_blocks, "error": spatial,
-                                            "calibration_error": seen.calibration_error}},
+                                            "calibration_error": seen.calibration_error},
+                         "commonest_class": {"recognised": seen.commonest}},
+            "tells": self.tells, "recognised_gain": {"value": seen.gain, "error": seen.gain_error},
+            "explained_variance": {"value": self.explained[0], "error": self.explained[1]},
         }  # fmt: skip
 
     def prior(self, picture: Picture) -> Prior:
-        """What a picture lets expect: mean and standard deviation at places (m, 2); NaN where it is unknown."""
+        """What a picture lets expect: mean and standard deviation at places (m, 2); NaN where it is unknown.
+
+        Everything is, if the picture that was learnt from tells no more than the probes do without it.
+        """
 
         def at(q: Array) -> tuple[Array, Array]:
             q = np.asarray(q, dtype=float)
             features = picture.features(q)
             log, sd = self.regression.predict((features - self.centre) / self.scale, return_std=True)
-            told = (self.classifier.at(features).label != UNKNOWN) & picture.shows(q)
+            told = (self.classifier.at(features).label != UNKNOWN) & picture.shows(q) & self.tells
             return np.where(told, np.exp(log), np.nan), np.where(told, np.exp(log) * sd, np.nan)
 
         return at
@@ -137,15 +162,19 @@ def _regression() -> Any:
     return process.GaussianProcessRegressor(kernel + kernels.WhiteKernel(0.1, (1e-3, 1.0)), normalize_y=True, random_state=0)
 
 
-def _left_out(regression: Any, z: Array, log: Array, fold: NDArray[np.int64]) -> float:
-    """Relative error of what was left out fold by fold, with the kernel that was learnt on all (its lengths, not its values)."""
+def _left_out(z: Array, log: Array, fold: NDArray[np.int64], kernel: Any = None) -> Array:
+    """Error of the logarithm of what was left out fold by fold, (n,), with a given kernel, else one learnt without the fold."""
     process = sklearn("gaussian_process")
     wrong = np.empty(len(log))
     for k in np.unique(fold):
         train, test = fold != k, fold == k
-        part = process.GaussianProcessRegressor(regression.kernel_, optimizer=None, normalize_y=True).fit(z[train], log[train])
-        wrong[test] = part.predict(z[test]) - log[test]
-    return float(np.sqrt(np.mean(np.expm1(wrong) ** 2)))
+        part = _regression()
+        if kernel is not None:
+            part = process.GaussianProcessRegressor(kernel, optimizer=None, normalize_y=True)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            wrong[test] = part.fit(z[train], log[train]).predict(z[test]) - log[test]
+    return wrong
 
 
 def prior_of(grown: PropertyMap, name: str, method: str = "triangles") -> Prior:

@@ -8,7 +8,9 @@ what is written says how it was converted:
 - MuJoCo: `solref = (−stiffness, −damping)`, its direct form, per unit of the contact's effective mass, which the file
   states. A contact's acceleration there is d (k r − b v) + (1 − d) g with the impedance d; a small d makes it the map's
   spring and damper under all but the share d of gravity. That holds for elliptic friction cones, which the file asks for:
-  each edge of a pyramidal one would be a spring of its own.
+  each edge of a pyramidal one would be a spring of its own. An engine pushes a body out of the face of a box that is nearest
+  to the body's middle: one that is pressed deeper than `deepest` is pushed aside and down, so that under a plane's patches lies
+  a rigid floor that nothing falls through.
 - SDF: `<kp>` [N/m], `<kd>` [N·s/m], `<mu>`.
 - glTF 2.0 (binary, `.glb`): one mesh with vertex colours by a property; a PNG holds each property as 16-bit grey over the
   same grid, and a JSON file its scale, so that an engine reads numbers and not colours.
@@ -176,9 +178,21 @@ def to_mujoco(made: Patches, effective_mass: float = EFFECTIVE_MASS) -> str:
             solref=f"{-k * share:.9g} {-max(damping * share, 1e-3):.9g}",
             solimp=f"{IMPEDANCE} {IMPEDANCE} 0.001",
         )
+    if made.shape != (0, 0):
+        ET.SubElement(body, "geom", _floor(made))
     ET.SubElement(ET.SubElement(root, "custom"), "numeric", name="effective_mass", data=f"{effective_mass:.9g}")
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
+
+
+def _floor(made: Patches) -> dict[str, str]:
+    """A rigid box under all patches of a plane, as thick as they are."""
+    axes, middle = made.axes[0], made.centres.mean(axis=0)
+    flat = (made.centres - middle) @ axes[:2].T
+    low, high = (flat - made.half).min(axis=0), (flat + made.half).max(axis=0)
+    centre = middle + 0.5 * (low + high) @ axes[:2] - 1.5 * made.thick * axes[2]
+    return {"name": "floor", "type": "box", "pos": _text(centre), "quat": _text(_quaternions(axes[None])[0]),
+            "size": _text([*(0.5 * (high - low)), 0.5 * made.thick])}  # fmt: skip
 
 
 def to_sdf(made: Patches) -> str:
@@ -282,7 +296,9 @@ def export(grown: PropertyMap, folder: Path, cells: int = CELLS, method: str = "
     about: dict[str, Any] = {"assumed": {role: FRICTION if role == "friction" else 0.0 for role in made.assumed}}
     about["alone"] = {"tip_radius": float(made.half.min()), "unit": "m",
                       "means": "a tip up to this radius, on the middle of a patch, feels that patch alone; a wider one feels "
-                               "several, and their stiffnesses add up"}  # fmt: skip
+                               "several, and their stiffnesses add up",
+                      "deepest": float(min(made.half.min(), 0.5 * made.thick)),
+                      "deepest_means": "a round tip pressed deeper than its radius and this goes aside, not out"}  # fmt: skip
     roles = {k: role for k, role in enumerate(ROLES) if role not in made.assumed}
     units = {role: grown.properties[grown.index(role)].unit for role in roles.values()}
     if isinstance(grown.surface, Mesh):

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from kinid.cli import complete
+
 EXAMPLES = """Examples:
 
 kinid compare poke.parquet --model hooke --model kelvin-voigt --model hunt-crossley
@@ -19,11 +21,14 @@ kinid compare poke.csv --model kelvin-voigt,coulomb-friction --model hunt-crossl
 def compare(
     log: Annotated[Path, typer.Argument(help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP.", show_default=False)],
     model: Annotated[
-        list[str], typer.Option(help="A model: effects separated by commas; once for each.", show_default=False)
+        list[str],
+        typer.Option(help="A model: effects separated by commas; once for each.", show_default=False,
+                     autocompletion=complete.model),
     ],
     rig: Annotated[Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the log.")] = None,
     reference: Annotated[
-        str | None, typer.Option(help="The model that differences are taken to; default: the best.")
+        str | None,
+        typer.Option(help="The model that differences are taken to; default: the best.", autocompletion=complete.model),
     ] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="The table to write as JSON.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Plot to write: one offline HTML file.")] = None,

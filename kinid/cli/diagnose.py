@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from kinid.cli import complete
+
 if TYPE_CHECKING:
     from kinid.diagnosis import Diagnosis
     from kinid.log import Log
@@ -31,16 +33,22 @@ def diagnose(
     log: Annotated[
         Path | None, typer.Argument(help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP.", show_default=False)
     ] = None,
-    model: Annotated[str, typer.Option(help="Effects of the model, separated by commas.", show_default=False)] = "",
+    model: Annotated[
+        str, typer.Option(help="Effects of the model, separated by commas.", show_default=False, autocompletion=complete.model)
+    ] = "",
     rig: Annotated[Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the log.")] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="The diagnosis to write as JSON.")] = None,
     report: Annotated[Path | None, typer.Option(help="Report to write: one offline HTML file.")] = None,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Table of readings, measured and predicted.")] = None,
     add: Annotated[
-        list[str] | None, typer.Option(help="An effect to add whatever the evidence says; once for each.", show_default=False)
+        list[str] | None,
+        typer.Option(help="An effect to add whatever the evidence says; once for each.", show_default=False,
+                     autocompletion=complete.effect),
     ] = None,
     max_effects: Annotated[int, typer.Option(help="Effects to add at most.", min=0)] = 4,
-    explain: Annotated[str | None, typer.Option(help="Say what an effect is and looks like, and nothing else.")] = None,
+    explain: Annotated[
+        str | None, typer.Option(help="Say what an effect is and looks like, and nothing else.", autocompletion=complete.effect)
+    ] = None,
 ) -> None:
     """Compare a model with the measurement: where it fails, what is missing, the error with it, and what to measure next."""
     if explain is not None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from kinid.cli import complete
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
@@ -31,7 +32,9 @@ kinid fit tester.csv --model hunt-crossley          (t, depth, normal_force: nee
 
 def fit(
     log: Annotated[Path, typer.Argument(help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP.", show_default=False)],
-    model: Annotated[str, typer.Option(help="Effects of the model, separated by commas.", show_default=False)],
+    model: Annotated[
+        str, typer.Option(help="Effects of the model, separated by commas.", show_default=False, autocompletion=complete.model)
+    ],
     rig: Annotated[Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the log.")] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Estimates to write as JSON.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Plot to write: one offline HTML file.")] = None,

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from kinid.cli import complete
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,7 +22,7 @@ EXAMPLES = """Examples:
 
 kinid lab ecoflex-50 -o ecoflex
 
-kinid lab poke --material sponge --hide relaxation --seed 7 -o secret
+kinid lab poke --material sponge --hide relaxation --seed 7 -o secret --json run.json
 
 kinid lab mould --campaign 10x10 -o campaign
 
@@ -67,7 +69,10 @@ def lab(
         Path | None, typer.Option(help="The rig that the trajectory was planned for; default: rig.toml beside it, if any.")
     ] = None,
     material: Annotated[str | None, typer.Option(help="What is touched; default: the experiment's, else ecoflex-50.")] = None,
-    hide: Annotated[str | None, typer.Option(help="Effect to plant, of a size by the seed; only truth/ tells it.")] = None,
+    hide: Annotated[
+        str | None,
+        typer.Option(help="Effect to plant, of a size by the seed; only truth/ tells it.", autocompletion=complete.hidden),
+    ] = None,
     where: Annotated[
         str | None, typer.Option(help="Part of the surface that has it, along both tangents: x0,y0,x1,y1 [m]; default: all.")
     ] = None,
@@ -93,6 +98,9 @@ def lab(
     at: Annotated[
         str | None, typer.Option(help="Of teleoperation: the place that is touched, along both tangents: x,y [m]; default: 0,0.")
     ] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Summary to write as JSON: what was made and how well it was followed.")
+    ] = None,
 ) -> None:
     """An LWR4+ under impedance control pokes and slides: its raw log, the rig, and the truth in a folder of its own."""
     if (experiment is None) == (trajectory is None):
@@ -100,6 +108,10 @@ def lab(
         raise InputError(found, "one of them", "name an experiment, as kinid lab poke, or a trajectory")
     _check(experiment, seed, out, {"--where": where, "--hide": hide, "--spacing": spacing, "--campaign": campaign,
                                    "--rig": rig, "--trajectory": trajectory})  # fmt: skip
+    if json_file is not None:
+        from kinid.writers import check_outputs
+
+        check_outputs((json_file,), (rig, trajectory, measured_map))
     asked = Asked(
         material, hide, None if where is None else _rectangle(where), seed, stiffness,
         None if torque_limit is None else _limits(torque_limit), None if point is None else _vector(point, "--point"),
@@ -115,17 +127,23 @@ def lab(
             raise InputError(f"teleoperation with {', '.join(given)}", "--material, --seed, --map and --at alone",
                              "leave the others out")  # fmt: skip
         x, y = (0.0, 0.0) if at is None else _numbers(at, 2, "--at", "0.02,0.02")
-        _teleoperation(out, asked, measured_map, (x, y))
+        summary = _teleoperation(out, asked, measured_map, (x, y))
     elif experiment == "study":
         others = {"--material": material, "--hide": hide, "--campaign": campaign, "--point": point, "--normal": normal,
                   "--mcap": mcap, "--torque-limit": torque_limit, "--stiffness": None if stiffness == 5200.0 else stiffness}
         if given := [name for name, value in others.items() if value is not None]:
             raise InputError(f"study with {', '.join(given)}", "--seed alone", "leave the others out")
-        _study(out, seed)
+        summary = _study(out, seed)
     elif campaign is not None and experiment is not None:
-        _campaign(_task(experiment, asked, campaign, 0.01 if spacing is None else spacing, bool(mcap)), out)
+        summary = _campaign(_task(experiment, asked, campaign, 0.01 if spacing is None else spacing, bool(mcap)), out)
     else:
-        _single(out, asked, experiment, trajectory, rig, mcap is None or mcap)
+        summary = _single(out, asked, experiment, trajectory, rig, mcap is None or mcap)
+    if json_file is not None:
+        from kinid.cli.show import written
+        from kinid.writers import write_text
+
+        write_text(json_file, json.dumps(summary, indent=1) + "\n")
+        written([json_file])
 
 
 def _check(experiment: str | None, seed: int, out: Path, given: dict[str, object]) -> None:
@@ -144,7 +162,8 @@ def _check(experiment: str | None, seed: int, out: Path, given: dict[str, object
                          "leave it out, or plan the campaign with kinid plan poke --grid")  # fmt: skip
 
 
-def _single(out: Path, asked: Asked, experiment: str | None, trajectory: Path | None, rig: Path | None, mcap: bool) -> None:
+def _single(out: Path, asked: Asked, experiment: str | None, trajectory: Path | None, rig: Path | None,
+            mcap: bool) -> dict[str, Any]:  # fmt: skip
     """One experiment, by its name or as it was planned."""
     from kinid.lab.folder import at_work, begin, check_free, done
     from kinid.lab.writing import check_mcap, write_experiment
@@ -173,7 +192,7 @@ def _single(out: Path, asked: Asked, experiment: str | None, trajectory: Path | 
         begin(out)
         path = write_experiment(out, result, truth, mcap=mcap)
         done(out)
-    _show(path, result, nominal, mcap)
+    return {"experiment": truth["experiment"], "seed": asked.seed} | _show(path, result, nominal, mcap)
 
 
 def _prepared(asked: Asked, experiment: str | None) -> Setup:
@@ -204,7 +223,7 @@ def _planned(base: Setup, asked: Asked, trajectory: Path, rig: Path | None) -> S
     return setup
 
 
-def _teleoperation(out: Path, asked: Asked, measured_map: Path | None, place: tuple[float, float]) -> None:
+def _teleoperation(out: Path, asked: Asked, measured_map: Path | None, place: tuple[float, float]) -> dict[str, Any]:
     from kinid.cli.show import console, written
     from kinid.lab import teleoperation
     from kinid.lab.folder import at_work, check_free
@@ -220,9 +239,11 @@ def _teleoperation(out: Path, asked: Asked, measured_map: Path | None, place: tu
                     f"{found.believed.damping:.3g} N·s/m", markup=False)  # fmt: skip
     console().print(found.study.table(), markup=False)
     written([out / "teleoperation.json", page])
+    facts: dict[str, Any] = json.loads((out / "teleoperation.json").read_text(encoding="utf-8"))
+    return {"experiment": "teleoperation", "seed": asked.seed, "page": str(page)} | facts
 
 
-def _study(out: Path, seed: int) -> None:
+def _study(out: Path, seed: int) -> dict[str, Any]:
     from rich.table import Table
 
     from kinid.cli.show import console, written
@@ -242,6 +263,7 @@ def _study(out: Path, seed: int) -> None:
         table.add_row(row.material, row.parameter, *(f"{value:.4g}" for value in row[2:7]), row.unit)
     console().print(table)
     written([path])
+    return {"experiment": "study", "seed": seed, "parameters": [row._asdict() for row in rows], "table": str(path)}
 
 
 def _task(experiment: str, asked: Asked, grid: str, spacing: float, mcap: bool) -> Campaign:
@@ -268,7 +290,7 @@ def _progress() -> Progress:
     return Progress(*columns, console=out, transient=True, disable=not out.is_terminal)
 
 
-def _campaign(task: Campaign, out: Path) -> None:
+def _campaign(task: Campaign, out: Path) -> dict[str, Any]:
     from kinid.lab import campaign
     from kinid.lab.campaign_page import NAME
     from kinid.lab.writing import check_mcap
@@ -287,9 +309,12 @@ def _campaign(task: Campaign, out: Path) -> None:
     there = f" ({task.count - made} were there already)" if made < task.count else ""
     typer.echo(f"{made} {task.touch}s made{there}: {out}/{task.touch}_*.parquet, {out / 'rig.toml'}; at a glance: {out / NAME}; "
                f"the truth, which no other command reads: {out / 'truth'}")  # fmt: skip
+    logs = sorted(out.glob(f"{task.touch}_*.parquet"))
+    return {"experiment": "campaign", "seed": task.seed, "count": task.count, "made": made, "logs": [str(log) for log in logs],
+            "rig": str(out / "rig.toml"), "page": str(out / NAME), "truth": str(out / "truth")}  # fmt: skip
 
 
-def _show(path: Path, result: Result, nominal: Setup, mcap: bool) -> None:
+def _show(path: Path, result: Result, nominal: Setup, mcap: bool) -> dict[str, Any]:
     from rich.table import Table
 
     from kinid.cli.show import console
@@ -306,11 +331,18 @@ def _show(path: Path, result: Result, nominal: Setup, mcap: bool) -> None:
         inside = ("–", "–") if max(o.asked, o.reached) <= 0.0 else (f"{1e3 * o.reached:.2f}", f"{1e3 * o.asked:.2f}")
         table.add_row(o.phase, f"{o.duration:.1f}", *inside, f"{1e3 * o.apart:.2f}", f"{o.force:.2f}")
     console().print(table)
-    for line in remarks(found, result.setup, nominal):
+    doubts = remarks(found, result.setup, nominal)
+    for line in doubts:
         console().print(line, style="yellow", markup=False)
     streams = f"; its streams: {path.with_suffix('.mcap')}, {path.parent / 'streams'}" if mcap else ""
     typer.echo(f"log: {path}{streams}; what measured it: {path.parent / 'rig.toml'}; the truth, which no other command reads: "
                f"{path.parent / 'truth'}")  # fmt: skip
+    phases = [{"phase": o.phase, "duration": o.duration, "depth_asked": o.asked, "depth_reached": o.reached,
+               "off_set_point": o.apart, "force": o.force} for o in found]  # fmt: skip
+    made = {"log": path, "rig": path.parent / "rig.toml", "truth": path.parent / "truth"}
+    if mcap:
+        made |= {"mcap": path.with_suffix(".mcap"), "streams": path.parent / "streams"}
+    return {name: str(file) for name, file in made.items()} | {"phases": phases, "doubts": list(doubts)}
 
 
 def _grid(text: str) -> tuple[int, int]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -46,6 +47,7 @@ def map_(
     along: Annotated[
         float, typer.Option(help="A slide of more than 20 mm is cut into probes of this length [m]; 0 for one probe a touch.")
     ] = 0.002,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Probes, ranges and left-out errors to write as JSON.")] = None,
     anew: Annotated[bool, typer.Option("--anew", help="Don't go on with a map that is there.")] = False,
 ) -> None:
     """Logs of touches to a map of stiffness, damping … over the surface, with covariance; started again, it goes on."""
@@ -68,7 +70,7 @@ def map_(
     found = logs_in(logs)
     first = logs[0] if logs[0].is_dir() else logs[0].parent
     rig_file = rig or first / "rig.toml"
-    check_outputs((out, plot), (rig_file, *found))
+    check_outputs((out, plot, json_file), (rig_file, *found))
     prober = Prober.of(Rig.load(rig_file), [part.strip() for part in model.split(",") if part.strip()], along)
     if cell is not None and isinstance(prober.surface, Mesh):
         raise InputError(f"--cell {cell} for a mesh", "a plane; a mesh has a patch for each of its faces", "leave --cell out")
@@ -99,7 +101,8 @@ def map_(
         from kinid.property_map_plots import map_page
 
         write_text(plot, map_page(grown, out.name, method))
-    _show(grown, len(grown) - (len(start) if start is not None else 0), skipped)
+    facts = _facts(grown, len(grown) - (len(start) if start is not None else 0), skipped)
+    _show(facts)
     worlds: list[Path] = []
     if export is not None:
         from kinid.worlds import CELLS, FRICTION, cells_of
@@ -110,7 +113,11 @@ def map_(
             typer.echo(f"assumed friction {FRICTION} in {export}: the map holds none")
     from kinid.cli.show import written
 
-    written([path for path in (out, plot, *worlds) if path is not None])
+    files = [path for path in (out, plot, *worlds, json_file) if path is not None]
+    if json_file is not None:
+        facts |= {"map": str(out), "method": method, "written": [str(path) for path in files]}
+        write_text(json_file, json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    written(files)
 
 
 def _tells(grown: PropertyMap, name: str) -> bool:
@@ -119,33 +126,53 @@ def _tells(grown: PropertyMap, name: str) -> bool:
     return name in [p.name for p in grown.properties] and bool(np.isfinite(grown.values(name)).any())
 
 
-def _show(grown: PropertyMap, fresh: int, skipped: dict[str, str]) -> None:
+def _facts(grown: PropertyMap, fresh: int, skipped: dict[str, str]) -> dict[str, Any]:
+    """What a map holds, in the words of JSON; a property that no probe tells has no numbers."""
     import numpy as np
+
+    properties: dict[str, Any] = {}
+    for item in grown.properties:
+        values, errors = grown.values(item.name), grown.deviations(item.name)
+        told = np.isfinite(values)
+        properties[item.name] = {"unit": item.unit, "probes": int(told.sum())}
+        if told.any():
+            held = {name: error if np.isfinite(error) else None for name, error in grown.held_out(item.name).items()}
+            properties[item.name] |= {"lowest": float(values[told].min()), "highest": float(values[told].max()),
+                                      "standard_error": float(np.median(errors[told])), "held_out": held}  # fmt: skip
+    return {"model": grown.model, "probes": len(grown), "new": fresh, "properties": properties,
+            "failing": int(np.nansum(grown.misfit > 3)), "left_out_logs": dict(skipped)}  # fmt: skip
+
+
+def _show(facts: dict[str, Any]) -> None:
     from rich.markup import escape
     from rich.table import Table
 
     from kinid.cli.show import console
 
-    out = console()
-    old = f", {len(grown) - fresh} of them there already" if fresh < len(grown) else ""
-    out.print(f"{len(grown)} probes with {grown.model}{old}", soft_wrap=True)
+    out, probes, fresh = console(), facts["probes"], facts["new"]
+    old = f", {probes - fresh} of them there already" if fresh < probes else ""
+    out.print(f"{probes} probes with {facts['model']}{old}", soft_wrap=True)
+    # two tables: together they are wider than a terminal
     table = Table("property", "unit", box=None, pad_edge=False)
-    for heading in ("lowest", "highest", "standard error", *(f"left out: {method}" for method in grown.methods)):
+    for heading in ("lowest", "highest", "standard error"):
         table.add_column(heading, justify="right")
-    for item in grown.properties:
-        values, errors = grown.values(item.name), grown.deviations(item.name)
-        told = np.isfinite(values)
-        if told.any():
-            held = grown.held_out(item.name)
-            table.add_row(escape(item.name), item.unit, f"{values[told].min():.5g}", f"{values[told].max():.5g}",
-                          f"{np.median(errors[told]):.3g}", *(f"{held[method]:.3g}" for method in grown.methods))  # fmt: skip
-        else:
-            table.add_row(escape(item.name), item.unit, *["unknown"] * 2, *["–"] * (1 + len(grown.methods)))
+    told = {name: item for name, item in facts["properties"].items() if item["probes"]}
+    for name, item in facts["properties"].items():
+        numbers = [f"{item['lowest']:.5g}", f"{item['highest']:.5g}", f"{item['standard_error']:.3g}"] if name in told else None
+        table.add_row(escape(name), item["unit"], *(numbers or ["unknown", "unknown", "–"]))
     out.print(table)
-    failing = int(np.nansum(grown.misfit > 3))
-    if failing:
-        out.print(f"doubt: at {failing} of {len(grown)} places the model leaves more than 3 times the noise; kinid diagnose says "
-                  "what may be missing there", soft_wrap=True)  # fmt: skip
+    table = Table("error of probes left out", box=None, pad_edge=False)
+    methods = next(iter(told.values()))["held_out"] if told else {}
+    for method in methods:
+        table.add_column(method, justify="right")
+    for name, item in told.items():
+        table.add_row(escape(name), *("–" if error is None else f"{error:.3g}" for error in item["held_out"].values()))
+    if told:
+        out.print(table)
+    if facts["failing"]:
+        out.print(f"doubt: at {facts['failing']} of {probes} places the model leaves more than 3 times the noise; kinid diagnose "
+                  "says what may be missing there", soft_wrap=True)  # fmt: skip
+    skipped = facts["left_out_logs"]
     for path, why in list(skipped.items())[:5]:
         out.print(f"left out: {escape(path)}: {escape(why)}", soft_wrap=True)
     if len(skipped) > 5:

@@ -76,6 +76,11 @@ def picture(
 
         write_text(plot, map_page(predicted, (onto or image).name, "nearest"))
     _show(sighted, facts)
+    if not sighted.tells:
+        if out is None and plot is None:
+            return
+        raise InputError(f"a picture that tells nothing of {shown}", "one whose colours go with it",
+                         "leave out -o and --plot, check --corners, or light it so that materials differ")  # fmt: skip
     if not len(predicted):
         raise InputError(f"nothing in {(onto or image).name} that looks like what was learnt", "a picture of like materials",
                          "poke this one, or light it as the first one")  # fmt: skip
@@ -111,7 +116,13 @@ def _show(sighted: Sighted, facts: dict[str, Any]) -> None:
         table.add_column(heading, justify="right")
     for name, words in (("random_folds", "random folds, as in the study"), ("spatial_blocks", "spatial blocks, which is honest")):
         table.add_row(words, f"{100 * held[name]['recognised']:.1f} %", f"{100 * held[name]['error']:.1f} %")
+    table.add_row("the commonest class, without a picture", f"{100 * sighted.figures.commonest:.1f} %", "–")
     out.print(table)
+    if not sighted.tells:
+        out.print(f"doubt: the picture tells nothing of {sighted.item.name}: the commonest class alone is right at "
+                  f"{100 * sighted.figures.commonest:.1f} % of the places, and values follow no better; nothing is predicted",
+                  soft_wrap=True)  # fmt: skip
+        return
     share = facts["unknown_cells"] / max(facts["cells"], 1)
     out.print(f"{facts['picture']}: {facts['unknown_cells']} of {facts['cells']} cells ({100 * share:.0f} %) look like nothing "
               "that was learnt, and stay unknown", soft_wrap=True)  # fmt: skip

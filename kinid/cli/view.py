@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -30,6 +31,7 @@ def view(
     model: Annotated[str | None, typer.Option(help="Effects that predict a log's forces, or that pokes are fitted with.")] = None,
     port: Annotated[int, typer.Option(help="On 127.0.0.1; 0 for any that is free.")] = 7000,
     record: Annotated[Path | None, typer.Option(help="Write one self-contained HTML file instead of serving.")] = None,
+    json_file: Annotated[Path | None, typer.Option("--json", help="What is shown and where, to write as JSON.")] = None,
     browser: Annotated[bool, typer.Option("--open/--no-open", help="Open the browser.")] = True,
 ) -> None:
     """The arm moving through a log, or the surface coloured by a property, while it grows; to this machine only."""
@@ -44,14 +46,18 @@ def view(
         raise InputError(f"--method {method}", f"one of {', '.join(METHODS)}", "choose one of them")
     if not 0 <= port < 65536:
         raise InputError(f"--port {port}", "0 to 65535", "choose another")
-    if record is not None:
-        check_outputs((record,), (target, rig))
+    check_outputs((record, json_file), (target, rig))
     seen = View(target, rig, shown, method, model)
     if record is not None:
         write_text(record, recorded(seen))
         typer.echo(f"wrote {record}")
+        if json_file is not None:
+            write_text(json_file, _json(seen.facts() | {"record": str(record)}))
+            typer.echo(f"wrote {json_file}")
         return
     server = ViewServer(lambda: page(seen.scene() | {"live": seen.live}), port)
+    if json_file is not None:
+        write_text(json_file, _json(seen.facts() | {"url": server.url, "port": server.port}))
     typer.echo(f"{target} at {server.url} (for this machine only); stop with Ctrl+C")
     if browser:
         import webbrowser
@@ -67,3 +73,7 @@ def view(
         typer.echo("stopped")
     finally:
         server.close()
+
+
+def _json(facts: dict[str, Any]) -> str:
+    return json.dumps(facts, indent=2, ensure_ascii=False) + "\n"

@@ -51,7 +51,10 @@ class Mark:
 
 @dataclass(frozen=True, eq=False)
 class Cleaned:
-    """The experiment without what detectors found, and what that was; `hum` is the mains' part of the readings, (channels, n)."""
+    """The experiment without what detectors found, and what that was.
+
+    `hum` is the mains' part of the readings, (channels, n); (channels, 1) where there is none.
+    """
 
     experiment: Experiment
     marks: tuple[Mark, ...]
@@ -72,12 +75,13 @@ def detect(experiment: Experiment, names: tuple[str, ...], motion: Array | None 
     if "quantization" not in names:
         mark, experiment = _quantization(experiment, motion)
         marks += [] if mark is None else [mark]
-    hum = np.zeros_like(experiment.measured)
+    hum = np.zeros((len(experiment.measured), 1))
     if "mains-hum" not in names:
         mark, without = _hum(experiment, motion)
-        hum = experiment.measured - without.measured
+        if mark is not None:
+            hum = experiment.measured - without.measured
+            marks.append(mark)
         experiment = without
-        marks += [] if mark is None else [mark]
     return Cleaned(experiment, tuple(marks), hum)
 
 
@@ -174,8 +178,8 @@ def _hum(experiment: Experiment, motion: Array | None) -> tuple[Mark | None, Exp
     rate = 1.0 / period_of(experiment.signals)
     if len(s) < 500:
         return None, experiment
-    readings = np.where(experiment.valid, experiment.measured, 0.0)
-    rest = readings if motion is None else readings - np.where(experiment.valid, motion, 0.0)
+    rest = experiment.measured.copy() if motion is None else experiment.measured - motion
+    rest[:, ~experiment.valid] = 0.0
     best: tuple[float, float, tuple[int, ...], Array, Array] | None = None
     for grid in GRIDS:
         possible = tuple(h for h in (1, 2, 3) if h * (grid + OFF) < 0.48 * rate)

@@ -13,14 +13,15 @@ from threadpoolctl import threadpool_limits
 
 from kinid import effects
 from kinid.contact import ContactSeries, contact_series, force_noise
-from kinid.diagnosis.candidates import able
+from kinid.diagnosis.candidates import able, base_of
 from kinid.diagnosis.descent import State, fit
 from kinid.diagnosis.detectors import Cleaned, Mark, detect
 from kinid.diagnosis.intervals import covariance, fitted, open_parameters
+from kinid.diagnosis.look import ENOUGH
 from kinid.diagnosis.noise import period_of
 from kinid.diagnosis.problem import Problem, filled, thin
 from kinid.diagnosis.result import ADEQUATE, MISSING, UNEXPLAINED, Diagnosis, Step
-from kinid.diagnosis.search import ENOUGH, Search, search
+from kinid.diagnosis.search import Search, search
 from kinid.diagnosis.unexplained import judge
 from kinid.diagnosis.verdicts import verdicts
 from kinid.diagnosis.where import where
@@ -330,6 +331,9 @@ class _Looked:
         if phase is not None and len(np.unique(phase)) == 1:
             out.append(f"the whole log is one phase, {phase[0]}: effects of the others can't be seen; record approach, hold, "
                        "motion and retraction")  # fmt: skip
+        if base_of(self.model) is None and self.whole.layout.kind != "joints" and self.whole.in_contact.any():
+            laws = ", ".join(name for name in effects.catalogue() if effects.get(name).base)
+            out.append(f"the log holds contact, and the model has no contact law: ask about one of {laws}")
         if not self.search.states[-1].converged:
             out.append("the last search stopped before it converged: its parameters may be off")
         usable = self.whole.valid if self.whole.touch is None else self.whole.touch.valid

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -24,6 +25,8 @@ Mask = NDArray[np.bool_]
 RATE = 125.0
 #: and of them at most so many
 MOST_SAMPLES = 40_000
+#: means that are compared, of all channels together, at most: of long logs fewer tell as much
+MOST_MEANS = 120_000
 #: what calibration is trusted to, as a standard deviation: surface [m], clocks [s], bias [N] and [N·m]
 SURFACE, CLOCK, BIAS_FORCE, BIAS_TORQUE = 1.5e-5, 1.25e-4, 0.01, 5e-4
 #: degrees of freedom of Student's t, whose logarithm bounds what a single sample can say
@@ -107,7 +110,8 @@ class Problem:
         s = experiment.signals
         period = period_of(s)
         rate = max(RATE, 4.0 * (experiment.band or 0.0))
-        edge, count = _groups(experiment, max(1, int(1.0 / (rate * period))))
+        many = max(1, int(1.0 / (rate * period)), math.ceil(experiment.measured.size / MOST_MEANS))
+        edge, count = _groups(experiment, many)
         span = float(s.t[-1]) if len(s) else 0.0
         length = BLOCK if span >= 16 * BLOCK else max(span / 16, 1e-9)
         return cls(experiment, edge, count, spread(experiment, model, values, edge, count), folds(experiment)[edge],

@@ -11,8 +11,9 @@ from kinid import effects
 from kinid.diagnosis.candidates import Candidate, able, amplitudes, base_of, screen
 from kinid.diagnosis.descent import State
 from kinid.diagnosis.detectors import Mark
+from kinid.diagnosis.look import ENOUGH, Tried
 from kinid.diagnosis.result import ABSENT, INDISTINGUISHABLE, NOT_EXCITED, PRESENT, EffectVerdict
-from kinid.diagnosis.search import ENOUGH, Search, Tried
+from kinid.diagnosis.search import Search
 from kinid.effects import Effect
 from kinid.fit import FittedParameter
 from kinid.parameter import Parameter

@@ -18,9 +18,9 @@ ORDER = (PRESENT, INDISTINGUISHABLE, NOT_EXCITED, ABSENT)
 
 def headline(result: Diagnosis) -> str:
     """The verdict in a sentence."""
-    before, after = result.steps[0].held_out, result.steps[-1].held_out
-    error = (f"the held-out error falls from {before:.3g} to {after:.3g} {result.unit}" if result.added else
-             f"the held-out error is {before:.3g} {result.unit}")  # fmt: skip
+    before, after = (f"{step.held_out:.3g}" for step in (result.steps[0], result.steps[-1]))
+    error = (f"the held-out error falls from {before} to {after} {result.unit}" if result.added and after != before else
+             f"the held-out error {'stays' if result.added else 'is'} {before} {result.unit}")  # fmt: skip
     noise = f"noise alone is {result.noise_floor:.3g} {result.unit}"
     names = listed(result.added)
     if result.verdict == ADEQUATE:

@@ -11,8 +11,10 @@ from kinid.kernels.memory import forwards
 
 #: steps after which a search that goes on is left as it is; a power law takes five, laws with a long memory some twenty
 MOST_STEPS = 60
+#: slopes are worked out anew where a step is more than this share of the one before
+SLOW = 0.3
 #: a step of this share of the greatest force ends the search
-SETTLED = 1e-13
+SETTLED = 1e-10
 
 
 def press_through(s: Signals, compliance: float, press: Callable[[Signals], None]) -> None:
@@ -42,11 +44,13 @@ def press_through(s: Signals, compliance: float, press: Callable[[Signals], None
         press(s)
         return s.normal
 
+    slope, loss, last, stale = force, force, np.inf, True
     for _ in range(MOST_STEPS):
         x, speed = depth - c * force, rate - c * _rate(force, s.dt)
         here = pressed(x, speed)
-        slope = np.maximum((pressed(x + h, speed) - here) / h, 0.0)
-        loss = np.maximum((pressed(x, speed + v) - here) / v, 0.0)
+        if stale:
+            slope = np.maximum((pressed(x + h, speed) - here) / h, 0.0)
+            loss = np.maximum((pressed(x, speed + v) - here) / v, 0.0)
         step = np.empty(n)
         forwards(force - here, s.dt, c * slope, c * loss, step)
         # the material is not left by a step that overshoots
@@ -55,6 +59,7 @@ def press_through(s: Signals, compliance: float, press: Callable[[Signals], None
         force = trial
         if moved <= SETTLED * float(np.abs(force).max(initial=0.0)):
             break
+        stale, last = moved > SLOW * last, moved
     pressed(depth - c * force, rate - c * _rate(force, s.dt))
     s.normal = force
 

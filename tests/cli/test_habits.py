@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shlex
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 import typer
 
-from kinid.cli import app
+from kinid.cli import app, complete
+from kinid.effects import catalogue
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -55,7 +58,7 @@ def test_the_list_of_commands_names_it_in_one_line(path: tuple[str, ...], run: R
 
 
 #: commands whose result is the file that they write
-ANSWERS_BY_FILE = {("lab",), ("map",), ("view",), ("plan", "poke"), ("plan", "slide")}
+ANSWERS_BY_FILE = {("map",), ("view",)}
 
 
 @each
@@ -67,7 +70,23 @@ def test_a_summary_for_scripts(path: tuple[str, ...]) -> None:
         assert "--json" in options
 
 
-COMPLETED = [("kinid di", "diagnose"), ("kinid plan ex", "excite"), ("kinid fit --mo", "--model")]
+COMPLETED = [
+    ("kinid di", "diagnose"), ("kinid plan ex", "excite"), ("kinid fit --mo", "--model"),
+    ("kinid fit log.csv --model kel", "kelvin-voigt"),
+    ("kinid compare log.csv --model hooke,stri", "hooke,stribeck-friction"),
+    ("kinid diagnose log.csv --add relax", "relaxation"), ("kinid diagnose --explain stribeck", "stribeck-friction"),
+    ("kinid plan discriminate --effects relaxation,stiffness-d", "relaxation,stiffness-drift"),
+    ("kinid lab poke --hide relax", "relaxation"),
+]  # fmt: skip
+
+
+def test_a_model_goes_on_with_what_it_lacks() -> None:
+    """One law of contact, nothing twice, all else of the catalogue; each begins with what was typed."""
+    bases = {name for name, known in catalogue().items() if known.base}
+    offered = [name for name, _ in complete.model("kelvin-voigt,relaxation,")]
+    assert offered == [f"kelvin-voigt,relaxation,{name}" for name in sorted(set(catalogue()) - bases - {"relaxation"})]
+    assert {name for name, _ in complete.model("")[: len(bases)]} == bases
+    assert complete.effect("nonsense") == []
 
 
 @pytest.mark.parametrize(("typed", "offered"), COMPLETED)
@@ -75,4 +94,21 @@ def test_the_shell_completes(typed: str, offered: str) -> None:
     asked = {"_KINID_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(len(typed.split()) - 1)}
     done = subprocess.run([sys.executable, "-c", "from kinid.cli import main; main()"], env=os.environ | asked, check=True,
                           capture_output=True, text=True)  # fmt: skip
-    assert done.stdout.split() == [offered]
+    assert done.stdout.splitlines() == [offered]
+
+
+def test_the_laboratory_sums_up_for_scripts(run: Run, tmp_path: Path) -> None:
+    """Files that are there, and how the motion was followed, as `kinid lab` prints it."""
+    code, said, err = run("lab", "poke", "--no-mcap", "-o", tmp_path / "one", "--json", tmp_path / "one.json")
+    assert code == 0, err
+    facts = json.loads((tmp_path / "one.json").read_text())
+    assert all(Path(facts[name]).exists() for name in ("log", "rig", "truth"))
+    (poke,) = [phase for phase in facts["phases"] if phase["phase"] == "poke"]
+    assert f"{1e3 * poke['depth_reached']:.2f}" in said
+    assert 0.5 * poke["depth_asked"] < poke["depth_reached"] <= poke["depth_asked"] + 1e-3
+    assert "hidden" not in json.dumps(facts)
+    code, _, err = run("lab", "mould", "--campaign", "2x1", "-o", tmp_path / "two", "--json", tmp_path / "two.json")
+    assert code == 0, err
+    facts = json.loads((tmp_path / "two.json").read_text())
+    assert facts["count"] == facts["made"] == len(facts["logs"]) == 2
+    assert all(Path(log).is_file() for log in facts["logs"])

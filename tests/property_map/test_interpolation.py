@@ -9,6 +9,7 @@ from scipy.optimize import check_grad
 from kinid.errors import InputError
 from kinid.interpolation import METHODS, PlaneGround
 from kinid.interpolation_gp import GaussianProcess, _distance, _evidence, interpolator
+from kinid.interpolation_zones import belonging
 
 
 def franke(p):
@@ -245,6 +246,40 @@ def test_where_probes_agree_against_the_surface_it_is_not_sure():
     assert (guess.sd[corner] >= 0.5 * away[corner]).all()
     # those who agree with the surface know their places as before
     assert (guess.sd[~corner] < 10.0).all()
+
+
+def test_probes_that_agree_far_better_than_their_errors_are_believed_among_themselves():
+    """Two materials, and a corner in which one wrong law was fitted each time: the surface follows its probes there, and says
+    that all of them may be off."""
+    ticks = np.linspace(0.0, 0.05, 6)
+    places = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), -1).reshape(-1, 2)
+    corner = (places >= 0.035).all(axis=1)
+    rng = np.random.default_rng(3)
+    values = np.where(corner, 1700.0, np.where(places[:, 0] < 0.025, 1000.0, 2400.0)) + 3.0 * rng.standard_normal(36)
+    noise = np.where(corner, 430.0, 3.0)
+    grown = GaussianProcess.fit(PlaneGround(places), values, noise)
+    guess = grown.at(places)
+    assert np.allclose(guess.mean, values, atol=40.0)
+    assert (guess.sd[corner] > 400.0).all()
+    assert (guess.sd[~corner] < 40.0).all()
+    # large errors that are each a probe's own are not believed
+    alone = np.where(corner, 2400.0 + 430.0 * rng.standard_normal(36), values)
+    own = GaussianProcess.fit(PlaneGround(places), alone, noise)
+    assert own.shared is None
+    assert np.abs(own.at(places).mean[corner] - 2400.0).max() < 200.0
+
+
+def test_left_out_a_probe_is_of_the_zone_of_most_of_its_neighbours():
+    places = np.array([[-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [1.0, 0.0]])
+    zones, share = belonging(np.zeros((1, 2)), places, np.array([0, 0, 0, 1]), 1.0)
+    assert zones.tolist() == [[0, 1]]
+    assert share[0] == pytest.approx([0.75, 0.25])
+    # beside one of them it is of that one's
+    zones, share = belonging(np.array([[0.9, 0.0]]), places, np.array([0, 0, 0, 1]), 1.0)
+    assert zones[0, 0] == 1
+    assert share[0, 0] > 0.98
+    zones, share = belonging(np.zeros((2, 2)), places, np.zeros(4, dtype=int), 1.0)
+    assert (zones.tolist(), share.tolist()) == ([[0, 0]] * 2, [[1.0, 0.0]] * 2)
 
 
 def test_errors_to_both_sides_are_chance():

@@ -84,12 +84,20 @@ def test_the_command(small, tmp_path):
         "nearest",
         "--cell",
         "0.02",
+        "--json",
+        str(tmp_path / "map.json"),
     ]
     done = subprocess.run(call, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
     assert "4 probes with kelvin-voigt" in done.stdout
     assert "at 1 of 4 places the model leaves more than 3 times the noise" in done.stdout
     assert len(PropertyMap.read(out)) == 4
+    assert all(len(line) <= 80 for line in done.stdout.splitlines() if not line.startswith(("doubt", "wrote", "assumed")))
+    facts = json.loads((tmp_path / "map.json").read_text(encoding="utf-8"))
+    assert (facts["model"], facts["probes"], facts["new"], facts["failing"]) == ("kelvin-voigt", 4, 4, 1)
+    assert facts["properties"]["stiffness"]["lowest"] == pytest.approx(510, rel=0.01)
+    assert set(facts["properties"]["stiffness"]["held_out"]) == {"gp", "triangles", "biharmonic", "nearest"}
+    assert str(out) in facts["written"]
     about = json.loads((worlds / "map.json").read_text(encoding="utf-8"))
     assert about["properties"]["stiffness"]["unit"] == "N/m"
     assert min(about["cell"]) >= 0.02 - 1e-9

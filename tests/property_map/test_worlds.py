@@ -44,12 +44,32 @@ def test_mujoco_reads_it(exported):
     model = mujoco.MjModel.from_xml_path(str(folder / "map.xml"))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    assert model.ngeom == len(cells.centres)
-    assert np.allclose(-model.geom_solref[:, 0] / (1 - IMPEDANCE), cells.values[:, 0], rtol=1e-6)
-    assert np.allclose(-model.geom_solref[:, 1] / (1 - IMPEDANCE), cells.values[:, 1], rtol=1e-6)
-    assert np.allclose(model.geom_friction[:, 0], cells.values[:, 2], rtol=1e-5)
+    n = len(cells.centres)
+    assert model.ngeom == n + 1
+    assert np.allclose(-model.geom_solref[:n, 0] / (1 - IMPEDANCE), cells.values[:, 0], rtol=1e-6)
+    assert np.allclose(-model.geom_solref[:n, 1] / (1 - IMPEDANCE), cells.values[:, 1], rtol=1e-6)
+    assert np.allclose(model.geom_friction[:n, 0], cells.values[:, 2], rtol=1e-5)
     tops = data.geom_xpos + model.geom_size[:, 2:] * data.geom_xmat.reshape(-1, 3, 3)[:, :, 2]
-    assert np.allclose(tops, cells.centres, atol=1e-7)
+    assert np.allclose(tops[:n], cells.centres, atol=1e-7)
+    # the floor lies right under all of them, in their plane
+    under = (tops[n] - cells.centres) @ AXES.T
+    assert np.allclose(under[:, 2], -cells.thick, atol=1e-7)
+    reach = model.geom_size[n, :2] - np.abs(under[:, :2])
+    assert np.allclose(reach.min(axis=0), cells.half[0], atol=1e-7)
+
+
+@pytest.mark.parametrize("count", [6, 20])
+def test_nothing_falls_through(count):
+    """A heavy small ball goes through soft patches that are narrower than it is deep; the floor stops it."""
+    cells, radius = patches(made(np.eye(3)), count), 0.004
+    middle = cells.centres.mean(axis=0)
+    x, y, z = cells.centres[np.linalg.norm(cells.centres - middle, axis=1).argmin()]
+    ball = f'<body pos="{x} {y} {z + radius}"><freejoint/><geom type="sphere" size="{radius}" mass="1"/></body></worldbody>'
+    model = mujoco.MjModel.from_xml_string(to_mujoco(cells).replace("</worldbody>", ball))
+    data = mujoco.MjData(model)
+    for _ in range(6000):
+        mujoco.mj_step(model, data)
+    assert z - cells.thick - radius < data.xpos[-1, 2] < z + radius
 
 
 def test_a_weight_in_mujoco_sinks_as_deep_as_the_stiffness_says():

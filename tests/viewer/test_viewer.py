@@ -5,17 +5,18 @@ from __future__ import annotations
 import base64
 import json
 import re
-import shutil
 import socket
 import subprocess
 import sys
 import threading
 import urllib.error
+import urllib.parse
 import urllib.request
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import numpy as np
 import pytest
+from headless import CHROMIUM, complaints, needs_chromium
 
 from kinid import viewer_scene as scenes
 from kinid.errors import InputError
@@ -24,8 +25,6 @@ from kinid.surface import Plane
 from kinid.viewer import View, record
 from kinid.viewer_page import page
 from kinid.viewer_server import ViewServer
-
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
 
 @pytest.fixture(scope="module")
@@ -149,6 +148,31 @@ def test_the_command_ends_with_one_line_and_writes_nothing(grown, tmp_path):
     assert not page_.exists()
 
 
+def test_the_command_writes_what_it_shows_as_json(grown, tmp_path):
+    path = tmp_path / "map.parquet"
+    grown.write(path)
+    call = [sys.executable, "-c", "from kinid.cli import main; main()", "view", str(path), "--json", str(tmp_path / "v.json")]
+    done = subprocess.run([*call, "--record", str(tmp_path / "x.html")], capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    facts = json.loads((tmp_path / "v.json").read_text(encoding="utf-8"))
+    assert (facts["kind"], facts["probes"], facts["shown"], facts["log"]) == ("map", 36, "stiffness", None)
+    assert facts["record"] == str(tmp_path / "x.html")
+    (tmp_path / "v.json").unlink()
+    served = subprocess.Popen([*call, "--port", "0", "--no-open"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        for _ in range(600):
+            if (tmp_path / "v.json").is_file():
+                break
+            threading.Event().wait(0.1)
+        facts = json.loads((tmp_path / "v.json").read_text(encoding="utf-8"))
+        with urllib.request.urlopen(facts["url"], timeout=10) as answer:
+            assert b"MeshCat" in answer.read()
+        assert facts["url"] == f"http://127.0.0.1:{facts['port']}/"
+    finally:
+        served.terminate()
+        served.wait(20)
+
+
 PROBE = """
 <script>
 (async () => {
@@ -189,12 +213,18 @@ PROBE = """
 </script></body>"""
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no chromium")
-def test_in_a_real_browser(grown, tmp_path):
-    """The scene loads without errors, surface and legend are there, 10 000 cells update fast, and nobody else is asked."""
-    path = tmp_path / "map.parquet"
-    grown.write(path)
-    text = page(View(path).scene()).replace("</body>", PROBE)
+def opened(url, profile, size="900,600"):
+    """A browser without a window and without a network, on a page of this machine."""
+    return subprocess.Popen(
+        [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader", "--no-first-run",
+         "--disable-sync", "--disable-background-networking", "--disable-component-update",
+         "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1", f"--user-data-dir={profile}", f"--window-size={size}", url],
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+
+
+def told_by(text, profile, size="900,600"):
+    """What a page posts to /told, and everything that it asks of its server."""
     told, done, asked = [], threading.Event(), []
 
     class Handler(BaseHTTPRequestHandler):
@@ -218,15 +248,7 @@ def test_in_a_real_browser(grown, tmp_path):
 
     server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
     threading.Thread(target=server.serve_forever, daemon=True).start()
-    browser = subprocess.Popen(
-        [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader", "--no-first-run",
-         "--disable-sync",
-         "--disable-background-networking", "--disable-component-update",
-         "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
-         f"--user-data-dir={tmp_path / 'profile'}", "--window-size=900,600",
-         f"http://127.0.0.1:{server.server_address[1]}/"],
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-    )  # fmt: skip
+    browser = opened(f"http://127.0.0.1:{server.server_address[1]}/", profile, size)
     try:
         assert done.wait(90), "the page told nothing"
     finally:
@@ -234,7 +256,15 @@ def test_in_a_real_browser(grown, tmp_path):
         browser.wait(20)
         server.shutdown()
         server.server_close()
-    out = told[0]
+    return told[0], asked
+
+
+@needs_chromium
+def test_in_a_real_browser(grown, tmp_path):
+    """The scene loads without errors, surface and legend are there, 10 000 cells update fast, and nobody else is asked."""
+    path = tmp_path / "map.parquet"
+    grown.write(path)
+    out, asked = told_by(page(View(path).scene()).replace("</body>", PROBE), tmp_path / "profile")
     print(out)
     assert "failed" not in out
     assert out["ready"]
@@ -250,6 +280,135 @@ def test_in_a_real_browser(grown, tmp_path):
     assert out["rate"] > 0
     assert asked == ["/"]
     assert all(name.startswith(("http://127.0.0.1", "data:")) for name in out["asked"])
+
+
+FRAMED = """
+<script>
+(async () => {
+  const wait = ms => new Promise(r => setTimeout(r, ms)), out = {views: {}};
+  try {
+    await wait(300);
+    out.errors = kinid.errors;
+    const inside = () => {
+      kinid.viewer.set_3d_pane_size();
+      kinid.viewer.render();
+      const ends = everything(view.of).map(p => p.clone().project(kinid.viewer.camera));
+      return Math.max(...ends.map(p => Math.max(Math.abs(p.x), Math.abs(p.y))));
+    };
+    const box = e => e.getBoundingClientRect();
+    for (const button of document.querySelectorAll("#views button")) {
+      button.click();
+      const cards = [...document.querySelectorAll(".card")].filter(e => !e.hidden).map(box);
+      out.views[button.textContent] = {
+        reach: inside(),
+        apart: cards.every((a, i) => cards.every((b, j) => i >= j || a.right <= b.left || b.right <= a.left
+                                                          || a.bottom <= b.top || b.bottom <= a.top)),
+        whole: cards.every(c => c.left >= 0 && c.top >= 0 && c.right <= innerWidth && c.bottom <= innerHeight),
+      };
+    }
+    out.ground = document.getElementById("pitch").textContent;
+  } catch (e) { out.failed = String(e); }
+  await fetch("/told", {method: "POST", body: JSON.stringify(out)});
+})();
+</script></body>"""
+
+
+@pytest.fixture(scope="module")
+def touched(tmp_path_factory):
+    """A folder with one poke of the virtual arm, its rig, and the map of it."""
+    from kinid.lab.experiments import prepare
+    from kinid.lab.writing import write_experiment
+    from kinid.property_probes import Prober, build, logs_in
+    from kinid.rig import Rig
+
+    folder = tmp_path_factory.mktemp("touched")
+    write_experiment(folder, prepare("poke", seed=0).run(), {}, mcap=False)
+    *_, grown = build(logs_in([folder / "log.parquet"]), Prober.of(Rig.load(folder / "rig.toml")))
+    (folder / "maps").mkdir()
+    grown.write(folder / "maps" / "map.parquet")
+    return folder
+
+
+@needs_chromium
+@pytest.mark.parametrize("size", ["1280,800", "390,844"])
+def test_every_view_frames_what_it_shows_and_no_cards_overlap(touched, tmp_path, size):
+    text = page(View(touched / "maps" / "map.parquet").scene())
+    out, _ = told_by(text.replace("</body>", FRAMED), tmp_path / "profile", size)
+    assert "failed" not in out
+    assert out["errors"] == []
+    assert list(out["views"]) == ["surface", "above", "arm"]
+    for name, seen in out["views"].items():
+        assert seen["reach"] <= 1.0, name
+        assert seen["apart"], name
+        assert seen["whole"], name
+    assert out["views"]["arm"]["reach"] > 0.4
+    assert "mm" in out["ground"]
+
+
+def test_a_map_finds_the_arm_that_made_it(touched, grown, tmp_path):
+    """Its last log and the rig beside that; without them, or with a rig of another surface, there is no arm."""
+    path = touched / "maps" / "map.parquet"
+    scene = View(path).scene()
+    assert {"robot", "motion", "axes", "ground", "patch"} <= set(scene)
+    assert not scene["play"]
+    here = PropertyMap.read(path)
+    probe = here.probes[0]
+    lost = PropertyMap(here.surface, here.properties, (Probe(probe.place, probe.values, probe.covariance, source="gone"),))
+    lost.write(tmp_path / "lost.parquet")
+    turned = Plane(here.surface.point, here.surface.axes[[1, 0, 2]] * [[1.0], [-1.0], [1.0]])
+    PropertyMap(turned, here.properties, here.probes).write(tmp_path / "turned.parquet")
+    for name in ("lost", "turned"):
+        scene = View(tmp_path / f"{name}.parquet").scene()
+        assert "robot" not in scene
+        assert "motion" not in scene
+        assert {"axes", "ground", "patch"} <= set(scene)
+
+
+@needs_chromium
+def test_an_open_page_grows_with_its_map(grown, tmp_path):
+    """The real server, a real browser: a probe more on disk is a probe more on the page, which asks nobody else."""
+    path = tmp_path / "map.parquet"
+    grown.write(path)
+    view = View(path)
+    script = """<script>setInterval(() => { if (kinid.shown > 36 || kinid.errors.length) {
+      const asked = performance.getEntriesByType("resource").map(e => e.name);
+      fetch("told?" + JSON.stringify([kinid.shown, kinid.errors, asked])); } }, 100)
+      </script></body>"""
+    server = ViewServer(lambda: page(view.scene() | {"live": True}).replace("</body>", script))
+    asked, done, answer = [], threading.Event(), server._answer
+
+    def spy(request):
+        asked.append(urllib.parse.unquote(request.path))
+        answer(request)
+        if request.path.startswith("/told"):
+            done.set()
+
+    server._answer = spy
+    browser = opened(server.url, tmp_path / "profile")
+    try:
+        for _ in range(900):
+            if server.visitors:
+                break
+            done.wait(0.1)
+        grown.added(Probe(np.array([0.5, 0.0, 0.1]), np.array([900.0]), np.array([[100.0]]), source="one more")).write(path)
+        server.send(view.changed())
+        assert done.wait(60), "the page did not grow"
+    finally:
+        browser.terminate()
+        browser.wait(20)
+        server.close()
+    shown, errors, resources = json.loads(next(line for line in asked if line.startswith("/told")).split("?", 1)[1])
+    assert (shown, errors) == (37, [])
+    assert {line.split("?")[0] for line in asked} == {"/", "/live", "/told"}
+    assert all(name.startswith((server.url, "data:")) for name in resources)
+
+
+@needs_chromium
+def test_a_recorded_file_opens_without_complaints(touched, tmp_path):
+    for target in (touched / "log.parquet", touched / "maps" / "map.parquet"):
+        file = tmp_path / f"{target.stem}.html"
+        file.write_text(record(View(target)), encoding="utf-8")
+        assert complaints(file, tmp_path / f"profile-{target.stem}") == []
 
 
 def test_packed_numbers_are_little_endian():

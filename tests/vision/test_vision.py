@@ -133,6 +133,58 @@ def test_values_follow_from_another_picture():
     assert sighted.errors[1] > 0.8 * sighted.errors[0]
 
 
+def grey_picture(seed=0, n=160):
+    """Paint over the mould: the camera's noise on one grey."""
+    pixels = 0.5 + 0.03 * np.random.default_rng(seed).standard_normal((n, n, 1))
+    return Picture(np.clip(np.repeat(pixels, 3, axis=2), 0, 1), (-0.05, -0.05), (0.05, 0.05))
+
+
+def coloured_anyhow(seed, n=160):
+    """Blots of colours that have nothing to do with what is below them."""
+    from scipy.ndimage import gaussian_filter
+
+    rng = np.random.default_rng(seed)
+    blots = np.stack([gaussian_filter(rng.standard_normal((n, n)), 12) for _ in range(3)], axis=2)
+    return Picture(np.clip(0.5 + 0.15 * blots / blots.std(), 0, 1), (-0.05, -0.05), (0.05, 0.05))
+
+
+def test_a_picture_that_tells_nothing_is_said_to():
+    """Grey, uniform, or coloured by chance: no better than the commonest class, and so no prediction; the mould's own tells."""
+    from kinid.vision_map import Sighted
+
+    q = np.random.default_rng(6).uniform(-0.04, 0.04, (50, 2))
+    uniform = Picture(np.full((160, 160, 3), 0.5), (-0.05, -0.05), (0.05, 0.05))
+    for picture in (grey_picture(), uniform, *(coloured_anyhow(seed) for seed in range(2))):
+        sighted = Sighted.learn(mould_map(6), "stiffness", picture)
+        assert not sighted.tells
+        assert not np.isfinite(sighted.prior(picture)(q)[0]).any()
+    sighted = Sighted.learn(mould_map(6), "stiffness", mould_picture())
+    assert sighted.tells
+    assert sighted.explained[0] > 0.3
+    assert np.isfinite(sighted.prior(mould_picture())(q)[0]).any()
+
+
+def test_the_command_refuses_to_predict_from_grey(tmp_path):
+    import json
+    import subprocess
+    import sys
+
+    mould_map().write(tmp_path / "m.parquet")
+    save(grey_picture(), tmp_path / "grey.png")
+    call = [sys.executable, "-c", "from kinid.cli import main; main()", "picture", str(tmp_path / "m.parquet"),
+            str(tmp_path / "grey.png"), "--corners=-0.05,-0.05,0.05,0.05", "--json", str(tmp_path / "f.json")]  # fmt: skip
+    done = subprocess.run(call, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "doubt: the picture tells nothing of stiffness" in done.stdout
+    assert "predicted:" not in done.stdout
+    assert json.loads((tmp_path / "f.json").read_text(encoding="utf-8"))["tells"] is False
+    done = subprocess.run([*call, "-o", str(tmp_path / "p.parquet")], capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 2
+    assert done.stderr.startswith("kinid: found a picture that tells nothing of stiffness")
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not (tmp_path / "p.parquet").exists()
+
+
 def test_the_command_says_both_figures_and_what_is_unknown(tmp_path):
     import json
     import subprocess

@@ -1,0 +1,47 @@
+"""What a shell offers while a model or an effect is typed: the names of the catalogue."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+def model(incomplete: str) -> list[tuple[str, str]]:
+    """Names that go on with a model, `a,b,…`, each with its title: laws of contact first, and none that is there already."""
+    from kinid.effects import catalogue
+
+    *before, begun = incomplete.split(",")
+    known = catalogue()
+    based = any(known[name].base for name in before if name in known)
+    free = [name for name in known if name not in before and not (based and known[name].base)]
+    head = "".join(f"{name}," for name in before)
+    return [(head + name, title) for name, title in _titled(sorted(free, key=lambda n: (not known[n].base, n)), begun)]
+
+
+def effects(incomplete: str) -> list[tuple[str, str]]:
+    """Names that go on with a list of effects, `a,b,…`."""
+    from kinid.effects import catalogue
+
+    *before, begun = incomplete.split(",")
+    head = "".join(f"{name}," for name in before)
+    return [(head + name, title) for name, title in _titled(sorted(set(catalogue()) - set(before)), begun)]
+
+
+def effect(incomplete: str) -> list[tuple[str, str]]:
+    """Effects of the catalogue that begin so."""
+    from kinid.effects import catalogue
+
+    return _titled(sorted(catalogue()), incomplete)
+
+
+def hidden(incomplete: str) -> list[tuple[str, str]]:
+    """Effects that the laboratory can hide."""
+    from kinid.lab.hidden import PLANTS
+
+    return _titled(sorted(PLANTS), incomplete)
+
+
+def _titled(names: Iterable[str], begun: str) -> list[tuple[str, str]]:
+    from kinid.effects import catalogue
+
+    known = catalogue()
+    return [(name, known[name].title if name in known else "") for name in names if name.startswith(begun)]

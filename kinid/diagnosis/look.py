@@ -1,0 +1,209 @@
+"""One look at the catalogue from a model: every effect screened, the promising ones refitted, and the evidence for each."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.diagnosis.candidates import NEAR, SEARCHED, Candidate, able, screen
+from kinid.diagnosis.descent import State, bounds, fit
+from kinid.effects import Effect
+from kinid.model import Model
+
+Array = NDArray[np.float64]
+In = TypeVar("In")
+Out = TypeVar("Out")
+
+#: evidence below which nothing is added
+ENOUGH = 16.0
+#: and how many of its own standard errors it must be
+SURE = 3.0
+#: what each further parameter costs, in evidence
+PRICE = 4.0
+#: held-out error must fall by this share at least, for each of the samples that are averaged together, within these ends: means
+#: have less noise, in which a fall would hide
+MATERIAL, LEAST, MOST = 0.005, 0.008, 0.02
+#: a search that still goes down is taken up again so many times
+PATIENCE = 4
+#: steps of a search, so that models of many parameters don't take minutes: so many divided by their number, within these ends
+EFFORT, FEW_STEPS, MANY_STEPS = 900, 12, 60
+#: of a small log, effects with more than a handful of parameters need so many readings for each
+READINGS = 20
+#: candidates that are refitted, a round, and against each addition that defends its place
+REFITTED, DEFENDED = 6, 3
+#: effects that are screened before the sensitivities of those behind are let go
+AT_ONCE = 8
+#: a gain that is worth a refit, however much is needed
+HOPEFUL = 50.0
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Twice the gain in held-out log-likelihood (bounded per sample), less the price of parameters.
+
+    Attributes:
+        value: the figure. error: its standard error, from the spread over blocks of half a second.
+        gaining, losing: blocks that gain or lose more than one unit. kept: share of the gain that losing blocks don't take back.
+    """
+
+    value: float
+    error: float
+    gaining: int
+    losing: int
+    kept: float
+
+    @property
+    def sure(self) -> bool:
+        """Whether chance is no explanation: many blocks gain alike, or a few gain much and next to none loses."""
+        if self.value < ENOUGH:
+            return False
+        rare = self.gaining >= 3 and self.kept > 0.8 and self.gaining >= 3 * self.losing
+        return self.value > SURE * self.error or rare
+
+
+def weigh(before: State, after: State) -> Evidence:
+    """Evidence for the second model over the first."""
+    gain = 2.0 * (before.loss - after.loss)
+    price = PRICE * (len(after.values) - len(before.values)) + float(after.shift @ after.shift - before.shift @ before.shift)
+    up, down = float(gain[gain > 0].sum()), float(-gain[gain < 0].sum())
+    error = float(gain.std(ddof=1) * np.sqrt(len(gain))) if len(gain) > 1 else float("inf")
+    return Evidence(float(gain.sum() - price), error, int((gain > 1).sum()), int((gain < -1).sum()),
+                    1.0 - down / up if up > 0 else 0.0)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """A candidate that was refitted: its state, and the evidence for it over the state before."""
+
+    effect: Effect
+    state: State
+    evidence: Evidence
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """One look at the catalogue from one model: all points of every effect, best first, and the best effects refitted."""
+
+    before: State
+    points: Mapping[str, Sequence[Candidate]]
+    tried: tuple[Tried, ...]
+
+    @property
+    def screened(self) -> list[Candidate]:
+        """The best point of each effect, the most promising effect first."""
+        return [points[0] for points in sorted(self.points.values(), key=_promise)]
+
+
+def look(state: State, *, most: int = REFITTED, spare: Sequence[str] = (), known: Round | None = None) -> Round:
+    """Screen the catalogue and refit the best.
+
+    Args:
+        state: the model as it is. most: how many to refit. spare: names to leave out.
+        known: an earlier look from the same state, whose refitted candidates are taken over.
+    """
+    done = {t.effect.id: t for t in known.tried} if known else {}
+    layout = state.problem.experiment.layout
+    able_ones = [effect for effect, why in able(state.model, layout)
+                 if not why and not effect.detector and effect.id not in spare
+                 and len(effect.parameters(layout)) * READINGS <= max(6 * READINGS, len(state.residual))]  # fmt: skip
+    starts = known.points if known else _screened(state, able_ones, most)
+    look = Round(state, starts, ())
+    worth = [c for c in look.screened[:most] if c.gain >= _promising(state)]
+    tried = _side_by_side(lambda c: done.get(c.effect.id) or attempt(state, c, starts[c.effect.id]), worth)
+    tried.sort(key=lambda t: -t.evidence.value)
+    light = {name: _slim(points) for name, points in starts.items()}
+    return Round(state, light, tuple(tried))
+
+
+def _screened(state: State, able_ones: Sequence[Effect], most: int) -> dict[str, Sequence[Candidate]]:
+    """Points of every effect, best first; only the `most` promising keep their sensitivities, which are large."""
+    out: dict[str, Sequence[Candidate]] = {}
+    for begin in range(0, len(able_ones), AT_ONCE):
+        found = _side_by_side(lambda e: screen(state, e), able_ones[begin : begin + AT_ONCE])
+        out |= {points[0].effect.id: points for points in found if points}
+        for name in sorted(out, key=lambda n: _promise(out[n]))[most:]:
+            out[name] = _slim(out[name])
+    return out
+
+
+def _promise(points: Sequence[Candidate]) -> float:
+    """To sort by: the price of an effect's parameters less what its best point explains."""
+    return PRICE * points[0].rank - points[0].gain
+
+
+def _slim(points: Sequence[Candidate]) -> list[Candidate]:
+    """The same without sensitivities."""
+    return [dataclasses.replace(c, columns=None) for c in points]
+
+
+def _promising(state: State) -> float:
+    """Least gain, in the linear view, of what is worth a refit: a tenth of what an addition must bring, evidence apart."""
+    needed = 2.0 * worth(state) * float(state.held @ state.held)
+    return float(np.clip(0.1 * needed, ENOUGH / 2, HOPEFUL))
+
+
+def _side_by_side(do: Callable[[In], Out], items: Sequence[In]) -> list[Out]:
+    """The same for all, on as many cores as there are; kernels let go of the interpreter's lock."""
+
+    def quietly(item: In) -> Out:
+        with np.errstate(all="ignore"):  # a shape that doesn't suit the log may overflow: it is passed over
+            return do(item)
+
+    cores = min(os.cpu_count() or 1, 4)
+    if cores < 2 or len(items) < 2:
+        return [quietly(item) for item in items]
+    with ThreadPoolExecutor(cores) as pool:
+        return list(pool.map(quietly, items))
+
+
+def attempt(state: State, candidate: Candidate, points: Sequence[Candidate]) -> Tried:
+    """Refit with the candidate, from its best shapes."""
+    model = state.model + candidate.effect
+    steps = int(np.clip(EFFORT / max(1, len(candidate.start)), FEW_STEPS, MANY_STEPS))
+    best: State | None = None
+    for point in points[:SEARCHED]:
+        if best is not None and point.gain < NEAR * points[0].gain:
+            break
+        found = fit(state.problem, model, _nearest(state, model, point), guess=point.guess(state), steps=min(30, steps))
+        if best is None or found.cost < best.cost:
+            best = found
+    assert best is not None
+    for _ in range(PATIENCE):  # parameters that trade against each other make valleys: slow, but steadily downhill
+        if best.converged:
+            break
+        further = fit(state.problem, model, best.values, steps=steps)
+        if further.cost > 0.97 * best.cost:
+            break
+        best = further
+    return Tried(candidate.effect, best.light(), weigh(state, best))
+
+
+def _nearest(state: State, model: Model, point: Candidate) -> Array:
+    """As much of the linear view's step as helps: curved laws reward only its beginning."""
+    problem, none = state.problem, point.origin
+    y = problem.stack(problem.measured)
+    low, high = bounds(model, problem)
+    best, least = none, np.inf
+    for share in (1.0, 0.3, 0.1, 0.03):
+        trial = none + share * (point.start - none)
+        if (trial < low).any() or (trial > high).any():
+            continue
+        rest = y - problem.stack(problem.predict(model, trial))
+        cost = float(rest @ rest)
+        if cost < least:
+            best, least = trial, cost
+        elif np.isfinite(least):
+            break
+    return np.clip(best, low, high)
+
+
+def worth(state: State) -> float:
+    """Share by which an addition must lower the error of means."""
+    return float(np.clip(MATERIAL * state.problem.count.mean(), LEAST, MOST))
