@@ -27,9 +27,7 @@ SMOOTHNESS = (0.5, 1.5, 2.5)
 #: lengths and sizes are learnt from so many probes at most, spread evenly; more hardly change them
 LEARN_FROM = 150
 #: queries are answered in blocks of this size, which stay in a processor's cache
-BLOCK = 256
-#: the inverse of the triangular factor is multiplied by in so many stretches
-STRETCHES = 8
+BLOCK = 512
 #: shares of covariance between zones that are tried
 ACROSS = (0.0, 0.5)
 #: where the process knows no more than this share of its prior, the place is unknown
@@ -238,27 +236,23 @@ class GaussianProcess(Interpolator):
         prior = self.covariance.size**2
         shared = np.ones(len(places)) if zone is None else np.where(self.zones == zone, 1.0, self.across)
         weights = (self.weights * prior * shared).astype(kind)
-        spread = None
+        inverse = None
         if sd:
             from scipy.linalg import solve_triangular
+            from scipy.linalg.blas import dtrmm, strmm
 
             inverse = solve_triangular(self.factor, np.eye(len(self.values)), lower=True, check_finite=False)
-            spread = np.ascontiguousarray((inverse * (self.covariance.size * shared)).T.astype(kind))
-        n = len(places)
-        room = np.empty((2, min(BLOCK, max(len(q), 1)), n), dtype=kind)
-        # the factor's inverse is triangular: each stretch of its columns has rows up to its own end only
-        ends = np.unique(np.linspace(0, n, min(n, STRETCHES) + 1).astype(int))
+            inverse = np.asfortranarray(inverse * (self.covariance.size * shared), dtype=kind)
+            product = strmm if many else dtrmm
+        room = np.empty((2, min(BLOCK, max(len(q), 1)), len(places)), dtype=kind)
         for a in range(0, len(q), BLOCK):
             rows = slice(a, min(a + BLOCK, len(q)))
             size = rows.stop - a
             k = self.covariance.correlation(_distance(asked[rows], places, room[0, :size], room[1, :size]), room[1, :size])
             mean[rows] = k @ weights
-            if spread is not None:
-                told = np.zeros(size, dtype=kind)
-                for low, high in zip(ends[:-1], ends[1:]):
-                    part = k[:, :high] @ spread[:high, low:high]
-                    told += np.einsum("ij,ij->i", part, part)
-                variance[rows] = prior * np.maximum(1.0 - told, 0.0)
+            if inverse is not None:
+                told = product(1.0, inverse, k.T, lower=1, overwrite_b=1)  # in place: k's rows are its columns
+                variance[rows] = prior * np.maximum(1.0 - np.einsum("ij,ij->i", told.T, told.T), 0.0)
         return mean + self.mean, variance
 
     @property

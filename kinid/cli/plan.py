@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from kinid.cli import complete
 from kinid.cli.plan_arguments import (
     Options,
     angles_of,
@@ -222,8 +223,9 @@ def _excite_free(o: Options, model: Any, values: dict[str, float], criterion: st
     limits = Limits.of(robot, kinid.urdf.path(robot.name, the_rig.folder), acceleration=o.acceleration, jerk=o.jerk)
     posture = None if start is None else np.array(numbers_of(start, "--start"))
     console().print(f"a free motion is sought ({criterion}-optimal) …")
-    found = excite_free(the_rig, model, values, bounds=Bounds(bandwidth=bandwidth, duration=duration or 10.0), start=posture,
-                        sines=sines, criterion=criterion, rate=o.rate, limits=limits, collisions=o.collision)  # fmt: skip
+    bounds = Bounds(bandwidth=bandwidth, duration=10.0 if duration is None else duration)
+    found = excite_free(the_rig, model, values, bounds=bounds, start=posture, sines=sines,
+                        criterion=criterion, rate=o.rate, limits=limits, collisions=o.collision)  # fmt: skip
     _show_intervals(found.intervals.values())
     facts = {"model": list(model.names), "criterion": criterion, "cost": found.cost, "swing": found.swing.to_dict(),
              "intervals": {name: each.to_dict() for name, each in found.intervals.items()}}  # fmt: skip
@@ -234,8 +236,11 @@ def _excite_free(o: Options, model: Any, values: dict[str, float], criterion: st
 @with_options
 def discriminate_(
     o: Options,
-    effects: Annotated[str, typer.Option(help="Candidates that are to be told apart, a,b or more.", show_default=False)],
-    duration: Annotated[float, typer.Option(help="Of the experiment, about [s].")] = 20.0,
+    effects: Annotated[
+        str, typer.Option(help="Candidates that are to be told apart, a,b or more.", show_default=False,
+                          autocompletion=complete.effects)
+    ],
+    duration: Annotated[float, typer.Option(help="About [s]; the longer, the smaller the effects that it tells.")] = 20.0,
     max_depth: Annotated[float, typer.Option(help="Never deeper than this [m].")] = 0.004,
     bandwidth: Annotated[float, typer.Option(help="In which the robot follows; no sine is faster [Hz].")] = 3.0,
     at: Annotated[str, typer.Option(help="Place, as for kinid plan poke [m].")] = "0,0",
@@ -340,8 +345,8 @@ def _finish(o: Options, motion: Trajectory, rig: Rig, facts: dict[str, Any]) -> 
 
         write_joint_trajectory(motion, o.mcap)
     table = Table(title=f"{len(motion)} samples over {motion.duration:.2f} s")
-    for name in ("limit", "nearest to it", "used", "value", "limit"):
-        table.add_column(name, justify="left" if name in ("limit", "nearest to it") and not table.columns[1:] else "right")
+    for name in ("quantity", "nearest to its limit", "used", "value", "limit"):
+        table.add_column(name, justify="left" if name in ("quantity", "nearest to its limit") else "right")
     for use in motion.provenance.get("used", ()):
         table.add_row(use["quantity"], use["joint"], f"{100 * use['share']:.0f} %", f"{use['value']:.4g}", f"{use['limit']:.4g}")
     console().print(table)

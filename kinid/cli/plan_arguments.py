@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
+from kinid.cli import complete
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,7 +25,10 @@ class Options:
 
     out: Annotated[Path, typer.Option("-o", "--out", help="Trajectory to write: Parquet, CSV or NPZ.", show_default=False)]
     rig: Annotated[Path, typer.Option(help="What robot, tool and surface there are.")] = Path("rig.toml")
-    model: Annotated[str | None, typer.Option(help="Contact model to expect forces from; effects separated by commas.")] = None
+    model: Annotated[
+        str | None,
+        typer.Option(help="Contact model to expect forces from; effects separated by commas.", autocompletion=complete.model),
+    ] = None
     fit: Annotated[Path | None, typer.Option(help="Model and values as kinid fit --json wrote them.")] = None
     value: Annotated[list[str] | None, typer.Option(help="A parameter of the model, as stiffness=900; once for each.")] = None
     force: Annotated[float | None, typer.Option("--force-limit", help="Guarded move: normal force never to pass [N].")] = None

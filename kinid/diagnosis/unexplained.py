@@ -23,6 +23,8 @@ ALLOWED = 1.14
 FORM = 0.25
 #: … but no more than this, in all
 MOST_FORGIVEN = 2.5
+#: from this multiple of the noise on, an effect that explains the rest is said to have another form than the catalogue's
+OTHER_FORM = 1.4
 #: share of the residual that a flexible regression may predict
 PREDICTABLE = 0.08
 #: features of the flexible regression
@@ -149,7 +151,7 @@ class Opinion:
     @property
     def left_says(self) -> str:
         """How much is left, without a reason."""
-        return f"what is left in {self.left.channel} is {self.left.rms:.2f} times the noise"
+        return f"what is left in {self.left.channel} is {_times(self.left)}"
 
 
 def judge(first: State, last: State) -> Opinion:
@@ -162,7 +164,8 @@ def judge(first: State, last: State) -> Opinion:
     much = left.rms > forgiven
     alike = left.predictable > PREDICTABLE and left.rms > 0.5 * (1.0 + forgiven)
     if not (much or alike):
-        return Opinion(False, f"what is left is {left.rms:.2f} times the noise", left)
+        other = " (its form is not quite the catalogue's)" if left.rms > OTHER_FORM else ""
+        return Opinion(False, f"what is left is {_times(left)}{other}", left)
     how = []
     if left.predictable > PREDICTABLE:
         how.append(f"{100 * left.predictable:.0f} % of it follows depth, speed, place or time in some form")
@@ -170,5 +173,9 @@ def judge(first: State, last: State) -> Opinion:
         how.append(f"{100 * left.bursts:.0f} % of it comes in bursts")
     if not how:
         how.append("it follows neither the motion nor the clock")
-    return Opinion(True, f"what is left in {left.channel} is {left.rms:.2f} times the noise, and no effect of the catalogue "
-                   f"explains it: {', '.join(how)}", left)  # fmt: skip
+    return Opinion(True, f"what is left in {left.channel} is {_times(left)}, and no effect of the catalogue explains it: "
+                   f"{', '.join(how)}", left)  # fmt: skip
+
+
+def _times(left: Leftover) -> str:
+    return f"{left.rms:.2f} times the noise of readings and positions"

@@ -88,8 +88,11 @@ class Scene:
             scene = cls(robot, model, geometry, tuple(notes))
         return scene
 
-    def check(self, q: Array, what: str = "the motion") -> int:
+    def check(self, q: Array, what: str = "the motion", depth: Array | None = None) -> int:
         """How many postures of a motion (n, N) were checked: those that stand for all others within the clearance.
+
+        Args:
+            q: joints. what: is checked, for the message. depth: of the tip below the surface [m], (n,), where it is known.
 
         Raises:
             InputError: which links touch, and where.
@@ -100,9 +103,12 @@ class Scene:
             if hits:
                 a, b = sorted((self._name(k) for k in hits[0]), key=lambda name: name == "surface")
                 shown = ", ".join(f"{v:.2f}" for v in q[row])
-                raise InputError(f"{what}, in which {a} comes within {1e3 * CLEARANCE:g} mm of {b} at joints ({shown})",
+                deep = b == "surface" and depth is not None and depth[row] > 0
+                where = f" at a depth of {1e3 * depth[row]:.3g} mm and" if deep and depth is not None else " at"
+                raise InputError(f"{what}, in which {a} comes within {1e3 * CLEARANCE:g} mm of {b}{where} joints ({shown})",
                                  "an arm that touches nothing but with its tip",
-                                 "move the surface, turn the tool with --yaw, or make the motion smaller")  # fmt: skip
+                                 ("press less deep, " if deep else "")
+                                 + "move the surface, turn the tool with --yaw, or make the motion smaller")  # fmt: skip
         return len(rows)
 
     def _hits(self, q: Array) -> list[tuple[int, int]]:
@@ -176,15 +182,22 @@ def _block(surface: Surface, places: Array | None) -> tuple[Any, Any]:
 
 
 def _touching(robot: Robot, model: Any, geometry: Any, deepest: float) -> set[int]:
-    """Shapes on the tip's link that are below the surface when the tip is deepest."""
+    """Shapes beside the tip, none of what it is mounted on, that are below the surface when the tip is deepest."""
     import coal
 
     tip = model.frames[model.getFrameId(robot.tip_frame)]
+    link, shaped = model.getFrameId(robot.tip_frame), {shape.parentFrame for shape in geometry.geometryObjects}
+    while link not in shaped and model.frames[link].parentFrame != link:
+        link = model.frames[link].parentFrame
+    carrying = set()
+    while model.frames[link].parentFrame != link:
+        link = model.frames[link].parentFrame
+        carrying.add(link)
     out = set()
     probe = coal.Sphere(1e-6)
     request, where = coal.DistanceRequest(), coal.Transform3s(tip.placement.rotation, tip.placement.translation)
     for number, shape in enumerate(geometry.geometryObjects):
-        if shape.parentJoint != tip.parentJoint:
+        if shape.parentFrame in carrying or shape.parentJoint != tip.parentJoint:
             continue
         place = coal.Transform3s(shape.placement.rotation, shape.placement.translation)
         if coal.distance(shape.geometry, place, probe, where, request, coal.DistanceResult()) <= max(deepest, 0.0) + CLEARANCE:

@@ -3,7 +3,9 @@
 For every ordered pair (a, b) of candidates, a plausible amount of a changes the readings; the model with b takes up what it
 can of that change with all of its parameters and with what calibration leaves open (linearised least squares). What is left,
 in squared standard deviations of the noise, is the discrimination power of T-optimal design (Atkinson & Fedorov, Biometrika
-62, 1975), summed over the readings. The experiment is chosen whose worst pair, at its worst shape, is best.
+62, 1975), summed over the readings. It counts no further than a itself would be believed: what it does to a model with
+neither, less what lies so unevenly in time that chance explains it (`kinid.plan.distances`). The experiment is chosen whose
+worst pair, at its worst shape, is best.
 """
 
 from __future__ import annotations
@@ -19,12 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.diagnosis.candidates import able, base_of
-from kinid.diagnosis.problem import BIAS_FORCE, BIAS_TORQUE, CLOCK, SURFACE
+from kinid.diagnosis.noise import RELATIVE
+from kinid.diagnosis.problem import BIAS_FORCE, BIAS_TORQUE, CLOCK, RATE, SURFACE
 from kinid.effects import Effect, Layout, Signals, Stage
 from kinid.errors import InputError
 from kinid.experiment import Experiment
 from kinid.fit import full_name
 from kinid.model import Model
+from kinid.plan.distances import cells, even, left, rest, where
 from kinid.plan.experiments import Bench, Proposal, expected_law, proposals
 from kinid.plan.forms import Form, candidates, forms, imitations
 from kinid.plan.free_motion import TORQUE_NOISE, WRENCH_NOISE
@@ -44,8 +48,6 @@ SURE = 25.0
 HOPELESS = 1e-2
 #: share of a guard's force that slow pressing may reach
 PRESSED = 0.8
-#: directions that the rival's columns span less of than this are not its own
-THIN = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,16 +141,18 @@ class Judge:
     def __call__(self, proposal: Proposal, experiment: Experiment, duration: float, touch: NDArray[np.int64] | None) -> Verdict:
         """How well an experiment tells."""
         s, model = experiment.signals, self.model
-        noise = self._noise(experiment.layout)
-        weight = np.sqrt(self.rate / DESIGN_RATE) / noise[:, None]
+        named = model.parameters(s.layout)
+        values = np.array([self.values.get(name, p.nominal) for name, p in named.items()])
+        predicted = model.predict(s, values)
+        # diagnosis works with means at a rate of its own, and trusts no law to better than a share of the reading
+        noise = self._noise(experiment.layout)[:, None]
+        per_second = min(RATE, self.rate)
+        weight = np.sqrt(per_second / DESIGN_RATE / (noise**2 * per_second / self.rate + (RELATIVE * predicted) ** 2))
 
         def stack(readings: Array) -> Array:
             out: Array = (readings * weight).ravel()
             return out
 
-        named = model.parameters(s.layout)
-        values = np.array([self.values.get(name, p.nominal) for name, p in named.items()])
-        predicted = model.predict(s, values)
         columns: list[Array] = []
         if named:
             found = sensitivities(lambda v: model.predict(s, v), values, named) * weight[:, :, None]
@@ -179,19 +183,28 @@ class Judge:
         gram = x.T @ x
         prior = np.zeros(len(columns))
         prior[tolerated] = 1.0
-        cells = _cells(experiment, touch)
+        named_cells = cells(experiment, touch)
         distances: dict[Pair, Array] = {}
         lies: dict[Pair, list[tuple[str, str, float]]] = {}
+        believed = {name: self._believed(x, gram, prior, common, own, s) for name, own in places.items()}
         for a, b in self.pairs:
-            left = [_left(gram, prior, common + group, places[a]) for group in rivals[b]]
-            each = np.array([distance for distance, _ in left])
-            best = np.argmin(each, axis=0)  # the rival's own best shape
-            distances[a, b] = each.min(axis=0)
+            each = [left(gram, prior, common + group, places[a]) for group in rivals[b]]
+            found = np.array([distance for distance, _ in each])
+            best = np.argmin(found, axis=0)  # the rival's own best shape
+            distances[a, b] = np.minimum(found.min(axis=0), believed[a])
             lies[a, b] = []
             for k, column in enumerate(places[a]):
-                rest = x[:, column] - x[:, common + rivals[b][best[k]]] @ left[best[k]][1][:, k]
-                lies[a, b].append(_where(rest.reshape(predicted.shape) ** 2, *cells, s.layout.channels))
+                squares = rest(x, column, common + rivals[b][best[k]], each[best[k]][1][:, k], predicted.shape) ** 2
+                lies[a, b].append(where(squares, *named_cells, s.layout.channels))
         return Verdict(proposal, duration, distances, lies)
+
+    @staticmethod
+    def _believed(x: Array, gram: Array, prior: Array, common: list[int], own: list[int], s: Signals) -> Array:
+        """Squared distance of each form of an effect (forms,) from the model with no candidate, as far as it is believed."""
+        distance, taken = left(gram, prior, common, own)
+        share = [even(rest(x, column, common, taken[:, k], (-1, len(s))) ** 2, s.t) for k, column in enumerate(own)]
+        out: Array = distance * np.array(share)
+        return out
 
     def verdict(self, proposal: Proposal) -> Verdict:
         """Plan and judge; collisions are left for the chosen one.
@@ -238,8 +251,14 @@ def counting(verdicts: Sequence[Verdict]) -> dict[Pair, NDArray[np.bool_]]:
     """
     best = {pair: np.max([verdict.distances[pair] for verdict in verdicts], axis=0) for pair in verdicts[0].distances}
     told = {pair: float(each.max()) >= HOPELESS for pair, each in best.items()}
-    return {(a, b): each >= min(SURE, 0.5 * float(each.max())) if told[a, b] or not told[b, a] else np.zeros(len(each), np.bool_)
+    least = {pair: min(SURE, 0.5 * float(each.max())) for pair, each in best.items()}
+    kept = {(a, b): each >= least[a, b] if told[a, b] or not told[b, a] else np.zeros(len(each), np.bool_)
             for (a, b), each in best.items()}  # fmt: skip
+    if not any(told.values()) or max(criterion(verdict, kept) for verdict in verdicts) >= HOPELESS:
+        return kept
+    # places that no one path visits, for instance: what is told by the experiment that tells most
+    seen = [{pair: kept[pair] & (each >= least[pair]) for pair, each in verdict.distances.items()} for verdict in verdicts]
+    return max(seen, key=lambda each: sum(int(forms.sum()) for forms in each.values()))
 
 
 def judge_for(planner: Planner, model: Model, values: Mapping[str, float], names: Sequence[str], *,
@@ -371,39 +390,6 @@ def _tolerances(model: Model, values: Array, s: Signals, predicted: Array, candi
         constant[i] = BIAS_FORCE if unit == "N" and not joints else BIAS_TORQUE
         out.append(constant)
     return out
-
-
-def _left(gram: Array, prior: Array, columns: list[int], forms: list[int]) -> tuple[Array, Array]:
-    """Squared length of each form beyond what the columns imitate, (forms,), and how much of each that takes, (c, forms)."""
-    inner = gram[np.ix_(columns, columns)] + np.diag(prior[columns])
-    length = np.sqrt(np.maximum(np.diag(inner), 1e-300))
-    cross = gram[np.ix_(columns, forms)]
-    part = np.linalg.pinv(inner / np.outer(length, length), rcond=THIN, hermitian=True) @ (cross / length[:, None])
-    taken = part / length[:, None]
-    whole = np.diag(gram)[forms]
-    rest = whole - np.sum(cross * taken, axis=0)
-    # sums of squares are exact to about this share of the whole
-    return np.where(rest > 1e-10 * whole, rest, 0.0), taken
-
-
-def _cells(experiment: Experiment, touch: NDArray[np.int64] | None) -> tuple[list[str], NDArray[np.int64]]:
-    """Names of the phases, with their touch where there are several, and which of them each sample is in, (n,)."""
-    n = len(experiment.signals)
-    phase = experiment.phase if experiment.phase is not None else np.full(n, "motion")
-    names, which = np.unique(phase, return_inverse=True)
-    several = touch is not None and touch.max() > 0
-    number = touch[experiment.rows] if touch is not None else np.zeros(n, dtype=np.int64)
-    cells, at = np.unique(which + len(names) * number, return_inverse=True)
-    told = [f"{names[cell % len(names)]}" + (f" of touch {cell // len(names) + 1}" if several else "") for cell in cells]
-    return told, at
-
-
-def _where(squares: Array, names: list[str], at: NDArray[np.int64], channels: tuple[str, ...]) -> tuple[str, str, float]:
-    """The phase and channel that hold most of (channels, n), and their share."""
-    total = float(squares.sum())
-    sums = np.stack([np.bincount(at, row, len(names)) for row in squares])
-    i, k = np.unravel_index(int(np.argmax(sums)), sums.shape)
-    return names[k], channels[i], float(sums[i, k]) / total if total > 0 else 0.0
 
 
 def _words(judge: Judge, verdict: Verdict, kept: Mapping[Pair, NDArray[np.bool_]]) -> str:

@@ -3,6 +3,11 @@
 The readings' sensitivities to the parameters, at values that are assumed, give Fisher's information; its determinant (D) or
 the sum of relative variances (A) is brought to its best by an interior-point method (casadi, ipopt), within limits of depth,
 force, speed and of the bandwidth in which the robot follows; of a robot also within what its joints can do.
+
+What to expect: within the peak force and the time of the study's two sines, at most 3 Hz, an A-optimal poke leaves 0.53 to
+0.74 of their intervals, and more than three sines narrow them no further. For stiffness and exponent no motion at all within
+that force and 0.15 m/s leaves less than about half (`kinid.plan.ideal.least_halves`). With half as much force again all
+three fall to half or less.
 """
 
 from __future__ import annotations
@@ -114,7 +119,7 @@ def optimise(law: Law, bounds: Bounds = Bounds(), *, sines: int = 3, criterion: 
     if criterion not in CRITERIA:
         raise InputError(f"criterion '{criterion}'", f"one of {', '.join(CRITERIA)}", "choose one")
     if not 1 <= sines <= 8:
-        raise InputError(f"{sines} sines", "1 to 8", "choose fewer")
+        raise InputError(f"{sines} sines", "1 to 8", "choose another number")
     if not (np.isfinite(noise) and noise > 0):
         raise InputError(f"a noise of {noise} N", "a positive number", "correct it")
     bounds = dataclasses.replace(bounds, force=SPARED * bounds.force)

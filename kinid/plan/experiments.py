@@ -25,7 +25,8 @@ from kinid.plan.expected import Law
 from kinid.plan.free_motion import Design, Swing, posture, scene_of, swing_drawn
 from kinid.plan.planner import Planner
 from kinid.plan.signals import Multisine
-from kinid.plan.touches import Place, Poke, Slide, Touch
+from kinid.plan.strokes import by_turns, stairs
+from kinid.plan.touches import DEEPEST, Place, Poke, Slide, Touch
 from kinid.plan.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -67,9 +68,11 @@ def proposals(duration: float, depth: float, place: Place = (0.0, 0.0), *, conta
     Raises:
         InputError: a duration, a depth or a bandwidth that leaves no room.
     """
-    for what, value, least in (("duration", duration, 8.0), ("depth", depth, 1e-5), ("bandwidth", bandwidth, 0.5)):
-        if not (np.isfinite(value) and value >= least):
-            raise InputError(f"experiments with a {what} of {value:g}", f"{least:g} or more", "allow more")
+    for what, value, least, most, unit in (("duration", duration, 8.0, 600.0, "s"), ("depth", depth, 1e-5, DEEPEST, "m"),
+                                           ("bandwidth", bandwidth, 0.5, 100.0, "Hz")):  # fmt: skip
+        if not least <= value <= most:
+            raise InputError(f"experiments with a {what} of {value:g} {unit}", f"{least:g} to {most:g} {unit}",
+                             f"allow {'more' if value < least else 'less'}")  # fmt: skip
     out = list(_touching(duration, depth, place, bandwidth)) if contact else []
     slow, fast = 2.0 / duration, min(1.0, bandwidth)
     out += [
@@ -107,6 +110,14 @@ def _touching(duration: float, depth: float, place: Place, bandwidth: float) -> 
     parts = tuple((0.42 * depth * w, f) for w, f in zip((0.4, 0.2, 0.2, 0.2), tones))
     yield Proposal("many-frequencies", f"one poke with sines from {tones[0]:.2g} to {tones[-1]:.2g} Hz",
                    (Poke(place, Multisine(0.55 * depth, parts, one - 0.5), 0.5),))  # fmt: skip
+    for name, f in (("slow-strokes", max(0.3, 2.0 / one)), ("strokes", min(1.0, fast)), ("fast-strokes", fast)):
+        whole = Multisine(0.5 * depth, ((0.48 * depth, f),), one - 0.2)
+        yield Proposal(name, f"one poke in and out at {f:.2g} Hz, as far as {mm:.2g} mm", (Poke(place, whole, 0.2),))
+    f = max(0.3, 4.0 / one)
+    yield Proposal("alternating-strokes", f"one poke in and out, by turns at {f:.2g} and at {fast:.2g} Hz",
+                   (Poke(place, by_turns(f, fast, depth, one - 0.2), 0.2),))  # fmt: skip
+    yield Proposal("stairs", f"one poke that rests at five depths, up and down, as far as {mm:.2g} mm",
+                   (Poke(place, stairs(depth, one - 0.2), 0.2),))  # fmt: skip
     third = duration / 3 - OVERHEAD
     yield Proposal("several-depths", f"pokes to {mm / 3:.2g}, {2 * mm / 3:.2g} and {mm:.2g} mm",
                    tuple(Poke(place, sine(0.8, third, k * depth / 3), 0.3) for k in (1, 2, 3)))  # fmt: skip

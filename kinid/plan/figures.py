@@ -125,7 +125,7 @@ def _facts(motion: Trajectory) -> str:
         f"<tr><td>{html.escape(str(use['quantity']))}</td><td>{html.escape(str(use['joint']))}</td>"
         f"<td>{100 * use['share']:.0f} %</td><td>{use['value']:.4g}</td><td>{use['limit']:.4g}</td><td>{use['t']:.2f}</td></tr>"
         for use in used)  # fmt: skip
-    head = "".join(f"<th>{name}</th>" for name in ("limit", "nearest to it", "used", "value", "limit", "at [s]"))
+    head = "".join(f"<th>{name}</th>" for name in ("quantity", "nearest to its limit", "used", "value", "limit", "at [s]"))
     table = f"<div class=scroll><table><tr>{head}</tr>{rows}</table></div>" if rows else ""
     expected = motion.provenance.get("intervals") or {}
     lines = "".join(
@@ -136,5 +136,8 @@ def _facts(motion: Trajectory) -> str:
     promised = ("<h2>Expected 95 % intervals</h2><div class=scroll><table><tr><th>parameter</th><th>assumed</th><th>interval</th>"
                 f"<th>unit</th></tr>{lines}</table></div>") if lines else ""  # fmt: skip
     notes = "".join(f"<p class=facts>{html.escape(str(note))}</p>" for note in motion.provenance.get("notes", ()))
-    touches = "" if motion.touch is None else f", {int(motion.touch.max()) + 1} touches"
-    return f"<p class=facts>{len(motion)} samples, {motion.duration:.2f} s{touches}</p>{notes}{table}{promised}"
+    count = 0 if motion.touch is None else int(motion.touch.max()) + 1
+    touches = f", {count} touch{'es' if count > 1 else ''}" if count else ""
+    why = str((motion.provenance.get("discrimination") or {}).get("words", ""))
+    told = f"<h2>Why this experiment</h2><p>{html.escape(why)}.</p>" if why else ""
+    return f"<p class=facts>{len(motion)} samples, {motion.duration:.2f} s{touches}</p>{told}{notes}{table}{promised}"

@@ -44,7 +44,7 @@ class Limits:
         for name in ("velocity", "acceleration", "jerk", "torque"):
             values = getattr(self, name)
             if not (values > 0).all():
-                raise InputError(f"a {name} limit of {values.min():g}", "positive limits", "correct it")
+                raise InputError(f"limits of {name} with {values.min():g} among them", "positive limits", "correct it")
         if not (self.lower < self.upper).all():
             j = int(np.flatnonzero(self.lower >= self.upper)[0])
             raise InputError(f"{self.names[j]} with limits {self.lower[j]:g} … {self.upper[j]:g} after the margin",

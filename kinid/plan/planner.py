@@ -20,7 +20,7 @@ from kinid.plan.expected import Law
 from kinid.plan.limits import Limits
 from kinid.plan.reach import TURNS, Reach
 from kinid.plan.setpoint import Pace, Profile, change, rest
-from kinid.plan.touches import Place, Poke, Slide, Touch
+from kinid.plan.touches import DEEPEST, Place, Poke, Slide, Touch
 from kinid.plan.trajectory import Trajectory
 from kinid.rig import Rig
 from kinid.robot import Robot
@@ -31,6 +31,8 @@ Array = NDArray[np.float64]
 
 #: postures to begin with that are tried before a plan is given up
 TRIES = 6
+#: a plan of more samples than these doesn't fit into memory beside its checks: nearly three hours at 500 Hz
+MOST_SAMPLES = 5_000_000
 
 
 @dataclass(frozen=True)
@@ -148,6 +150,7 @@ class Planner:
         """
         if not touches:
             raise InputError("no touch to plan", "a poke or a slide", "add one")
+        _check_length(touches, self.protocol)
         spots = [paths.spots(self.surface, touch, self.protocol.height) for touch in touches]
         scene = self._scene(spots, touches)
         first: InputError | None = None
@@ -355,8 +358,9 @@ class Planner:
             t, phase, q, dq, ddq, tip.position, self.robot.joint_names, place, force, normal,
             np.full(len(t), np.inf if guard is None else guard.force), touch,
         )  # fmt: skip
+        # what the arm would run into comes first: along a way into it joints may well be fast, which is not what forbids it
+        checked = scene.check(q, depth=place[:, 2]) if scene is not None else 0
         used = check(motion, self.limits, self.reach.torques(q, dq, ddq, assumed), "a motion")
-        checked = scene.check(q) if scene is not None else 0
         return _with(motion, self._facts(used, asked, gap, checked, scene))
 
     def _facts(self, used: tuple[Usage, ...], asked: dict[str, Any], gap: float, checked: int,
@@ -382,13 +386,44 @@ def _with(motion: Trajectory, facts: dict[str, Any]) -> Trajectory:
     return dataclasses.replace(motion, provenance=facts)
 
 
+def _check_length(touches: Sequence[Touch], protocol: Protocol) -> None:
+    """Refuse what would take longer than a plan may, before it is laid out."""
+    seconds = sum(_least_time(touch) + 2 * protocol.pause for touch in touches)
+    if seconds * protocol.rate > MOST_SAMPLES:
+        raise InputError(f"a plan of {seconds / 3600:.3g} h at least, {seconds * protocol.rate:.3g} samples at "
+                         f"{protocol.rate:g} Hz", f"{MOST_SAMPLES:.0e} samples at most",
+                         "plan it in parts, or with a lower --rate")  # fmt: skip
+    for touch in touches:
+        if _deepest(touch) > DEEPEST:
+            raise InputError(f"a {touch.name} {_deepest(touch):.3g} m deep", f"at most {DEEPEST:g} m: tools are no longer",
+                             "press less deep; depths are in m")  # fmt: skip
+        if isinstance(touch, Poke):
+            highest = float(touch.signal(_often(touch))[0].min())
+            if -highest > protocol.height:
+                raise InputError(f"a poke that rises {-1e3 * highest:.3g} mm above the surface",
+                                 f"at most the height between touches, {1e3 * protocol.height:g} mm",
+                                 "lower its amplitudes, press deeper, or raise --height")  # fmt: skip
+
+
+def _least_time(touch: Touch) -> float:
+    """What a touch takes at least [s]."""
+    if isinstance(touch, Poke):
+        return touch.hold + touch.signal.duration
+    length = sum(float(np.linalg.norm(np.subtract(b, a))) for a, b in zip(touch.corners[:-1], touch.corners[1:]))
+    return touch.hold + length / touch.speed * (2.0 if touch.back else 1.0)
+
+
+def _often(touch: Poke) -> Array:
+    """Times of a poke's signal [s], 5 ms apart."""
+    return np.linspace(0.0, touch.signal.duration, 2 + int(200 * touch.signal.duration))
+
+
 def _deepest(touch: Touch) -> float:
     """The deepest point that a touch asks for [m]."""
     if isinstance(touch, Slide):
         return touch.depth
-    t = np.linspace(0.0, touch.signal.duration, 2 + int(200 * touch.signal.duration))
     # between two samples 5 ms apart a sine of 5 Hz rises by 3 % of a millimetre at most
-    return float(touch.signal(t)[0].max()) + 1e-4
+    return float(touch.signal(_often(touch))[0].max()) + 1e-4
 
 
 __all__ = ["Guard", "Plane", "Planner", "Protocol"]

@@ -21,6 +21,8 @@ Place = tuple[float, ...]
 
 #: more touches than this are more than one plan
 MOST = 20_000
+#: deeper than this [m] no tool of an arm reaches: somebody means millimetres
+DEEPEST = 0.3
 #: a tool that leans more than this touches with its side [rad]
 STEEPEST = 1.0
 
@@ -40,6 +42,10 @@ class Poke:
     def __post_init__(self) -> None:
         _check_place(self.place)
         _check_hold(self.hold)
+        if not self.signal.base > 0:
+            raise InputError(f"a poke about a depth of {1e3 * self.signal.base:.4g} mm, in the air",
+                             "a depth in the material, above 0 m",
+                             "press deeper: depths count from the surface into the material")  # fmt: skip
         if len(self.tilt) != 2 or not np.isfinite(self.tilt).all() or np.linalg.norm(self.tilt) > STEEPEST:
             raise InputError(f"a tilt of {self.tilt} rad", f"angles about both tangents, {STEEPEST:g} rad at most together",
                              "let the tool lean less")  # fmt: skip

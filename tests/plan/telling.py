@@ -1,6 +1,6 @@
 """A study of planned experiments: do they let the diagnosis tell two effects apart that the log before left open?
 
-    python -m plan.telling OUT.json [SEED [COUNT]]        from the folder of the tests; about half an hour on two cores
+    python -m plan.telling OUT.json [SEED [COUNT]]        from the folder of the tests; about an hour on one core
 
 One of two effects that are easily taken for each other is hidden. Three logs are diagnosed, each alone and with the whole
 catalogue to choose from: a plain poke or slide (*before*); the experiment that `kinid plan discriminate` proposes for the
@@ -10,7 +10,7 @@ and the other one of the pair is not called indistinguishable from it.
 The planner sees what a user has: the starting model, its values as fitted to the log before, the rig, and the pair. Logs are
 made by `hidden.world`, on other equations than the catalogue's, along the planned motion, with noise, tremor and what
 calibration leaves. The size of what is hidden follows from the log before alone: what the starting model can't absorb of it
-there is `WEAK` to `STRONG` times the noise.
+there is `WEAK` to `STRONG` times the noise. An experiment lasts `DURATION`, planned or drawn.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ from kinid.plan.experiments import drawn_at_random
 #: what the hidden effect leaves in the residual of the log before, as multiples of the noise
 STRONG = 1.5
 #: length of an experiment [s], and how many are drawn before one that the robot can do must have been among them
-DURATION, DRAWS = 20.0, 30
+DURATION, DRAWS = 40.0, 30
 #: seeds from here on are for reports alone
 REPORT = 2001
 WAYS = ("before", "planned", "random")

@@ -49,20 +49,25 @@ def test_beats_experiments_drawn_at_random(
     assert chosen > (1.2 if model == ("none",) else 1.5) * np.median(told)
 
 
-def test_distance_is_what_a_refit_leaves(rig: Any) -> None:
+def test_distance_is_what_a_refit_leaves(rig: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Data of one effect, the other fitted to them nonlinearly: the sum of squares left is the distance that was predicted."""
+    # how evenly it lies in time is another test's matter
+    monkeypatch.setattr("kinid.plan.discriminate.even", lambda squares, t: 1.0)
     model = kinid.Model("hooke")
     ranking = rank(Planner(rig, Protocol()), model, ("viscous-damping", "stiffness-drift"), STIFF, duration=10.0, depth=DEPTH)
     judge, verdict = ranking.judge, ranking.verdicts[0]
     motion = judge.bench.trajectory(verdict.proposal, DESIGN_RATE, collisions=False)
     s = judge.bench.experiment(verdict.proposal, motion).signals
     form = judge.forms["viscous-damping"][0]
-    noise = np.array([0.015, 0.014, 0.029, 0.0005, 0.0006, 0.0003])[:, None] / np.sqrt(judge.rate / DESIGN_RATE)
+    # means of four samples at 125 Hz, of which no law is right to better than 0.2 %
+    white = np.array([0.015, 0.014, 0.029, 0.0005, 0.0006, 0.0003])[:, None] / 2.0
+    plain = model.predict(s, np.array([1000.0]))
+    noise = np.sqrt((white**2 + (2e-3 * plain) ** 2) * DESIGN_RATE / 125.0)
     measured = (model + "viscous-damping").predict(s, np.array([1000.0, *form.values]))
     rival = model + "stiffness-drift"
     # what calibration leaves open, as the planner states it: surface 15 µm, clock 0.125 ms, bias 0.01 N and 0.5 mN·m
     tolerance = np.array([0.01, 0.01, 0.01, 5e-4, 5e-4, 5e-4])[:, None]
-    slope = 1.25e-4 * np.gradient(model.predict(s, np.array([1000.0])), s.t, axis=1)
+    slope = 1.25e-4 * np.gradient(plain, s.t, axis=1)
 
     def residual(x: Any) -> Any:
         moved = dataclasses.replace(s, depth=s.depth + 1.5e-5 * x[2])
@@ -123,7 +128,7 @@ def test_a_special_case_is_told_by_what_its_rival_does_more(rig: Any) -> None:
 
 def test_joint_torques(rig: Any) -> None:
     pair = ("joint-coulomb-friction", "joint-viscous-friction")
-    found = discriminate(Planner(rig, Protocol(rate=100.0)), kinid.Model("rigid-body"), pair, duration=10.0)
+    found = discriminate(Planner(rig, Protocol(rate=250.0)), kinid.Model("rigid-body"), pair, duration=10.0)
     assert found.trajectory.phase.tolist().count("free") == len(found.trajectory)
     assert found.sure
 
@@ -131,7 +136,8 @@ def test_joint_torques(rig: Any) -> None:
 def test_experiments_last_about_as_long() -> None:
     listed = proposals(DURATION, DEPTH)
     assert len({proposal.name for proposal in listed}) == len(listed)
-    for duration, depth, word in ((2.0, DEPTH, "duration"), (DURATION, 0.0, "depth")):
+    for duration, depth, word in ((2.0, DEPTH, "duration"), (1e7, DEPTH, "duration"), (DURATION, 0.0, "depth"),
+                                  (DURATION, 3.0, "depth")):  # fmt: skip
         with pytest.raises(InputError, match=word):
             proposals(duration, depth)
 

@@ -13,7 +13,7 @@ from kinid.experiment import Experiment
 from kinid.fit import Z95, fit_model
 from kinid.plan import Law, Multisine, Planner, Poke, Protocol
 from kinid.plan.excite import NOISE, Bounds, expected_intervals, optimise
-from kinid.plan.ideal import efficiency, has_memory, ideal_information
+from kinid.plan.ideal import efficiency, has_memory, ideal_information, least_halves
 from kinid.plan.information import cost, information, intervals, sensitivities, without
 
 RATE = 500.0
@@ -68,10 +68,15 @@ def test_it_tells_more_than_the_studys_signal(material: str, capsys: pytest.Capt
         found = optimise(law, bounds, criterion="A")
         ratios = {name.split(".")[1]: found.intervals[name].half / before[name].half for name in before}
         ideal = ideal_information(law, bounds, criterion="A", noise=NOISE, rate=RATE)
+        least = least_halves(law, bounds, noise=NOISE, rate=RATE)
         assert ideal is not None
+        assert least is not None
+        bound = {name.split(".")[1]: least[name] / before[name].half for name in before}
         share = efficiency(found.information, ideal, "A")
-        lines.append(f"{material}, {factor * force:.1f} N: " + ", ".join(f"{n} {r:.2f}" for n, r in ratios.items())
+        lines.append(f"{material}, {factor * force:.1f} N: "
+                     + ", ".join(f"{n} {r:.2f} (no motion below {bound[n]:.2f})" for n, r in ratios.items())
                      + f"; {100 * share:.0f} % of the best conceivable")  # fmt: skip
+        assert all(ratio > bound[n] for n, ratio in ratios.items())
         assert all(ratio <= wanted for ratio in ratios.values()), ratios
         assert 0.3 < share <= 1.0
     with capsys.disabled():

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from kinid.errors import InputError
+from kinid.plan.signals import Multisine
 from kinid.plan.touches import Poke, Slide, four_paths, grid, shortest_tour, tour_length, within
 
 
@@ -57,6 +58,7 @@ def test_four_paths_cross_in_their_middle() -> None:
 
 @pytest.mark.parametrize("make", [
     lambda: Poke((0.0,)), lambda: Poke((0.0, float("nan"))), lambda: Poke(hold=-1.0), lambda: Slide(((0.0, 0.0),)),
+    lambda: Poke(signal=Multisine(-0.001)), lambda: Poke(signal=Multisine(0.0, ((0.001, 1.0),))),
     lambda: Slide(((0.0, 0.0), (0.0, 0.0))), lambda: Slide(((0.0, 0.0), (0.01, 0.0)), speed=0.0), lambda: grid(0, 3, 0.01),
     lambda: grid(3, 3, -0.01), lambda: within([(0, 0), (1, 1)], 0.1), lambda: within([(0, 0), (9, 0), (0, 9)], 0.001),
 ])
