@@ -18,6 +18,18 @@ Array = NDArray[np.float64]
 COLLINEAR = 100.0
 #: no tool pokes deeper than this into what it probes, nor so little and still feels it [m]
 DEEPEST, SHALLOWEST = 0.3, 1e-6
+#: share of the greatest depth outside the material from which on a force is no contact, whatever it is
+CLEAR = 0.1
+#: of the greatest depth, a share that no tool moves from one sample to the next
+LEAP = 0.5
+#: … where samples follow each other in less than this [s]
+QUICK = 0.05
+#: time between samples of a log of touches [s] beyond which its unit is doubted
+SLOWEST = 0.2
+#: how a force is turned
+TURN = "normal_force = { scale = -1 } in [columns] of the rig turns it"
+#: parameters that no material has below nothing: it would give energy, or pull where it is pressed
+PASSIVE = ("stiffness", "damping", "coefficient")
 #: share of a unit vector above which a parameter takes part in a direction
 TAKES_PART = 0.2
 #: residuals above so many times the noise say that the structure is wrong
@@ -33,17 +45,45 @@ def of_data(experiment: Experiment) -> list[str]:
     if not SHALLOWEST < most < DEEPEST:
         out.append(f"depths of up to {most:.3g} m: are they in another unit? Say so in [columns] of the rig: "
                    'depth = { unit = "mm" }')  # fmt: skip
-    if experiment.layout.kind == "contact" and "normal_force" in experiment.layout.channels:
-        force = experiment.measured[experiment.layout.channels.index("normal_force")][inside]
-        clear = 5.0 * float(experiment.noise[experiment.layout.channels.index("normal_force")])
-        if force.std() > 0 and force.mean() < -clear and np.corrcoef(depth[inside], force)[0, 1] < -0.3:
-            out.append(
-                f"the normal force falls to {force.min():.3g} N as the tool goes deeper: is its sign turned? It is positive "
-                "where the material pushes the tool out; normal_force = { scale = -1 } in [columns] turns it"
-            )
-    if not (~experiment.in_contact & valid & (depth <= 0)).any():
+    lowest = turned(experiment)
+    if lowest is not None:
+        out.append(f"the normal force falls to {lowest:.3g} N as the tool goes deeper: is its sign turned? It is positive "
+                   f"where the material pushes the tool out; {TURN}")  # fmt: skip
+    # a bias can pass for contact: far outside the material there is none
+    free = (depth <= 0) & (~experiment.in_contact | (depth < -CLEAR * most))
+    if not (free & valid).any():
         out.append("no free motion in the log: a bias of the sensor would look like stiffness")
+    quick = (experiment.signals.dt > 0) & (experiment.signals.dt < QUICK)
+    jump = float(np.abs(np.diff(depth, prepend=depth[:1])[quick]).max(initial=0.0))
+    if jump > LEAP * most:
+        out.append(f"the depth leaps by {1e3 * jump:.3g} mm from one sample to the next: no tool does; look for lost samples")
+    steps = experiment.signals.dt[experiment.signals.dt > 0]
+    if experiment.layout.kind == "contact" and len(steps) and np.median(steps) > SLOWEST:
+        out.append(f"{np.median(steps):.3g} s between samples: is the time in another unit? Say so in [columns] of the rig: "
+                   't = { unit = "ms" }')  # fmt: skip
     return out
+
+
+def turned(experiment: Experiment) -> float | None:
+    """The lowest normal force [N] where it falls as the tool goes deeper, as with a turned sign; else None."""
+    if experiment.layout.kind != "contact" or "normal_force" not in experiment.layout.channels:
+        return None
+    row = experiment.layout.channels.index("normal_force")
+    inside = experiment.valid & (experiment.signals.depth > 0)
+    depth, force = experiment.signals.depth[inside], experiment.measured[row][inside]
+    wrong = force.std() > 0 and force.mean() < -5.0 * experiment.noise[row] and np.corrcoef(depth, force)[0, 1] < -0.3
+    return float(force.min()) if wrong else None
+
+
+def impossible(named: Mapping[str, Parameter], values: Array, covariance: Array) -> list[str]:
+    """Parameters that are negative beyond their error, and that no material has so."""
+    error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    below = [name for name, value, e in zip(named, values, error)
+             if name.rsplit(".", 1)[-1] in PASSIVE and np.isfinite(e) and value + 2.0 * e < 0.0]  # fmt: skip
+    if not below:
+        return []
+    return [f"{listed(below)} {_are(below)} negative beyond {'its' if len(below) == 1 else 'their'} error, which no material is: "
+            "a force that comes late or early (time-offset), a turned sign or an effect that the model lacks may stand behind it"]
 
 
 def of_fit(named: Mapping[str, Parameter], solution: Solution, train: float, noise: float, start: Array) -> list[str]:
@@ -71,6 +111,7 @@ def of_fit(named: Mapping[str, Parameter], solution: Solution, train: float, noi
                 for group in alike]  # fmt: skip
     elif solution.condition > ILL_CONDITIONED:
         out.append(f"ill-conditioned ({solution.condition:.1e}): some parameters can stand in for each other in this log")
+    out += impossible(named, solution.values, solution.covariance)
     if not solution.converged:
         out.append("the search stopped before it converged: start nearer, or use a smaller model")
     if np.isfinite(train) and noise > 0 and train > REJECTED * noise:

@@ -1,8 +1,11 @@
-"""What a shell offers while a model or an effect is typed: the names of the catalogue."""
+"""What a shell offers while a name is typed: of models and effects from the catalogue, of properties from the map at hand."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
+
+import typer
 
 
 def model(incomplete: str) -> list[tuple[str, str]]:
@@ -38,6 +41,29 @@ def hidden(incomplete: str) -> list[tuple[str, str]]:
     from kinid.lab.hidden import PLANTS
 
     return _titled(sorted(PLANTS), incomplete)
+
+
+def method(incomplete: str) -> list[tuple[str, str]]:
+    """Ways to guess between probes."""
+    from kinid.interpolation import METHODS
+
+    return [(name, "") for name in METHODS if name.startswith(incomplete)]
+
+
+def mapped(context: typer.Context, incomplete: str) -> list[tuple[str, str]]:
+    """What the map that was typed before can be coloured by; without one, nothing."""
+    from kinid.errors import KinidError
+    from kinid.property_map import PropertyMap
+    from kinid.viewer_scene import layers_of
+
+    # words before an option that still lacks its value are left unparsed
+    given = context.params.get("target") or context.params.get("grown") or next(iter(context.args), "")
+    try:
+        grown = PropertyMap.read(Path(str(given)))
+    except (KinidError, OSError):
+        return []
+    units = {item.name: item.unit for item in grown.properties}
+    return [(name, units.get(name, "")) for name in layers_of(grown) if name.startswith(incomplete)]
 
 
 def _titled(names: Iterable[str], begun: str) -> list[tuple[str, str]]:

@@ -112,6 +112,9 @@ def load(log: Path, rig: Path | None) -> tuple[Rig, Log, Any]:
         plain = Rig()
         the_log = read(log, plain)
         one_axis = the_log.q is not None and the_log.q.shape[1] == 1 and the_log.wrench is None
+        if the_log.contact and "depth" not in the_log.contact and the_log.q is None:
+            raise InputError(f"{', '.join(the_log.contact)} without a depth in {log}", "a column depth [m] beside the force",
+                             "record it, or name its column in [columns] of a rig.toml")  # fmt: skip
         if "depth" not in the_log.contact and not one_axis:
             raise InputError(f"no rig for {log}", "a rig.toml that says what was measured with what",
                              "name it with --rig, or put rig.toml beside the log")  # fmt: skip

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from kinid.cli import complete
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
@@ -30,7 +31,9 @@ def map_(
     logs: Annotated[list[Path], typer.Argument(help="Logs, or folders of logs; every touch is a probe.", show_default=False)],
     out: Annotated[Path, typer.Option("-o", "--out", help="Map: .parquet; it can be read while it grows.", show_default=False)],
     rig: Annotated[Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the first log.")] = None,
-    model: Annotated[str, typer.Option(help="Effects that are fitted to each touch.")] = "kelvin-voigt",
+    model: Annotated[
+        str, typer.Option(help="Effects that are fitted to each touch.", autocompletion=complete.model)
+    ] = "kelvin-voigt",
     plot: Annotated[Path | None, typer.Option(help="Pictures of the map: one offline HTML file.")] = None,
     export: Annotated[
         Path | None, typer.Option(help="Folder for MuJoCo XML, SDF, glTF, and PNG with JSON, with properties per patch.")
@@ -39,7 +42,9 @@ def map_(
         float | None, typer.Option(help="Patches of the export are no smaller than this [m]: twice the tip's radius, or more.")
     ] = None,
     method: Annotated[
-        str, typer.Option(help="Between the probes, in plot and export: gp, triangles, biharmonic or nearest.")
+        str,
+        typer.Option(help="Between the probes, in plot and export: gp, triangles, biharmonic or nearest.",
+                     autocompletion=complete.method),
     ] = "gp",
     follow: Annotated[
         float, typer.Option(help="Wait so long for logs that are still to come [s]; a campaign's count ends it earlier.")

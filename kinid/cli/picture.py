@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from kinid.cli import complete
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ def picture(
     grown: Annotated[Path, typer.Argument(metavar="MAP", help="A map on a plane: .parquet of kinid map.", show_default=False)],
     image: Annotated[Path, typer.Argument(help="A picture of what was mapped: PNG or JPEG.", show_default=False)],
     corners: Annotated[str, typer.Option(help=CORNERS, show_default=False)],
-    shown: Annotated[str, typer.Option("--property", help="What is learnt.")] = "stiffness",
+    shown: Annotated[str, typer.Option("--property", help="What is learnt.", autocompletion=complete.mapped)] = "stiffness",
     onto: Annotated[Path | None, typer.Option(help="Another picture to predict from; default: the same.")] = None,
     onto_corners: Annotated[str | None, typer.Option(help="Of the other picture; default: as --corners.")] = None,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="The predicted map: .parquet, for view, or as a prior.")] = None,

@@ -79,18 +79,21 @@ def at_end(tried: Tried) -> bool:
     own = [name.split(".")[0] == tried.effect.id for name in tried.state.model.parameters(layout)]
     for i, (p, value) in enumerate(zip(parameters, tried.state.values[np.array(own)])):
         room = 1e-3 * p.scale
-        if any(abs(value - end) < room and end != null.get(i) for end in (p.low, p.high)):
+        if any(abs(value - end) < room and end not in (null.get(i), tried.effect.ends.get(p.name)) for end in (p.low, p.high)):
             return True
     return False
 
 
 def material(tried: Tried) -> bool:
-    """Whether what was added is outside of what calibration is trusted to anyway."""
+    """Whether what was added is outside of what calibration is trusted to anyway.
+
+    Calibration, free inside its tolerance, takes a part of what the effect would: as it was stated, all is the effect's.
+    """
     layout = tried.state.problem.experiment.layout
-    own = np.array([name.split(".")[0] == tried.effect.id for name in tried.state.model.parameters(layout)])
-    values = tried.state.values[own]
     least = TOLERATED.get(tried.effect.id)
     if least is None:
         return True
+    own = np.array([name.split(".")[0] == tried.effect.id for name in tried.state.model.parameters(layout)])
     units = [p.unit for p in tried.effect.parameters(layout)]
-    return any(abs(v) > least[unit] for v, unit in zip(values, units) if unit in least)
+    return any(abs(v) > least[unit] for state in (tried.state, tried.state.plain.light())
+               for v, unit in zip(state.values[own], units) if unit in least)  # fmt: skip

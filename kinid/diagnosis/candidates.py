@@ -26,6 +26,7 @@ class Candidate:
         gain: what it would take off the weighted sum of squares, in the linear view. rank: parameters it would add.
         start: values of model + effect to search from; origin: those at which it is the model without the effect, with the
             same shapes. place: of its first parameter among all.
+        small: whether each amplitude was moved by no more than its scale.
         columns: sensitivity to its own parameters there, (m, k), in their scales; None where nobody will search from here.
         sensitivity: length of the weighted readings' change per unit of each amplitude (by index among its parameters),
             beyond what the model can take up itself.
@@ -36,6 +37,7 @@ class Candidate:
     rank: int
     start: Array
     place: int
+    small: bool
     columns: NDArray[np.float32] | None
     sensitivity: dict[int, float]
     origin: Array
@@ -178,7 +180,9 @@ def screen(state: State, effect: Effect) -> list[Candidate]:
         # its own sensitivity to begin with, in scales of its parameters (nothing for shapes)
         own_columns = np.zeros((len(d), len(parameters)), np.float32)  # a first guess: half the memory is exact enough
         own_columns[:, moving] = d * (np.array([parameters[i].scale for i in moving]) / np.array(steps))
-        out.append(Candidate(effect, gain, len(parameters), np.insert(theta, before, start), before, own_columns,
+        small = all(abs(step) <= parameters[i].scale for i, step in zip(moving, steps)) or not effect.grid.keys() & {
+            parameters[i].name for i in amplitude}
+        out.append(Candidate(effect, gain, len(parameters), np.insert(theta, before, start), before, small, own_columns,
                              {i: float(z / abs(step)) for i, z, step in zip(moving, size, steps)},
                              np.insert(state.values, before, [amplitude.get(i, v) for i, v in enumerate(at)])))  # fmt: skip
     out.sort(key=lambda c: -c.gain)

@@ -17,14 +17,15 @@ from kinid.diagnosis.candidates import able, base_of
 from kinid.diagnosis.descent import State, fit
 from kinid.diagnosis.detectors import Cleaned, Mark, detect
 from kinid.diagnosis.intervals import covariance, fitted, open_parameters
-from kinid.diagnosis.look import ENOUGH
+from kinid.diagnosis.look import ENOUGH, NEARER
 from kinid.diagnosis.noise import period_of
 from kinid.diagnosis.problem import Problem, filled, thin
 from kinid.diagnosis.result import ADEQUATE, MISSING, UNEXPLAINED, Diagnosis, Step
 from kinid.diagnosis.search import Search, search
-from kinid.diagnosis.unexplained import judge
+from kinid.diagnosis.unexplained import OTHER_FORM, judge
 from kinid.diagnosis.verdicts import verdicts
 from kinid.diagnosis.where import where
+from kinid.doubts import TURN, impossible, turned
 from kinid.errors import InputError
 from kinid.estimators.batch import Solution
 from kinid.experiment import Experiment, from_contact, from_joint_torques, from_wrench
@@ -54,8 +55,6 @@ SHORTEST, FEWEST_BLOCKS = 4.0, 8
 STATIC_NOISE = 0.01
 #: share of a channel's own size below which noise is not believed to lie
 DIGITS = 1e-3
-#: an effect that isn't believed is worth a word where it lowers what is left to this share
-NEARER = 0.9
 #: effects that are added at most, unless the caller says otherwise
 MOST_EFFECTS = 4
 
@@ -103,6 +102,10 @@ def diagnose(
     _check_asked_for(add, model, experiment)
     _refuse(experiment, model)
     data_doubts = check_excitation(model, experiment)
+    lowest = turned(experiment) if "normal" in model.needs else None
+    if lowest is not None:
+        raise InputError(f"a normal force that falls to {lowest:.3g} N as the tool goes deeper",
+                         "one that is positive where the material pushes the tool out", TURN)  # fmt: skip
     # many small products: threads of a linear-algebra library would only wait for each other
     with threadpool_limits(1, user_api="blas"):
         looked = _look(model, experiment, _start(model, experiment, known), max_effects, tuple(add), progress)
@@ -243,12 +246,15 @@ class _Looked:
         floor = rms(self._noise[self.rows])
         idle = [name for name in self.forced if name in self.search.evidence and not self.search.evidence[name].sure]
         real = [name for name in added if name not in idle]
+        rivals = {effect.id: effect.equivalent_to for effect in told}
+        believed = " and ".join(" or ".join([name, *rivals.get(name, ())]) for name in real)
         if opinion.unexplained and self.search.cut_short:
             verdict, says = UNEXPLAINED, f"not searched further: no more effects were asked for; {opinion.left_says}"
         elif opinion.unexplained:
             verdict, says = UNEXPLAINED, opinion.says + self._nearest(last)
         elif real:
-            verdict, says = MISSING, f"{' and '.join(real)} explain{'s' if len(real) == 1 else ''} it: {opinion.says}"
+            how = f"explain{'s' if len(real) == 1 else ''} {'most of ' if opinion.left.rms > OTHER_FORM else ''}it"
+            verdict, says = MISSING, f"{believed} {how}: {opinion.says}"
         else:
             verdict, says = ADEQUATE, opinion.says
         if idle:
@@ -331,6 +337,8 @@ class _Looked:
         if phase is not None and len(np.unique(phase)) == 1:
             out.append(f"the whole log is one phase, {phase[0]}: effects of the others can't be seen; record approach, hold, "
                        "motion and retraction")  # fmt: skip
+        last = self.search.states[-1]
+        out += impossible(last.model.parameters(self.whole.layout), last.plain.values, covariance(last))
         if base_of(self.model) is None and self.whole.layout.kind != "joints" and self.whole.in_contact.any():
             laws = ", ".join(name for name in effects.catalogue() if effects.get(name).base)
             out.append(f"the log holds contact, and the model has no contact law: ask about one of {laws}")

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from kinid.diagnosis.view import View
 from kinid.diagnosis.words import number, span
+from kinid.doubts import CLEAR
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -136,10 +137,11 @@ def _contact_phases(view: View) -> NDArray[np.str_]:
     sliding = np.maximum(*(_ways(view, s.slip[i]) for i in range(2)))
     presses = _sharp(view, pressing > _still(view, s.depth, STILL))
     slides = _sharp(view, (sliding > max(_still(view, s.slip[i], SLIDING) for i in range(2))) & (sliding > 0.5 * pressing))
-    kind = np.where(~view.touching, 0, np.where(slides, 1, np.where(presses, 2, 3))).astype(np.int8)
+    depth = view.at(s.depth)
+    touching = view.touching & (depth >= -CLEAR * max(0.0, float(depth.max(initial=0.0))))  # a bias is no contact
+    kind = np.where(~touching, 0, np.where(slides, 1, np.where(presses, 2, 3))).astype(np.int8)
     kind = _steady(kind, view)
     names = np.array(["free", "slide", "poke", "hold"], dtype="<U16")[kind]
-    depth = view.at(s.depth)
     for a, b in runs(kind == 2, view.piece):
         way = float(np.abs(np.diff(depth[a:b])).sum())
         net = float(depth[b - 1] - depth[a])

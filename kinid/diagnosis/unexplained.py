@@ -172,7 +172,7 @@ def judge(first: State, last: State) -> Opinion:
     if left.bursts > 0.3:
         how.append(f"{100 * left.bursts:.0f} % of it comes in bursts")
     if not how:
-        how.append("it follows neither the motion nor the clock")
+        how.append("it follows neither depth, speed nor place")
     return Opinion(True, f"what is left in {left.channel} is {_times(left)}, and no effect of the catalogue explains it: "
                    f"{', '.join(how)}", left)  # fmt: skip
 

@@ -11,7 +11,7 @@ from kinid import effects
 from kinid.diagnosis.candidates import Candidate, able, amplitudes, base_of, screen
 from kinid.diagnosis.descent import State
 from kinid.diagnosis.detectors import Mark
-from kinid.diagnosis.look import ENOUGH, Tried
+from kinid.diagnosis.look import ENOUGH, NEARER, Tried
 from kinid.diagnosis.result import ABSENT, INDISTINGUISHABLE, NOT_EXCITED, PRESENT, EffectVerdict
 from kinid.diagnosis.search import Search
 from kinid.effects import Effect
@@ -80,7 +80,9 @@ def verdicts(
                                      f"fits as well as {', '.join(others)}: this log can't tell them apart"))  # fmt: skip
             continue
         verdict, says = (NOT_EXCITED, why) if why else _seen(last, effect, points.get(name), inflation, rate)
-        if verdict == ABSENT and evidence >= ENOUGH:
+        if verdict == ABSENT and attempt is not None and evidence >= ENOUGH and attempt.state.rms < NEARER * last.rms:
+            verdict, says = NOT_EXCITED, "it would take much of the rest, but this log is no proof of it"
+        elif verdict == ABSENT and evidence >= ENOUGH:
             says = "one that matters would show in this log; the fit gains by one that is too small to count"
         out.append(EffectVerdict(name, verdict, evidence, (), gain, shown,
                                  "" if verdict == ABSENT else f"record {effect.excited_by}", says, not why))  # fmt: skip
@@ -105,6 +107,8 @@ def _seen(state: State, effect: Effect, points: Sequence[Candidate] | None, infl
     if not points:
         return NOT_EXCITED, "it changes nothing in this log"
     least = np.array([parameters[i].scale for i in amplitude])
+    # large steps of what has a grid of its own say how far it could go, not whether a small one shows
+    points = [point for point in points if point.small] or points
     visible = []
     for point in points:
         size = np.array([point.sensitivity.get(i, 0.0) for i in amplitude]) * least
@@ -166,7 +170,7 @@ def _separate(name: str, rivals: tuple[str, ...], search: Search) -> str:
     for rival in rivals:
         other = effects.get(rival)
         how = mine.confusions.get(rival) or other.confusions.get(name) or f"{mine.excited_by}; {other.excited_by}"
-        out.append(f"{rival}: {how}")
+        out.append(how if len(rivals) == 1 else f"{rival}: {how}")
     known = ",".join(n for n in search.states[-1].model.names if n != name and n not in rivals)
     plan = f"kinid plan discriminate --model {known or 'none'} --effects {','.join([name, *rivals])} -o separate.parquet"
     return "; ".join(out) + f"; a trajectory for it: {plan}"

@@ -22,11 +22,14 @@ def headline(result: Diagnosis) -> str:
     error = (f"the held-out error falls from {before} to {after} {result.unit}" if result.added and after != before else
              f"the held-out error {'stays' if result.added else 'is'} {before} {result.unit}")  # fmt: skip
     noise = f"noise alone is {result.noise_floor:.3g} {result.unit}"
-    names = listed(result.added)
+    rivals = {effect.id: effect.equivalent_to for effect in result.effects}
+    names = listed(" or ".join([name, *rivals.get(name, ())]) for name in result.added)
     if result.verdict == ADEQUATE:
         return f"The model is adequate: {error}, and {noise}."
     if result.verdict == MISSING:
-        return f"The model lacks {names}: with {'it' if len(result.added) == 1 else 'them'} {error}; {noise}."
+        open_ = any(rivals.get(name) for name in result.added)
+        which = " (this log can't tell which)" if open_ else ""
+        return f"The model lacks {names}{which}: with {'it' if len(result.added) == 1 else 'them'} {error}; {noise}."
     if result.says.startswith("not searched further"):
         return f"Something is missing, and the search was told to stop: {error}; {noise}."
     if not result.added:
@@ -84,7 +87,9 @@ def sentence(words: str) -> str:
 
 
 def span(a: float, b: float) -> str:
-    """From one number to another, with as many digits as tell them apart."""
+    """From one number to another, with as many digits as tell them apart; "about" one where next to nothing lies between."""
+    if abs(b - a) < 1e-3 * max(abs(a), abs(b)):
+        return f"about {number((a + b) / 2)}"
     digits = int(np.clip(1 - np.floor(np.log10(max(abs(b - a), 1e-9))), 0, 9))
     return f"{a:.{digits}f} to {b:.{digits}f}".replace("-", "−")
 

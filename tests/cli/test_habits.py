@@ -12,11 +12,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import typer
 
 from kinid.cli import app, complete
 from kinid.effects import catalogue
+from kinid.property_map import Probe, Property, PropertyMap
+from kinid.surface import Plane
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -57,17 +60,10 @@ def test_the_list_of_commands_names_it_in_one_line(path: tuple[str, ...], run: R
         assert not line.endswith("..."), "cut short"
 
 
-#: commands whose result is the file that they write
-ANSWERS_BY_FILE = {("map",), ("view",)}
-
-
 @each
 def test_a_summary_for_scripts(path: tuple[str, ...]) -> None:
     options = {option for parameter in COMMANDS[path].params for option in parameter.opts}
-    if path in ANSWERS_BY_FILE:
-        assert options & {"-o", "--out", "--record"}
-    else:
-        assert "--json" in options
+    assert "--json" in options
 
 
 COMPLETED = [
@@ -76,7 +72,8 @@ COMPLETED = [
     ("kinid compare log.csv --model hooke,stri", "hooke,stribeck-friction"),
     ("kinid diagnose log.csv --add relax", "relaxation"), ("kinid diagnose --explain stribeck", "stribeck-friction"),
     ("kinid plan discriminate --effects relaxation,stiffness-d", "relaxation,stiffness-drift"),
-    ("kinid lab poke --hide relax", "relaxation"),
+    ("kinid lab poke --hide relax", "relaxation"), ("kinid map logs --model kelvin-voigt,coul", "kelvin-voigt,coulomb-friction"),
+    ("kinid view log.csv --model hertz,relax", "hertz,relaxation"), ("kinid map logs --method tri", "triangles"),
 ]  # fmt: skip
 
 
@@ -89,12 +86,28 @@ def test_a_model_goes_on_with_what_it_lacks() -> None:
     assert complete.effect("nonsense") == []
 
 
-@pytest.mark.parametrize(("typed", "offered"), COMPLETED)
-def test_the_shell_completes(typed: str, offered: str) -> None:
+def completions(typed: str) -> list[str]:
+    """What a shell offers for the last word."""
     asked = {"_KINID_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(len(typed.split()) - 1)}
     done = subprocess.run([sys.executable, "-c", "from kinid.cli import main; main()"], env=os.environ | asked, check=True,
                           capture_output=True, text=True)  # fmt: skip
-    assert done.stdout.splitlines() == [offered]
+    return [line for line in done.stdout.splitlines() if line]
+
+
+@pytest.mark.parametrize(("typed", "offered"), COMPLETED)
+def test_the_shell_completes(typed: str, offered: str) -> None:
+    assert completions(typed) == [offered]
+
+
+@pytest.mark.parametrize("command", ["view", "picture"])
+def test_the_shell_completes_properties_of_the_map_that_was_typed(command: str, tmp_path: Path) -> None:
+    """Such as some probe tells; without a map there are none to offer."""
+    told = (Property("stiffness", "N/m"), Property("friction", "1"), Property("damping", "N·s/m"))
+    probe = Probe(np.zeros(3), np.array([500.0, 0.5, 0.0]), np.diag([1.0, 0.01, np.inf]))
+    PropertyMap(Plane(np.zeros(3), np.eye(3)), told, (probe,)).write(tmp_path / "map.parquet")
+    assert completions(f"kinid {command} {tmp_path / 'map.parquet'} --property fr") == ["friction"]
+    assert completions(f"kinid {command} {tmp_path / 'map.parquet'} --property dam") == []
+    assert completions(f"kinid {command} {tmp_path / 'absent.parquet'} --property fr") == []
 
 
 def test_the_laboratory_sums_up_for_scripts(run: Run, tmp_path: Path) -> None:

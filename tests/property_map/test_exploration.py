@@ -153,6 +153,54 @@ def test_fifty_pokes_are_as_good_where_borders_run_half_way_between_the_grids_pr
     assert few < grid
 
 
+def slid_over(at, rng, axis, across):
+    """What a slide along one tangent would feel, 0.2 mm a bin, with noise of 0.01 N."""
+    x = np.arange(REGION.low[axis] + 1.5e-3, REGION.high[axis], 2e-4)
+    places = np.full((len(x), 2), across)
+    places[:, axis] = x
+    depth = np.full(len(x), 2.5e-3)
+    normal, tangential = (share * at(places) * depth + 0.01 * rng.standard_normal(len(x)) for share in (1.0, 0.8))
+    return SlidePath(x, normal, tangential, depth, across * np.eye(2)[1 - axis], np.eye(2)[axis])
+
+
+def felt_along(way, bins=10):
+    """Places every 2 mm and what was felt there: (n, 2) and (n,)."""
+    cuts = np.arange(bins, len(way.x), bins)
+    return (np.array([way.at(part.mean()) for part in np.split(way.x, cuts)]),
+            np.array([part.mean() for part in np.split(way.felt[0], cuts)]))  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("moved", "seeds"), [(True, range(500, 520)), (False, range(600, 606))])
+def test_eight_slides_and_thirty_five_pokes_are_better_than_a_grid_of_a_hundred(moved, seeds):
+    """Moulds poured each a little elsewhere, and the mould as it is placed: what slides and pokes felt, together."""
+    q, errors = REGION.grid(45), []
+    ticks = np.linspace(-0.045, 0.045, 10)
+    grid = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), -1).reshape(-1, 2)
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        at = mould(rng.uniform(-0.01, 0.01, 2) * moved)
+        ways = [slid_over(at, rng, axis, across) for axis in (0, 1) for across in (-0.03375, -0.01125, 0.01125, 0.03375)]
+        slides = [(way, changes(way)) for way in ways]
+        # the closest that 35 pokes allow
+        tried = (pokes_after_slides(slides, beside=3e-3, apart=1e-3 * apart) for apart in range(4, 20))
+        start = next(places for places in tried if len(places) <= 35)
+
+        def poke(place, at=at, rng=rng):
+            value = float(at(place[None])[0] * (1 + 0.005 * rng.standard_normal()))
+            return value, 0.005 * value
+
+        *_, poked = explore(poke, REGION, start, apart=4e-3, most=35)
+        places, values = zip(*(felt_along(way) for way in ways))
+        places, values = np.vstack([poked.ground.places, *places]), np.concatenate([poked.values, *values])
+        even = at(grid) * (1 + 0.005 * rng.standard_normal(100))
+        few, many = (Triangles(PlaneGround(p, reach=1.0), v, 0.005 * v) for p, v in ((places, values), (grid, even)))
+        errors.append([error(grown.at(q).mean, at(q)) for grown in (few, many)])
+    few, many = np.mean(errors, axis=0)
+    print(f"eight slides and 35 pokes {100 * few:.2f} %, a grid of 100 pokes {100 * many:.2f} %, {len(errors)} moulds")
+    assert few < many
+
+
 def test_what_is_expected_saves_pokes_and_a_wrong_guess_costs_little():
     def good(at):
         return lambda q: (at(q) * (1 + 0.08 * np.sin(900 * q[:, 0])), 0.08 * at(q))

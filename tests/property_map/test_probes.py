@@ -11,9 +11,14 @@ import pytest
 
 import kinid
 from kinid.errors import InputError
+from kinid.exploration import Region, explore, pokes_after_slides
+from kinid.exploration_slide import changes, paths
+from kinid.interpolation import PlaneGround
+from kinid.interpolation_triangles import Triangles
 from kinid.lab import campaign as campaigns
-from kinid.lab.campaign import Campaign
+from kinid.lab.campaign import MOTIONS, Campaign
 from kinid.lab.materials import MOULD
+from kinid.lab.protocol import Slide, five_phases
 from kinid.property_map import PropertyMap
 from kinid.property_probes import Prober, build, expected, logs_in
 
@@ -134,3 +139,49 @@ def test_a_hundred_pokes_map_the_mould(tmp_path):
         guess.mean[np.abs(x - 0.025) + np.abs(y + 0.025) < 3e-3],
     )
     assert rim.mean() < 0.92 * middle.mean()
+
+
+@pytest.mark.slow
+def test_slides_and_thirty_five_pokes_from_raw_logs():
+    """Joints and wrench alone, of eight slides and pokes beside the borders felt; beside a grid of a hundred pokes."""
+    base, counter = Campaign(1, 1).base()[0], iter(range(1000))
+
+    def touched(motion, place):
+        script = five_phases(motion, place=tuple(place), height=0.008, free=0.4, hold=0.4, approach=0.8, tilt=0.1)
+        return base.replace(script=script, seed=700 + next(counter)).run().log
+
+    prober = Prober.of(base.rig)
+    slides, places, values = [], [], []
+    for axis in (0, 1):
+        # at the depth that the pokes move about: beyond the film's own depth its law has a bend
+        motion = Slide(depth=MOTIONS["poke"].depth, speed=16e-3, length=0.044, directions=(axis * np.pi / 2,))
+        for across in (-0.03375, -0.01125, 0.01125, 0.03375):
+            log = touched(motion, across * np.eye(2)[1 - axis])
+            way = max(paths(kinid.contact_series(log, base.rig, robot=base.robot)), key=lambda path: len(path.x))
+            slides.append((way, changes(way)))
+            cuts = np.arange(10, len(way.x), 10)
+            places += [way.at(part.mean()) for part in np.split(way.x, cuts)]
+            values += [part.mean() for part in np.split(way.felt[0], cuts)]
+
+    def poke(place):
+        properties, (probe, *_) = prober.of_log(touched(MOTIONS["poke"], place), "poke")
+        k = [item.name for item in properties].index("stiffness")
+        return float(probe.values[k]), float(np.sqrt(probe.covariance[k, k]))
+
+    region = Region((-0.045, -0.045), (0.045, 0.045))
+    # the closest that 35 pokes allow
+    tried = (pokes_after_slides(slides, beside=3e-3, apart=1e-3 * apart) for apart in range(4, 20))
+    start = next(places for places in tried if len(places) <= 35)
+    *_, poked = explore(poke, region, start, apart=4e-3, most=35)
+    ticks = np.linspace(-0.045, 0.045, 10)
+    grid = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), -1).reshape(-1, 2)
+    q, truth = region.grid(45), felt(*region.grid(45).T)
+    few = (np.vstack([poked.ground.places, places]), np.append(poked.values, values))
+    errors = []
+    raw = np.array([poke(place)[0] for place in grid])
+    for where, what in (few, (grid, raw), (grid, felt(*grid.T)), (poked.ground.places, poked.values)):
+        guess = Triangles(PlaneGround(where, reach=1.0), what, 0.005 * what).at(q).mean
+        errors.append(float(np.mean(np.abs(guess / truth - 1))))
+    print("eight slides and 35 pokes {:.2%}; a grid of 100 pokes {:.2%}, were they exact {:.2%}; "
+          "the 35 pokes alone {:.2%}".format(*errors))  # fmt: skip
+    assert errors[0] < errors[1]

@@ -11,16 +11,17 @@ from kinid.vision import UNKNOWN, MaterialClassifier, Picture, held_out, zones_o
 pytest.importorskip("sklearn")
 
 
-def mould_picture(seed=0, n=160):
+def mould_picture(seed=0, n=160, mould=None):
     """The virtual mould under uneven light, with glitter and the camera's noise, 0.1 m wide."""
     from scipy.ndimage import gaussian_filter
 
     from kinid.lab.materials import MOULD
 
+    mould = mould or MOULD
     rng = np.random.default_rng(seed)
     ticks = (np.arange(n) + 0.5) / n * 0.1 - 0.05
     x, y = np.meshgrid(ticks, ticks, indexing="ij")
-    colour = MOULD.colors(x.ravel(), y.ravel()).reshape(n, n, 3)
+    colour = mould.colors(x.ravel(), y.ravel()).reshape(n, n, 3)
     light = gaussian_filter(rng.standard_normal((n, n)), 25)
     glitter = (rng.random((n, n, 1)) < 0.06) * rng.uniform(-0.35, 0.35, (n, n, 1))
     pixels = colour * (1 + 0.12 * light / light.std())[..., None] + glitter + 0.05 * rng.standard_normal((n, n, 3))
@@ -217,3 +218,61 @@ def test_the_command_says_both_figures_and_what_is_unknown(tmp_path):
     assert wrong.returncode == 2
     assert "four numbers" in wrong.stderr
     assert len(wrong.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.slow
+def test_a_picture_saves_pokes_from_raw_logs(tmp_path):
+    """Learnt on one mould from 36 raw pokes and its picture; another one, a quarter turned, is poked with and without it."""
+    import dataclasses
+
+    import kinid
+    from kinid.exploration import Region, explore
+    from kinid.interpolation import PlaneGround
+    from kinid.interpolation_triangles import Triangles
+    from kinid.lab import campaign as campaigns
+    from kinid.lab.campaign import MOTIONS, Campaign
+    from kinid.lab.materials import MOULD
+    from kinid.lab.protocol import five_phases
+    from kinid.property_probes import Prober, build, logs_in
+    from kinid.vision_map import Sighted
+
+    campaigns.run(Campaign(6, 6, spacing=0.016), tmp_path)
+    prober = Prober.of(kinid.Rig.load(tmp_path / "rig.toml"))
+    *_, grown = build(logs_in([tmp_path]), prober)
+    sighted = Sighted.learn(grown, "stiffness", mould_picture())
+    turned = dataclasses.replace(MOULD, fields={name: lambda x, y, f=f: f(-y, x) for name, f in MOULD.fields.items()},
+                                 colors=lambda x, y: MOULD.colors(-y, x))  # fmt: skip
+    base, region = Campaign(1, 1).base()[0].replace(material=turned), Region((-0.045, -0.045), (0.045, 0.045))
+    # what a poke of some millimetres feels, by more pokes than any exploration makes: beyond the film's depth both springs push
+    q = region.grid(30)
+    p = turned.at(*q.T)
+    depth = 3e-3 + 1.5e-3 * np.sin(np.linspace(0, 2 * np.pi, 60, endpoint=False))
+    k = p["stiffness"] + p["layer"]
+    for _ in range(40):
+        d = depth * (5200.0 / (5200.0 + k))[..., None]  # under the arm's impedance
+        force = p["stiffness"][..., None] * d + p["layer"][..., None] * np.maximum(d - p["layer_depth"][..., None], 0)
+        k = np.sum(force * d, axis=-1) / np.sum(d**2, axis=-1)
+    felt: dict[tuple[float, float], tuple[float, float]] = {}
+
+    def poke(place):
+        key = tuple(np.round(place, 6))
+        if key not in felt:
+            script = five_phases(MOTIONS["poke"], place=tuple(place), height=0.008, free=0.4, hold=0.4, approach=0.8, tilt=0.1)
+            properties, (probe, *_) = prober.of_log(base.replace(script=script, seed=900 + len(felt)).run().log, "poke")
+            i = [item.name for item in properties].index("stiffness")
+            felt[key] = float(probe.values[i]), float(np.sqrt(probe.covariance[i, i]))
+        return felt[key]
+
+    runs = {}
+    for name, prior in (("without", None), ("with", sighted.prior(mould_picture(seed=9, mould=turned)))):
+        runs[name] = []
+        for some in explore(poke, region, region.grid(3), apart=4e-3, most=36, prior=prior):
+            wide = Triangles(PlaneGround(some.ground.places, reach=1.0), some.values, some.noise, prior)
+            runs[name].append(float(np.mean(np.abs(wide.at(q).mean / k - 1))))
+    least = min(runs["without"])
+    needed = {name: 9 + int(np.flatnonzero(np.array(errors) <= least)[0]) if min(errors) <= least else None
+              for name, errors in runs.items()}  # fmt: skip
+    print(f"error after 9, 18, 27, 36 pokes: {({name: np.round(e[::9], 3).tolist() for name, e in runs.items()})}; "
+          f"pokes for {least:.1%}: {needed}")  # fmt: skip
+    assert needed["with"] is not None
+    assert needed["with"] < needed["without"]
