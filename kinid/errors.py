@@ -34,7 +34,7 @@ class MissingDependencyError(KinidError):
 def near(name: str, valid: Iterable[str], limit: int = 12) -> str:
     """A list of valid names for a message: the near ones first, all of them when they are few."""
     names = sorted(set(valid))
-    close = difflib.get_close_matches(name, names, n=3, cutoff=0.6)
+    close = difflib.get_close_matches(name, names, n=3, cutoff=0.52)
     if close:
         return "did you mean " + " or ".join(f"'{c}'" for c in close) + "?"
     shown = ", ".join(f"'{n}'" for n in names[:limit])
