@@ -1,0 +1,129 @@
+"""Logs that a stranger brings: textbook friction, clocks that are late, turned signs, lost samples, other units.
+
+Their equations are written here; each asks for one sentence that must be there, and for none where there is no reason.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import kinid
+from kinid.diagnosis.words import headline
+from kinid.errors import InputError
+
+if TYPE_CHECKING:
+    from conftest import Tester
+
+RIG = kinid.Rig()
+STIFFNESS, DAMPING, NOISE, MU = 900.0, 6.0, 0.02, 0.4
+
+
+def motion(rate: float = 250.0) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Time, depth and its rate: pokes of four depths, seconds outside between them."""
+    t = np.arange(round(24.0 * rate)) / rate
+    deep = np.array([2e-3, 5e-3, 3e-3, 6e-3])[(t // 6.0).astype(int)]
+    part = t % 6.0
+    swing = 0.5 * (1.0 - np.cos(2.0 * np.pi * (part - 2.0) / 4.0)) * (part > 2.0)
+    quick = 0.15 * np.sin(2.0 * np.pi * 3.0 * part) * (swing > 0.3)
+    depth = -3e-3 + (deep + 3e-3) * (swing + quick * (swing - 0.3))
+    return t, depth, np.gradient(depth, t)
+
+
+def poked(late: float = 0.0, rate: float = 250.0) -> kinid.Log:
+    """Kelvin-Voigt that relaxes by a quarter, the force so many seconds late."""
+    t, depth, speed = motion(rate)
+    elastic = STIFFNESS * np.maximum(depth, 0.0)
+    held, slow = 0.0, np.zeros_like(t)
+    for i in range(1, len(t)):
+        held += (1.0 / rate) / 0.8 * (elastic[i] - held)
+        slow[i] = held
+    force = np.where(depth > 0, np.maximum(elastic - 0.25 * slow + DAMPING * speed, 0.0), 0.0)
+    noise = NOISE * np.random.default_rng(3).standard_normal(len(t))
+    return kinid.Log(t=t, contact={"depth": depth, "normal_force": np.interp(t - late, t, force) + noise})
+
+
+def test_friction_that_turns_at_once_is_within_the_catalogue() -> None:
+    """T = −μ N v/|v|, without any way to give: presliding of no length."""
+    rate = 500.0
+    t = np.arange(round(24.0 * rate)) / rate
+    depth = np.where(t % 6.0 < 1.0, -2e-3, 4e-3 + 1e-3 * np.sin(2 * np.pi * 0.7 * t))
+    depth = np.convolve(np.pad(depth, 25, mode="edge"), np.ones(51) / 51, mode="valid")
+    slip = 4e-3 * np.sin(2 * np.pi * 0.8 * t) + 2e-3 * np.sin(2 * np.pi * 0.31 * t)
+    speed, press = np.gradient(slip, t), np.gradient(depth, t)
+    normal = np.where(depth > 0, np.maximum(STIFFNESS * depth + DAMPING * press, 0.0), 0.0)
+    rng = np.random.default_rng(5)
+    zero = np.zeros_like(t)
+    log = kinid.Log(t=t, contact={
+        "depth": depth, "slip1": slip, "slip2": zero, "normal_force": normal + NOISE * rng.standard_normal(len(t)),
+        "tangential_force1": -MU * normal * np.sign(speed) + NOISE * rng.standard_normal(len(t)),
+        "tangential_force2": NOISE * rng.standard_normal(len(t)),
+    })  # fmt: skip
+    found = kinid.diagnose(log, RIG, model=kinid.Model("kelvin-voigt", "coulomb-friction"))
+    assert found.verdict == "missing"
+    assert found.added[0] == "presliding"
+    # between two samples nobody knows when the slip turned: half of one may pass for a clock
+    assert set(found.added) <= {"presliding", "time-offset"}
+    assert all(abs(found.fit[name].value) < 1.0 / rate for name in found.fit.parameters if name.startswith("time-offset"))
+    assert found.fit["presliding.length"].value < 1e-5  # the friction of the model gives by 1e-4 m
+    assert found.steps[-1].held_out < 1.1 * NOISE
+
+
+def test_damping_that_no_material_has_is_doubted() -> None:
+    """Half a poke's period is 0.17 s: 15 ms late make a dashpot of −K·0.015 = −13 N·s/m, beside the true 6."""
+    late = kinid.Model("kelvin-voigt", "relaxation").fit(kinid.contact_series(poked(late=0.015), RIG))
+    assert late["kelvin-voigt.damping"].value < 0
+    assert [w for w in late.warnings if "kelvin-voigt.damping is negative" in w]
+    told = kinid.diagnose(poked(late=0.015), RIG, model=kinid.Model("kelvin-voigt"), add=["relaxation"], max_effects=1)
+    assert [w for w in told.warnings if "kelvin-voigt.damping is negative" in w]
+    fine = kinid.Model("kelvin-voigt", "relaxation").fit(kinid.contact_series(poked(), RIG))
+    assert not [w for w in fine.warnings if "negative" in w]
+
+
+def test_a_turned_force_is_refused() -> None:
+    log = poked()
+    turned = dataclasses.replace(log, contact={**log.contact, "normal_force": -log.contact["normal_force"]})
+    with pytest.raises(InputError, match=r"falls to -\d.* as the tool goes deeper.*scale = -1"):
+        kinid.diagnose(turned, RIG, model=kinid.Model("kelvin-voigt"))
+
+
+def test_a_bias_does_not_hide_free_motion() -> None:
+    log = poked()
+    biased = dataclasses.replace(log, contact={**log.contact, "normal_force": log.contact["normal_force"] + 0.2})
+    found = kinid.diagnose(biased, RIG, model=kinid.Model("kelvin-voigt", "relaxation"))
+    assert found.added == ("sensor-bias",)
+    assert not [w for w in found.warnings if "no free motion" in w]
+    inside = kinid.Log(t=log.t, contact={**log.contact, "depth": log.contact["depth"] + 4e-3})
+    assert [w for w in kinid.Model("hooke").fit(kinid.contact_series(inside, RIG)).warnings if "no free motion" in w]
+
+
+def test_time_in_another_unit_and_leaps_of_depth_are_doubted() -> None:
+    log, model = poked(), kinid.Model("kelvin-voigt")
+    assert not [w for w in model.fit(kinid.contact_series(log, RIG)).warnings if "unit" in w or "leaps" in w]
+    slow = kinid.Log(t=1000.0 * log.t, contact=log.contact)
+    assert [w for w in model.fit(kinid.contact_series(slow, RIG)).warnings if "is the time in another unit" in w]
+    depth = log.contact["depth"].copy()
+    depth[250:300] = 5e-3  # in the air, 3 mm outside
+    lost = kinid.Log(t=log.t, contact={**log.contact, "depth": depth})
+    assert [w for w in model.fit(kinid.contact_series(lost, RIG)).warnings if "the depth leaps by" in w]
+
+
+def test_rivals_stand_in_the_first_line(tester: Tester) -> None:
+    """A dead zone of the sensor is a surface elsewhere, or a soft skin: the first line must not choose."""
+    log = tester.log(tester.kelvin_voigt())
+    force = log.contact["normal_force"]
+    dead = dataclasses.replace(log, contact={**log.contact, "normal_force": np.sign(force) * np.maximum(np.abs(force) - 0.15, 0.0)
+                                             + NOISE * np.random.default_rng(1).standard_normal(len(force))})  # fmt: skip
+    found = kinid.diagnose(dead, RIG, model=kinid.Model("kelvin-voigt"))
+    rivals = [e for name in found.added for e in found[name].equivalent_to]
+    assert ("this log can't tell which" in headline(found)) == bool(rivals)
+    assert all(rival in headline(found) for rival in rivals)
+
+
+def test_contact_without_a_contact_law_is_said() -> None:
+    found = kinid.diagnose(poked(), RIG, model=kinid.Model(), max_effects=0)
+    assert [w for w in found.warnings if "no contact law" in w and "kelvin-voigt" in w]
