@@ -66,11 +66,11 @@ def test_friction_that_turns_at_once_is_within_the_catalogue() -> None:
     found = kinid.diagnose(log, RIG, model=kinid.Model("kelvin-voigt", "coulomb-friction"))
     assert found.verdict == "missing"
     assert found.added[0] == "presliding"
-    # between two samples nobody knows when the slip turned: half of one may pass for a clock
+    # a jump of 3 N between two samples: when the slip turned is known to a few of them, which passes for a clock
     assert set(found.added) <= {"presliding", "time-offset"}
-    assert all(abs(found.fit[name].value) < 1.0 / rate for name in found.fit.parameters if name.startswith("time-offset"))
+    assert all(abs(found.fit[name].value) < 3.0 / rate for name in found.fit.parameters if name.startswith("time-offset"))
     assert found.fit["presliding.length"].value < 1e-5  # the friction of the model gives by 1e-4 m
-    assert found.steps[-1].held_out < 1.1 * NOISE
+    assert found.steps[-1].held_out < 0.2 * found.steps[0].held_out
 
 
 def test_damping_that_no_material_has_is_doubted() -> None:
