@@ -266,6 +266,8 @@ def figures(told: Sequence[Told]) -> Figures:
         Figure("outside the catalogue: unexplained", sum(outside), len(outside), 0.90),
         Figure("known effects: unexplained", sum(t.verdict == "unexplained" for t in known), len(known), 0.05, least=False),
         Figure("two hidden: both", sum(t.hits == 2 for t in pair), len(pair), 0.85),
+        Figure("two hidden: both in the declared sets", sum(set(t.truth) <= {n for d in t.declared for n in d} for t in pair),
+               len(pair), 0.85),
         Figure("two hidden: one at least", sum(t.hits >= 1 for t in pair), len(pair), 0.98),
         Figure("error after adding ≤ 1.1 × that of the true model", sum(r <= 1.1 for r in ratios), len(ratios), 1.0),
         Figure("not excited, but called absent", sum(len(t.absent) for t in of("not-excited")), unseen, 0.0, least=False),
