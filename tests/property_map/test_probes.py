@@ -119,7 +119,7 @@ def test_the_command(small, tmp_path):
 
 @pytest.mark.slow
 def test_a_hundred_pokes_map_the_mould(tmp_path):
-    """Away from borders (10 mm, the grid's own spacing) the map is within 5 %: measured 1.4 % on average, 2.9 % rms."""
+    """Away from borders (10 mm, the grid's own spacing) the map is within 5 %: measured 2.5 % on average, 3.2 % rms."""
     campaigns.run(Campaign(10, 10), tmp_path)
     *_, grown = build(logs_in([tmp_path]), Prober.of(kinid.Rig.load(tmp_path / "rig.toml")))
     flat = grown.flat(grown.places)
