@@ -5,6 +5,7 @@ Colours are those of Okabe and Ito (2008), which colour-blind readers can tell a
 
 from __future__ import annotations
 
+import hashlib
 import html
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -117,8 +118,10 @@ def page(title: str, head: str, figures: Sequence[tuple[str, Figure | str]], tai
 
 def drawing(figure: Figure, caption: str = "") -> str:
     """A figure as part of a page, as wide as its place."""
-    drawn = figure.to_html(full_html=False, include_plotlyjs=False, config={"displaylogo": False, "responsive": True,
-                                                                           "displayModeBar": False})  # fmt: skip
+    # named by what it shows: the same page each time
+    name = hashlib.sha256(f"{caption}{figure.to_json()}".encode()).hexdigest()[:12]
+    drawn = figure.to_html(full_html=False, include_plotlyjs=False, div_id=f"figure-{name}",
+                           config={"displaylogo": False, "responsive": True, "displayModeBar": False})  # fmt: skip
     return f"<figure>{f'<figcaption>{html.escape(caption)}</figcaption>' if caption else ''}{drawn}</figure>"
 
 
