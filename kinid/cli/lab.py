@@ -187,12 +187,17 @@ def _single(out: Path, asked: Asked, experiment: str | None, trajectory: Path | 
     with _progress() as progress:
         bar = progress.add_task(f"{len(setup.script.t) * setup.gains.period:.1f} s of set-points", total=1.0)
         result = setup.run(lambda share: progress.update(bar, completed=share))
+    guard: list[str] = []
+    if trajectory is not None:
+        from kinid.lab.planned import guarded
+
+        result, guard = guarded(result)
     with at_work(out):
         check_free(out)
         begin(out)
         path = write_experiment(out, result, truth, mcap=mcap)
         done(out)
-    return {"experiment": truth["experiment"], "seed": asked.seed} | _show(path, result, nominal, mcap)
+    return {"experiment": truth["experiment"], "seed": asked.seed} | _show(path, result, nominal, mcap, guard)
 
 
 def _prepared(asked: Asked, experiment: str | None) -> Setup:
@@ -314,7 +319,7 @@ def _campaign(task: Campaign, out: Path) -> dict[str, Any]:
             "rig": str(out / "rig.toml"), "page": str(out / NAME), "truth": str(out / "truth")}  # fmt: skip
 
 
-def _show(path: Path, result: Result, nominal: Setup, mcap: bool) -> dict[str, Any]:
+def _show(path: Path, result: Result, nominal: Setup, mcap: bool, guard: list[str]) -> dict[str, Any]:
     from rich.table import Table
 
     from kinid.cli.show import console
@@ -331,7 +336,7 @@ def _show(path: Path, result: Result, nominal: Setup, mcap: bool) -> dict[str, A
         inside = ("–", "–") if max(o.asked, o.reached) <= 0.0 else (f"{1e3 * o.reached:.2f}", f"{1e3 * o.asked:.2f}")
         table.add_row(o.phase, f"{o.duration:.1f}", *inside, f"{1e3 * o.apart:.2f}", f"{o.force:.2f}")
     console().print(table)
-    doubts = remarks(found, result.setup, nominal)
+    doubts = [*guard, *remarks(found, result.setup, nominal)]
     for line in doubts:
         console().print(line, style="yellow", markup=False)
     streams = f"; its streams: {path.with_suffix('.mcap')}, {path.parent / 'streams'}" if mcap else ""

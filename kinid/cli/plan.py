@@ -83,6 +83,12 @@ def poke(
 ) -> None:  # fmt: skip
     """Approach, hold, poke, retract and return; one place, or a campaign over a grid or a polygon."""
     _check(o, signal)
+    if signal is not None:
+        o.refuse(("sines", "depth", "duration"), "with --signal", "the signal's own depths and times, or a depth with sines")
+    if polygon is not None and grid is None:
+        o.refuse(("at",), "with --polygon", "a polygon where its corners say")
+    if polygon is None and grid is None:
+        o.refuse(("spacing",), "without a campaign", "--grid or --polygon beside it")
     from kinid.plan import Multisine, Poke, shortest_tour, within
     from kinid.plan import grid as lattice
     from kinid.plan.touches import tour_length
@@ -129,6 +135,8 @@ def slide(
     if (through is None) == (four_paths is None):
         raise InputError("--through and --four-paths" if through else "neither --through nor --four-paths", "one of them",
                          'name corners, as --through "0,0;0.02,0"')  # fmt: skip
+    if through is not None:
+        o.refuse(("at",), "with --through", "--four-paths, which cross there")
     planner = _planner(o)
     if four_paths is not None:
         if not 0.0 < four_paths < 10.0:
@@ -158,13 +166,17 @@ def excite(
     """The motion that tells most about a model's parameters, and the 95 % intervals to expect before anything moves."""
     _check(o)
     from kinid.model import Model
-    from kinid.plan.excite import NOISE, Bounds, optimise
+    from kinid.plan.excite import NOISE, Bounds, check_asked, optimise
 
     chosen, values = _model(o)
+    check_asked(sines, criterion, NOISE if noise is None else noise)
     if not any(effect.base for effect in chosen.effects if effect.id != "rigid-body"):
+        o.refuse(("force", "max_depth", "min_depth", "max_speed", "noise", "at", "hold"), "in the air",
+               "a contact law in the model, or options of a motion in the air")  # fmt: skip
         _excite_free(o, chosen, values, criterion, duration, bandwidth, sines, start)
         return
     assert isinstance(chosen, Model)
+    o.refuse(("start",), "with a contact law", "--at, where it is poked")
     from kinid.plan import Poke
     from kinid.plan.ideal import efficiency, ideal_information
 
@@ -284,6 +296,9 @@ def _planner(o: Options, *, expecting: bool = True) -> Planner:
         law = Law(*_model(o))
     elif expecting and o.value:
         raise InputError("--value without --model", "the model that it belongs to", "name it with --model or --fit")
+    elif expecting and o.force is not None:
+        raise InputError(f"a force limit of {o.force:g} N without a model to expect forces from", "--model or --fit beside it",
+                         "name one, as --model hunt-crossley")  # fmt: skip
     default = Protocol()
     protocol = Protocol(
         height=o.height, pause=o.pause, clearance=min(default.clearance, 0.5 * o.height), rate=o.rate, yaw=o.yaw,
@@ -313,10 +328,15 @@ def _model(o: Options) -> tuple[Any, dict[str, float]]:
         values = {name: v for name, v in values.items() if name.split(".", 1)[0] in kept}
     if model is None:
         raise InputError("no model", "the effects to plan for", "name them with --model, or a fit with --fit")
+    given: list[str] = []
     for text in o.value or ():
         name, _, number = text.partition("=")
+        name = name.strip()
+        if any(name == other or name.endswith(f".{other}") or other.endswith(f".{name}") for other in given):
+            raise InputError(f"two values of {name}", "one of each parameter", "leave out a --value")
+        given.append(name)
         try:
-            values[name.strip()] = float(number)
+            values[name] = float(number)
         except ValueError:
             raise InputError(f"--value {text}", "a parameter and its value, as stiffness=900", "correct it") from None
     return parse_model(model), values
@@ -326,12 +346,15 @@ def _finish(o: Options, motion: Trajectory, rig: Rig, facts: dict[str, Any]) -> 
     """Write what was asked for, and show what the motion uses of each limit."""
     from rich.table import Table
 
+    from kinid.cli.plan_remarks import remarks
     from kinid.cli.show import console, written
     from kinid.writers import write_text
 
+    told = remarks(o, motion, _model(o)[1] if o.model is not None or o.fit is not None else ())
     motion.write(o.out)
     if o.json is not None:
-        write_text(o.json, json.dumps({**facts, "motion": _summary(motion)}, indent=2, default=str) + "\n")
+        summary = {**facts, "motion": _summary(motion), "remarks": told}
+        write_text(o.json, json.dumps(summary, indent=2, default=str) + "\n")
     if o.plot is not None:
         from kinid.plan.figures import plan_page
 
@@ -352,6 +375,8 @@ def _finish(o: Options, motion: Trajectory, rig: Rig, facts: dict[str, Any]) -> 
     console().print(table)
     for note in motion.provenance.get("notes", ()):
         typer.echo(f"note: {note}")
+    for line in told:
+        typer.echo(line)
     written(o.written)
 
 
@@ -389,4 +414,6 @@ def _check(o: Options, signal: Path | None = None) -> None:
     from kinid.writers import check_outputs, check_table_name
 
     check_table_name(o.out)
+    if Path("-") in o.written:
+        raise InputError("an output named -", "a file: the tables go to the screen", "name one, as plan.json")
     check_outputs(o.written, (o.rig, o.fit, signal))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 import functools
 import inspect
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
@@ -46,34 +46,52 @@ class Options:
     preview: Annotated[Path | None, typer.Option(help="The moving arm to write: one offline HTML file (meshcat).")] = None
     mcap: Annotated[Path | None, typer.Option(help="JointTrajectory for ROS 2 to write, as MCAP.")] = None
 
+    #: parameters of the command that the user named, its own among them: option and value
+    given: Mapping[str, tuple[str, Any]] = field(default_factory=dict)
+
     @property
     def written(self) -> list[Path]:
         """All files that are asked for."""
         return [path for path in (self.out, self.plot, self.preview, self.mcap, self.json) if path is not None]
 
+    def refuse(self, parameters: tuple[str, ...], why: str, expected: str) -> None:
+        """Refuse options that would be ignored."""
+        if ignored := [self.given[name][0] for name in parameters if name in self.given]:
+            raise InputError(f"{' and '.join(ignored)} {why}", expected, "leave one of them out")
+
 
 def with_options(command: Callable[..., None]) -> Callable[..., None]:
     """A command whose first argument is `Options`, as one that has all of these options beside its own."""
+    fields = [field for field in dataclasses.fields(Options) if field.name != "given"]
     shared, own = get_type_hints(Options, include_extras=True), get_type_hints(command, include_extras=True)
     _, *rest = inspect.signature(command).parameters.values()
     empty = inspect.Parameter.empty
     parameters = [
         inspect.Parameter(field.name, inspect.Parameter.KEYWORD_ONLY, annotation=shared[field.name],
                           default=empty if field.default is dataclasses.MISSING else field.default)
-        for field in dataclasses.fields(Options)
+        for field in fields
     ]  # fmt: skip
     # what is the command's own stands first in its help, after where the result goes
     own_parameters = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=own[p.name]) for p in rest]
     parameters[1:1] = own_parameters
+    parameters.append(inspect.Parameter("context", inspect.Parameter.KEYWORD_ONLY, annotation=typer.Context))
 
     @functools.wraps(command)
-    def run(**given: Any) -> None:
-        command(Options(**{p.name: given.pop(p.name) for p in dataclasses.fields(Options)}), **given)
+    def run(context: typer.Context, **values: Any) -> None:
+        given = {p.name: (p.opts[-1], values[p.name]) for p in context.command.params
+                 if p.name in values and _named(context, p.name)}  # fmt: skip
+        command(Options(**{each.name: values.pop(each.name) for each in fields}, given=given), **values)
 
     run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     run.__annotations__ = {p.name: p.annotation for p in parameters}
     del run.__wrapped__
     return run
+
+
+def _named(context: typer.Context, parameter: str) -> bool:
+    """Whether the user named it, rather than a default."""
+    source = context.get_parameter_source(parameter)
+    return source is not None and not source.name.startswith("DEFAULT")
 
 
 def signal_of(path: Path) -> Sampled:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.contact import contact_series
 from kinid.errors import InputError
 from kinid.lab.experiments import Vector, prepare
 from kinid.lab.feasible import check_gains
 from kinid.lab.protocol import Script
-from kinid.lab.setup import Setup
+from kinid.lab.setup import LOG_EVERY, Result, Setup
 from kinid.plan.following import SetPoints, set_points
 from kinid.plan.limits import JERK, Limits
 from kinid.plan.trajectory import Trajectory, read_trajectory
@@ -27,6 +29,8 @@ REST = 0.01
 SMOOTH, ROUNDED = 5e-3, 1.05
 #: jerks beyond so many times what plans keep to, and a share of the speed beyond the arm's bandwidth, are said
 JERKS, FAST = 2.0, 0.3
+#: a guard looks at the mean of the measured force over so long [s]: noise doesn't stop the arm
+REACTION = 0.01
 #: by how much the depths that a trajectory states may differ from those on the rig's surface [m]
 SAME = 1e-4
 
@@ -37,11 +41,13 @@ class Planned(Script):
 
     Attributes:
         q: joints of the plan, log order, (n, N). positions: of the tip, base frame [m], (n, 3). rotations: (n, 3, 3).
+        force_limit: of the measured normal force [N], (n,), infinite: no guard; None: none anywhere.
     """
 
     q: Array
     positions: Array
     rotations: Array
+    force_limit: Array | None = None
 
     def poses(self, axes: Array, point: Array) -> tuple[Array, Array]:
         """Positions (n, 3) and rotations (n, 3, 3) of the tip, wherever the surface lies."""
@@ -50,6 +56,45 @@ class Planned(Script):
     def joints(self, rows: NDArray[np.int64], robot: Robot, axes: Array, point: Array, start: Array) -> Array:
         """The plan's own joints at some set-points, (rows, N)."""
         return self.q[rows]
+
+    def held(self, row: int) -> Planned:
+        """The same until a set-point, which is held from there on."""
+        rows = np.minimum(np.arange(len(self.t)), row)
+        phase = np.where(np.arange(len(self.t)) > row, "hold", self.phase)
+        return dataclasses.replace(self, phase=phase, place=self.place[rows], tilt=self.tilt[rows], q=self.q[rows],
+                                   positions=self.positions[rows], rotations=self.rotations[rows])  # fmt: skip
+
+
+def guarded(result: Result) -> tuple[Result, list[str]]:
+    """The guarded move that a plan with a force limit asks for, and what came of it, one line each.
+
+    Where the measured normal force passes the limit, set-points stand still: the run is made once more with the set-point
+    held from there on. Until then nothing differs, because the seed alone decides.
+
+    Args:
+        result: of a plan, as if there were no limit.
+    """
+    script = result.setup.script
+    if not isinstance(script, Planned) or script.force_limit is None or not np.isfinite(script.force_limit).any():
+        return result, []
+    limit, force = script.force_limit[::LOG_EVERY], _measured(result)
+    over = np.flatnonzero(force > limit)
+    if not len(over):
+        return result, []
+    row = LOG_EVERY * int(over[0])
+    result = result.setup.replace(script=script.held(row)).run()
+    return result, [f"the force passed the plan's limit of {limit[over[0]]:.4g} N ({_measured(result).max():.4g} N) after "
+                    f"{script.t[row]:.2f} s, in {script.phase[row]}: the set-point was held from there on"]  # fmt: skip
+
+
+def _measured(result: Result) -> Array:
+    """The measured normal force of the log [N], (n,), meaned over what lies `REACTION` behind."""
+    force = contact_series(result.log, result.setup.rig, trust_wrench=True).normal_force
+    assert force is not None
+    count = max(1, round(REACTION / (LOG_EVERY * result.setup.gains.period)))
+    sums = np.cumsum(np.concatenate([np.zeros(count), np.nan_to_num(force)]))
+    out: Array = (sums[count:] - sums[:-count]) / count
+    return out
 
 
 def planned(path: Path, rig: Rig | None = None, *, base: Setup | None = None, point: Vector | None = None,
@@ -80,7 +125,12 @@ def planned(path: Path, rig: Rig | None = None, *, base: Setup | None = None, po
     _check_start(path, robot, points, tip)
     if rig is not None and rig.surface is not None and not moved:
         _check_surface(path, motion, points, tip)
-    script = Planned(points.t, points.phase, place, np.zeros((len(points.t), 2)), points.q, points.positions, points.rotations)
+    limit = None
+    if motion.force_limit is not None:
+        row = np.searchsorted(motion.t - motion.t[0], points.t + 1e-9, side="right") - 1
+        limit = np.nan_to_num(motion.force_limit, nan=np.inf, posinf=np.inf)[row]
+    script = Planned(points.t, points.phase, place, np.zeros((len(points.t), 2)), points.q, points.positions, points.rotations,
+                     limit)  # fmt: skip
     return base.replace(script=script), ahead
 
 

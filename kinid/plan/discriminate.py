@@ -235,7 +235,7 @@ class Ranking:
     judge: Judge
     verdicts: tuple[Verdict, ...]
     kept: dict[Pair, NDArray[np.bool_]]
-    refused: dict[str, str]
+    refused: dict[str, InputError]
 
 
 def criterion(verdict: Verdict, kept: Mapping[Pair, NDArray[np.bool_]]) -> float:
@@ -284,13 +284,13 @@ def rank(planner: Planner, model: Model, names: Sequence[str], values: Mapping[s
     if contact:
         _ = bench.planner.surface  # says what is missing
         depth = _gentle(bench.planner, depth)
-    refused: dict[str, str] = {}
+    refused: dict[str, InputError] = {}
     planned: list[tuple[Proposal, Trajectory, Experiment]] = []
     for proposal in proposals(duration, depth, place, contact=contact, bandwidth=bandwidth):
         try:
             motion = bench.trajectory(proposal, DESIGN_RATE, collisions=False)
         except InputError as error:
-            refused[proposal.name] = str(error)
+            refused[proposal.name] = error
             continue
         planned.append((proposal, motion, bench.experiment(proposal, motion)))
     if not planned:
@@ -331,7 +331,7 @@ def discriminate(planner: Planner, model: Model, names: Sequence[str], values: M
             protocol = planner.protocol
             motion = judge.bench.trajectory(verdict.proposal, protocol.rate, collisions=protocol.collisions)
         except InputError as error:
-            refused[verdict.proposal.name] = str(error)
+            refused[verdict.proposal.name] = error
             continue
         break
     else:
@@ -340,8 +340,9 @@ def discriminate(planner: Planner, model: Model, names: Sequence[str], values: M
                   if v.proposal.name not in refused)  # fmt: skip
     lost = {f"{form.told()} from {b}": None for (a, b), seen in kept.items() if seen.any()
             for form, ok in zip(judge.forms[a], seen) if not ok}  # fmt: skip
+    left_out = {name: f"{why.found}; to mend it, {why.mend}" for name, why in refused.items()}
     found = Discrimination(tuple(e.id for e in judge.effects), verdict.proposal, motion, criterion(verdict, kept),
-                           _words(judge, verdict, kept), table, refused, tuple(lost))  # fmt: skip
+                           _words(judge, verdict, kept), table, left_out, tuple(lost))  # fmt: skip
     facts = {**motion.provenance, "discrimination": found.to_dict()}
     return dataclasses.replace(found, trajectory=dataclasses.replace(motion, provenance=facts))
 
@@ -356,9 +357,9 @@ def _gentle(planner: Planner, depth: float) -> float:
     return float(down[max(int(np.searchsorted(force, PRESSED * guard.force, side="right")) - 1, 1)])
 
 
-def _none(refused: Mapping[str, str]) -> InputError:
-    name, why = next(iter(refused.items()))
-    return InputError(f"no experiment that the robot can do ({name}: {why})", "one at least", "allow more, or make room")
+def _none(refused: Mapping[str, InputError]) -> InputError:
+    why = next(iter(refused.values()))
+    return InputError(f"no experiment that the robot can do: {why.found}", why.expected, why.mend)
 
 
 def _values(model: Model, values: Mapping[str, float], layout: Layout) -> dict[str, float]:
@@ -394,12 +395,9 @@ def _tolerances(model: Model, values: Array, s: Signals, predicted: Array, candi
 
 def _words(judge: Judge, verdict: Verdict, kept: Mapping[Pair, NDArray[np.bool_]]) -> str:
     """Why an experiment tells its candidates apart."""
-    parts = []
+    parts = [verdict.proposal.why] if verdict.proposal.why else []
     for one, two in itertools.combinations(judge.effects, 2):
-        hints = {hint for hint in (one.confusions.get(two.id), two.confusions.get(one.id)) if hint}
-        hints = {hint for hint in hints if not any(other != hint and other.startswith(hint) for other in hints)}
-        parts.append(f"{one.id} shows as {one.signature}, {two.id} as {two.signature}"
-                     + (f" (known to help: {'; '.join(sorted(hints))})" if hints else ""))  # fmt: skip
+        parts.append(f"{one.id} shows as {one.signature}, {two.id} as {two.signature}")
     # the form that is hardest to tell decides, and is told
     worst = {pair: int(np.argmin(np.where(kept[pair], each, np.inf))) for pair, each in verdict.distances.items()
              if kept[pair].any()}  # fmt: skip

@@ -116,12 +116,7 @@ def optimise(law: Law, bounds: Bounds = Bounds(), *, sines: int = 3, criterion: 
     Raises:
         InputError: bounds that leave no motion, or a parameter that no poke tells.
     """
-    if criterion not in CRITERIA:
-        raise InputError(f"criterion '{criterion}'", f"one of {', '.join(CRITERIA)}", "choose one")
-    if not 1 <= sines <= 8:
-        raise InputError(f"{sines} sines", "1 to 8", "choose another number")
-    if not (np.isfinite(noise) and noise > 0):
-        raise InputError(f"a noise of {noise} N", "a positive number", "correct it")
+    check_asked(sines, criterion, noise)
     bounds = dataclasses.replace(bounds, force=SPARED * bounds.force)
     room = _room(law, bounds)
     best: tuple[float, Multisine] | None = None
@@ -145,6 +140,16 @@ def optimise(law: Law, bounds: Bounds = Bounds(), *, sines: int = 3, criterion: 
     matrix = _information(law, t, motion[0], motion[1], noise, 1.0)
     return Excitation(signal, criterion, best[0], intervals(matrix, law.vector, _parameters(law)), force, speed, deepest,
                       tuple(name for name, share in reached.items() if share > 0.99), matrix)  # fmt: skip
+
+
+def check_asked(sines: int, criterion: str, noise: float = NOISE) -> None:
+    """Refuse what no search can begin with; arguments as of `optimise`."""
+    if criterion not in CRITERIA:
+        raise InputError(f"criterion '{criterion}'", f"one of {', '.join(CRITERIA)}", "choose one")
+    if not 1 <= sines <= 8:
+        raise InputError(f"{sines} sines", "1 to 8", "choose another number")
+    if not (np.isfinite(noise) and noise > 0):
+        raise InputError(f"a noise of {noise} N", "a positive number", "correct it")
 
 
 def _parameters(law: Law) -> dict[str, Any]:

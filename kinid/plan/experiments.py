@@ -33,6 +33,31 @@ Array = NDArray[np.float64]
 
 #: what going there, approach, retreat and the pauses of a touch take [s], about
 OVERHEAD = 1.5
+#: what each experiment varies and what it keeps: why it can tell effects apart
+WHY = {
+    "long-hold": "the depth stays, so that what changes with time alone shows",
+    "hold-between-looks-in-the-air": "the air before and after tells what drifts without contact from what contact changes",
+    "slow-and-fast": "the same depths are passed at two rates, which sets what depends on the rate apart from what doesn't",
+    "many-frequencies": "several rates at one depth set stiffness and loss apart at each of them",
+    "slow-strokes": "the whole depth is passed again and again, so slowly that rates hardly count",
+    "strokes": "the whole depth is passed in and out many times at one rate, which shows loops and what changes with time",
+    "fast-strokes": "the whole depth is passed in and out quickly, which shows what depends on the rate",
+    "alternating-strokes": "the same depths are passed at two rates by turns, so that nothing that changes with time is taken "
+                           "for what depends on the rate",
+    "stairs": "rests at several depths on both ways set what depends on the depth apart from the way there",
+    "several-depths": "the same motion at several depths shows what depends on the depth",
+    "return-later": "the first place comes again after another, which sets time apart from place",
+    "taps": "many landings show what happens where contact begins and ends",
+    "rest-between-holds": "a rest in the air between two holds shows what recovers",
+    "three-speeds": "one path at several speeds shows what depends on the speed",
+    "reversals": "reversals along both tangents show what depends on the direction and on the way before",
+    "two-loads": "one path under two loads sets what grows with the load apart from what doesn't",
+    "speeds-and-loads": "one path at two speeds under two loads sets load and speed apart",
+    "diagonals": "both diagonals under two loads show what depends on the direction",
+    "slow-turns": "the tool's weight turns through the sensor while inertia hardly counts",
+    "fast-turns": "inertia counts beside the tool's weight",
+    "free-motion": "all joints move without contact",
+}  # fmt: skip
 #: drawn motions of all joints that are on the list, with a surface to touch and without
 FREE_MOTIONS = 2, 12
 
@@ -55,6 +80,11 @@ class Proposal:
     wrist: float | None = None
     seed: int = 0
     duration: float = 20.0
+
+    @property
+    def why(self) -> str:
+        """What it varies and what it keeps, in words; "" where nobody thought about it."""
+        return WHY.get(self.name.rstrip("-0123456789"), "")
 
 
 def proposals(duration: float, depth: float, place: Place = (0.0, 0.0), *, contact: bool = True,
@@ -79,9 +109,9 @@ def proposals(duration: float, depth: float, place: Place = (0.0, 0.0), *, conta
         Proposal("slow-turns", f"slow turns of the tool in the air ({slow:.2g} Hz)", wrist=slow, duration=duration),
         Proposal("fast-turns", f"fast turns of the tool in the air ({fast:.2g} Hz)", wrist=fast, duration=duration),
     ]
-    out += [Proposal(f"free-motion-{k + 1}", "motion of all joints in the air", seed=k, duration=duration)
+    out += [Proposal(f"free-motion-{k + 1}", f"motion of all joints in the air, draw {k + 1}", seed=k, duration=duration)
             for k in range(FREE_MOTIONS[0 if contact else 1])]  # fmt: skip
-    return out
+    return list({proposal.title: proposal for proposal in out}.values())  # within a narrow bandwidth some are the same
 
 
 def _touching(duration: float, depth: float, place: Place, bandwidth: float) -> Iterator[Proposal]:

@@ -151,6 +151,7 @@ class Planner:
         if not touches:
             raise InputError("no touch to plan", "a poke or a slide", "add one")
         _check_length(touches, self.protocol)
+        _ = self.reach  # says what the arm lacks before anything else needs it
         spots = [paths.spots(self.surface, touch, self.protocol.height) for touch in touches]
         scene = self._scene(spots, touches)
         first: InputError | None = None

@@ -125,6 +125,7 @@ def within(polygon: Sequence[Place], spacing: float) -> list[Place]:
     corners = np.asarray(polygon, dtype=float)
     if corners.ndim != 2 or corners.shape[0] < 3 or corners.shape[1] != 2 or not np.isfinite(corners).all():
         raise InputError(f"a polygon of {len(polygon)} corners", "three or more places along both tangents", "add corners")
+    _check_polygon(corners)
     if not (np.isfinite(spacing) and spacing > 0):
         raise InputError(f"a spacing of {spacing} m", "a positive length", "correct it")
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -190,6 +191,22 @@ def tour_length(places: Sequence[Place], order: Sequence[int]) -> float:
     """Travel of a tour and back to its beginning [m]."""
     points = np.asarray(places, dtype=float)[list(order)]
     return float(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1).sum())
+
+
+def _check_polygon(corners: Array) -> None:
+    """Refuse corners (n, 2) on one line, and edges that cross: each has both ends of the other on different sides."""
+    extent = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
+    if extent[1] <= 1e-9 * extent[0]:
+        raise InputError("a polygon whose corners lie on one line", "corners around an area", "move one")
+    edges = np.roll(corners, -1, axis=0) - corners
+    x, y = (corners[None, :, k] - corners[:, None, k] for k in (0, 1))
+    side = edges[:, None, 0] * y - edges[:, None, 1] * x  # of corner j, seen along edge i
+    apart = side * np.roll(side, -1, axis=1) < 0
+    crossing = np.argwhere(apart & apart.T)
+    if len(crossing):
+        i, j = crossing[0]
+        raise InputError(f"a polygon whose edges {i + 1} and {j + 1} cross", "edges that meet at corners alone",
+                         "name the corners in the order in which they lie around it")  # fmt: skip
 
 
 def _check_place(place: Place) -> None:

@@ -189,3 +189,22 @@ def test_a_rig_that_is_not_the_plan_s_is_refused(plans: Path) -> None:
             planned(plans / "poke.parquet", Rig.parse(tables))
     with pytest.raises(InputError, match="inside the material"):
         planned(plans / "poke.parquet", rig, point=(0.55, 0.0, 0.2))
+
+
+def test_a_force_limit_makes_the_run_a_guarded_move(app: typer.Typer, plans: Path, tmp_path: Path) -> None:
+    """A material harder than the plan believed: the arm stands still where the limit is passed, and the run says so."""
+    words = ["poke", "--model", "hooke", "--value", "stiffness=200", "--rig", str(plans / "rig.toml")]
+    for name, limit in (("soft", 1.0), ("free", None)):
+        more = [] if limit is None else ["--force-limit", str(limit)]
+        made = CliRunner().invoke(plan_app, [*words, *more, "-o", str(tmp_path / f"{name}.parquet")])
+        assert made.exit_code == 0, made.output
+    most = {}
+    for name in ("soft", "free"):
+        touch, said = carried_out(app, tmp_path, name, tmp_path / name, "--rig", str(plans / "rig.toml"))
+        assert touch.normal_force is not None
+        most[name] = float(touch.normal_force.max())
+        assert ("the force passed the plan's limit of 1 N" in said) == (name == "soft")
+    print(f"measured at most: {most}")
+    assert most["free"] > most["soft"] > 1.0
+    # it overshoots: the approach was slow enough for the softer material that the plan believed in
+    assert most["soft"] - 1.0 < 0.5 * (most["free"] - 1.0)

@@ -94,10 +94,25 @@ def test_chosen_experiment_is_a_motion_within_limits(rig: Any) -> None:
     assert motion.provenance["discrimination"]["experiment"] == found.proposal.name
     # what is looked at in the air between touches tells them apart
     assert found.proposal.name in ("rest-between-holds", "hold-between-looks-in-the-air", "taps")
-    # the words name the experiment, both effects, and where the difference lies
-    assert found.words.startswith(f"{found.proposal.title}: sensor-drift shows as a ramp")
-    assert "look in the air" in found.words
+    # the words name the experiment, why it tells, both effects, and where the difference lies; no other experiment
+    assert found.words.startswith(f"{found.proposal.title}: {found.proposal.why}; sensor-drift shows as a ramp")
+    assert "a long hold" not in found.words
     assert "% lies in" in found.words
+
+
+@pytest.mark.parametrize("bandwidth", [0.5, 0.9, 3.0])
+@pytest.mark.parametrize("contact", [True, False])
+def test_each_experiment_has_a_title_of_its_own_and_says_why(bandwidth: float, contact: bool) -> None:
+    listed = proposals(DURATION, DEPTH, contact=contact, bandwidth=bandwidth)
+    assert len({proposal.title for proposal in listed}) == len(listed)
+    assert all(proposal.why for proposal in listed)
+
+
+def test_no_experiment_within_a_force_limit_is_one_sentence(rig: Any) -> None:
+    planner = Planner(rig, Protocol(guard=Guard(0.01), rate=100.0, collisions=False))
+    with pytest.raises(InputError, match="binding limit is the force") as raised:
+        discriminate(planner, kinid.Model("hooke"), ("relaxation", "stiffness-drift"), STIFF, duration=10.0, depth=DEPTH)
+    assert str(raised.value).count("found") == str(raised.value).count("to mend it") == 1
 
 
 def test_force_limit_is_kept(rig: Any) -> None:
@@ -167,7 +182,7 @@ def test_command(run: Any, tmp_path: Any) -> None:  # noqa: F811
     code, out, err = run("discriminate", "--model", "hooke,coulomb-friction", "--value", "stiffness=1000", "--rate", 100,
                          "--effects", "viscous-friction,stribeck-friction", "-o", "d.parquet", "--json", "d.json")  # fmt: skip
     assert code == 0, err
-    assert "three speeds" in " ".join(out.split())
+    assert "at two speeds under two loads" in " ".join(out.split())
     facts = json.loads((tmp_path / "d.json").read_text(encoding="utf-8"))
     assert facts["experiment"] == "speeds-and-loads"
     assert facts["experiments"][0]["distance"] == max(row["distance"] for row in facts["experiments"])

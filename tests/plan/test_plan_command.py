@@ -153,6 +153,14 @@ def test_excite_in_contact_and_in_the_air(run: Any, tmp_path: Path) -> None:
     (("poke", "-o", "p.parquet", "--value", "stiffness=3"), "--model"),
     (("poke", "-o", "p.parquet", "--model", "hooke", "--value", "stiffness=x"), "stiffness=900"),
     (("poke", "-o", "p.parquet", "--signal", "rig.toml"), ".parquet"),
+    (("poke", "-o", "p.parquet", "--signal", "own.csv", "--sines", "0.001@1"), "--sines with --signal"),
+    (("poke", "-o", "p.parquet", "--force-limit", 1), "without a model to expect forces from"),
+    (("poke", "-o", "p.parquet", "--polygon", "0,0;0.02,0.02;0.02,0;0,0.02"), "edges 1 and 3 cross"),
+    (("poke", "-o", "p.parquet", "--polygon", "0,0;0.01,0.01;0.02,0.02"), "on one line"),
+    (("poke", "-o", "p.parquet", "--model", "hooke", "--value", "stiffness=1", "--value", "hooke.stiffness=2"), "two values"),
+    (("poke", "-o", "p.parquet", "--json", "-"), "named -"),
+    (("slide", "-o", "p.parquet", "--through", "0,0;0.01,0", "--at", "0.1,0"), "--at with --through"),
+    (("excite", "-o", "p.parquet", "--model", "tool-mass", "--force-limit", 3), "--force-limit in the air"),
     (("poke", "-o", "rig.toml"), "ending"),
     (("slide", "-o", "p.parquet"), "one of them"),
     (("slide", "-o", "p.parquet", "--through", "0,0"), "two or more"),
@@ -167,6 +175,49 @@ def test_bad_input_is_one_line(run: Any, tmp_path: Path, args: tuple[str, ...], 
     assert err.count("\n") == 1, err
     assert word in err, err
     assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize(("option", "value"), [("--criterion", "E"), ("--sines", 0), ("--noise", 0)])
+def test_what_no_search_can_begin_with_is_refused_before_it(run: Any, option: str, value: object) -> None:
+    code, out, _ = run("excite", "-o", "p.parquet", "--model", "hooke", option, value)
+    assert code == 2
+    assert "optimised" not in out
+
+
+@pytest.mark.parametrize("model", ["panda", "ur5"])
+@pytest.mark.parametrize("command", [("poke",), ("slide", "--through", "0,0;0.01,0")])
+def test_an_arm_without_a_tip_is_refused(run: Any, tmp_path: Path, model: str, command: tuple[str, ...]) -> None:
+    (tmp_path / "bare.toml").write_text(f'[robot]\nmodel = "{model}"\n[surface]\npoint = [0.5, 0, 0.1]\nnormal = [0, 0, 1]\n')
+    code, _, err = run(*command, "-o", "p.parquet", "--rig", "bare.toml")
+    assert code == 2
+    assert f"{model} without a tip frame" in err
+    assert "[robot] tip_frame" in err
+
+
+def test_what_a_plan_rests_on_is_said(run: Any, tmp_path: Path) -> None:
+    """Values that nobody gave, a fit that is in doubt, and speeds that aren't reached."""
+    short = ("poke", "-o", "p.parquet", "--duration", 1, "--rate", 100, "--no-collision")
+    assert "assumed: stiffness 1000 N/m (name it with --value or --fit)" in run(*short, "--model", "hooke")[1]
+    out = run(*short, "--model", "hooke", "--value", "stiffness=800")[1]
+    assert "assumed" not in out
+    assert "reached at most" not in out
+    out = run(*short, "--travel-speed", 10)[1]
+    assert "--travel-speed 10: reached at most" in out
+    fit = {"model": ["hooke"], "parameters": {"hooke.stiffness": {"value": 900.0}}, "warnings": []}
+    for warnings in ([], ["the residual is 3.1 times the noise: this structure is rejected, kinid diagnose says more"]):
+        (tmp_path / "fit.json").write_text(json.dumps({**fit, "warnings": warnings}))
+        out = run(*short, "--fit", "fit.json", "--json", "p.json")[1]
+        assert ("the fit says: the residual is 3.1 times the noise" in out) == bool(warnings)
+        assert ("its intervals promise too much" in out) == bool(warnings)
+        assert len(json.loads((tmp_path / "p.json").read_text())["remarks"]) == len(warnings)
+
+
+def test_the_preview_of_a_plan_speaks_of_expected_forces(run: Any, tmp_path: Path) -> None:
+    code, _, err = run("poke", "-o", "p.parquet", "--duration", 1, "--rate", 100, "--model", "hooke", "--preview", "v.html")
+    assert code == 0, err
+    page = (tmp_path / "v.html").read_text(encoding="utf-8")
+    assert "measured force" not in page
+    assert "expected force" in page
 
 
 def test_help_loads_nothing_heavy() -> None:
