@@ -329,8 +329,8 @@ def _show(path: Path, result: Result, nominal: Setup, mcap: bool, guard: list[st
 
     table = Table(title=f"{path}")
     table.add_column("phase")
-    table.add_column("time [s]", justify="right")
-    for title in ("deepest [mm]", "of [mm]", "off set-point [mm rms]", "force, most [N]"):
+    table.add_column("time \\[s]", justify="right")
+    for title in ("deepest \\[mm]", "of \\[mm]", "off set-point \\[mm rms]", "force, most \\[N]"):
         table.add_column(title, justify="right")
     for o in found:
         inside = ("–", "–") if max(o.asked, o.reached) <= 0.0 else (f"{1e3 * o.reached:.2f}", f"{1e3 * o.asked:.2f}")

@@ -44,8 +44,8 @@ def show_analysis(result: Analysis, log: Log) -> None:
         out.print(f"in contact {100 * facts['in_contact']:.1f} % of the time, {facts['touches']} touches")
         nearest = (facts["ranges"].get("depth") or {"max": 0.0})["max"]
         if not facts["touches"] and nearest < -FAR_AWAY:
-            out.print(f"doubt: the tip comes no nearer to the surface than {-1e3 * nearest:.0f} mm: check [surface], the tool's "
-                      "tip, and the unit of the joints", soft_wrap=True)  # fmt: skip
+            out.print(f"doubt: the tip comes no nearer to the surface than {-1e3 * nearest:.0f} mm: check \\[surface], the "
+                      "tool's tip, and the unit of the joints", soft_wrap=True)  # fmt: skip
     for step in result.provenance.steps:
         if step.name in ("surface", "wrench", "differentiate"):
             out.print(f"{step}", soft_wrap=True, markup=False)
