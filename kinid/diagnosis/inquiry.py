@@ -25,6 +25,7 @@ from kinid.diagnosis.search import Search, search
 from kinid.diagnosis.unexplained import OTHER_FORM, judge
 from kinid.diagnosis.verdicts import verdicts
 from kinid.diagnosis.where import where
+from kinid.diagnosis.words import with_rivals
 from kinid.doubts import TURN, impossible, turned
 from kinid.errors import InputError
 from kinid.estimators.batch import Solution
@@ -246,15 +247,13 @@ class _Looked:
         floor = rms(self._noise[self.rows])
         idle = [name for name in self.forced if name in self.search.evidence and not self.search.evidence[name].sure]
         real = [name for name in added if name not in idle]
-        rivals = {effect.id: effect.equivalent_to for effect in told}
-        believed = " and ".join(" or ".join([name, *rivals.get(name, ())]) for name in real)
         if opinion.unexplained and self.search.cut_short:
             verdict, says = UNEXPLAINED, f"not searched further: no more effects were asked for; {opinion.left_says}"
         elif opinion.unexplained:
             verdict, says = UNEXPLAINED, opinion.says + self._nearest(last)
         elif real:
             how = f"explain{'s' if len(real) == 1 else ''} {'most of ' if opinion.left.rms > OTHER_FORM else ''}it"
-            verdict, says = MISSING, f"{believed} {how}: {opinion.says}"
+            verdict, says = MISSING, f"{' and '.join(with_rivals(real, told))} {how}: {opinion.says}"
         else:
             verdict, says = ADEQUATE, opinion.says
         if idle:

@@ -82,8 +82,9 @@ def search(start: State, *, most: int = 4, forced: Sequence[str] = (), spare: Se
     if not rounds or rounds[-1].before is not states[-1]:
         rounds.append(look(states[-1], spare=spare, most=0))
     cut_short = len(added) >= most and any(c.gain > 10 * ENOUGH for c in rounds[-1].screened)
-    known = {added[0]: rounds[0]} if len(added) == 1 and not forced else {}
-    rivals, evidence = _rivals(states[-1], added, spare, known, looks)
+    if len(added) == 1 and not forced:  # it needed no defence: what is left without it is where the first look began
+        looks = {added[0]: rounds[0]}
+    rivals, evidence = _rivals(states[-1], added, spare, looks)
     return Search(tuple(_ladder(states[0], states[-1], added)), tuple(added), rivals, tuple(rounds), evidence, cut_short)
 
 
@@ -153,17 +154,14 @@ def _vanished(state: State, name: str) -> bool:
                for fitted in (state, state.plain.light()))  # fmt: skip
 
 
-def _rivals(state: State, added: Sequence[str], spare: Sequence[str], known: Mapping[str, Round], looks: Mapping[str, Round]
+def _rivals(state: State, added: Sequence[str], spare: Sequence[str], looks: Mapping[str, Round]
             ) -> tuple[dict[str, tuple[str, ...]], dict[str, Evidence]]:  # fmt: skip
-    """Of each addition, the effects that fit as well in its place.
-
-    `known` are looks that were made from there already, `looks` such as refitted a few candidates only.
-    """
+    """Of each addition, the effects that fit as well in its place; `looks` are those that were made from there already."""
     rivals, evidence = {}, {}
     for name in added:
         earlier = looks.get(name)
-        less = earlier.before if earlier else None
-        others = known[name] if name in known else look(less or _without(state, name), spare=[*spare, name], known=earlier)
+        less = earlier.before if earlier else _without(state, name)
+        others = look(less, spare=[*spare, name], known=earlier)
         evidence[name] = weigh(others.before, state)
         rivals[name] = tuple(t.effect.id for t in others.tried if t.effect.id != name and _alike(t, state, evidence[name]))
     return rivals, evidence

@@ -22,13 +22,12 @@ def headline(result: Diagnosis) -> str:
     error = (f"the held-out error falls from {before} to {after} {result.unit}" if result.added and after != before else
              f"the held-out error {'stays' if result.added else 'is'} {before} {result.unit}")  # fmt: skip
     noise = f"noise alone is {result.noise_floor:.3g} {result.unit}"
-    rivals = {effect.id: effect.equivalent_to for effect in result.effects}
-    names = listed(" or ".join([name, *rivals.get(name, ())]) for name in result.added)
+    named = with_rivals(result.added, result.effects)
+    names = listed(named)
     if result.verdict == ADEQUATE:
         return f"The model is adequate: {error}, and {noise}."
     if result.verdict == MISSING:
-        open_ = any(rivals.get(name) for name in result.added)
-        which = " (this log can't tell which)" if open_ else ""
+        which = " (this log can't tell which)" if named != list(result.added) else ""
         return f"The model lacks {names}{which}: with {'it' if len(result.added) == 1 else 'them'} {error}; {noise}."
     if result.says.startswith("not searched further"):
         return f"Something is missing, and the search was told to stop: {error}; {noise}."
@@ -36,6 +35,12 @@ def headline(result: Diagnosis) -> str:
         return f"Something is missing that the catalogue does not hold: {error}; {noise}."
     helps = "helps, but does" if len(result.added) == 1 else "help, but do"
     return f"Something is missing that the catalogue does not hold. {names} {helps} not suffice: {error}; {noise}."
+
+
+def with_rivals(names: Iterable[str], told: Iterable[EffectVerdict]) -> list[str]:
+    """Each effect as "a or b or …" with those that it can't be told from."""
+    rivals = {effect.id: effect.equivalent_to for effect in told}
+    return [" or ".join([name, *rivals.get(name, ())]) for name in names]
 
 
 def listed(names: Iterable[str]) -> str:
