@@ -51,7 +51,8 @@ class Experiment:
         touch: the contact quantities that it was made of, or None.
         band: readings and predictions are compared below this frequency [Hz]: velocities and accelerations that a
             differentiator made hold nothing above it. None: at all frequencies.
-        steps: of a converter so coarse that noise doesn't blur it, (channels,), 0 where it isn't; None where nobody looked.
+        steps: of a converter so coarse that its readings are stairs, raw, (channels,), 0 for other channels; None where there
+            are none.
     """
 
     signals: Signals

@@ -6,17 +6,23 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from kinid.diagnosis.calibration import BIAS_FORCE, BIAS_TORQUE, CLOCK, SURFACE
 from kinid.diagnosis.candidates import amplitudes, base_of
 from kinid.diagnosis.descent import State
 from kinid.diagnosis.look import Tried, worth
-from kinid.diagnosis.problem import BIAS_FORCE, BIAS_TORQUE, CLOCK, SURFACE
+from kinid.effects import Effect
 from kinid.fit import error_rows
 
 #: an addition that leaves the weighted error counts where the log's own falls by this share, calibration as it was stated, and
 #: evidence is beyond what calibration leaves
 LIGHTER, STRONG = 0.015, 100.0
+#: of readings that are stairs, what leaves less than this share of the noise lacks nothing that they could show
+CALM = 0.5
 #: what calibration a little beyond its tolerance explains within so much evidence is not called physics
 DOUBTED = 12.0
+
+#: an amplitude is usually no larger than so many of its scales
+USUAL = 3.0
 
 #: parameters below these are calibration, not physics, by unit
 TOLERATED: dict[str, dict[str, float]] = {
@@ -30,22 +36,13 @@ TOLERATED: dict[str, dict[str, float]] = {
 
 def accepted(before: State, tried: Tried) -> bool:
     """Whether an addition is believed: evidence that chance doesn't explain, and a size that matters."""
-    return (tried.evidence.sure and material(tried) and not at_end(tried) and _matters(before, tried)
-            and _beyond_rounding(before, tried))  # fmt: skip
-
-
-def _beyond_rounding(before: State, tried: Tried) -> bool:
-    """Whether it changes readings by more than a coarse converter rounds them: neighbours share that, in any shape."""
-    steps = before.problem.experiment.steps
-    if steps is None or not (steps > 0).all():
-        return True
-    sigma = before.problem.sigma[:, before.problem.valid]
-    change = (before.residual - tried.state.residual).reshape(len(sigma), -1) * sigma
-    return bool((np.percentile(np.abs(change), 95, axis=1) > 0.5 * steps).any())
+    return tried.evidence.sure and material(tried) and not at_end(tried) and _matters(before, tried)
 
 
 def _matters(before: State, tried: Tried) -> bool:
     """Whether it takes enough off the weighted error; or, if calibration is no explanation, off the error as users see it."""
+    if before.problem.experiment.steps is not None and before.rms < CALM:
+        return False
     if tried.state.rms < (1.0 - worth(before)) * before.rms:
         return True
     if tried.effect.id in TOLERATED or tried.evidence.value < STRONG:
@@ -54,13 +51,14 @@ def _matters(before: State, tried: Tried) -> bool:
 
 
 def _error(state: State) -> float:
-    """Held-out error in the unit of the readings, calibration as it was stated, noise of single samples included."""
+    """Held-out error in the unit of the readings, calibration as it was stated, noise of single samples and rounding included."""
     problem = state.problem
     rows = error_rows(problem.experiment)
     sigma = problem.sigma[rows][:, problem.valid]
     held = state.plain.light().held.reshape(len(rows), -1)[rows]
     averaged = np.mean(problem.experiment.noise[rows] ** 2) * (1.0 - np.mean(1.0 / problem.count[problem.valid]))
-    return float(np.sqrt(np.mean((held * sigma) ** 2) + averaged))
+    rounded = np.mean(problem.stairs[rows] ** 2) / 12.0
+    return float(np.sqrt(np.mean((held * sigma) ** 2) + averaged + rounded))
 
 
 def believed(before: State, tried: Sequence[Tried]) -> list[Tried]:
@@ -69,6 +67,22 @@ def believed(before: State, tried: Sequence[Tried]) -> list[Tried]:
     calibration = [t.evidence.value for t in tried if t.effect.id in TOLERATED and t.evidence.sure and t not in good]
     doubt = max(calibration, default=-np.inf)
     return [t for t in good if t.evidence.value > doubt + DOUBTED]
+
+
+def plausibility(state: State, effect: Effect) -> float:
+    """How likely an effect is to have the size that was found, on the scale of evidence; for effects that fit alike.
+
+    Of each amplitude, twice the logarithm of its prior density times the width of its posterior (Laplace's method: MacKay,
+    Neural Computation 4(3), 1992), where a prior is normal with `USUAL` scales.
+    """
+    layout = state.problem.experiment.layout
+    own = [i for i, name in enumerate(state.model.parameters(layout)) if name.split(".")[0] == effect.id]
+    width = np.sqrt(np.maximum(np.diag(state.inverse)[own], 1e-300))
+    total = 0.0
+    for i, null in amplitudes(effect, layout, base_of(state.model)).items():
+        size = (state.values[own[i]] - null) / (USUAL * state.scale[own[i]])
+        total += 2.0 * np.log(min(1.0, width[i] / USUAL)) - size**2
+    return float(total)
 
 
 def at_end(tried: Tried) -> bool:

@@ -46,8 +46,11 @@ class Candidate:
         """Sensitivity to begin a search with, (m, p), in scales."""
         if self.columns is None:
             return None
-        own = state.jacobian[:, : len(state.values)]
-        return np.concatenate([own[:, : self.place], self.columns, own[:, self.place :]], axis=1)
+        p, k = len(state.values), self.columns.shape[1]
+        out = np.empty((len(state.residual), p + k), order="F")
+        out[:, : self.place], out[:, self.place + k :] = state.jacobian[:, : self.place], state.jacobian[:, self.place : p]
+        out[:, self.place : self.place + k] = self.columns
+        return out
 
 
 #: so many points of an effect are searched from, at most
@@ -144,7 +147,9 @@ def screen(state: State, effect: Effect) -> list[Candidate]:
     larger = model + effect
     place = list(larger.names).index(effect.id)
     before = sum(len(e.parameters(layout)) for e in larger.effects[:place])
-    predicted = problem.stack(problem.predict(model, state.values))
+    signals = state.signals()
+    predicted = problem.predict(model, state.values, signals)
+    beside = state.standing(predicted)
     out = []
     for at, moving in tried(effect, problem.experiment.signals, amplitude):
         columns, steps = [], []
@@ -156,7 +161,7 @@ def screen(state: State, effect: Effect) -> list[Candidate]:
                 step = parameters[i].scale if values[i] + parameters[i].scale <= parameters[i].high else -parameters[i].scale
                 values[i] += step
             full = np.insert(state.values, before, values)
-            columns.append(problem.stack(problem.predict(larger, full)) - predicted)
+            columns.append(problem.change(problem.predict(larger, full, signals) - predicted, beside))
             steps.append(step)
         d = np.stack(columns, axis=1)
         if not np.isfinite(d).all():

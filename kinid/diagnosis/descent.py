@@ -8,14 +8,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.diagnosis.calibration import MOST_SHIFT
 from kinid.diagnosis.problem import Problem
+from kinid.effects import Signals
 from kinid.model import Model
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: calibration moves no further than so many times its tolerance
-MOST_SHIFT = 2.0
 #: between two halves of a log, a parameter is not believed to move by more than so many of its scales
 WANDER = 30.0
 #: precision that keeps parameters which a log doesn't move where they are, in units of their scales
@@ -50,7 +50,16 @@ class State:
     @cached_property
     def jacobian(self) -> Array:
         """Of weighted readings against parameters in their scales, then tolerances of calibration, (m, p + k)."""
-        return _Descent(self.problem, self.model, self.values, len(self.shift) > 0).everything()
+        return _Descent(self.problem, self.model, self.values, self.shift).sensitivity()
+
+    def signals(self) -> Signals:
+        """The motion with the surface where the search left it."""
+        return self.problem.calibration.signals(self.shift)
+
+    def standing(self, predicted: Array) -> Array:
+        """Predictions of that motion (channels, n) with clock and biases where the search left them."""
+        calibration = self.problem.calibration
+        return predicted + calibration.added(self.shift, calibration.late(predicted)) if len(self.shift) else predicted
 
     def light(self) -> State:
         """The same without its sensitivities, by far the most of it; they are worked out anew if they are asked for."""
@@ -126,7 +135,7 @@ class State:
     @cached_property
     def rms(self) -> float:
         """Weighted held-out error: 1 is noise."""
-        return float(np.sqrt(np.mean(self.held**2)))
+        return float(np.sqrt(np.mean(self.held**2))) / self.problem.quiet
 
 
 def bounds(model: Model, problem: Problem) -> tuple[Array, Array]:
@@ -147,15 +156,19 @@ def fit(problem: Problem, model: Model, start: Array, *, guess: Array | None = N
         guess: sensitivity to begin with, (m, p), in scales of the parameters.
         steps: at most so many. calibrate: leave calibration free inside its tolerance.
     """
+    shift = np.zeros(len(problem.calibration) if calibrate else 0)
     with np.errstate(all="ignore"):  # a step too far is taken back
-        return _Descent(problem, model, start, calibrate).run(guess, steps)
+        if problem.experiment.steps is not None:
+            # inside of a step nothing shows the way: the stairs themselves do
+            start, guess = _Descent(problem.of_stairs, model, start, shift).run(guess, steps).values, None
+        return _Descent(problem, model, start, shift).run(guess, steps)
 
 
 class _Descent:
-    """One search; all quantities belong to its present place."""
+    """One search; all quantities belong to its present place: values of parameters, and calibration's shift."""
 
-    def __init__(self, problem: Problem, model: Model, start: Array, calibrate: bool) -> None:
-        self.problem, self.model = problem, model
+    def __init__(self, problem: Problem, model: Model, start: Array, shift: Array) -> None:
+        self.problem, self.model, self.shift = problem, model, shift
         parameters = tuple(model.parameters(problem.experiment.layout).values())
         self.scale = np.array([p.scale for p in parameters])
         self.low, self.high = bounds(model, problem)
@@ -166,27 +179,35 @@ class _Descent:
                          np.where(np.isfinite(self.high), self.high - room, self.high))  # fmt: skip
         self.x = np.where(self.moving, inside, held)
         self.y = problem.stack(problem.measured)
-        self.predicted = problem.predict(model, self.x)
-        self.stacked = problem.stack(self.predicted)
-        self.columns = problem.nuisance(model, self.x, self.predicted) if calibrate else np.zeros((len(self.y), 0))
-        self.shift = np.zeros(self.columns.shape[1])
-        self.settled = False
-        self.residual = self.y - self.stacked
-        self.cost = float(self.residual @ self.residual)
+        self.predicted = self.predict(self.x, shift)
+        self.late = problem.calibration.late(self.predicted) if len(shift) else np.zeros(0)
+        self.stacked, self.residual, self.cost = self.compared(self.predicted, shift)
+        # what acts through the law, and is to be learnt on the way; the rest of calibration only adds
+        self.curved = len(self.x) + int(bool(len(shift)) and problem.calibration.surface)
+
+    def predict(self, x: Array, shift: Array) -> Array:
+        """What the law expects with the surface at a shift, (channels, n)."""
+        return self.problem.predict(self.model, x, self.problem.calibration.signals(shift))
+
+    def standing(self, predicted: Array, shift: Array) -> Array:
+        """That with clock and biases at a shift, (channels, n)."""
+        return predicted + self.problem.calibration.added(shift, self.late) if len(shift) else predicted
+
+    def compared(self, predicted: Array, shift: Array) -> tuple[Array, Array, float]:
+        """Predictions stacked, weighted residual, each (m,), and cost."""
+        stacked = self.problem.expected(self.standing(predicted, shift))
+        residual = self.y - stacked
+        return stacked, residual, float(residual @ residual + shift @ shift)
 
     def run(self, guess: Array | None, steps: int) -> State:
         fresh = guess is None
-        jacobian = self.sensitivity() if guess is None else guess
+        jacobian = self.sensitivity(guess)
         damping, converged = 1e-4, False
-        free = np.r_[self.moving, np.ones(len(self.shift), np.bool_)]
         for _ in range(steps):
             a, g, free = self.normal(jacobian)
             gain, change = self.step(a, g, free, damping)
             if gain is None:
                 if fresh and damping > 1e3:
-                    if self.recalibrated():
-                        damping = 1e-4
-                        continue
                     converged = True
                     break
                 if not fresh:
@@ -198,48 +219,34 @@ class _Descent:
             moved, actual, expected = change
             small = gain < ENOUGH * max(1.0, self.cost / len(self.y))
             if small and fresh:
-                if self.recalibrated():
-                    continue
                 converged = True
                 break
             if small or gain < 0.3 * expected:
                 jacobian, fresh = self.sensitivity(), True
             else:
-                size = float(moved @ moved)
-                if size > 0:
-                    jacobian = jacobian + np.outer((actual - jacobian @ moved) / size, moved)
+                self.learn(jacobian, moved, actual)
                 fresh = False
             damping = max(damping / 10.0, 1e-9) if gain > 0.5 * expected else damping * 3.0
         if not fresh:
             jacobian = self.sensitivity()
-            a, g, free = self.normal(jacobian)
+        free = self.normal(jacobian)[2]
         state = State(self.problem, self.model, self.x, self.shift, self.residual, free, self.scale, converged)
-        state.__dict__["jacobian"] = np.concatenate([jacobian, self.columns], axis=1)
+        state.__dict__["jacobian"] = jacobian
         return state
 
-    def everything(self) -> Array:
-        """Sensitivities of parameters and calibration here, (m, p + k)."""
-        return np.concatenate([self.sensitivity(), self.columns], axis=1)
-
-    def recalibrated(self) -> bool:
-        """Whether what calibration does is another thing here than where the search began; it is worked out anew, once."""
-        if self.settled or not len(self.shift):
-            return False
-        self.settled = True
-        before = self.cost
-        self.columns = self.problem.nuisance(self.model, self.x, self.predicted)
-        self.residual = self.y - self.stacked - self.columns @ self.shift
-        self.cost = float(self.residual @ self.residual + self.shift @ self.shift)
-        full = self.columns.T
-        gain = full @ self.residual - self.shift  # slope of the cost along the columns, of which a sure step is the square
-        size = (full**2).sum(axis=1) + 1.0
-        return bool(abs(self.cost - before) + float((gain**2 / size).max()) > ENOUGH * max(1.0, self.cost / len(self.y)))
+    def learn(self, jacobian: Array, moved: Array, actual: Array) -> None:
+        """Broyden's update of what acts through the law, from a step (p + k,) and what it did (m,)."""
+        curved = moved[: self.curved]
+        size = float(curved @ curved)
+        if size > 0:
+            missed = (actual - jacobian @ moved) / size
+            for j in np.flatnonzero(curved):  # column by column: an outer product would take as much memory again
+                jacobian[:, j] += curved[j] * missed
 
     def normal(self, jacobian: Array) -> tuple[Array, Array, Mask]:
-        """Normal equations of parameters and calibration, and which parameters no bound holds."""
+        """Normal equations of parameters and calibration, and which of them no bound holds."""
         p = len(self.x)
-        full = np.concatenate([jacobian, self.columns], axis=1)
-        a, g = full.T @ full, full.T @ self.residual
+        a, g = jacobian.T @ jacobian, jacobian.T @ self.residual
         g[p:] -= self.shift
         room = 1e-9 * self.scale
         pinned = ((self.x <= self.low + room) & (g[:p] < 0)) | ((self.x >= self.high - room) & (g[:p] > 0))
@@ -256,32 +263,53 @@ class _Descent:
         step = np.zeros(len(g))
         step[f] = np.linalg.solve(h, g[f])
         x = np.clip(self.x + step[:p] * self.scale, self.low, self.high)
-        moved = (x - self.x) / self.scale
-        step[:p] = moved
-        step[p:] = np.clip(self.shift + step[p:], -MOST_SHIFT, MOST_SHIFT) - self.shift
+        shift = np.clip(self.shift + step[p:], -MOST_SHIFT, MOST_SHIFT)
+        step = np.r_[(x - self.x) / self.scale, shift - self.shift]
         expected = float(2 * g @ step - step @ a @ step)
-        predicted = self.problem.predict(self.model, x)
-        stacked = self.problem.stack(predicted)
-        shift = self.shift + step[p:]
-        residual = self.y - stacked - self.columns @ shift
-        cost = float(residual @ residual + shift @ shift)
+        predicted = self.predict(x, shift)
+        stacked, residual, cost = self.compared(predicted, shift)
         actual = stacked - self.stacked
         if not cost < self.cost:
-            return None, (moved, actual, expected)
+            return None, (step, actual, expected)
         gain = self.cost - cost
         self.x, self.predicted, self.stacked, self.shift = x, predicted, stacked, shift
         self.residual, self.cost = residual, cost
-        return gain, (moved, actual, expected)
+        return gain, (step, actual, expected)
 
-    def sensitivity(self) -> Array:
-        """Change of the weighted readings per scale of each parameter, forward differences of a hundredth of it, (m, p)."""
-        out = np.zeros((len(self.y), len(self.x)), order="F")
-        for j in np.flatnonzero(self.moving):
+    def sensitivity(self, known: Array | None = None) -> Array:
+        """Change of the weighted readings per scale of each parameter and per tolerance of calibration, (m, p + k).
+
+        Forward differences of a hundredth of a parameter's scale.
+
+        Args:
+            known: that of the parameters (m, p), where it is at hand.
+        """
+        p, calibration = len(self.x), self.problem.calibration
+        out = np.zeros((len(self.y), p + len(self.shift)), order="F")
+        if len(self.shift):
+            self.late = calibration.late(self.predicted)
+            self.stacked, self.residual, self.cost = self.compared(self.predicted, self.shift)
+        beside = self.standing(self.predicted, self.shift)
+        if known is not None:
+            out[:, :p] = known
+        for j in np.flatnonzero(self.moving) if known is None else ():
             h = 1e-2 * self.scale[j]
             h = h if self.x[j] + h <= self.high[j] else -h
             ahead = self.x.copy()
             ahead[j] += h
-            out[:, j] = (self.problem.stack(self.problem.predict(self.model, ahead)) - self.stacked) * (self.scale[j] / h)
+            moved = self.predict(ahead, self.shift) - self.predicted
+            out[:, j] = self.problem.change(moved, beside) * (self.scale[j] / h)
+        if not len(self.shift):
+            return out
+        if calibration.surface:
+            further = self.shift.copy()
+            further[0] += 1.0 if further[0] < 0 else -1.0
+            moved = (self.predict(self.x, further) - self.predicted) * (further[0] - self.shift[0])
+            out[:, p] = self.problem.change(moved, beside)
+        added = p + int(calibration.surface)
+        out[:, added] = self.problem.change(self.late, beside)
+        for channel in range(len(self.predicted)):
+            out[:, added + 1 + channel] = self.problem.change(calibration.constant(channel, self.predicted), beside)
         return out
 
 

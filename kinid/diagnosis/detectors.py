@@ -15,6 +15,7 @@ from kinid import effects
 from kinid.contact import force_noise
 from kinid.diagnosis.noise import period_of
 from kinid.diagnosis.problem import RATE
+from kinid.diagnosis.rounding import COARSE, STAIRS, blur, shared
 from kinid.effects import Effect
 from kinid.effects.mains_hum import GRIDS, OFF, MainsHum
 from kinid.effects.saturation import FLAT
@@ -22,9 +23,7 @@ from kinid.experiment import Experiment
 
 Array = NDArray[np.float64]
 
-#: a step of the converter counts from this multiple of the noise on: of smaller ones noise makes noise (dither)
-COARSE = 1.2
-#: and from this multiple on several samples may share their largest value by chance
+#: from this multiple on several samples may share their largest value by chance
 SHARED = 0.1
 #: a line of the mains counts from this amplitude on, in standard deviations of the white noise
 LINE = 0.2
@@ -160,17 +159,38 @@ def _quantization(experiment: Experiment, motion: Array | None) -> tuple[Mark | 
     ratio = float((steps / spread)[coarse].max())
     # each sample on a lattice of steps h, rather than anywhere within a standard deviation
     evidence = 2.0 * experiment.measured.shape[1] * max(0.1, float(np.log1p(ratio)))
-    # neighbours share their error of rounding: means take nothing off it
+    steps = np.where(coarse, steps, 0.0)
+    expected = raw if motion is None else experiment.as_read(motion)
+    white, stairs = _before_rounding(experiment, raw, steps, expected)
+    as_read = experiment.signals.as_read
+    # beside coarse channels, one that never leaves its value tells nothing finer than the model
+    still = np.ptp(raw[:, experiment.valid], axis=1) == 0.0
     many = max(1.0, 1.0 / (period_of(experiment.signals) * RATE))
-    rounding = many * np.where(coarse, steps, 0.0) ** 2 / 12.0
-    if motion is not None:  # a reading that never leaves one value of so coarse a sensor tells nothing finer than the model
-        still = np.ptp(raw[:, experiment.valid], axis=1) == 0.0
-        rounding[still] = many * np.mean(experiment.as_read(motion)[still] ** 2, axis=1)
-    if experiment.signals.as_read is not None:
-        rounding = experiment.signals.as_read.inverse**2 @ rounding
-    wider = np.sqrt(experiment.noise**2 + rounding)
-    return Mark(effect, np.where(coarse, steps, 0.0), f"a lattice of values: {says}", evidence), dataclasses.replace(
-        experiment, noise=wider, steps=np.where(coarse, np.sqrt(12.0 * rounding / many), 0.0))  # fmt: skip
+    white[still] = np.maximum(np.sqrt(many * np.mean(expected[still] ** 2, axis=1)), 1e-9)
+    coarse |= still
+    if as_read is None:
+        white = np.where(coarse, white, experiment.noise)
+    else:
+        white = np.sqrt(as_read.inverse**2 @ np.where(coarse, white, noise) ** 2)
+    return Mark(effect, steps, f"a lattice of values: {says}", evidence), dataclasses.replace(
+        experiment, noise=white, steps=np.where(stairs, steps, 0.0) if stairs.any() else None)  # fmt: skip
+
+
+def _before_rounding(experiment: Experiment, raw: Array, steps: Array, expected: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Noise that counts of channels on a lattice, and which of them are stairs, each (channels,).
+
+    Of stairs it is the noise before the converter, because what rounding leaves open is left open (`rounding`); where noise
+    nearly blurs the steps, that and the error of rounding, with the part that neighbours share as large as means leave it.
+    """
+    period = period_of(experiment.signals)
+    noise, stairs = np.zeros(len(raw)), np.zeros(len(raw), np.bool_)
+    for i in np.flatnonzero(steps):
+        noise[i] = blur(raw[i, experiment.valid], steps[i], expected[i, experiment.valid], period)
+        stairs[i] = steps[i] > STAIRS * noise[i]
+    many = max(1.0, 1.0 / (period * RATE))
+    differences = np.array([force_noise(channel[experiment.valid]) for channel in raw])
+    whole = np.maximum(differences**2, noise**2 + steps**2 / 12.0) + (many - 1.0) * shared(steps, noise)
+    return np.where(stairs, noise, np.sqrt(whole)), stairs
 
 
 def _hum(experiment: Experiment, motion: Array | None) -> tuple[Mark | None, Experiment]:

@@ -43,6 +43,7 @@ from kinid.fit import (
     starting_values,
 )
 from kinid.log import Log
+from kinid.memory import give_back
 from kinid.model import Model
 from kinid.motion import STATIC_PERIOD
 from kinid.rig import Rig
@@ -102,6 +103,7 @@ def diagnose(
         raise InputError(f"max_effects of {max_effects}", "0 or more", "0 compares and adds nothing")
     _check_asked_for(add, model, experiment)
     _refuse(experiment, model)
+    give_back()
     data_doubts = check_excitation(model, experiment)
     lowest = turned(experiment) if "normal" in model.needs else None
     if lowest is not None:
@@ -206,8 +208,9 @@ class _Looked:
         """Residual of each half from parameters that fit the other, at the log's own rate, (channels, n)."""
         even = folds(self.whole)
         from_even, from_odd = state.halves
-        measured = filled(self.whole)
-        out = measured - np.where(even, self.readings(state, from_odd, marks), self.readings(state, from_even, marks))
+        out = filled(self.whole)
+        for half, values in ((even, from_odd), (~even, from_even)):
+            out[:, half] -= self.readings(state, values, marks)[:, half]
         out[:, ~self.whole.valid] = np.nan
         return out
 
@@ -259,6 +262,7 @@ class _Looked:
         if idle:
             says += f"; {' and '.join(idle)}, added because it was asked for, brings nothing that chance wouldn't"
         progress("where the error sits")
+        give_back()
         return Diagnosis(
             self.model, best, verdict, says, added, tuple(steps), floor, error_unit(self.whole),
             where(self.whole, before, self._noise), where(self.whole, after, self._noise), told, self.whole, before, after,

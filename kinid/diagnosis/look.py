@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from kinid.diagnosis.candidates import NEAR, SEARCHED, Candidate, able, screen
 from kinid.diagnosis.descent import State, bounds, fit
 from kinid.effects import Effect
+from kinid.memory import give_back
 from kinid.model import Model
 
 Array = NDArray[np.float64]
@@ -30,6 +31,8 @@ PRICE = 4.0
 #: held-out error must fall by this share at least, for each of the samples that are averaged together, within these ends: means
 #: have less noise, in which a fall would hide
 MATERIAL, LEAST, MOST = 0.005, 0.008, 0.02
+#: the same share for readings that are stairs: only transitions tell, and all that pass one share it
+STAIRS = 0.04
 #: a search that still goes down is taken up again so many times
 PATIENCE = 4
 #: steps of a search, so that models of many parameters don't take minutes: so many divided by their number, within these ends
@@ -121,6 +124,8 @@ def look(state: State, *, most: int = REFITTED, spare: Sequence[str] = (), known
     tried = _side_by_side(lambda c: done.get(c.effect.id) or attempt(state, c, starts[c.effect.id]), worth)
     tried.sort(key=lambda t: -t.evidence.value)
     light = {name: _slim(points) for name, points in starts.items()}
+    starts = light
+    give_back()
     return Round(state, light, tuple(tried))
 
 
@@ -197,7 +202,7 @@ def _nearest(state: State, model: Model, point: Candidate) -> Array:
         trial = none + share * (point.start - none)
         if (trial < low).any() or (trial > high).any():
             continue
-        rest = y - problem.stack(problem.predict(model, trial))
+        rest = y - problem.expected(problem.predict(model, trial))
         cost = float(rest @ rest)
         if cost < least:
             best, least = trial, cost
@@ -208,4 +213,6 @@ def _nearest(state: State, model: Model, point: Candidate) -> Array:
 
 def worth(state: State) -> float:
     """Share by which an addition must lower the error of means."""
+    if state.problem.experiment.steps is not None:
+        return STAIRS
     return float(np.clip(MATERIAL * state.problem.count.mean(), LEAST, MOST))

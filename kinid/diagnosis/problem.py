@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.diagnosis import rounding
+from kinid.diagnosis.calibration import Calibration
 from kinid.diagnosis.noise import period_of, spread
 from kinid.effects import Signals
 from kinid.experiment import Experiment
@@ -26,9 +28,7 @@ RATE = 125.0
 #: and of them at most so many
 MOST_SAMPLES = 40_000
 #: means that are compared, of all channels together, at most: of long logs fewer tell as much
-MOST_MEANS = 120_000
-#: what calibration is trusted to, as a standard deviation: surface [m], clocks [s], bias [N] and [N·m]
-SURFACE, CLOCK, BIAS_FORCE, BIAS_TORQUE = 1.5e-5, 1.25e-4, 0.01, 5e-4
+MOST_MEANS = 100_000
 #: degrees of freedom of Student's t, whose logarithm bounds what a single sample can say
 FREEDOM = 5.0
 #: two blocks are half a second apart: longer than the noise remembers
@@ -123,8 +123,54 @@ class Problem:
         return filled(self.experiment)
 
     def predict(self, model: Model, values: Array, signals: Signals | None = None) -> Array:
-        """What a model expects there, (channels, n)."""
-        return self.experiment.in_band(model.predict(signals or self.experiment.signals, values))
+        """What a model expects there, at all frequencies, (channels, n)."""
+        return model.predict(signals or self.experiment.signals, values)
+
+    def expected(self, predicted: Array) -> Array:
+        """Predictions (channels, n) as they stand beside readings: in the band, as near to them as rounding allows, stacked."""
+        steps = self.experiment.steps
+        if steps is not None:
+            raw = self.experiment.as_read(predicted)
+            predicted = self.experiment.as_true(rounding.nearest(self._raw, raw, steps))
+        return self.stack(self.experiment.in_band(predicted))
+
+    def change(self, moved: Array, beside: Array) -> Array:
+        """How `expected` changes, to first order, as predictions move by so much, (channels, n), from those beside; (m,)."""
+        steps = self.experiment.steps
+        if steps is not None:
+            zero = self.experiment.as_read(np.zeros_like(moved))
+            raw = (self.experiment.as_read(moved) - zero) * rounding.contradicted(
+                self._raw, self.experiment.as_read(beside), steps)  # fmt: skip
+            moved = self.experiment.as_true(raw + zero)
+        return self.stack(self.experiment.in_band(moved))
+
+    @cached_property
+    def _raw(self) -> Array:
+        """Raw readings, (channels, n); what is no number contradicts nothing."""
+        raw = self.experiment.raw
+        return np.where(np.isfinite(raw), raw, 0.0)
+
+    @cached_property
+    def stairs(self) -> Array:
+        """Steps of a coarse converter in readings without what the rig states of the sensor's faults, (channels,)."""
+        steps, as_read = self.experiment.steps, self.experiment.signals.as_read
+        if steps is None:
+            return np.zeros(len(self.sigma))
+        out: Array = steps if as_read is None else np.sqrt(as_read.inverse**2 @ steps**2)
+        return out
+
+    @cached_property
+    def quiet(self) -> float:
+        """Weighted error that noise alone leaves of a right model: 1, and less where rounding leaves much open."""
+        if self.experiment.steps is None:
+            return 1.0
+        wide, band, many = self.stairs[:, None], self.experiment.band, self.count[self.valid]
+        if band is not None:
+            many = np.full(len(many), max(1.0, 0.5 / (band * period_of(self.experiment.signals))))
+        single = self.sigma[:, self.valid] * np.sqrt(many)
+        with np.errstate(divide="ignore"):
+            left = rounding.usual(np.where(wide > 0, single / wide, np.inf), np.broadcast_to(many, single.shape))
+        return float(np.sqrt(np.mean(np.where(wide > 0, left, 1.0))))
 
     def stack(self, readings: Array) -> Array:
         """Averaged, weighted, channel after channel, valid groups only, (m,)."""
@@ -144,6 +190,16 @@ class Problem:
         return dataclasses.replace(self, valid=self.valid & part)
 
     @cached_property
+    def calibration(self) -> Calibration:
+        """What calibration leaves open."""
+        return Calibration(self.experiment.signals)
+
+    @cached_property
+    def of_stairs(self) -> Problem:
+        """The same with readings of a coarse converter taken at their word."""
+        return dataclasses.replace(self, experiment=dataclasses.replace(self.experiment, steps=None))
+
+    @cached_property
     def half(self) -> Mask:
         """`even` for stacked readings, (m,)."""
         return np.tile(self.even[self.valid], len(self.sigma))
@@ -153,26 +209,6 @@ class Problem:
         """`block` for stacked readings, numbered without holes, (m,)."""
         number: NDArray[np.int64] = np.unique(self.block[self.valid], return_inverse=True)[1]
         return np.tile(number, len(self.sigma))
-
-    def nuisance(self, model: Model, values: Array, predicted: Array) -> Array:
-        """Readings' change per tolerance of what calibration leaves open, (m, k).
-
-        Surface, clock, and the bias of each channel; a unit of each column is its tolerance, so that all have the prior N(0, 1).
-        """
-        s, columns = self.experiment.signals, []
-        kind = s.layout.kind
-        if kind != "joints" and (s.depth > 0).any():
-            moved = self.predict(model, values, dataclasses.replace(s, depth=s.depth + SURFACE))
-            columns.append(self.stack(moved - predicted))
-        rate = np.zeros_like(predicted)
-        ok = s.dt > 0
-        rate[:, 1:] = np.where(ok[1:], np.diff(predicted, axis=1) / np.where(ok[1:], s.dt[1:], 1.0), 0.0)
-        columns.append(self.stack(CLOCK * rate))
-        for i, unit in enumerate(s.layout.units):
-            constant = np.zeros_like(predicted)
-            constant[i] = BIAS_FORCE if unit == "N" and kind != "joints" else BIAS_TORQUE
-            columns.append(self.stack(constant))
-        return np.stack(columns, axis=1)
 
     def loss(self, stacked: Array) -> Array:
         """Minus log-likelihood of weighted residuals under Student's t, per block, (blocks,)."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid import effects
-from kinid.diagnosis.belief import accepted, believed
+from kinid.diagnosis.belief import accepted, believed, plausibility
 from kinid.diagnosis.candidates import amplitudes, base_of, screen
 from kinid.diagnosis.descent import State, fit
 from kinid.diagnosis.look import DEFENDED, ENOUGH, Evidence, Round, Tried, attempt, look, weigh
@@ -20,8 +20,11 @@ Array = NDArray[np.float64]
 #: after several additions, while the error is so many times the noise, what takes off less than this share only stands in for
 #: something that the catalogue lacks
 SEVERAL, LOUD, CRUMB = 2, 2.0, 0.04
-#: rivals within so much evidence, or so many standard errors of the difference, fit as well
-ALIKE, ALIKE_SE = 12.0, 2.0
+#: rivals within so much evidence, or so many standard errors of the difference, fit as well: where contact begins decides what
+#: friction remembers, and two searches for one and the same optimum end so far apart
+ALIKE, ALIKE_SE = 25.0, 2.0
+#: an effect takes another's place where it brings so much more evidence
+BETTER = 12.0
 #: … but never when they lack this share of what the addition brought
 CLOSE = 0.15
 #: rounds beyond the number of effects that may be added
@@ -84,7 +87,8 @@ def search(start: State, *, most: int = 4, forced: Sequence[str] = (), spare: Se
     cut_short = len(added) >= most and any(c.gain > 10 * ENOUGH for c in rounds[-1].screened)
     if len(added) == 1 and not forced:  # it needed no defence: what is left without it is where the first look began
         looks = {added[0]: rounds[0]}
-    rivals, evidence = _rivals(states[-1], added, spare, looks)
+    state, added, rivals, evidence = _rivals(states[-1], added, forced, spare, looks)
+    states[-1] = state
     return Search(tuple(_ladder(states[0], states[-1], added)), tuple(added), rivals, tuple(rounds), evidence, cut_short)
 
 
@@ -137,7 +141,7 @@ def _displaces(other: Tried, state: State, mine: Evidence) -> bool:
     """Whether another effect takes the place of one: it fits better, or as well with fewer parameters."""
     if len(other.state.values) < len(state.values) and _alike(other, state, mine):
         return True
-    return other.evidence.value > mine.value + ALIKE and other.state.rms < state.rms
+    return other.evidence.value > mine.value + BETTER and other.state.rms < state.rms
 
 
 def _vanished(state: State, name: str) -> bool:
@@ -154,17 +158,38 @@ def _vanished(state: State, name: str) -> bool:
                for fitted in (state, state.plain.light()))  # fmt: skip
 
 
-def _rivals(state: State, added: Sequence[str], spare: Sequence[str], looks: Mapping[str, Round]
-            ) -> tuple[dict[str, tuple[str, ...]], dict[str, Evidence]]:  # fmt: skip
-    """Of each addition, the effects that fit as well in its place; `looks` are those that were made from there already."""
-    rivals, evidence = {}, {}
-    for name in added:
+def _rivals(state: State, added: Sequence[str], forced: Sequence[str], spare: Sequence[str], looks: Mapping[str, Round]
+            ) -> tuple[State, list[str], dict[str, tuple[str, ...]], dict[str, Evidence]]:  # fmt: skip
+    """Of each addition, the effects that fit as well in its place; where one of them is more plausible, it takes the place.
+
+    `looks` are those that were made from there already.
+    """
+    rivals: dict[str, tuple[str, ...]] = {}
+    evidence, named = {}, list(added)
+    for place, name in enumerate(added):
         earlier = looks.get(name)
         less = earlier.before if earlier else _without(state, name)
         others = look(less, spare=[*spare, name], known=earlier)
-        evidence[name] = weigh(others.before, state)
-        rivals[name] = tuple(t.effect.id for t in others.tried if t.effect.id != name and _alike(t, state, evidence[name]))
-    return rivals, evidence
+        mine = weigh(others.before, state)
+        alike = [t for t in others.tried if t.effect.id != name and _alike(t, state, mine)]
+        ids = [t.effect.id for t in alike]
+        better = None if name in forced else _more_plausible(state, name, alike)
+        if better is not None:
+            ids[ids.index(better.effect.id)] = name
+            named[place], state, mine, looks = better.effect.id, better.state, better.evidence, {}
+        rivals[named[place]], evidence[named[place]] = tuple(ids), mine
+    return state, named, rivals, evidence
+
+
+def _more_plausible(state: State, name: str, alike: Sequence[Tried]) -> Tried | None:
+    """Of rivals that fit as well with as many parameters, the one whose size is the most usual; None where none is more so."""
+    before = plausibility(state, effects.get(name))
+    gains = [(plausibility(t.state, t.effect) - before - weigh(t.state, state).value, t) for t in alike
+             if len(t.state.values) == len(state.values)]  # fmt: skip
+    gain, best = max(gains, key=lambda pair: pair[0], default=(0.0, None))
+    for _, other in gains:
+        other.state.light()
+    return best if gain > 0.0 else None
 
 
 def _alike(rival: Tried, state: State, mine: Evidence) -> bool:

@@ -20,9 +20,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.diagnosis.calibration import CLOCK, SURFACE, bias_of
 from kinid.diagnosis.candidates import able, base_of
 from kinid.diagnosis.noise import RELATIVE
-from kinid.diagnosis.problem import BIAS_FORCE, BIAS_TORQUE, CLOCK, RATE, SURFACE
+from kinid.diagnosis.problem import RATE
 from kinid.effects import Effect, Layout, Signals, Stage
 from kinid.errors import InputError
 from kinid.experiment import Experiment
@@ -386,9 +387,9 @@ def _tolerances(model: Model, values: Array, s: Signals, predicted: Array, candi
         out.append(model.predict(dataclasses.replace(s, depth=s.depth + SURFACE), values) - predicted)
     if "time-offset" not in candidates:
         out.append(CLOCK * np.gradient(predicted, s.t, axis=1))
-    for i, unit in enumerate(() if "sensor-bias" in candidates else s.layout.units):
+    for i, bias in enumerate(() if "sensor-bias" in candidates else bias_of(s.layout)):
         constant = np.zeros_like(predicted)
-        constant[i] = BIAS_FORCE if unit == "N" and not joints else BIAS_TORQUE
+        constant[i] = bias
         out.append(constant)
     return out
 

@@ -1,0 +1,63 @@
+"""What calibration leaves open: where the surface is, the clock, and the bias of each channel, each inside its tolerance.
+
+A search leaves them free, with a normal prior of one tolerance. The surface acts through the law, wherever a search goes: where
+contact begins decides what memory and bristles hold. Clock and bias only add to predictions.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.effects import Layout, Signals
+
+Array = NDArray[np.float64]
+
+#: what calibration is trusted to, as a standard deviation: surface [m], clocks [s], bias [N] and [N·m]
+SURFACE, CLOCK, BIAS_FORCE, BIAS_TORQUE = 1.5e-5, 1.25e-4, 0.01, 5e-4
+#: it moves no further than so many times that
+MOST_SHIFT = 2.0
+
+
+class Calibration:
+    """The open quantities of a log; a shift (k,) counts each in its tolerance: surface, where there is one, clock, biases."""
+
+    def __init__(self, signals: Signals) -> None:
+        self._signals = signals
+        self.surface = signals.layout.kind != "joints" and bool((signals.depth > 0).any())
+        self._bias = bias_of(signals.layout)
+
+    def __len__(self) -> int:
+        return int(self.surface) + 1 + len(self._bias)
+
+    def signals(self, shift: Array) -> Signals:
+        """The motion with its surface shifted."""
+        if not self.surface or not len(shift) or shift[0] == 0.0:
+            return self._signals
+        return dataclasses.replace(self._signals, depth=self._signals.depth + shift[0] * SURFACE)
+
+    def late(self, predicted: Array) -> Array:
+        """What a tolerance of the clock adds to predictions (channels, n), the same shape; nothing where memory begins anew."""
+        dt = self._signals.dt
+        out = np.zeros_like(predicted)
+        ok = dt > 0
+        out[:, 1:] = np.where(ok[1:], np.diff(predicted, axis=1) * (CLOCK / np.where(ok[1:], dt[1:], 1.0)), 0.0)
+        return out
+
+    def added(self, shift: Array, late: Array) -> Array:
+        """What clock and biases at a shift add to predictions, (channels, n), for what a tolerance of the clock adds."""
+        out: Array = shift[-len(self._bias) - 1] * late + (shift[-len(self._bias) :] * self._bias)[:, None]
+        return out
+
+    def constant(self, channel: int, like: Array) -> Array:
+        """What a tolerance of one channel's bias adds, (channels, n)."""
+        out = np.zeros_like(like)
+        out[channel] = self._bias[channel]
+        return out
+
+
+def bias_of(layout: Layout) -> Array:
+    """Tolerance of each channel's bias, (channels,)."""
+    return np.array([BIAS_FORCE if unit == "N" and layout.kind != "joints" else BIAS_TORQUE for unit in layout.units])
