@@ -248,11 +248,12 @@ def _pair(readings: Array, t: Array, frequency: float) -> Array:
     many = max(1, int(t[-1] / 4.0))
     angle = 2.0 * np.pi * frequency * t
     out = np.zeros((2, len(readings)))
-    for part in np.array_split(np.arange(len(t)), many):
-        window = np.hanning(len(part))
+    edges = np.linspace(0, len(t), many + 1).astype(int)
+    for begin, end in zip(edges[:-1], edges[1:]):
+        window = np.hanning(end - begin)
         window *= 2.0 / window.sum()
-        for row, wave in enumerate((np.sin, np.cos)):
-            out[row] += ((readings[:, part] * wave(angle[part])) @ window) ** 2 / many
+        waves = np.stack([np.sin(angle[begin:end]), np.cos(angle[begin:end])], axis=1) * window[:, None]
+        out += (readings[:, begin:end] @ waves).T ** 2 / many
     return np.sqrt(out)
 
 
@@ -277,6 +278,11 @@ def _line(readings: Array, t: Array, frequency: float) -> Array:
 def _sharpest(readings: Array, t: Array, grid: float, noise: Array) -> float:
     """Frequency near the grid's at which the line is strongest [Hz]."""
     loudest = readings[int(np.argmax(np.hypot(*_pair(readings, t, grid)) / noise))][None]
-    trials = np.arange(grid - OFF, grid + OFF + 1e-9, max(0.4 / max(float(t[-1]), 1.0), 0.01))
-    power = [float(np.hypot(*_coherent(loudest, t, f)).max()) for f in trials]
-    return float(trials[int(np.argmax(power))])
+    trials = np.arange(-OFF, OFF + 1e-9, max(0.4 / max(float(t[-1]), 1.0), 0.01))
+    # mixed down to the grid's frequency, a line is slow: means over 20 ms hold it
+    many = max(1, round(0.02 * (len(t) - 1) / max(float(t[-1] - t[0]), 1e-9)))
+    begin = np.arange(0, len(t), many)
+    slow = np.add.reduceat(loudest[0] * np.exp(-2j * np.pi * grid * t), begin)
+    middle = t[np.minimum(begin + many // 2, len(t) - 1)]
+    power = [abs(slow @ np.exp(-2j * np.pi * off * middle)) for off in trials]
+    return float(grid + trials[int(np.argmax(power))])

@@ -175,27 +175,36 @@ def _settling(view: View, row: int, use: Mask, error: float) -> Shape | None:
     stretches = [(a, b) for a, b in runs(use, view.piece) if b - a >= least]
     if not stretches:
         return None
-    r, w = view.mean[row], view.samples[row]
-    longest = max(float(view.t[b - 1] - view.t[a]) for a, b in stretches)
-    whole = float((w * r**2)[use].sum())
-    flat = sum(float((w * r)[a:b].sum() ** 2 / w[a:b].sum()) for a, b in stretches)
-    best: tuple[float, float, list[tuple[float, float, float]]] | None = None
-    for tau in TIME_CONSTANTS * longest:
-        left, fits = whole, []
-        for a, b in stretches:
-            e = np.exp(-(view.t[a:b] - view.t[a]) / tau)
-            x, root = np.stack([np.ones(b - a), e], axis=1), np.sqrt(w[a:b])
-            (level, jump), *_ = np.linalg.lstsq(x * root[:, None], r[a:b] * root, rcond=None)
-            left += float((w[a:b] * (r[a:b] - level - jump * e) ** 2).sum() - (w[a:b] * r[a:b] ** 2).sum())
-            fits.append((level + jump, level + jump * float(e[-1]), float(view.t[b - 1] - view.t[a])))
-        if best is None or left < best[0]:
-            best = (left, float(tau), fits)
-    assert best is not None
-    left, tau, fits = best
-    explained = (whole - left) / error
+    count = np.array([b - a for a, b in stretches])
+    at = np.concatenate([np.arange(a, b) for a, b in stretches])
+    first_of = np.r_[0, np.cumsum(count)[:-1]]
+    since = view.t[at] - np.repeat(view.t[at[first_of]], count)
+    lasts = since[first_of + count - 1]
+    longest = float(lasts.max())
+    w, wr = view.samples[row][at], (view.samples[row] * view.mean[row])[at]
+
+    def of_each(x: Array) -> Array:
+        """Sum over each stretch."""
+        out: Array = np.add.reduceat(x, first_of)
+        return out
+
+    sw, swr = of_each(w), of_each(wr)
+    flat = float((swr**2 / sw).sum())
+    most, tau, begin, end = -np.inf, 0.0, np.zeros(len(count)), np.zeros(len(count))
+    for trial in TIME_CONSTANTS * longest:
+        e = np.exp(-since / trial)
+        swe, swee, swre = of_each(w * e), of_each(w * e**2), of_each(wr * e)
+        # normal equations of a level and a jump; a stretch too short for its curve has a level alone
+        spread = sw * swee - swe**2
+        curved = spread > 1e-10 * sw * swee
+        jump = np.where(curved, (sw * swre - swe * swr) / np.where(curved, spread, 1.0), 0.0)
+        level = (swr - jump * swe) / sw
+        fits = float((level * swr + jump * swre).sum())
+        if fits > most:
+            most, tau, begin, end = fits, float(trial), level + jump, level + jump * e[first_of + count - 1]
+    explained = most / error
     if explained < flat / error + MORE:  # a level of its own for each stretch does as well
         return None
-    begin, end, lasts = (np.array(x) for x in zip(*fits))
     if tau > STEADY * longest:
         slope = float(np.average((end - begin) / lasts, weights=lasts))
         return Shape(f"drifts steadily: about {number(slope)} {view.units[row]}/s", explained)
