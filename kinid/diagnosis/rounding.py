@@ -19,8 +19,8 @@ Array = NDArray[np.float64]
 COARSE = 1.2
 #: and from this multiple on neighbours share their error of rounding
 STAIRS = 4.0
-#: noise before the converter is looked for down to this share of a step
-FINEST = 0.01
+#: noise before the converter is looked for down to this share of a step: below, too few readings are restless to tell
+FINEST = 0.04
 #: motion is slower than this [Hz]
 MOTION = 25.0
 #: places of a force within a step that are looked at, in steps

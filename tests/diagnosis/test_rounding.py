@@ -53,7 +53,7 @@ def test_a_reading_is_contradicted_by_what_lies_beyond_half_a_step(read: Array, 
     assert (np.abs(left)[~told] < 1e-12).all()
 
 
-@pytest.mark.parametrize("ratio", [0.02, 0.05, 0.1, 0.2, 0.4, 0.8])
+@pytest.mark.parametrize("ratio", [0.05, 0.1, 0.2, 0.4, 0.8])
 def test_the_noise_before_a_converter_is_seen_though_readings_hardly_show_it(ratio: float) -> None:
     noise, found = ratio * STEP, []
     for seed in range(5):
@@ -150,7 +150,8 @@ def test_a_dashpot_hides_behind_steps_of_twelve_times_the_noise(tester: Tester) 
     assert "quantization" in found.added
 
 
-def test_nothing_is_found_in_the_steps_themselves(tester: Tester) -> None:
-    for step in (0.1, 0.25, 0.5):
-        found = kinid.diagnose(rounded(tester, tester.kelvin_voigt(), step), RIG, model=kinid.Model("kelvin-voigt"))
-        assert found.added == ("quantization",)
+@pytest.mark.parametrize("step", [0.1, 0.25, 0.5, 1.0])
+def test_nothing_is_found_in_the_steps_themselves(tester: Tester, step: float) -> None:
+    found = kinid.diagnose(rounded(tester, tester.kelvin_voigt(), step), RIG, model=kinid.Model("kelvin-voigt"))
+    assert found.added == ("quantization",)
+    assert found.verdict == "missing"
