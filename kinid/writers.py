@@ -69,6 +69,8 @@ def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None])
     for path in outputs:
         if path is None:
             continue
+        if path == Path("-"):
+            raise InputError("an output named -", "a file: the tables go to the screen", "name one, as found.json")
         check_folder(path)
         if path.exists() and not path.is_file():
             raise InputError(f"output {path}, which is no regular file", "a file that can be replaced", "name another one")

@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from kinid.errors import InputError
-from kinid.writers import check_table_name, replacing, write_table, write_text
+from kinid.writers import check_outputs, check_table_name, replacing, write_table, write_text
 
 COLUMNS: dict[str, Any] = {
     "t": np.array([0.0, 0.1, 0.2]),
@@ -166,3 +166,8 @@ def test_text_is_utf_8_and_replaces(tmp_path: Path) -> None:
     write_text(path, "N·m")
     assert path.read_bytes() == "N·m".encode()
     assert left(tmp_path) == ["out.html"]
+
+
+def test_no_output_goes_down_a_pipe() -> None:
+    with pytest.raises(InputError, match="named -"):
+        check_outputs((Path("-"),), ())

@@ -414,6 +414,4 @@ def _check(o: Options, signal: Path | None = None) -> None:
     from kinid.writers import check_outputs, check_table_name
 
     check_table_name(o.out)
-    if Path("-") in o.written:
-        raise InputError("an output named -", "a file: the tables go to the screen", "name one, as plan.json")
     check_outputs(o.written, (o.rig, o.fit, signal))
