@@ -161,19 +161,24 @@ def _quantization(experiment: Experiment, motion: Array | None) -> tuple[Mark | 
     evidence = 2.0 * experiment.measured.shape[1] * max(0.1, float(np.log1p(ratio)))
     steps = np.where(coarse, steps, 0.0)
     expected = raw if motion is None else experiment.as_read(motion)
-    white, stairs = _before_rounding(experiment, raw, steps, expected)
-    as_read = experiment.signals.as_read
-    # beside coarse channels, one that never leaves its value tells nothing finer than the model
+    # beside coarse channels, one that never leaves its value has their steps; else it tells nothing finer than the model
     still = np.ptp(raw[:, experiment.valid], axis=1) == 0.0
+    units = np.array(experiment.layout.units)
+    assumed = steps.copy()
+    for i in np.flatnonzero(still):
+        assumed[i] = steps[units == units[i]].max()
+    white, stairs = _before_rounding(experiment, raw, assumed, expected)
+    as_read = experiment.signals.as_read
+    alone = still & (assumed == 0.0)
     many = max(1.0, 1.0 / (period_of(experiment.signals) * RATE))
-    white[still] = np.maximum(np.sqrt(many * np.mean(expected[still] ** 2, axis=1)), 1e-9)
+    white[alone] = np.maximum(np.sqrt(many * np.mean(expected[alone] ** 2, axis=1)), experiment.noise[alone])
     coarse |= still
     if as_read is None:
         white = np.where(coarse, white, experiment.noise)
     else:
         white = np.sqrt(as_read.inverse**2 @ np.where(coarse, white, noise) ** 2)
     return Mark(effect, steps, f"a lattice of values: {says}", evidence), dataclasses.replace(
-        experiment, noise=white, steps=np.where(stairs, steps, 0.0) if stairs.any() else None)  # fmt: skip
+        experiment, noise=white, steps=np.where(stairs, assumed, 0.0) if stairs.any() else None)  # fmt: skip
 
 
 def _before_rounding(experiment: Experiment, raw: Array, steps: Array, expected: Array) -> tuple[Array, NDArray[np.bool_]]:

@@ -390,6 +390,10 @@ def _look(model: Model, experiment: Experiment, values: Array, most: int, forced
     if len(s) > 1 and float(np.median(np.diff(s.t))) >= STATIC_PERIOD:
         # from pose to pose everything changes: neighbours tell nothing of noise
         white = np.minimum(white, STATIC_NOISE * np.sqrt(np.mean(readings**2, axis=1)))
+    # a channel that never changes shows no noise, but was not measured without any
+    units = np.array(s.layout.units)
+    for i in np.flatnonzero(np.ptp(readings, axis=1) == 0.0):
+        white[i] = white[units == units[i]].max()
     whole = dataclasses.replace(experiment, noise=np.maximum(white, least))
     progress("fitting the model")
     state = _fitted(model, thin(whole), values)

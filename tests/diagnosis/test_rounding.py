@@ -155,3 +155,18 @@ def test_nothing_is_found_in_the_steps_themselves(tester: Tester, step: float) -
     found = kinid.diagnose(rounded(tester, tester.kelvin_voigt(), step), RIG, model=kinid.Model("kelvin-voigt"))
     assert found.added == ("quantization",)
     assert found.verdict == "missing"
+
+
+@pytest.mark.parametrize("step", [0.0, STEP])
+def test_a_channel_that_never_changes_hides_no_friction(tester: Tester, step: float) -> None:
+    """Nothing slides along the second tangent: its sensor reads nought throughout, and is no proof against friction."""
+    force = tester.kelvin_voigt()
+    log = tester.log(force, tester.rubbing(force))
+    names = ("normal_force", "tangential_force1")
+    read = {name: step * np.round(log.contact[name] / step) if step else log.contact[name] for name in names}
+    read["tangential_force2"] = np.zeros(len(log.t))
+    log = kinid.Log(t=log.t, contact={**log.contact, **read}, phase=log.phase)
+    found = kinid.diagnose(log, RIG, model=kinid.Model("kelvin-voigt"))
+    assert found.added[0] == "coulomb-friction"
+    friction = found["coulomb-friction"].parameters["coefficient"]
+    assert friction.value == pytest.approx(0.4, rel=0.05)
