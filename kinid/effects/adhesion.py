@@ -23,7 +23,7 @@ class Adhesion(Effect):
 
     id = "adhesion"
     title = "pull until separation"
-    equation = "N −= F_a (1 − exp(−(δ_m − δ)/ℓ)) until δ = −ℓ"
+    equation = "N −= F_a (1 − exp(−(δ_m − δ)/ℓ)), outside of the material times (1 − (δ/ℓ)²)² until δ = −ℓ"
     source = "K. L. Johnson, K. Kendall, A. D. Roberts, Proc. R. Soc. A 324, 1971; D. Maugis, J. Colloid Interface Sci. 150, 1992"
     signature = "a pulling tail at separation, outside the material too"
     confusions = {
