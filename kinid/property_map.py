@@ -242,8 +242,10 @@ class PropertyMap:
         from pyarrow import parquet
 
         try:
-            # opened once: a map that is replaced between two looks at its name would be half old and half new
-            table = parquet.read_table(pa.BufferReader(path.read_bytes()))
+            # opened once: a map that is replaced between two looks at its name would be half old and half new.
+            # No thread of Arrow's may let go of a Python object after this: at exit that ends the process by an abort
+            with pa.OSFile(str(path)) as file:
+                table = parquet.ParquetFile(file).read(use_threads=False)
         except (OSError, pa.ArrowInvalid) as error:
             raise InputError(
                 f"no readable map at {path} ({str(error)[:80]})", "a Parquet file of kinid map", "make it anew"
@@ -299,10 +301,11 @@ def _of(source: str) -> str:
 
 def is_map(path: Path) -> bool:
     """Whether a Parquet file says that it is a property map."""
+    import pyarrow as pa
     from pyarrow import parquet
 
     try:
-        with path.open("rb") as file:
+        with pa.OSFile(str(path)) as file:
             metadata = parquet.read_schema(file).metadata or {}
         return bool(json.loads(metadata.get(b"kinid", b"{}")).get("kind") == "property map")
     except Exception:  # whatever is wrong with it, it is no map
