@@ -88,16 +88,19 @@ class State:
     @cached_property
     def _steps(self) -> tuple[Array, Array]:
         """Step of all columns' coefficients from the whole fit to that of each half."""
-        out = []
         at = np.r_[np.zeros(len(self.values)), self.shift]  # what pulls calibration back to where it was stated
         ae, ao, ge, go = self._normal
-        for a, g in ((ae, ge), (ao, go)):
-            step = np.zeros(len(at))
-            f = np.flatnonzero(self.free)
-            prior = np.r_[np.full(len(self.values), 1.0 / WANDER**2), np.ones(len(self.shift))][f]
-            step[f] = np.linalg.solve(a[np.ix_(f, f)] + np.diag(prior), g[f] - at[f])
-            out.append(step)
-        return out[0], out[1]
+        f = np.flatnonzero(self.free)
+        prior = np.diag(np.r_[np.full(len(self.values), 1.0 / WANDER**2), np.ones(len(self.shift))][f])
+
+        def step(a: Array, g: Array) -> Array:
+            out = np.zeros(len(at))
+            out[f] = np.linalg.solve(a[np.ix_(f, f)] + prior, (g - at)[f])
+            return out
+
+        # a kink may hold a search where the linear view still promises something: no half may cash that in
+        promised = step(ae + ao, ge + go)
+        return step(ae, ge) - promised, step(ao, go) - promised
 
     @cached_property
     def held(self) -> Array:
