@@ -18,6 +18,10 @@ Array = NDArray[np.float64]
 COLLINEAR = 100.0
 #: no tool pokes deeper than this into what it probes, nor so little and still feels it [m]
 DEEPEST, SHALLOWEST = 0.3, 1e-6
+#: no arm presses harder [N]
+STRONGEST = 1e5
+#: a depth is turned where the force outside the material is so many times that inside
+OUTSIDE = 3.0
 #: share of the greatest depth outside the material from which on a force is no contact, whatever it is
 CLEAR = 0.1
 #: of the greatest depth, a share that no tool moves from one sample to the next
@@ -28,6 +32,8 @@ QUICK = 0.05
 SLOWEST = 0.2
 #: how a force is turned
 TURN = "normal_force = { scale = -1 } in [columns] of the rig turns it"
+#: … and a depth
+TURN_DEPTH = "depth = { scale = -1 } in [columns] of the rig turns it"
 #: parameters that no material has below nothing: it would give energy, or pull where it is pressed
 PASSIVE = ("stiffness", "damping", "coefficient")
 #: share of a unit vector above which a parameter takes part in a direction
@@ -45,6 +51,14 @@ def of_data(experiment: Experiment) -> list[str]:
     if not SHALLOWEST < most < DEEPEST:
         out.append(f"depths of up to {most:.3g} m: are they in another unit? Say so in [columns] of the rig: "
                    'depth = { unit = "mm" }')  # fmt: skip
+    force = _force(experiment)
+    if force is not None and np.abs(force[valid]).max() > STRONGEST:
+        out.append(f"normal forces of up to {np.abs(force[valid]).max():.3g} N: are they in another unit? Say so in [columns] of "
+                   'the rig: normal_force = { unit = "mN" }, or { scale = 1e-6 }')  # fmt: skip
+    strongest = turned_depth(experiment)
+    if strongest is not None:
+        out.append(f"a force of {strongest:.3g} N where the depth is negative, and next to none inside: is its sign turned? "
+                   f"It is positive inside the material; {TURN_DEPTH}")  # fmt: skip
     lowest = turned(experiment)
     if lowest is not None:
         out.append(f"the normal force falls to {lowest:.3g} N as the tool goes deeper: is its sign turned? It is positive "
@@ -66,13 +80,33 @@ def of_data(experiment: Experiment) -> list[str]:
 
 def turned(experiment: Experiment) -> float | None:
     """The lowest normal force [N] where it falls as the tool goes deeper, as with a turned sign; else None."""
-    if experiment.layout.kind != "contact" or "normal_force" not in experiment.layout.channels:
+    whole = _force(experiment)
+    if whole is None:
         return None
-    row = experiment.layout.channels.index("normal_force")
     inside = experiment.valid & (experiment.signals.depth > 0)
-    depth, force = experiment.signals.depth[inside], experiment.measured[row][inside]
-    wrong = force.std() > 0 and force.mean() < -5.0 * experiment.noise[row] and np.corrcoef(depth, force)[0, 1] < -0.3
+    depth, force = experiment.signals.depth[inside], whole[inside]
+    quiet = experiment.noise[experiment.layout.channels.index("normal_force")]
+    wrong = force.std() > 0 and force.mean() < -5.0 * quiet and np.corrcoef(depth, force)[0, 1] < -0.3
     return float(force.min()) if wrong else None
+
+
+def turned_depth(experiment: Experiment) -> float | None:
+    """The strongest normal force [N] at negative depths where next to none is inside the material; else None."""
+    force = _force(experiment)
+    if force is None:
+        return None
+    inside = experiment.signals.depth > 0
+    within, beyond = (force[experiment.valid & part] for part in (inside, ~inside))
+    if not len(within) or not len(beyond):
+        return None
+    there, here = (float(np.sqrt(np.mean(part**2))) for part in (beyond, within))
+    return float(np.abs(beyond).max()) if there > OUTSIDE * here else None
+
+
+def _force(experiment: Experiment) -> Array | None:
+    """Normal force of a log of contact quantities, (n,)."""
+    channels = experiment.layout.channels
+    return experiment.measured[channels.index("normal_force")] if "normal_force" in channels else None
 
 
 def impossible(named: Mapping[str, Parameter], values: Array, covariance: Array) -> list[str]:

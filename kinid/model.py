@@ -21,8 +21,9 @@ from kinid.effects._derived import derived
 from kinid.effects._signals import BRISTLE
 from kinid.errors import InputError
 from kinid.kernels.frames import contact_wrench
-from kinid.kernels.memory import bristles
+from kinid.kernels.memory import ELASTIC, bristles, steady
 from kinid.parameter import Parameter
+from kinid.white_noise import white_noise
 
 if TYPE_CHECKING:
     from kinid.contact import ContactSeries
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
     from kinid.rig import Rig
 
 Array = NDArray[np.float64]
+
+#: noise of a measured slip reaches so many times its standard deviation
+REACH = 1.5
 
 #: names that stand for several effects
 TOGETHER = {
@@ -178,10 +182,11 @@ class Model:
 
     def _bristles(self, s: Signals) -> Array:
         """Deflection of the bristles; it depends on the motion alone, which one log's predictions share."""
+        rates = derived("steady-rates", lambda: _steady(s), s.slip, s.slip_rate, s.dt)
 
         def bend() -> Array:
             u = np.empty((2, len(s)))
-            bristles(s.slip_rate[0], s.slip_rate[1], s.dt, s.depth, s.bristle, u)
+            bristles(rates[0], rates[1], s.dt, s.depth, s.bristle, u)
             return u
 
         if Stage.GEOMETRY in self.stages or s.bristle != BRISTLE:
@@ -234,6 +239,20 @@ class Model:
         from kinid.fit import fit_model
 
         return fit_model(self, data, rig, **options)  # type: ignore[arg-type]
+
+
+def _steady(s: Signals) -> Array:
+    """Slip rates (2, n) that noise of the slip has no part in: it would shake bristles loose, which no surface feels.
+
+    Where it is small they are elastic enough to bear it.
+    """
+    reach = REACH * max(white_noise(slip) for slip in s.slip)
+    if reach < ELASTIC * BRISTLE:
+        return s.slip_rate
+    out = np.empty_like(s.slip_rate)
+    for rate, row in zip(s.slip_rate, out):
+        steady(np.ascontiguousarray(rate), s.dt, reach, row)
+    return out
 
 
 def _wrench(s: Signals) -> Array:

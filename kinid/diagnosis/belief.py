@@ -18,6 +18,8 @@ from kinid.fit import error_rows
 LIGHTER, STRONG = 0.015, 100.0
 #: of readings that are stairs, what leaves less than this share of the noise lacks nothing that they could show
 CALM = 0.5
+#: … and what matters lowers by this share what is left of them as they were read
+SEEN = 0.0075
 #: what calibration a little beyond its tolerance explains within so much evidence is not called physics
 DOUBTED = 12.0
 
@@ -41,16 +43,25 @@ def accepted(before: State, tried: Tried) -> bool:
 
 def _matters(before: State, tried: Tried) -> bool:
     """Whether it takes enough off the weighted error; or, if calibration is no explanation, off the error as users see it."""
-    if before.problem.experiment.steps is not None and before.rms < CALM:
+    coarse = before.problem.experiment.steps is not None
+    if coarse and (before.rms < CALM or at_word(tried.state) > (1.0 - SEEN) * at_word(before)):
         return False
     if tried.state.rms < (1.0 - worth(before)) * before.rms:
         return True
     if tried.effect.id in TOLERATED or tried.evidence.value < STRONG:
         return False
-    return _error(tried.state) < (1.0 - LIGHTER) * _error(before)
+    return shown_error(tried.state) < (1.0 - LIGHTER) * shown_error(before)
 
 
-def _error(state: State) -> float:
+def at_word(state: State) -> float:
+    """Weighted error that is left of readings of a coarse converter, taken at their word."""
+    problem = state.problem
+    left = problem.stack(problem.measured) - problem.of_stairs.expected(state.standing(problem.predict(
+        state.model, state.values, state.signals())))  # fmt: skip
+    return float(np.sqrt(np.mean(left**2)))
+
+
+def shown_error(state: State) -> float:
     """Held-out error in the unit of the readings, calibration as it was stated, noise of single samples and rounding included."""
     problem = state.problem
     rows = error_rows(problem.experiment)

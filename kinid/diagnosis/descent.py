@@ -22,6 +22,8 @@ WANDER = 30.0
 LOOSE = 1e-9
 #: share of its own size that keeps a parameter apart from those that do exactly the same
 SINGULAR = 1e-13
+#: a linear view that leaves so many times the squares that were left without it looks round a corner
+STRAIGHT = 2.0
 #: a search has ended when a step gains less than this share of a sample's misfit
 ENOUGH = 0.05
 
@@ -104,7 +106,24 @@ class State:
 
     @cached_property
     def held(self) -> Array:
-        """Residual of each half with the parameters of the other, weighted, (m,); to first order in their difference."""
+        """Residual of each half with the parameters of the other, weighted, (m,).
+
+        To first order in their difference; where that view leaves far more than the search did, the halves are fitted.
+        """
+        even = self.problem.half
+        out = self._foreseen
+        if float(out @ out) > STRAIGHT * float(self.residual @ self.residual):
+            each = [_Descent(self.problem, self.model, found.values, found.shift).residual for found in (
+                fit(self.problem.only(half), self.model, self.values, steps=15, calibrate=bool(len(self.shift)))
+                for half in (self.problem.even, ~self.problem.even))]  # fmt: skip
+            fitted = np.where(even, each[1], each[0])
+            if float(fitted @ fitted) < float(out @ out):
+                return fitted
+        return out
+
+    @property
+    def _foreseen(self) -> Array:
+        """`held` to first order."""
         even = self.problem.half
         from_even, from_odd = self._steps
         out = self.residual.copy()

@@ -186,7 +186,7 @@ def attempt(state: State, candidate: Candidate, points: Sequence[Candidate]) -> 
         if best.converged:
             break
         further = fit(state.problem, model, best.values, steps=steps)
-        if further.cost > 0.97 * best.cost:
+        if further.cost > 0.99 * best.cost:
             break
         best = further
     return Tried(candidate.effect, best.light(), weigh(state, best))

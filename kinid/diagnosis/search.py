@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinid import effects
-from kinid.diagnosis.belief import accepted, believed, plausibility
+from kinid.diagnosis.belief import accepted, believed, plausibility, shown_error
 from kinid.diagnosis.candidates import amplitudes, base_of, screen
 from kinid.diagnosis.descent import State, fit
-from kinid.diagnosis.look import DEFENDED, ENOUGH, Evidence, Round, Tried, attempt, look, weigh
+from kinid.diagnosis.look import DEFENDED, ENOUGH, REFITTED, Evidence, Round, Tried, attempt, look, weigh
 from kinid.model import Model
 
 Array = NDArray[np.float64]
@@ -27,6 +27,8 @@ ALIKE, ALIKE_SE = 25.0, 2.0
 BETTER = 12.0
 #: … but never when they lack this share of what the addition brought
 CLOSE = 0.15
+#: a rival that alone would not be believed is one nevertheless with this share of what the addition brought
+HALF = 0.5
 #: rounds beyond the number of effects that may be added
 EXTRA_ROUNDS = 2
 
@@ -37,7 +39,7 @@ class Search:
 
     Attributes:
         states: from the model that was asked about to the last one; each has one effect more.
-        added: names, in the order of the steps. rivals: of each addition, those that fit as well.
+        added: names, in the order of the steps, the most helpful first. rivals: of each addition, those that fit as well.
         rounds: every look, first to last. evidence: for each addition, beside all others.
         cut_short: whether it ended because no more effects were asked for, with candidates left.
     """
@@ -60,6 +62,7 @@ def search(start: State, *, most: int = 4, forced: Sequence[str] = (), spare: Se
     """
     states, rounds, added = [start], [], []
     looks: dict[str, Round] = {}
+    met = _Met([start])
     for name in forced:
         progress(f"adding {name}")
         points = screen(states[-1], effects.get(name))
@@ -70,7 +73,7 @@ def search(start: State, *, most: int = 4, forced: Sequence[str] = (), spare: Se
         if len(added) >= most:
             break
         progress(f"looking for what {' + '.join(['the model', *added])} lacks")
-        found = look(states[-1], spare=spare)
+        found = met.look(states[-1], spare=spare)
         rounds.append(found)
         good = believed(states[-1], found.tried)
         if len(added) >= SEVERAL and states[-1].rms > LOUD:
@@ -81,15 +84,16 @@ def search(start: State, *, most: int = 4, forced: Sequence[str] = (), spare: Se
         states.append(chosen.state)
         added.append(chosen.effect.id)
         progress(f"defending {', '.join(added)}")
-        states, added, looks = _defend(states[0], states[-1], added, forced, spare)
+        states, added, looks = _defend(states[0], states[-1], added, forced, spare, met)
     if not rounds or rounds[-1].before is not states[-1]:
-        rounds.append(look(states[-1], spare=spare, most=0))
+        rounds.append(met.look(states[-1], spare=spare, most=0))
     cut_short = len(added) >= most and any(c.gain > 10 * ENOUGH for c in rounds[-1].screened)
     if len(added) == 1 and not forced:  # it needed no defence: what is left without it is where the first look began
         looks = {added[0]: rounds[0]}
-    state, added, rivals, evidence = _rivals(states[-1], added, forced, spare, looks)
+    state, added, rivals, evidence = _rivals(states[-1], added, forced, spare, looks, met)
     states[-1] = state
-    return Search(tuple(_ladder(states[0], states[-1], added)), tuple(added), rivals, tuple(rounds), evidence, cut_short)
+    ladder, added = _ladder(states[0], states[-1], added, met)
+    return Search(tuple(ladder), tuple(added), rivals, tuple(rounds), evidence, cut_short)
 
 
 def _simplest(good: Sequence[Tried]) -> Tried:
@@ -97,6 +101,37 @@ def _simplest(good: Sequence[Tried]) -> Tried:
     best = good[0]
     alike = [t for t in good if t is best or _alike(t, best.state, best.evidence)]
     return min(alike, key=lambda t: (len(t.state.values), -t.evidence.value))
+
+
+class _Met:
+    """The best fit of each model that the search came by: one and the same model may end at several optima."""
+
+    def __init__(self, states: Sequence[State]) -> None:
+        self._best: dict[frozenset[str], State] = {}
+        self.note(states)
+
+    def note(self, states: Sequence[State]) -> None:
+        """Remember states, the best of each model."""
+        for state in states:
+            names = frozenset(state.model.names)
+            if names not in self._best or state.cost < self._best[names].cost:
+                self._best[names] = state
+
+    def best(self, names: Iterable[str]) -> State | None:
+        """Of the model of these effects; None where the search didn't come by it."""
+        return self._best.get(frozenset(names))
+
+    def look(self, state: State, *, most: int = REFITTED, spare: Sequence[str] = (), known: Round | None = None) -> Round:
+        """A look whose refits are remembered."""
+        found = look(state, most=most, spare=spare, known=known)
+        self.note([t.state for t in found.tried])
+        return found
+
+    def without(self, state: State, name: str) -> State:
+        """The same model less one effect, and less what can't act without it: as met or refitted, whichever fits better."""
+        less = _without(state, name)
+        self.note([less])
+        return self.best(less.model.names) or less
 
 
 def _without(state: State, name: str) -> State:
@@ -114,8 +149,8 @@ def _parts(state: State) -> list[Array]:
     return np.split(state.values, ends[:-1])
 
 
-def _defend(first: State, state: State, added: list[str], forced: Sequence[str], spare: Sequence[str]
-            ) -> tuple[list[State], list[str], dict[str, Round]]:  # fmt: skip
+def _defend(first: State, state: State, added: list[str], forced: Sequence[str], spare: Sequence[str],
+            met: _Met) -> tuple[list[State], list[str], dict[str, Round]]:  # fmt: skip
     """Each addition against being left out, and against every other effect in its place; with looks from what is left."""
     looks: dict[str, Round] = {}
     for name in [n for n in added if n not in forced]:
@@ -123,12 +158,12 @@ def _defend(first: State, state: State, added: list[str], forced: Sequence[str],
             break
         if name not in added:
             continue
-        less = _without(state, name)
+        less = met.without(state, name)
         if _vanished(state, name) or not weigh(less, state).sure:
             added = [n for n in added if n in less.model]
             state, looks = less, {}
             continue
-        others = looks[name] = look(less, spare=[*spare, name], most=DEFENDED)
+        others = looks[name] = met.look(less, spare=[*spare, name], most=DEFENDED)
         mine = weigh(less, state)
         better = [t for t in others.tried if accepted(less, t) and _displaces(t, state, mine)]
         if better:
@@ -158,8 +193,8 @@ def _vanished(state: State, name: str) -> bool:
                for fitted in (state, state.plain.light()))  # fmt: skip
 
 
-def _rivals(state: State, added: Sequence[str], forced: Sequence[str], spare: Sequence[str], looks: Mapping[str, Round]
-            ) -> tuple[State, list[str], dict[str, tuple[str, ...]], dict[str, Evidence]]:  # fmt: skip
+def _rivals(state: State, added: Sequence[str], forced: Sequence[str], spare: Sequence[str], looks: Mapping[str, Round],
+            met: _Met) -> tuple[State, list[str], dict[str, tuple[str, ...]], dict[str, Evidence]]:  # fmt: skip
     """Of each addition, the effects that fit as well in its place; where one of them is more plausible, it takes the place.
 
     `looks` are those that were made from there already.
@@ -168,8 +203,8 @@ def _rivals(state: State, added: Sequence[str], forced: Sequence[str], spare: Se
     evidence, named = {}, list(added)
     for place, name in enumerate(added):
         earlier = looks.get(name)
-        less = earlier.before if earlier else _without(state, name)
-        others = look(less, spare=[*spare, name], known=earlier)
+        less = earlier.before if earlier else met.without(state, name)
+        others = met.look(less, spare=[*spare, name], known=earlier)
         mine = weigh(others.before, state)
         alike = [t for t in others.tried if t.effect.id != name and _alike(t, state, mine)]
         ids = [t.effect.id for t in alike]
@@ -185,7 +220,7 @@ def _more_plausible(state: State, name: str, alike: Sequence[Tried]) -> Tried | 
     """Of rivals that fit as well with as many parameters, the one whose size is the most usual; None where none is more so."""
     before = plausibility(state, effects.get(name))
     gains = [(plausibility(t.state, t.effect) - before - weigh(t.state, state).value, t) for t in alike
-             if len(t.state.values) == len(state.values)]  # fmt: skip
+             if len(t.state.values) == len(state.values) and t.evidence.sure]  # fmt: skip
     gain, best = max(gains, key=lambda pair: pair[0], default=(0.0, None))
     for _, other in gains:
         other.state.light()
@@ -196,19 +231,42 @@ def _alike(rival: Tried, state: State, mine: Evidence) -> bool:
     """Whether a rival fits as well: within what chance moves, and not by many more parameters."""
     difference = weigh(rival.state, state)
     close = max(ALIKE, min(ALIKE_SE * difference.error, CLOSE * mine.value))
-    return bool(difference.value < close and rival.evidence.sure)
+    # a few blocks may tell two apart that one alone isn't sure of
+    stands = rival.evidence.sure or rival.evidence.value > max(ENOUGH, HALF * mine.value)
+    return bool(difference.value < close and stands)
 
 
-def _ladder(first: State, last: State, added: Sequence[str]) -> list[State]:
-    """States between: one addition more at a time, in the order in which each helps most."""
-    if not added:
-        return [first]
-    if len(added) == 1:
-        return [first, last]
-    out = [first]
-    for k in range(1, len(added)):
-        current = last
-        for name in added[k:]:
-            current = _without(current, name)
-        out.append(current)
-    return [*out, last]
+def _ladder(first: State, last: State, added: Sequence[str], met: _Met) -> tuple[list[State], list[str]]:
+    """States from the first to the last, one addition more at a time, and the additions in that order: each is the one
+    that lowers the held-out error most.
+    """
+    states: list[State] = [first]
+    order: list[str] = []
+    while len(order) < len(added):
+        further = [(name, _with(states[-1], last, name, added, met)) for name in added
+                   if name not in order and _can_stand(name, states[-1].model)]  # fmt: skip
+        # the other states of a step are not needed again: their sensitivities are most of the memory
+        name, state = min(further, key=lambda pair: shown_error(pair[1].light())) if len(further) > 1 else further[0]
+        states.append(state)
+        order.append(name)
+    return states, order
+
+
+def _can_stand(name: str, model: Model) -> bool:
+    """Whether an effect has what it acts on."""
+    wants = effects.get(name).wants
+    return not wants or any(w in model for w in wants)
+
+
+def _with(state: State, last: State, name: str, added: Sequence[str], met: _Met) -> State:
+    """A state's model with one addition: as it was met, or the last model less the other additions, whichever fits better."""
+    names = {*state.model.names, name}
+    known = met.best(names)
+    if set(added) <= names:
+        return last
+    if known is not None and known.converged:
+        return known
+    less = last
+    for other in (n for n in reversed(added) if n not in names):
+        less = _without(less, other)
+    return less if known is None or less.cost < known.cost else known

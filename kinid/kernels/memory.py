@@ -72,6 +72,34 @@ def bristles(v1: Array, v2: Array, dt: Array, depth: Array, length: float, out: 
 
 
 @njit(cache=True, nogil=True)
+def steady(rate: Array, dt: Array, reach: float, out: Array) -> None:
+    """Rates of a path without what noise makes of it: it stands still while what was measured stays within its reach.
+
+    Play of half-width `reach` follows the path forwards, lagging, and backwards, leading; their mean does neither, and only
+    cuts turning points by the reach.
+
+    Args:
+        rate: v [m/s], (n,). dt: see above. reach: [m]. out: (n,).
+    """
+    n = rate.shape[0]
+    path, ahead = np.zeros(n), np.zeros(n)
+    for i in range(n):
+        if i > 0 and dt[i] > 0.0:
+            path[i] = path[i - 1] + 0.5 * (rate[i] + rate[i - 1]) * dt[i]
+            ahead[i] = min(max(ahead[i - 1], path[i] - reach), path[i] + reach)
+    back = 0.0
+    for i in range(n - 1, -1, -1):
+        last = i == n - 1 or dt[i + 1] <= 0.0
+        back = path[i] if last else min(max(back, path[i] - reach), path[i] + reach)
+        path[i] = 0.5 * (ahead[i] + back)
+    for i in range(n):
+        first, last = i == 0 or dt[i] <= 0.0, i == n - 1 or dt[i + 1] <= 0.0
+        before = 0.0 if first else (path[i] - path[i - 1]) / dt[i]
+        after = before if last else (path[i + 1] - path[i]) / dt[i + 1]
+        out[i] = 0.5 * (after if first else before) + 0.5 * after
+
+
+@njit(cache=True, nogil=True)
 def loop(depth: Array, rate: Array, dt: Array, length: float, out: Array, elastic: float = ELASTIC) -> None:
     """State of a loop over depth that speed doesn't change, −1…1: dz/dδ = (sgn δ̇ − z) / ℓ · sgn δ̇ (Dahl 1968).
 

@@ -91,6 +91,24 @@ def test_a_turned_force_is_refused() -> None:
         kinid.diagnose(turned, RIG, model=kinid.Model("kelvin-voigt"))
 
 
+def test_a_turned_depth_is_refused() -> None:
+    log = poked()
+    turned = dataclasses.replace(log, contact={**log.contact, "depth": -log.contact["depth"]})
+    with pytest.raises(InputError, match=r"where the depth is negative.*scale = -1"):
+        kinid.diagnose(turned, RIG, model=kinid.Model("kelvin-voigt"))
+    assert [w for w in kinid.Model("hooke").fit(kinid.contact_series(turned, RIG)).warnings if "depth is negative" in w]
+    # a surface that is stated 1.5 mm too deep leaves as much force outside as inside
+    shifted = dataclasses.replace(log, contact={**log.contact, "depth": log.contact["depth"] - 1.5e-3})
+    assert not [w for w in kinid.Model("hooke").fit(kinid.contact_series(shifted, RIG)).warnings if "depth is negative" in w]
+
+
+def test_forces_in_another_unit_are_doubted() -> None:
+    log = poked()
+    micro = dataclasses.replace(log, contact={**log.contact, "normal_force": 1e6 * log.contact["normal_force"]})
+    assert [w for w in kinid.Model("hooke").fit(kinid.contact_series(micro, RIG)).warnings if "another unit" in w]
+    assert not [w for w in kinid.Model("hooke").fit(kinid.contact_series(log, RIG)).warnings if "another unit" in w]
+
+
 def test_a_bias_does_not_hide_free_motion() -> None:
     log = poked()
     biased = dataclasses.replace(log, contact={**log.contact, "normal_force": log.contact["normal_force"] + 0.2})
