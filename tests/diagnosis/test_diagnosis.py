@@ -177,6 +177,26 @@ def test_an_effect_may_need_another_that_was_found(tester: Tester) -> None:
     assert result.steps[-1].held_out == pytest.approx(NOISE, rel=0.1)
 
 
+def test_noise_of_the_slip_shakes_no_surface(tester: Tester) -> None:
+    """3 µm on each slip: presliding is found, and no anisotropy, which slides along one axis can't show.
+
+    Noise that moves bristles turns friction across the slides into noise, which anisotropy would seem to take away.
+    """
+    force = tester.kelvin_voigt()
+    quiet, rng = tester.log(force, tester.rubbing(force, 2e-4)), np.random.default_rng(3)
+    slips = {name: quiet.contact[name] + 3e-6 * rng.standard_normal(len(force)) for name in ("slip1", "slip2")}
+    log = kinid.Log(t=quiet.t, contact={**quiet.contact, **slips}, phase=quiet.phase)
+    result = kinid.diagnose(log, RIG, model=kinid.Model("kelvin-voigt"))
+    assert result.added == ("coulomb-friction", "presliding")
+    assert result.verdict == "missing"
+    assert result["friction-anisotropy"].verdict == "not-excited"
+    assert result["coulomb-friction"].parameters["coefficient"].value == pytest.approx(0.4, rel=0.01)
+    assert result["presliding"].parameters["length"].value == pytest.approx(2e-4, rel=0.1)
+    assert result.steps[-1].held_out < 1.1 * NOISE
+    whole = kinid.diagnose(log, RIG, model=kinid.Model("kelvin-voigt", "coulomb-friction", "presliding"))
+    assert whole.verdict == "adequate"
+
+
 def test_errors_are_of_the_same_samples_held_out(found: Diagnosis) -> None:
     """Both residuals cover the same samples, those that were valid, and their size is the error on the ladder."""
     assert found.residual.shape == found.residual_after.shape == found.experiment.measured.shape

@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.integrate import quad, solve_ivp
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from kinid.effects import Layout, Signals
 from kinid.effects.relaxation import Relaxation
@@ -373,6 +373,33 @@ def test_bristles_keep_their_deflection_under_the_noise_of_rest() -> None:
     memory.bristles(rate, 0 * rate, steps, np.ones(len(t)), 1e-4, crept, 0.0)
     assert kept[0, -1] > 0.9
     assert crept[0, -1] < 0.7
+
+
+def test_rates_without_what_noise_makes_of_them() -> None:
+    """3 µm of white noise on a slip that rests, runs, turns and rests: still at rest, and nowhere further off than it reaches."""
+    t = np.arange(0, 6, 2e-3)
+    true = PchipInterpolator([0, 1, 2, 3, 6], [0.0, 0.0, 2e-3, 5e-4, 5e-4])(t)
+    rate = np.gradient(true + 3e-6 * np.random.default_rng(8).normal(size=len(t)), t)
+    dt = np.diff(t, prepend=0.0)
+    reach, out = 12e-6, np.empty(len(t))
+    memory.steady(rate, dt, reach, out)
+
+    def path(v: Array) -> Array:
+        return np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * dt[1:])])
+
+    # rates at samples are means of those to either side: a kink of the path is spread over two
+    assert np.abs(path(out) - path(rate)).max() < 1.5 * reach
+    assert np.abs(path(out) - (true - true[0])).max() < reach + 3 * 3e-6
+    rest = (t > 3.2) & (t < 5.8)
+    assert not out[rest].any()
+    assert np.abs(rate[rest]).max() > 1e-3
+    # where memory begins anew, so does the path
+    pieces, whole = dt.copy(), np.empty(len(t))
+    pieces[1500] = 0.0
+    memory.steady(rate, pieces, reach, whole)
+    begun = np.empty(len(t) - 1500)
+    memory.steady(rate[1500:], pieces[1500:], reach, begun)
+    np.testing.assert_array_equal(whole[1500:], begun)
 
 
 def test_friction_in_steady_slip() -> None:
