@@ -376,7 +376,7 @@ def test_bristles_keep_their_deflection_under_the_noise_of_rest() -> None:
 
 
 def test_rates_without_what_noise_makes_of_them() -> None:
-    """3 µm of white noise on a slip that rests, runs, turns and rests: next to none at rest, and nowhere further off than it reaches."""
+    """3 µm of noise on a slip that rests, runs, turns and rests: next to none at rest; nowhere further off than it reaches."""
     t = np.arange(0, 6, 2e-3)
     true = PchipInterpolator([0, 1, 2, 3, 6], [0.0, 0.0, 2e-3, 5e-4, 5e-4])(t)
     rate = np.gradient(true + 3e-6 * np.random.default_rng(8).normal(size=len(t)), t)
