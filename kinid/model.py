@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid import effects as catalogue
+from kinid.derivative import Differentiator
 from kinid.effects import Effect, Layout, Signals, Stage
 from kinid.effects._deflection import press_through
 from kinid.effects._derived import derived
@@ -33,8 +34,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: noise of a measured slip reaches so many times its standard deviation
-REACH = 1.5
+#: noise of a path reaches so many times its standard deviation
+REACH = 4.5
 
 #: names that stand for several effects
 TOGETHER = {
@@ -181,11 +182,20 @@ class Model:
             self._run(Stage.TOOL, s, slices)
 
     def _bristles(self, s: Signals) -> Array:
-        """Deflection of the bristles; it depends on the motion alone, which one log's predictions share."""
-        rates = derived("steady-rates", lambda: _steady(s), s.slip, s.slip_rate, s.dt)
+        """Deflection of the bristles; it depends on the motion alone, which one log's predictions share.
+
+        Noise of the slip would shake them loose, which no surface feels: what of it they aren't elastic enough to bear is
+        taken out of the rates.
+        """
+        reach = derived("slip-reach", lambda: np.array([_slip_reach(s)]), s.slip, s.slip_rate, s.dt)
 
         def bend() -> Array:
-            u = np.empty((2, len(s)))
+            rates, u = s.slip_rate, np.empty((2, len(s)))
+            beyond = float(reach[0]) - ELASTIC * s.bristle
+            if beyond > 0.0:
+                rates = np.empty_like(rates)
+                for rate, row in zip(s.slip_rate, rates):
+                    steady(rate, s.dt, beyond, row)
             bristles(rates[0], rates[1], s.dt, s.depth, s.bristle, u)
             return u
 
@@ -241,18 +251,14 @@ class Model:
         return fit_model(self, data, rig, **options)  # type: ignore[arg-type]
 
 
-def _steady(s: Signals) -> Array:
-    """Slip rates (2, n) that noise of the slip has no part in: it would shake bristles loose, which no surface feels.
-
-    Where it is small they are elastic enough to bear it.
-    """
-    reach = REACH * max(white_noise(slip) for slip in s.slip)
-    if reach < ELASTIC * BRISTLE:
-        return s.slip_rate
-    out = np.empty_like(s.slip_rate)
-    for rate, row in zip(s.slip_rate, out):
-        steady(np.ascontiguousarray(rate), s.dt, reach, row)
-    return out
+def _slip_reach(s: Signals) -> float:
+    """How far noise of a measured slip reaches on the path of its rates [m]."""
+    steps = s.dt[s.dt > 0]
+    dt = float(np.median(steps)) if len(steps) else 0.0
+    # of white noise on positions a differentiator leaves what lies in its band; and nobody's rates are quieter than they look
+    passed = np.sqrt(min(1.0, 2.0 * Differentiator().bandwidth * dt))
+    return REACH * max(max(passed * white_noise(slip), np.sqrt(2.0) * dt * white_noise(rate))
+                       for slip, rate in zip(s.slip, s.slip_rate))  # fmt: skip
 
 
 def _wrench(s: Signals) -> Array:

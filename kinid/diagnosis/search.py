@@ -29,6 +29,8 @@ BETTER = 12.0
 CLOSE = 0.15
 #: a rival that alone would not be believed is one nevertheless with this share of what the addition brought
 HALF = 0.5
+#: what leaves less than this share of the error goes before what has more evidence
+FAR_LESS = 0.7
 #: rounds beyond the number of effects that may be added
 EXTRA_ROUNDS = 2
 
@@ -97,8 +99,13 @@ def search(start: State, *, most: int = 4, forced: Sequence[str] = (), spare: Se
 
 
 def _simplest(good: Sequence[Tried]) -> Tried:
-    """Of those that fit as well as the best, the one with the fewest parameters."""
-    best = good[0]
+    """Of those that fit as well as the best, the one with the fewest parameters.
+
+    The best has the most evidence; but what leaves far less error than that comes first: evidence, bounded for each sample,
+    counts how many come near, and far from noise a wrong law may bring more of them near than the right one beside its faults.
+    """
+    best = min(good, key=lambda t: t.state.rms)
+    best = best if best.state.rms < FAR_LESS * good[0].state.rms else good[0]
     alike = [t for t in good if t is best or _alike(t, best.state, best.evidence)]
     return min(alike, key=lambda t: (len(t.state.values), -t.evidence.value))
 
