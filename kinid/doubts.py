@@ -22,6 +22,8 @@ DEEPEST, SHALLOWEST = 0.3, 1e-6
 STRONGEST = 1e5
 #: a depth is turned where the force outside the material is so many times that inside
 OUTSIDE = 3.0
+#: samples that such a thing is told from
+FEWEST = 50
 #: share of the greatest depth outside the material from which on a force is no contact, whatever it is
 CLEAR = 0.1
 #: of the greatest depth, a share that no tool moves from one sample to the next
@@ -32,6 +34,10 @@ QUICK = 0.05
 SLOWEST = 0.2
 #: how a force is turned
 TURN = "normal_force = { scale = -1 } in [columns] of the rig turns it"
+#: … tangential forces
+TURN_TANGENTIAL = "tangential_force1 and tangential_force2 = { scale = -1 } in [columns] of the rig turn it"
+#: of slip faster than this [m/s], correlation of tangential force and slip rate beyond which the force drives the slip
+SLIPPING, DRIVES = 1e-3, 0.5
 #: … and a depth
 TURN_DEPTH = "depth = { scale = -1 } in [columns] of the rig turns it"
 #: parameters that no material has below nothing: it would give energy, or pull where it is pressed
@@ -59,6 +65,10 @@ def of_data(experiment: Experiment) -> list[str]:
     if strongest is not None:
         out.append(f"a force of {strongest:.3g} N where the depth is negative, and next to none inside: is its sign turned? "
                    f"It is positive inside the material; {TURN_DEPTH}")  # fmt: skip
+    along = drives(experiment)
+    if along is not None:
+        out.append(f"the tangential force points along the slip, by {along:.3g} N: is its sign turned? It is what the surface "
+                   f"does to the tool, against the slip; {TURN_TANGENTIAL}")  # fmt: skip
     lowest = turned(experiment)
     if lowest is not None:
         out.append(f"the normal force falls to {lowest:.3g} N as the tool goes deeper: is its sign turned? It is positive "
@@ -101,6 +111,27 @@ def turned_depth(experiment: Experiment) -> float | None:
         return None
     there, here = (float(np.sqrt(np.mean(part**2))) for part in (beyond, within))
     return float(np.abs(beyond).max()) if there > OUTSIDE * here else None
+
+
+def drives(experiment: Experiment) -> float | None:
+    """The mean tangential force along the slip [N] where it points along it rather than against it, to and fro; else None.
+
+    One way alone, a tilted surface may push the tool along.
+    """
+    s, channels = experiment.signals, experiment.layout.channels
+    axes = [(i, channels.index(f"tangential_force{i + 1}")) for i in (0, 1) if f"tangential_force{i + 1}" in channels]
+    if experiment.layout.kind != "contact" or not axes:
+        return None
+    slip, force = np.stack([s.slip_rate[i] for i, _ in axes]), np.stack([experiment.measured[row] for _, row in axes])
+    speed = np.hypot.reduce(slip)
+    moving = experiment.valid & (s.depth > 0) & (speed > SLIPPING)
+    main = slip[int(np.argmax(np.mean(slip**2, axis=1)))]
+    ways = [moving & (main > 0), moving & (main < 0)]
+    if min(int(way.sum()) for way in ways) < FEWEST:
+        return None
+    along = [float(np.mean(np.sum(force * slip, axis=0)[way] / speed[way])) for way in ways]
+    size = float(np.sqrt(np.mean(np.sum(force**2, axis=0)[moving])))
+    return min(along) if min(along) > DRIVES * size > 0 else None
 
 
 def _force(experiment: Experiment) -> Array | None:

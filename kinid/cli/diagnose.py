@@ -45,7 +45,7 @@ def diagnose(
         typer.Option(help="An effect to add whatever the evidence says; once for each.", show_default=False,
                      autocompletion=complete.effect),
     ] = None,
-    max_effects: Annotated[int, typer.Option(help="Effects to add at most.", min=0)] = 4,
+    max_effects: Annotated[int, typer.Option(help="Effects to add at most.")] = 4,
     explain: Annotated[
         str | None, typer.Option(help="Say what an effect is and looks like, and nothing else.", autocompletion=complete.effect)
     ] = None,

@@ -26,7 +26,7 @@ from kinid.diagnosis.unexplained import OTHER_FORM, judge
 from kinid.diagnosis.verdicts import verdicts
 from kinid.diagnosis.where import where
 from kinid.diagnosis.words import with_rivals
-from kinid.doubts import TURN, TURN_DEPTH, impossible, turned, turned_depth
+from kinid.doubts import TURN, TURN_DEPTH, TURN_TANGENTIAL, drives, impossible, turned, turned_depth
 from kinid.errors import InputError
 from kinid.estimators.batch import Solution
 from kinid.experiment import Experiment, from_contact, from_joint_torques, from_wrench
@@ -109,6 +109,10 @@ def diagnose(
     if lowest is not None:
         raise InputError(f"a normal force that falls to {lowest:.3g} N as the tool goes deeper",
                          "one that is positive where the material pushes the tool out", TURN)  # fmt: skip
+    along = drives(experiment) if "slip" in model.needs else None
+    if along is not None:
+        raise InputError(f"a tangential force that points along the slip, by {along:.3g} N",
+                         "what the surface does to the tool, against the slip", TURN_TANGENTIAL)  # fmt: skip
     outside = turned_depth(experiment) if "normal" in model.needs else None
     if outside is not None:
         raise InputError(f"a force of {outside:.3g} N where the depth is negative, and next to none inside",

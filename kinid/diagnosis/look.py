@@ -26,6 +26,8 @@ Out = TypeVar("Out")
 ENOUGH = 16.0
 #: and how many of its own standard errors it must be
 SURE = 3.0
+#: an error that falls to less than this share has fallen far
+FAR_LESS = 0.6
 #: what each further parameter costs, in evidence
 PRICE = 4.0
 #: held-out error must fall by this share at least, for each of the samples that are averaged together, within these ends: means
@@ -56,6 +58,7 @@ class Evidence:
     Attributes:
         value: the figure. error: its standard error, from the spread over blocks of half a second.
         gaining, losing: blocks that gain or lose more than one unit. kept: share of the gain that losing blocks don't take back.
+        left: share of the held-out error that is left.
     """
 
     value: float
@@ -63,14 +66,17 @@ class Evidence:
     gaining: int
     losing: int
     kept: float
+    left: float
 
     @property
     def sure(self) -> bool:
-        """Whether chance is no explanation: many blocks gain alike, or a few gain much and next to none loses."""
+        """Whether chance is no explanation: many blocks gain alike, a few gain much and next to none loses, or the error falls
+        so far that what some blocks lose is no matter.
+        """
         if self.value < ENOUGH:
             return False
         rare = self.gaining >= 3 and self.kept > 0.8 and self.gaining >= 3 * self.losing
-        return self.value > SURE * self.error or rare
+        return self.value > SURE * self.error or rare or (self.left < FAR_LESS and self.gaining > self.losing)
 
 
 def weigh(before: State, after: State) -> Evidence:
@@ -80,7 +86,7 @@ def weigh(before: State, after: State) -> Evidence:
     up, down = float(gain[gain > 0].sum()), float(-gain[gain < 0].sum())
     error = float(gain.std(ddof=1) * np.sqrt(len(gain))) if len(gain) > 1 else float("inf")
     return Evidence(float(gain.sum() - price), error, int((gain > 1).sum()), int((gain < -1).sum()),
-                    1.0 - down / up if up > 0 else 0.0)  # fmt: skip
+                    1.0 - down / up if up > 0 else 0.0, after.rms / before.rms if before.rms > 0 else 1.0)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

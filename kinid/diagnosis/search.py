@@ -12,7 +12,7 @@ from kinid import effects
 from kinid.diagnosis.belief import accepted, believed, plausibility, shown_error
 from kinid.diagnosis.candidates import amplitudes, base_of, screen
 from kinid.diagnosis.descent import State, fit
-from kinid.diagnosis.look import DEFENDED, ENOUGH, REFITTED, Evidence, Round, Tried, attempt, look, weigh
+from kinid.diagnosis.look import DEFENDED, ENOUGH, FAR_LESS, REFITTED, Evidence, Round, Tried, attempt, look, weigh
 from kinid.model import Model
 
 Array = NDArray[np.float64]
@@ -29,8 +29,6 @@ BETTER = 12.0
 CLOSE = 0.15
 #: a rival that alone would not be believed is one nevertheless with this share of what the addition brought
 HALF = 0.5
-#: what leaves less than this share of the error goes before what has more evidence
-FAR_LESS = 0.7
 #: rounds beyond the number of effects that may be added
 EXTRA_ROUNDS = 2
 

@@ -19,7 +19,7 @@ class CoulombFriction(Effect):
 
     id = "coulomb-friction"
     title = "dry friction"
-    equation = "T = −μ N u"
+    equation = "T = −μ N u, where u turns along the slip over 0.1 mm and keeps its direction at rest"
     source = "C. A. Coulomb, Théorie des machines simples, 1785; bristles: P. R. Dahl, 1968"
     signature = "a step in the tangential force where the slip reverses, as high as the normal force is large"
     excited_by = "slip, best in both directions"

@@ -102,6 +102,22 @@ def test_a_turned_depth_is_refused() -> None:
     assert not [w for w in kinid.Model("hooke").fit(kinid.contact_series(shifted, RIG)).warnings if "depth is negative" in w]
 
 
+def test_turned_tangential_forces_are_refused() -> None:
+    """Friction acts on the tool against the slip; along it, it would drive it."""
+    t = np.arange(0, 8, 2e-3)
+    depth, speed = 2e-3 * np.sin(np.pi * t / 8), 0.02 * np.cos(2 * np.pi * t)
+    rub = 0.5 * 800 * depth * np.tanh(speed / 1e-3)
+    contact = {"depth": depth, "normal_force": 800 * depth, "slip1": np.cumsum(speed) * 2e-3, "slip2": 0 * t,
+               "tangential_force1": rub, "tangential_force2": 0 * t}  # fmt: skip
+    rng = np.random.default_rng(5)
+    noise = {name: contact[name] + NOISE * rng.standard_normal(len(t)) for name in contact if "force" in name}
+    with pytest.raises(InputError, match="points along the slip"):
+        kinid.diagnose(kinid.Log(t=t, contact={**contact, **noise}), RIG, model=kinid.Model("hooke", "coulomb-friction"))
+    right = kinid.Log(t=t, contact={**contact, **noise, "tangential_force1": -noise["tangential_force1"]})
+    fit = kinid.Model("hooke", "coulomb-friction").fit(kinid.contact_series(right, RIG))
+    assert not [w for w in fit.warnings if "along the slip" in w]
+
+
 def test_forces_in_another_unit_are_doubted() -> None:
     log = poked()
     micro = dataclasses.replace(log, contact={**log.contact, "normal_force": 1e6 * log.contact["normal_force"]})
