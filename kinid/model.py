@@ -257,8 +257,8 @@ def _slip_reach(s: Signals) -> float:
     dt = float(np.median(steps)) if len(steps) else 0.0
     # of white noise on positions a differentiator leaves what lies in its band; and nobody's rates are quieter than they look
     passed = float(np.sqrt(min(1.0, 2.0 * Differentiator().bandwidth * dt)))
-    return REACH * max(max(passed * white_noise(slip), 2.0**0.5 * dt * white_noise(rate))
-                       for slip, rate in zip(s.slip, s.slip_rate))  # fmt: skip
+    noise = [max(passed * white_noise(slip), 2**0.5 * dt * white_noise(rate)) for slip, rate in zip(s.slip, s.slip_rate)]
+    return REACH * max(noise)
 
 
 def _wrench(s: Signals) -> Array:
