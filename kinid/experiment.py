@@ -20,6 +20,7 @@ from kinid.motion import STATIC_PERIOD, joint_motion
 from kinid.rig import WRENCH, Rig
 from kinid.robot import Robot
 from kinid.surface import load as load_surface
+from kinid.white_noise import white_noise
 from kinid.wrench import Bias, read_wrench
 
 Array = NDArray[np.float64]
@@ -33,6 +34,10 @@ FREE_ENOUGH = 200
 BRIDGED = 1.0 / Differentiator().bandwidth
 #: a material has let go where its force is below so many times the noise
 LET_GO = 3.0
+#: noise of a path reaches so many times its standard deviation
+REACH = 4.5
+#: and no further than this [m]: fast motion between slow samples passes for noise
+MOST_REACH = 2e-5
 #: depth that stands for "nowhere near a surface" where the rig has none [m]
 FAR = -1.0
 
@@ -149,6 +154,16 @@ class Experiment:
         return self.signals.layout
 
 
+def dither(slip: Array, slip_rate: Array, dt: Array) -> float:
+    """How far noise of a measured slip (2, n) reaches on the path of its rates (2, n) [m]."""
+    steps = dt[dt > 0]
+    period = float(np.median(steps)) if len(steps) else 0.0
+    # of white noise on positions a differentiator leaves what lies in its band; and nobody's rates are quieter than they look
+    passed = float(np.sqrt(min(1.0, 2.0 * Differentiator().bandwidth * period)))
+    noise = [max(passed * white_noise(x), 2**0.5 * period * white_noise(v)) for x, v in zip(slip, slip_rate)]
+    return min(REACH * max(noise), MOST_REACH)
+
+
 def time_steps(t: Array, starts: NDArray[np.bool_]) -> Array:
     """Time since the sample before [s], 0 where memory begins anew, (n,)."""
     dt = np.diff(t, prepend=t[0])
@@ -165,8 +180,9 @@ def from_contact(touch: ContactSeries, channels: tuple[str, ...]) -> Experiment:
     measured = np.stack([getattr(touch, name)[rows] for name in channels])
     valid = np.isfinite(measured).all(axis=0)
     signals = Signals(
-        Layout(channels, "contact"), t, dt, touch.depth[rows], touch.depth_rate[rows], slip, slip_rate, measured=measured
-    )
+        Layout(channels, "contact"), t, dt, touch.depth[rows], touch.depth_rate[rows], slip, slip_rate, measured=measured,
+        dither=dither(slip, slip_rate, dt),
+    )  # fmt: skip
     in_contact = touch.in_contact[rows]
     noise = _noise(measured[:, valid])
     free = valid & ~in_contact & (touch.depth[rows] < 0)
@@ -239,6 +255,8 @@ def from_wrench(
         nothing if touch is None else np.stack([touch.slip_rate1[rows], touch.slip_rate2[rows]]),
         measured=_rows(reading.true()[rows]), sensor=sensor, as_read=AsRead.stated(reading.inverse_crosstalk, stated),
     )  # fmt: skip
+    if touch is not None:
+        signals.dither = dither(signals.slip, signals.slip_rate, dt)
     noise = _noise(measured[:, valid])
     if rig.sensor.noise is not None:
         noise = np.maximum(noise, rig.sensor.noise)

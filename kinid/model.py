@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid import effects as catalogue
-from kinid.derivative import Differentiator
 from kinid.effects import Effect, Layout, Signals, Stage
 from kinid.effects._deflection import press_through
 from kinid.effects._derived import derived
@@ -24,7 +23,6 @@ from kinid.errors import InputError
 from kinid.kernels.frames import contact_wrench
 from kinid.kernels.memory import ELASTIC, bristles, steady
 from kinid.parameter import Parameter
-from kinid.white_noise import white_noise
 
 if TYPE_CHECKING:
     from kinid.contact import ContactSeries
@@ -33,9 +31,6 @@ if TYPE_CHECKING:
     from kinid.rig import Rig
 
 Array = NDArray[np.float64]
-
-#: noise of a path reaches so many times its standard deviation
-REACH = 4.5
 
 #: names that stand for several effects
 TOGETHER = {
@@ -187,11 +182,9 @@ class Model:
         Noise of the slip would shake them loose, which no surface feels: what of it they aren't elastic enough to bear is
         taken out of the rates.
         """
-        reach = derived("slip-reach", lambda: np.array([_slip_reach(s)]), s.slip, s.slip_rate, s.dt)
-
         def bend() -> Array:
             rates, u = s.slip_rate, np.empty((2, len(s)))
-            beyond = float(reach[0]) - ELASTIC * s.bristle
+            beyond = s.dither - ELASTIC * s.bristle
             if beyond > 0.0:
                 rates = np.empty_like(rates)
                 for rate, row in zip(s.slip_rate, rates):
@@ -249,16 +242,6 @@ class Model:
         from kinid.fit import fit_model
 
         return fit_model(self, data, rig, **options)  # type: ignore[arg-type]
-
-
-def _slip_reach(s: Signals) -> float:
-    """How far noise of a measured slip reaches on the path of its rates [m]."""
-    steps = s.dt[s.dt > 0]
-    dt = float(np.median(steps)) if len(steps) else 0.0
-    # of white noise on positions a differentiator leaves what lies in its band; and nobody's rates are quieter than they look
-    passed = float(np.sqrt(min(1.0, 2.0 * Differentiator().bandwidth * dt)))
-    noise = [max(passed * white_noise(slip), 2**0.5 * dt * white_noise(rate)) for slip, rate in zip(s.slip, s.slip_rate)]
-    return REACH * max(noise)
 
 
 def _wrench(s: Signals) -> Array:

@@ -121,6 +121,7 @@ class Signals:
         t: time from the first sample [s], (n,).
         dt: time since the sample before [s], (n,); 0 where memory begins anew (first sample, after a gap).
         depth [m], depth_rate [m/s]: (n,). slip [m], slip_rate [m/s]: (2, n).
+        dither: how far noise of the slip reaches on the path of its rates [m]; bristles are not moved by it.
         measured: measured readings, (channels, n); no law is driven by them.
         compliance: of the arm along the normal, which the contact law is behind [m/N].
         elastic: elastic force F_e [N], (n,). exponent: of its power law. normal: N [N], (n,).
@@ -137,6 +138,7 @@ class Signals:
     depth_rate: Array
     slip: Array
     slip_rate: Array
+    dither: float = 0.0
     measured: Array | None = None
     sensor: SensorMotion | None = None
     joints: JointMotion | None = None
