@@ -23,6 +23,7 @@ from kinid.rig import CONTACT, Rig, ToolSpec
 from kinid.robot import Robot
 from kinid.surface import Plane, Surface
 from kinid.surface import load as load_surface
+from kinid.white_noise import white_noise
 from kinid.wrench import FEWEST_FREE, Bias, Reading, read_wrench, tool_load
 
 Array = NDArray[np.float64]
@@ -350,14 +351,8 @@ def _touching(
 
 
 def force_noise(signal: Array) -> float:
-    """Standard deviation of white noise on a slow signal: from third differences, robustly; at least 1 nN.
-
-    A third difference of white noise has 20 times its variance, and of a smooth signal next to nothing; the median
-    absolute deviation ignores the few samples at impacts.
-    """
-    if len(signal) < 8:
-        return 1e-9
-    return max(1e-9, float(1.4826 * np.median(np.abs(np.diff(signal, n=3))) / np.sqrt(20.0)))
+    """Standard deviation of white noise on a slow force (n,) [N]; at least 1 nN."""
+    return max(1e-9, white_noise(signal))
 
 
 def _own_quantities(log: Log, rig: Rig, differentiator: Differentiator) -> ContactSeries:

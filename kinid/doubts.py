@@ -136,8 +136,7 @@ def drives(experiment: Experiment) -> float | None:
 
 def _force(experiment: Experiment) -> Array | None:
     """Normal force of a log of contact quantities, (n,)."""
-    channels = experiment.layout.channels
-    return experiment.measured[channels.index("normal_force")] if "normal_force" in channels else None
+    return experiment.normal_force if experiment.layout.kind == "contact" else None
 
 
 def impossible(named: Mapping[str, Parameter], values: Array, covariance: Array) -> list[str]:

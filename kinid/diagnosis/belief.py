@@ -44,21 +44,13 @@ def accepted(before: State, tried: Tried) -> bool:
 def _matters(before: State, tried: Tried) -> bool:
     """Whether it takes enough off the weighted error; or, if calibration is no explanation, off the error as users see it."""
     coarse = before.problem.experiment.steps is not None
-    if coarse and (before.rms < CALM or at_word(tried.state) > (1.0 - SEEN) * at_word(before)):
+    if coarse and (before.rms < CALM or tried.state.at_word > (1.0 - SEEN) * before.at_word):
         return False
     if tried.state.rms < (1.0 - worth(before)) * before.rms:
         return True
     if tried.effect.id in TOLERATED or tried.evidence.value < STRONG:
         return False
     return shown_error(tried.state) < (1.0 - LIGHTER) * shown_error(before)
-
-
-def at_word(state: State) -> float:
-    """Weighted error that is left of readings of a coarse converter, taken at their word."""
-    problem = state.problem
-    left = problem.stack(problem.measured) - problem.of_stairs.expected(state.standing(problem.predict(
-        state.model, state.values, state.signals())))  # fmt: skip
-    return float(np.sqrt(np.mean(left**2)))
 
 
 def shown_error(state: State) -> float:

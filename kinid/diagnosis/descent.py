@@ -72,7 +72,12 @@ class State:
     @cached_property
     def halves(self) -> tuple[Array, Array]:
         """Values of the model's parameters fitted to the even half and to the odd half, each (p,)."""
-        even, odd = (fit(self.problem.only(half), self.model, self.plain.values, steps=15, calibrate=False).values
+        even, odd = self.plain._each_half()
+        return even.values, odd.values
+
+    def _each_half(self) -> tuple[State, State]:
+        """The same model fitted to the even half and to the odd half, from here."""
+        even, odd = (fit(self.problem.only(half), self.model, self.values, steps=15, calibrate=bool(len(self.shift)))
                      for half in (self.problem.even, ~self.problem.even))  # fmt: skip
         return even, odd
 
@@ -113,10 +118,9 @@ class State:
         even = self.problem.half
         out = self._foreseen
         if float(out @ out) > STRAIGHT * float(self.residual @ self.residual):
-            each = [_Descent(self.problem, self.model, found.values, found.shift).residual for found in (
-                fit(self.problem.only(half), self.model, self.values, steps=15, calibrate=bool(len(self.shift)))
-                for half in (self.problem.even, ~self.problem.even))]  # fmt: skip
-            fitted = np.where(even, each[1], each[0])
+            of_even, of_odd = (_Descent(self.problem, self.model, found.values, found.shift).residual
+                               for found in self._each_half())  # fmt: skip
+            fitted = np.where(even, of_odd, of_even)
             if float(fitted @ fitted) < float(out @ out):
                 return fitted
         return out
@@ -153,6 +157,14 @@ class State:
     def cost(self) -> float:
         """Weighted sum of squares, calibration's share included."""
         return float(self.residual @ self.residual + self.shift @ self.shift)
+
+    @cached_property
+    def at_word(self) -> float:
+        """Weighted error that is left of readings of a coarse converter, taken at their word."""
+        problem = self.problem
+        predicted = self.standing(problem.predict(self.model, self.values, self.signals()))
+        left = problem.stack(problem.measured) - problem.of_stairs.expected(predicted)
+        return float(np.sqrt(np.mean(left**2)))
 
     @cached_property
     def rms(self) -> float:

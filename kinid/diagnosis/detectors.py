@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from kinid import effects
 from kinid.contact import force_noise
-from kinid.diagnosis.noise import period_of
+from kinid.diagnosis.noise import as_their_like, period_of
 from kinid.diagnosis.problem import RATE
 from kinid.diagnosis.rounding import COARSE, STAIRS, blur, shared
 from kinid.effects import Effect
@@ -163,10 +163,7 @@ def _quantization(experiment: Experiment, motion: Array | None) -> tuple[Mark | 
     expected = raw if motion is None else experiment.as_read(motion)
     # beside coarse channels, one that never leaves its value has their steps; else it tells nothing finer than the model
     still = np.ptp(raw[:, experiment.valid], axis=1) == 0.0
-    units = np.array(experiment.layout.units)
-    assumed = steps.copy()
-    for i in np.flatnonzero(still):
-        assumed[i] = steps[units == units[i]].max()
+    assumed = as_their_like(steps, still, experiment.layout.units)
     white, stairs = _before_rounding(experiment, raw, assumed, expected)
     as_read = experiment.signals.as_read
     alone = still & (assumed == 0.0)

@@ -18,7 +18,7 @@ from kinid.diagnosis.descent import State, fit
 from kinid.diagnosis.detectors import Cleaned, Mark, detect
 from kinid.diagnosis.intervals import covariance, fitted, open_parameters
 from kinid.diagnosis.look import ENOUGH, NEARER
-from kinid.diagnosis.noise import period_of
+from kinid.diagnosis.noise import as_their_like, period_of
 from kinid.diagnosis.problem import Problem, filled, thin
 from kinid.diagnosis.result import ADEQUATE, MISSING, UNEXPLAINED, Diagnosis, Step
 from kinid.diagnosis.search import Search, search
@@ -399,9 +399,7 @@ def _look(model: Model, experiment: Experiment, values: Array, most: int, forced
         # from pose to pose everything changes: neighbours tell nothing of noise
         white = np.minimum(white, STATIC_NOISE * np.sqrt(np.mean(readings**2, axis=1)))
     # a channel that never changes shows no noise, but was not measured without any
-    units = np.array(s.layout.units)
-    for i in np.flatnonzero(np.ptp(readings, axis=1) == 0.0):
-        white[i] = white[units == units[i]].max()
+    white = as_their_like(white, np.ptp(readings, axis=1) == 0.0, s.layout.units)
     whole = dataclasses.replace(experiment, noise=np.maximum(white, least))
     progress("fitting the model")
     state = _fitted(model, thin(whole), values)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +47,14 @@ def spread(experiment: Experiment, model: Model, values: Array, edge: NDArray[np
         open_ = _pulled(s, predicted) + _left(experiment)
         white = white + (np.add.reduceat(open_, edge, axis=1) / count) ** 2
     out: Array = np.sqrt(white + (RELATIVE * mean) ** 2)
+    return out
+
+
+def as_their_like(values: Array, still: NDArray[np.bool_], units: Sequence[str]) -> Array:
+    """Values (channels,) where those of channels that never change are the greatest of the same unit."""
+    unit, out = np.array(units), values.copy()
+    for i in np.flatnonzero(still):
+        out[i] = values[unit == unit[i]].max()
     return out
 
 

@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 #: dither, and every measured position at rest dithers by its noise; elastic ones don't (Dupont et al., IEEE Trans.
 #: Autom. Control 47, 2002)
 ELASTIC = 0.02
+#: a path that stays where it is for so long rests [s]
+REST = 0.1
 
 
 @njit(cache=True, nogil=True)
@@ -41,9 +43,10 @@ def lowpass(x: Array, dt: Array, tau: float, out: Array) -> None:
 def bristles(v1: Array, v2: Array, dt: Array, depth: Array, length: float, out: Array, elastic: float = ELASTIC) -> None:
     """Deflection of bristles relative to their greatest, a vector of length ≤ 1 along the slip (Dahl 1968, in 2-D).
 
-    u̇ = (v − |v| u) / ℓ, exact for a constant velocity between samples, behind an element that is elastic over a small
-    share ε of ℓ: (1 − ε) u + w/ℓ comes out, where w, |w| ≤ ε ℓ, is how far the slip is ahead of what moves u. Under a
-    constant load this never gives energy. Bristles begin undeflected at each touch.
+    u̇ = (v − |v| u) / ℓ, exact where the direction of slip is constant between samples (a step in which the slip turns back
+    is taken in two), behind an element that is elastic over a small share ε of ℓ: (1 − ε) u + w/ℓ comes out, where w,
+    |w| ≤ ε ℓ, is how far the slip is ahead of what moves u. Under a constant load this never gives energy. Bristles begin
+    undeflected at each touch.
 
     Args:
         v1, v2: slip rates [m/s], (n,). dt: see above. depth: > 0 in contact, (n,); a flag does, too, but then a touch
@@ -57,16 +60,20 @@ def bristles(v1: Array, v2: Array, dt: Array, depth: Array, length: float, out: 
             u1, u2, w1, w2 = 0.0, 0.0, 0.0, 0.0
         else:
             step = dt[i] * _touching(1.0 * depth[i - 1], 1.0 * depth[i])
-            w1 += 0.5 * (v1[i] + v1[i - 1]) * step
-            w2 += 0.5 * (v2[i] + v2[i - 1]) * step
-            far = np.hypot(w1, w2)
-            moved = far - elastic * length
-            if moved > 0.0:
-                a, b = w1 / far, w2 / far
-                w1, w2 = w1 - moved * a, w2 - moved * b
-                e = np.exp(-moved / length)
-                u1 = e * u1 + (1.0 - e) * a
-                u2 = e * u2 + (1.0 - e) * b
+            turn = _turn(v1[i - 1], v2[i - 1], v1[i], v2[i])
+            for begin, end in ((0.0, turn), (turn, 1.0)):
+                if begin < end:
+                    middle, part = 0.5 * (begin + end), (end - begin) * step
+                    w1 += (v1[i - 1] + middle * (v1[i] - v1[i - 1])) * part
+                    w2 += (v2[i - 1] + middle * (v2[i] - v2[i - 1])) * part
+                    far = np.hypot(w1, w2)
+                    moved = far - elastic * length
+                    if moved > 0.0:
+                        a, b = w1 / far, w2 / far
+                        w1, w2 = w1 - moved * a, w2 - moved * b
+                        e = np.exp(-moved / length)
+                        u1 = e * u1 + (1.0 - e) * a
+                        u2 = e * u2 + (1.0 - e) * b
         out[0, i] = (1.0 - elastic) * u1 + w1 / length
         out[1, i] = (1.0 - elastic) * u2 + w2 / length
 
@@ -76,16 +83,21 @@ def steady(rate: Array, dt: Array, reach: float, out: Array) -> None:
     """Rates of a path without what noise makes of it: it stands still while what was measured stays within its reach.
 
     Play of half-width `reach` follows the path forwards, lagging, and backwards, leading; their mean does neither, and only
-    cuts turning points by the reach.
+    cuts turning points by the reach. Where the path rests, noise would still push play on from where motion left it: rests
+    are taken at their mean first.
 
     Args:
         rate: v [m/s], (n,). dt: see above. reach: [m]. out: (n,).
     """
     n = rate.shape[0]
     path, ahead = np.zeros(n), np.zeros(n)
-    for i in range(n):
-        if i > 0 and dt[i] > 0.0:
+    for i in range(1, n):
+        if dt[i] > 0.0:
             path[i] = path[i - 1] + 0.5 * (rate[i] + rate[i - 1]) * dt[i]
+    _rested(path, dt, reach)
+    for i in range(n):
+        ahead[i] = path[i]
+        if i > 0 and dt[i] > 0.0:
             ahead[i] = min(max(ahead[i - 1], path[i] - reach), path[i] + reach)
     back = 0.0
     for i in range(n - 1, -1, -1):
@@ -97,6 +109,23 @@ def steady(rate: Array, dt: Array, reach: float, out: Array) -> None:
         before = 0.0 if first else (path[i] - path[i - 1]) / dt[i]
         after = before if last else (path[i + 1] - path[i]) / dt[i + 1]
         out[i] = 0.5 * (after if first else before) + 0.5 * after
+
+
+@njit(cache=True, nogil=True)
+def _rested(path: Array, dt: Array, reach: float) -> None:
+    """Where a path (n,) stays within `reach` of one place for `REST` at least, its mean, or what is `reach` away from it."""
+    n, i = path.shape[0], 0
+    while i < n:
+        low, high, lasts, j = path[i], path[i], 0.0, i + 1
+        while j < n and dt[j] > 0.0 and max(high, path[j]) - min(low, path[j]) <= 2.0 * reach:
+            low, high, lasts, j = min(low, path[j]), max(high, path[j]), lasts + dt[j], j + 1
+        if lasts >= REST:
+            mean = path[i:j].mean()
+            for k in range(i, j):
+                path[k] = min(max(mean, path[k] - reach), path[k] + reach)
+            i = j
+        else:
+            i += 1
 
 
 @njit(cache=True, nogil=True)
@@ -115,13 +144,26 @@ def loop(depth: Array, rate: Array, dt: Array, length: float, out: Array, elasti
         if i == 0 or dt[i] <= 0.0 or depth[i] <= 0.0:
             z, w = 0.0, 0.0
         else:
-            w += 0.5 * (rate[i] + rate[i - 1]) * dt[i] * _touching(depth[i - 1], depth[i])
-            moved = abs(w) - elastic * length
-            if moved > 0.0:
-                sign = 1.0 if w > 0.0 else -1.0
-                w -= moved * sign
-                z = sign + (z - sign) * np.exp(-moved / length)
+            step = dt[i] * _touching(depth[i - 1], depth[i])
+            turn = _turn(rate[i - 1], 0.0, rate[i], 0.0)
+            for begin, end in ((0.0, turn), (turn, 1.0)):
+                if begin < end:
+                    w += (rate[i - 1] + 0.5 * (begin + end) * (rate[i] - rate[i - 1])) * (end - begin) * step
+                    moved = abs(w) - elastic * length
+                    if moved > 0.0:
+                        sign = 1.0 if w > 0.0 else -1.0
+                        w -= moved * sign
+                        z = sign + (z - sign) * np.exp(-moved / length)
         out[i] = (1.0 - elastic) * z + w / length
+
+
+@njit(cache=True, nogil=True)
+def _turn(a1: float, a2: float, b1: float, b2: float) -> float:
+    """Share of a step at which a velocity that goes straight from a to b is least, where it turns back; 1 where it doesn't."""
+    if a1 * b1 + a2 * b2 >= 0.0:
+        return 1.0
+    c1, c2 = b1 - a1, b2 - a2
+    return -(a1 * c1 + a2 * c2) / (c1 * c1 + c2 * c2)
 
 
 @njit(cache=True, nogil=True)

@@ -375,6 +375,21 @@ def test_bristles_keep_their_deflection_under_the_noise_of_rest() -> None:
     assert crept[0, -1] < 0.7
 
 
+@pytest.mark.parametrize("length", [1e-4, 5e-6])
+def test_a_slip_that_turns_between_two_samples(length: float) -> None:
+    """Bristles of a log at 250 Hz follow those of the same slip at 10 kHz, also where it turns back within a sample."""
+    def bent(rate_hz: float) -> tuple[Array, Array]:
+        t = np.arange(0, 2, 1 / rate_hz)
+        dt, u = np.diff(t, prepend=0.0), np.empty((2, len(t)))
+        memory.bristles(0.05 * np.cos(9 * t + 0.4), 0.02 * np.cos(9 * t + 0.4), dt, np.ones(len(t)), length, u)
+        return t, u
+
+    t, coarse = bent(250.0)
+    fine_t, fine = bent(10_000.0)
+    away = np.abs(coarse[0] - np.interp(t, fine_t, fine[0]))
+    assert away.max() < 0.06
+
+
 def test_rates_without_what_noise_makes_of_them() -> None:
     """3 µm of noise on a slip that rests, runs, turns and rests: next to none at rest; nowhere further off than it reaches."""
     t = np.arange(0, 6, 2e-3)
@@ -387,12 +402,12 @@ def test_rates_without_what_noise_makes_of_them() -> None:
     def path(v: Array) -> Array:
         return np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * dt[1:])])
 
-    # rates at samples are means of those to either side: a kink of the path is spread over two
-    assert np.abs(path(out) - path(rate)).max() < 1.5 * reach
-    assert np.abs(path(out) - (true - true[0])).max() < reach + 3 * 3e-6
+    # a rest and play keep within its reach, each; rates at samples are means of those to either side: a kink is spread over two
+    assert np.abs(path(out) - path(rate)).max() < 3 * reach
+    assert np.percentile(np.abs(path(out) - (true - true[0])), 98) < reach + 3 * 3e-6
     rest = (t > 3.2) & (t < 5.8)
-    # all that moves it there is noise that reaches further than ever before
-    assert np.abs(out[rest]).sum() < 0.01 * np.abs(rate[rest]).sum()
+    assert np.abs(out[rest]).sum() < 1e-3 * np.abs(rate[rest]).sum()
+    assert np.abs(path(out)[rest] - path(out)[1600]).max() < 3e-6
     # where memory begins anew, so does the path
     pieces, whole = dt.copy(), np.empty(len(t))
     pieces[1500] = 0.0

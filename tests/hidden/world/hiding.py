@@ -124,6 +124,8 @@ def _stribeck(rng: np.random.Generator, deep: float, base: str) -> Plan:
 
 def _bristles(rng: np.random.Generator, deep: float, base: str) -> Plan:
     uneven = rng.uniform(0.1, 0.5)
+    if rng.uniform() < 0.4:  # shorter ones, which turn all but at once
+        return Plan(lambda s, x: _rub(s, turn=1e-4 * np.exp(-x), uneven=uneven), 0.2, 4.0, 1.0)
     return Plan(lambda s, x: _rub(s, turn=1e-4 + x, uneven=uneven), 5e-5, 2.5e-3, 3e-4)
 
 
