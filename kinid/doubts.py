@@ -61,6 +61,10 @@ def of_data(experiment: Experiment) -> list[str]:
     if force is not None and np.abs(force[valid]).max() > STRONGEST:
         out.append(f"normal forces of up to {np.abs(force[valid]).max():.3g} N: are they in another unit? Say so in [columns] of "
                    'the rig: normal_force = { unit = "mN" }, or { scale = 1e-6 }')  # fmt: skip
+    blind = [i for i in (1, 2) if _slides_unseen(experiment, i)]
+    if blind:
+        out.append(f"tangential_force{blind[0]} without slip{blind[0]}: how the tool slides along that tangent isn't known, so "
+                   "friction has the wrong direction wherever it does; record both")  # fmt: skip
     strongest = turned_depth(experiment)
     if strongest is not None:
         out.append(f"a force of {strongest:.3g} N where the depth is negative, and next to none inside: is its sign turned? "
@@ -132,6 +136,16 @@ def drives(experiment: Experiment) -> float | None:
     along = [float(np.mean(np.sum(force * slip, axis=0)[way] / speed[way])) for way in ways]
     size = float(np.sqrt(np.mean(np.sum(force**2, axis=0)[moving])))
     return min(along) if min(along) > DRIVES * size > 0 else None
+
+
+def _slides_unseen(experiment: Experiment, tangent: int) -> bool:
+    """Whether the force along a tangent was recorded, and the slip along it wasn't, but that along the other."""
+    touch = experiment.touch
+    if touch is None or experiment.layout.kind != "contact":
+        return False
+    force, slip, other = (np.isfinite(getattr(touch, f"{name}{i}")).any() for name, i in (
+        ("tangential_force", tangent), ("slip_rate", tangent), ("slip_rate", 3 - tangent)))  # fmt: skip
+    return bool(force and not slip and other)
 
 
 def _force(experiment: Experiment) -> Array | None:

@@ -34,8 +34,16 @@ class MissingDependencyError(KinidError):
 def near(name: str, valid: Iterable[str], limit: int = 12) -> str:
     """A list of valid names for a message: the near ones first, all of them when they are few."""
     names = sorted(set(valid))
-    close = difflib.get_close_matches(name, names, n=3, cutoff=0.52)
+    turned = {_in_order(n): n for n in names}  # anisotropic-friction means friction-anisotropy
+    close = [turned[n] for n in difflib.get_close_matches(_in_order(name), turned, n=3, cutoff=0.8)]
+    close = close or difflib.get_close_matches(name, names, n=3, cutoff=0.52)
+    close = close or [n for n in names if len(name) > 2 and name in n][:3]
     if close:
         return "did you mean " + " or ".join(f"'{c}'" for c in close) + "?"
     shown = ", ".join(f"'{n}'" for n in names[:limit])
     return f"valid names: {shown}" + (", …" if len(names) > limit else "")
+
+
+def _in_order(name: str) -> str:
+    """The words of a name in the order of the alphabet."""
+    return "-".join(sorted(name.replace("_", "-").split("-")))

@@ -39,7 +39,7 @@ REACH = 4.5
 #: and no further than this [m]: fast motion between slow samples passes for noise
 MOST_REACH = 2e-5
 #: a path is away from the slip by no more than it is for this percentage of samples, beside what lasts longer than this [s]
-OFTEN, MOMENT = 99.0, 0.5
+OFTEN, MOMENT = 99.9, 0.5
 #: depth that stands for "nowhere near a surface" where the rig has none [m]
 FAR = -1.0
 

@@ -194,7 +194,7 @@ class Model:
 
         if Stage.GEOMETRY in self.stages or s.bristle != BRISTLE:
             return bend()
-        return derived("bristles", bend, s.slip_rate, s.depth, s.dt)
+        return derived(f"bristles shaken by less than {s.dither}", bend, s.slip_rate, s.depth, s.dt)
 
     def _press(self, s: Signals, slices: list[Array]) -> None:
         """The contact law: elastic and normal force from depth and rate."""

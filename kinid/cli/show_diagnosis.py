@@ -33,6 +33,8 @@ def show_diagnosis(result: Diagnosis) -> None:
     out.print(f"[bold {colour}]{result.verdict}[/]: {escape(headline(result))}", soft_wrap=True)
     if result.says:
         out.print(escape(result.says), soft_wrap=True)
+    for warning in doubts(result):
+        out.print(f"doubt: {escape(warning)}", soft_wrap=True)
     told = [cell for cell in result.where if cell.share > 0][:MOST_CELLS]
     if told:
         out.print("\n[bold]where the model fails[/]")
@@ -51,8 +53,6 @@ def show_diagnosis(result: Diagnosis) -> None:
             table.add_row(escape(p.name), f"{p.value:.4g}", f"{p.low:.4g}", f"{p.high:.4g}", p.unit)
         out.print(table)
     _next(out, result)
-    for warning in doubts(result):
-        out.print(f"doubt: {escape(warning)}", soft_wrap=True)
 
 
 def _ladder(out: Console, result: Diagnosis) -> None:

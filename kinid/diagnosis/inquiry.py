@@ -57,6 +57,11 @@ SHORTEST, FEWEST_BLOCKS = 4.0, 8
 STATIC_NOISE = 0.01
 #: share of a channel's own size below which noise is not believed to lie
 DIGITS = 1e-3
+#: how often a search begins anew with noise carried through what it found, where so many times as much of it is carried, for
+#: such a share of the readings at least
+RECONSIDERED, MUCH_MORE, OFTEN = 2, 1.5, 0.01
+#: models that leave less than so many times the least error are about as near
+NEAREST = 1.2
 #: effects that are added at most, unless the caller says otherwise
 MOST_EFFECTS = 4
 
@@ -407,8 +412,28 @@ def _look(model: Model, experiment: Experiment, values: Array, most: int, forced
     cleaned = detect(whole, model.names, model.predict(whole.signals, state.values))
     marked = tuple(mark.effect.id for mark in cleaned.marks)
     state = _fitted(model, thin(cleaned.experiment), state.values)
-    found = search(state, most=max(0, most - len(marked)), forced=[n for n in forced if n not in marked], progress=progress)
+    for again in range(RECONSIDERED + 1):
+        found = search(state, most=max(0, most - len(marked)), forced=[n for n in forced if n not in marked], progress=progress)
+        weighted = _reweighted(state, found) if again < RECONSIDERED else None
+        if weighted is None:
+            break
+        progress("what was found carries more noise: looking again")
+        state = weighted
     return _Looked(model, whole, cleaned, found, forced)
+
+
+def _reweighted(state: State, found: Search) -> State | None:
+    """The model as it was asked about, where noise of positions goes through the nearest model that the search met, the
+    simplest of those about as near; None where that carries no more of it.
+
+    Friction that turns at once makes of a micrometre what a softer reversal would never show.
+    """
+    met = (found.states[-1], *(t.state for look in found.rounds for t in look.tried))
+    near = NEAREST * min(s.rms for s in met)
+    nearest = min((s for s in met if s.rms <= near), key=lambda s: (len(s.values), s.rms))
+    carried = Problem.build(state.problem.experiment, nearest.model, nearest.plain.light().values)
+    more = carried.sigma > MUCH_MORE * state.problem.sigma
+    return fit(carried, state.model, state.values) if np.mean(more[:, carried.valid]) > OFTEN else None
 
 
 def _fitted(model: Model, experiment: Experiment, values: Array) -> State:

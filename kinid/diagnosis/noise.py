@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from kinid.effects import Signals
 from kinid.experiment import Experiment
 from kinid.model import Model
+from kinid.white_noise import white_noise
 
 Array = NDArray[np.float64]
 
@@ -80,7 +81,7 @@ def _carried(experiment: Experiment, model: Model, values: Array, predicted: Arr
     for _ in range(HELPINGS):
         shaken = []
         for x, v in ((s.depth, s.depth_rate), (s.slip[0], s.slip_rate[0]), (s.slip[1], s.slip_rate[1])):
-            noise = position_noise(x) * rng.standard_normal(len(x))
+            noise = white_noise(x) * rng.standard_normal(len(x))
             rate = np.gradient(gaussian_filter1d(noise, width), period) if len(x) > 2 and width > 0.5 else np.zeros(len(x))
             shaken.append((x + noise, v + rate))
         (d, dv), (x1, v1), (x2, v2) = shaken
@@ -150,11 +151,3 @@ def _left(experiment: Experiment) -> Array:
     usual = float(np.percentile(normal[s.depth > 0], 95))
     out: Array = lever[:, None] * (OPEN * usual * experiment.let_go)
     return out
-
-
-def position_noise(position: Array) -> float:
-    """White noise of a position (n,), from third differences, which smooth motion hardly has."""
-    if len(position) < 20:
-        return 0.0
-    third = np.diff(position, 3)
-    return float(1.4826 * np.median(np.abs(third - np.median(third))) / np.sqrt(20.0))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid import effects
-from kinid.diagnosis.belief import accepted, believed, plausibility, shown_error
+from kinid.diagnosis.belief import accepted, at_end, believed, plausibility, shown_error
 from kinid.diagnosis.candidates import amplitudes, base_of, screen
 from kinid.diagnosis.descent import State, fit
 from kinid.diagnosis.look import DEFENDED, ENOUGH, FAR_LESS, REFITTED, Evidence, Round, Tried, attempt, look, weigh
@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 #: after several additions, while the error is so many times the noise, what takes off less than this share only stands in for
 #: something that the catalogue lacks
 SEVERAL, LOUD, CRUMB = 2, 2.0, 0.04
+#: where no effect helps alone and the error is as loud, so many are tried with a second one
+PAIRED = 3
 #: rivals within so much evidence, or so many standard errors of the difference, fit as well: where contact begins decides what
 #: friction remembers, and two searches for one and the same optimum end so far apart
 ALIKE, ALIKE_SE = 25.0, 2.0
@@ -78,11 +80,11 @@ def search(start: State, *, most: int = 4, forced: Sequence[str] = (), spare: Se
         good = believed(states[-1], found.tried)
         if len(added) >= SEVERAL and states[-1].rms > LOUD:
             good = [t for t in good if t.state.rms < (1.0 - CRUMB) * states[-1].rms]
-        if not good:
+        steps = [_simplest(good)] if good else _together(found, spare, met) if len(added) + 2 <= most else []
+        if not steps:
             break
-        chosen = _simplest(good)
-        states.append(chosen.state)
-        added.append(chosen.effect.id)
+        states.append(steps[-1].state)
+        added += [step.effect.id for step in steps]
         progress(f"defending {', '.join(added)}")
         states, added, looks = _defend(states[0], states[-1], added, forced, spare, met)
     if not rounds or rounds[-1].before is not states[-1]:
@@ -106,6 +108,21 @@ def _simplest(good: Sequence[Tried]) -> Tried:
     best = best if best.state.rms < FAR_LESS * good[0].state.rms else good[0]
     alike = [t for t in good if t is best or _alike(t, best.state, best.evidence)]
     return min(alike, key=lambda t: (len(t.state.values), -t.evidence.value))
+
+
+def _together(found: Round, spare: Sequence[str], met: _Met) -> list[Tried]:
+    """Two effects that explain together what neither does alone, where much is left: from those that alone leave least.
+
+    The one, then the other beside it; nothing where no two do.
+    """
+    before = found.before
+    if before.rms < LOUD:
+        return []
+    alone = sorted((t for t in found.tried if t.state.rms < before.rms), key=lambda t: t.state.rms)[:PAIRED]
+    pairs = [(one, other, weigh(before, other.state)) for one in alone
+             for other in met.look(one.state, spare=spare, most=DEFENDED).tried if not at_end(other)]  # fmt: skip
+    far = [[one, other] for one, other, evidence in pairs if evidence.sure and evidence.left < FAR_LESS]
+    return min(far, key=lambda pair: pair[1].state.rms, default=[])
 
 
 class _Met:

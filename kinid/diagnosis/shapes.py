@@ -86,7 +86,7 @@ def shape(view: View, row: int, mask: Mask, way: Moving, *, held: bool) -> Shape
         return Shape(best.words, min(1.0, best.explained))
     if constant.explained >= ENOUGH:
         return constant
-    swing = _swing(view, row, use, level)
+    swing = _swing(view, row, use, level, error / float(w[use].sum()))
     return swing if swing is not None and swing.explained >= ENOUGH else None
 
 
@@ -219,8 +219,8 @@ def _settling(view: View, row: int, use: Mask, error: float) -> Shape | None:
     return Shape(f"{verb}: time constant about {number(float(f'{tau:.2g}'))} s", explained)
 
 
-def _swing(view: View, row: int, use: Mask, level: float) -> Shape | None:
-    """One frequency that holds most of the error in the longest stretch."""
+def _swing(view: View, row: int, use: Mask, level: float, usual: float) -> Shape | None:
+    """One frequency that holds most of the error in the longest stretch, where that is no quieter than `usual`, squared."""
     stretches = runs(use, view.piece)
     a, b = max(stretches, key=lambda ab: ab[1] - ab[0])
     s = view.experiment.signals
@@ -237,6 +237,8 @@ def _swing(view: View, row: int, use: Mask, level: float) -> Shape | None:
         return None
     beside = power[max(1, top - 2) : top + 3]
     error = float(power.sum()) - len(r) * view.sigma[row] ** 2 * len(r) / 2
+    if 2.0 * error / len(r) ** 2 < ENOUGH * usual:
+        return None
     f = float((beside @ frequency[max(1, top - 2) : top + 3]) / beside.sum())
     mains = next((m for m in MAINS if abs(f - m) < NEAR), None)
     words = f"is a line at {mains:.0f} Hz" if mains else f"swings at {f:.2g} Hz"

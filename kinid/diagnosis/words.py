@@ -30,7 +30,7 @@ def headline(result: Diagnosis) -> str:
         which = " (this log can't tell which)" if named != list(result.added) else ""
         return f"The model lacks {names}{which}: with {'it' if len(result.added) == 1 else 'them'} {error}; {noise}."
     if result.says.startswith("not searched further"):
-        return f"Something is missing, and the search was told to stop: {error}; {noise}."
+        return f"Something is missing, and no more effects were to be added: {error}; {noise}."
     if not result.added:
         return f"Something is missing that the catalogue does not hold: {error}; {noise}."
     helps = "helps, but does" if len(result.added) == 1 else "help, but do"

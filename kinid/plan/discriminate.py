@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.diagnosis.calibration import CLOCK, SURFACE, bias_of
+from kinid.diagnosis.calibration import Calibration
 from kinid.diagnosis.candidates import able, base_of
 from kinid.diagnosis.noise import RELATIVE
 from kinid.diagnosis.problem import RATE
@@ -381,16 +381,13 @@ def _tolerances(model: Model, values: Array, s: Signals, predicted: Array, candi
 
     What is itself a candidate isn't tolerated as well: it would have to be told from itself.
     """
-    joints = s.layout.kind == "joints"
-    out = []
-    if not joints and "surface-offset" not in candidates and (s.depth > 0).any():
-        out.append(model.predict(dataclasses.replace(s, depth=s.depth + SURFACE), values) - predicted)
+    open_, out = Calibration(s), []
+    if open_.surface and "surface-offset" not in candidates:
+        out.append(model.predict(open_.signals(np.ones(1)), values) - predicted)
     if "time-offset" not in candidates:
-        out.append(CLOCK * np.gradient(predicted, s.t, axis=1))
-    for i, bias in enumerate(() if "sensor-bias" in candidates else bias_of(s.layout)):
-        constant = np.zeros_like(predicted)
-        constant[i] = bias
-        out.append(constant)
+        out.append(open_.late(predicted))
+    if "sensor-bias" not in candidates:
+        out += [open_.constant(channel, predicted) for channel in range(len(predicted))]
     return out
 
 

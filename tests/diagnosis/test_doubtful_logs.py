@@ -47,28 +47,35 @@ def poked(late: float = 0.0, rate: float = 250.0) -> kinid.Log:
     return kinid.Log(t=t, contact={"depth": depth, "normal_force": np.interp(t - late, t, force) + noise})
 
 
-def test_friction_that_turns_at_once_is_within_the_catalogue() -> None:
-    """T = −μ N v/|v|, without any way to give: presliding of no length."""
-    rate = 500.0
+@pytest.mark.parametrize("shaky", [0.0, 1e-6])
+@pytest.mark.parametrize("rate", [250.0, 500.0])
+def test_friction_that_turns_at_once_is_within_the_catalogue(rate: float, shaky: float) -> None:
+    """T = −μ N v/|v|, without any way to give, slip that rests and slips that turn: presliding of no length, and nothing else.
+
+    At rest, friction keeps its direction, whatever noise the slip is measured with.
+    """
     t = np.arange(round(24.0 * rate)) / rate
     depth = np.where(t % 6.0 < 1.0, -2e-3, 4e-3 + 1e-3 * np.sin(2 * np.pi * 0.7 * t))
     depth = np.convolve(np.pad(depth, 25, mode="edge"), np.ones(51) / 51, mode="valid")
-    slip = 4e-3 * np.sin(2 * np.pi * 0.8 * t) + 2e-3 * np.sin(2 * np.pi * 0.31 * t)
-    speed, press = np.gradient(slip, t), np.gradient(depth, t)
+    far = np.array([4e-3, 9e-3, 2e-3])[(t // 3.0).astype(int) % 3]
+    speed = np.where(t % 3.0 < 2.0, np.pi * far * np.sin(2 * np.pi * t), 0.0)  # there and back, twice, and a second of rest
+    slip, press = np.cumsum(speed) / rate, np.gradient(depth, t)
+    sign = np.where(np.abs(speed) > 2e-4, np.sign(speed), 0.0)
+    last = np.maximum.accumulate(np.where(sign != 0, np.arange(len(t)), 0))
+    touched = np.maximum.accumulate(np.where(depth <= 0, np.arange(len(t)), 0))
+    sign = np.where(last > touched, sign[last], 0.0)  # until the tip leaves
     normal = np.where(depth > 0, np.maximum(STIFFNESS * depth + DAMPING * press, 0.0), 0.0)
     rng = np.random.default_rng(5)
     zero = np.zeros_like(t)
     log = kinid.Log(t=t, contact={
-        "depth": depth, "slip1": slip, "slip2": zero, "normal_force": normal + NOISE * rng.standard_normal(len(t)),
-        "tangential_force1": -MU * normal * np.sign(speed) + NOISE * rng.standard_normal(len(t)),
+        "depth": depth, "slip1": slip + shaky * rng.standard_normal(len(t)), "slip2": zero,
+        "normal_force": normal + NOISE * rng.standard_normal(len(t)),
+        "tangential_force1": -MU * normal * sign + NOISE * rng.standard_normal(len(t)),
         "tangential_force2": NOISE * rng.standard_normal(len(t)),
     })  # fmt: skip
     found = kinid.diagnose(log, RIG, model=kinid.Model("kelvin-voigt", "coulomb-friction"))
     assert found.verdict == "missing"
-    assert found.added[0] == "presliding"
-    # a jump of 3 N between two samples: when the slip turned is known to a few of them, which passes for a clock
-    assert set(found.added) <= {"presliding", "time-offset"}
-    assert all(abs(found.fit[name].value) < 3.0 / rate for name in found.fit.parameters if name.startswith("time-offset"))
+    assert found.added == ("presliding",)
     assert found.fit["presliding.length"].value < 1e-5  # the friction of the model gives by 1e-4 m
     assert found.steps[-1].held_out < 0.2 * found.steps[0].held_out
 
@@ -144,6 +151,26 @@ def test_time_in_another_unit_and_leaps_of_depth_are_doubted() -> None:
     depth[250:300] = 5e-3  # in the air, 3 mm outside
     lost = kinid.Log(t=log.t, contact={**log.contact, "depth": depth})
     assert [w for w in model.fit(kinid.contact_series(lost, RIG)).warnings if "the depth leaps by" in w]
+
+
+def test_a_tangential_force_without_its_slip_is_doubted() -> None:
+    t = np.arange(0, 8, 4e-3)
+    depth = 2e-3 * np.sin(np.pi * t / 8)
+    rng = np.random.default_rng(2)
+    contact = {"depth": depth, "normal_force": 800 * depth + NOISE * rng.standard_normal(len(t)),
+               "slip1": 0.004 * np.sin(3 * t), "slip2": 0.003 * np.cos(2 * t),
+               "tangential_force1": -320 * depth * np.sign(np.cos(3 * t)) + NOISE * rng.standard_normal(len(t)),
+               "tangential_force2": 320 * depth * np.sign(np.sin(2 * t)) + NOISE * rng.standard_normal(len(t))}  # fmt: skip
+    model = kinid.Model("hooke", "coulomb-friction")
+
+    def doubts(without: str) -> list[str]:
+        left = {name: values for name, values in contact.items() if name != without}
+        return [w for w in model.fit(kinid.contact_series(kinid.Log(t=t, contact=left), RIG)).warnings if "without slip" in w]
+
+    assert doubts("slip2")
+    assert "tangential_force2 without slip2" in doubts("slip2")[0]
+    assert not doubts("nothing")
+    assert not doubts("tangential_force2")
 
 
 def test_rivals_stand_in_the_first_line(tester: Tester) -> None:

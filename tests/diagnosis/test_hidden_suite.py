@@ -50,6 +50,17 @@ def test_adding_what_is_there_does_not_raise_the_error() -> None:
     assert found.steps[-1].held_out <= found.steps[0].held_out
 
 
+def test_two_effects_that_help_only_together() -> None:
+    """A surface that is deeper than stated, and a stiffer layer that begins there: alone, neither makes the law fit better."""
+    hidden = case("pair", 11, 11001, "wrench")
+    assert hidden.truth == {"stiffening-layer", "surface-offset"}
+    found = kinid.diagnose(hidden.log, hidden.rig, model=kinid.Model(*hidden.model), max_effects=2)
+    assert set(found.added) == hidden.truth
+    assert found.steps[-1].held_out < 0.4 * found.steps[0].held_out
+    alone = kinid.diagnose(hidden.log, hidden.rig, model=kinid.Model(*hidden.model), max_effects=1)
+    assert alone.added == ()
+
+
 def test_nothing_hidden_nothing_found() -> None:
     assert all(t.right for t in told("none", ("force-depth", 0, 4)))
 

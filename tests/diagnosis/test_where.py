@@ -128,6 +128,21 @@ def test_a_line_at_50_hz() -> None:
     assert float(line[0].says.split("amplitude of ")[1].split(" N")[0]) == pytest.approx(0.05, rel=0.03)
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_noise_swings_at_no_frequency_though_errors_are_elsewhere(seed: int) -> None:
+    """Bursts in all holds but the first, which holds a little more noise than was counted on."""
+    e = touches()
+    residual = noise(e, seed)
+    holds = np.flatnonzero(e.phase == "hold")
+    residual[:, holds[: round(3 * RATE)]] *= 1.01
+    rng = np.random.default_rng(4)
+    for at in rng.choice(holds[round(3.5 * RATE) :], 40):
+        residual[0, at : at + 5] += 0.5 * rng.choice([-1, 1])
+    told = [c.says for c in where(e, residual, e.noise) if "holds of the normal" in c.says]
+    assert told
+    assert not [says for says in told if "swings" in says or "line at" in says]
+
+
 def test_a_bias_is_the_same_at_all_times() -> None:
     e = touches()
     r = noise(e) + np.array([[0.0], [-0.1], [0.0]])

@@ -478,3 +478,11 @@ def test_order_does_not_matter_to_what_adds_up(model: Model, random: Any) -> Non
     other_model = Model(*effects)
     other = other_model.predict(signals, true_values(other_model, signals.layout))
     np.testing.assert_allclose(one, other, rtol=0, atol=1e-12 * max(1.0, np.abs(one).max()))
+
+
+@pytest.mark.parametrize(("asked", "meant"), [("anisotropic-friction", "friction-anisotropy"), ("tilt-surface", "surface-tilt"),
+                                              ("compliance", "structural-compliance"), ("relaxaton", "relaxation")])  # fmt: skip
+def test_near_names_are_suggested(asked: str, meant: str) -> None:
+    """In any order of their words, in part, and with slips."""
+    with pytest.raises(InputError, match=f"did you mean '{meant}'"):
+        get(asked)
