@@ -198,7 +198,7 @@ class Model:
 
     def _press(self, s: Signals, slices: list[Array]) -> None:
         """The contact law: elastic and normal force from depth and rate."""
-        s.exponent, s.elastic = 1.0, np.zeros(len(s))
+        s.exponent, s.elastic, s.recall = 1.0, np.zeros(len(s)), None
         self._run(Stage.ELASTIC, s, slices)
         s.normal = s.elastic
         self._run(Stage.NORMAL, s, slices)

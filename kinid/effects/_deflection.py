@@ -10,7 +10,7 @@ from kinid.effects._signals import Array, Signals
 from kinid.kernels.memory import forwards
 
 #: steps after which a search that goes on is left as it is; a power law takes five, laws with a long memory some twenty
-MOST_STEPS = 60
+MOST_STEPS = 30
 #: slopes are worked out anew where a step is more than this share of the one before
 SLOW = 0.3
 #: a step of this share of the greatest force ends the search
@@ -32,11 +32,11 @@ def press_through(s: Signals, compliance: float, press: Callable[[Signals], None
     """
     depth, rate, c = s.depth, s.depth_rate, compliance
     n = len(depth)
-    force = np.zeros(n)
+    force, none = np.zeros(n), np.zeros(n)
     sign = np.where(np.arange(n) % 2 == 0, 1.0, -1.0)
-    size = max(float(np.abs(depth).max(initial=0.0)), 1e-9)
+    deep = max(float(np.abs(depth).max(initial=0.0)), 1e-9)
     # of the deepest, and of the fastest: far above rounding, far below what bends a law
-    h, v = 1e-7 * size * sign, 1e-7 * max(float(np.abs(rate).max(initial=0.0)), 1e-9) * sign
+    h, v = 1e-7 * deep * sign, 1e-7 * max(float(np.abs(rate).max(initial=0.0)), 1e-9) * sign
     touched = depth > 0.0
 
     def pressed(x: Array, speed: Array) -> Array:
@@ -47,12 +47,13 @@ def press_through(s: Signals, compliance: float, press: Callable[[Signals], None
     slope, loss, last, stale = force, force, np.inf, True
     for _ in range(MOST_STEPS):
         x, speed = depth - c * force, rate - c * _rate(force, s.dt)
-        here = pressed(x, speed)
+        here, recall = pressed(x, speed), s.recall
         if stale:
             slope = np.maximum((pressed(x + h, speed) - here) / h, 0.0)
             loss = np.maximum((pressed(x, speed + v) - here) / v, 0.0)
         step = np.empty(n)
-        forwards(force - here, s.dt, c * slope, c * loss, step)
+        size, keep, gain = (none, none, none) if recall is None else (recall.size, recall.keep, c * recall.gain)
+        forwards(force - here, s.dt, c * slope, c * loss, size, keep, gain, step)
         # the material is not left by a step that overshoots
         trial = np.where(touched, np.minimum(force - step, (depth - 0.1 * np.maximum(x, 0.0)) / c), force - step)
         moved = float(np.abs(trial - force).max(initial=0.0))

@@ -112,6 +112,19 @@ class JointMotion:
     gravity: Array | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class Recall:
+    """Memory z of the path δ of a law N = … + A z, to first order: dz = keep dz₋ + gain d(δ − δ₋), each (n,).
+
+    Attributes:
+        size: A [N]. keep: share of the sample before. gain: [1/m].
+    """
+
+    size: Array
+    keep: Array
+    gain: Array
+
+
 @dataclass(eq=False)
 class Signals:
     """The chain's quantities for one prediction. Inputs are shared and read-only; effects replace, never write into.
@@ -125,6 +138,7 @@ class Signals:
         measured: measured readings, (channels, n); no law is driven by them.
         compliance: of the arm along the normal, which the contact law is behind [m/N].
         elastic: elastic force F_e [N], (n,). exponent: of its power law. normal: N [N], (n,).
+        recall: how a law that remembers the path behind it does, for those that look through a compliance.
         mu: friction coefficient, (2, n) along the tangents. bristle: length [m]. tangential: (2, n) [N].
         reading: what the sensor delivers, (channels, n).
         sensor: motion of the sensor, for wrenches. joints: motion of the joints, for joint torques.
@@ -147,6 +161,7 @@ class Signals:
     elastic: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
     exponent: float = 1.0
     normal: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
+    recall: Recall | None = None
     mu: Array = dataclasses.field(default_factory=lambda: np.zeros((2, 0)))
     bristle: float = BRISTLE
     tangential: Array = dataclasses.field(default_factory=lambda: np.zeros((2, 0)))

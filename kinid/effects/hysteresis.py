@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
-from kinid.effects._signals import Array, Layout, Signals
+from kinid.effects._signals import Array, Layout, Recall, Signals
 from kinid.kernels.memory import loop
 from kinid.parameter import Parameter
 
@@ -46,3 +46,12 @@ class Hysteresis(Effect):
         z = np.empty(len(s))
         loop(s.depth, s.depth_rate, s.dt, p[1], z)
         s.normal = s.normal + p[0] * s.elastic * z
+        if s.compliance > 0.0:
+            s.recall = _recall(s, p[0] * s.elastic, p[1], z)
+
+
+def _recall(s: Signals, size: Array, length: float, z: Array) -> Recall:
+    """Of the loop, its elastic share left out."""
+    path = 0.5 * (s.depth_rate + np.roll(s.depth_rate, 1)) * s.dt
+    keep = np.where((s.depth > 0.0) & (s.dt > 0.0), np.exp(-np.abs(path) / length), 0.0)
+    return Recall(size, keep, keep * np.maximum(1.0 - np.roll(z, 1) * np.sign(path), 0.0) / length)

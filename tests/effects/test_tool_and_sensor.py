@@ -193,6 +193,22 @@ def test_a_dashpot_does_not_jump_at_touch_behind_an_arm_that_gives_way() -> None
     assert np.diff(soft).max() < 1.05 * 20e-3 * 1e-4 / 3e-4
 
 
+@pytest.mark.parametrize(("amplitude", "length", "compliance"), [
+    (0.1, 1e-5, 2e-5), (0.5, 1e-4, 2e-5), (0.1, 1e-4, 1e-4), (0.5, 1e-3, 1e-4), (1.0, 1e-3, 1e-4)])  # fmt: skip
+def test_behind_an_arm_a_loop_still_obeys_its_own_law(amplitude: float, length: float, compliance: float) -> None:
+    """Loops are stiff at their ends, a F_e/ℓ beside the material's own stiffness: of some 4 N, 2e4 N/m beside 800."""
+    t = np.arange(0, 8, 2e-3)
+    depth = 4e-3 * np.sin(0.8 * t) + 1e-3 * np.sin(3.1 * t)
+    along = 3.2e-3 * np.cos(0.8 * t) + 3.1e-3 * np.cos(3.1 * t)
+    model = Model("hooke", "hysteresis")
+    values = {"hooke.stiffness": 800.0, "hysteresis.amplitude": amplitude, "hysteresis.length": length}
+    force = (model + "structural-compliance").predict(signals(t, depth, along), {**values, COMPLIANCE: compliance})[0]
+    rate = along - compliance * np.diff(force, prepend=force[0]) / 2e-3
+    again = model.predict(signals(t, depth - compliance * force, rate), values)[0]
+    assert force.max() > 2.0
+    assert np.abs(again - force).max() < 1e-6 * force.max()
+
+
 def test_compliance_is_found_without_bias_from_a_noisy_force() -> None:
     """Driven by a measured force with 0.1 N of noise the estimate would be 2.1e-4 for 3e-4 m/N."""
     truth, found = 3e-4, []
