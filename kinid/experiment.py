@@ -38,8 +38,9 @@ LET_GO = 3.0
 REACH = 4.5
 #: and no further than this [m]: fast motion between slow samples passes for noise
 MOST_REACH = 2e-5
-#: a path is away from the slip by no more than it is for this percentage of samples, beside what lasts longer than this [s]
-OFTEN, MOMENT = 99.9, 0.5
+#: a path is away from the slip by no more than it is for this percentage of samples, beside what lasts longer than this [s];
+#: beyond this [m] a slip began with a jerk, and what it cost isn't held against the rest of the log
+OFTEN, MOMENT, JERK = 99.9, 0.5, 3e-6
 #: depth that stands for "nowhere near a surface" where the rig has none [m]
 FAR = -1.0
 
@@ -157,16 +158,16 @@ class Experiment:
 
 
 def dither(slip: Array, slip_rate: Array, dt: Array) -> float:
-    """How far the path of measured rates (2, n) may be from the slip (2, n), by noise and by what a differentiator costs [m]."""
+    """How far noise of a measured slip (2, n) reaches on the path of its rates (2, n) [m]."""
     steps = dt[dt > 0]
     period = float(np.median(steps)) if len(steps) else 0.0
     # of white noise on positions a differentiator leaves what lies in its band; and nobody's rates are quieter than they look
     passed = float(np.sqrt(min(1.0, 2.0 * Differentiator().bandwidth * period)))
     noise = [max(passed * white_noise(x), 2**0.5 * period * white_noise(v)) for x, v in zip(slip, slip_rate)]
-    return min(max(REACH * max(noise), _missed(slip, slip_rate, dt)), MOST_REACH)
+    return min(REACH * max(noise), MOST_REACH)
 
 
-def _missed(slip: Array, slip_rate: Array, dt: Array) -> float:
+def overshoot(slip: Array, slip_rate: Array, dt: Array) -> float:
     """How far the path of rates (2, n) is from the slip (2, n) for a moment [m]: a differentiator overshoots at quick stops."""
     from scipy.ndimage import uniform_filter1d
 
@@ -175,7 +176,7 @@ def _missed(slip: Array, slip_rate: Array, dt: Array) -> float:
     step = 0.5 * dt[1:] * (slip_rate[:, 1:] + slip_rate[:, :-1]) - np.diff(slip) * (dt[1:] > 0)
     away = np.cumsum(step, axis=1)
     away -= uniform_filter1d(away, min(len(dt), max(1, round(MOMENT / float(np.median(dt[dt > 0]))))), axis=1)
-    return float(np.percentile(np.abs(away), OFTEN))
+    return min(JERK, float(np.percentile(np.abs(away), OFTEN)))
 
 
 def time_steps(t: Array, starts: NDArray[np.bool_]) -> Array:
@@ -195,7 +196,7 @@ def from_contact(touch: ContactSeries, channels: tuple[str, ...]) -> Experiment:
     valid = np.isfinite(measured).all(axis=0)
     signals = Signals(
         Layout(channels, "contact"), t, dt, touch.depth[rows], touch.depth_rate[rows], slip, slip_rate, measured=measured,
-        dither=dither(slip, slip_rate, dt),
+        dither=dither(slip, slip_rate, dt), overshoot=overshoot(slip, slip_rate, dt),
     )  # fmt: skip
     in_contact = touch.in_contact[rows]
     noise = _noise(measured[:, valid])
@@ -268,7 +269,7 @@ def from_wrench(
         Layout(WRENCH, "wrench"), t, dt,
         np.full(len(rows), FAR) if touch is None else touch.depth[rows],
         np.zeros(len(rows)) if touch is None else touch.depth_rate[rows],
-        slip, slip_rate, dither(slip, slip_rate, dt),
+        slip, slip_rate, dither(slip, slip_rate, dt), overshoot(slip, slip_rate, dt),
         measured=_rows(reading.true()[rows]), sensor=sensor, as_read=AsRead.stated(reading.inverse_crosstalk, stated),
     )  # fmt: skip
     noise = _noise(measured[:, valid])

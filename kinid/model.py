@@ -21,7 +21,7 @@ from kinid.effects._derived import derived
 from kinid.effects._signals import BRISTLE
 from kinid.errors import InputError
 from kinid.kernels.frames import contact_wrench
-from kinid.kernels.memory import ELASTIC, bristles, steady
+from kinid.kernels.memory import bristles, steady
 from kinid.parameter import Parameter
 
 if TYPE_CHECKING:
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+#: share of their length that bristles don't notice of what a path is off for moments
+NOTICED = 0.1
 #: names that stand for several effects
 TOGETHER = {
     "dahl-friction": ("coulomb-friction", "presliding"),
@@ -180,21 +182,22 @@ class Model:
         """Deflection of the bristles; it depends on the motion alone, which one log's predictions share.
 
         Noise of the slip would shake them loose, which no surface feels: what of it they aren't elastic enough to bear is
-        taken out of the rates.
+        taken out of the rates; so is a differentiator's overshoot, where they are short enough to notice.
         """
         def bend() -> Array:
             rates, u = s.slip_rate, np.empty((2, len(s)))
-            beyond = s.dither - ELASTIC * s.bristle
+            beyond = max(s.dither - s.play * s.bristle, s.overshoot - NOTICED * s.bristle)
             if beyond > 0.0:
                 rates = np.empty_like(rates)
                 for rate, row in zip(s.slip_rate, rates):
                     steady(rate, s.dt, beyond, row)
-            bristles(rates[0], rates[1], s.dt, s.depth, s.bristle, u)
+            bristles(rates[0], rates[1], s.dt, s.depth, s.bristle, u, s.play)
             return u
 
         if Stage.GEOMETRY in self.stages or s.bristle != BRISTLE:
             return bend()
-        return derived(f"bristles shaken by less than {s.dither}", bend, s.slip_rate, s.depth, s.dt)
+        return derived(f"bristles that play {s.play}, {s.dither} of dither, {s.overshoot} of overshoot", bend,
+                       s.slip_rate, s.depth, s.dt)  # fmt: skip
 
     def _press(self, s: Signals, slices: list[Array]) -> None:
         """The contact law: elastic and normal force from depth and rate."""

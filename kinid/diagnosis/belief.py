@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinid.diagnosis.calibration import BIAS_FORCE, BIAS_TORQUE, CLOCK, SURFACE
 from kinid.diagnosis.candidates import amplitudes, base_of
@@ -16,6 +17,8 @@ from kinid.fit import error_rows
 #: an addition that leaves the weighted error counts where the log's own falls by this share, calibration as it was stated, and
 #: evidence is beyond what calibration leaves
 LIGHTER, STRONG = 0.015, 100.0
+#: and every addition must lower it by this share: means tell of less, but only of errors that nobody sees
+LIGHTEST = 0.003
 #: of readings that are stairs, what leaves less than this share of the noise lacks nothing that they could show
 CALM = 0.5
 #: … and what matters lowers by this share what is left of them as they were read
@@ -47,19 +50,31 @@ def _matters(before: State, tried: Tried) -> bool:
     if coarse and (before.rms < CALM or tried.state.at_word > (1.0 - SEEN) * before.at_word):
         return False
     if tried.state.rms < (1.0 - worth(before)) * before.rms:
-        return True
+        return coarse or _shows(before, tried.state)
     if tried.effect.id in TOLERATED or tried.evidence.value < STRONG:
         return False
     return shown_error(tried.state) < (1.0 - LIGHTER) * shown_error(before)
 
 
-def shown_error(state: State) -> float:
-    """Held-out error in the unit of the readings, calibration as it was stated, noise of single samples and rounding included."""
+def _shows(before: State, after: State) -> bool:
+    """Whether the log's own held-out error falls, of its forces or of its torques."""
+    units = np.array(before.problem.experiment.layout.units)
+    return any(shown_error(after, units == unit) < (1.0 - LIGHTEST) * shown_error(before, units == unit) for unit in set(units))
+
+
+def shown_error(state: State, rows: NDArray[np.bool_] | None = None) -> float:
+    """Held-out error in the unit of the readings, calibration as it was stated, noise of single samples and rounding included.
+
+    Args:
+        rows: channels that count, (channels,); those that users' errors are of, if None.
+    """
     problem = state.problem
-    rows = error_rows(problem.experiment)
+    if rows is None:
+        rows = error_rows(problem.experiment)
     sigma = problem.sigma[rows][:, problem.valid]
     held = state.plain.light().held.reshape(len(rows), -1)[rows]
-    averaged = np.mean(problem.experiment.noise[rows] ** 2) * (1.0 - np.mean(1.0 / problem.count[problem.valid]))
+    thinned = max(1.0, float(np.median(np.diff(problem.experiment.rows)))) if len(problem.experiment.rows) > 1 else 1.0
+    averaged = np.mean(problem.experiment.noise[rows] ** 2) * (thinned - np.mean(1.0 / problem.count[problem.valid]))
     rounded = np.mean(problem.stairs[rows] ** 2) / 12.0
     return float(np.sqrt(np.mean((held * sigma) ** 2) + averaged + rounded))
 

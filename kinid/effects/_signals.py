@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.kernels.memory import ELASTIC
+
 Array = NDArray[np.float64]
 
 #: length of the bristles by which friction turns around, unless an effect states another [m]
@@ -135,6 +137,8 @@ class Signals:
         dt: time since the sample before [s], (n,); 0 where memory begins anew (first sample, after a gap).
         depth [m], depth_rate [m/s]: (n,). slip [m], slip_rate [m/s]: (2, n).
         dither: how far noise of the slip reaches on the path of its rates [m]; bristles are not moved by it.
+        overshoot: how far that path is from the slip for moments, where a differentiator makes a quick stop slower [m].
+        play: share of their length over which bristles are elastic.
         measured: measured readings, (channels, n); no law is driven by them.
         compliance: of the arm along the normal, which the contact law is behind [m/N].
         elastic: elastic force F_e [N], (n,). exponent: of its power law. normal: N [N], (n,).
@@ -153,6 +157,8 @@ class Signals:
     slip: Array
     slip_rate: Array
     dither: float = 0.0
+    overshoot: float = 0.0
+    play: float = ELASTIC
     measured: Array | None = None
     sensor: SensorMotion | None = None
     joints: JointMotion | None = None
