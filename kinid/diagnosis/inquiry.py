@@ -428,6 +428,8 @@ def _reweighted(state: State, found: Search) -> State | None:
 
     Friction that turns at once makes of a micrometre what a softer reversal would never show.
     """
+    if state.problem.experiment.layout.kind == "joints":
+        return None  # no noise of positions is carried
     met = (found.states[-1], *(t.state for look in found.rounds for t in look.tried))
     near = NEAREST * min(s.rms for s in met)
     nearest = min((s for s in met if s.rms <= near), key=lambda s: (len(s.values), s.rms))

@@ -21,7 +21,8 @@ laws, kinematics, dynamics, sensors and noise are written anew and on other equa
 
 A case says what is hidden (`truth`) and which model a user starts with (`model`), which holds all the rest. The size of
 each effect is drawn from weak to strong: what the starting model can't absorb of it is 0.2 to 12 times the noise. Dry
-friction turns within 0.1 mm (a joint's within 1e-4 rad) unless presliding is hidden: the catalogue fixes that length.
+friction turns within 0.1 mm (a joint's within 1e-4 rad) unless presliding is hidden (2 µm to 2.6 mm): the catalogue fixes
+that length.
 
 Worlds: "force-depth" (a material tester: t, depth, normal force; with slip and tangential forces, or without), "wrench" (an
 LWR4+ presses, slides, tilts and turns a tool: joint positions and six channels), "joints" (the arm in free motion: joint
