@@ -57,9 +57,8 @@ SHORTEST, FEWEST_BLOCKS = 4.0, 8
 STATIC_NOISE = 0.01
 #: share of a channel's own size below which noise is not believed to lie
 DIGITS = 1e-3
-#: how often a search begins anew with noise carried through what it found, where so many times as much of it is carried, for
-#: such a share of the readings at least
-RECONSIDERED, MUCH_MORE, OFTEN = 2, 1.5, 0.01
+#: how often a search begins anew with noise carried through what it found, where that leaves less than this share of the squares
+RECONSIDERED, TOLD = 2, 0.97
 #: models that leave less than so many times the least error are about as near
 NEAREST = 1.2
 #: effects that are added at most, unless the caller says otherwise
@@ -423,19 +422,23 @@ def _look(model: Model, experiment: Experiment, values: Array, most: int, forced
 
 
 def _reweighted(state: State, found: Search) -> State | None:
-    """The model as it was asked about, where noise of positions goes through the nearest model that the search met, the
-    simplest of those about as near; None where that carries no more of it.
+    """The model as it was asked about, where noise of positions goes through the last model of a search, or the nearest that
+    it met (the simplest of those about as near); None where neither tells more of what is left.
 
-    Friction that turns at once makes of a micrometre what a softer reversal would never show.
+    Friction that turns at once makes of a micrometre what a softer reversal would never show; a law may pull elsewhere.
     """
     if state.problem.experiment.layout.kind == "joints":
         return None  # no noise of positions is carried
-    met = (found.states[-1], *(t.state for look in found.rounds for t in look.tried))
+    last = found.states[-1]
+    met = (last, *(t.state for look in found.rounds for t in look.tried))
     near = NEAREST * min(s.rms for s in met)
     nearest = min((s for s in met if s.rms <= near), key=lambda s: (len(s.values), s.rms))
-    carried = Problem.build(state.problem.experiment, nearest.model, nearest.plain.light().values)
-    more = carried.sigma > MUCH_MORE * state.problem.sigma
-    return fit(carried, state.model, state.values) if np.mean(more[:, carried.valid]) > OFTEN else None
+    for through in (last, nearest) if nearest is not last else (last,):
+        carried = Problem.build(state.problem.experiment, through.model, through.plain.light().values)
+        less = through.residual * (state.problem.sigma / carried.sigma)[:, carried.valid].ravel()
+        if float(less @ less) < TOLD * float(through.residual @ through.residual):
+            return fit(carried, state.model, state.values)
+    return None
 
 
 def _fitted(model: Model, experiment: Experiment, values: Array) -> State:

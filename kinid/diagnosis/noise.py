@@ -45,7 +45,7 @@ def spread(experiment: Experiment, model: Model, values: Array, edge: NDArray[np
     mean = np.add.reduceat(predicted, edge, axis=1) / count
     if s.layout.kind != "joints" and (s.depth > 0).any():
         white = white + _carried(experiment, model, values, predicted, edge, count)
-        open_ = _pulled(s, predicted) + _left(experiment)
+        open_ = _pulled(s, predicted, inside=s.depth > 0 if "adhesion" in model else None) + _left(experiment)
         white = white + (np.add.reduceat(open_, edge, axis=1) / count) ** 2
     out: Array = np.sqrt(white + (RELATIVE * mean) ** 2)
     return out
@@ -125,10 +125,14 @@ def _some(s: Signals, kept: NDArray[np.int64]) -> Signals:
     )  # fmt: skip
 
 
-def _pulled(s: Signals, predicted: Array) -> Array:
-    """What a law that pulls at separation puts into each reading, where a tool might as well have left, (channels, n)."""
+def _pulled(s: Signals, predicted: Array, inside: NDArray[np.bool_] | None) -> Array:
+    """What a law that pulls at separation puts into each reading, where a tool might as well have left, (channels, n).
+
+    Args:
+        inside: where pulling isn't what the law is for, (n,); nowhere is, if None.
+    """
     out = np.zeros_like(predicted)
-    inside = s.depth > 0
+    inside = np.ones(len(s), np.bool_) if inside is None else inside
     if s.layout.kind == "contact":
         if "normal_force" in s.layout.channels:
             row = s.layout.channels.index("normal_force")
