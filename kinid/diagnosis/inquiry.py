@@ -26,7 +26,7 @@ from kinid.diagnosis.unexplained import OTHER_FORM, judge
 from kinid.diagnosis.verdicts import verdicts
 from kinid.diagnosis.where import where
 from kinid.diagnosis.words import with_rivals
-from kinid.doubts import TURN, TURN_DEPTH, TURN_TANGENTIAL, drives, impossible, turned, turned_depth
+from kinid.doubts import DEEPEST, TURN, TURN_DEPTH, TURN_TANGENTIAL, drives, impossible, turned, turned_depth
 from kinid.errors import InputError
 from kinid.estimators.batch import Solution
 from kinid.experiment import Experiment, from_contact, from_joint_torques, from_wrench
@@ -59,8 +59,12 @@ STATIC_NOISE = 0.01
 DIGITS = 1e-3
 #: how often a search begins anew with noise carried through what it found, where that leaves less than this share of the squares
 RECONSIDERED, TOLD = 2, 0.97
+#: … of logs with no more readings than this, in means
+LONG = 60_000
 #: models that leave less than so many times the least error are about as near
 NEAREST = 1.2
+#: an adequate model that leaves more than so many times the noise is doubted
+OPENLY = 2.0
 #: effects that are added at most, unless the caller says otherwise
 MOST_EFFECTS = 4
 
@@ -178,6 +182,9 @@ def _refuse(experiment: Experiment, model: Model) -> None:
     if "normal" in model.needs and s.layout.kind != "joints" and not (s.depth[experiment.valid] > 0).any():
         raise InputError(f"a depth that is never positive, for {model}", "samples inside the material",
                          "check [surface] of the rig, or ask about --model none")  # fmt: skip
+    if "normal" in model.needs and s.layout.kind == "contact" and float(s.depth[experiment.valid].max()) > DEEPEST:
+        raise InputError(f"depths of up to {float(s.depth[experiment.valid].max()):.3g} m", "metres inside the material",
+                         'say so in [columns] of the rig: depth = { unit = "mm" }')  # fmt: skip
 
 
 def _start(model: Model, experiment: Experiment, known: dict[str, float]) -> Array:
@@ -273,12 +280,17 @@ class _Looked:
             verdict, says = ADEQUATE, opinion.says
         if idle:
             says += f"; {' and '.join(idle)}, added because it was asked for, brings nothing that chance wouldn't"
+        warnings = self._warnings()
+        if verdict == ADEQUATE and steps[-1].held_out > OPENLY * floor:
+            times = steps[-1].held_out / floor
+            warnings += (f"the held-out error is {times:.1f} times the noise of single readings: adequate only because noise "
+                         "of positions, calibration or a tool that has left make that much open",)  # fmt: skip
         progress("where the error sits")
         give_back()
         return Diagnosis(
             self.model, best, verdict, says, added, tuple(steps), floor, error_unit(self.whole),
             where(self.whole, before, self._noise), where(self.whole, after, self._noise), told, self.whole, before, after,
-            result, self._warnings(),
+            result, warnings,
         )  # fmt: skip
 
     def _nearest(self, last: State) -> str:
@@ -427,8 +439,8 @@ def _reweighted(state: State, found: Search) -> State | None:
 
     Friction that turns at once makes of a micrometre what a softer reversal would never show; a law may pull elsewhere.
     """
-    if state.problem.experiment.layout.kind == "joints":
-        return None  # no noise of positions is carried
+    if state.problem.experiment.layout.kind == "joints" or len(state.residual) > LONG:
+        return None  # no noise of positions is carried; or it would take too long
     last = found.states[-1]
     met = (last, *(t.state for look in found.rounds for t in look.tried))
     near = NEAREST * min(s.rms for s in met)

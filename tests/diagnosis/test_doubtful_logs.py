@@ -135,6 +135,13 @@ def test_forces_in_another_unit_are_doubted() -> None:
     assert not [w for w in kinid.Model("hooke").fit(kinid.contact_series(log, RIG)).warnings if "another unit" in w]
 
 
+def test_a_depth_in_millimetres_is_refused() -> None:
+    log = poked()
+    milli = dataclasses.replace(log, contact={**log.contact, "depth": 1e3 * log.contact["depth"]})
+    with pytest.raises(InputError, match=r'depths of up to 6.* m.*unit = "mm"'):
+        kinid.diagnose(milli, RIG, model=kinid.Model("kelvin-voigt"))
+
+
 def test_a_bias_does_not_hide_free_motion() -> None:
     log = poked()
     biased = dataclasses.replace(log, contact={**log.contact, "normal_force": log.contact["normal_force"] + 0.2})
