@@ -32,6 +32,8 @@ LEAP = 0.5
 QUICK = 0.05
 #: time between samples of a log of touches [s] beyond which its unit is doubted
 SLOWEST = 0.2
+#: how the unit of a depth is stated
+DEPTH_UNIT = 'in [columns] of the rig: depth = { unit = "mm" }'
 #: how a force is turned
 TURN = "normal_force = { scale = -1 } in [columns] of the rig turns it"
 #: … tangential forces
@@ -55,8 +57,7 @@ def of_data(experiment: Experiment) -> list[str]:
     inside = valid & (depth > 0)
     most = float(depth[inside].max())
     if not SHALLOWEST < most < DEEPEST:
-        out.append(f"depths of up to {most:.3g} m: are they in another unit? Say so in [columns] of the rig: "
-                   'depth = { unit = "mm" }')  # fmt: skip
+        out.append(f"depths of up to {most:.3g} m: are they in another unit? Say so {DEPTH_UNIT}")
     force = _force(experiment)
     if force is not None and np.abs(force[valid]).max() > STRONGEST:
         out.append(f"normal forces of up to {np.abs(force[valid]).max():.3g} N: are they in another unit? Say so in [columns] of "

@@ -171,7 +171,7 @@ def overshoot(slip: Array, slip_rate: Array, dt: Array) -> float:
     """How far the path of rates (2, n) is from the slip (2, n) for a moment [m]: a differentiator overshoots at quick stops."""
     from scipy.ndimage import uniform_filter1d
 
-    if len(dt) < 2 * FREE_ENOUGH:
+    if len(dt) < 2 * FREE_ENOUGH or not (dt > 0).any():
         return 0.0
     step = 0.5 * dt[1:] * (slip_rate[:, 1:] + slip_rate[:, :-1]) - np.diff(slip) * (dt[1:] > 0)
     away = np.cumsum(step, axis=1)

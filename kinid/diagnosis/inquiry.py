@@ -26,7 +26,7 @@ from kinid.diagnosis.unexplained import OTHER_FORM, judge
 from kinid.diagnosis.verdicts import verdicts
 from kinid.diagnosis.where import where
 from kinid.diagnosis.words import with_rivals
-from kinid.doubts import DEEPEST, TURN, TURN_DEPTH, TURN_TANGENTIAL, drives, impossible, turned, turned_depth
+from kinid.doubts import DEEPEST, DEPTH_UNIT, TURN, TURN_DEPTH, TURN_TANGENTIAL, drives, impossible, turned, turned_depth
 from kinid.errors import InputError
 from kinid.estimators.batch import Solution
 from kinid.experiment import Experiment, from_contact, from_joint_torques, from_wrench
@@ -182,9 +182,9 @@ def _refuse(experiment: Experiment, model: Model) -> None:
     if "normal" in model.needs and s.layout.kind != "joints" and not (s.depth[experiment.valid] > 0).any():
         raise InputError(f"a depth that is never positive, for {model}", "samples inside the material",
                          "check [surface] of the rig, or ask about --model none")  # fmt: skip
-    if "normal" in model.needs and s.layout.kind == "contact" and float(s.depth[experiment.valid].max()) > DEEPEST:
-        raise InputError(f"depths of up to {float(s.depth[experiment.valid].max()):.3g} m", "metres inside the material",
-                         'say so in [columns] of the rig: depth = { unit = "mm" }')  # fmt: skip
+    deep = float(s.depth[experiment.valid].max()) if "normal" in model.needs and s.layout.kind == "contact" else 0.0
+    if deep > DEEPEST:
+        raise InputError(f"depths of up to {deep:.3g} m", "metres inside the material", f"say so {DEPTH_UNIT}")
 
 
 def _start(model: Model, experiment: Experiment, known: dict[str, float]) -> Array:
@@ -445,7 +445,8 @@ def _reweighted(state: State, found: Search) -> State | None:
     met = (last, *(t.state for look in found.rounds for t in look.tried))
     near = NEAREST * min(s.rms for s in met)
     nearest = min((s for s in met if s.rms <= near), key=lambda s: (len(s.values), s.rms))
-    for through in (last, nearest) if nearest is not last else (last,):
+    # through what was asked about, noise was carried already
+    for through in (s for s in dict.fromkeys((last, nearest)) if s.model is not state.model):
         carried = Problem.build(state.problem.experiment, through.model, through.plain.light().values)
         less = through.residual * (state.problem.sigma / carried.sigma)[:, carried.valid].ravel()
         if float(less @ less) < TOLD * float(through.residual @ through.residual):

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.effects import Signals
+from kinid.effects import Signals, Stage
 from kinid.experiment import Experiment
 from kinid.model import Model
 from kinid.white_noise import white_noise
@@ -97,8 +97,9 @@ def _carried(experiment: Experiment, model: Model, values: Array, predicted: Arr
             change = np.add.reduceat(experiment.in_band(model.predict(moved, values)) - predicted, edge, axis=1) / count
             total += change**2
     # within the last of their length bristles are Dahl's, which creep at rest under any tremor, or elastic: materials are either
-    stiff = experiment.in_band(model.predict(dataclasses.replace(s, play=0.0), values))
-    total += (np.add.reduceat(stiff - predicted, edge, axis=1) / count) ** 2
+    if Stage.FRICTION in model.stages:
+        creeping = experiment.in_band(model.predict(dataclasses.replace(s, play=0.0), values))
+        total += (np.add.reduceat(creeping - predicted, edge, axis=1) / count) ** 2
     if len(edge) == len(s):  # slow logs: what happens between samples shows in what is lost with every second one
         for phase in (0, 1):
             kept = np.arange(phase, len(s), 2)
