@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import kinid
 from kinid import effects as catalogue
 from kinid.diagnosis.result import ABSENT, INDISTINGUISHABLE, NOT_EXCITED, PRESENT, Cell, Diagnosis, EffectVerdict
-from kinid.diagnosis.words import by_verdict, channel_words, doubts, headline, number, rivalries, sentence
+from kinid.diagnosis.words import acting, by_verdict, channel_words, doubts, headline, number, rivalries, sentence
 from kinid.diagnosis_figures import Shown, ladder, loops, readings
 from kinid.diagnosis_multiples import multiples
 from kinid.fit import FittedParameter
@@ -170,7 +170,7 @@ def _effects(result: Diagnosis) -> str:
 def _row(e: EffectVerdict) -> tuple[str, ...]:
     alike = f"<br>as good: {_e(', '.join(e.equivalent_to))}" if e.equivalent_to else ""
     gain = number(e.held_out_gain) if np.isfinite(e.held_out_gain) and e.held_out_gain else "–"
-    numbers = "<br>".join(_parameter(name, p) for name, p in e.parameters.items())
+    numbers = "<br>".join(_parameter(name, p) for name, p in acting(e.parameters).items())
     return (_name(e), f"{MARK[e.verdict]} {_e(e.verdict)}{alike}", _evidence(e), gain, numbers, _e(e.says), _e(e.separate_by))
 
 
@@ -208,7 +208,8 @@ def _bound(value: float) -> str:
 
 
 def _model(result: Diagnosis) -> str:
-    rows = [(_e(p.name), number(p.value), _bound(p.low), _bound(p.high), _e(p.unit)) for p in result.fit.parameters.values()]
+    shown = acting(result.fit.parameters).values()
+    rows = [(_e(p.name), number(p.value), _bound(p.low), _bound(p.high), _e(p.unit)) for p in shown]
     table = _table(("parameter", "estimate", "from", "to", "unit"), rows) + "<p class=facts>Intervals: 95 %.</p>" if rows else ""
     return f"<p>{_e(str(result.best))}</p><pre>{_e(result.fit.equation())}</pre>{table}"
 

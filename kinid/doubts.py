@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.estimators.batch import ILL_CONDITIONED, Solution
-from kinid.experiment import Experiment
+from kinid.experiment import Experiment, gaps_in_contact
 from kinid.parameter import Parameter
 
 Array = NDArray[np.float64]
@@ -38,6 +38,8 @@ DEPTH_UNIT = 'in [columns] of the rig: depth = { unit = "mm" }'
 TURN = "normal_force = { scale = -1 } in [columns] of the rig turns it"
 #: … tangential forces
 TURN_TANGENTIAL = "tangential_force1 and tangential_force2 = { scale = -1 } in [columns] of the rig turn it"
+#: a direction of slip turns where each of its components varies by this much
+TURNS = 0.2
 #: of slip faster than this [m/s], correlation of tangential force and slip rate beyond which the force drives the slip
 SLIPPING, DRIVES = 1e-3, 0.5
 #: … and a depth
@@ -66,6 +68,13 @@ def of_data(experiment: Experiment) -> list[str]:
     if blind:
         out.append(f"tangential_force{blind[0]} without slip{blind[0]}: how the tool slides along that tangent isn't known, so "
                    "friction has the wrong direction wherever it does; record both")  # fmt: skip
+    unfelt = [i for i in (1, 2) if _slides_unfelt(experiment, i)]
+    if unfelt:
+        out.append(f"slip{unfelt[0]} without tangential_force{unfelt[0]}: what friction does along that tangent isn't seen; "
+                   "record both")  # fmt: skip
+    if _crossed(experiment):
+        out.append("tangential_force1 acts against slip2, and tangential_force2 against slip1: are they exchanged? [columns] of "
+                   'the rig names them: slip1 = { column = "…" }')  # fmt: skip
     strongest = turned_depth(experiment)
     if strongest is not None:
         out.append(f"a force of {strongest:.3g} N where the depth is negative, and next to none inside: is its sign turned? "
@@ -86,6 +95,12 @@ def of_data(experiment: Experiment) -> list[str]:
     jump = float(np.abs(np.diff(depth, prepend=depth[:1])[quick]).max(initial=0.0))
     if jump > LEAP * most:
         out.append(f"the depth leaps by {1e3 * jump:.3g} mm from one sample to the next: no tool does; look for lost samples")
+    t = experiment.signals.t
+    gaps = gaps_in_contact(t, experiment.in_contact)
+    if len(gaps):
+        many, longest = "a gap of" if len(gaps) == 1 else f"{len(gaps)} gaps of up to", float((t[gaps] - t[gaps - 1]).max())
+        out.append(f"{many} {longest:.2g} s in contact: what bristles and a material remember over it isn't known; look "
+                   "for lost samples")  # fmt: skip
     steps = experiment.signals.dt[experiment.signals.dt > 0]
     if experiment.layout.kind == "contact" and len(steps) and np.median(steps) > SLOWEST:
         out.append(f"{np.median(steps):.3g} s between samples: is the time in another unit? Say so in [columns] of the rig: "
@@ -147,6 +162,29 @@ def _slides_unseen(experiment: Experiment, tangent: int) -> bool:
     force, slip, other = (np.isfinite(getattr(touch, f"{name}{i}")).any() for name, i in (
         ("tangential_force", tangent), ("slip_rate", tangent), ("slip_rate", 3 - tangent)))  # fmt: skip
     return bool(force and not slip and other)
+
+
+def _slides_unfelt(experiment: Experiment, tangent: int) -> bool:
+    """Whether the tool slides along a tangent, and only the force along the other was recorded."""
+    s, channels = experiment.signals, experiment.layout.channels
+    felt = [f"tangential_force{i}" in channels for i in (tangent, 3 - tangent)]
+    slides = experiment.valid & (s.depth > 0) & (np.abs(s.slip_rate[tangent - 1]) > SLIPPING)
+    return experiment.layout.kind == "contact" and felt == [False, True] and int(slides.sum()) >= FEWEST
+
+
+def _crossed(experiment: Experiment) -> bool:
+    """Whether each tangential force acts against the slip along the other tangent, and not against its own."""
+    s, channels = experiment.signals, experiment.layout.channels
+    if experiment.layout.kind != "contact" or not {"tangential_force1", "tangential_force2"} <= set(channels):
+        return False
+    speed = np.hypot(*s.slip_rate)
+    moving = experiment.valid & (s.depth > 0) & (speed > SLIPPING)
+    force = np.stack([experiment.measured[channels.index(f"tangential_force{i}")] for i in (1, 2)])[:, moving]
+    along = s.slip_rate[:, moving] / speed[moving]
+    if int(moving.sum()) < FEWEST or along.std(axis=1).min() < TURNS:
+        return False
+    against = -np.array([[np.mean(f * a) / np.sqrt(np.mean(f**2) * np.mean(a**2)) for a in along] for f in force])
+    return bool(np.diag(against).max() < DRIVES < min(against[0, 1], against[1, 0]))
 
 
 def _force(experiment: Experiment) -> Array | None:

@@ -32,6 +32,9 @@ FREE_ENOUGH = 200
 #: samples that are missing for less than this lose no memory: a period of the fastest motion that the differentiator passes;
 #: slower ones run nearly straight meanwhile [s]
 BRIDGED = 1.0 / Differentiator().bandwidth
+#: what bristles and a material remember over a gap in contact isn't known: until the tool leaves, or for so long [s], readings
+#: don't count, unless that would leave out more than this share of those in contact
+FORGETS, LOSSY = (np.inf, 1.0), 0.5
 #: a material has let go where its force is below so many times the noise
 LET_GO = 3.0
 #: noise of a path reaches so many times its standard deviation
@@ -41,6 +44,8 @@ MOST_REACH = 2e-5
 #: a path is away from the slip by no more than it is for this percentage of samples, beside what lasts longer than this [s];
 #: beyond this [m] a slip began with a jerk, and what it cost isn't held against the rest of the log
 OFTEN, MOMENT, JERK = 99.9, 0.5, 3e-6
+#: samples that such a percentage is told from, at least
+LONG_ENOUGH = 400
 #: depth that stands for "nowhere near a surface" where the rig has none [m]
 FAR = -1.0
 
@@ -171,7 +176,7 @@ def overshoot(slip: Array, slip_rate: Array, dt: Array) -> float:
     """How far the path of rates (2, n) is from the slip (2, n) for a moment [m]: a differentiator overshoots at quick stops."""
     from scipy.ndimage import uniform_filter1d
 
-    if len(dt) < 2 * FREE_ENOUGH or not (dt > 0).any():
+    if len(dt) < LONG_ENOUGH or not (dt > 0).any():
         return 0.0
     step = 0.5 * dt[1:] * (slip_rate[:, 1:] + slip_rate[:, :-1]) - np.diff(slip) * (dt[1:] > 0)
     away = np.cumsum(step, axis=1)
@@ -186,6 +191,28 @@ def time_steps(t: Array, starts: NDArray[np.bool_]) -> Array:
     return dt
 
 
+def gaps_in_contact(t: Array, in_contact: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """First sample after each gap that began and ended in contact, of a log that isn't one of poses at rest."""
+    step = np.diff(t)
+    if not len(step) or np.median(step) >= STATIC_PERIOD:
+        return np.zeros(0, np.int64)
+    gap = step > max(GAP_FACTOR * float(np.median(step)), BRIDGED)
+    return np.flatnonzero(gap & in_contact[1:] & in_contact[:-1]) + 1
+
+
+def _forgotten(t: Array, in_contact: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Samples after a gap in contact, until the tool leaves or for a while, (n,)."""
+    for lasts in FORGETS:
+        out = np.zeros(len(t), np.bool_)
+        for first in gaps_in_contact(t, in_contact):
+            last = np.searchsorted(t, t[first] + lasts)
+            gone = np.flatnonzero(~in_contact[first:last])
+            out[first : first + gone[0] if len(gone) else last] = True
+        if out.sum() <= LOSSY * in_contact.sum():
+            return out
+    return np.zeros(len(t), np.bool_)
+
+
 def from_contact(touch: ContactSeries, channels: tuple[str, ...]) -> Experiment:
     """Contact-frame quantities as they are: normal force, and tangential forces where asked for."""
     rows = np.flatnonzero(np.isfinite(touch.depth) & np.isfinite(touch.depth_rate))
@@ -193,12 +220,12 @@ def from_contact(touch: ContactSeries, channels: tuple[str, ...]) -> Experiment:
     slip = np.nan_to_num(np.stack([touch.slip1[rows], touch.slip2[rows]]))
     slip_rate = np.nan_to_num(np.stack([touch.slip_rate1[rows], touch.slip_rate2[rows]]))
     measured = np.stack([getattr(touch, name)[rows] for name in channels])
-    valid = np.isfinite(measured).all(axis=0)
+    in_contact = touch.in_contact[rows]
+    valid = np.isfinite(measured).all(axis=0) & ~_forgotten(t, in_contact)
     signals = Signals(
         Layout(channels, "contact"), t, dt, touch.depth[rows], touch.depth_rate[rows], slip, slip_rate, measured=measured,
         dither=dither(slip, slip_rate, dt), overshoot=overshoot(slip, slip_rate, dt),
     )  # fmt: skip
-    in_contact = touch.in_contact[rows]
     noise = _noise(measured[:, valid])
     free = valid & ~in_contact & (touch.depth[rows] < 0)
     if free.sum() >= FREE_ENOUGH:
@@ -278,6 +305,7 @@ def from_wrench(
     touching = np.zeros(len(rows), dtype=np.bool_)
     if touch is not None:
         touching = touch.in_contact[rows]
+        valid = valid & ~_forgotten(t, touching)
     return Experiment(signals, measured, valid, noise, _named(log.phase, rows), touching, rows)
 
 

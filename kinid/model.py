@@ -18,7 +18,6 @@ from kinid import effects as catalogue
 from kinid.effects import Effect, Layout, Signals, Stage
 from kinid.effects._deflection import press_through
 from kinid.effects._derived import derived
-from kinid.effects._signals import BRISTLE
 from kinid.errors import InputError
 from kinid.kernels.frames import contact_wrench
 from kinid.kernels.memory import bristles, steady
@@ -184,20 +183,22 @@ class Model:
         Noise of the slip would shake them loose, which no surface feels: what of it they aren't elastic enough to bear is
         taken out of the rates; so is a differentiator's overshoot, where they are short enough to notice.
         """
+        beyond = max(s.dither - s.play * s.bristle, s.overshoot - NOTICED * s.bristle)
+
+        def rested() -> Array:
+            rates = np.empty_like(s.slip_rate)
+            for rate, row in zip(s.slip_rate, rates):
+                steady(rate, s.dt, beyond, row)
+            return rates
+
         def bend() -> Array:
             rates, u = s.slip_rate, np.empty((2, len(s)))
-            beyond = max(s.dither - s.play * s.bristle, s.overshoot - NOTICED * s.bristle)
             if beyond > 0.0:
-                rates = np.empty_like(rates)
-                for rate, row in zip(s.slip_rate, rates):
-                    steady(rate, s.dt, beyond, row)
+                rates = derived("rates of a slip that rests", rested, s.slip_rate, s.dt, at=(beyond,))
             bristles(rates[0], rates[1], s.dt, s.depth, s.bristle, u, s.play)
             return u
 
-        if Stage.GEOMETRY in self.stages or s.bristle != BRISTLE:
-            return bend()
-        return derived(f"bristles that play {s.play}, {s.dither} of dither, {s.overshoot} of overshoot", bend,
-                       s.slip_rate, s.depth, s.dt)  # fmt: skip
+        return derived("bristles", bend, s.slip_rate, s.depth, s.dt, at=(s.bristle, s.play, beyond))
 
     def _press(self, s: Signals, slices: list[Array]) -> None:
         """The contact law: elastic and normal force from depth and rate."""

@@ -10,9 +10,12 @@ from typing import Any
 
 from kinid.errors import InputError
 
+#: of the forces of a log
+LEGEND = '<i style="background:#D55E00"></i>measured force <i style="background:#0072B2"></i>predicted'
 
-def page(scene: dict[str, Any]) -> str:
-    """The viewer showing a scene (`kinid.viewer_scene`).
+
+def page(scene: dict[str, Any], legend: str = LEGEND) -> str:
+    """The viewer showing a scene (`kinid.viewer_scene`), with a legend (HTML) for its forces.
 
     Raises:
         InputError: meshcat's renderer isn't installed.
@@ -21,7 +24,7 @@ def page(scene: dict[str, Any]) -> str:
     # "<" opens no tag inside JSON text, whatever a file's name holds
     data = json.dumps(scene, allow_nan=False).replace("<", "\\u003c")
     out = template.replace("__TITLE__", html.escape(str(scene.get("title", "view"))))
-    out = out.replace("__SCENE__", data, 1)
+    out = out.replace("__LEGEND__", legend, 1).replace("__SCENE__", data, 1)
     return out.replace("__MESHCAT__", _renderer(), 1)
 
 

@@ -26,7 +26,7 @@ MARK = {"present": "●", "indistinguishable": "◐"}
 
 def show_diagnosis(result: Diagnosis) -> None:
     """Verdict first; what is absent or cannot be seen is summed up in a line each."""
-    from kinid.diagnosis.words import doubts, headline
+    from kinid.diagnosis.words import acting, doubts, headline
 
     out = console()
     colour = COLOUR.get(result.verdict, "bold")
@@ -49,7 +49,7 @@ def show_diagnosis(result: Diagnosis) -> None:
         for heading in ("estimate", "95 % from", "to"):
             table.add_column(heading, justify="right")
         table.add_column("unit")
-        for p in result.fit.parameters.values():
+        for p in acting(result.fit.parameters).values():
             table.add_row(escape(p.name), f"{p.value:.4g}", f"{p.low:.4g}", f"{p.high:.4g}", p.unit)
         out.print(table)
     _next(out, result)
@@ -91,10 +91,13 @@ def _effects(out: Console, result: Diagnosis) -> None:
 
 
 def _numbers(effect: EffectVerdict) -> str:
-    if len(effect.parameters) > MOST_NUMBERS:
-        return f"{len(effect.parameters)} parameters"
+    from kinid.diagnosis.words import acting
+
+    shown = acting(effect.parameters)
+    if len(shown) > MOST_NUMBERS:
+        return f"{len(shown)} parameters"
     return ", ".join(f"{name} {p.value:.3g} [{p.low:.3g}, {p.high:.3g}]{'' if p.unit == '1' else ' ' + p.unit}"
-                     for name, p in effect.parameters.items())  # fmt: skip
+                     for name, p in shown.items())  # fmt: skip
 
 
 def _next(out: Console, result: Diagnosis) -> None:

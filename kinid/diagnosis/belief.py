@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from kinid.diagnosis.calibration import BIAS_FORCE, BIAS_TORQUE, CLOCK, SURFACE
 from kinid.diagnosis.candidates import amplitudes, base_of
 from kinid.diagnosis.descent import State
-from kinid.diagnosis.look import Tried, worth
+from kinid.diagnosis.look import Tried, side_by_side, worth
 from kinid.effects import Effect
 from kinid.fit import error_rows
 
@@ -62,17 +62,19 @@ def _shows(before: State, after: State) -> bool:
     return any(shown_error(after, units == unit) < (1.0 - LIGHTEST) * shown_error(before, units == unit) for unit in set(units))
 
 
-def shown_error(state: State, rows: NDArray[np.bool_] | None = None) -> float:
+def shown_error(state: State, rows: NDArray[np.bool_] | None = None, *, exact: bool = False) -> float:
     """Held-out error in the unit of the readings, calibration as it was stated, noise of single samples and rounding included.
 
     Args:
         rows: channels that count, (channels,); those that users' errors are of, if None.
+        exact: fit each half, as the errors that users see do.
     """
     problem = state.problem
     if rows is None:
         rows = error_rows(problem.experiment)
     sigma = problem.sigma[rows][:, problem.valid]
-    held = state.plain.light().held.reshape(len(rows), -1)[rows]
+    plain = state.plain.light()
+    held = (plain.apart if exact else plain.held).reshape(len(rows), -1)[rows]
     thinned = max(1.0, float(np.median(np.diff(problem.experiment.rows)))) if len(problem.experiment.rows) > 1 else 1.0
     averaged = np.mean(problem.experiment.noise[rows] ** 2) * (thinned - np.mean(1.0 / problem.count[problem.valid]))
     rounded = np.mean(problem.stairs[rows] ** 2) / 12.0
@@ -81,6 +83,7 @@ def shown_error(state: State, rows: NDArray[np.bool_] | None = None) -> float:
 
 def believed(before: State, tried: Sequence[Tried]) -> list[Tried]:
     """Those that are accepted, and that calibration a little beyond its tolerance doesn't explain as well."""
+    side_by_side(lambda t: t.state.plain.light(), [t for t in tried if t.evidence.sure])  # most of the work, and remembered
     good = [t for t in tried if accepted(before, t)]
     calibration = [t.evidence.value for t in tried if t.effect.id in TOLERATED and t.evidence.sure and t not in good]
     doubt = max(calibration, default=-np.inf)

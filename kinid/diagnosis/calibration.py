@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 #: what calibration is trusted to, as a standard deviation: surface [m], clocks [s], bias [N] and [N·m]
 SURFACE, CLOCK, BIAS_FORCE, BIAS_TORQUE = 1.5e-5, 1.25e-4, 0.01, 5e-4
+#: shifted motions that are kept, the latest: what follows from them is worked out once for all parameters that act elsewhere
+LATEST = 6
 #: it moves no further than so many times that
 MOST_SHIFT = 2.0
 
@@ -26,6 +28,7 @@ class Calibration:
 
     def __init__(self, signals: Signals) -> None:
         self._signals = signals
+        self._shifted: dict[float, Signals] = {}
         self.surface = signals.layout.kind != "joints" and bool((signals.depth > 0).any())
         self._bias = bias_of(signals.layout)
 
@@ -36,7 +39,13 @@ class Calibration:
         """The motion with its surface shifted."""
         if not self.surface or not len(shift) or shift[0] == 0.0:
             return self._signals
-        return dataclasses.replace(self._signals, depth=self._signals.depth + shift[0] * SURFACE)
+        place = float(shift[0])
+        found = self._shifted.get(place)
+        if found is None:
+            found = self._shifted[place] = dataclasses.replace(self._signals, depth=self._signals.depth + place * SURFACE)
+            for earlier in list(self._shifted)[:-LATEST]:
+                self._shifted.pop(earlier, None)  # another thread may have been first
+        return found
 
     def late(self, predicted: Array) -> Array:
         """What a tolerance of the clock adds to predictions (channels, n), the same shape; nothing where memory begins anew."""

@@ -29,6 +29,11 @@ SHARED = 0.1
 LINE = 0.2
 #: and where it holds so many times the power of its neighbours
 STANDS_OUT = 25.0
+#: so many times as open as at a known frequency are the sine and cosine of a line, counted from the log's first sample, where its
+#: frequency is found from it too (D. C. Rife, R. R. Boorstyn, IEEE Trans. Inf. Theory 20, 1974)
+UNSURE = 2.0
+#: steps of least squares from the best of the frequencies that are tried
+SHARPENED = 4
 #: share of a log that must be left beside flat tops; else they stay in
 ENOUGH_LEFT = 0.15
 
@@ -40,12 +45,14 @@ class Mark:
     Attributes:
         effect: of the catalogue. values: of its parameters. says: in words.
         evidence: on the scale of all effects (twice a log-likelihood).
+        error: standard errors of the values; of what stands in the samples themselves there are none.
     """
 
     effect: Effect
     values: Array
     says: str
     evidence: float
+    error: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,13 +209,13 @@ def _hum(experiment: Experiment, motion: Array | None) -> tuple[Mark | None, Exp
         return None, experiment
     rest = experiment.measured.copy() if motion is None else experiment.measured - motion
     rest[:, ~experiment.valid] = 0.0
-    best: tuple[float, float, tuple[int, ...], Array, Array] | None = None
+    best: tuple[float, float, tuple[int, ...]] | None = None
     for grid in GRIDS:
         possible = tuple(h for h in (1, 2, 3) if h * (grid + OFF) < 0.48 * rate)
         if not possible:
             continue
         frequency = _sharpest(rest, s.t, grid, experiment.noise)
-        found_lines, amplitudes, power = [], [], 0.0
+        found_lines, power = [], 0.0
         for h in possible:
             pair = _pair(rest, s.t, h * frequency)
             beside = np.mean([np.hypot(*_pair(rest, s.t, h * frequency + d)).ravel() ** 2
@@ -217,28 +224,27 @@ def _hum(experiment: Experiment, motion: Array | None) -> tuple[Mark | None, Exp
             clear = (size > LINE * experiment.noise) & (size**2 > STANDS_OUT * beside)
             if clear.any():
                 found_lines.append(h)
-                amplitudes.append(_coherent(rest, s.t, h * frequency))
                 power += float(((size / experiment.noise) ** 2)[clear].sum())
         # harmonics without the line itself are a machine's vibration
         if 1 in found_lines and (best is None or power > best[0]):
-            best = (power, frequency, tuple(found_lines), np.stack(amplitudes), pair)
+            best = (power, frequency, tuple(found_lines))
     if best is None:
         return None, experiment
-    power, frequency, lines, pairs, _ = best
-    effect = MainsHum(frequency=frequency, harmonics=lines)
-    # per channel: sine and cosine of each harmonic, one after the other
-    if s.as_read is not None:  # the effect acts on raw readings
-        pairs = pairs @ s.as_read.crosstalk.T
-    values = np.ascontiguousarray(np.moveaxis(pairs, -1, 0)).ravel()
+    power, frequency, lines = best
     hum = sum((_line(rest, s.t, h * frequency) for h in lines), np.zeros_like(rest))
     sizes = np.hypot(*_pair(rest, s.t, lines[0] * frequency))
     top = int(np.argmax(sizes / experiment.noise))
     says = (f"a line at {frequency:.2f} Hz{' and its harmonics' if len(lines) > 1 else ''}, "
             f"{sizes[top]:.3g} {experiment.layout.units[top]} in {experiment.layout.channels[top]}")  # fmt: skip
-    mark = Mark(effect, values, says, 0.5 * power * len(s.t))
     quiet = experiment.measured - hum
     # the white noise that differences of neighbours show held the hum, too
     noise = np.minimum(experiment.noise, [force_noise(channel[experiment.valid]) for channel in quiet])
+    # per channel: sine and cosine of each harmonic, one after the other
+    pairs = np.concatenate([_coherent(rest[:, experiment.valid], s.t[experiment.valid], h * frequency) for h in lines])
+    error = np.broadcast_to(UNSURE * noise * np.sqrt(2.0 / max(1, int(experiment.valid.sum()))), pairs.shape)
+    if s.as_read is not None:  # the effect acts on raw readings
+        pairs, error = pairs @ s.as_read.crosstalk.T, np.sqrt(error**2 @ s.as_read.crosstalk.T**2)
+    mark = Mark(MainsHum(frequency=frequency, harmonics=lines), pairs.T.ravel(), says, 0.5 * power * len(s.t), error.T.ravel())
     return mark, dataclasses.replace(experiment, measured=quiet, noise=np.maximum(noise, 1e-9))
 
 
@@ -260,9 +266,10 @@ def _pair(readings: Array, t: Array, frequency: float) -> Array:
 
 
 def _coherent(readings: Array, t: Array, frequency: float) -> Array:
-    """Sine and cosine amplitude over the whole log, (2, channels)."""
+    """Sine and cosine amplitude over the whole log, by least squares beside a constant, (2, channels)."""
     angle = 2.0 * np.pi * frequency * t
-    return np.stack([readings @ np.sin(angle), readings @ np.cos(angle)]) * (2.0 / len(t))
+    out: Array = np.linalg.lstsq(np.stack([np.sin(angle), np.cos(angle), np.ones_like(t)], axis=1), readings.T)[0][:2]
+    return out
 
 
 def _line(readings: Array, t: Array, frequency: float) -> Array:
@@ -287,4 +294,11 @@ def _sharpest(readings: Array, t: Array, grid: float, noise: Array) -> float:
     slow = np.add.reduceat(loudest[0] * np.exp(-2j * np.pi * grid * t), begin)
     middle = t[np.minimum(begin + many // 2, len(t) - 1)]
     power = [abs(slow @ np.exp(-2j * np.pi * off * middle)) for off in trials]
-    return float(grid + trials[int(np.argmax(power))])
+    near = found = float(grid + trials[int(np.argmax(power))])
+    for _ in range(SHARPENED):  # between two trials: least squares
+        wave = np.exp(2j * np.pi * found * t)
+        sine, cosine = _coherent(loudest, t, found)[:, 0]
+        turned = 2.0 * np.pi * (t - t.mean()) * (sine * wave.real - cosine * wave.imag)
+        rest = loudest[0] - sine * wave.imag - cosine * wave.real
+        found += float(turned @ rest / max(float(turned @ turned), 1e-300))
+    return found if abs(found - near) < trials[1] - trials[0] else near

@@ -35,10 +35,12 @@ PRICE = 4.0
 MATERIAL, LEAST, MOST = 0.005, 0.008, 0.02
 #: the same share for readings that are stairs: only transitions tell, and all that pass one share it
 STAIRS = 0.04
-#: a search that still goes down is taken up again so many times
-PATIENCE = 4
+#: a search that still goes down by this share is taken up again so many times; not where a rival's cost is so much less
+PATIENCE, STALLED, HOPELESS = 4, 0.01, 9.0
 #: steps of a search, so that models of many parameters don't take minutes: so many divided by their number, within these ends
 EFFORT, FEW_STEPS, MANY_STEPS = 900, 12, 60
+#: … and from each point at first
+FIRST_STEPS = 30
 #: of a small log, effects with more than a handful of parameters need so many readings for each
 READINGS = 20
 #: candidates that are refitted, a round, and against each addition that defends its place
@@ -117,19 +119,27 @@ def look(state: State, *, most: int = REFITTED, spare: Sequence[str] = (), known
 
     Args:
         state: the model as it is. most: how many to refit. spare: names to leave out.
-        known: an earlier look from the same state, whose refitted candidates are taken over.
+        known: what earlier looks from the same state found, which is taken over.
     """
     done = {t.effect.id: t for t in known.tried} if known else {}
     layout = state.problem.experiment.layout
     able_ones = [effect for effect, why in able(state.model, layout)
                  if not why and not effect.detector and effect.id not in spare
                  and len(effect.parameters(layout)) * READINGS <= max(6 * READINGS, len(state.residual))]  # fmt: skip
-    starts = known.points if known else _screened(state, able_ones, most)
-    look = Round(state, starts, ())
-    worth = [c for c in look.screened[:most] if c.gain >= _promising(state)]
-    tried = _side_by_side(lambda c: done.get(c.effect.id) or attempt(state, c, starts[c.effect.id]), worth)
+    starts: dict[str, Sequence[Candidate]] = {e.id: known.points[e.id] for e in able_ones if known and e.id in known.points}
+    starts |= _screened(state, [e for e in able_ones if e.id not in starts], most)
+    worth = [c for c in Round(state, starts, ()).screened[:most] if c.gain >= _promising(state)]
+    new = [(c.effect, point) for c in worth if c.effect.id not in done for point in worth_searching(starts[c.effect.id])]
+    fresh: dict[str, Tried] = {}
+    for found in side_by_side(lambda pair: attempt(state, *pair), new):
+        name = found.effect.id
+        if name not in fresh or found.state.cost < fresh[name].state.cost:
+            fresh[name] = found
+    first = [done.get(c.effect.id) or fresh[c.effect.id] for c in worth]
+    least = min((t.state.cost for t in first), default=np.inf)
+    tried = side_by_side(lambda t: t if t.effect.id in done else pursue(state, t, least), first)
     tried.sort(key=lambda t: -t.evidence.value)
-    light = {name: _slim(points) for name, points in starts.items()}
+    light: dict[str, Sequence[Candidate]] = {name: _slim(points) for name, points in starts.items()}
     starts = light
     give_back()
     return Round(state, light, tuple(tried))
@@ -139,7 +149,7 @@ def _screened(state: State, able_ones: Sequence[Effect], most: int) -> dict[str,
     """Points of every effect, best first; only the `most` promising keep their sensitivities, which are large."""
     out: dict[str, Sequence[Candidate]] = {}
     for begin in range(0, len(able_ones), AT_ONCE):
-        found = _side_by_side(lambda e: screen(state, e), able_ones[begin : begin + AT_ONCE])
+        found = side_by_side(lambda e: screen(state, e), able_ones[begin : begin + AT_ONCE])
         out |= {points[0].effect.id: points for points in found if points}
         for name in sorted(out, key=lambda n: _promise(out[n]))[most:]:
             out[name] = _slim(out[name])
@@ -162,7 +172,7 @@ def _promising(state: State) -> float:
     return float(np.clip(0.1 * needed, ENOUGH / 2, HOPEFUL))
 
 
-def _side_by_side(do: Callable[[In], Out], items: Sequence[In]) -> list[Out]:
+def side_by_side(do: Callable[[In], Out], items: Sequence[In]) -> list[Out]:
     """The same for all, on as many cores as there are; kernels let go of the interpreter's lock."""
 
     def quietly(item: In) -> Out:
@@ -176,26 +186,38 @@ def _side_by_side(do: Callable[[In], Out], items: Sequence[In]) -> list[Out]:
         return list(pool.map(quietly, items))
 
 
-def attempt(state: State, candidate: Candidate, points: Sequence[Candidate]) -> Tried:
-    """Refit with the candidate, from its best shapes."""
-    model = state.model + candidate.effect
-    steps = int(np.clip(EFFORT / max(1, len(candidate.start)), FEW_STEPS, MANY_STEPS))
-    best: State | None = None
-    for point in points[:SEARCHED]:
-        if best is not None and point.gain < NEAR * points[0].gain:
+def worth_searching(points: Sequence[Candidate]) -> list[Candidate]:
+    """The points of an effect, best first, that are worth a search."""
+    return [point for point in points[:SEARCHED] if point is points[0] or point.gain >= NEAR * points[0].gain]
+
+
+def attempt(state: State, effect: Effect, point: Candidate) -> Tried:
+    """Refit with an effect from one point."""
+    model = state.model + effect
+    found = fit(state.problem, model, _nearest(state, model, point), guess=point.guess(state),
+                steps=min(FIRST_STEPS, _steps(model, state)))  # fmt: skip
+    return Tried(effect, found.light(), weigh(state, found))
+
+
+def pursue(state: State, tried: Tried, least: float = np.inf) -> Tried:
+    """The same with its search taken up again where it still went down: parameters that trade against each other make valleys,
+    slow, but steadily downhill. What couldn't come down to `least`, the cost of the best rival, at its pace, is left where it is.
+    """
+    best = tried.state
+    for left in reversed(range(PATIENCE)):
+        if best.converged or best.cost > HOPELESS * least:
             break
-        found = fit(state.problem, model, _nearest(state, model, point), guess=point.guess(state), steps=min(30, steps))
-        if best is None or found.cost < best.cost:
-            best = found
-    assert best is not None
-    for _ in range(PATIENCE):  # parameters that trade against each other make valleys: slow, but steadily downhill
-        if best.converged:
+        further = fit(state.problem, best.model, best.values, steps=_steps(best.model, state))
+        gained = best.cost - further.cost
+        best = further.light() if gained > 0 else best
+        if gained < STALLED * best.cost or best.cost - left * gained > least:
             break
-        further = fit(state.problem, model, best.values, steps=steps)
-        if further.cost > 0.99 * best.cost:
-            break
-        best = further
-    return Tried(candidate.effect, best.light(), weigh(state, best))
+    return tried if best is tried.state else Tried(tried.effect, best, weigh(state, best))
+
+
+def _steps(model: Model, state: State) -> int:
+    """Of a search of so many parameters."""
+    return int(np.clip(EFFORT / max(1, len(model.parameters(state.problem.experiment.layout))), FEW_STEPS, MANY_STEPS))
 
 
 def _nearest(state: State, model: Model, point: Candidate) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,20 @@ from kinid import effects
 from kinid.diagnosis.belief import accepted, at_end, believed, plausibility, shown_error
 from kinid.diagnosis.candidates import amplitudes, base_of, screen
 from kinid.diagnosis.descent import State, fit
-from kinid.diagnosis.look import DEFENDED, ENOUGH, FAR_LESS, REFITTED, Evidence, Round, Tried, attempt, look, weigh
+from kinid.diagnosis.look import (
+    DEFENDED,
+    ENOUGH,
+    FAR_LESS,
+    REFITTED,
+    Evidence,
+    Round,
+    Tried,
+    attempt,
+    look,
+    pursue,
+    weigh,
+    worth_searching,
+)
 from kinid.model import Model
 
 Array = NDArray[np.float64]
@@ -63,36 +76,34 @@ def search(start: State, *, most: int = 4, forced: Sequence[str] = (), spare: Se
         spare: names that are out of the question. progress: told what is being done.
     """
     states, rounds, added = [start], [], []
-    looks: dict[str, Round] = {}
     met = _Met([start])
     for name in forced:
         progress(f"adding {name}")
-        points = screen(states[-1], effects.get(name))
-        states.append(attempt(states[-1], points[0], points).state)
+        points = worth_searching(screen(states[-1], effects.get(name)))
+        found = min((attempt(states[-1], point.effect, point) for point in points), key=lambda t: t.state.cost)
+        states.append(pursue(states[-1], found).state)
         added.append(name)
     # an effect that is defended away may come back, but not for ever
     for _ in range(most + EXTRA_ROUNDS):
         if len(added) >= most:
             break
         progress(f"looking for what {' + '.join(['the model', *added])} lacks")
-        found = met.look(states[-1], spare=spare)
-        rounds.append(found)
-        good = believed(states[-1], found.tried)
+        seen = met.look(states[-1], spare=spare)
+        rounds.append(seen)
+        good = believed(states[-1], seen.tried)
         if len(added) >= SEVERAL and states[-1].rms > LOUD:
             good = [t for t in good if t.state.rms < (1.0 - CRUMB) * states[-1].rms]
-        steps = [_simplest(good)] if good else _together(found, spare, met) if len(added) + 2 <= most else []
+        steps = [_simplest(good)] if good else _together(seen, spare, met) if len(added) + 2 <= most else []
         if not steps:
             break
         states.append(steps[-1].state)
         added += [step.effect.id for step in steps]
         progress(f"defending {', '.join(added)}")
-        states, added, looks = _defend(states[0], states[-1], added, forced, spare, met)
+        states, added = _defend(states[0], states[-1], added, forced, spare, met)
     if not rounds or rounds[-1].before is not states[-1]:
         rounds.append(met.look(states[-1], spare=spare, most=0))
     cut_short = len(added) >= most and any(c.gain > 10 * ENOUGH for c in rounds[-1].screened)
-    if len(added) == 1 and not forced:  # it needed no defence: what is left without it is where the first look began
-        looks = {added[0]: rounds[0]}
-    state, added, rivals, evidence = _rivals(states[-1], added, forced, spare, looks, met)
+    state, added, rivals, evidence = _rivals(states[-1], added, forced, spare, met)
     states[-1] = state
     ladder, added = _ladder(states[0], states[-1], added, met)
     return Search(tuple(ladder), tuple(added), rivals, tuple(rounds), evidence, cut_short)
@@ -126,33 +137,41 @@ def _together(found: Round, spare: Sequence[str], met: _Met) -> list[Tried]:
 
 
 class _Met:
-    """The best fit of each model that the search came by: one and the same model may end at several optima."""
+    """What the search came by: the best fit of each model, which may end at several optima, and what was seen from each fit."""
 
     def __init__(self, states: Sequence[State]) -> None:
         self._best: dict[frozenset[str], State] = {}
+        self._seen: dict[State, Round] = {}
+        self._less: dict[tuple[State, str], State] = {}
         self.note(states)
 
     def note(self, states: Sequence[State]) -> None:
-        """Remember states, the best of each model."""
+        """Remember states, the best of each model; what isn't better by as much as an addition must bring is the same fit."""
         for state in states:
             names = frozenset(state.model.names)
-            if names not in self._best or state.cost < self._best[names].cost:
+            if names not in self._best or state.cost < self._best[names].cost - ENOUGH:
                 self._best[names] = state
 
     def best(self, names: Iterable[str]) -> State | None:
         """Of the model of these effects; None where the search didn't come by it."""
         return self._best.get(frozenset(names))
 
-    def look(self, state: State, *, most: int = REFITTED, spare: Sequence[str] = (), known: Round | None = None) -> Round:
-        """A look whose refits are remembered."""
+    def look(self, state: State, *, most: int = REFITTED, spare: Sequence[str] = ()) -> Round:
+        """A look that does nothing twice."""
+        known = self._seen.get(state)
         found = look(state, most=most, spare=spare, known=known)
         self.note([t.state for t in found.tried])
+        tried = {t.effect.id: t for t in (*(known.tried if known else ()), *found.tried)}
+        self._seen[state] = Round(state, {**(known.points if known else {}), **found.points}, tuple(tried.values()))
         return found
 
     def without(self, state: State, name: str) -> State:
         """The same model less one effect, and less what can't act without it: as met or refitted, whichever fits better."""
-        less = _without(state, name)
-        self.note([less])
+        if (state, name) not in self._less:
+            less = _without(state, name)
+            self.note([less])
+            self._less[state, name] = less
+        less = self._less[state, name]
         return self.best(less.model.names) or less
 
 
@@ -172,9 +191,8 @@ def _parts(state: State) -> list[Array]:
 
 
 def _defend(first: State, state: State, added: list[str], forced: Sequence[str], spare: Sequence[str],
-            met: _Met) -> tuple[list[State], list[str], dict[str, Round]]:  # fmt: skip
-    """Each addition against being left out, and against every other effect in its place; with looks from what is left."""
-    looks: dict[str, Round] = {}
+            met: _Met) -> tuple[list[State], list[str]]:  # fmt: skip
+    """Each addition against being left out, and against every other effect in its place."""
     for name in [n for n in added if n not in forced]:
         if len(added) == 1:
             break
@@ -183,15 +201,15 @@ def _defend(first: State, state: State, added: list[str], forced: Sequence[str],
         less = met.without(state, name)
         if _vanished(state, name) or not weigh(less, state).sure:
             added = [n for n in added if n in less.model]
-            state, looks = less, {}
+            state = less
             continue
-        others = looks[name] = met.look(less, spare=[*spare, name], most=DEFENDED)
+        others = met.look(less, spare=[*spare, name], most=DEFENDED)
         mine = weigh(less, state)
-        better = [t for t in others.tried if accepted(less, t) and _displaces(t, state, mine)]
+        better = [t for t in others.tried if _displaces(t, state, mine) and accepted(less, t)]
         if better:
-            state, looks = better[0].state, {}
+            state = better[0].state
             added = [n for n in (better[0].effect.id if n == name else n for n in added) if n in state.model]
-    return [first, state], added, looks
+    return [first, state], added
 
 
 def _displaces(other: Tried, state: State, mine: Evidence) -> bool:
@@ -215,25 +233,21 @@ def _vanished(state: State, name: str) -> bool:
                for fitted in (state, state.plain.light()))  # fmt: skip
 
 
-def _rivals(state: State, added: Sequence[str], forced: Sequence[str], spare: Sequence[str], looks: Mapping[str, Round],
+def _rivals(state: State, added: Sequence[str], forced: Sequence[str], spare: Sequence[str],
             met: _Met) -> tuple[State, list[str], dict[str, tuple[str, ...]], dict[str, Evidence]]:  # fmt: skip
-    """Of each addition, the effects that fit as well in its place; where one of them is more plausible, it takes the place.
-
-    `looks` are those that were made from there already.
-    """
+    """Of each addition, the effects that fit as well in its place; where one of them is more plausible, it takes the place."""
     rivals: dict[str, tuple[str, ...]] = {}
     evidence, named = {}, list(added)
     for place, name in enumerate(added):
-        earlier = looks.get(name)
-        less = earlier.before if earlier else met.without(state, name)
-        others = met.look(less, spare=[*spare, name], known=earlier)
-        mine = weigh(others.before, state)
+        less = met.without(state, name)
+        others = met.look(less, spare=[*spare, name])
+        mine = weigh(less, state)
         alike = [t for t in others.tried if t.effect.id != name and _alike(t, state, mine)]
         ids = [t.effect.id for t in alike]
         better = None if name in forced else _more_plausible(state, name, alike)
         if better is not None:
             ids[ids.index(better.effect.id)] = name
-            named[place], state, mine, looks = better.effect.id, better.state, better.evidence, {}
+            named[place], state, mine = better.effect.id, better.state, better.evidence
         rivals[named[place]], evidence[named[place]] = tuple(ids), mine
     return state, named, rivals, evidence
 
@@ -250,12 +264,12 @@ def _more_plausible(state: State, name: str, alike: Sequence[Tried]) -> Tried | 
 
 
 def _alike(rival: Tried, state: State, mine: Evidence) -> bool:
-    """Whether a rival fits as well: within what chance moves, and not by many more parameters."""
+    """Whether a rival fits as well: within what chance moves, not by many more parameters, and without far more left."""
     difference = weigh(rival.state, state)
     close = max(ALIKE, min(ALIKE_SE * difference.error, CLOSE * mine.value))
     # a few blocks may tell two apart that one alone isn't sure of
     stands = rival.evidence.sure or rival.evidence.value > max(ENOUGH, HALF * mine.value)
-    return bool(difference.value < close and stands)
+    return bool(difference.value < close and stands and difference.left > FAR_LESS)
 
 
 def _ladder(first: State, last: State, added: Sequence[str], met: _Met) -> tuple[list[State], list[str]]:
@@ -268,7 +282,7 @@ def _ladder(first: State, last: State, added: Sequence[str], met: _Met) -> tuple
         further = [(name, _with(states[-1], last, name, added, met)) for name in added
                    if name not in order and _can_stand(name, states[-1].model)]  # fmt: skip
         # the other states of a step are not needed again: their sensitivities are most of the memory
-        name, state = min(further, key=lambda pair: shown_error(pair[1].light())) if len(further) > 1 else further[0]
+        name, state = min(further, key=lambda pair: shown_error(pair[1].light(), exact=True)) if len(further) > 1 else further[0]
         states.append(state)
         order.append(name)
     return states, order

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kinid import effects as catalogue
 from kinid.diagnosis.result import ABSENT, ADEQUATE, INDISTINGUISHABLE, MISSING, NOT_EXCITED, PRESENT, Diagnosis, EffectVerdict
 
 if TYPE_CHECKING:
     from kinid.diagnosis.view import View
+    from kinid.fit import FittedParameter
 
 #: verdicts in the order in which a reader wants them
 ORDER = (PRESENT, INDISTINGUISHABLE, NOT_EXCITED, ABSENT)
@@ -41,6 +43,15 @@ def with_rivals(names: Iterable[str], told: Iterable[EffectVerdict]) -> list[str
     """Each effect as "a or b or …" with those that it can't be told from."""
     rivals = {effect.id: effect.equivalent_to for effect in told}
     return [" or ".join([name, *rivals.get(name, ())]) for name in names]
+
+
+def acting(parameters: Mapping[str, FittedParameter]) -> dict[str, FittedParameter]:
+    """Without parameters of effects that are read off the samples, for channels that don't bear their mark."""
+    def acts(p: FittedParameter) -> bool:
+        effect, _, name = p.name.partition(".")
+        return not catalogue.get(effect).detector or p.value != catalogue.get(effect).null.get(name.split("[")[0])
+
+    return {name: p for name, p in parameters.items() if acts(p)}
 
 
 def listed(names: Iterable[str]) -> str:

@@ -11,8 +11,12 @@ from kinid.kernels.memory import forwards
 
 #: steps after which a search that goes on is left as it is; a power law takes five, laws with a long memory some twenty
 MOST_STEPS = 30
+#: … and after so many that each were greater than the one before: damping that gives energy has no such force
+GROWING = 4
 #: slopes are worked out anew where a step is more than this share of the one before
 SLOW = 0.3
+#: a tool that the arm holds back from the material is this share of the greatest depth inside: a law that jumps acts there
+LEAST = 1e-12
 #: a step of this share of the greatest force ends the search
 SETTLED = 1e-10
 
@@ -44,7 +48,7 @@ def press_through(s: Signals, compliance: float, press: Callable[[Signals], None
         press(s)
         return s.normal
 
-    slope, loss, last, stale = force, force, np.inf, True
+    slope, loss, last, stale, share, grew = force, force, np.inf, True, np.full(n, 0.1), 0
     for _ in range(MOST_STEPS):
         x, speed = depth - c * force, rate - c * _rate(force, s.dt)
         here, recall = pressed(x, speed), s.recall
@@ -54,11 +58,14 @@ def press_through(s: Signals, compliance: float, press: Callable[[Signals], None
         step = np.empty(n)
         size, keep, gain = (none, none, none) if recall is None else (recall.size, recall.keep, c * recall.gain)
         forwards(force - here, s.dt, c * slope, c * loss, size, keep, gain, step)
-        # the material is not left by a step that overshoots
-        trial = np.where(touched, np.minimum(force - step, (depth - 0.1 * np.maximum(x, 0.0)) / c), force - step)
+        # the material is not left by a step that overshoots; where steps want to leave it again and again, the arm follows
+        most = np.where(touched, (depth - np.maximum(share * x, LEAST * deep)) / c, np.inf)
+        trial = np.minimum(force - step, most)
+        share = np.where(trial < most, 0.1, share**2)
         moved = float(np.abs(trial - force).max(initial=0.0))
         force = trial
-        if moved <= SETTLED * float(np.abs(force).max(initial=0.0)):
+        grew = grew + 1 if moved > last else 0
+        if grew == GROWING or moved <= SETTLED * float(np.abs(force).max(initial=0.0)):
             break
         stale, last = moved > SLOW * last, moved
     pressed(depth - c * force, rate - c * _rate(force, s.dt))

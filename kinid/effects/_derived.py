@@ -10,19 +10,27 @@ import numpy as np
 from kinid.derivative import Differentiator
 from kinid.effects._signals import Array
 
-# by the identities of the arrays it follows from: the end of any of them is the entry's
-_made: dict[tuple[object, ...], Array] = {}
+#: results of one name and the same arrays that are kept, the latest: a search moves one parameter at a time
+LATEST = 6
+
+# by the identities of the arrays it follows from, the end of any of which is the entry's; then by parameters
+_made: dict[tuple[object, ...], dict[tuple[float, ...], Array]] = {}
 
 
-def derived(name: str, make: Callable[[], Array], *sources: Array) -> Array:
-    """The result of `make`, which follows from these read-only inputs of predictions."""
+def derived(name: str, make: Callable[[], Array], *sources: Array, at: tuple[float, ...] = ()) -> Array:
+    """The result of `make`, which follows from these read-only inputs of predictions, and from parameters `at` these values."""
     key = (name, *map(id, sources))
     made = _made.get(key)
     if made is None:
-        made = _made[key] = make()
+        made = _made[key] = {}
         for source in sources:
             weakref.finalize(source, _forget, key).atexit = False
-    return made
+    found = made.get(at)
+    if found is None:
+        found = made[at] = make()
+        for earlier in list(made)[:-LATEST]:
+            made.pop(earlier, None)  # another thread may have been first
+    return found
 
 
 def _forget(key: tuple[object, ...]) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from kinid.effects._effect import Effect
 from kinid.effects._signals import Array, Layout, Recall, Signals
-from kinid.kernels.memory import loop
+from kinid.kernels.memory import bristles
 from kinid.parameter import Parameter
 
 
@@ -43,8 +43,9 @@ class Hysteresis(Effect):
 
     def normal(self, s: Signals, p: Array) -> None:
         """Add the loop."""
-        z = np.empty(len(s))
-        loop(s.depth, s.depth_rate, s.dt, p[1], z)
+        path = np.empty((2, len(s)))
+        bristles(s.depth_rate, np.zeros(len(s)), s.dt, s.depth, p[1], path)  # the same law, over depth
+        z = path[0]
         s.normal = s.normal + p[0] * s.elastic * z
         if s.compliance > 0.0:
             s.recall = _recall(s, p[0] * s.elastic, p[1], z)

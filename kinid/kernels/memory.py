@@ -129,35 +129,6 @@ def _rested(path: Array, dt: Array, reach: float) -> None:
 
 
 @njit(cache=True, nogil=True)
-def loop(depth: Array, rate: Array, dt: Array, length: float, out: Array, elastic: float = ELASTIC) -> None:
-    """State of a loop over depth that speed doesn't change, −1…1: dz/dδ = (sgn δ̇ − z) / ℓ · sgn δ̇ (Dahl 1968).
-
-    Behind an element that is elastic over a share ε of ℓ, as in `bristles`. The path follows from the rate, which is
-    smoother than differences of a measured depth.
-
-    Args:
-        depth: δ [m]; z begins at 0 at each touch, (n,). rate: δ̇ [m/s], (n,). dt: see above.
-        length: ℓ [m]. out: z, (n,). elastic: ε; 0 is Dahl's own.
-    """
-    z, w = 0.0, 0.0
-    for i in range(depth.shape[0]):
-        if i == 0 or dt[i] <= 0.0 or depth[i] <= 0.0:
-            z, w = 0.0, 0.0
-        else:
-            step = dt[i] * _touching(depth[i - 1], depth[i])
-            turn = _turn(rate[i - 1], 0.0, rate[i], 0.0)
-            for begin, end in ((0.0, turn), (turn, 1.0)):
-                if begin < end:
-                    w += (rate[i - 1] + 0.5 * (begin + end) * (rate[i] - rate[i - 1])) * (end - begin) * step
-                    moved = abs(w) - elastic * length
-                    if moved > 0.0:
-                        sign = 1.0 if w > 0.0 else -1.0
-                        w -= moved * sign
-                        z = sign + (z - sign) * np.exp(-moved / length)
-        out[i] = (1.0 - elastic) * z + w / length
-
-
-@njit(cache=True, nogil=True)
 def _turn(a1: float, a2: float, b1: float, b2: float) -> float:
     """Share of a step at which a velocity that goes straight from a to b is least, where it turns back; 1 where it doesn't."""
     if a1 * b1 + a2 * b2 >= 0.0:

@@ -15,9 +15,8 @@ from kinid.rig import Rig
 from kinid.robot import Robot
 from kinid.viewer_page import page
 
-#: the viewer's legend speaks of a log's forces; a plan has those to expect alone
-MEASURED = '<i style="background:#D55E00"></i>measured force <i style="background:#0072B2"></i>predicted'
-EXPECTED = '<i style="background:#0072B2"></i>expected force'
+#: a plan has forces to expect, and none that were measured
+LEGEND = '<i style="background:#0072B2"></i>expected force'
 
 
 def preview_page(motion: Trajectory, rig: Rig, robot: Robot | None = None, title: str = "plan") -> str:
@@ -48,4 +47,4 @@ def preview_page(motion: Trajectory, rig: Rig, robot: Robot | None = None, title
         shown["patch"] = patch
     middle = np.nanmean(motion.tip, axis=0) if np.isfinite(motion.tip).any() else np.array([0.3, 0.0, 0.3])
     shown["camera"] = scenes.camera(0.5 * middle + 0.5 * np.array([0.0, 0.0, 0.45]), np.array([0.0, 0.0, 1.0]), 1.75)
-    return page(shown).replace(MEASURED, EXPECTED)
+    return page(shown, LEGEND)

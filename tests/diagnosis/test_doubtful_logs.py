@@ -47,6 +47,17 @@ def poked(late: float = 0.0, rate: float = 250.0) -> kinid.Log:
     return kinid.Log(t=t, contact={"depth": depth, "normal_force": np.interp(t - late, t, force) + noise})
 
 
+@pytest.mark.parametrize(("begins", "ends", "doubted"), [(3.2, 3.9, True), (0.5, 1.2, False)])
+def test_what_is_remembered_over_a_gap_is_not_held_against_the_model(begins: float, ends: float, doubted: bool) -> None:
+    """Samples lost while the material relaxes, and in the air."""
+    whole = poked()
+    kept = ~((whole.t % 12.0 > begins) & (whole.t % 12.0 < ends))
+    log = kinid.Log(t=whole.t[kept], contact={name: x[kept] for name, x in whole.contact.items()})
+    found = kinid.diagnose(log, RIG, model=kinid.Model("kelvin-voigt", "relaxation"))
+    assert found.verdict == "adequate"
+    assert any("2 gaps of up to 0.7 s in contact" in w for w in found.warnings) is doubted
+
+
 @pytest.mark.parametrize("shaky", [0.0, 1e-6])
 @pytest.mark.parametrize("rate", [250.0, 500.0])
 def test_friction_that_turns_at_once_is_within_the_catalogue(rate: float, shaky: float) -> None:
@@ -181,6 +192,25 @@ def test_a_tangential_force_without_its_slip_is_doubted() -> None:
     assert "tangential_force2 without slip2" in doubts("slip2")[0]
     assert not doubts("nothing")
     assert not doubts("tangential_force2")
+
+
+@pytest.mark.parametrize(("slips", "forces", "doubt"), [
+    ((1, 2), (1, 2), ""), ((2, 1), (1, 2), "are they exchanged?"), ((1, 2), (1,), "slip2 without tangential_force2"),
+])  # fmt: skip
+def test_exchanged_slips_and_a_missing_force_are_doubted(slips: tuple[int, ...], forces: tuple[int, ...], doubt: str) -> None:
+    """Friction against circles of slip, its columns mixed up or left out."""
+    t = np.arange(5000) / 250.0
+    rng = np.random.default_rng(7)
+    depth = np.where(t % 5.0 < 1.0, -1e-3, 3e-3 + 5e-4 * np.sin(2.0 * t))
+    rate = 0.01 * np.stack([np.cos(t), np.sin(t)])
+    normal = np.where(depth > 0, 800.0 * depth, 0.0)
+    contact = {"depth": depth, "normal_force": normal + 0.02 * rng.standard_normal(len(t))}
+    contact |= {f"slip{i}": np.cumsum(rate[k - 1]) / 250.0 for i, k in zip((1, 2), slips)}
+    contact |= {f"tangential_force{i}": -0.4 * normal * rate[i - 1] / 0.01 + 0.02 * rng.standard_normal(len(t)) for i in forces}
+    found = kinid.diagnose(kinid.Log(t=t, contact=contact), RIG, model=kinid.Model("hooke", "coulomb-friction"), max_effects=0)
+    told = [w for w in found.warnings if "exchanged" in w or "without tangential_force" in w]
+    assert len(told) == bool(doubt)
+    assert all(doubt in w for w in told)
 
 
 def test_rivals_stand_in_the_first_line(tester: Tester) -> None:

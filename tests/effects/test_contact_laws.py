@@ -232,8 +232,9 @@ def test_lowpass_of_a_ramp_for_any_step(h: float) -> None:
 
 def test_a_loop_is_dahls_equation_over_the_path() -> None:
     s = poke(20_000)
-    length, z = 6e-4, np.empty(20_000)
-    memory.loop(s.depth, s.depth_rate, s.dt, length, z, 0.0)
+    length, path = 6e-4, np.empty((2, 20_000))
+    memory.bristles(s.depth_rate, 0 * s.depth_rate, s.dt, s.depth, length, path, 0.0)
+    z = path[0]
 
     def bend(time: float, state: Array) -> list[float]:
         rate = float(POKES(time, 1))

@@ -1,0 +1,63 @@
+"""What can't be diagnosed, said before anything is fitted: what was found, what was expected, how to mend it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from kinid import effects
+from kinid.diagnosis.candidates import able
+from kinid.doubts import DEEPEST, DEPTH_UNIT, TURN, TURN_DEPTH, TURN_TANGENTIAL, drives, turned, turned_depth
+from kinid.errors import InputError
+from kinid.experiment import Experiment
+from kinid.model import Model
+
+#: a log must last so long [s], and hold so many blocks of half a second that count
+SHORTEST, FEWEST_BLOCKS = 4.0, 8
+
+
+def check_asked_for(add: Sequence[str], model: Model, experiment: Experiment) -> None:
+    """Each joins the model with those before it, and can act in this log."""
+    for name in add:
+        why = {effect.id: why for effect, why in able(model, experiment.layout)}
+        model = model + effects.get(name)
+        if why.get(name):
+            raise InputError(f"effect '{name}', and {why[name]}", "an effect that can act in this log", "leave it out")
+
+
+def refuse_log(experiment: Experiment, model: Model) -> None:
+    """Too little of it, or a depth that no tool has."""
+    s = experiment.signals
+    if not experiment.valid.any():
+        raise InputError("no sample with all of its channels", "readings that are numbers", "check the log's columns")
+    span = float(np.ptp(s.t[experiment.valid]))
+    if span < SHORTEST:
+        raise InputError(f"{span:.3g} s of log", f"{SHORTEST:g} s at least, to hold half of it out in blocks of half a second",
+                         "record several pokes, with holds and slides between them")  # fmt: skip
+    blocks = len(np.unique((s.t[experiment.valid] / 0.5).astype(int)))
+    if blocks < FEWEST_BLOCKS:
+        raise InputError(f"{blocks} blocks of half a second with readings", f"{FEWEST_BLOCKS} at least",
+                         "record for longer, or find out why so many samples are invalid")  # fmt: skip
+    if "normal" in model.needs and s.layout.kind != "joints" and not (s.depth[experiment.valid] > 0).any():
+        raise InputError(f"a depth that is never positive, for {model}", "samples inside the material",
+                         "check [surface] of the rig, or ask about --model none")  # fmt: skip
+    deep = float(s.depth[experiment.valid].max()) if "normal" in model.needs and s.layout.kind == "contact" else 0.0
+    if deep > DEEPEST:
+        raise InputError(f"depths of up to {deep:.3g} m", "metres inside the material", f"say so {DEPTH_UNIT}")
+
+
+def refuse_signs(experiment: Experiment, model: Model) -> None:
+    """Forces and depths whose sign is turned."""
+    lowest = turned(experiment) if "normal" in model.needs else None
+    if lowest is not None:
+        raise InputError(f"a normal force that falls to {lowest:.3g} N as the tool goes deeper",
+                         "one that is positive where the material pushes the tool out", TURN)  # fmt: skip
+    along = drives(experiment) if "slip" in model.needs else None
+    if along is not None:
+        raise InputError(f"a tangential force that points along the slip, by {along:.3g} N",
+                         "what the surface does to the tool, against the slip", TURN_TANGENTIAL)  # fmt: skip
+    outside = turned_depth(experiment) if "normal" in model.needs else None
+    if outside is not None:
+        raise InputError(f"a force of {outside:.3g} N where the depth is negative, and next to none inside",
+                         "a depth that is positive inside the material", TURN_DEPTH)  # fmt: skip
