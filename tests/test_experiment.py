@@ -178,7 +178,7 @@ def test_a_contact_log_with_holes() -> None:
     np.testing.assert_array_equal(e.signals.t[e.signals.dt == 0.0], [0.0, t[200]])
     # the gap is in contact: until the tool leaves, what came before isn't known
     left = int(np.flatnonzero(~e.in_contact[200:])[0])
-    assert left == 50
+    assert 40 < left < 60
     assert e.valid.sum() == 399 - left
     assert not e.valid[200 : 200 + left].any()
     assert e.phase is None
