@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 #: what calibration is trusted to, as a standard deviation: surface [m], clocks [s], bias [N] and [N·m]
 SURFACE, CLOCK, BIAS_FORCE, BIAS_TORQUE = 1.5e-5, 1.25e-4, 0.01, 5e-4
 #: shifted motions that are kept, the latest: what follows from them is worked out once for all parameters that act elsewhere
-LATEST = 6
+LATEST = 4
 #: it moves no further than so many times that
 MOST_SHIFT = 2.0
 

@@ -46,7 +46,7 @@ READINGS = 20
 #: candidates that are refitted, a round, and against each addition that defends its place
 REFITTED, DEFENDED = 6, 3
 #: effects that are screened before the sensitivities of those behind are let go
-AT_ONCE = 8
+AT_ONCE = 4
 #: an effect that isn't believed is worth a word where it lowers what is left to this share
 NEARER = 0.9
 #: a gain that is worth a refit, however much is needed

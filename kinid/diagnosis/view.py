@@ -179,7 +179,9 @@ def to_contact(experiment: Experiment, wrench: Array) -> Array:
     assert sensor is not None
     out = np.array(wrench, dtype=float)
     out[:3] = np.einsum("nij,jn->in", sensor.to_contact, wrench[:3])
-    out[3:] -= np.cross(sensor.tip, wrench[:3].T).T
+    (x, y, z), force = sensor.tip, wrench[:3]
+    for row, moment in enumerate((y * force[2] - z * force[1], z * force[0] - x * force[2], x * force[1] - y * force[0])):
+        out[3 + row] -= moment
     return out
 
 
@@ -190,7 +192,8 @@ def turned_noise(experiment: Experiment, noise: Array) -> Array:
     x, y, z = sensor.tip
     lever = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) ** 2
     force = noise[:3] ** 2
-    variance = np.r_[np.mean(sensor.to_contact**2, axis=0) @ force, noise[3:] ** 2 + lever @ force]
+    share = np.einsum("nij,nij->ij", sensor.to_contact, sensor.to_contact) / len(sensor.to_contact)
+    variance = np.r_[share @ force, noise[3:] ** 2 + lever @ force]
     return np.asarray(np.sqrt(variance))
 
 

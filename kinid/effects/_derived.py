@@ -11,7 +11,7 @@ from kinid.derivative import Differentiator
 from kinid.effects._signals import Array
 
 #: results of one name and the same arrays that are kept, the latest: a search moves one parameter at a time
-LATEST = 6
+LATEST = 4
 
 # by the identities of the arrays it follows from, the end of any of which is the entry's; then by parameters
 _made: dict[tuple[object, ...], dict[tuple[float, ...], Array]] = {}
