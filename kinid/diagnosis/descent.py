@@ -351,8 +351,11 @@ class _Descent:
             out[:, p] = self.problem.change(moved, beside)
         added = p + int(calibration.surface)
         out[:, added] = self.problem.change(self.late, beside)
-        for channel in range(len(self.predicted)):
-            out[:, added + 1 + channel] = self.problem.change(calibration.constant(channel, self.predicted), beside)
+        if self.problem.experiment.steps is None:
+            out[:, added + 1 :] = self.problem.of_biases
+        else:  # a bias shows where a reading contradicts what is expected
+            for channel in range(len(self.predicted)):
+                out[:, added + 1 + channel] = self.problem.change(calibration.constant(channel, self.predicted), beside)
         return out
 
 

@@ -145,6 +145,12 @@ class Problem:
         return self.stack(self.experiment.in_band(moved))
 
     @cached_property
+    def of_biases(self) -> Array:
+        """How `expected` changes per tolerance of each channel's bias, (m, channels); the same everywhere, stairs apart."""
+        none = np.zeros_like(self.measured)
+        return np.stack([self.change(self.calibration.constant(i, none), none) for i in range(len(none))], axis=1)
+
+    @cached_property
     def _raw(self) -> Array:
         """Raw readings, (channels, n); what is no number contradicts nothing."""
         raw = self.experiment.raw

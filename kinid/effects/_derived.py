@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from kinid.derivative import Differentiator
-from kinid.effects._signals import Array
+from kinid.effects._signals import Array, Signals
 
 #: results of one name and the same arrays that are kept, the latest: a search moves one parameter at a time
 LATEST = 4
@@ -31,6 +31,11 @@ def derived(name: str, make: Callable[[], Array], *sources: Array, at: tuple[flo
         for earlier in list(made)[:-LATEST]:
             made.pop(earlier, None)  # another thread may have been first
     return found
+
+
+def power_of_depth(s: Signals, exponent: float) -> Array:
+    """δ₊ⁿ, (n,): most parameters of a power law leave both as they are."""
+    return derived("power of the depth", lambda: np.power(s.penetration, exponent), s.depth, at=(float(exponent),))
 
 
 def _forget(key: tuple[object, ...]) -> None:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import final
 
-import numpy as np
-
+from kinid.effects._derived import power_of_depth
 from kinid.effects._effect import Effect
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
@@ -36,8 +35,8 @@ class HuntCrossley(Effect):
     def elastic(self, s: Signals, p: Array) -> None:
         """Set the elastic force."""
         s.exponent = float(p[2])
-        s.elastic = p[0] * np.power(s.penetration, p[2])
+        s.elastic = p[0] * power_of_depth(s, p[2])
 
     def normal(self, s: Signals, p: Array) -> None:
         """Add the damping."""
-        s.normal = s.normal + p[1] * np.power(s.penetration, p[2]) * s.depth_rate
+        s.normal = s.normal + p[1] * power_of_depth(s, p[2]) * s.depth_rate
