@@ -248,6 +248,10 @@ def _asks_for_more(model: Model, log: Log, rig: Rig) -> bool:
 def contact_channels(model: Model, touch: ContactSeries) -> tuple[str, ...]:
     """The contact forces that a model says something about."""
     if not touch.valid.any():
+        empty = [name for name, x in (touch.source[0].contact.items() if touch.source else ()) if not np.isfinite(x).any()]
+        if empty:
+            raise InputError(f"no number in {', '.join(empty)} of {touch.provenance.source}", "readings in each column",
+                             "record it, or leave the column out")  # fmt: skip
         raise InputError(f"no usable sample among the {len(touch)} of {touch.provenance.source}",
                          "depth, its rate and the forces as numbers in the same rows",
                          "record more than a few samples, and look for columns that hold nothing")  # fmt: skip

@@ -47,7 +47,9 @@ def diagnose(
     ] = None,
     max_effects: Annotated[int, typer.Option(help="Effects to add at most.")] = 4,
     explain: Annotated[
-        str | None, typer.Option(help="Say what an effect is and looks like, and nothing else.", autocompletion=complete.effect)
+        str | None,
+        typer.Option(help="Say what an effect is and looks like, and nothing else; all lists the catalogue.",
+                     autocompletion=complete.effect),
     ] = None,
 ) -> None:
     """Compare a model with the measurement: where it fails, what is missing, the error with it, and what to measure next."""
@@ -56,6 +58,7 @@ def diagnose(
         return
     from kinid.cli.contact import load, rig_path
     from kinid.cli.fit import parse_model
+    from kinid.diagnosis.refusals import refuse_names
     from kinid.errors import InputError
     from kinid.writers import check_outputs, check_table_name, write_table, write_text
 
@@ -64,6 +67,7 @@ def diagnose(
     if not model:
         raise InputError("no --model", "the model to ask about", f"kinid diagnose {log} --model kelvin-voigt,coulomb-friction")
     chosen = parse_model(model)
+    refuse_names(add or [], chosen, max_effects)
     if out is not None:
         check_table_name(out)
     check_outputs((out, report, json_file), (log, rig_path(log, rig)))
@@ -103,13 +107,22 @@ def _watched(log: Log, rig: Rig, model: Model, add: list[str], max_effects: int)
 
 
 def explained(name: str) -> None:
-    """What an effect is, what it looks like, what it is mistaken for, and what shows it."""
+    """What an effect is, what it looks like, what it is mistaken for, and what shows it; of "all", each in a line."""
     from kinid import effects
     from kinid.cli.show import console
     from kinid.effects import Layout
+    from kinid.model import TOGETHER
 
-    effect = effects.get(name)
     out = console()
+    if name == "all":
+        for known in (*effects.catalogue(), *filter(TOGETHER.get, TOGETHER)):
+            out.print(f"{known:25s} {' and '.join(TOGETHER[known]) if known in TOGETHER else effects.get(known).title}",
+                      soft_wrap=True, markup=False)  # fmt: skip
+        return
+    if TOGETHER.get(name):
+        out.print(f"{name}: stands for {' and '.join(TOGETHER[name])}; --explain one of them", soft_wrap=True, markup=False)
+        return
+    effect = effects.get(name)
     kind = "joints" if "joint" in {stage.value for stage in effect.stages()} else "wrench"
     channels = ("tau1",) if kind == "joints" else ("fx", "fy", "fz", "tx", "ty", "tz")
     layout = Layout(channels, kind, ("joint_1",) if kind == "joints" else ())

@@ -95,7 +95,7 @@ def _numbers(effect: EffectVerdict) -> str:
 
     shown = acting(effect.parameters)
     if len(shown) > MOST_NUMBERS:
-        return f"{len(shown)} parameters"
+        return effect.says if effect.id == "mains-hum" else f"{len(shown)} parameters"
     return ", ".join(f"{name} {p.value:.3g} [{p.low:.3g}, {p.high:.3g}]{'' if p.unit == '1' else ' ' + p.unit}"
                      for name, p in shown.items())  # fmt: skip
 

@@ -16,7 +16,7 @@ from kinid.diagnosis.detectors import detect
 from kinid.diagnosis.noise import as_their_like
 from kinid.diagnosis.problem import Problem, thin
 from kinid.diagnosis.reconsider import reweighted
-from kinid.diagnosis.refusals import check_asked_for, refuse_log, refuse_signs
+from kinid.diagnosis.refusals import refuse_idle, refuse_log, refuse_names, refuse_signs
 from kinid.diagnosis.result import Diagnosis
 from kinid.diagnosis.search import search
 from kinid.errors import InputError
@@ -78,9 +78,8 @@ def diagnose(
         raise InputError("a log without a model", "both", "pass model=kinid.Model(…), or a fit")
     else:
         experiment, known = experiment_of(data, rig, model), {}
-    if max_effects < 0:
-        raise InputError(f"max_effects of {max_effects}", "0 or more", "0 compares and adds nothing")
-    check_asked_for(add, model, experiment)
+    refuse_names(add, model, max_effects)
+    refuse_idle(add, model, experiment)
     refuse_log(experiment, model)
     give_back()
     data_doubts = check_excitation(model, experiment)

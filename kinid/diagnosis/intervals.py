@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
 from kinid.diagnosis.descent import LOOSE, State, bounds
+from kinid.diagnosis.noise import alike_at_each_turn
 from kinid.fit import Z95, FittedParameter
 
 Array = NDArray[np.float64]
@@ -18,7 +21,7 @@ def covariance(state: State, stated: bool = True) -> Array:
     """Sandwich covariance over blocks of half a second (White 1980, clustered: Liang & Zeger 1986), (p, p).
 
     Infinite in the rows of parameters that the log leaves open. Tolerances of calibration count: no parameter is better known
-    than they are.
+    than they are; nor than what is wrong in the same way at each turn of the motion lets them be.
 
     Args:
         stated: of the fit with calibration as it was stated; else of the one with calibration free, which is at hand.
@@ -39,10 +42,22 @@ def covariance(state: State, stated: bool = True) -> Array:
     sandwich = (inverse @ meat @ inverse)[:p, :p] * np.outer(state.scale, state.scale)
     off = ~np.eye(p, dtype=np.bool_)
     out[off] = sandwich[off]
+    for moved in _moved_at_each_turn(state):
+        out += np.outer(moved[:p] * state.scale, moved[:p] * state.scale)
     open_ = open_parameters(state)
     out[open_, :] = np.inf
     out[:, open_] = np.inf
     return out
+
+
+def _moved_at_each_turn(state: State) -> Iterator[Array]:
+    """How far all columns' coefficients would move with readings that are wrong in the same way at each turn, (p + k,) each."""
+    problem = state.problem
+    if problem.experiment.layout.kind == "joints":
+        return
+    predicted = problem.experiment.in_band(problem.predict(state.model, state.values))
+    for change in alike_at_each_turn(problem.experiment, state.model, state.values, predicted):
+        yield state.inverse @ (state.jacobian.T @ problem.stack(change))
 
 
 def open_parameters(state: State) -> NDArray[np.bool_]:

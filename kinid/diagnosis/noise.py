@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,18 +88,8 @@ def _carried(experiment: Experiment, model: Model, values: Array, predicted: Arr
         moved = dataclasses.replace(s, depth=d, depth_rate=dv, slip=np.stack([x1, x2]), slip_rate=np.stack([v1, v2]))
         change = np.add.reduceat(experiment.in_band(model.predict(moved, values)) - predicted, edge, axis=1) / count
         total += change**2 / HELPINGS
-    # and what the band of the rates costs: twice through the same filter, the fastest motion loses as much again
-    if width > 0.5:
-        runs = np.flatnonzero(s.dt == 0.0)
-        if len(runs) == 1:
-            smooth = [gaussian_filter1d(v, width) for v in (s.depth_rate, *s.slip_rate)]
-            moved = dataclasses.replace(s, depth_rate=smooth[0], slip_rate=np.stack(smooth[1:]))
-            change = np.add.reduceat(experiment.in_band(model.predict(moved, values)) - predicted, edge, axis=1) / count
-            total += change**2
-    # within the last of their length bristles are Dahl's, which creep at rest under any tremor, or elastic: materials are either
-    if Stage.FRICTION in model.stages:
-        creeping = experiment.in_band(model.predict(dataclasses.replace(s, play=0.0), values))
-        total += (np.add.reduceat(creeping - predicted, edge, axis=1) / count) ** 2
+    for change in alike_at_each_turn(experiment, model, values, predicted):
+        total += (np.add.reduceat(change, edge, axis=1) / count) ** 2
     if len(edge) == len(s):  # slow logs: what happens between samples shows in what is lost with every second one
         for phase in (0, 1):
             kept = np.arange(phase, len(s), 2)
@@ -108,6 +98,27 @@ def _carried(experiment: Experiment, model: Model, values: Array, predicted: Arr
     near = max(1, round(0.2 / (period * float(np.median(count)))))
     out: Array = uniform_filter1d(total, near, axis=1)
     return out
+
+
+def alike_at_each_turn(experiment: Experiment, model: Model, values: Array, predicted: Array) -> Iterator[Array]:
+    """How predictions (channels, n) may be wrong in the same way at each turn of the motion, which averages nowhere.
+
+    What the band of the rates costs (the fastest motion loses as much again on its way through the same filter a second time, in
+    logs without gaps); and that within the last of their length bristles are Dahl's, which creep at rest under any tremor, or
+    elastic, for materials are either.
+    """
+    from scipy.ndimage import gaussian_filter1d
+
+    s = experiment.signals
+    width = 1.0 / (2 * np.pi * RATE_BAND * period_of(s))
+    others = []
+    if width > 0.5 and len(np.flatnonzero(s.dt == 0.0)) == 1:
+        smooth = [gaussian_filter1d(v, width) for v in (s.depth_rate, *s.slip_rate)]
+        others.append(dataclasses.replace(s, depth_rate=smooth[0], slip_rate=np.stack(smooth[1:])))
+    if Stage.FRICTION in model.stages:
+        others.append(dataclasses.replace(s, play=0.0))
+    for moved in others:
+        yield experiment.in_band(model.predict(moved, values)) - predicted
 
 
 def _some(s: Signals, kept: NDArray[np.int64]) -> Signals:

@@ -17,8 +17,20 @@ from kinid.model import Model
 SHORTEST, FEWEST_BLOCKS = 4.0, 8
 
 
-def check_asked_for(add: Sequence[str], model: Model, experiment: Experiment) -> None:
-    """Each joins the model with those before it, and can act in this log."""
+def refuse_names(add: Sequence[str], model: Model, max_effects: int) -> None:
+    """Names and numbers that no log could make good; each addition joins the model with those before it."""
+    if max_effects < 0:
+        raise InputError(f"max_effects of {max_effects}", "0 or more", "0 compares and adds nothing")
+    for name in add:
+        effect = effects.get(name)
+        if name in model:
+            raise InputError(f"effect '{name}' to be added to {model}, which has it", "each effect once",
+                             "don't ask for it: the model is asked about as it is")  # fmt: skip
+        model = model + effect
+
+
+def refuse_idle(add: Sequence[str], model: Model, experiment: Experiment) -> None:
+    """Additions that can't act in this log."""
     for name in add:
         why = {effect.id: why for effect, why in able(model, experiment.layout)}
         model = model + effects.get(name)

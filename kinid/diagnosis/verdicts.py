@@ -84,8 +84,8 @@ def verdicts(
             verdict, says = NOT_EXCITED, "it would take much of the rest, but this log is no proof of it"
         elif verdict == ABSENT and evidence >= ENOUGH:
             says = "one that matters would show in this log; the fit gains by one that is too small to count"
-        out.append(EffectVerdict(name, verdict, evidence, (), gain, shown,
-                                 "" if verdict == ABSENT else f"record {effect.excited_by}", says, not why))  # fmt: skip
+        record = "" if verdict == ABSENT else f"record {'' if why else 'more: '}{effect.excited_by}"
+        out.append(EffectVerdict(name, verdict, evidence, (), gain, shown, record, says, not why))
     order = {PRESENT: 0, INDISTINGUISHABLE: 1, NOT_EXCITED: 2, ABSENT: 3}
     first = {name: i for i, name in enumerate(search.added)}
     return tuple(sorted(out, key=lambda v: (first.get(v.id, 99) if v.id in first else 98, order[v.verdict], -v.evidence)))

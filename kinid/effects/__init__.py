@@ -40,5 +40,5 @@ def get(name: str) -> Effect:
     """
     known = catalogue()
     if name not in known:
-        raise InputError(f"effect '{name}'", "a name of the catalogue", near(name, known))
+        raise InputError(f"effect '{name}'", "a name of the catalogue (kinid diagnose --explain all)", near(name, known))
     return known[name]()

@@ -10,6 +10,8 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+import kinid
+
 Run = Callable[..., tuple[int, str, str]]
 Refused = Callable[..., None]
 
@@ -90,13 +92,23 @@ def test_effects_are_explained(run: Run, name: str, words: tuple[str, ...]) -> N
         assert word in said, word
 
 
+def test_the_catalogue_is_listed_and_names_for_several_are_told_apart(run: Run) -> None:
+    code, said, err = run("diagnose", "--explain", "all")
+    assert code == 0, err
+    assert all(name in said for name in kinid.effects.catalogue())
+    code, said, err = run("diagnose", "--explain", "dahl-friction")
+    assert code == 0, err
+    assert "coulomb-friction and presliding" in said
+
+
 @pytest.mark.parametrize(
     ("args", "words"),
     [
         (["--model", "hook"], "hooke"),
         (["--model", "hooke", "--add", "relaxaton"], "relaxation"),
         (["--model", "hooke", "--add", "sensor-crosstalk"], "channels"),
-        (["--model", "kelvin-voigt,relaxation", "--add", "relaxation"], "each effect once"),
+        (["--model", "kelvin-voigt,relaxation", "--add", "relaxation"], "which has it"),
+        (["--model", "hooke", "--max-effects", "-1"], "0 or more"),
         (["--model", "rigid-body"], "torque"),
         (["--model", "hooke", "--rig", "none.toml"], "none.toml"),
         (["--model", "hooke", "--json", "nowhere/d.json"], "nowhere"),
@@ -117,6 +129,9 @@ def test_bad_logs_are_refused_in_one_line(run: Run, refused: Refused, tester: Pa
     lacks = tmp_path / "lacks.csv"
     lacks.write_text("\n".join(",".join(row.split(",")[:2]) for row in rows) + "\n")
     refused(run("diagnose", lacks, "--model", "hooke"), "normal force")
+    hollow = tmp_path / "hollow.csv"
+    hollow.write_text("\n".join([rows[0] + ",slip1", *(row + ",nan" for row in rows[1:])]) + "\n")
+    refused(run("diagnose", hollow, "--model", "hooke"), "no number in slip1")
     refused(run("diagnose", "--explain", "relaxaton"), "relaxation")
     refused(run("diagnose"), "no log")
 
