@@ -114,7 +114,8 @@ def at_end(tried: Tried) -> bool:
     own = [name.split(".")[0] == tried.effect.id for name in tried.state.model.parameters(layout)]
     for i, (p, value) in enumerate(zip(parameters, tried.state.values[np.array(own)])):
         room = 1e-3 * p.scale
-        if any(abs(value - end) < room and end not in (null.get(i), tried.effect.ends.get(p.name)) for end in (p.low, p.high)):
+        if any(abs(value - end) < room and end not in (null.get(i), *tried.effect.ends.get(p.name, ()))
+               for end in (p.low, p.high)):  # fmt: skip
             return True
     return False
 

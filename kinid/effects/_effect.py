@@ -50,7 +50,7 @@ class Effect(ABC):
         grid: parameter name → values worth starting a search from, of the parameters that one start can miss: shapes (lengths,
             speeds, time constants), and those whose best value may hide behind a hill. Where the effect is small, all others
             change readings in proportion, and any start serves.
-        ends: parameter name → an end of its range that is a law of its own, not a sign that another one is meant.
+        ends: parameter name → ends of its range that are laws of their own, not a sign that another one is meant.
         affine: whether readings stay affine in the linear parameters of a model that holds it; False for a law that
             bends what others predict (a power of the normal force, a clipped reading).
         pulls: whether the law pulls at a tool that retracts, as a linear dashpot does and no material that lets go.
@@ -69,7 +69,7 @@ class Effect(ABC):
     detector: ClassVar[bool] = False
     null: ClassVar[Mapping[str, float]] = {}
     grid: ClassVar[Mapping[str, tuple[float, ...]]] = {}
-    ends: ClassVar[Mapping[str, float]] = {}
+    ends: ClassVar[Mapping[str, tuple[float, ...]]] = {}
     affine: ClassVar[bool] = True
     pulls: ClassVar[bool] = False
 

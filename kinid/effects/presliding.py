@@ -30,7 +30,7 @@ class Presliding(Effect):
     wants = ("coulomb-friction",)
     null = {"length": 1e-4}  # the length that friction has without this effect
     grid = {"length": (3e-6, 3e-5, 3e-4, 1e-3, 3e-3)}
-    ends = {"length": 1e-6}  # friction that turns around at once: Coulomb's own
+    ends = {"length": (1e-6,)}  # friction that turns around at once: Coulomb's own
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Length."""

@@ -46,6 +46,8 @@ class StiffnessInhomogeneity(Effect):
     excited_by = "pokes or slides of one depth at many places, along both tangents"
     needs = ("normal", "slip")
     null = {"gradient1": 0.0, "gradient2": 0.0, "height": 0.0}
+    # a border without width
+    ends = {"steepness1": (-1e5, 1e5), "steepness2": (-1e5, 1e5), "curvature": (-1e8, 1e8)}
     grid = {"level": (-1.5, 0.0, 1.5), "steepness1": (-300.0, 0.0, 300.0), "steepness2": (-300.0, 0.0, 300.0),
             "curvature": (-1e5, 0.0)}  # fmt: skip
 
