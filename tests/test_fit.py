@@ -90,7 +90,7 @@ BAD: dict[str, tuple[dict[str, np.ndarray], str]] = {
     "too few in contact": ({"depth": np.where(np.arange(500) < 5, 1e-3, -1e-3)}, "inside the material"),
     "all constant": ({"depth": np.full(500, 1e-3)}, "never changes"),
     "force constant": ({"depth": np.sin(np.arange(500) / 50.0), "normal_force": np.ones(500)}, "1 N at every depth"),
-    "no number": ({"depth": np.full(500, np.nan)}, "usable sample"),
+    "no number": ({"depth": np.full(500, np.nan)}, "no number in depth"),
     "no force": ({"depth": np.sin(np.arange(500) / 50.0)}, "normal force"),
 }
 
