@@ -118,15 +118,25 @@ class Experiment:
         """Readings (channels, n) without what lies above the band; zero-phase, piece by piece (Gustafsson 1996)."""
         if self.band is None:
             return readings
-        from scipy.signal import butter, sosfiltfilt
+        from scipy.signal import sosfiltfilt
 
         out = readings.copy()
-        sections = butter(4, self.band * 2 * float(np.median(self.signals.dt[self.signals.dt > 0])), output="sos")
-        edges = [*np.flatnonzero(self.signals.dt == 0.0), len(self.signals)]
-        for begin, end in zip(edges[:-1], edges[1:]):
-            if end - begin > 100:
-                out[:, begin:end] = sosfiltfilt(sections, readings[:, begin:end], axis=1)
+        sections, pieces = self._low_pass
+        rows = np.flatnonzero(readings.any(axis=1))  # nothing stays nothing: most joint parameters move one channel
+        for piece in pieces:
+            out[rows, piece] = sosfiltfilt(sections, readings[rows, piece], axis=1)
         return out
+
+    @cached_property
+    def _low_pass(self) -> tuple[Array, list[slice]]:
+        """Sections of the filter of the band, (2, 6), and the pieces of the log that are long enough for it."""
+        from scipy.signal import butter
+
+        assert self.band is not None
+        dt = self.signals.dt
+        edges = [*np.flatnonzero(dt == 0.0).tolist(), len(dt)]
+        pieces = [slice(begin, end) for begin, end in zip(edges[:-1], edges[1:]) if end - begin > 100]
+        return butter(4, self.band * 2 * float(np.median(dt[dt > 0])), output="sos"), pieces
 
     def thinned(self, step: int) -> Experiment:
         """Every so manieth sample, with the steps of time between them; memory begins anew where it did in between."""

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from kinid.diagnosis.calibration import BIAS_FORCE, BIAS_TORQUE, CLOCK, SURFACE
 from kinid.diagnosis.candidates import amplitudes, base_of
+from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.descent import State
-from kinid.diagnosis.look import Tried, side_by_side, worth
+from kinid.diagnosis.look import Tried, worth
 from kinid.effects import Effect
 from kinid.fit import error_rows
 

@@ -150,6 +150,10 @@ def screen(state: State, effect: Effect) -> list[Candidate]:
     signals = state.signals()
     predicted = problem.predict(model, state.values, signals)
     beside = state.standing(predicted)
+    # a search ends a little beside the lowest place: what the model's own parameters still promise is no effect's
+    uphill = state.jacobian.T @ state.residual
+    uphill[len(state.values) :] -= state.shift
+    promised = state.inverse @ uphill
     out = []
     for at, moving in tried(effect, problem.experiment.signals, amplitude):
         columns, steps = [], []
@@ -169,7 +173,7 @@ def screen(state: State, effect: Effect) -> list[Candidate]:
         dj = state.jacobian.T @ d
         own = d.T @ d
         gram = own - dj.T @ state.inverse @ dj
-        slope = d.T @ state.residual
+        slope = d.T @ state.residual - dj.T @ promised
         size = np.sqrt(np.maximum(np.diag(gram), 0.0))
         h = gram + np.diag(1e-7 * np.diag(own) + LOOSE)
         coefficient = np.linalg.solve(h, slope)
@@ -179,7 +183,7 @@ def screen(state: State, effect: Effect) -> list[Candidate]:
         # an amplitude that its bound holds explains nothing
         used = np.array([(start[i] - amplitude[i]) / step for i, step in zip(moving, steps)])
         gain = float(2 * slope @ used - used @ gram @ used)
-        taken = -(state.inverse @ (dj @ used))
+        taken = promised - state.inverse @ (dj @ used)
         p = len(state.values)
         theta = state.values + taken[:p] * state.scale
         # its own sensitivity to begin with, in scales of its parameters (nothing for shapes)

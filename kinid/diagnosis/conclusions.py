@@ -141,10 +141,10 @@ class Found:
                          "of positions, calibration or a tool that has left make that much open",)  # fmt: skip
         progress("where the error sits")
         give_back()
+        sits = where(self.whole, before, self._noise)
         return Diagnosis(
             self.model, best, verdict, says, added, tuple(steps), floor, error_unit(self.whole),
-            where(self.whole, before, self._noise), where(self.whole, after, self._noise), told, self.whole, before, after,
-            result, warnings,
+            sits, where(self.whole, after, self._noise) if rungs else sits, told, self.whole, before, after, result, warnings,
         )  # fmt: skip
 
     def _nearest(self, last: State) -> str:

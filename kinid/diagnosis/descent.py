@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.diagnosis.calibration import MOST_SHIFT
+from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.problem import Problem
 from kinid.effects import Signals
 from kinid.model import Model
@@ -26,6 +27,8 @@ SINGULAR = 1e-13
 STRAIGHT = 2.0
 #: a search has ended when a step gains less than this share of a sample's misfit
 ENOUGH = 0.05
+#: steps on end that keep next to nothing of what they promise: a kink holds the search
+KINK = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +81,9 @@ class State:
     @cached_property
     def _each_half(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
         """Values and shift of the same model fitted to the even half and to the odd half, from here."""
-        even, odd = (fit(self.problem.only(half), self.model, self.values, steps=15, calibrate=bool(len(self.shift)))
-                     for half in (self.problem.even, ~self.problem.even))  # fmt: skip
+        even, odd = side_by_side(
+            lambda half: fit(self.problem.only(half), self.model, self.values, steps=15, calibrate=bool(len(self.shift))),
+            (self.problem.even, ~self.problem.even))  # fmt: skip
         return (even.values, even.shift), (odd.values, odd.shift)
 
     @property
@@ -236,23 +240,25 @@ class _Descent:
     def run(self, guess: Array | None, steps: int) -> State:
         fresh = guess is None
         jacobian = self.sensitivity(guess)
-        damping, converged = 1e-4, False
+        damping, converged, caught = 1e-4, False, 0
+        equations = self.normal(jacobian)
         for _ in range(steps):
-            a, g, free = self.normal(jacobian)
-            gain, change = self.step(jacobian, a, g, free, damping)
-            if gain is None:
-                if fresh and damping > 1e3:
-                    converged = True
-                    break
-                if not fresh:
-                    jacobian, fresh = self.sensitivity(), True
-                    damping = max(damping, 1e-3)
-                else:
-                    damping = max(damping, 1e-6) * 30.0
+            gain, (moved, actual, expected) = self.step(jacobian, *equations, damping)
+            sample = max(1.0, self.cost / len(self.y))
+            # a shorter step promises still less
+            if fresh and abs(expected) < ENOUGH * sample:
+                converged = True
+                break
+            if gain is None and fresh:
+                damping = max(damping, 1e-6) * 30.0
                 continue
-            moved, actual, expected = change
-            small = gain < ENOUGH * max(1.0, self.cost / len(self.y))
-            if small and fresh and gain > 0.3 * expected:
+            if gain is None:
+                jacobian, fresh = self.sensitivity(), True
+                equations, damping = self.normal(jacobian), max(damping, 1e-3)
+                continue
+            small = gain < ENOUGH * sample
+            caught = caught + 1 if gain < min(sample, 0.3 * expected) else 0
+            if (small and fresh and gain > 0.3 * expected) or caught == KINK:
                 converged = True
                 break
             if small or gain < 0.3 * expected:
@@ -260,6 +266,7 @@ class _Descent:
             else:
                 self.learn(jacobian, moved, actual)
                 fresh = False
+            equations = self.normal(jacobian)
             damping = max(damping / 10.0, 1e-9) if gain > 0.5 * expected else damping * 3.0
         if not fresh:
             jacobian = self.sensitivity()

@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from kinid.contact import ContactSeries, contact_series, force_noise
 from kinid.diagnosis.conclusions import Found
+from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.descent import State, fit
 from kinid.diagnosis.detectors import detect
 from kinid.diagnosis.noise import as_their_like
@@ -36,6 +37,8 @@ STATIC_NOISE = 0.01
 DIGITS = 1e-3
 #: how often a search begins anew with noise carried through what it found
 RECONSIDERED = 2
+#: weighted squares of a reading below which a fit lacks nothing that another start could find
+NEAR_NOISE = 1.3
 #: effects that are added at most, unless the caller says otherwise
 MOST_EFFECTS = 4
 
@@ -142,7 +145,8 @@ def _look(model: Model, experiment: Experiment, values: Array, most: int, forced
     progress("looking for marks in the samples")
     cleaned = detect(whole, model.names, model.predict(whole.signals, state.values))
     marked = tuple(mark.effect.id for mark in cleaned.marks)
-    state = _fitted(model, thin(cleaned.experiment), state.values)
+    if cleaned.marks:
+        state = _fitted(model, thin(cleaned.experiment), state.values)
     for again in range(RECONSIDERED + 1):
         found = search(state, most=max(0, most - len(marked)), forced=[n for n in forced if n not in marked], progress=progress)
         weighted = reweighted(state, found) if again < RECONSIDERED else None
@@ -155,9 +159,11 @@ def _look(model: Model, experiment: Experiment, values: Array, most: int, forced
 
 def _fitted(model: Model, experiment: Experiment, values: Array) -> State:
     """The model fitted, from the values and from what its base law calls worth starting from."""
-    rough = fit(Problem.build(experiment, model, values), model, values)
-    for start in _other_starts(model, experiment, rough.values):
-        other = fit(rough.problem, model, start)
+    problem = Problem.build(experiment, model, values)
+    rough = fit(problem, model, values)
+    if rough.cost < NEAR_NOISE * len(rough.residual):
+        return fit(Problem.build(experiment, model, rough.values), model, rough.values)
+    for other in side_by_side(lambda start: fit(problem, model, start), _other_starts(model, experiment, rough.values)):
         if other.cost < 0.98 * rough.cost:
             rough = other
     return fit(Problem.build(experiment, model, rough.values), model, rough.values)

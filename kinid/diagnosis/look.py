@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
-import os
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinid.diagnosis.candidates import NEAR, SEARCHED, Candidate, able, screen
+from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.descent import State, bounds, fit
 from kinid.effects import Effect
 from kinid.memory import give_back
 from kinid.model import Model
 
 Array = NDArray[np.float64]
-In = TypeVar("In")
-Out = TypeVar("Out")
 
 #: evidence below which nothing is added
 ENOUGH = 16.0
@@ -35,8 +31,13 @@ PRICE = 4.0
 MATERIAL, LEAST, MOST = 0.005, 0.008, 0.02
 #: the same share for readings that are stairs: only transitions tell, and all that pass one share it
 STAIRS = 0.04
-#: a search that still goes down by this share is taken up again so many times; not where a rival's cost is so much less
-PATIENCE, STALLED, HOPELESS = 4, 0.01, 9.0
+#: a search that still goes down by this share in a slice of its steps is taken up again for so many slices; not where a rival's
+#: cost is so much less
+SLICES, STALLED, HOPELESS = 16, 0.0025, 9.0
+#: of so many steps is a slice, as a share of those that a search may have, and at least
+SLICE, SHORT = 0.25, 10
+#: slices to come are trusted to gain so many times what their pace says
+TRUST = 3.0
 #: steps of a search, so that models of many parameters don't take minutes: so many divided by their number, within these ends
 EFFORT, FEW_STEPS, MANY_STEPS = 900, 12, 60
 #: … and from each point at first
@@ -51,6 +52,11 @@ AT_ONCE = 4
 NEARER = 0.9
 #: a gain that is worth a refit, however much is needed
 HOPEFUL = 50.0
+#: two searches that begin within so many scales of each other end at the same place
+APART = 0.2
+#: an effect that explains less than this share of what the best one does, in the linear view, has never come first; where no more
+#: is left than so many times the noise
+FAR_BEHIND, LOUDEST = 0.2, 10.0
 
 
 @dataclass(frozen=True)
@@ -114,12 +120,14 @@ class Round:
         return [points[0] for points in sorted(self.points.values(), key=_promise)]
 
 
-def look(state: State, *, most: int = REFITTED, spare: Sequence[str] = (), known: Round | None = None) -> Round:
+def look(state: State, *, most: int = REFITTED, spare: Sequence[str] = (), known: Round | None = None, goal: float = np.inf
+         ) -> Round:  # fmt: skip
     """Screen the catalogue and refit the best.
 
     Args:
         state: the model as it is. most: how many to refit. spare: names to leave out.
         known: what earlier looks from the same state found, which is taken over.
+        goal: cost of a model that is there: what can't come down to it is not pursued.
     """
     done = {t.effect.id: t for t in known.tried} if known else {}
     layout = state.problem.experiment.layout
@@ -128,21 +136,23 @@ def look(state: State, *, most: int = REFITTED, spare: Sequence[str] = (), known
                  and len(effect.parameters(layout)) * READINGS <= max(6 * READINGS, len(state.residual))]  # fmt: skip
     starts: dict[str, Sequence[Candidate]] = {e.id: known.points[e.id] for e in able_ones if known and e.id in known.points}
     starts |= _screened(state, [e for e in able_ones if e.id not in starts], most)
-    worth = [c for c in Round(state, starts, ()).screened[:most] if c.gain >= _promising(state)]
-    new = [(c.effect, point) for c in worth if c.effect.id not in done for point in worth_searching(starts[c.effect.id])]
+    ranked = Round(state, starts, ()).screened[:most]
+    worth = [c for c in ranked if c.gain >= _promising(state, max(c.gain for c in ranked))]
+    new = [(c.effect, point) for c in worth if c.effect.id not in done for point in worth_searching(state, starts[c.effect.id])]
     fresh: dict[str, Tried] = {}
     for found in side_by_side(lambda pair: attempt(state, *pair), new):
         name = found.effect.id
         if name not in fresh or found.state.cost < fresh[name].state.cost:
             fresh[name] = found
-    first = [done.get(c.effect.id) or fresh[c.effect.id] for c in worth]
-    least = min((t.state.cost for t in first), default=np.inf)
-    tried = side_by_side(lambda t: t if t.effect.id in done else pursue(state, t, least), first)
+    known_ones = [done[c.effect.id] for c in worth if c.effect.id in done]
+    rival = min([goal, *(t.state.cost for t in (*known_ones, *fresh.values()))])
+    tried = known_ones + side_by_side(lambda t: pursue(state, t, rival), [t for t in fresh.values() if not t.state.converged])
+    tried += [t for t in fresh.values() if t.state.converged]
     tried.sort(key=lambda t: -t.evidence.value)
-    light: dict[str, Sequence[Candidate]] = {name: _slim(points) for name, points in starts.items()}
-    starts = light
+    points = {name: _slim(found) for name, found in starts.items()}
+    del starts
     give_back()
-    return Round(state, light, tuple(tried))
+    return Round(state, points, tuple(tried))
 
 
 def _screened(state: State, able_ones: Sequence[Effect], most: int) -> dict[str, Sequence[Candidate]]:
@@ -166,29 +176,24 @@ def _slim(points: Sequence[Candidate]) -> list[Candidate]:
     return [dataclasses.replace(c, columns=None) for c in points]
 
 
-def _promising(state: State) -> float:
-    """Least gain, in the linear view, of what is worth a refit: a tenth of what an addition must bring, evidence apart."""
+def _promising(state: State, most: float) -> float:
+    """Least gain, in the linear view, of what is worth a refit: a tenth of what an addition must bring, evidence apart.
+
+    And a share of the `most` that one effect brings, unless so much is left that squares count other samples than evidence does,
+    which is bounded for each.
+    """
     needed = 2.0 * worth(state) * float(state.held @ state.held)
-    return float(np.clip(0.1 * needed, ENOUGH / 2, HOPEFUL))
+    least = float(np.clip(0.1 * needed, ENOUGH / 2, HOPEFUL))
+    return max(least, FAR_BEHIND * most) if state.rms < LOUDEST else least
 
 
-def side_by_side(do: Callable[[In], Out], items: Sequence[In]) -> list[Out]:
-    """The same for all, on as many cores as there are; kernels let go of the interpreter's lock."""
-
-    def quietly(item: In) -> Out:
-        with np.errstate(all="ignore"):  # a shape that doesn't suit the log may overflow: it is passed over
-            return do(item)
-
-    cores = min(os.cpu_count() or 1, 4)
-    if cores < 2 or len(items) < 2:
-        return [quietly(item) for item in items]
-    with ThreadPoolExecutor(cores) as pool:
-        return list(pool.map(quietly, items))
-
-
-def worth_searching(points: Sequence[Candidate]) -> list[Candidate]:
-    """The points of an effect, best first, that are worth a search."""
-    return [point for point in points[:SEARCHED] if point is points[0] or point.gain >= NEAR * points[0].gain]
+def worth_searching(state: State, points: Sequence[Candidate]) -> list[Candidate]:
+    """The points of an effect, best first, that are worth a search: they explain much, and begin somewhere else."""
+    best = points[0]
+    scale = np.array([p.scale for p in best.effect.parameters(state.problem.experiment.layout)])
+    own = slice(best.place, best.place + len(scale))
+    return [best, *(point for point in points[1:SEARCHED] if point.gain >= NEAR * best.gain
+                    and (np.abs(point.start - best.start)[own] > APART * scale).any())]  # fmt: skip
 
 
 def attempt(state: State, effect: Effect, point: Candidate) -> Tried:
@@ -203,15 +208,19 @@ def pursue(state: State, tried: Tried, least: float = np.inf) -> Tried:
     """The same with its search taken up again where it still went down: parameters that trade against each other make valleys,
     slow, but steadily downhill. What couldn't come down to `least`, the cost of the best rival, at its pace, is left where it is.
     """
-    best = tried.state
-    for left in reversed(range(PATIENCE)):
+    best, before = tried.state, 0.0
+    steps = max(SHORT, round(SLICE * _steps(best.model, state)))
+    for left in reversed(range(SLICES)):
         if best.converged or best.cost > HOPELESS * least:
             break
-        further = fit(state.problem, best.model, best.values, steps=_steps(best.model, state))
+        further = fit(state.problem, best.model, best.values, steps=steps)
         gained = best.cost - further.cost
         best = further.light() if gained > 0 else best
-        if gained < STALLED * best.cost or best.cost - left * gained > least:
+        # slices that gain ever less, each a share of the one before, sum up to no more than this many like the last
+        worn = gained / (before - gained) if before > gained else np.inf
+        if gained < STALLED * best.cost or best.cost - min(left, TRUST * worn) * gained > least:
             break
+        before = gained
     return tried if best is tried.state else Tried(tried.effect, best, weigh(state, best))
 
 

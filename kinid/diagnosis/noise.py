@@ -75,8 +75,7 @@ def _carried(experiment: Experiment, model: Model, values: Array, predicted: Arr
 
     s = experiment.signals
     rng = np.random.default_rng(0)
-    period = period_of(s)
-    width = 1.0 / (2 * np.pi * RATE_BAND * period)
+    period, width = period_of(s), _width(s)
     total = np.zeros((len(predicted), len(edge)))
     for _ in range(HELPINGS):
         shaken = []
@@ -109,8 +108,7 @@ def alike_at_each_turn(experiment: Experiment, model: Model, values: Array, pred
     """
     from scipy.ndimage import gaussian_filter1d
 
-    s = experiment.signals
-    width = 1.0 / (2 * np.pi * RATE_BAND * period_of(s))
+    s, width = experiment.signals, _width(experiment.signals)
     others = []
     if width > 0.5 and len(np.flatnonzero(s.dt == 0.0)) == 1:
         smooth = [gaussian_filter1d(v, width) for v in (s.depth_rate, *s.slip_rate)]
@@ -119,6 +117,11 @@ def alike_at_each_turn(experiment: Experiment, model: Model, values: Array, pred
         others.append(dataclasses.replace(s, play=0.0))
     for moved in others:
         yield experiment.in_band(model.predict(moved, values)) - predicted
+
+
+def _width(s: Signals) -> float:
+    """Standard deviation of the filter that makes the band of the rates, in samples."""
+    return 1.0 / (2 * np.pi * RATE_BAND * period_of(s))
 
 
 def _some(s: Signals, kept: NDArray[np.int64]) -> Signals:

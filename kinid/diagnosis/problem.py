@@ -25,8 +25,8 @@ Mask = NDArray[np.bool_]
 
 #: samples a second that diagnosis works with, unless readings are compared at higher frequencies
 RATE = 125.0
-#: and of them at most so many
-MOST_SAMPLES = 40_000
+#: motion is followed at so many samples at most; of contact, at no more than so many where they are as dense as this [1/s]
+MOST_SAMPLES, AMPLE, FINE = 40_000, 20_000, 250.0
 #: means that are compared, of all channels together, at most: of long logs fewer tell as much
 MOST_MEANS = 100_000
 #: degrees of freedom of Student's t, whose logarithm bounds what a single sample can say
@@ -35,9 +35,12 @@ FREEDOM = 5.0
 BLOCK = 0.5
 
 
-def thin(experiment: Experiment, most: int = MOST_SAMPLES) -> Experiment:
-    """The experiment with motion and readings in means of neighbouring samples, where it has more than `most`."""
-    many = int(np.ceil(len(experiment.signals) / most))
+def thin(experiment: Experiment) -> Experiment:
+    """The experiment with motion and readings in means of neighbouring samples, where it has more than diagnosis needs."""
+    samples, rate = len(experiment.signals), 1.0 / period_of(experiment.signals)
+    many = math.ceil(samples / MOST_SAMPLES)
+    if experiment.band is None:
+        many = max(many, min(math.ceil(samples / AMPLE), round(rate / FINE)))
     if many <= 1:
         return experiment
     s = experiment.signals

@@ -79,7 +79,7 @@ def search(start: State, *, most: int = 4, forced: Sequence[str] = (), spare: Se
     met = _Met([start])
     for name in forced:
         progress(f"adding {name}")
-        points = worth_searching(screen(states[-1], effects.get(name)))
+        points = worth_searching(states[-1], screen(states[-1], effects.get(name)))
         found = min((attempt(states[-1], point.effect, point) for point in points), key=lambda t: t.state.cost)
         states.append(pursue(states[-1], found).state)
         added.append(name)
@@ -156,10 +156,10 @@ class _Met:
         """Of the model of these effects; None where the search didn't come by it."""
         return self._best.get(frozenset(names))
 
-    def look(self, state: State, *, most: int = REFITTED, spare: Sequence[str] = ()) -> Round:
+    def look(self, state: State, *, most: int = REFITTED, spare: Sequence[str] = (), goal: float = np.inf) -> Round:
         """A look that does nothing twice."""
         known = self._seen.get(state)
-        found = look(state, most=most, spare=spare, known=known)
+        found = look(state, most=most, spare=spare, known=known, goal=goal)
         self.note([t.state for t in found.tried])
         tried = {t.effect.id: t for t in (*(known.tried if known else ()), *found.tried)}
         self._seen[state] = Round(state, {**(known.points if known else {}), **found.points}, tuple(tried.values()))
@@ -203,7 +203,7 @@ def _defend(first: State, state: State, added: list[str], forced: Sequence[str],
             added = [n for n in added if n in less.model]
             state = less
             continue
-        others = met.look(less, spare=[*spare, name], most=DEFENDED)
+        others = met.look(less, spare=[*spare, name], most=DEFENDED, goal=state.cost)
         mine = weigh(less, state)
         better = [t for t in others.tried if _displaces(t, state, mine) and accepted(less, t)]
         if better:
@@ -240,7 +240,7 @@ def _rivals(state: State, added: Sequence[str], forced: Sequence[str], spare: Se
     evidence, named = {}, list(added)
     for place, name in enumerate(added):
         less = met.without(state, name)
-        others = met.look(less, spare=[*spare, name])
+        others = met.look(less, spare=[*spare, name], goal=state.cost)
         mine = weigh(less, state)
         alike = [t for t in others.tried if t.effect.id != name and _alike(t, state, mine)]
         ids = [t.effect.id for t in alike]

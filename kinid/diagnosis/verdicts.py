@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from kinid import effects
 from kinid.diagnosis.candidates import Candidate, able, amplitudes, base_of, screen
+from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.descent import State
 from kinid.diagnosis.detectors import Mark
 from kinid.diagnosis.look import ENOUGH, NEARER, Tried
@@ -65,13 +66,13 @@ def verdicts(
     # what an effect would have brought to an earlier model says nothing of the last one
     latest = {t.effect.id: t for look in search.rounds if look.before is last for t in look.tried}
     inflation = _inflation(last)
-    for effect, why in able(last.model, last.problem.experiment.layout):
+    others_able = [(effect, why) for effect, why in able(last.model, last.problem.experiment.layout) if effect.id not in known]
+    attempts = {effect.id: tried.get(effect.id) if effect.id in rivals_of else latest.get(effect.id) for effect, _ in others_able}
+    own = dict(zip(attempts, side_by_side(_fitted, list(attempts.values()))))
+    for effect, why in others_able:
         name = effect.id
-        if name in known:
-            continue
-        attempt = tried.get(name) if name in rivals_of else latest.get(name)
+        attempt, shown = attempts[name], own[name]
         evidence = attempt.evidence.value if attempt is not None else 0.0
-        shown = _fitted(attempt) if attempt is not None else {}
         gain = gains.get(name, 0.0)
         if name in rivals_of:
             beside = (rival for added in rivals_of[name] for rival in search.rivals[added] if rival != name)
@@ -148,10 +149,12 @@ def _tried(search: Search) -> dict[str, Tried]:
     return out
 
 
-def _fitted(tried: Tried) -> dict[str, FittedParameter]:
-    """Parameters of the effect alone, from its refit, with intervals."""
+def _fitted(tried: Tried | None) -> dict[str, FittedParameter]:
+    """Parameters of the effect alone, from its refit, with intervals; none where it wasn't refitted."""
     from kinid.diagnosis.intervals import fitted
 
+    if tried is None:
+        return {}
     own = _own(tried.effect.id, fitted(tried.state, stated=False))
     tried.state.light()
     return own

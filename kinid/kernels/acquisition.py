@@ -17,17 +17,22 @@ def lag(x: Array, dt: Array, tau: float, out: Array) -> None:
         x: input, (k, n). dt: time since the sample before [s], 0 where memory begins anew, (n,).
         tau: time constant [s]; none is no lag. out: y, (k, n).
     """
+    n = x.shape[1]
+    # what the last output, the last input and this input weigh, the same for all channels
+    kept, last, new = np.zeros(n), np.zeros(n), np.ones(n)
+    for i in range(1, n):
+        if dt[i] > 0.0 and tau > 0.0:
+            h = dt[i] / tau
+            e = np.exp(-h)
+            # ∫ of the straight line against the kernel; a series where the difference would cancel
+            g = 1.0 - (1.0 - e) / h if h > 1e-5 else 0.5 * h - h * h / 6.0
+            kept[i], last[i], new[i] = e, 1.0 - e - g, g
     for k in range(x.shape[0]):
-        y = 0.0
-        for i in range(x.shape[1]):
-            if i == 0 or dt[i] <= 0.0 or tau <= 0.0:
-                y = x[k, i]
-            else:
-                h = dt[i] / tau
-                e = np.exp(-h)
-                # ∫ of the straight line against the kernel; a series where the difference would cancel
-                g = 1.0 - (1.0 - e) / h if h > 1e-5 else 0.5 * h - h * h / 6.0
-                y = e * y + (1.0 - e - g) * x[k, i - 1] + g * x[k, i]
+        y = before = 0.0
+        for i in range(n):
+            here = x[k, i]
+            y = here if new[i] == 1.0 else kept[i] * y + last[i] * before + new[i] * here
+            before = here
             out[k, i] = y
 
 
@@ -60,16 +65,23 @@ def delay(x: Array, t: Array, dt: Array, late: float, out: Array) -> None:
                 j += 1
             h = t[j + 1] - t[j]
             u = (at - t[j]) / h
+            # what the differences to, between and behind the two neighbours weigh: the slopes' shares in them included
+            left, right = u * (1.0 - u) ** 2, u * u * (u - 1.0)
+            between, before, after = u * u * (3.0 - 2.0 * u), 0.0, 0.0
+            first, last = j, j + 1
+            if j > start:
+                g = t[j] - t[j - 1]
+                between += left * g / (g + h)
+                before, first = left * h * h / (g * (g + h)), j - 1
+            else:
+                between += left
+            if j + 2 < stop:
+                g = t[j + 2] - t[j + 1]
+                between += right * g / (g + h)
+                after, last = right * h * h / (g * (g + h)), j + 2
+            else:
+                between += right
             for k in range(x.shape[0]):
                 a, b = x[k, j], x[k, j + 1]
-                middle = (b - a) / h
-                left = right = middle
-                if j > start:
-                    g = t[j] - t[j - 1]
-                    left = (middle * g + (a - x[k, j - 1]) / g * h) / (g + h)
-                if j + 2 < stop:
-                    g = t[j + 2] - t[j + 1]
-                    right = (middle * g + (x[k, j + 2] - b) / g * h) / (g + h)
-                out[k, i] = a + u * (h * left + u * (3.0 * (b - a) - h * (2.0 * left + right)
-                                                     + u * (2.0 * (a - b) + h * (left + right))))  # fmt: skip
+                out[k, i] = a + between * (b - a) + before * (a - x[k, first]) + after * (x[k, last] - b)
         start = stop

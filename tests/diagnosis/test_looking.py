@@ -1,0 +1,154 @@
+"""How the catalogue is looked at: on several cores, from a fit that ended a little beside its lowest place, in long logs."""
+
+from __future__ import annotations
+
+import dataclasses
+import threading
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
+
+import kinid
+from kinid import effects
+from kinid.diagnosis.candidates import able, screen
+from kinid.diagnosis.cores import side_by_side
+from kinid.diagnosis.descent import State, fit
+from kinid.diagnosis.inquiry import experiment_of
+from kinid.diagnosis.look import attempt, worth_searching
+from kinid.diagnosis.problem import AMPLE, FINE, Problem, thin
+from kinid.experiment import Experiment
+
+if TYPE_CHECKING:
+    from conftest import Tester
+
+Array = NDArray[np.float64]
+
+MODEL = kinid.Model("kelvin-voigt")
+
+
+@pytest.fixture(scope="module")
+def problem(tester: Tester) -> Problem:
+    """A spring that relaxes, as a spring and a dashpot."""
+    experiment = experiment_of(tester.log(tester.relaxing()), kinid.Rig(), MODEL)
+    return Problem.build(experiment, MODEL, np.array([700.0, 5.0]))
+
+
+@pytest.fixture(scope="module")
+def fitted(problem: Problem) -> State:
+    """The model at its best."""
+    return fit(problem, MODEL, np.array([700.0, 5.0]))
+
+
+# ----------------------------------------------------------------------------------------------------------------- cores
+
+
+def test_results_come_in_the_order_of_the_items() -> None:
+    first = threading.Event()
+
+    def last_first(i: int) -> int:
+        if i == 0:
+            assert first.wait(10.0)
+        first.set()
+        return i * i
+
+    assert side_by_side(last_first, [2]) == [4]
+    first.clear()
+    assert side_by_side(lambda i: i * i, range(20)) == [i * i for i in range(20)]
+
+
+def test_work_inside_of_work_stays_in_its_thread() -> None:
+    def inner(_: int) -> int:
+        return threading.get_ident()
+
+    def outer(_: int) -> bool:
+        return set(side_by_side(inner, range(3))) == {threading.get_ident()}
+
+    assert all(side_by_side(outer, range(4)))
+
+
+def test_an_error_comes_through() -> None:
+    with pytest.raises(ZeroDivisionError):
+        side_by_side(lambda i: 1 // i, [2, 1, 0])
+
+
+# -------------------------------------------------------------------------------------------------------------- screening
+
+
+def _off(problem: Problem, fitted: State, share: float) -> State:
+    """The same model where a search might have ended: a share of its standard errors away."""
+    off = share * np.sqrt(np.diag(fitted.inverse))[: len(fitted.values)] * fitted.scale
+    return fit(problem, MODEL, fitted.values + off, steps=0)
+
+
+def test_what_the_model_does_itself_is_no_effects_merit(problem: Problem, fitted: State) -> None:
+    """Without slip, a stiffness that depends on the place is the stiffness: it explains nothing, wherever a search ended."""
+    state = _off(problem, fitted, 2.0)
+    assert state.cost > fitted.cost + 1.0
+    place = screen(state, effects.get("stiffness-inhomogeneity"))
+    # to first order all that is left to gain is the model's own; what isn't, is curved: of second order
+    assert all(point.gain < 1.0 for point in place)
+    assert place[0].gain < screen(state, effects.get("relaxation"))[0].gain / 100
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0, 5.0])
+def test_no_effect_explains_more_than_what_is_left(problem: Problem, fitted: State, share: float) -> None:
+    state = _off(problem, fitted, share)
+    points = [screen(state, effect) for effect, why in able(MODEL, problem.experiment.layout) if not why]
+    gains = {found[0].effect.id: found[0].gain for found in points if found}
+    assert len(gains) > 10
+    assert max(gains.values()) <= state.cost
+    assert "relaxation" in sorted(gains, key=lambda name: -gains[name])[:3]
+
+
+def test_a_place_beside_another_is_not_searched_again(fitted: State) -> None:
+    points = screen(fitted, effects.get("relaxation"))
+    best = points[0]
+    step = np.zeros_like(best.start)
+    step[best.place] = best.effect.parameters(fitted.problem.experiment.layout)[0].scale
+    beside, away = (dataclasses.replace(best, start=best.start + k * step) for k in (0.1, 1.0))
+    assert worth_searching(fitted, [best, beside]) == [best]
+    assert worth_searching(fitted, [best, away]) == [best, away]
+    assert worth_searching(fitted, [best, dataclasses.replace(away, gain=0.1 * best.gain)]) == [best]
+    # and rightly so: both end at the same place, to a tenth of what a further parameter costs
+    costs = [attempt(fitted, best.effect, point).state.cost for point in (best, beside)]
+    assert costs[0] == pytest.approx(costs[1], abs=0.4)
+
+
+# -------------------------------------------------------------------------------------------------------------- long logs
+
+
+def _long(seconds: float, rate: float) -> Experiment:
+    t = np.arange(round(seconds * rate)) / rate
+    depth = 4e-3 * np.sin(1.3 * t)
+    force = np.where(depth > 0, 900.0 * depth, 0.0) + 0.02 * np.random.default_rng(3).standard_normal(len(t))
+    log = kinid.Log(t=t, contact={"depth": depth, "normal_force": force})
+    return experiment_of(log, kinid.Rig(), MODEL)
+
+
+@pytest.mark.parametrize(("seconds", "rate", "many"), [
+    (20.0, 500.0, 1), (80.0, 200.0, 1), (60.0, 500.0, 2), (60.0, 1000.0, 3), (200.0, 250.0, 2), (300.0, 1000.0, 8),
+])  # fmt: skip
+def test_long_logs_are_followed_in_means(seconds: float, rate: float, many: int) -> None:
+    whole = _long(seconds, rate)
+    short = thin(whole)
+    assert len(short.signals) == -(-len(whole.signals) // many)
+    # no faster than asked for, and no slower unless the log is very long
+    assert many == 1 or rate / many >= FINE - 1e-9 or len(short.signals) > AMPLE
+    kept = len(whole.signals) // many * many
+    mean = whole.measured[0, :kept].reshape(-1, many).mean(axis=1)
+    np.testing.assert_allclose(short.measured[0, : len(mean)], mean, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(short.noise, whole.noise / np.sqrt(many))
+
+
+def test_readings_below_a_frequency() -> None:
+    """The band against scipy's own filter, and a channel that holds nothing stays so."""
+    experiment = dataclasses.replace(_long(20.0, 500.0), band=25.0)
+    readings = np.random.default_rng(1).standard_normal((3, len(experiment.signals)))
+    readings[1] = 0.0
+    found = experiment.in_band(readings)
+    wanted = sosfiltfilt(butter(4, 25.0, output="sos", fs=500.0), readings, axis=1)
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-12)
+    assert not found[1].any()
