@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from kinid import doubts
 from kinid.contact import ContactSeries
+from kinid.doubts_of_data import doubts_of
 from kinid.errors import InputError, near
 from kinid.estimators.batch import Solution
 from kinid.estimators.power_law import fit_power_law
@@ -294,7 +295,7 @@ def check_excitation(model: Model, experiment: Experiment) -> list[str]:
         if np.ptp(force[inside]) == 0.0:
             raise InputError(f"a normal force that is {force[inside][0]:.4g} N at every depth", "a force that the depth changes",
                              "check the sensor, and which column the force is read from")  # fmt: skip
-    return doubts.of_data(experiment)
+    return doubts_of(experiment)
 
 
 def starting_values(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from kinid.diagnosis.view import View
 from kinid.diagnosis.words import number, span
-from kinid.doubts import CLEAR
+from kinid.doubts_of_data import CLEAR
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -8,7 +8,7 @@ import numpy as np
 
 from kinid import effects
 from kinid.diagnosis.candidates import able
-from kinid.doubts import DEEPEST, DEPTH_UNIT, TURN, TURN_DEPTH, TURN_TANGENTIAL, drives, turned, turned_depth
+from kinid.doubts_of_data import DEEPEST, DEPTH_UNIT, TURN, TURN_DEPTH, TURN_TANGENTIAL, drives, turned, turned_depth
 from kinid.errors import InputError
 from kinid.experiment import Experiment
 from kinid.model import Model
