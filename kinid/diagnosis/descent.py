@@ -202,6 +202,26 @@ def fit(problem: Problem, model: Model, start: Array, *, guess: Array | None = N
         return _Descent(problem, model, start, shift).run(guess, steps)
 
 
+def settled(problem: Problem, model: Model, start: Array) -> Array:
+    """The start with all that enters linearly at its best, weighted least squares inside the bounds, (p,)."""
+    problem, out = problem.of_stairs, start.copy()  # inside of a converter's step nothing shows the way
+    parameters = list(model.parameters(problem.experiment.layout).values())
+    free = [i for i, p in enumerate(parameters) if p.linear]
+    if not free:
+        return out
+    before = problem.predict(model, start)
+    columns = []
+    for i in free:
+        ahead, step = start.copy(), max(abs(parameters[i].nominal), parameters[i].scale)
+        ahead[i] += step
+        columns.append(problem.change(problem.predict(model, ahead) - before, before) / step)
+    rest = problem.stack(problem.measured) - problem.expected(before)
+    with np.errstate(all="ignore"):
+        out[free] += np.linalg.lstsq(np.stack(columns, axis=1), rest)[0]
+    low, high = bounds(model, problem)
+    return np.clip(out, low, high) if np.isfinite(out).all() else start
+
+
 class _Descent:
     """One search; all quantities belong to its present place: values of parameters, and calibration's shift."""
 

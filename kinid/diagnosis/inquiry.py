@@ -12,14 +12,14 @@ from threadpoolctl import threadpool_limits
 from kinid.contact import ContactSeries, contact_series, force_noise
 from kinid.diagnosis.conclusions import Found
 from kinid.diagnosis.cores import side_by_side
-from kinid.diagnosis.descent import State, fit
+from kinid.diagnosis.descent import State, fit, settled
 from kinid.diagnosis.detectors import detect
 from kinid.diagnosis.noise import as_their_like
 from kinid.diagnosis.problem import Problem, thin
 from kinid.diagnosis.reconsider import reweighted
 from kinid.diagnosis.refusals import refuse_idle, refuse_log, refuse_names, refuse_signs
 from kinid.diagnosis.result import Diagnosis
-from kinid.diagnosis.search import search
+from kinid.diagnosis.search import LOWER, search
 from kinid.errors import InputError
 from kinid.experiment import Experiment, from_contact, from_joint_torques, from_wrench
 from kinid.fit import Fit, check_excitation, contact_channels, rig_of, starting_values
@@ -39,6 +39,8 @@ DIGITS = 1e-3
 RECONSIDERED = 2
 #: weighted squares of a reading below which a fit lacks nothing that another start could find
 NEAR_NOISE = 1.3
+#: how often a fit that hasn't converged is taken up again
+TAKEN_UP = 4
 #: effects that are added at most, unless the caller says otherwise
 MOST_EFFECTS = 4
 
@@ -159,14 +161,19 @@ def _look(model: Model, experiment: Experiment, values: Array, most: int, forced
 
 def _fitted(model: Model, experiment: Experiment, values: Array) -> State:
     """The model fitted, from the values and from what its base law calls worth starting from."""
+    values = settled(Problem.build(experiment, model, values), model, values)
     problem = Problem.build(experiment, model, values)
     rough = fit(problem, model, values)
-    if rough.cost < NEAR_NOISE * len(rough.residual):
-        return fit(Problem.build(experiment, model, rough.values), model, rough.values)
-    for other in side_by_side(lambda start: fit(problem, model, start), _other_starts(model, experiment, rough.values)):
-        if other.cost < 0.98 * rough.cost:
-            rough = other
-    return fit(Problem.build(experiment, model, rough.values), model, rough.values)
+    if rough.cost > NEAR_NOISE * len(rough.residual):
+        starts = _other_starts(model, experiment, rough.values)
+        for other in side_by_side(lambda start: fit(problem, model, settled(problem, model, start)), starts):
+            if other.cost < LOWER * rough.cost:
+                rough = other
+    for _ in range(TAKEN_UP):  # noise of positions on its way through the model is that of the fit
+        rough = fit(Problem.build(experiment, model, rough.values), model, rough.values)
+        if rough.converged:
+            break
+    return rough
 
 
 def _other_starts(model: Model, experiment: Experiment, values: Array) -> list[Array]:

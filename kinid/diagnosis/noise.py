@@ -146,15 +146,18 @@ def _pulled(s: Signals, predicted: Array, inside: NDArray[np.bool_] | None) -> A
     Args:
         inside: where pulling isn't what the law is for, (n,); nowhere is, if None.
     """
-    out = np.zeros_like(predicted)
+    out, air = np.zeros_like(predicted), s.depth <= 0
     inside = np.ones(len(s), np.bool_) if inside is None else inside
+    force = predicted if s.layout.kind == "contact" or s.sensor is None else predicted - s.sensor.load
+    if air.any():  # what is read where nothing is touched, a bias, pulls at no material
+        force = force - np.median(force[:, air], axis=1, keepdims=True)
     if s.layout.kind == "contact":
         if "normal_force" in s.layout.channels:
             row = s.layout.channels.index("normal_force")
-            out[row] = np.maximum(-predicted[row], 0.0) * inside
+            out[row] = np.maximum(-force[row], 0.0) * inside
     elif s.sensor is not None:
         normal = s.sensor.to_contact[:, 2].T
-        pull = np.maximum(-np.einsum("in,in->n", normal, predicted[:3] - s.sensor.load[:3]), 0.0) * inside
+        pull = np.maximum(-np.einsum("in,in->n", normal, force[:3]), 0.0) * inside
         out[:3] = np.abs(normal) * pull
         out[3:] = np.abs(np.cross(s.sensor.tip, normal, axis=0)) * pull
     return out

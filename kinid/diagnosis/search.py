@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kinid import effects
 from kinid.diagnosis.belief import accepted, at_end, believed, plausibility, shown_error
 from kinid.diagnosis.candidates import amplitudes, base_of, screen
-from kinid.diagnosis.descent import State, fit
+from kinid.diagnosis.descent import State, fit, settled
 from kinid.diagnosis.look import (
     DEFENDED,
     ENOUGH,
@@ -26,6 +26,7 @@ from kinid.diagnosis.look import (
     weigh,
     worth_searching,
 )
+from kinid.fit import starting_values
 from kinid.model import Model
 
 Array = NDArray[np.float64]
@@ -44,6 +45,8 @@ BETTER = 12.0
 CLOSE = 0.15
 #: a rival that alone would not be believed is one nevertheless with this share of what the addition brought
 HALF = 0.5
+#: another start's fit is another one where its cost is so much less
+LOWER = 0.98
 #: rounds beyond the number of effects that may be added
 EXTRA_ROUNDS = 2
 
@@ -100,6 +103,9 @@ def search(start: State, *, most: int = 4, forced: Sequence[str] = (), spare: Se
         added += [step.effect.id for step in steps]
         progress(f"defending {', '.join(added)}")
         states, added = _defend(states[0], states[-1], added, forced, spare, met)
+        if states[-1] is not states[0]:
+            states[-1] = _afresh(states[-1])
+            met.note([states[-1]])
     if not rounds or rounds[-1].before is not states[-1]:
         rounds.append(met.look(states[-1], spare=spare, most=0))
     cut_short = len(added) >= most and any(c.gain > 10 * ENOUGH for c in rounds[-1].screened)
@@ -183,6 +189,17 @@ def _without(state: State, name: str) -> State:
     kept = [part for effect, part in zip(state.model.effects, _parts(state)) if effect.id not in gone]
     model = Model(*(effect for effect in state.model.effects if effect.id not in gone))
     return fit(state.problem, model, np.concatenate([np.zeros(0), *kept]))
+
+
+def _afresh(state: State) -> State:
+    """The same model from its usual start, where that ends lower: an addition may have begun far from where it belongs."""
+    problem, layout = state.problem, state.problem.experiment.layout
+    named = state.model.parameters(layout)
+    if all(p.linear for p in named.values()):
+        return state
+    values, _ = starting_values(state.model, problem.experiment, named, None)
+    found = fit(problem, state.model, settled(problem, state.model, values))
+    return found if found.cost < LOWER * state.cost else state
 
 
 def _parts(state: State) -> list[Array]:

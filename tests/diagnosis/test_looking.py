@@ -15,7 +15,7 @@ import kinid
 from kinid import effects
 from kinid.diagnosis.candidates import able, screen
 from kinid.diagnosis.cores import side_by_side
-from kinid.diagnosis.descent import State, fit
+from kinid.diagnosis.descent import State, fit, settled
 from kinid.diagnosis.inquiry import experiment_of
 from kinid.diagnosis.look import attempt, worth_searching
 from kinid.diagnosis.problem import AMPLE, FINE, Problem, thin
@@ -152,3 +152,38 @@ def test_readings_below_a_frequency() -> None:
     wanted = sosfiltfilt(butter(4, 25.0, output="sos", fs=500.0), readings, axis=1)
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-12)
     assert not found[1].any()
+
+
+# --------------------------------------------------------------------------------------------------------------- beginning
+
+
+@pytest.mark.parametrize("stiffness", [1.0, 1e3, 1e6])
+def test_what_enters_linearly_begins_at_its_best(problem: Problem, fitted: State, stiffness: float) -> None:
+    """From anywhere: without calibration's tolerances, where a search would end."""
+    found = settled(problem, MODEL, np.array([stiffness, -3.0]))
+    plain = fit(problem, MODEL, np.array([700.0, 5.0]), calibrate=False)
+    np.testing.assert_allclose(found, plain.values, rtol=1e-5)
+    assert fitted.cost <= plain.cost + 1e-6
+
+
+def test_a_stiff_thing_is_found_from_the_usual_start() -> None:
+    """Ninety times the nominal stiffness under a power law: thirty steps from the nominal one did not get there."""
+    t = np.arange(10_000) / 250.0
+    depth = 3e-3 * np.sin(1.3 * t) * np.linspace(0.3, 1.0, len(t))
+    force = 9e4 * np.maximum(depth, 0.0) ** 1.79 + 0.01 * np.random.default_rng(5).standard_normal(len(t))
+    log = kinid.Log(t=t, contact={"depth": depth, "normal_force": force})
+    found = kinid.diagnose(log, kinid.Rig(), model=kinid.Model("hunt-crossley"))
+    assert found.verdict == "adequate"
+    exponent = found.fit.parameters["hunt-crossley.exponent"]
+    assert exponent.low < 1.79 < exponent.high
+
+
+def test_a_bias_pulls_at_no_material(problem: Problem) -> None:
+    """A sensor that reads −2 N in the air: what of a reading is open is what it is without the bias."""
+    layout = problem.experiment.layout
+    biased = MODEL + effects.get("sensor-bias")
+    values = np.array([700.0, 5.0])
+    with_bias = np.r_[values, -2.0] if list(biased.parameters(layout))[-1].startswith("sensor-bias") else np.r_[-2.0, values]
+    open_ = [Problem.build(problem.experiment, *fitted).sigma for fitted in ((MODEL, values), (biased, with_bias))]
+    # the share of a reading that no law gets right is of the biased one: 0.2 % of 2 N
+    np.testing.assert_allclose(open_[1], open_[0], rtol=0, atol=0.004)
