@@ -16,12 +16,16 @@ if TYPE_CHECKING:
 
 #: verdicts in the order in which a reader wants them
 ORDER = (PRESENT, INDISTINGUISHABLE, NOT_EXCITED, ABSENT)
+#: errors that differ by a smaller share are said to be the same
+SAME = 5e-3
 
 
 def headline(result: Diagnosis) -> str:
     """The verdict in a sentence."""
-    before, after = (f"{step.held_out:.3g}" for step in (result.steps[0], result.steps[-1]))
-    error = (f"the held-out error falls from {before} to {after} {result.unit}" if result.added and after != before else
+    first, last = result.steps[0].held_out, result.steps[-1].held_out
+    before, after = f"{first:.3g}", f"{last:.3g}"
+    moved = result.added and abs(last - first) > SAME * first and after != before
+    error = (f"the held-out error {'falls' if last < first else 'rises'} from {before} to {after} {result.unit}" if moved else
              f"the held-out error {'stays' if result.added else 'is'} {before} {result.unit}")  # fmt: skip
     noise = f"noise alone is {result.noise_floor:.3g} {result.unit}"
     named = with_rivals(result.added, result.effects)
@@ -35,7 +39,8 @@ def headline(result: Diagnosis) -> str:
         return f"Something is missing, and no more effects were to be added: {error}; {noise}."
     if not result.added:
         return f"Something is missing that the catalogue does not hold: {error}; {noise}."
-    helps = "helps, but does" if len(result.added) == 1 else "help, but do"
+    alone = len(result.added) == 1
+    helps = ("helps, but does" if alone else "help, but do") if moved and last < first else "does" if alone else "do"
     return f"Something is missing that the catalogue does not hold. {names} {helps} not suffice: {error}; {noise}."
 
 

@@ -196,3 +196,13 @@ def test_headlines(found: Diagnosis, verdict: str, added: tuple[str, ...], begin
     steps = (Step(None, ("hooke",), 0.5, 0.5), *([Step(added[-1], ("hooke",), 0.1, 0.1)] if added else []))
     result = dataclasses.replace(found, verdict=verdict, added=added, steps=steps, noise_floor=0.03)
     assert headline(result).startswith(begins)
+
+
+@pytest.mark.parametrize(("last", "says"), [
+    (0.5, "helps, but does not suffice: the held-out error falls from 1 to 0.5 N"),
+    (0.998, "-damping does not suffice: the held-out error stays 1 N"),
+    (1.2, "-damping does not suffice: the held-out error rises from 1 to 1.2 N"),
+])  # fmt: skip
+def test_an_error_that_does_not_fall_is_not_said_to(found: Diagnosis, last: float, says: str) -> None:
+    steps = tuple(dataclasses.replace(step, held_out=error) for step, error in zip(found.steps, (1.0, last)))
+    assert says in headline(dataclasses.replace(found, verdict="unexplained", steps=steps))
