@@ -134,8 +134,7 @@ class Experiment:
 
         assert self.band is not None
         dt = self.signals.dt
-        edges = [*np.flatnonzero(dt == 0.0).tolist(), len(dt)]
-        pieces = [slice(begin, end) for begin, end in zip(edges[:-1], edges[1:]) if end - begin > 100]
+        pieces = [piece for piece in self.signals.runs if piece.stop - piece.start > 100]
         return butter(4, self.band * 2 * float(np.median(dt[dt > 0])), output="sos"), pieces
 
     def thinned(self, step: int) -> Experiment:

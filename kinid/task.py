@@ -105,7 +105,7 @@ class Task:
 
         found = solve(predict, self.measured, [p for p, f in zip(self.parameters, free) if f], mask=mask,
                       sigma=weights(self.experiment), starts=[start[free]], nominal=False,
-                      runs=_runs(self.experiment),
+                      runs=self.experiment.signals.runs,
                       covariance=covariance)  # fmt: skip
         if not free.all():
             found = _widened(found, shown, free)
@@ -173,8 +173,3 @@ def folds(experiment: Experiment) -> Mask:
         even[pair[lot.integers(len(pair))]] = True
     return even[number]
 
-
-def _runs(experiment: Experiment) -> list[slice]:
-    starts = np.flatnonzero(experiment.signals.dt == 0.0)
-    edges = np.concatenate([starts, [len(experiment.signals)]])
-    return [slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:]) if b > a]

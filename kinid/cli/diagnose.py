@@ -115,9 +115,10 @@ def explained(name: str) -> None:
 
     out = console()
     if name == "all":
-        for known in (*effects.catalogue(), *filter(TOGETHER.get, TOGETHER)):
-            out.print(f"{known:25s} {' and '.join(TOGETHER[known]) if known in TOGETHER else effects.get(known).title}",
-                      soft_wrap=True, markup=False)  # fmt: skip
+        titles = {known: effects.get(known).title for known in effects.catalogue()}
+        titles |= {known: " and ".join(parts) for known, parts in TOGETHER.items() if parts}
+        for known, title in titles.items():
+            out.print(f"{known:25s} {title}", soft_wrap=True, markup=False)
         return
     if TOGETHER.get(name):
         out.print(f"{name}: stands for {' and '.join(TOGETHER[name])}; --explain one of them", soft_wrap=True, markup=False)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid import effects as catalogue
+from kinid.diagnosis.calibration import MOST_SHIFT
 from kinid.diagnosis.descent import LOOSE, State
 from kinid.effects import Effect, Layout, Signals
 from kinid.model import Model
@@ -24,8 +25,8 @@ class Candidate:
     Attributes:
         effect: the one.
         gain: what it would take off the weighted sum of squares, in the linear view. rank: parameters it would add.
-        start: values of model + effect to search from; origin: those at which it is the model without the effect, with the
-            same shapes. place: of its first parameter among all.
+        start: values of model + effect to search from, shift: of calibration there; origin: values at which it is the model
+            without the effect, with the same shapes. place: of its first parameter among all.
         small: whether each amplitude was moved by no more than its scale.
         columns: sensitivity to its own parameters there, (m, k), in their scales; None where nobody will search from here.
         sensitivity: length of the weighted readings' change per unit of each amplitude (by index among its parameters),
@@ -36,6 +37,7 @@ class Candidate:
     gain: float
     rank: int
     start: Array
+    shift: Array
     place: int
     small: bool
     columns: NDArray[np.float32] | None
@@ -147,17 +149,13 @@ def screen(state: State, effect: Effect) -> list[Candidate]:
     larger = model + effect
     place = list(larger.names).index(effect.id)
     before = sum(len(e.parameters(layout)) for e in larger.effects[:place])
-    signals = state.signals()
-    predicted = problem.predict(model, state.values, signals)
+    signals, predicted = state.signals(), state.course.reading
     beside = state.standing(predicted)
-    # a search ends a little beside the lowest place: what the model's own parameters still promise is no effect's
-    uphill = state.jacobian.T @ state.residual
-    uphill[len(state.values) :] -= state.shift
-    promised = state.inverse @ uphill
-    out = []
+    out: list[Candidate] = []
     for at, moving in tried(effect, problem.experiment.signals, amplitude):
-        columns, steps = [], []
-        for i in moving:
+        steps = []
+        d = np.empty((len(state.residual), len(moving)), order="F")
+        for column, i in zip(d.T, moving):
             values = at.copy()
             values[[k for k in moving if k != i]] = [amplitude[k] for k in moving if k != i]
             step = values[i] - amplitude[i]
@@ -165,15 +163,14 @@ def screen(state: State, effect: Effect) -> list[Candidate]:
                 step = parameters[i].scale if values[i] + parameters[i].scale <= parameters[i].high else -parameters[i].scale
                 values[i] += step
             full = np.insert(state.values, before, values)
-            columns.append(problem.change(problem.predict(larger, full, signals) - predicted, beside))
+            problem.changed(problem.predict(larger, full, signals, state.course), predicted, beside, 1.0, column)
             steps.append(step)
-        d = np.stack(columns, axis=1)
         if not np.isfinite(d).all():
             continue
         dj = state.jacobian.T @ d
         own = d.T @ d
         gram = own - dj.T @ state.inverse @ dj
-        slope = d.T @ state.residual - dj.T @ promised
+        slope = d.T @ state.residual - dj.T @ state.promised  # what the model's own parameters promise is no effect's
         size = np.sqrt(np.maximum(np.diag(gram), 0.0))
         h = gram + np.diag(1e-7 * np.diag(own) + LOOSE)
         coefficient = np.linalg.solve(h, slope)
@@ -183,15 +180,18 @@ def screen(state: State, effect: Effect) -> list[Candidate]:
         # an amplitude that its bound holds explains nothing
         used = np.array([(start[i] - amplitude[i]) / step for i, step in zip(moving, steps)])
         gain = float(2 * slope @ used - used @ gram @ used)
-        taken = promised - state.inverse @ (dj @ used)
+        taken = state.promised - state.inverse @ (dj @ used)
         p = len(state.values)
         theta = state.values + taken[:p] * state.scale
-        # its own sensitivity to begin with, in scales of its parameters (nothing for shapes)
-        own_columns = np.zeros((len(d), len(parameters)), np.float32)  # a first guess: half the memory is exact enough
-        own_columns[:, moving] = d * (np.array([parameters[i].scale for i in moving]) / np.array(steps))
+        shift = np.clip(state.shift + taken[p:], -MOST_SHIFT, MOST_SHIFT)
+        own_columns = None
+        if sum(c.gain > gain for c in out) < SEARCHED:
+            # its own sensitivity to begin with, in scales of its parameters (nothing for shapes)
+            own_columns = np.zeros((len(d), len(parameters)), np.float32)  # a first guess: half the memory is exact enough
+            own_columns[:, moving] = d * (np.array([parameters[i].scale for i in moving]) / np.array(steps))
         small = all(abs(step) <= parameters[i].scale for i, step in zip(moving, steps)) or not effect.grid.keys() & {
             parameters[i].name for i in amplitude}
-        out.append(Candidate(effect, gain, len(parameters), np.insert(theta, before, start), before, small, own_columns,
+        out.append(Candidate(effect, gain, len(parameters), np.insert(theta, before, start), shift, before, small, own_columns,
                              {i: float(z / abs(step)) for i, z, step in zip(moving, size, steps)},
                              np.insert(state.values, before, [amplitude.get(i, v) for i, v in enumerate(at)])))  # fmt: skip
     out.sort(key=lambda c: -c.gain)

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.course import Course
 from kinid.diagnosis.calibration import MOST_SHIFT
 from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.problem import Problem
@@ -26,7 +27,7 @@ SINGULAR = 1e-13
 #: a linear view that leaves so many times the squares that were left without it looks round a corner
 STRAIGHT = 2.0
 #: a search has ended when a step gains less than this share of a sample's misfit
-ENOUGH = 0.05
+ENOUGH = 0.25
 #: steps on end that keep next to nothing of what they promise: a kink holds the search
 KINK = 3
 
@@ -66,10 +67,16 @@ class State:
         calibration = self.problem.calibration
         return predicted + calibration.added(self.shift, calibration.late(predicted)) if len(self.shift) else predicted
 
+    @cached_property
+    def course(self) -> Course:
+        """The way of its prediction along the chain, calibration apart."""
+        return self.model.course(self.signals(), self.values)
+
     def light(self) -> State:
         """The same without its sensitivities, by far the most of it; they are worked out anew if they are asked for."""
         assert self.loss is not None  # what it is known by is worked out first
-        self.__dict__.pop("jacobian", None)
+        for large in ("jacobian", "course"):
+            self.__dict__.pop(large, None)
         return self
 
     @cached_property
@@ -82,7 +89,8 @@ class State:
     def _each_half(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
         """Values and shift of the same model fitted to the even half and to the odd half, from here."""
         even, odd = side_by_side(
-            lambda half: fit(self.problem.only(half), self.model, self.values, steps=15, calibrate=bool(len(self.shift))),
+            lambda half: fit(self.problem.only(half), self.model, self.values, shift=self.shift, steps=15,
+                             calibrate=bool(len(self.shift))),
             (self.problem.even, ~self.problem.even))  # fmt: skip
         return (even.values, even.shift), (odd.values, odd.shift)
 
@@ -107,10 +115,24 @@ class State:
         je, jo = self.jacobian[even], self.jacobian[~even]
         return je.T @ je, jo.T @ jo, je.T @ self.residual[even], jo.T @ self.residual[~even]
 
+    @property
+    def _pull(self) -> Array:
+        """What pulls calibration back to where it was stated, for all columns, (p + k,)."""
+        return np.concatenate([np.zeros(len(self.values)), self.shift])
+
+    @cached_property
+    def promised(self) -> Array:
+        """Coefficients of all columns that the linear view still promises something for, (p + k,): a search ends a little
+        beside the lowest place.
+        """
+        _, _, ge, go = self._normal
+        out: Array = self.inverse @ (ge + go - self._pull)
+        return out
+
     @cached_property
     def _steps(self) -> tuple[Array, Array]:
         """Step of all columns' coefficients from the whole fit to that of each half."""
-        at = np.r_[np.zeros(len(self.values)), self.shift]  # what pulls calibration back to where it was stated
+        at = self._pull
         ae, ao, ge, go = self._normal
         f = np.flatnonzero(self.free)
         prior = np.diag(np.r_[np.full(len(self.values), 1.0 / WANDER**2), np.ones(len(self.shift))][f])
@@ -167,7 +189,7 @@ class State:
         """Weighted error that is left of readings of a coarse converter, taken at their word."""
         problem = self.problem
         predicted = self.standing(problem.predict(self.model, self.values, self.signals()))
-        left = problem.stack(problem.measured) - problem.of_stairs.expected(predicted)
+        left = problem.target - problem.of_stairs.expected(predicted)
         return float(np.sqrt(np.mean(left**2)))
 
     @cached_property
@@ -182,24 +204,31 @@ def bounds(model: Model, problem: Problem) -> tuple[Array, Array]:
     return np.array([p.low for p in parameters]), np.array([p.high for p in parameters])
 
 
-def fit(problem: Problem, model: Model, start: Array, *, guess: Array | None = None, steps: int = 30, calibrate: bool = True
-        ) -> State:  # fmt: skip
+def fit(problem: Problem, model: Model, start: Array, *, shift: Array | None = None, guess: Array | None = None,
+        steps: int = 30, calibrate: bool = True) -> State:  # fmt: skip
     """Weighted least squares with calibration free inside its tolerance (Levenberg-Marquardt).
 
     Sensitivities are carried along by Broyden's rank-one updates and worked out anew when they mislead, and at the end.
 
     Args:
         problem, model: what is fitted to what.
-        start: values to begin at, (p,).
+        start: values to begin at, (p,). shift: of calibration to begin at, (k,); as it was stated, if None.
         guess: sensitivity to begin with, (m, p), in scales of the parameters.
         steps: at most so many. calibrate: leave calibration free inside its tolerance.
     """
-    shift = np.zeros(len(problem.calibration) if calibrate else 0)
+    if shift is None or not calibrate:
+        shift = np.zeros(len(problem.calibration) if calibrate else 0)
     with np.errstate(all="ignore"):  # a step too far is taken back
         if problem.experiment.steps is not None:
             # inside of a step nothing shows the way: the stairs themselves do
-            start, guess = _Descent(problem.of_stairs, model, start, shift).run(guess, steps).values, None
+            rough = _Descent(problem.of_stairs, model, start, shift).run(guess, steps)
+            start, shift, guess = rough.values, rough.shift, None
         return _Descent(problem, model, start, shift).run(guess, steps)
+
+
+def cost_of(problem: Problem, model: Model, values: Array, shift: Array) -> float:
+    """Weighted sum of squares of a model there, calibration's share included."""
+    return _Descent(problem, model, values, shift).cost
 
 
 def settled(problem: Problem, model: Model, start: Array) -> Array:
@@ -209,15 +238,15 @@ def settled(problem: Problem, model: Model, start: Array) -> Array:
     free = [i for i, p in enumerate(parameters) if p.linear]
     if not free:
         return out
-    before = problem.predict(model, start)
-    columns = []
-    for i in free:
+    here = model.course(problem.experiment.signals, start)
+    before, columns = here.reading, np.empty((len(problem.target), len(free)), order="F")
+    for column, i in zip(columns.T, free):
         ahead, step = start.copy(), max(abs(parameters[i].nominal), parameters[i].scale)
         ahead[i] += step
-        columns.append(problem.change(problem.predict(model, ahead) - before, before) / step)
-    rest = problem.stack(problem.measured) - problem.expected(before)
+        problem.changed(problem.predict(model, ahead, near=here), before, before, 1.0 / step, column)
+    rest = problem.target - problem.expected(before)
     with np.errstate(all="ignore"):
-        out[free] += np.linalg.lstsq(np.stack(columns, axis=1), rest)[0]
+        out[free] += np.linalg.lstsq(columns, rest)[0]
     low, high = bounds(model, problem)
     return np.clip(out, low, high) if np.isfinite(out).all() else start
 
@@ -236,16 +265,16 @@ class _Descent:
         inside = np.clip(start, np.where(np.isfinite(self.low), self.low + room, self.low),
                          np.where(np.isfinite(self.high), self.high - room, self.high))  # fmt: skip
         self.x = np.where(self.moving, inside, held)
-        self.y = problem.stack(problem.measured)
+        self.y = problem.target
         self.predicted = self.predict(self.x, shift)
         self.late = problem.calibration.late(self.predicted) if len(shift) else np.zeros(0)
         self.stacked, self.residual, self.cost = self.compared(self.predicted, shift)
         # what acts through the law, and is to be learnt on the way; the rest of calibration only adds
         self.curved = len(self.x) + int(bool(len(shift)) and problem.calibration.surface)
 
-    def predict(self, x: Array, shift: Array) -> Array:
+    def predict(self, x: Array, shift: Array, near: Course | None = None) -> Array:
         """What the law expects with the surface at a shift, (channels, n)."""
-        return self.problem.predict(self.model, x, self.problem.calibration.signals(shift))
+        return self.problem.predict(self.model, x, self.problem.calibration.signals(shift), near)
 
     def standing(self, predicted: Array, shift: Array) -> Array:
         """That with clock and biases at a shift, (channels, n)."""
@@ -326,9 +355,11 @@ class _Descent:
         f = np.flatnonzero(free)
         prior = np.r_[np.full(p, LOOSE), np.ones(len(self.shift))][f]
         h = a[np.ix_(f, f)] + np.diag(prior + damping * np.diag(a)[f])
+        low = np.r_[(self.low - self.x) / self.scale, -MOST_SHIFT - self.shift][f]
+        high = np.r_[(self.high - self.x) / self.scale, MOST_SHIFT - self.shift][f]
         step, slope, expected = np.zeros(len(g)), g, 0.0
         for corrected in (False, True):
-            step[f] += np.linalg.solve(h, slope[f])
+            step[f] += _between(h, slope[f], low - step[f], high - step[f])
             x = np.clip(self.x + step[:p] * self.scale, self.low, self.high)
             shift = np.clip(self.shift + step[p:], -MOST_SHIFT, MOST_SHIFT)
             step = np.r_[(x - self.x) / self.scale, shift - self.shift]
@@ -362,20 +393,21 @@ class _Descent:
         beside = self.standing(self.predicted, self.shift)
         if known is not None:
             out[:, :p] = known
+        here = None if known is not None else self.model.course(calibration.signals(self.shift), self.x)
         for j in np.flatnonzero(self.moving) if known is None else ():
             h = 1e-2 * self.scale[j]
             h = h if self.x[j] + h <= self.high[j] else -h
             ahead = self.x.copy()
             ahead[j] += h
-            moved = self.predict(ahead, self.shift) - self.predicted
-            out[:, j] = self.problem.change(moved, beside) * (self.scale[j] / h)
+            moved = self.predict(ahead, self.shift, here)
+            self.problem.changed(moved, self.predicted, beside, self.scale[j] / h, out[:, j])
         if not len(self.shift):
             return out
         if calibration.surface:
             further = self.shift.copy()
             further[0] += 1.0 if further[0] < 0 else -1.0
-            moved = (self.predict(self.x, further) - self.predicted) * (further[0] - self.shift[0])
-            out[:, p] = self.problem.change(moved, beside)
+            way = float(further[0] - self.shift[0])  # a tolerance, forwards or back
+            self.problem.changed(self.predict(self.x, further), self.predicted, beside, way, out[:, p])
         added = p + int(calibration.surface)
         out[:, added] = self.problem.change(self.late, beside)
         if self.problem.experiment.steps is None:
@@ -384,6 +416,19 @@ class _Descent:
             for channel in range(len(self.predicted)):
                 out[:, added + 1 + channel] = self.problem.change(calibration.constant(channel, self.predicted), beside)
         return out
+
+
+def _between(h: Array, g: Array, low: Array, high: Array) -> Array:
+    """The x (f,) of h x = g between two ends: what would leave stays at its end, and the others make the best of it."""
+    x, held = np.zeros(len(g)), np.zeros(len(g), np.bool_)
+    while not held.all():
+        rest = ~held
+        x[rest] = np.linalg.solve(h[np.ix_(rest, rest)], g[rest] - h[np.ix_(rest, held)] @ x[held])
+        beyond = (x < low) | (x > high)
+        if not beyond.any():
+            break
+        x, held = np.clip(x, low, high), held | beyond
+    return x
 
 
 def _held(model: Model, problem: Problem) -> Array:

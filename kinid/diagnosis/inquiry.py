@@ -19,7 +19,7 @@ from kinid.diagnosis.problem import Problem, thin
 from kinid.diagnosis.reconsider import reweighted
 from kinid.diagnosis.refusals import refuse_idle, refuse_log, refuse_names, refuse_signs
 from kinid.diagnosis.result import Diagnosis
-from kinid.diagnosis.search import LOWER, search
+from kinid.diagnosis.search import LOWER, NEAR_NOISE, search
 from kinid.errors import InputError
 from kinid.experiment import Experiment, from_contact, from_joint_torques, from_wrench
 from kinid.fit import Fit, check_excitation, contact_channels, rig_of, starting_values
@@ -37,8 +37,6 @@ STATIC_NOISE = 0.01
 DIGITS = 1e-3
 #: how often a search begins anew with noise carried through what it found
 RECONSIDERED = 2
-#: weighted squares of a reading below which a fit lacks nothing that another start could find
-NEAR_NOISE = 1.3
 #: how often a fit that hasn't converged is taken up again
 TAKEN_UP = 4
 #: effects that are added at most, unless the caller says otherwise
@@ -170,7 +168,7 @@ def _fitted(model: Model, experiment: Experiment, values: Array) -> State:
             if other.cost < LOWER * rough.cost:
                 rough = other
     for _ in range(TAKEN_UP):  # noise of positions on its way through the model is that of the fit
-        rough = fit(Problem.build(experiment, model, rough.values), model, rough.values)
+        rough = fit(Problem.build(experiment, model, rough.values), model, rough.values, shift=rough.shift)
         if rough.converged:
             break
     return rough

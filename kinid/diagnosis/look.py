@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from kinid.diagnosis.candidates import NEAR, SEARCHED, Candidate, able, screen
 from kinid.diagnosis.cores import side_by_side
-from kinid.diagnosis.descent import State, bounds, fit
+from kinid.diagnosis.descent import State, bounds, cost_of, fit
 from kinid.effects import Effect
 from kinid.memory import give_back
 from kinid.model import Model
@@ -54,9 +54,13 @@ NEARER = 0.9
 HOPEFUL = 50.0
 #: two searches that begin within so many scales of each other end at the same place
 APART = 0.2
-#: an effect that explains less than this share of what the best one does, in the linear view, has never come first; where no more
-#: is left than so many times the noise
-FAR_BEHIND, LOUDEST = 0.2, 10.0
+#: an effect that promises less than this share of what a better one has brought has never come first; nor one that promises less
+#: than the second share, where more is left than so many times the noise and the linear view sees little
+FAR_BEHIND, LOUDEST, FARTHEST_BEHIND = 0.33, 10.0, 0.05
+#: another start of an effect is tried where the first one brought this share of what the best effect did
+CONTENDING = 0.5
+#: effects that are refitted before what they brought decides about those behind them
+ABREAST = 2
 
 
 @dataclass(frozen=True)
@@ -137,17 +141,12 @@ def look(state: State, *, most: int = REFITTED, spare: Sequence[str] = (), known
     starts: dict[str, Sequence[Candidate]] = {e.id: known.points[e.id] for e in able_ones if known and e.id in known.points}
     starts |= _screened(state, [e for e in able_ones if e.id not in starts], most)
     ranked = Round(state, starts, ()).screened[:most]
-    worth = [c for c in ranked if c.gain >= _promising(state, max(c.gain for c in ranked))]
-    new = [(c.effect, point) for c in worth if c.effect.id not in done for point in worth_searching(state, starts[c.effect.id])]
-    fresh: dict[str, Tried] = {}
-    for found in side_by_side(lambda pair: attempt(state, *pair), new):
-        name = found.effect.id
-        if name not in fresh or found.state.cost < fresh[name].state.cost:
-            fresh[name] = found
+    worth = [c for c in ranked if c.gain >= _promising(state)]
     known_ones = [done[c.effect.id] for c in worth if c.effect.id in done]
-    rival = min([goal, *(t.state.cost for t in (*known_ones, *fresh.values()))])
-    tried = known_ones + side_by_side(lambda t: pursue(state, t, rival), [t for t in fresh.values() if not t.state.converged])
-    tried += [t for t in fresh.values() if t.state.converged]
+    goal = min([goal, *(t.state.cost for t in known_ones)])
+    fresh = _refitted(state, [starts[c.effect.id] for c in worth if c.effect.id not in done], goal)
+    rival = min([goal, *(t.state.cost for t in fresh)])
+    tried = known_ones + side_by_side(lambda t: pursue(state, t, rival), fresh)
     tried.sort(key=lambda t: -t.evidence.value)
     points = {name: _slim(found) for name, found in starts.items()}
     del starts
@@ -176,15 +175,31 @@ def _slim(points: Sequence[Candidate]) -> list[Candidate]:
     return [dataclasses.replace(c, columns=None) for c in points]
 
 
-def _promising(state: State, most: float) -> float:
-    """Least gain, in the linear view, of what is worth a refit: a tenth of what an addition must bring, evidence apart.
-
-    And a share of the `most` that one effect brings, unless so much is left that squares count other samples than evidence does,
-    which is bounded for each.
-    """
+def _promising(state: State) -> float:
+    """Least gain, in the linear view, of what is worth a refit: a tenth of what an addition must bring, evidence apart."""
     needed = 2.0 * worth(state) * float(state.held @ state.held)
-    least = float(np.clip(0.1 * needed, ENOUGH / 2, HOPEFUL))
-    return max(least, FAR_BEHIND * most) if state.rms < LOUDEST else least
+    return float(np.clip(0.1 * needed, ENOUGH / 2, HOPEFUL))
+
+
+def _refitted(state: State, starts: Sequence[Sequence[Candidate]], goal: float) -> list[Tried]:
+    """Effects refitted from their points, the most promising effect and the best point first, beside another of cost `goal`.
+
+    Those that promise far less than others have brought are passed over; so are further points of those that brought far less.
+    """
+    share = FAR_BEHIND if state.rms < LOUDEST else FARTHEST_BEHIND
+    most = max(0.0, state.cost - goal)
+    found: list[Tried] = []
+    for begin in range(0, len(starts), ABREAST):
+        hopeful = [points[0] for points in starts[begin : begin + ABREAST] if points[0].gain >= share * most]
+        found += side_by_side(lambda point: attempt(state, point.effect, point), hopeful)
+        most = max([most, *(state.cost - t.state.cost for t in found)])
+    others = {points[0].effect.id: worth_searching(state, points)[1:] for points in starts}
+    again = [point for t in found if state.cost - t.state.cost >= CONTENDING * most
+             for point in others[t.effect.id] if point.gain >= share * most]  # fmt: skip
+    best = {t.effect.id: t for t in found}
+    for other in side_by_side(lambda point: attempt(state, point.effect, point), again):
+        best[other.effect.id] = min(best[other.effect.id], other, key=lambda t: t.state.cost)
+    return list(best.values())
 
 
 def worth_searching(state: State, points: Sequence[Candidate]) -> list[Candidate]:
@@ -199,7 +214,8 @@ def worth_searching(state: State, points: Sequence[Candidate]) -> list[Candidate
 def attempt(state: State, effect: Effect, point: Candidate) -> Tried:
     """Refit with an effect from one point."""
     model = state.model + effect
-    found = fit(state.problem, model, _nearest(state, model, point), guess=point.guess(state),
+    values, shift = _nearest(state, model, point)
+    found = fit(state.problem, model, values, shift=shift, guess=point.guess(state),
                 steps=min(FIRST_STEPS, _steps(model, state)))  # fmt: skip
     return Tried(effect, found.light(), weigh(state, found))
 
@@ -213,7 +229,7 @@ def pursue(state: State, tried: Tried, least: float = np.inf) -> Tried:
     for left in reversed(range(SLICES)):
         if best.converged or best.cost > HOPELESS * least:
             break
-        further = fit(state.problem, best.model, best.values, steps=steps)
+        further = fit(state.problem, best.model, best.values, shift=best.shift, steps=steps)
         gained = best.cost - further.cost
         best = further.light() if gained > 0 else best
         # slices that gain ever less, each a share of the one before, sum up to no more than this many like the last
@@ -229,23 +245,21 @@ def _steps(model: Model, state: State) -> int:
     return int(np.clip(EFFORT / max(1, len(model.parameters(state.problem.experiment.layout))), FEW_STEPS, MANY_STEPS))
 
 
-def _nearest(state: State, model: Model, point: Candidate) -> Array:
-    """As much of the linear view's step as helps: curved laws reward only its beginning."""
-    problem, none = state.problem, point.origin
-    y = problem.stack(problem.measured)
-    low, high = bounds(model, problem)
-    best, least = none, np.inf
+def _nearest(state: State, model: Model, point: Candidate) -> tuple[Array, Array]:
+    """As much of the linear view's step as helps, values and shift: curved laws reward only its beginning."""
+    none = point.origin
+    low, high = bounds(model, state.problem)
+    best, least = (none, state.shift), np.inf
     for share in (1.0, 0.3, 0.1, 0.03):
-        trial = none + share * (point.start - none)
-        if (trial < low).any() or (trial > high).any():
+        values, shift = none + share * (point.start - none), state.shift + share * (point.shift - state.shift)
+        if (values < low).any() or (values > high).any():
             continue
-        rest = y - problem.expected(problem.predict(model, trial))
-        cost = float(rest @ rest)
+        cost = cost_of(state.problem, model, values, shift)
         if cost < least:
-            best, least = trial, cost
+            best, least = (values, shift), cost
         elif np.isfinite(least):
             break
-    return np.clip(best, low, high)
+    return np.clip(best[0], low, high), best[1]
 
 
 def worth(state: State) -> float:

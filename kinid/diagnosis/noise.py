@@ -110,7 +110,7 @@ def alike_at_each_turn(experiment: Experiment, model: Model, values: Array, pred
 
     s, width = experiment.signals, _width(experiment.signals)
     others = []
-    if width > 0.5 and len(np.flatnonzero(s.dt == 0.0)) == 1:
+    if width > 0.5 and len(s.runs) == 1:
         smooth = [gaussian_filter1d(v, width) for v in (s.depth_rate, *s.slip_rate)]
         others.append(dataclasses.replace(s, depth_rate=smooth[0], slip_rate=np.stack(smooth[1:])))
     if Stage.FRICTION in model.stages:

@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.course import Course
 from kinid.diagnosis import rounding
 from kinid.diagnosis.calibration import Calibration
 from kinid.diagnosis.noise import period_of, spread
 from kinid.effects import Signals
 from kinid.experiment import Experiment
-from kinid.kernels.averages import weighted_means
+from kinid.kernels.averages import weighted_changes, weighted_sums
 from kinid.model import Model
 from kinid.task import folds
 
@@ -125,9 +126,14 @@ class Problem:
         """Readings in the band that counts, (channels, n)."""
         return filled(self.experiment)
 
-    def predict(self, model: Model, values: Array, signals: Signals | None = None) -> Array:
+    @cached_property
+    def target(self) -> Array:
+        """The same as they are compared, (m,)."""
+        return self.stack(self.measured)
+
+    def predict(self, model: Model, values: Array, signals: Signals | None = None, near: Course | None = None) -> Array:
         """What a model expects there, at all frequencies, (channels, n)."""
-        return model.predict(signals or self.experiment.signals, values)
+        return model.predict(signals or self.experiment.signals, values, near)
 
     def expected(self, predicted: Array) -> Array:
         """Predictions (channels, n) as they stand beside readings: in the band, as near to them as rounding allows, stacked."""
@@ -146,6 +152,14 @@ class Problem:
                 self._raw, self.experiment.as_read(beside), steps)  # fmt: skip
             moved = self.experiment.as_true(raw + zero)
         return self.stack(self.experiment.in_band(moved))
+
+    def changed(self, after: Array, before: Array, beside: Array, factor: float, out: Array) -> None:
+        """A factor times `change` by what lies between two predictions, into `out`, (m,)."""
+        if self.experiment.steps is None and self.experiment.band is None:
+            begin, end, weight = self._kept
+            weighted_changes(after, before, begin, end, weight, factor, out)
+        else:
+            np.multiply(self.change(after - before, beside), factor, out=out)
 
     @cached_property
     def of_biases(self) -> Array:
@@ -183,16 +197,16 @@ class Problem:
 
     def stack(self, readings: Array) -> Array:
         """Averaged, weighted, channel after channel, valid groups only, (m,)."""
-        begin, end, sigma = self._kept
-        out = np.empty(sigma.size)
-        weighted_means(np.ascontiguousarray(readings), begin, end, sigma, out)
+        begin, end, weight = self._kept
+        out = np.empty(weight.size)
+        weighted_sums(np.ascontiguousarray(readings), begin, end, weight, out)
         return out
 
     @cached_property
     def _kept(self) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
-        """First sample of each valid group and the one after its last, (g,), and sigma there, (channels, g)."""
-        begin = self.edge[self.valid].astype(np.int64)
-        return begin, begin + self.count[self.valid].astype(np.int64), np.ascontiguousarray(self.sigma[:, self.valid])
+        """First sample of each valid group and the one after its last, (g,), and the weight of their sum, (channels, g)."""
+        begin, count = self.edge[self.valid].astype(np.int64), self.count[self.valid]
+        return begin, begin + count.astype(np.int64), np.ascontiguousarray(1.0 / (count * self.sigma[:, self.valid]))
 
     def only(self, part: Mask) -> Problem:
         """The same, with groups outside of a part (g,) left out."""

@@ -35,7 +35,7 @@ def reweighted(state: State, found: Search) -> State | None:
         carried = Problem.build(state.problem.experiment, through.model, through.plain.light().values)
         less = through.residual * (state.problem.sigma / carried.sigma)[:, carried.valid].ravel()
         if float(less @ less) < TOLD * float(through.residual @ through.residual) and not _stands(found, nearest, carried):
-            return fit(carried, state.model, state.values)
+            return fit(carried, state.model, state.values, shift=state.shift)
     return None
 
 

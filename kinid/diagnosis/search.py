@@ -47,6 +47,8 @@ CLOSE = 0.15
 HALF = 0.5
 #: another start's fit is another one where its cost is so much less
 LOWER = 0.98
+#: weighted squares of a reading below which a fit lacks nothing that another start could find
+NEAR_NOISE = 1.3
 #: rounds beyond the number of effects that may be added
 EXTRA_ROUNDS = 2
 
@@ -188,14 +190,14 @@ def _without(state: State, name: str) -> State:
         return state
     kept = [part for effect, part in zip(state.model.effects, _parts(state)) if effect.id not in gone]
     model = Model(*(effect for effect in state.model.effects if effect.id not in gone))
-    return fit(state.problem, model, np.concatenate([np.zeros(0), *kept]))
+    return fit(state.problem, model, np.concatenate([np.zeros(0), *kept]), shift=state.shift)
 
 
 def _afresh(state: State) -> State:
     """The same model from its usual start, where that ends lower: an addition may have begun far from where it belongs."""
     problem, layout = state.problem, state.problem.experiment.layout
     named = state.model.parameters(layout)
-    if all(p.linear for p in named.values()):
+    if state.cost < NEAR_NOISE * len(state.residual) or all(p.linear for p in named.values()):
         return state
     values, _ = starting_values(state.model, problem.experiment, named, None)
     found = fit(problem, state.model, settled(problem, state.model, values))

@@ -223,11 +223,8 @@ def spectrum(view: View, values: Array) -> tuple[Array, Array]:
     from scipy.fft import next_fast_len, rfft
 
     s = view.experiment.signals
-    edges = np.r_[np.flatnonzero(s.dt == 0.0), len(s)]
-    if len(edges) < 2:
-        return np.zeros(0), np.zeros(0)
-    k = int(np.argmax(np.diff(edges)))
-    piece = np.nan_to_num(values[edges[k] : edges[k + 1]])
+    longest = max(s.runs, key=lambda run: run.stop - run.start, default=slice(0, 0))
+    piece = np.nan_to_num(values[longest])
     if len(piece) < 64:
         return np.zeros(0), np.zeros(0)
     size = next_fast_len(len(piece), real=True)

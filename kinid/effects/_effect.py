@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 from abc import ABC
 from collections.abc import Mapping
@@ -98,7 +99,7 @@ class Effect(ABC):
 
     def stages(self) -> tuple[Stage, ...]:
         """The stages it acts at: those whose method its class implements."""
-        return tuple(stage for stage in Stage if getattr(type(self), stage.value) is not getattr(Effect, stage.value))
+        return _stages(type(self))
 
     # One method a stage. `s` is this prediction's own: arrays in it are replaced, never written into. `p` are the values
     # of the parameters, in their order.
@@ -128,3 +129,8 @@ class Effect(ABC):
 
     def joint(self, s: Signals, p: Array) -> None:
         """Add to `s.reading`, the joint torques."""
+
+
+@functools.cache
+def _stages(kind: type[Effect]) -> tuple[Stage, ...]:
+    return tuple(stage for stage in Stage if getattr(kind, stage.value) is not getattr(Effect, stage.value))

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -176,13 +178,31 @@ class Signals:
     def __len__(self) -> int:
         return len(self.t)
 
+    def copy(self) -> Signals:
+        """A copy that shares all arrays."""
+        out: Signals = object.__new__(Signals)
+        out.__dict__.update(self.__dict__)
+        return out
+
     def fresh(self) -> Signals:
         """A copy to predict with: inputs shared, the chain's quantities zero."""
+        none, pair, reading = self.zeros
+        out = self.copy()
+        out.compliance, out.exponent, out.bristle, out.recall = 0.0, 1.0, BRISTLE, None
+        out.elastic, out.normal, out.mu, out.tangential, out.reading = none, none, pair, pair, reading
+        return out
+
+    @cached_property
+    def zeros(self) -> tuple[Array, Array, Array]:
+        """What all predictions begin with: (n,), (2, n) and (channels, n)."""
         n = len(self)
-        return dataclasses.replace(
-            self, compliance=0.0, elastic=np.zeros(n), exponent=1.0, normal=np.zeros(n), mu=np.zeros((2, n)), bristle=BRISTLE,
-            tangential=np.zeros((2, n)), reading=np.zeros((len(self.layout.channels), n)),
-        )  # fmt: skip
+        return np.zeros(n), np.zeros((2, n)), np.zeros((len(self.layout.channels), n))
+
+    @property
+    def runs(self) -> list[slice]:
+        """The samples between two gaps, each piece by itself; memory begins anew in each."""
+        edges = [*np.flatnonzero(self.dt == 0.0).tolist(), len(self)]
+        return [slice(begin, end) for begin, end in itertools.pairwise(edges)]
 
     @property
     def inside(self) -> NDArray[np.bool_]:

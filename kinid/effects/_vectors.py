@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from kinid.effects._derived import derived
 from kinid.effects._signals import Array, SensorMotion
+from kinid.kernels import frames
 
 
 def cross(a: Array, b: Array) -> Array:
@@ -17,5 +19,10 @@ def point_load(sensor: SensorMotion, mass: float, com: Array) -> Array:
 
     f = m (g − a − α × c − ω × (ω × c)), τ = c × f.
     """
-    force = mass * (sensor.specific - cross(sensor.alpha, com) - cross(sensor.omega, cross(sensor.omega, com)))
-    return np.concatenate([force, cross(com, force)])
+
+    def of_a_kilogram() -> Array:
+        out = np.empty((6, sensor.specific.shape[1]))
+        frames.point_load(sensor.specific, sensor.omega, sensor.alpha, np.asarray(com, dtype=np.float64), out)
+        return out
+
+    return mass * derived("load of a kilogram", of_a_kilogram, sensor.specific, sensor.omega, sensor.alpha, at=tuple(com))

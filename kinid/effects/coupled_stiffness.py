@@ -7,6 +7,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.effects._derived import derived
 from kinid.effects._effect import Effect
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
@@ -49,8 +50,10 @@ class CoupledStiffness(Effect):
     def frame(self, s: Signals, p: Array) -> None:
         """Add the forces between the axes."""
         inside = s.inside
-        x = np.stack([*_since_touch(s.slip, inside, s.dt), s.penetration])
-        v = np.where(inside, np.stack([*s.slip_rate, s.depth_rate]), 0.0)
+        x = derived("motion since touch", lambda: np.stack([*_since_touch(s.slip, inside, s.dt), s.penetration]),
+                    s.slip, s.depth, s.dt)  # fmt: skip
+        v = derived("speed inside", lambda: np.where(inside, np.stack([*s.slip_rate, s.depth_rate]), 0.0),
+                    s.slip_rate, s.depth_rate, s.depth)  # fmt: skip
         stiffness, damping = np.append(p[:8], 0.0).reshape(3, 3), np.append(p[8:], 0.0).reshape(3, 3)
         force = stiffness @ x + damping @ v
         s.tangential = s.tangential + force[:2]

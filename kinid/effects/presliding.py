@@ -8,6 +8,9 @@ from kinid.effects._effect import Effect
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
+#: end of the bristles' length [m]
+SHORTEST = 1e-6
+
 
 @final
 class Presliding(Effect):
@@ -30,11 +33,11 @@ class Presliding(Effect):
     wants = ("coulomb-friction",)
     null = {"length": 1e-4}  # the length that friction has without this effect
     grid = {"length": (3e-6, 3e-5, 3e-4, 1e-3, 3e-3)}
-    ends = {"length": (1e-6,)}  # friction that turns around at once: Coulomb's own
+    ends = {"length": (SHORTEST,)}  # friction that turns around at once: Coulomb's own
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Length."""
-        return (Parameter("length", "ℓ", "m", 3e-4, 1e-6, 0.1, scale=1e-4),)
+        return (Parameter("length", "ℓ", "m", 3e-4, SHORTEST, 0.1, scale=1e-4),)
 
     def friction(self, s: Signals, p: Array) -> None:
         """Set the bristles' length."""

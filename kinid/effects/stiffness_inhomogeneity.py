@@ -12,6 +12,9 @@ from kinid.effects._effect import Effect
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
+#: ends of a border's steepness [1/m] and curvature [1/m²]
+STEEPEST, ROUNDEST = 1e5, 1e8
+
 
 @final
 @dataclass(frozen=True)
@@ -47,7 +50,7 @@ class StiffnessInhomogeneity(Effect):
     needs = ("normal", "slip")
     null = {"gradient1": 0.0, "gradient2": 0.0, "height": 0.0}
     # a border without width
-    ends = {"steepness1": (-1e5, 1e5), "steepness2": (-1e5, 1e5), "curvature": (-1e8, 1e8)}
+    ends = {"steepness1": (-STEEPEST, STEEPEST), "steepness2": (-STEEPEST, STEEPEST), "curvature": (-ROUNDEST, ROUNDEST)}
     grid = {"level": (-1.5, 0.0, 1.5), "steepness1": (-300.0, 0.0, 300.0), "steepness2": (-300.0, 0.0, 300.0),
             "curvature": (-1e5, 0.0)}  # fmt: skip
 
@@ -63,9 +66,9 @@ class StiffnessInhomogeneity(Effect):
             *gradient,
             Parameter("height", "h", "1", 0.3, -1e3, 1e3, scale=0.05),
             Parameter("level", "l", "1", 0.0, -100.0, 100.0, scale=0.5),
-            Parameter("steepness1", "s₁", "1/m", 200.0, -1e5, 1e5, scale=50.0),
-            Parameter("steepness2", "s₂", "1/m", 0.0, -1e5, 1e5, scale=50.0),
-            Parameter("curvature", "c", "1/m²", 0.0, -1e8, 1e8, scale=1e4),
+            Parameter("steepness1", "s₁", "1/m", 200.0, -STEEPEST, STEEPEST, scale=50.0),
+            Parameter("steepness2", "s₂", "1/m", 0.0, -STEEPEST, STEEPEST, scale=50.0),
+            Parameter("curvature", "c", "1/m²", 0.0, -ROUNDEST, ROUNDEST, scale=1e4),
         )
 
     def null_for(self, base: str | None) -> Mapping[str, float]:

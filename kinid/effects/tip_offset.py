@@ -5,9 +5,11 @@ from __future__ import annotations
 import dataclasses
 from typing import final
 
+import numpy as np
+
 from kinid.effects._effect import Effect
 from kinid.effects._signals import Array, Layout, Signals
-from kinid.effects._vectors import cross
+from kinid.kernels.frames import displaced
 from kinid.parameter import Parameter
 
 
@@ -42,8 +44,8 @@ class TipOffset(Effect):
         sensor = s.sensor
         if sensor is None:
             return
-        moved = (sensor.to_contact @ p).T
-        speed = (sensor.to_contact @ cross(sensor.omega, p).T[:, :, None])[:, :, 0].T
+        moved, speed = np.empty((2, 3, len(s)))
+        displaced(sensor.to_contact, sensor.omega, p, moved, speed)
         s.depth, s.depth_rate = s.depth - moved[2], s.depth_rate - speed[2]
         s.slip, s.slip_rate = s.slip + moved[:2], s.slip_rate + speed[:2]
         s.sensor = dataclasses.replace(sensor, tip=sensor.tip + p)

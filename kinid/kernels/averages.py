@@ -10,17 +10,37 @@ Array = NDArray[np.float64]
 
 
 @njit(cache=True, nogil=True)
-def weighted_means(readings: Array, begin: NDArray[np.int64], end: NDArray[np.int64], sigma: Array, out: Array) -> None:
-    """Mean of each group of samples over its standard deviation, channel after channel.
+def weighted_sums(readings: Array, begin: NDArray[np.int64], end: NDArray[np.int64], weight: Array, out: Array) -> None:
+    """Sum of each group of samples times its weight, channel after channel.
 
     Args:
-        readings: (channels, n). begin, end: samples of each group, (g,). sigma: of the means, (channels, g).
-        out: (channels · g,).
+        readings: (channels, n). begin, end: samples of each group, (g,). weight: (channels, g). out: (channels · g,).
     """
     g = begin.shape[0]
     for c in range(readings.shape[0]):
+        x, w, o = readings[c], weight[c], out[c * g : (c + 1) * g]
         for k in range(g):
-            total = 0.0
-            for i in range(begin[k], end[k]):
-                total += readings[c, i]
-            out[c * g + k] = total / ((end[k] - begin[k]) * sigma[c, k])
+            i = begin[k]
+            total = x[i]
+            for j in range(i + 1, end[k]):
+                total += x[j]
+            o[k] = w[k] * total
+
+
+@njit(cache=True, nogil=True)
+def weighted_changes(
+    after: Array, before: Array, begin: NDArray[np.int64], end: NDArray[np.int64], weight: Array, factor: float, out: Array
+) -> None:
+    """A factor times the weighted sums of what readings changed by; arguments as those of `weighted_sums`."""
+    g = begin.shape[0]
+    for c in range(after.shape[0]):
+        x, y, w, o = after[c], before[c], weight[c], out[c * g : (c + 1) * g]
+        for k in range(g):
+            i = begin[k]
+            if end[k] - i == 2:  # by far the most; a loop takes as long again
+                total = (x[i] - y[i]) + (x[i + 1] - y[i + 1])
+            else:
+                total = x[i] - y[i]
+                for j in range(i + 1, end[k]):
+                    total += x[j] - y[j]
+            o[k] = factor * w[k] * total

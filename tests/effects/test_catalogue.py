@@ -17,6 +17,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from kinid.course import Route
 from kinid.effects import Effect, Layout, Signals, Stage, catalogue, get
 from kinid.errors import InputError
 from kinid.estimators.batch import solve
@@ -260,17 +261,54 @@ def test_prediction_is_finite_and_leaves_its_input_alone(name: str) -> None:
 def test_it_replaces_arrays_and_never_writes_into_them(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Quantities of the chain share arrays (N begins as F_e): they are closed before each effect acts."""
 
-    def run(model: Model, stage: Stage, s: Signals, slices: list[Array]) -> None:
-        for effect, p in zip(model.effects, slices):
-            if stage in effect.stages():
-                for array in (*arrays(s), p):
-                    array.setflags(write=False)
-                getattr(effect, stage.value)(s, p)
+    def closed(act: Callable[[Signals, Array], None]) -> Callable[[Signals, Array], None]:
+        def run(s: Signals, p: Array) -> None:
+            for array in (*arrays(s), p):
+                array.setflags(write=False)
+            act(s, p)
+
+        return run
 
     model, values, signals = example(name)
     expected = model.predict(signals, values)
-    monkeypatch.setattr(Model, "_run", run)
-    np.testing.assert_array_equal(model.predict(signals, values), expected)
+    route = Route.of(model.effects, signals.layout.kind)
+    steps = tuple(dataclasses.replace(step, act=closed(step.act)) for step in route.steps)
+    monkeypatch.setattr(Route, "of", lambda *_: dataclasses.replace(route, steps=steps))
+    np.testing.assert_array_equal(Model(*model.effects).predict(signals, values), expected)
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_a_prediction_that_begins_where_it_differs_from_another_is_the_same(name: str) -> None:
+    """With another value of any parameter, with this effect more than the other had, and over another motion."""
+    model, values, signals = example(name)
+    here = model.course(signals, values)
+    np.testing.assert_array_equal(here.reading, model.predict(signals, values))
+    for i, p in enumerate(model.parameters(signals.layout).values()):
+        other = values.copy()
+        other[i] += 0.1 * p.scale if other[i] + 0.1 * p.scale <= p.high else -0.1 * p.scale
+        np.testing.assert_array_equal(model.predict(signals, other, here), model.predict(signals, other))
+    if not of(model, name).base:
+        rest = Model(*(effect for effect in model.effects if effect.id != name and name not in effect.wants))
+        kept = dict(zip(model.parameters(signals.layout), values))
+        near = rest.course(signals, np.array([kept[key] for key in rest.parameters(signals.layout)]))
+        np.testing.assert_array_equal(model.predict(signals, values, near), here.reading)
+    moved = dataclasses.replace(signals, depth=signals.depth + 1e-4)
+    np.testing.assert_array_equal(model.predict(moved, values, here), model.predict(moved, values))
+
+
+def test_a_prediction_near_another_runs_only_what_differs(monkeypatch: pytest.MonkeyPatch) -> None:
+    model, values, signals = example("sensor-crosstalk")
+    here, acted = model.course(signals, values), []
+    for kind, stage in ((type(model.effects[0]), "elastic"), (type(model.effects[1]), "friction")):
+        act = getattr(kind, stage)
+        monkeypatch.setattr(kind, stage, lambda self, s, p, act=act, stage=stage: (acted.append(stage), act(self, s, p))[0])
+    again = Model(*model.effects)  # its steps are those above
+    for place, expected in ((-1, []), (1, ["friction"]), (0, ["elastic", "friction"])):
+        other = values.copy()
+        other[place] *= 1.01
+        acted.clear()
+        again.predict(signals, other, here)
+        assert acted == expected
 
 
 @pytest.mark.parametrize("name", IDS)

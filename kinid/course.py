@@ -1,0 +1,197 @@
+"""A model's way along the measurement chain, step by step; another one that is the same at first begins where they differ.
+
+joints → geometry → elastic → normal → friction → frame → tool → sensor → acquisition → reading
+joints → rigid body + joint effects → sensor → acquisition → joint torques
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.effects import Effect, Signals, Stage
+from kinid.effects._deflection import press_through
+from kinid.effects._derived import derived
+from kinid.kernels.frames import contact_wrench
+from kinid.kernels.memory import bristles, steady
+
+Array = NDArray[np.float64]
+
+#: share of their length that bristles don't notice of what a path is off for moments
+NOTICED = 0.1
+#: in place of an effect's number, where the chain itself acts; its parameters are none
+CHAIN = -1
+NONE = np.zeros(0)
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One step along the chain.
+
+    Attributes:
+        what: whose it is and at which stage; steps of which this is equal do the same.
+        effect: number of the effect whose parameters it takes, or `CHAIN`. act: changes signals.
+    """
+
+    what: tuple[object, ...]
+    effect: int
+    act: Callable[[Signals, Array], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Route:
+    """All steps of a model, in order; `law` are those of the contact law, which an arm that gives way stands before."""
+
+    steps: tuple[Step, ...]
+    law: range
+
+    @classmethod
+    def of(cls, effects: Sequence[Effect], kind: str) -> Route:
+        """That of these effects for logs of a kind."""
+
+        def acting(*stages: Stage) -> list[Step]:
+            return [Step((effect, stage), i, getattr(effect, stage.value)) for stage in stages
+                    for i, effect in enumerate(effects) if stage in effect.stages()]  # fmt: skip
+
+        def chain(act: Callable[[Signals, Array], None]) -> Step:
+            return Step((act,), CHAIN, act)
+
+        reaching = any(effect.id == "adhesion" for effect in effects)  # a force may act outside the material, too
+        law = [chain(_unloaded), *acting(Stage.ELASTIC), chain(_loaded), *acting(Stage.NORMAL)]
+        law += [] if reaching else [chain(_let_go)]
+        friction, converter = acting(Stage.FRICTION), acting(Stage.ACQUISITION)
+        before, after = acting(Stage.GEOMETRY), []
+        if kind == "joints":
+            before, law = acting(Stage.JOINT), []
+        else:
+            after = [*friction, *([chain(_rub)] if friction else []), *acting(Stage.FRAME), chain(_read)]
+            after += acting(Stage.TOOL) if kind == "wrench" else []
+        after += acting(Stage.SENSOR)
+        after += [chain(_as_read), *converter, chain(_as_true)] if converter else []
+        return cls((*before, *law, *after), range(len(before), len(before) + len(law)))
+
+    def run(self, signals: Signals, parts: Sequence[Array], near: Course | None = None, found: list[Signals] | None = None
+            ) -> Signals:  # fmt: skip
+        """Quantities at the end of the chain.
+
+        Args:
+            signals: the measured motion. parts: parameters of each effect. near: a way that may be the same at first.
+            found: gets the quantities as each step found them, and as the last one left them.
+        """
+        at, s = (0, signals.fresh()) if near is None else near.shared(self, signals, parts)
+        parts = (*parts, NONE)
+        while at < len(self.steps):
+            step, many = self.steps[at], 1
+            before = s.copy() if found is not None else s
+            if at == self.law.start and s.compliance > 0.0:
+                many = len(self.law)
+                press_through(s, s.compliance, lambda bent: self._press(bent, parts))
+            else:
+                step.act(s, parts[step.effect])
+            if found is not None:
+                found += [before] * many
+            at += many
+        if found is not None:
+            found.append(s)
+        return s
+
+    def _press(self, s: Signals, parts: Sequence[Array]) -> None:
+        """The contact law: elastic and normal force from depth and rate."""
+        for step in self.steps[self.law.start : self.law.stop]:
+            step.act(s, parts[step.effect])
+
+
+class Course:
+    """A way along the chain that was gone, with all that was found on it.
+
+    Args:
+        route, signals, parts: as `Route.run` takes them.
+
+    Attributes:
+        reading: what the sensor delivers, (channels, n).
+    """
+
+    def __init__(self, route: Route, signals: Signals, parts: Sequence[Array]) -> None:
+        self._steps, self._law, self._signals = route.steps, route.law, signals
+        self._values = [part.tobytes() for part in (*parts, NONE)]
+        self._found: list[Signals] = []
+        self.reading = route.run(signals, parts, found=self._found).reading
+
+    def shared(self, route: Route, signals: Signals, parts: Sequence[Array]) -> tuple[int, Signals]:
+        """How many steps of another one are the same as here, and the quantities behind them."""
+        if signals is not self._signals:
+            return 0, signals.fresh()
+        at, parts = 0, (*parts, NONE)
+        for mine, other in zip(self._steps, route.steps):
+            if mine.what != other.what or self._values[mine.effect] != parts[other.effect].tobytes():
+                break
+            at += 1
+        if at in self._law and self._found[self._law.start].compliance > 0.0:
+            at = self._law.start  # law and arm agree on the force together
+        return at, self._found[at].copy()
+
+
+def _unloaded(s: Signals, _: Array) -> None:
+    s.exponent, s.elastic, s.recall = 1.0, s.zeros[0], None
+
+
+def _loaded(s: Signals, _: Array) -> None:
+    s.normal = s.elastic
+
+
+def _let_go(s: Signals, _: Array) -> None:
+    s.normal = np.where(s.inside, s.normal, 0.0)
+
+
+def _rub(s: Signals, _: Array) -> None:
+    if s.mu.any():
+        s.tangential = s.tangential - s.mu * s.normal * _bristles(s)
+
+
+def _bristles(s: Signals) -> Array:
+    """Deflection of the bristles; it depends on the motion alone, which one log's predictions share.
+
+    Noise of the slip would shake them loose, which no surface feels: what of it they aren't elastic enough to bear is
+    taken out of the rates; so is a differentiator's overshoot, where they are short enough to notice.
+    """
+    beyond = max(s.dither - s.play * s.bristle, s.overshoot - NOTICED * s.bristle)
+
+    def rested() -> Array:
+        rates = np.empty_like(s.slip_rate)
+        for rate, row in zip(s.slip_rate, rates):
+            steady(rate, s.dt, beyond, row)
+        return rates
+
+    def bend() -> Array:
+        rates, u = s.slip_rate, np.empty((2, len(s)))
+        if beyond > 0.0:
+            rates = derived("rates of a slip that rests", rested, s.slip_rate, s.dt, at=(beyond,))
+        bristles(rates[0], rates[1], s.dt, s.depth, s.bristle, u, s.play)
+        return u
+
+    return derived("bristles", bend, s.slip_rate, s.depth, s.dt, at=(s.bristle, s.play, beyond))
+
+
+def _read(s: Signals, _: Array) -> None:
+    """Contact forces as the sensor has them: a wrench at its origin with the rig's tool (6, n), or the forces themselves."""
+    if s.layout.kind == "contact":
+        rows = {"normal_force": s.normal, "tangential_force1": s.tangential[0], "tangential_force2": s.tangential[1]}
+        s.reading = np.stack([rows[name] for name in s.layout.channels])
+    else:
+        sensor = s.sensor
+        assert sensor is not None
+        s.reading = np.empty((6, len(s)))
+        contact_wrench(s.tangential, s.normal, sensor.to_contact, sensor.tip, sensor.load, s.reading)
+
+
+def _as_read(s: Signals, _: Array) -> None:
+    """The sensor's stated faults come back for the converter."""
+    s.reading = s.reading if s.as_read is None else s.as_read.raw(s.reading)
+
+
+def _as_true(s: Signals, _: Array) -> None:
+    """… and go again."""
+    s.reading = s.reading if s.as_read is None else s.as_read.true(s.reading)
