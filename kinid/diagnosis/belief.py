@@ -131,6 +131,7 @@ def material(tried: Tried) -> bool:
     if least is None:
         return True
     own = np.array([name.split(".")[0] == tried.effect.id for name in tried.state.model.parameters(layout)])
-    units = [p.unit for p in tried.effect.parameters(layout)]
-    return any(abs(v) > least[unit] for state in (tried.state, tried.state.plain.light())
-               for v, unit in zip(state.values[own], units) if unit in least)  # fmt: skip
+    units = np.array([p.unit for p in tried.effect.parameters(layout)])
+    # of vectors the length counts: nothing is special about a sensor's axes
+    return any(float(np.linalg.norm(state.values[own][units == unit])) > size
+               for state in (tried.state, tried.state.plain.light()) for unit, size in least.items())  # fmt: skip

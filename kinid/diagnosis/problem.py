@@ -24,10 +24,12 @@ from kinid.task import folds
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: samples a second that diagnosis works with, unless readings are compared at higher frequencies
-RATE = 125.0
-#: motion is followed at so many samples at most; of contact, at no more than so many where they are as dense as this [1/s]
-MOST_SAMPLES, AMPLE, FINE = 40_000, 20_000, 250.0
+#: means a second that diagnosis compares, unless readings are compared at higher frequencies; of logs with more of them than
+#: so many, all channels together, half of them
+RATE, PLENTY = 125.0, 30_000
+#: motion is followed at so many samples at most; of contact, at no more than so many readings where they are as dense as that,
+#: in samples a second
+MOST_SAMPLES, AMPLE, FINE = 40_000, 60_000, 160.0
 #: means that are compared, of all channels together, at most: of long logs fewer tell as much
 MOST_MEANS = 100_000
 #: degrees of freedom of Student's t, whose logarithm bounds what a single sample can say
@@ -41,7 +43,7 @@ def thin(experiment: Experiment) -> Experiment:
     samples, rate = len(experiment.signals), 1.0 / period_of(experiment.signals)
     many = math.ceil(samples / MOST_SAMPLES)
     if experiment.band is None:
-        many = max(many, min(math.ceil(samples / AMPLE), round(rate / FINE)))
+        many = max(many, min(math.ceil(experiment.measured.size / AMPLE), round(rate / FINE)))
     if many <= 1:
         return experiment
     s = experiment.signals
@@ -113,10 +115,11 @@ class Problem:
         """Groups, and weights from a first fit of the model."""
         s = experiment.signals
         period = period_of(s)
-        rate = max(RATE, 4.0 * (experiment.band or 0.0))
+        span = float(s.t[-1]) if len(s) else 0.0
+        rate = RATE if len(experiment.measured) * span * RATE < PLENTY else 0.5 * RATE
+        rate = max(rate, 4.0 * (experiment.band or 0.0))
         many = max(1, int(1.0 / (rate * period)), math.ceil(experiment.measured.size / MOST_MEANS))
         edge, count = _groups(experiment, many)
-        span = float(s.t[-1]) if len(s) else 0.0
         length = BLOCK if span >= 16 * BLOCK else max(span / 16, 1e-9)
         return cls(experiment, edge, count, spread(experiment, model, values, edge, count), folds(experiment)[edge],
                    (s.t / length).astype(np.int64)[edge], experiment.valid[edge])  # fmt: skip

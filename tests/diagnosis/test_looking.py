@@ -18,7 +18,7 @@ from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.descent import State, fit, settled
 from kinid.diagnosis.inquiry import experiment_of
 from kinid.diagnosis.look import attempt, worth_searching
-from kinid.diagnosis.problem import AMPLE, FINE, Problem, thin
+from kinid.diagnosis.problem import FINE, MOST_SAMPLES, PLENTY, RATE, Problem, thin
 from kinid.experiment import Experiment
 
 if TYPE_CHECKING:
@@ -120,27 +120,43 @@ def test_a_place_beside_another_is_not_searched_again(fitted: State) -> None:
 # -------------------------------------------------------------------------------------------------------------- long logs
 
 
-def _long(seconds: float, rate: float) -> Experiment:
+def _long(seconds: float, rate: float, channels: int = 1) -> Experiment:
     t = np.arange(round(seconds * rate)) / rate
     depth = 4e-3 * np.sin(1.3 * t)
-    force = np.where(depth > 0, 900.0 * depth, 0.0) + 0.02 * np.random.default_rng(3).standard_normal(len(t))
-    log = kinid.Log(t=t, contact={"depth": depth, "normal_force": force})
-    return experiment_of(log, kinid.Rig(), MODEL)
+    noise = 0.02 * np.random.default_rng(3).standard_normal((3, len(t)))
+    contact = {"depth": depth, "normal_force": np.where(depth > 0, 900.0 * depth, 0.0) + noise[0]}
+    for i in range(1, channels):
+        contact |= {f"slip{i}": 1e-3 * np.sin(t), f"tangential_force{i}": noise[i]}
+    return experiment_of(kinid.Log(t=t, contact=contact), kinid.Rig(), MODEL)
 
 
-@pytest.mark.parametrize(("seconds", "rate", "many"), [
-    (20.0, 500.0, 1), (80.0, 200.0, 1), (60.0, 500.0, 2), (60.0, 1000.0, 3), (200.0, 250.0, 2), (300.0, 1000.0, 8),
+@pytest.mark.parametrize(("seconds", "rate", "channels", "many"), [
+    (20.0, 500.0, 3, 1), (80.0, 200.0, 3, 1), (60.0, 500.0, 1, 1), (60.0, 500.0, 3, 2), (60.0, 1000.0, 3, 3),
+    (120.0, 500.0, 3, 3), (200.0, 250.0, 1, 2), (300.0, 1000.0, 1, 8),
 ])  # fmt: skip
-def test_long_logs_are_followed_in_means(seconds: float, rate: float, many: int) -> None:
-    whole = _long(seconds, rate)
+def test_long_logs_are_followed_in_means(seconds: float, rate: float, channels: int, many: int) -> None:
+    whole = _long(seconds, rate, channels)
+    assert len(whole.measured) == channels
     short = thin(whole)
     assert len(short.signals) == -(-len(whole.signals) // many)
     # no faster than asked for, and no slower unless the log is very long
-    assert many == 1 or rate / many >= FINE - 1e-9 or len(short.signals) > AMPLE
+    assert many == 1 or rate / many >= FINE - 1e-9 or len(short.signals) > MOST_SAMPLES // 2
     kept = len(whole.signals) // many * many
     mean = whole.measured[0, :kept].reshape(-1, many).mean(axis=1)
     np.testing.assert_allclose(short.measured[0, : len(mean)], mean, rtol=0, atol=1e-12)
     np.testing.assert_allclose(short.noise, whole.noise / np.sqrt(many))
+
+
+@pytest.mark.parametrize(("seconds", "channels"), [(20.0, 3), (60.0, 1), (70.0, 3), (100.0, 3)])
+def test_of_many_readings_fewer_means_are_compared(seconds: float, channels: int) -> None:
+    """Means are the faster the fewer there are, and none is lost: each sample is in one of them."""
+    problem = Problem.build(thin(_long(seconds, 500.0, channels)), MODEL, np.array([900.0, 0.0]))
+    rate = len(problem.edge) / seconds
+    if channels * seconds * RATE < PLENTY:
+        assert RATE <= rate < 1.5 * RATE
+    else:
+        assert 0.5 * RATE <= rate < RATE
+    assert problem.count.sum() == len(problem.experiment.signals)
 
 
 def test_readings_below_a_frequency() -> None:
