@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
@@ -15,9 +17,9 @@ import kinid
 from kinid import effects
 from kinid.diagnosis.candidates import able, screen
 from kinid.diagnosis.cores import side_by_side
-from kinid.diagnosis.descent import State, fit, settled
+from kinid.diagnosis.descent import State, _between, cost_of, fit, settled
 from kinid.diagnosis.inquiry import experiment_of
-from kinid.diagnosis.look import attempt, worth_searching
+from kinid.diagnosis.look import FAR_BEHIND, _nearest, attempt, look, worth_searching
 from kinid.diagnosis.problem import FINE, MOST_SAMPLES, PLENTY, RATE, Problem, thin
 from kinid.experiment import Experiment
 
@@ -115,6 +117,39 @@ def test_a_place_beside_another_is_not_searched_again(fitted: State) -> None:
     # and rightly so: both end at the same place, to a tenth of what a further parameter costs
     costs = [attempt(fitted, best.effect, point).state.cost for point in (best, beside)]
     assert costs[0] == pytest.approx(costs[1], abs=0.4)
+
+
+def test_what_promises_far_less_than_another_brought_is_passed_over(fitted: State) -> None:
+    found = look(fitted)
+    brought = {t.effect.id: fitted.cost - t.state.cost for t in found.tried}
+    assert max(brought, key=lambda name: brought[name]) == "relaxation"
+    gains = {c.effect.id: c.gain for c in found.screened}
+    assert all(gains[name] >= FAR_BEHIND * brought["relaxation"] for name in list(brought)[2:])
+    # beside a model that is there already, which brought ten times what any effect promises, none is worth a search
+    assert not look(fitted, goal=fitted.cost - 10.0 * max(gains.values())).tried
+
+
+def test_a_refit_begins_where_calibration_stands(fitted: State) -> None:
+    """So that it begins no higher than the model without the effect, which has found its surface already."""
+    assert np.abs(fitted.shift).max() > 0.1
+    for points in (screen(fitted, effects.get(name)) for name in ("relaxation", "hysteresis", "stiffening-layer")):
+        values, shift = _nearest(fitted, MODEL + points[0].effect, points[0])
+        assert cost_of(fitted.problem, MODEL + points[0].effect, values, shift) <= fitted.cost * (1.0 + 1e-9)
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 10_000), size=st.integers(1, 8))
+def test_a_step_between_ends_makes_the_best_of_what_is_free(seed: int, size: int) -> None:
+    rng = np.random.default_rng(seed)
+    root = rng.standard_normal((size, size))
+    h, g = root @ root.T + 0.1 * np.eye(size), rng.standard_normal(size)
+    low, high = -rng.exponential(size=size), rng.exponential(size=size)
+    x = _between(h, g, low, high)
+    assert ((x >= low) & (x <= high)).all()
+    free = (x > low) & (x < high)
+    np.testing.assert_allclose((h @ x)[free], g[free], atol=1e-8)
+    wide = np.full(size, np.inf)
+    np.testing.assert_allclose(h @ _between(h, g, -wide, wide), g, atol=1e-8)
 
 
 # -------------------------------------------------------------------------------------------------------------- long logs
