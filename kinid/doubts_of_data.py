@@ -166,7 +166,7 @@ def _crossed(experiment: Experiment) -> bool:
     moving = experiment.valid & (s.depth > 0) & (speed > SLIPPING)
     force = np.stack([experiment.measured[channels.index(f"tangential_force{i}")] for i in (1, 2)])[:, moving]
     along = s.slip_rate[:, moving] / speed[moving]
-    if int(moving.sum()) < FEWEST or along.std(axis=1).min() < TURNS:
+    if int(moving.sum()) < FEWEST or along.std(axis=1).min() < TURNS or not force.any(axis=1).all():
         return False
     against = -np.array([[np.mean(f * a) / np.sqrt(np.mean(f**2) * np.mean(a**2)) for a in along] for f in force])
     return bool(np.diag(against).max() < DRIVES < min(against[0, 1], against[1, 0]))

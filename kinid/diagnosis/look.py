@@ -162,6 +162,7 @@ def _screened(state: State, able_ones: Sequence[Effect], most: int) -> dict[str,
         out |= {points[0].effect.id: points for points in found if points}
         for name in sorted(out, key=lambda n: _promise(out[n]))[most:]:
             out[name] = _slim(out[name])
+    state.__dict__.pop("course", None)  # large, and worked out anew if it is asked for
     return out
 
 

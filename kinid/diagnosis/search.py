@@ -49,6 +49,8 @@ HALF = 0.5
 LOWER = 0.98
 #: weighted squares of a reading below which a fit lacks nothing that another start could find
 NEAR_NOISE = 1.3
+#: what promises more, after the last effect that may be added, was left out
+WANTED = 10 * ENOUGH
 #: rounds beyond the number of effects that may be added
 EXTRA_ROUNDS = 2
 
@@ -110,7 +112,7 @@ def search(start: State, *, most: int = 4, forced: Sequence[str] = (), spare: Se
             met.note([states[-1]])
     if not rounds or rounds[-1].before is not states[-1]:
         rounds.append(met.look(states[-1], spare=spare, most=0))
-    cut_short = len(added) >= most and any(c.gain > 10 * ENOUGH for c in rounds[-1].screened)
+    cut_short = len(added) >= most and any(c.gain > WANTED for c in rounds[-1].screened)
     state, added, rivals, evidence = _rivals(states[-1], added, forced, spare, met)
     states[-1] = state
     ladder, added = _ladder(states[0], states[-1], added, met)
@@ -262,6 +264,8 @@ def _rivals(state: State, added: Sequence[str], forced: Sequence[str], spare: Se
         others = met.look(less, spare=[*spare, name], goal=state.cost)
         mine = weigh(less, state)
         alike = [t for t in others.tried if t.effect.id != name and _alike(t, state, mine)]
+        if name in forced and not mine.sure:
+            alike = []  # all that does more than nothing would be as good
         ids = [t.effect.id for t in alike]
         better = None if name in forced else _more_plausible(state, name, alike)
         if better is not None:

@@ -14,7 +14,7 @@ from kinid.diagnosis.descent import State
 from kinid.diagnosis.detectors import Mark
 from kinid.diagnosis.look import ENOUGH, NEARER, Tried
 from kinid.diagnosis.result import ABSENT, INDISTINGUISHABLE, NOT_EXCITED, PRESENT, EffectVerdict
-from kinid.diagnosis.search import Search
+from kinid.diagnosis.search import WANTED, Search
 from kinid.effects import Effect
 from kinid.fit import FittedParameter
 from kinid.parameter import Parameter
@@ -86,6 +86,9 @@ def verdicts(
         elif verdict == ABSENT and evidence >= ENOUGH:
             says = "one that matters would show in this log; the fit gains by one that is too small to count"
         record = "" if verdict == ABSENT else f"record {'' if why else 'more: '}{effect.excited_by}"
+        if not why and search.cut_short and any(point.gain > WANTED for point in points.get(name, ())):
+            verdict, says = NOT_EXCITED, "it was not searched for: no more effects were asked for, and it may help"
+            record = "allow more effects: --max-effects"
         out.append(EffectVerdict(name, verdict, evidence, (), gain, shown, record, says, not why))
     order = {PRESENT: 0, INDISTINGUISHABLE: 1, NOT_EXCITED: 2, ABSENT: 3}
     first = {name: i for i, name in enumerate(search.added)}

@@ -194,9 +194,9 @@ class Signals:
 
     @cached_property
     def zeros(self) -> tuple[Array, Array, Array]:
-        """What all predictions begin with: (n,), (2, n) and (channels, n)."""
+        """What all predictions begin with: (n,), (2, n), and (channels, n) of torques; forces are read in the end."""
         n = len(self)
-        return np.zeros(n), np.zeros((2, n)), np.zeros((len(self.layout.channels), n))
+        return np.zeros(n), np.zeros((2, n)), np.zeros((len(self.layout.channels), n if self.layout.kind == "joints" else 0))
 
     @property
     def runs(self) -> list[slice]:

@@ -213,6 +213,27 @@ def test_exchanged_slips_and_a_missing_force_are_doubted(slips: tuple[int, ...],
     assert all(doubt in w for w in told)
 
 
+def test_what_was_not_searched_for_is_neither_absent_nor_as_good_as_what_was_asked_for(tester: Tester) -> None:
+    log = tester.log(tester.relaxing())
+    found = kinid.diagnose(log, RIG, model=kinid.Model("kelvin-voigt"), add=["surface-tilt"], max_effects=1)
+    assert found.added == ("surface-tilt",)
+    assert not found["surface-tilt"].equivalent_to
+    assert found["relaxation"].verdict == "not-excited"
+    assert "not searched for" in found["relaxation"].says
+    assert "--max-effects" in found["relaxation"].separate_by
+
+
+def test_a_force_that_is_nothing_but_zeros_is_no_exchange_of_slips() -> None:
+    t = np.arange(3000) / 250.0
+    rate = 0.01 * np.stack([np.cos(t), np.sin(t)])
+    depth = np.where(t % 5.0 < 1.0, -1e-3, 2e-3 + 5e-4 * np.sin(2.0 * t))
+    force = np.where(depth > 0, 800.0 * depth, 0.0) + 0.02 * np.random.default_rng(1).standard_normal(len(t))
+    contact = {"depth": depth, "normal_force": force, "tangential_force1": 0.0 * t, "tangential_force2": 0.0 * t}
+    contact |= {f"slip{i + 1}": np.cumsum(rate[i]) / 250.0 for i in range(2)}
+    found = kinid.Model("hooke", "coulomb-friction").fit(kinid.contact_series(kinid.Log(t=t, contact=contact), RIG))
+    assert not [w for w in found.warnings if "exchanged" in w]
+
+
 def test_rivals_stand_in_the_first_line(tester: Tester) -> None:
     """A dead zone of the sensor is a surface elsewhere, or a soft skin: the first line must not choose."""
     log = tester.log(tester.kelvin_voigt())
