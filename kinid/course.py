@@ -52,9 +52,9 @@ class Route:
     def of(cls, effects: Sequence[Effect], kind: str) -> Route:
         """That of these effects for logs of a kind."""
 
-        def acting(*stages: Stage) -> list[Step]:
-            return [Step((effect, stage), i, getattr(effect, stage.value)) for stage in stages
-                    for i, effect in enumerate(effects) if stage in effect.stages()]  # fmt: skip
+        def acting(stage: Stage) -> list[Step]:
+            return [Step((effect, stage), i, getattr(effect, stage.value)) for i, effect in enumerate(effects)
+                    if stage in effect.stages()]  # fmt: skip
 
         def chain(act: Callable[[Signals, Array], None]) -> Step:
             return Step((act,), CHAIN, act)
@@ -115,7 +115,7 @@ class Course:
     """
 
     def __init__(self, route: Route, signals: Signals, parts: Sequence[Array]) -> None:
-        self._steps, self._law, self._signals = route.steps, route.law, signals
+        self._route, self._signals = route, signals
         self._values = [part.tobytes() for part in (*parts, NONE)]
         self._found: list[Signals] = []
         self.reading = route.run(signals, parts, found=self._found).reading
@@ -125,12 +125,13 @@ class Course:
         if signals is not self._signals:
             return 0, signals.fresh()
         at, parts = 0, (*parts, NONE)
-        for mine, other in zip(self._steps, route.steps):
+        for mine, other in zip(self._route.steps, route.steps):
             if mine.what != other.what or self._values[mine.effect] != parts[other.effect].tobytes():
                 break
             at += 1
-        if at in self._law and self._found[self._law.start].compliance > 0.0:
-            at = self._law.start  # law and arm agree on the force together
+        law = self._route.law
+        if at in law and self._found[law.start].compliance > 0.0:
+            at = law.start  # law and arm agree on the force together
         return at, self._found[at].copy()
 
 

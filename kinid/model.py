@@ -60,10 +60,10 @@ class Model:
         flat.sort(key=lambda effect: not effect.base)
         for effect in flat:
             if effect.wants and not any(name in names_seen for name in effect.wants):
-                wanted = catalogue.get(effect.wants[0])
-                other = f"start from {wanted.id} instead of {bases[0]}" if wanted.base and bases else f"add {wanted.id}"
-                beside = f"beside {bases[0]}" if wanted.base and bases else "alone"
-                raise InputError(f"effect '{effect.id}' {beside}", f"{' or '.join(effect.wants)} in the same model", other)
+                beside, mend = "alone", f"add {effect.wants[0]}"
+                if bases and catalogue.get(effect.wants[0]).base:
+                    beside, mend = f"beside {bases[0]}", f"start from {effect.wants[0]} instead of {bases[0]}"
+                raise InputError(f"effect '{effect.id}' {beside}", f"{' or '.join(effect.wants)} in the same model", mend)
         object.__setattr__(self, "effects", tuple(flat))
 
     def __add__(self, other: str | Effect | Model) -> Model:

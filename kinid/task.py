@@ -172,4 +172,3 @@ def folds(experiment: Experiment) -> Mask:
         pair = order[i : i + 2]
         even[pair[lot.integers(len(pair))]] = True
     return even[number]
-

@@ -73,11 +73,15 @@ class State:
         return self.model.course(self.signals(), self.values)
 
     def light(self) -> State:
-        """The same without its sensitivities, by far the most of it; they are worked out anew if they are asked for."""
+        """The same without its sensitivities, by far the most of it."""
         assert self.loss is not None  # what it is known by is worked out first
-        for large in ("jacobian", "course"):
-            self.__dict__.pop(large, None)
+        self.forget("jacobian", "course")
         return self
+
+    def forget(self, *large: str) -> None:
+        """Let go of what is large, and worked out anew if it is asked for."""
+        for name in large:
+            self.__dict__.pop(name, None)
 
     @cached_property
     def halves(self) -> tuple[Array, Array]:

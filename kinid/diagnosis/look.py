@@ -162,7 +162,7 @@ def _screened(state: State, able_ones: Sequence[Effect], most: int) -> dict[str,
         out |= {points[0].effect.id: points for points in found if points}
         for name in sorted(out, key=lambda n: _promise(out[n]))[most:]:
             out[name] = _slim(out[name])
-    state.__dict__.pop("course", None)  # large, and worked out anew if it is asked for
+    state.forget("course")
     return out
 
 
@@ -194,9 +194,9 @@ def _refitted(state: State, starts: Sequence[Sequence[Candidate]], goal: float) 
         hopeful = [points[0] for points in starts[begin : begin + ABREAST] if points[0].gain >= share * most]
         found += side_by_side(lambda point: attempt(state, point.effect, point), hopeful)
         most = max([most, *(state.cost - t.state.cost for t in found)])
-    others = {points[0].effect.id: worth_searching(state, points)[1:] for points in starts}
+    of = {points[0].effect.id: points for points in starts}
     again = [point for t in found if state.cost - t.state.cost >= CONTENDING * most
-             for point in others[t.effect.id] if point.gain >= share * most]  # fmt: skip
+             for point in worth_searching(state, of[t.effect.id])[1:] if point.gain >= share * most]  # fmt: skip
     best = {t.effect.id: t for t in found}
     for other in side_by_side(lambda point: attempt(state, point.effect, point), again):
         best[other.effect.id] = min(best[other.effect.id], other, key=lambda t: t.state.cost)

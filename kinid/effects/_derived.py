@@ -42,8 +42,7 @@ def _forget(key: tuple[object, ...]) -> None:
     _made.pop(key, None)
 
 
-def rates(t: Array, dt: Array, x: Array, order: int) -> Array:
+def rates(s: Signals, x: Array, order: int) -> Array:
     """First or second time derivative of rows (k, n), by local polynomials of the default bandwidth; 0 where unknown."""
-    edges = [*np.flatnonzero(dt == 0.0).tolist(), len(t)]
-    made = Differentiator()(t, np.ascontiguousarray(x.T), [slice(a, b) for a, b in zip(edges[:-1], edges[1:])])
+    made = Differentiator()(s.t, np.ascontiguousarray(x.T), s.runs)
     return np.nan_to_num((made.first if order == 1 else made.second).T)

@@ -51,5 +51,5 @@ class JointElasticity(Effect):
         """Take off what the wind-up makes of the torque."""
         assert s.joints is not None
         torque = s.joints.rigid if s.layout.joints else s.joints.ddq
-        bend = derived("second derivative", lambda: rates(s.t, s.dt, torque, 2), torque, s.dt)
+        bend = derived("second derivative", lambda: rates(s, torque, 2), torque, s.dt)
         s.reading = s.reading - p[:, None] * bend
