@@ -122,8 +122,11 @@ class Course:
 
     def shared(self, route: Route, signals: Signals, parts: Sequence[Array]) -> tuple[int, Signals]:
         """How many steps of another one are the same as here, and the quantities behind them."""
+        agreed = self._found[-1].agreed
         if signals is not self._signals:
-            return 0, signals.fresh()
+            s = signals.fresh()
+            s.agreed = agreed if len(signals) == len(self._signals) else None
+            return 0, s
         at, parts = 0, (*parts, NONE)
         for mine, other in zip(self._route.steps, route.steps):
             if mine.what != other.what or self._values[mine.effect] != parts[other.effect].tobytes():
@@ -132,11 +135,14 @@ class Course:
         law = self._route.law
         if at in law and self._found[law.start].compliance > 0.0:
             at = law.start  # law and arm agree on the force together
-        return at, self._found[at].copy()
+        s = self._found[at].copy()
+        if at <= law.start:
+            s.agreed = agreed
+        return at, s
 
 
 def _unloaded(s: Signals, _: Array) -> None:
-    s.exponent, s.elastic, s.recall = 1.0, s.zeros[0], None
+    s.exponent, s.elastic, s.recalls = 1.0, s.zeros[0], ()
 
 
 def _loaded(s: Signals, _: Array) -> None:

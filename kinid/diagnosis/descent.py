@@ -411,7 +411,7 @@ class _Descent:
             further = self.shift.copy()
             further[0] += 1.0 if further[0] < 0 else -1.0
             way = float(further[0] - self.shift[0])  # a tolerance, forwards or back
-            self.problem.changed(self.predict(self.x, further), self.predicted, beside, way, out[:, p])
+            self.problem.changed(self.predict(self.x, further, here), self.predicted, beside, way, out[:, p])
         added = p + int(calibration.surface)
         out[:, added] = self.problem.change(self.late, beside)
         if self.problem.experiment.steps is None:

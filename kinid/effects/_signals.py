@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -118,15 +119,50 @@ class JointMotion:
 
 @dataclass(frozen=True, eq=False)
 class Recall:
-    """Memory z of the path δ of a law N = … + A z, to first order: dz = keep dz₋ + gain d(δ − δ₋), each (n,).
+    """Memory of S parts of the path of a law N = … + A z, to first order: dz = K dz₋ + a dv₋ + b dv + d dx, v the rate of x.
 
     Attributes:
-        size: A [N]. keep: share of the sample before. gain: [1/m].
+        keep: K, (n, S, S). before, now: a and b, reach: d, size: A, each (n, S); see `kinid.kernels.recall`.
     """
 
-    size: Array
     keep: Array
-    gain: Array
+    before: Array
+    now: Array
+    reach: Array
+    size: Array
+
+    @classmethod
+    def blank(cls, n: int, parts: int) -> Recall:
+        """Of so many samples, to write into."""
+        return cls(np.zeros((n, parts, parts)), *np.zeros((4, n, parts)))
+
+    @classmethod
+    def joined(cls, n: int, several: Sequence[Recall]) -> Recall:
+        """All of them, which know nothing of each other."""
+        if len(several) == 1:
+            return several[0]
+        ends = np.cumsum([0, *(one.size.shape[1] for one in several)])
+        out = cls.blank(n, int(ends[-1]))
+        for one, begin, end in zip(several, ends[:-1], ends[1:]):
+            out.keep[:, begin:end, begin:end] = one.keep
+            for name in ("before", "now", "reach", "size"):
+                getattr(out, name)[:, begin:end] = getattr(one, name)
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class Agreement:
+    """What a law and an arm that gives way agreed on, all (n,).
+
+    Attributes:
+        force: N [N]. slope, loss: of the law over depth [N/m] and over its rate [N·s/m].
+        share: of its depth that a tool keeps which a search wants to leave the material.
+    """
+
+    force: Array
+    slope: Array
+    loss: Array
+    share: Array
 
 
 @dataclass(eq=False)
@@ -144,7 +180,8 @@ class Signals:
         measured: measured readings, (channels, n); no law is driven by them.
         compliance: of the arm along the normal, which the contact law is behind [m/N].
         elastic: elastic force F_e [N], (n,). exponent: of its power law. normal: N [N], (n,).
-        recall: how a law that remembers the path behind it does, for those that look through a compliance.
+        recalls: how laws that remember the path behind them do, for those that look through a compliance.
+        agreed: behind a compliance: on the way, what was agreed on beside this prediction, None for nothing; in the end, here.
         mu: friction coefficient, (2, n) along the tangents. bristle: length [m]. tangential: (2, n) [N].
         reading: what the sensor delivers, (channels, n).
         sensor: motion of the sensor, for wrenches. joints: motion of the joints, for joint torques.
@@ -169,7 +206,8 @@ class Signals:
     elastic: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
     exponent: float = 1.0
     normal: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
-    recall: Recall | None = None
+    recalls: tuple[Callable[[], Recall], ...] = ()
+    agreed: Agreement | None = None
     mu: Array = dataclasses.field(default_factory=lambda: np.zeros((2, 0)))
     bristle: float = BRISTLE
     tangential: Array = dataclasses.field(default_factory=lambda: np.zeros((2, 0)))
@@ -188,7 +226,7 @@ class Signals:
         """A copy to predict with: inputs shared, the chain's quantities zero."""
         none, pair, reading = self.zeros
         out = self.copy()
-        out.compliance, out.exponent, out.bristle, out.recall = 0.0, 1.0, BRISTLE, None
+        out.compliance, out.exponent, out.bristle, out.recalls, out.agreed = 0.0, 1.0, BRISTLE, (), None
         out.elastic, out.normal, out.mu, out.tangential, out.reading = none, none, pair, pair, reading
         return out
 

@@ -7,8 +7,9 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
-from kinid.effects._signals import Array, Layout, Signals
+from kinid.effects._signals import Array, Layout, Recall, Signals
 from kinid.kernels.memory import bond
+from kinid.kernels.recall import recalled_deepest
 from kinid.parameter import Parameter
 
 
@@ -47,3 +48,15 @@ class Adhesion(Effect):
         b = np.empty(len(s))
         bond(s.depth, s.dt, p[1], b)
         s.normal = s.normal - p[0] * b
+        if s.compliance > 0.0:
+            depth = s.depth
+            s.recalls = (*s.recalls, lambda: _recall(depth, s.dt, p))
+
+
+def _recall(depth: Array, dt: Array, p: Array) -> Recall:
+    """Of how deep the bond was made."""
+    out, most = Recall.blank(len(dt), 1), np.empty(len(dt))
+    recalled_deepest(depth, dt, -p[1], out.keep, out.reach, most)
+    left = (1.0 - (np.minimum(depth, 0.0) / p[1]) ** 2) ** 2
+    out.size[:, 0] = np.where(most > 0.0, -p[0] / p[1] * left * np.exp((depth - most) / p[1]), 0.0)
+    return out

@@ -8,7 +8,8 @@ import numpy as np
 
 from kinid.effects._effect import Effect
 from kinid.effects._signals import Array, Layout, Recall, Signals
-from kinid.kernels.memory import bristles
+from kinid.kernels.memory import ELASTIC, bristles
+from kinid.kernels.recall import recalled_bristles
 from kinid.parameter import Parameter
 
 
@@ -48,11 +49,13 @@ class Hysteresis(Effect):
         z = path[0]
         s.normal = s.normal + p[0] * s.elastic * z
         if s.compliance > 0.0:
-            s.recall = _recall(s, p[0] * s.elastic, p[1], z)
+            rate, depth, force = s.depth_rate, s.depth, p[0] * s.elastic
+            s.recalls = (*s.recalls, lambda: _recall(rate, s.dt, depth, p[1], force))
 
 
-def _recall(s: Signals, size: Array, length: float, z: Array) -> Recall:
-    """Of the loop, its elastic share left out."""
-    path = 0.5 * (s.depth_rate + np.roll(s.depth_rate, 1)) * s.dt
-    keep = np.where((s.depth > 0.0) & (s.dt > 0.0), np.exp(-np.abs(path) / length), 0.0)
-    return Recall(size, keep, keep * np.maximum(1.0 - np.roll(z, 1) * np.sign(path), 0.0) / length)
+def _recall(rate: Array, dt: Array, depth: Array, length: float, force: Array) -> Recall:
+    """Of a loop that is so wide, `force` (n,)."""
+    out = Recall.blank(len(dt), 2)
+    recalled_bristles(rate, dt, depth, length, ELASTIC, out.keep, out.before, out.now)
+    out.size[:, 0], out.size[:, 1] = (1.0 - ELASTIC) * force, force / length
+    return out

@@ -7,8 +7,9 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
-from kinid.effects._signals import Array, Layout, Signals
+from kinid.effects._signals import Array, Layout, Recall, Signals
 from kinid.kernels.memory import deepest
+from kinid.kernels.recall import recalled_deepest
 from kinid.parameter import Parameter
 
 
@@ -45,4 +46,16 @@ class StressSoftening(Effect):
         """Soften."""
         most = np.empty(len(s))
         deepest(s.depth, s.dt, most)
-        s.elastic = s.elastic * (1.0 + p[0] * np.expm1((s.penetration - most) / p[1]))
+        before = s.elastic
+        s.elastic = before * (1.0 + p[0] * np.expm1((s.penetration - most) / p[1]))
+        if s.compliance > 0.0:
+            depth = s.depth
+            s.recalls = (*s.recalls, lambda: _recall(depth, s.dt, p, before))
+
+
+def _recall(depth: Array, dt: Array, p: Array, force: Array) -> Recall:
+    """Of the deepest, for a force without softening (n,)."""
+    out, most = Recall.blank(len(dt), 1), np.empty(len(dt))
+    recalled_deepest(depth, dt, -np.inf, out.keep, out.reach, most)
+    out.size[:, 0] = np.where(most > 0.0, -p[0] / p[1] * force * np.exp((np.maximum(depth, 0.0) - most) / p[1]), 0.0)
+    return out

@@ -177,26 +177,3 @@ def bond(depth: Array, dt: Array, length: float, out: Array) -> None:
             out[i] = pull
         else:
             out[i] = 0.0
-
-
-@njit(cache=True, nogil=True)
-def forwards(rest: Array, dt: Array, stiff: Array, lossy: Array, size: Array, keep: Array, gain: Array, out: Array) -> None:
-    """Solve (1 + s) y + l ẏ − A z = rest in time, with z = k z₋ − g (y − y₋₋)/2 and ẏ the difference to the sample before.
-
-    (ẏ is backward Euler's; a path that is the trapezoid sum of rates that are such differences goes over two samples.)
-
-    Args:
-        rest: (n,). dt: see above. stiff, lossy: s ≥ 0 and l ≥ 0 [s], (n,). size, keep, gain: A, k, g ≥ 0 of a memory, (n,).
-        out: y, (n,).
-    """
-    z = 0.0
-    for i in range(rest.shape[0]):
-        if i > 0 and dt[i] > 0.0:
-            weight, half = lossy[i] / dt[i], 0.5 * gain[i]
-            earlier = out[i - 2] if i > 1 and dt[i - 1] > 0.0 else 0.0
-            known = keep[i] * z + half * earlier
-            out[i] = (rest[i] + weight * out[i - 1] + size[i] * known) / (1.0 + stiff[i] + weight + size[i] * half)
-            z = known - half * out[i]
-        else:
-            z = 0.0
-            out[i] = rest[i] / (1.0 + stiff[i])

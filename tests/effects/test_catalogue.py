@@ -286,14 +286,21 @@ def test_a_prediction_that_begins_where_it_differs_from_another_is_the_same(name
     for i, p in enumerate(model.parameters(signals.layout).values()):
         other = values.copy()
         other[i] += 0.1 * p.scale if other[i] + 0.1 * p.scale <= p.high else -0.1 * p.scale
-        np.testing.assert_array_equal(model.predict(signals, other, here), model.predict(signals, other))
+        alone = model.predict(signals, other)
+        np.testing.assert_allclose(model.predict(signals, other, here), alone, 0.0, _apart(name, alone - here.reading))
     if not of(model, name).base:
         rest = Model(*(effect for effect in model.effects if effect.id != name and name not in effect.wants))
         kept = dict(zip(model.parameters(signals.layout), values))
         near = rest.course(signals, np.array([kept[key] for key in rest.parameters(signals.layout)]))
         np.testing.assert_array_equal(model.predict(signals, values, near), here.reading)
     moved = dataclasses.replace(signals, depth=signals.depth + 1e-4)
-    np.testing.assert_array_equal(model.predict(moved, values, here), model.predict(moved, values))
+    alone = model.predict(moved, values)
+    np.testing.assert_allclose(model.predict(moved, values, here), alone, 0.0, _apart(name, alone - here.reading))
+
+
+def _apart(name: str, change: Array) -> float:
+    """How far two predictions may be apart: law and arm agree to a ten-thousandth of what changes beside a known agreement."""
+    return 1e-4 * float(np.abs(change).max()) if name == "structural-compliance" else 0.0
 
 
 def test_a_prediction_near_another_runs_only_what_differs(monkeypatch: pytest.MonkeyPatch) -> None:

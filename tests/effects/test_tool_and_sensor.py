@@ -209,6 +209,45 @@ def test_behind_an_arm_a_loop_still_obeys_its_own_law(amplitude: float, length: 
     assert np.abs(again - force).max() < 1e-6 * force.max()
 
 
+@pytest.mark.parametrize(("extra", "values"), [
+    (("adhesion",), {"adhesion.force": 0.38, "adhesion.length": 1.1e-3}),
+    (("adhesion", "hysteresis"), {"adhesion.force": 0.31, "hysteresis.amplitude": 0.3, "hysteresis.length": 2e-4}),
+    (("stress-softening", "hysteresis"), {"stress-softening.ratio": 0.3, "stress-softening.length": 1e-4,
+                                         "hysteresis.amplitude": 0.1, "hysteresis.length": 2e-3})])  # fmt: skip
+def test_behind_a_soft_arm_bonds_softening_and_loops_under_noise_obey_their_laws(
+        extra: tuple[str, ...], values: dict[str, float]) -> None:  # fmt: skip
+    """Noise of the depth turns every loop around at every sample while depth is held, and moves what was the deepest."""
+    t = np.arange(0, 10, 2e-3)
+    rng = np.random.default_rng(11)
+    depth = 1.5e-3 * np.sin(0.8 * t) ** 3 + 0.4e-3 + 3e-6 * rng.standard_normal(len(t))
+    along = np.gradient(depth, t)
+    model, c = Model("hooke", *extra), 4e-4
+    values = {"hooke.stiffness": 1300.0, **values}
+    moving = signals(t, depth, along)
+    force = (model + "structural-compliance").predict(moving, {**values, COMPLIANCE: c})[0]
+    rate = along - c * np.diff(force, prepend=force[0]) / 2e-3
+    again = model.predict(signals(t, depth - c * force, rate), values)[0]
+    off = float(np.abs(again - force).max()) / force.max()
+    print(f"{' + '.join(extra)}: law and arm disagree by {off:.2g} of the greatest force")
+    assert force.max() > 1.0
+    assert off < 1e-8
+
+
+def test_where_a_bond_lets_go_of_a_soft_arm_at_once_no_more_than_that_moment_is_open() -> None:
+    """F_a/ℓ five times 1/C: while the bond tears law and arm balance at several forces; all other samples agree."""
+    t = np.arange(0, 10, 2e-3)
+    depth = 1.5e-3 * np.sin(0.8 * t) ** 3 + 0.2e-3
+    along = np.gradient(depth, t)
+    model, c = Model("hooke", "adhesion"), 1e-3
+    values = {"hooke.stiffness": 1300.0, "adhesion.force": 0.5, "adhesion.length": 1e-4}
+    force = (model + "structural-compliance").predict(signals(t, depth, along), {**values, COMPLIANCE: c})[0]
+    rate = along - c * np.diff(force, prepend=force[0]) / 2e-3
+    again = model.predict(signals(t, depth - c * force, rate), values)[0]
+    off = np.abs(again - force) / force.max()
+    print(f"{(off > 1e-6).sum()} of {len(t)} samples are open")
+    assert (off > 1e-6).sum() <= 10
+
+
 def test_compliance_is_found_without_bias_from_a_noisy_force() -> None:
     """Driven by a measured force with 0.1 N of noise the estimate would be 2.1e-4 for 3e-4 m/N."""
     truth, found = 3e-4, []
