@@ -33,7 +33,7 @@ from kinid.task import folds
 
 Array = NDArray[np.float64]
 
-#: an adequate model that leaves more than so many times the noise is doubted
+#: a model that leaves more than so many times the noise of readings leaves open why
 OPENLY = 2.0
 
 
@@ -130,6 +130,8 @@ class Found:
         elif real:
             how = f"explain{'s' if len(real) == 1 else ''} {'most of ' if opinion.left.rms > OTHER_FORM else ''}it"
             verdict, says = MISSING, f"{' and '.join(with_rivals(real, told))} {how}: {opinion.says}"
+            if steps[-1].held_out > OPENLY * opinion.left.rms * floor:
+                says += f"; of the {steps[-1].held_out:.2g} {error_unit(self.whole)} the most is from noise of positions"
         else:
             verdict, says = ADEQUATE, opinion.says
         if idle:

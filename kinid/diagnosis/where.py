@@ -181,7 +181,8 @@ def _frequency_cells(view: View) -> Iterator[Cell]:
     for row, channel in enumerate(view.channels):
         if not view.beyond[row]:
             continue
-        f, power = spectrum(view, view.residual[row])
+        run = _fullest(view, view.residual[row])
+        f, power = spectrum(view, view.residual[row], run)
         if not len(f):
             continue
         sigma, scale, unit = view.sigma[row], view.scale[row], view.units[row]
@@ -197,7 +198,7 @@ def _frequency_cells(view: View) -> Iterator[Cell]:
                            f"{percent(share)} of the error is a line at {mains:.0f} Hz in {channel_words(view, row)}, with an "
                            f"amplitude of {number(amplitude)} {unit}")  # fmt: skip
         rest = np.where(np.any([f == 0.0, *lines], axis=0), floor, power)  # a constant is no frequency
-        _, own = spectrum(view, np.where(np.isfinite(view.residual[row]), measured[row] - np.nanmean(measured[row]), np.nan))
+        _, own = spectrum(view, np.where(np.isfinite(view.residual[row]), measured[row] - np.nanmean(measured[row]), np.nan), run)
         best: Cell | None = None
         for low, high in zip(BANDS[:-1], BANDS[1:]):
             band = (f >= low) & (f < high)
@@ -218,13 +219,16 @@ def _frequency_cells(view: View) -> Iterator[Cell]:
             yield best
 
 
-def spectrum(view: View, values: Array) -> tuple[Array, Array]:
-    """Frequencies [Hz] and energy at each, whose sum is that of the squared values; from the log's longest piece, scaled up."""
+def _fullest(view: View, values: Array) -> slice:
+    """Samples of the log's piece without gaps that holds the most of the squared values: the longest may lie in the air."""
+    return max(view.experiment.signals.runs, key=lambda run: float(np.nansum(values[run] ** 2)), default=slice(0, 0))
+
+
+def spectrum(view: View, values: Array, run: slice | None = None) -> tuple[Array, Array]:
+    """Frequencies [Hz] and energy at each, whose sum is that of the squared values; from one piece of the log, scaled up."""
     from scipy.fft import next_fast_len, rfft
 
-    s = view.experiment.signals
-    longest = max(s.runs, key=lambda run: run.stop - run.start, default=slice(0, 0))
-    piece = np.nan_to_num(values[longest])
+    piece = np.nan_to_num(values[run or _fullest(view, values)])
     if len(piece) < 64:
         return np.zeros(0), np.zeros(0)
     size = next_fast_len(len(piece), real=True)

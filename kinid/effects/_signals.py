@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 #: length of the bristles by which friction turns around, unless an effect states another [m]
 BRISTLE = 1e-4
+#: over longer gaps another measurement may have begun [s]
+REMEMBERED = 10.0
 
 
 @dataclass(frozen=True)
@@ -235,6 +237,14 @@ class Signals:
         """What all predictions begin with: (n,), (2, n), and (channels, n) of torques; forces are read in the end."""
         n = len(self)
         return np.zeros(n), np.zeros((2, n)), np.zeros((len(self.layout.channels), n if self.layout.kind == "joints" else 0))
+
+    @cached_property
+    def lasting(self) -> Array:
+        """Steps of time for what a material remembers from one touch to the next: a gap of moderate length is one of them, on
+        which the motion is taken to run straight [s], (n,).
+        """
+        gone = np.diff(self.t, prepend=self.t[:1])
+        return np.where((self.dt == 0.0) & (gone <= REMEMBERED), gone, self.dt)
 
     @property
     def runs(self) -> list[slice]:

@@ -45,5 +45,5 @@ class Maxwell(Effect):
     def normal(self, s: Signals, p: Array) -> None:
         """Take off what has flowed."""
         flowed = np.empty(len(s))
-        lowpass(s.elastic, s.dt, p[1], flowed)
+        lowpass(s.elastic, s.lasting, p[1], flowed)
         s.normal = s.normal - flowed * s.inside

@@ -45,12 +45,12 @@ class StressSoftening(Effect):
     def elastic(self, s: Signals, p: Array) -> None:
         """Soften."""
         most = np.empty(len(s))
-        deepest(s.depth, s.dt, most)
+        deepest(s.depth, s.lasting, most)
         before = s.elastic
         s.elastic = before * (1.0 + p[0] * np.expm1((s.penetration - most) / p[1]))
         if s.compliance > 0.0:
             depth = s.depth
-            s.recalls = (*s.recalls, lambda: _recall(depth, s.dt, p, before))
+            s.recalls = (*s.recalls, lambda: _recall(depth, s.lasting, p, before))
 
 
 def _recall(depth: Array, dt: Array, p: Array, force: Array) -> Recall:

@@ -50,5 +50,5 @@ class Zener(Effect):
     def normal(self, s: Signals, p: Array) -> None:
         """Take off what has flowed in the branch."""
         flowed = np.empty(len(s))
-        lowpass(s.elastic, s.dt, p[2], flowed)
+        lowpass(s.elastic, s.lasting, p[2], flowed)
         s.normal = s.normal - p[1] / (1.0 + p[1]) * flowed * s.inside

@@ -58,6 +58,21 @@ def test_what_is_remembered_over_a_gap_is_not_held_against_the_model(begins: flo
     assert any("2 gaps of up to 0.7 s in contact" in w for w in found.warnings) is doubted
 
 
+def test_a_material_remembers_over_short_gaps() -> None:
+    """A sixth of a second lost in every other touch: relaxation is found as in the whole log, with rows or readings gone."""
+    whole = poked()
+    gone = (whole.t % 12.0 > 3.4) & (whole.t % 12.0 < 3.57)
+    rows = kinid.Log(t=whole.t[~gone], contact={name: x[~gone] for name, x in whole.contact.items()})
+    cells = kinid.Log(t=whole.t, contact={**whole.contact, "normal_force": np.where(gone, np.nan, whole.contact["normal_force"])})
+    told = []
+    for log in (whole, rows, cells):
+        found = kinid.diagnose(log, RIG, model=kinid.Model("kelvin-voigt"))
+        assert (found.verdict, found.added) == ("missing", ("relaxation",))
+        told.append((found.fit["relaxation.ratio"].value, found.fit["relaxation.time-constant"].value))
+    print("ratio, time constant:", ", ".join(f"{r:.4f}, {tau:.4f} s" for r, tau in told))
+    np.testing.assert_allclose(told[1:], [told[0], told[0]], rtol=0.02)
+
+
 @pytest.mark.parametrize("shaky", [0.0, 1e-6])
 @pytest.mark.parametrize("rate", [250.0, 500.0])
 def test_friction_that_turns_at_once_is_within_the_catalogue(rate: float, shaky: float) -> None:

@@ -143,6 +143,20 @@ def test_noise_swings_at_no_frequency_though_errors_are_elsewhere(seed: int) -> 
     assert not [says for says in told if "swings" in says or "line at" in says]
 
 
+def test_frequencies_are_those_of_the_piece_that_holds_the_error() -> None:
+    """A gap leaves most of the log in one piece without the error: its noise is at all frequencies, and says nothing."""
+    e = touches()
+    begins = round(15 * RATE)
+    dt = e.signals.dt.copy()
+    dt[begins] = 0.0
+    e = dataclasses.replace(e, signals=dataclasses.replace(e.signals, dt=dt))
+    residual = noise(e)
+    residual[0, :begins] += 0.3 * np.sin(2 * np.pi * 8.0 * e.signals.t[:begins])
+    cells = of(where(e, residual, e.noise), "frequency")
+    assert cells
+    assert all("from 5 to 15 Hz" in cell.says for cell in cells)
+
+
 def test_a_bias_is_the_same_at_all_times() -> None:
     e = touches()
     r = noise(e) + np.array([[0.0], [-0.1], [0.0]])
