@@ -15,6 +15,9 @@ Array = NDArray[np.float64]
 #: dither, and every measured position at rest dithers by its noise; elastic ones don't (Dupont et al., IEEE Trans.
 #: Autom. Control 47, 2002)
 ELASTIC = 0.02
+#: a step in which slip turns by more than this [rad] is taken in pieces, so many at most: bristles shorter than it follow the
+#: direction at its end, not that of its middle
+STRAIGHT, MOST_PIECES = 0.005, 8
 #: a path that stays where it is for so long rests [s]
 REST = 0.1
 
@@ -44,7 +47,7 @@ def bristles(v1: Array, v2: Array, dt: Array, depth: Array, length: float, out: 
     """Deflection of bristles relative to their greatest, a vector of length ≤ 1 along the slip (Dahl 1968, in 2-D).
 
     u̇ = (v − |v| u) / ℓ, exact where the direction of slip is constant between samples (a step in which the slip turns back
-    is taken in two), behind an element that is elastic over a small share ε of ℓ: (1 − ε) u + w/ℓ comes out, where w,
+    is taken in two, one along a curve in several), behind an element that is elastic over a small share ε of ℓ: (1 − ε) u + w/ℓ comes out, where w,
     |w| ≤ ε ℓ, is how far the slip is ahead of what moves u. Under a constant load this never gives energy. Bristles begin
     undeflected at each touch.
 
@@ -61,7 +64,11 @@ def bristles(v1: Array, v2: Array, dt: Array, depth: Array, length: float, out: 
         else:
             step = dt[i] * _touching(1.0 * depth[i - 1], 1.0 * depth[i])
             turn = _turn(v1[i - 1], v2[i - 1], v1[i], v2[i])
-            for begin, end in ((0.0, turn), (turn, 1.0)):
+            many = _pieces(v1[i - 1], v2[i - 1], v1[i], v2[i]) if turn == 1.0 else 1
+            for piece in range(many if turn == 1.0 else 2):
+                begin, end = piece / many, (piece + 1) / many
+                if turn < 1.0:
+                    begin, end = (0.0, turn) if piece == 0 else (turn, 1.0)
                 if begin < end:
                     middle, part = 0.5 * (begin + end), (end - begin) * step
                     w1 += (v1[i - 1] + middle * (v1[i] - v1[i - 1])) * part
@@ -135,6 +142,15 @@ def _turn(a1: float, a2: float, b1: float, b2: float) -> float:
         return 1.0
     c1, c2 = b1 - a1, b2 - a2
     return -(a1 * c1 + a2 * c2) / (c1 * c1 + c2 * c2)
+
+
+@njit(cache=True, nogil=True)
+def _pieces(a1: float, a2: float, b1: float, b2: float) -> int:
+    """Into how many pieces to take a step in which a velocity goes from a to b: so many that none turns by much."""
+    across, along = abs(a1 * b2 - a2 * b1), a1 * b1 + a2 * b2
+    if across <= STRAIGHT * along:
+        return 1
+    return min(MOST_PIECES, 1 + int(np.arctan2(across, along) / STRAIGHT))
 
 
 @njit(cache=True, nogil=True)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from kinid.course import Route
 from kinid.effects import Effect, Layout, Signals, Stage, catalogue, get
+from kinid.effects._signals import REMEMBERED
 from kinid.errors import InputError
 from kinid.estimators.batch import solve
 from kinid.model import Model
@@ -422,9 +423,33 @@ def test_memory_begins_anew_after_a_gap(name: str) -> None:
     assert restarts[0] == 0
     assert len(restarts) > 1, "the example has a gap"
     k = int(restarts[1])
+    # what materials remember outlasts a short gap
+    signals = dataclasses.replace(signals, t=signals.t + np.where(np.arange(len(signals)) >= k, 1.01 * REMEMBERED, 0.0))
     whole = model.predict(signals, values)
     alone = model.predict(tail(signals, k), values)
     np.testing.assert_allclose(whole[:, k:], alone, rtol=0, atol=1e-12 * max(1.0, np.abs(whole).max()))
+
+
+@pytest.mark.parametrize("name", ["relaxation", "maxwell", "zener", "stress-softening"])
+def test_materials_remember_over_a_short_gap(name: str) -> None:
+    """Samples that are lost while the tool rests, in the material or in the air, change nothing of what comes after."""
+    model, values, signals = example(name)
+    t = np.arange(0.0, 6.0, 2e-3)
+    depth = np.interp(t, [0.0, 1.0, 1.5, 3.0, 3.5, 4.5, 5.0, 6.0], [-1e-3, -1e-3, 3e-3, 3e-3, -1e-3, -1e-3, 2e-3, 2e-3])
+    moving = np.gradient(depth, t)
+    nothing = np.zeros((2, len(t)))
+    whole = Signals(Layout(("normal_force",), "contact"), t, np.diff(t, prepend=0.0), depth, moving, nothing, nothing)
+    model = Model(*(effect for effect in model.effects if effect.base or effect.id == name))
+    named = {key: value for key, value in zip(example(name)[0].parameters(signals.layout), values)
+             if key in model.parameters(whole.layout)}  # fmt: skip
+    expected = model.predict(whole, named)[0]
+    assert expected.max() > 0.1
+    for begins, ends in ((1.6, 2.5), (3.7, 4.2)):
+        kept = (t < begins) | (t > ends)
+        dt = np.diff(t[kept], prepend=0.0)
+        dt[dt > 0.1] = 0.0
+        short = Signals(whole.layout, t[kept], dt, depth[kept], moving[kept], nothing[:, kept], nothing[:, kept])
+        np.testing.assert_allclose(model.predict(short, named)[0], expected[kept], atol=1e-6 * expected.max())
 
 
 @pytest.mark.parametrize("name", [name for name in IDS if not get(name).detector])

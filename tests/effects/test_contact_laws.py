@@ -360,6 +360,17 @@ def test_bristles_are_dahls_equation() -> None:
     assert (np.hypot(*u) <= 1 + 1e-12).all()
 
 
+def test_short_bristles_follow_the_direction_of_a_curve_without_delay() -> None:
+    """Bristles of 1 µm on a circle, a turn of 0.05 rad a sample: they point along the velocity, not along that of half a step ago."""
+    t = np.arange(0.0, 2.0, 5e-3)
+    turn = 10.0 * t
+    u = np.empty((2, len(t)))
+    memory.bristles(0.04 * np.cos(turn), 0.04 * np.sin(turn), np.diff(t, prepend=0.0), np.ones(len(t)), 1e-6, u)
+    late = np.angle((u[0] - 1j * u[1]) * np.exp(1j * turn))[10:]
+    print(f"{np.abs(late).max():.2g} rad behind, of a step of {turn[1]:.2g} rad")
+    assert np.abs(late).max() < 0.1 * turn[1]
+
+
 def test_bristles_keep_their_deflection_under_the_noise_of_rest() -> None:
     """1 µm of noise, seen at 25 Hz for 10 s: Dahl's own bristles would have crept back."""
     dt = 1e-3
