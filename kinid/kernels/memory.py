@@ -47,9 +47,9 @@ def bristles(v1: Array, v2: Array, dt: Array, depth: Array, length: float, out: 
     """Deflection of bristles relative to their greatest, a vector of length ≤ 1 along the slip (Dahl 1968, in 2-D).
 
     u̇ = (v − |v| u) / ℓ, exact where the direction of slip is constant between samples (a step in which the slip turns back
-    is taken in two, one along a curve in several), behind an element that is elastic over a small share ε of ℓ: (1 − ε) u + w/ℓ comes out, where w,
-    |w| ≤ ε ℓ, is how far the slip is ahead of what moves u. Under a constant load this never gives energy. Bristles begin
-    undeflected at each touch.
+    is taken in two, one along a curve in several), behind an element that is elastic over a small share ε of ℓ:
+    (1 − ε) u + w/ℓ comes out, where w, |w| ≤ ε ℓ, is how far the slip is ahead of what moves u. Under a constant load this
+    never gives energy. Bristles begin undeflected at each touch.
 
     Args:
         v1, v2: slip rates [m/s], (n,). dt: see above. depth: > 0 in contact, (n,); a flag does, too, but then a touch

@@ -361,7 +361,7 @@ def test_bristles_are_dahls_equation() -> None:
 
 
 def test_short_bristles_follow_the_direction_of_a_curve_without_delay() -> None:
-    """Bristles of 1 µm on a circle, a turn of 0.05 rad a sample: they point along the velocity, not along that of half a step ago."""
+    """Bristles of 1 µm on a circle, a turn of 0.05 rad a sample: they point along the velocity, not along half a step ago's."""
     t = np.arange(0.0, 2.0, 5e-3)
     turn = 10.0 * t
     u = np.empty((2, len(t)))
