@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import kinid
 from kinid import effects as catalogue
 from kinid.diagnosis.result import ABSENT, INDISTINGUISHABLE, NOT_EXCITED, PRESENT, Cell, Diagnosis, EffectVerdict
-from kinid.diagnosis.words import acting, by_verdict, channel_words, doubts, headline, number, rivalries, sentence
+from kinid.diagnosis.words import acting, by_verdict, channel_words, doubts, headline, number, one_sided, rivalries, sentence
 from kinid.diagnosis_figures import Shown, ladder, loops, readings
 from kinid.diagnosis_multiples import multiples
 from kinid.fit import FittedParameter
@@ -199,7 +199,9 @@ def _evidence(effect: EffectVerdict) -> str:
 
 
 def _parameter(name: str, p: FittedParameter) -> str:
-    unit = "" if p.unit == "1" else f" {p.unit}"
+    unit, end = "" if p.unit == "1" else f" {p.unit}", one_sided(p, number)
+    if end:
+        return f"{_e(name)} {end}{_e(unit)}"
     return f"{_e(name)} = {number(p.value)} <span class=facts>[{_bound(p.low)}, {_bound(p.high)}]</span>{_e(unit)}"
 
 

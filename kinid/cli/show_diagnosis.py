@@ -57,12 +57,16 @@ def show_diagnosis(result: Diagnosis) -> None:
 
 def _ladder(out: Console, result: Diagnosis) -> None:
     """A bar a rung; the noise is where no bar gets below."""
+    from kinid.diagnosis.words import SAME
+
     rungs = [("as asked" if step.added is None else f"+ {step.added}", step.held_out) for step in result.steps]
     rungs.append(("noise alone", result.noise_floor))
     top = max(error for _, error in rungs) or 1.0
     table = Table(show_header=False, box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for name, error in rungs:
+    for i, (name, error) in enumerate(rungs):
         bar = "█" * max(1, round(WIDE * error / top))
+        if 0 < i < len(result.steps) - 1 and error > (1.0 + SAME) * rungs[i - 1][1]:
+            bar += "[/] [dim]helps only beside what follows"
         shade = "dim" if name == "noise alone" else "red" if name == "as asked" and len(result.steps) > 1 else "blue"
         table.add_row(f"  {escape(name)}", f"{error:.4g}", f"[{shade}]{bar}[/]")
     out.print(table)
@@ -91,13 +95,14 @@ def _effects(out: Console, result: Diagnosis) -> None:
 
 
 def _numbers(effect: EffectVerdict) -> str:
-    from kinid.diagnosis.words import acting
+    from kinid.diagnosis.words import acting, one_sided
 
     shown = acting(effect.parameters)
     if len(shown) > MOST_NUMBERS:
         return effect.says if effect.id == "mains-hum" else f"{len(shown)} parameters"
-    return ", ".join(f"{name} {p.value:.3g} [{p.low:.3g}, {p.high:.3g}]{'' if p.unit == '1' else ' ' + p.unit}"
-                     for name, p in shown.items())  # fmt: skip
+    write = "{:.3g}".format
+    return ", ".join(f"{name} {one_sided(p, write) or f'{write(p.value)} [{write(p.low)}, {write(p.high)}]'}"
+                     f"{'' if p.unit == '1' else ' ' + p.unit}" for name, p in shown.items())  # fmt: skip
 
 
 def _next(out: Console, result: Diagnosis) -> None:

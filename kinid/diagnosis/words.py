@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -48,6 +48,16 @@ def with_rivals(names: Iterable[str], told: Iterable[EffectVerdict]) -> list[str
     """Each effect as "a or b or …" with those that it can't be told from."""
     rivals = {effect.id: effect.equivalent_to for effect in told}
     return [" or ".join([name, *rivals.get(name, ())]) for name in names]
+
+
+def one_sided(p: FittedParameter, write: Callable[[float], str]) -> str:
+    """"at most …" of an estimate at the end of what is possible, which is an end of its interval, too; "" of others."""
+    wide = p.high - p.low
+    if 0.0 < wide < np.inf and p.value - p.low < 1e-9 * wide:
+        return f"at most {write(p.high)}"
+    if 0.0 < wide < np.inf and p.high - p.value < 1e-9 * wide:
+        return f"at least {write(p.low)}"
+    return ""
 
 
 def acting(parameters: Mapping[str, FittedParameter]) -> dict[str, FittedParameter]:

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from kinid.cli.show_diagnosis import show_diagnosis
 from kinid.diagnosis.result import Diagnosis, EffectVerdict, Step
 from kinid.diagnosis.where import where
-from kinid.diagnosis.words import headline
+from kinid.diagnosis.words import headline, one_sided
 from kinid.diagnosis_figures import MOST_POINTS, Shown, decimate, loops, readings
 from kinid.diagnosis_multiples import multiples
 from kinid.diagnosis_page import diagnosis_page
 from kinid.effects import Layout, Signals
 from kinid.experiment import Experiment
-from kinid.fit import fit_model
+from kinid.fit import FittedParameter, fit_model
 from kinid.log import Provenance
 from kinid.model import Model
 from kinid.task import Task
@@ -206,3 +206,19 @@ def test_headlines(found: Diagnosis, verdict: str, added: tuple[str, ...], begin
 def test_an_error_that_does_not_fall_is_not_said_to(found: Diagnosis, last: float, says: str) -> None:
     steps = tuple(dataclasses.replace(step, held_out=error) for step, error in zip(found.steps, (1.0, last)))
     assert says in headline(dataclasses.replace(found, verdict="unexplained", steps=steps))
+
+
+@pytest.mark.parametrize(("errors", "said"), [((1.0, 1.2, 0.1), True), ((1.0, 0.6, 0.1), False), ((1.0, 0.1, 0.2), False)])
+def test_a_rung_that_rises_says_that_it_helps_beside_the_next(
+        found: Diagnosis, errors: tuple[float, ...], said: bool, capsys: pytest.CaptureFixture[str]) -> None:  # fmt: skip
+    steps = tuple(Step(name, ("hooke",), error, error) for name, error in zip((None, "relaxation", "hysteresis"), errors))
+    show_diagnosis(dataclasses.replace(found, added=("relaxation", "hysteresis"), steps=steps))
+    rung = next(line for line in capsys.readouterr().out.splitlines() if "+ relaxation" in line)
+    assert ("helps only beside what follows" in rung) is said
+
+
+@pytest.mark.parametrize(("value", "low", "high", "says"), [
+    (1e-6, 1e-6, 3e-5, "at most 3e-05"), (4.0, 2.0, 4.0, "at least 2"), (3.0, 2.0, 4.0, ""), (3.0, 3.0, 3.0, ""),
+    (3.0, -np.inf, np.inf, "")])  # fmt: skip
+def test_an_estimate_at_the_end_of_its_interval_has_one_side(value: float, low: float, high: float, says: str) -> None:
+    assert one_sided(FittedParameter("presliding.length", value, low, high, "m"), "{:g}".format) == says
