@@ -201,12 +201,12 @@ def time_steps(t: Array, starts: NDArray[np.bool_]) -> Array:
 
 
 def gaps_in_contact(t: Array, in_contact: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """First sample after each gap that began and ended in contact, of a log that isn't one of poses at rest."""
+    """First sample after each gap that ended in contact, of a log that isn't one of poses at rest: how it was reached is lost."""
     step = np.diff(t)
     if not len(step) or np.median(step) >= STATIC_PERIOD:
         return np.zeros(0, np.int64)
     gap = step > max(GAP_FACTOR * float(np.median(step)), BRIDGED)
-    return np.flatnonzero(gap & in_contact[1:] & in_contact[:-1]) + 1
+    return np.flatnonzero(gap & in_contact[1:]) + 1
 
 
 def _forgotten(t: Array, in_contact: NDArray[np.bool_]) -> NDArray[np.bool_]:

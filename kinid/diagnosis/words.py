@@ -28,18 +28,21 @@ def headline(result: Diagnosis) -> str:
     error = (f"the held-out error {'falls' if last < first else 'rises'} from {before} to {after} {result.unit}" if moved else
              f"the held-out error {'stays' if result.added else 'is'} {before} {result.unit}")  # fmt: skip
     noise = f"noise alone is {result.noise_floor:.3g} {result.unit}"
-    named = with_rivals(result.added, result.effects)
+    idle = {effect.id for effect in result.effects if effect.verdict == NOT_EXCITED}  # added because they were asked for
+    real = [name for name in result.added if name not in idle] or list(result.added)
+    named = with_rivals(real, result.effects)
     names = listed(named)
     if result.verdict == ADEQUATE:
         return f"The model is adequate: {error}, and {noise}."
     if result.verdict == MISSING:
-        which = " (this log can't tell which)" if named != list(result.added) else ""
-        return f"The model lacks {names}{which}: with {'it' if len(result.added) == 1 else 'them'} {error}; {noise}."
+        which = " (this log can't tell which)" if named != real else ""
+        them = "all that was added" if len(real) < len(result.added) else "it" if len(real) == 1 else "them"
+        return f"The model lacks {names}{which}: with {them} {error}; {noise}."
     if result.says.startswith("not searched further"):
         return f"Something is missing, and no more effects were to be added: {error}; {noise}."
     if not result.added:
         return f"Something is missing that the catalogue does not hold: {error}; {noise}."
-    alone = len(result.added) == 1
+    alone = len(real) == 1
     helps = ("helps, but does" if alone else "help, but do") if moved and last < first else "does" if alone else "do"
     return f"Something is missing that the catalogue does not hold. {names} {helps} not suffice: {error}; {noise}."
 

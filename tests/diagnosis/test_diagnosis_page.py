@@ -198,6 +198,13 @@ def test_headlines(found: Diagnosis, verdict: str, added: tuple[str, ...], begin
     assert headline(result).startswith(begins)
 
 
+def test_what_was_forced_and_brings_nothing_is_not_lacking(found: Diagnosis) -> None:
+    idle = dataclasses.replace(found.effects[0], id="relaxation", verdict="not-excited", equivalent_to=())
+    steps = tuple(Step(name, ("hooke",), error, error) for name, error in ((None, 0.5), ("hysteresis", 0.1), ("relaxation", 0.1)))
+    result = dataclasses.replace(found, added=("hysteresis", "relaxation"), effects=(idle,), steps=steps)
+    assert headline(result).startswith("The model lacks hysteresis: with all that was added the held-out error falls from 0.5 to")
+
+
 @pytest.mark.parametrize(("last", "says"), [
     (0.5, "helps, but does not suffice: the held-out error falls from 1 to 0.5 N"),
     (0.998, "-damping does not suffice: the held-out error stays 1 N"),

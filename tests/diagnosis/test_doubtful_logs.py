@@ -47,15 +47,32 @@ def poked(late: float = 0.0, rate: float = 250.0) -> kinid.Log:
     return kinid.Log(t=t, contact={"depth": depth, "normal_force": np.interp(t - late, t, force) + noise})
 
 
-@pytest.mark.parametrize(("begins", "ends", "doubted"), [(3.2, 3.9, True), (0.5, 1.2, False)])
+@pytest.mark.parametrize(("begins", "ends", "doubted"), [(3.2, 3.9, True), (0.5, 1.2, False), (2.0, 3.3, True)])
 def test_what_is_remembered_over_a_gap_is_not_held_against_the_model(begins: float, ends: float, doubted: bool) -> None:
-    """Samples lost while the material relaxes, and in the air."""
+    """Samples lost while the material relaxes, in the air, and from the air until deep in the material."""
     whole = poked()
     kept = ~((whole.t % 12.0 > begins) & (whole.t % 12.0 < ends))
     log = kinid.Log(t=whole.t[kept], contact={name: x[kept] for name, x in whole.contact.items()})
     found = kinid.diagnose(log, RIG, model=kinid.Model("kelvin-voigt", "relaxation"))
     assert found.verdict == "adequate"
-    assert any("2 gaps of up to 0.7 s in contact" in w for w in found.warnings) is doubted
+    assert any(f"2 gaps of up to {ends - begins:.1f} s in contact" in w for w in found.warnings) is doubted
+
+
+@pytest.mark.parametrize("lost", [(13.2, 15.6), (19.0, 21.9)])
+def test_a_loop_whose_beginning_is_lost_is_a_loop(lost: tuple[float, float]) -> None:
+    """A loop over depth, F (1 + 0.2 z); samples lost from the air until deep in the material: how z got there isn't known."""
+    t, depth, _ = motion(250.0)
+    z = np.zeros_like(t)
+    for i in range(1, len(t)):
+        step = depth[i] - depth[i - 1]
+        z[i] = z[i - 1] + (np.sign(step) - z[i - 1]) * -np.expm1(-abs(step) / 3e-3) if depth[i] > 0 else 0.0
+    force = STIFFNESS * np.maximum(depth, 0.0) * (1.0 + 0.2 * z)
+    force += NOISE * np.random.default_rng(8).standard_normal(len(t))
+    kept = (t < lost[0]) | (t > lost[1])
+    log = kinid.Log(t=t[kept], contact={"depth": depth[kept], "normal_force": force[kept]})
+    found = kinid.diagnose(log, RIG, model=kinid.Model("hooke"))
+    assert (found.verdict, found.added) == ("missing", ("hysteresis",))
+    assert found.fit["hysteresis.amplitude"].value == pytest.approx(0.2, rel=0.1)  # its length trades
 
 
 def test_a_material_remembers_over_short_gaps() -> None:
