@@ -165,6 +165,7 @@ def _bristles(s: Signals) -> Array:
     taken out of the rates; so is a differentiator's overshoot, where they are short enough to notice.
     """
     beyond = max(s.dither - s.play * s.bristle, s.overshoot - NOTICED * s.bristle)
+    touch = s.depth if s.touch is None else s.touch
 
     def rested() -> Array:
         rates = np.empty_like(s.slip_rate)
@@ -176,10 +177,10 @@ def _bristles(s: Signals) -> Array:
         rates, u = s.slip_rate, np.empty((2, len(s)))
         if beyond > 0.0:
             rates = derived("rates of a slip that rests", rested, s.slip_rate, s.dt, at=(beyond,))
-        bristles(rates[0], rates[1], s.dt, s.depth, s.bristle, u, s.play)
+        bristles(rates[0], rates[1], s.dt, touch, s.bristle, u, s.play)
         return u
 
-    return derived("bristles", bend, s.slip_rate, s.depth, s.dt, at=(s.bristle, s.play, beyond))
+    return derived("bristles", bend, s.slip_rate, touch, s.dt, at=(s.bristle, s.play, beyond))
 
 
 def _read(s: Signals, _: Array) -> None:

@@ -82,6 +82,10 @@ def doubts_of(experiment: Experiment) -> list[str]:
         out.append(f"the depth leaps by {1e3 * jump:.3g} mm from one sample to the next: no tool does; look for lost samples")
     t = experiment.signals.t
     gaps = gaps_in_contact(t, experiment.in_contact)
+    if len(gaps) and gaps[0] == 0:
+        out.append("the log begins in contact: what bristles and a material remember of how it was reached isn't known; begin in "
+                   "the air")  # fmt: skip
+        gaps = gaps[1:]
     if len(gaps):
         many, longest = "a gap of" if len(gaps) == 1 else f"{len(gaps)} gaps of up to", float((t[gaps] - t[gaps - 1]).max())
         out.append(f"{many} {longest:.2g} s in contact: what bristles and a material remember over it isn't known; look "

@@ -15,6 +15,7 @@ from kinid.contact import ContactSeries, contact_series, force_noise
 from kinid.derivative import GAP_FACTOR, Differentiator
 from kinid.effects import AsRead, JointMotion, Layout, Signals
 from kinid.errors import InputError
+from kinid.kernels.zero_phase import zero_phase
 from kinid.log import Log
 from kinid.motion import STATIC_PERIOD, joint_motion
 from kinid.rig import WRENCH, Rig
@@ -118,24 +119,24 @@ class Experiment:
         """Readings (channels, n) without what lies above the band; zero-phase, piece by piece (Gustafsson 1996)."""
         if self.band is None:
             return readings
-        from scipy.signal import sosfiltfilt
-
         out = readings.copy()
-        sections, pieces = self._low_pass
-        rows = np.flatnonzero(readings.any(axis=1))  # nothing stays nothing: most joint parameters move one channel
-        for piece in pieces:
-            out[rows, piece] = sosfiltfilt(sections, readings[rows, piece], axis=1)
+        sections, settled, pieces = self._low_pass
+        for row in np.flatnonzero(readings.any(axis=1)):  # nothing stays nothing: most joint parameters move one channel
+            for piece in pieces:
+                part = out[row : row + 1, piece]
+                zero_phase(sections, settled, part, 3 * (2 * len(sections) + 1), part)
         return out
 
     @cached_property
-    def _low_pass(self) -> tuple[Array, list[slice]]:
-        """Sections of the filter of the band, (2, 6), and the pieces of the log that are long enough for it."""
-        from scipy.signal import butter
+    def _low_pass(self) -> tuple[Array, Array, list[slice]]:
+        """Sections of the filter of the band, (2, 6), what they remember of a step, (2, 2), and pieces of the log to filter."""
+        from scipy.signal import butter, sosfilt_zi
 
         assert self.band is not None
         dt = self.signals.dt
         pieces = [piece for piece in self.signals.runs if piece.stop - piece.start > 100]
-        return butter(4, self.band * 2 * float(np.median(dt[dt > 0])), output="sos"), pieces
+        sections = butter(4, self.band * 2 * float(np.median(dt[dt > 0])), output="sos")
+        return sections, sosfilt_zi(sections), pieces
 
     def thinned(self, step: int) -> Experiment:
         """Every so manieth sample, with the steps of time between them; memory begins anew where it did in between."""
@@ -201,12 +202,15 @@ def time_steps(t: Array, starts: NDArray[np.bool_]) -> Array:
 
 
 def gaps_in_contact(t: Array, in_contact: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """First sample after each gap that ended in contact, of a log that isn't one of poses at rest: how it was reached is lost."""
+    """First sample after each gap that ended in contact, of a log that isn't one of poses at rest: how it was reached is lost.
+
+    The first of all where the log begins in contact: what was before it is a gap, too.
+    """
     step = np.diff(t)
     if not len(step) or np.median(step) >= STATIC_PERIOD:
         return np.zeros(0, np.int64)
     gap = step > max(GAP_FACTOR * float(np.median(step)), BRIDGED)
-    return np.flatnonzero(gap & in_contact[1:]) + 1
+    return np.flatnonzero(np.r_[True, gap] & in_contact)
 
 
 def _forgotten(t: Array, in_contact: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -293,10 +293,11 @@ class _Descent:
     def run(self, guess: Array | None, steps: int) -> State:
         fresh = guess is None
         jacobian = self.sensitivity(guess)
+        squares = jacobian.T @ jacobian
         damping, converged, caught = 1e-4, False, 0
-        equations = self.normal(jacobian)
+        equations = self.normal(jacobian, squares)
         for _ in range(steps):
-            gain, (moved, actual, expected) = self.step(jacobian, *equations, damping)
+            gain, (moved, actual, expected) = self.step(jacobian, squares, *equations, damping)
             sample = max(1.0, self.cost / len(self.y))
             # a shorter step promises still less
             if fresh and abs(expected) < ENOUGH * sample:
@@ -307,7 +308,8 @@ class _Descent:
                 continue
             if gain is None:
                 jacobian, fresh = self.sensitivity(), True
-                equations, damping = self.normal(jacobian), max(damping, 1e-3)
+                squares = jacobian.T @ jacobian
+                equations, damping = self.normal(jacobian, squares), max(damping, 1e-3)
                 continue
             small = gain < ENOUGH * sample
             caught = caught + 1 if gain < min(sample, 0.3 * expected) else 0
@@ -316,37 +318,41 @@ class _Descent:
                 break
             if small or gain < 0.3 * expected:
                 jacobian, fresh = self.sensitivity(), True
+                squares = jacobian.T @ jacobian
             else:
-                self.learn(jacobian, moved, actual)
+                self.learn(jacobian, squares, moved, actual)
                 fresh = False
-            equations = self.normal(jacobian)
+            equations = self.normal(jacobian, squares)
             damping = max(damping / 10.0, 1e-9) if gain > 0.5 * expected else damping * 3.0
         if not fresh:
             jacobian = self.sensitivity()
-        free = self.normal(jacobian)[2]
+            squares = jacobian.T @ jacobian
+        free = self.normal(jacobian, squares)[1]
         state = State(self.problem, self.model, self.x, self.shift, self.residual, free, self.scale, converged)
         state.__dict__["jacobian"] = jacobian
         return state
 
-    def learn(self, jacobian: Array, moved: Array, actual: Array) -> None:
-        """Broyden's update of what acts through the law, from a step (p + k,) and what it did (m,)."""
-        curved = moved[: self.curved]
+    def learn(self, jacobian: Array, squares: Array, moved: Array, actual: Array) -> None:
+        """Broyden's update of what acts through the law, and of JᵀJ, from a step (p + k,) and what it did (m,)."""
+        curved = np.r_[moved[: self.curved], np.zeros(len(moved) - self.curved)]
         size = float(curved @ curved)
         if size > 0:
             missed = (actual - jacobian @ moved) / size
+            mixed = np.outer(jacobian.T @ missed, curved)
+            squares += mixed + mixed.T + float(missed @ missed) * np.outer(curved, curved)
             for j in np.flatnonzero(curved):  # column by column: an outer product would take as much memory again
                 jacobian[:, j] += curved[j] * missed
 
-    def normal(self, jacobian: Array) -> tuple[Array, Array, Mask]:
-        """Normal equations of parameters and calibration, and which of them no bound holds."""
+    def normal(self, jacobian: Array, a: Array) -> tuple[Array, Mask]:
+        """Slope of the normal equations of parameters and calibration, and which of them no bound holds; a is JᵀJ."""
         p = len(self.x)
-        a, g = jacobian.T @ jacobian, jacobian.T @ self.residual
+        g = jacobian.T @ self.residual
         g[p:] -= self.shift
         room = 1e-9 * self.scale
         pinned = ((self.x <= self.low + room) & (g[:p] < 0)) | ((self.x >= self.high - room) & (g[:p] > 0))
         free = self.moving & ~pinned & (np.diag(a)[:p] > 1e-12)
         far = (np.abs(self.shift) >= MOST_SHIFT - 1e-9) & (g[p:] * self.shift > 0)
-        return a, g, np.r_[free, ~far]
+        return g, np.r_[free, ~far]
 
     def step(self, jacobian: Array, a: Array, g: Array, free: Mask, damping: float
              ) -> tuple[float | None, tuple[Array, Array, float]]:  # fmt: skip

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from kinid.diagnosis.descent import LOOSE, State, bounds
 from kinid.diagnosis.noise import alike_at_each_turn
@@ -31,9 +32,8 @@ def covariance(state: State, stated: bool = True) -> Array:
     state = state.plain if stated else state
     inverse = state.inverse
     number = state.problem.blocks
-    scores = np.zeros((number.max() + 1, inverse.shape[0])) if len(number) else np.zeros((0, inverse.shape[0]))
-    weighted = state.jacobian * state.residual[:, None]
-    np.add.at(scores, number, weighted)
+    each = csr_array((state.residual, (number, np.arange(len(number)))), shape=(number.max(initial=0) + 1, len(number)))
+    scores = each @ state.jacobian  # summed within each block
     meat = scores.T @ scores
     whole = inverse @ meat @ inverse
     # calibration is no better known than its tolerance, and noise alone is the least

@@ -27,9 +27,9 @@ Mask = NDArray[np.bool_]
 #: means a second that diagnosis compares, unless readings are compared at higher frequencies; of logs with more of them than
 #: so many, all channels together, half of them
 RATE, PLENTY = 125.0, 30_000
-#: motion is followed at so many samples at most; of contact, at no more than so many readings where they are as dense as that,
-#: in samples a second
-MOST_SAMPLES, AMPLE, FINE = 40_000, 60_000, 160.0
+#: motion is followed at so many samples at most; at no more than so many readings where they are as dense as that, in samples
+#: a second, or in samples a period of the fastest that is compared
+MOST_SAMPLES, AMPLE, FINE, FINER = 40_000, 60_000, 160.0, 6.0
 #: means that are compared, of all channels together, at most: of long logs fewer tell as much
 MOST_MEANS = 100_000
 #: degrees of freedom of Student's t, whose logarithm bounds what a single sample can say
@@ -42,8 +42,8 @@ def thin(experiment: Experiment) -> Experiment:
     """The experiment with motion and readings in means of neighbouring samples, where it has more than diagnosis needs."""
     samples, rate = len(experiment.signals), 1.0 / period_of(experiment.signals)
     many = math.ceil(samples / MOST_SAMPLES)
-    if experiment.band is None:
-        many = max(many, min(math.ceil(experiment.measured.size / AMPLE), round(rate / FINE)))
+    fine = max(FINE, FINER * (experiment.band or 0.0))
+    many = max(many, min(math.ceil(experiment.measured.size / AMPLE), round(rate / fine)))
     if many <= 1:
         return experiment
     s = experiment.signals
@@ -148,13 +148,20 @@ class Problem:
 
     def change(self, moved: Array, beside: Array) -> Array:
         """How `expected` changes, to first order, as predictions move by so much, (channels, n), from those beside; (m,)."""
-        steps = self.experiment.steps
+        steps, of_one = self.experiment.steps, self.experiment.signals.as_read is None
+        rows = np.flatnonzero(moved.any(axis=1)) if of_one else np.arange(len(moved))  # most joint parameters move one channel
+        moved = moved[rows]
         if steps is not None:
             zero = self.experiment.as_read(np.zeros_like(moved))
             raw = (self.experiment.as_read(moved) - zero) * rounding.contradicted(
-                self._raw, self.experiment.as_read(beside), steps)  # fmt: skip
+                self._raw[rows], self.experiment.as_read(beside[rows]), steps[rows])  # fmt: skip
             moved = self.experiment.as_true(raw + zero)
-        return self.stack(self.experiment.in_band(moved))
+        begin, end, weight = self._kept
+        out = np.zeros_like(weight)
+        each = out if len(rows) == len(out) else np.empty((len(rows), out.shape[1]))
+        weighted_sums(self.experiment.in_band(moved), begin, end, weight[rows], each.reshape(-1))
+        out[rows] = each
+        return out.reshape(-1)
 
     def changed(self, after: Array, before: Array, beside: Array, factor: float, out: Array) -> None:
         """A factor times `change` by what lies between two predictions, into `out`, (m,)."""

@@ -43,68 +43,99 @@ def press_through(s: Signals, compliance: float, press: Callable[[Signals], None
         compliance: C [m/N], > 0.
         press: sets `elastic` and `normal` of signals from their depth and its rate.
     """
-    depth, rate, c = s.depth, s.depth_rate, compliance
-    n = len(depth)
-    none, known, step = np.zeros(n), np.empty(n), np.empty(n)
-    sign = np.where(np.arange(n) % 2 == 0, 1.0, -1.0)
-    deep = max(float(np.abs(depth).max(initial=0.0)), 1e-9)
-    # of the deepest, and of the fastest: far above rounding, far below what bends a law
-    h, v = 1e-7 * deep * sign, 1e-7 * max(float(np.abs(rate).max(initial=0.0)), 1e-9) * sign
-    touched = depth > 0.0
-
-    def pressed(x: Array, speed: Array) -> Array:
-        s.depth, s.depth_rate = x, speed
-        press(s)
-        return s.normal
-
-    near = s.agreed
-    begin = near or Agreement(none, none, none, np.full(n, 0.1))
-    force, slope, loss, share = begin.force, begin.slope, begin.loss, begin.share
-    trust, before = np.ones(n), none
-    beyond, pace = None, 1.0
+    depth, near, search = s.depth, s.agreed, _Newton(s, compliance, press)
+    before, pace = np.zeros(len(s)), 1.0
     first, last, stale, age, aged, grew = 0.0, np.inf, near is None, 0, AGED, 0
     for count in range(MOST_STEPS):
-        x, speed = depth - c * force, rate - c * _rate(force, s.dt)
-        here = pressed(x, speed)
-        recall = Recall.joined(n, [own() for own in s.recalls])
-        memory = recall.keep, recall.before, recall.now, recall.reach, recall.size
-        kinks = np.column_stack([x > 0.0, recall.reach > 0.0])  # at the surface, and where a depth becomes the deepest
-        if stale or (pace > SLOW and (beyond is None or (kinks != beyond).any())):
-            beyond = kinks
-            remembered(h, none, s.dt, *memory, known)
-            slope = np.maximum((pressed(x + h, speed) - here - known) / h, -SNAP / c)
-            remembered(none, v, s.dt, *memory, known)
-            loss = np.maximum((pressed(x, speed + v) - here - known) / v, 0.0)
+        if search.look(stale, pace > SLOW):
             age, aged = 0, 2 * aged
-        forwards(force - here, s.dt, c, slope, loss, *memory, step)
-        # the material is not left by a step that overshoots; where steps want to leave it again and again, the arm follows
-        most = np.where(touched, (depth - np.maximum(share * x, LEAST * deep)) / c, np.inf)
-        trial = np.minimum(force - step, most)
-        share = np.where(trial < most, 0.1, share**2)
-        change = trial - force
+        change = search.step()
         if count > PATIENT and pace > 0.5:
-            torn = (change * before < 0.0) & (np.abs(change) > TORN * np.abs(before))
-            trust = np.where(torn, 0.5 * trust, trust)
-            force, before = force + trust * change, change
-            change = change[trust > LOST]
+            change, before = search.torn(change, before), change
         else:
-            force, before = trial, change
+            search.force, before = search.force + change, change
         change = np.abs(change)
         moved, moves = float(change.max(initial=0.0)), float(change.sum())
         grew = grew + 1 if moved > last else 0
         first = first or moves
         pace = min(1.0, moved / last) if last < np.inf else 1.0  # what is left is this share of the step, if it goes on like that
         beside = near is not None and pace * moves <= NEARBY * first
-        if beside or grew == GROWING or pace * moved <= SETTLED * float(np.abs(force).max(initial=0.0)):
+        if beside or grew == GROWING or pace * moved <= SETTLED * float(np.abs(search.force).max(initial=0.0)):
             break
         age += 1
         stale, last = pace > SLOW and age >= aged, moved
-    pressed(depth - c * force, rate - c * _rate(force, s.dt))
-    s.normal = force
-    s.agreed = Agreement(force, slope, loss, share)
+    s.agreed = search.agree()
+    # what friction needs of depth is where it begins: most searches agree on that, and the arm's own is the same for all
+    s.touch = depth if np.array_equal(s.depth > 0.0, depth > 0.0) else s.depth
 
 
-def _rate(force: Array, dt: Array) -> Array:
-    """Change since the sample before, over time; 0 where there is none."""
-    change = np.diff(force, prepend=force[:1])
-    return np.divide(change, dt, out=np.zeros_like(change), where=dt > 0.0)
+class _Newton:
+    """A search for the force N (n,) on which a law and an arm agree: present force, and the law's slopes there."""
+
+    def __init__(self, s: Signals, compliance: float, press: Callable[[Signals], None]) -> None:
+        self._s, self._c, self._press = s, compliance, press
+        self._depth, self._rate, n = s.depth, s.depth_rate, len(s)
+        self._none = np.zeros(n)
+        begin = s.agreed or Agreement(self._none, self._none, self._none, np.full(n, 0.1), np.zeros((n, 0), np.bool_))
+        self.force, self._slope, self._loss, self._share, self._kinks = (
+            begin.force, begin.slope, begin.loss, begin.share, begin.kinks)  # fmt: skip
+        self._trust = np.ones(n)
+        self._touched = s.depth > 0.0
+        self._deep = max(float(np.abs(s.depth).max(initial=0.0)), 1e-9)
+        # of the deepest, and of the fastest: far above rounding, far below what bends a law
+        sign = 1e-7 * np.where(np.arange(n) % 2 == 0, 1.0, -1.0)
+        self._h, self._v = self._deep * sign, max(float(np.abs(s.depth_rate).max(initial=0.0)), 1e-9) * sign
+
+    def look(self, stale: bool, moving: bool) -> bool:
+        """The law at the present force; slopes anew where they are stale, or samples crossed a kink while all still moves."""
+        s, c = self._s, self._c
+        self._x, speed = self._behind()
+        self._here = self._pressed(self._x, speed)
+        recall = Recall.joined(len(s), [own() for own in s.recalls])
+        self._memory = recall.keep, recall.before, recall.now, recall.reach, recall.size
+        kinks = np.column_stack([self._x > 0.0, recall.reach > 0.0])  # the surface, and where a depth becomes the deepest
+        if not stale and not (moving and not np.array_equal(kinks, self._kinks)):
+            return False
+        self._kinks, known = kinks, np.empty(len(s))
+        remembered(self._h, self._none, s.dt, *self._memory, known)
+        self._slope = np.maximum((self._pressed(self._x + self._h, speed) - self._here - known) / self._h, -SNAP / c)
+        remembered(self._none, self._v, s.dt, *self._memory, known)
+        self._loss = np.maximum((self._pressed(self._x, speed + self._v) - self._here - known) / self._v, 0.0)
+        return True
+
+    def step(self) -> Array:
+        """Change of the force towards what law and arm agree on, (n,)."""
+        step = np.empty(len(self.force))
+        forwards(self.force - self._here, self._s.dt, self._c, self._slope, self._loss, *self._memory, step)
+        # the material is not left by a step that overshoots; where steps want to leave it again and again, the arm follows
+        held = (self._depth - np.maximum(self._share * self._x, LEAST * self._deep)) / self._c
+        most = np.where(self._touched, held, np.inf)
+        trial = np.minimum(self.force - step, most)
+        self._share = np.where(trial < most, 0.1, self._share**2)
+        return trial - self.force
+
+    def torn(self, change: Array, before: Array) -> Array:
+        """Take a step with samples that go to and fro taken half as far each time; the change of those that aren't left (·,)."""
+        torn = (change * before < 0.0) & (np.abs(change) > TORN * np.abs(before))
+        self._trust = np.where(torn, 0.5 * self._trust, self._trust)
+        self.force = self.force + self._trust * change
+        return change[self._trust > LOST]
+
+    def agree(self) -> Agreement:
+        """Leave the signals with the present force, and at the depth behind it."""
+        self._pressed(*self._behind())
+        self._s.normal = self.force
+        return Agreement(self.force, self._slope, self._loss, self._share, self._kinks)
+
+    def _behind(self) -> tuple[Array, Array]:
+        """Depth and its rate behind the arm, each (n,)."""
+        force, dt = self.force, self._s.dt
+        change = np.diff(force, prepend=force[:1])
+        rate = np.divide(change, dt, out=np.zeros_like(change), where=dt > 0.0)
+        return self._depth - self._c * force, self._rate - self._c * rate
+
+    def _pressed(self, depth: Array, rate: Array) -> Array:
+        """The law's force there, (n,)."""
+        self._s.depth, self._s.depth_rate = depth, rate
+        self._press(self._s)
+        return self._s.normal

@@ -159,12 +159,14 @@ class Agreement:
     Attributes:
         force: N [N]. slope, loss: of the law over depth [N/m] and over its rate [N·s/m].
         share: of its depth that a tool keeps which a search wants to leave the material.
+        kinks: beside which slopes are those, (n, ·): whether a sample is inside, and deepest for each part of a memory.
     """
 
     force: Array
     slope: Array
     loss: Array
     share: Array
+    kinks: NDArray[np.bool_]
 
 
 @dataclass(eq=False)
@@ -184,6 +186,7 @@ class Signals:
         elastic: elastic force F_e [N], (n,). exponent: of its power law. normal: N [N], (n,).
         recalls: how laws that remember the path behind them do, for those that look through a compliance.
         agreed: behind a compliance: on the way, what was agreed on beside this prediction, None for nothing; in the end, here.
+        touch: behind a compliance, a depth of the same sign, which more predictions share if there is one (n,).
         mu: friction coefficient, (2, n) along the tangents. bristle: length [m]. tangential: (2, n) [N].
         reading: what the sensor delivers, (channels, n).
         sensor: motion of the sensor, for wrenches. joints: motion of the joints, for joint torques.
@@ -210,6 +213,7 @@ class Signals:
     normal: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
     recalls: tuple[Callable[[], Recall], ...] = ()
     agreed: Agreement | None = None
+    touch: Array | None = None
     mu: Array = dataclasses.field(default_factory=lambda: np.zeros((2, 0)))
     bristle: float = BRISTLE
     tangential: Array = dataclasses.field(default_factory=lambda: np.zeros((2, 0)))
@@ -228,7 +232,7 @@ class Signals:
         """A copy to predict with: inputs shared, the chain's quantities zero."""
         none, pair, reading = self.zeros
         out = self.copy()
-        out.compliance, out.exponent, out.bristle, out.recalls, out.agreed = 0.0, 1.0, BRISTLE, (), None
+        out.compliance, out.exponent, out.bristle, out.recalls, out.agreed, out.touch = 0.0, 1.0, BRISTLE, (), None, None
         out.elastic, out.normal, out.mu, out.tangential, out.reading = none, none, pair, pair, reading
         return out
 

@@ -17,23 +17,19 @@ def lag(x: Array, dt: Array, tau: float, out: Array) -> None:
         x: input, (k, n). dt: time since the sample before [s], 0 where memory begins anew, (n,).
         tau: time constant [s]; none is no lag. out: y, (k, n).
     """
-    n = x.shape[1]
-    # what the last output, the last input and this input weigh, the same for all channels
-    kept, last, new = np.zeros(n), np.zeros(n), np.ones(n)
-    for i in range(1, n):
-        if dt[i] > 0.0 and tau > 0.0:
+    many = x.shape[0]
+    for i in range(x.shape[1]):
+        if i > 0 and dt[i] > 0.0 and tau > 0.0:
             h = dt[i] / tau
             e = np.exp(-h)
             # ∫ of the straight line against the kernel; a series where the difference would cancel
             g = 1.0 - (1.0 - e) / h if h > 1e-5 else 0.5 * h - h * h / 6.0
-            kept[i], last[i], new[i] = e, 1.0 - e - g, g
-    for k in range(x.shape[0]):
-        y = before = 0.0
-        for i in range(n):
-            here = x[k, i]
-            y = here if new[i] == 1.0 else kept[i] * y + last[i] * before + new[i] * here
-            before = here
-            out[k, i] = y
+            f = 1.0 - e - g
+            for k in range(many):
+                out[k, i] = e * out[k, i - 1] + (f * x[k, i - 1] + g * x[k, i])
+        else:
+            for k in range(many):
+                out[k, i] = x[k, i]
 
 
 @njit(cache=True, nogil=True)

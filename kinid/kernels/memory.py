@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 #: Autom. Control 47, 2002)
 ELASTIC = 0.02
 #: a step in which slip turns by more than this [rad] is taken in pieces, so many at most: bristles shorter than it follow the
-#: direction at its end, not that of its middle
+#: direction at its end, not that of its middle; those that are m steps short end m²/12 of the turn beside it, if m is small
 STRAIGHT, MOST_PIECES = 0.005, 8
 #: a path that stays where it is for so long rests [s]
 REST = 0.1
@@ -64,23 +64,22 @@ def bristles(v1: Array, v2: Array, dt: Array, depth: Array, length: float, out: 
         else:
             step = dt[i] * _touching(1.0 * depth[i - 1], 1.0 * depth[i])
             turn = _turn(v1[i - 1], v2[i - 1], v1[i], v2[i])
-            many = _pieces(v1[i - 1], v2[i - 1], v1[i], v2[i]) if turn == 1.0 else 1
-            for piece in range(many if turn == 1.0 else 2):
-                begin, end = piece / many, (piece + 1) / many
-                if turn < 1.0:
-                    begin, end = (0.0, turn) if piece == 0 else (turn, 1.0)
-                if begin < end:
-                    middle, part = 0.5 * (begin + end), (end - begin) * step
-                    w1 += (v1[i - 1] + middle * (v1[i] - v1[i - 1])) * part
-                    w2 += (v2[i - 1] + middle * (v2[i] - v2[i - 1])) * part
-                    far = np.hypot(w1, w2)
-                    moved = far - elastic * length
-                    if moved > 0.0:
-                        a, b = w1 / far, w2 / far
-                        w1, w2 = w1 - moved * a, w2 - moved * b
-                        e = np.exp(-moved / length)
-                        u1 = e * u1 + (1.0 - e) * a
-                        u2 = e * u2 + (1.0 - e) * b
+            many = 2 if turn < 1.0 else _pieces(v1[i - 1], v2[i - 1], v1[i], v2[i], step / length)
+            begin = 0.0
+            for piece in range(1, many + 1):
+                end = turn if turn < 1.0 and piece == 1 else piece / many
+                middle, part = 0.5 * (begin + end), (end - begin) * step
+                w1 += (v1[i - 1] + middle * (v1[i] - v1[i - 1])) * part
+                w2 += (v2[i - 1] + middle * (v2[i] - v2[i - 1])) * part
+                far = np.sqrt(w1 * w1 + w2 * w2)
+                moved = far - elastic * length
+                if moved > 0.0:
+                    a, b = w1 / far, w2 / far
+                    w1, w2 = w1 - moved * a, w2 - moved * b
+                    e = np.exp(-moved / length)
+                    u1 = e * u1 + (1.0 - e) * a
+                    u2 = e * u2 + (1.0 - e) * b
+                begin = end
         out[0, i] = (1.0 - elastic) * u1 + w1 / length
         out[1, i] = (1.0 - elastic) * u2 + w2 / length
 
@@ -145,12 +144,16 @@ def _turn(a1: float, a2: float, b1: float, b2: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _pieces(a1: float, a2: float, b1: float, b2: float) -> int:
-    """Into how many pieces to take a step in which a velocity goes from a to b: so many that none turns by much."""
+def _pieces(a1: float, a2: float, b1: float, b2: float, scale: float) -> int:
+    """Into how many pieces to take a step in which a velocity goes from a to b, `scale` being its time over bristles' length."""
     across, along = abs(a1 * b2 - a2 * b1), a1 * b1 + a2 * b2
     if across <= STRAIGHT * along:
         return 1
-    return min(MOST_PIECES, 1 + int(np.arctan2(across, along) / STRAIGHT))
+    far = 0.25 * ((a1 + b1) ** 2 + (a2 + b2) ** 2) * scale * scale
+    felt = min(1.0, far / 6.0)
+    if across * felt <= STRAIGHT * along:
+        return 1
+    return min(MOST_PIECES, 1 + int(np.arctan2(across, along) * felt / STRAIGHT))
 
 
 @njit(cache=True, nogil=True)

@@ -58,9 +58,11 @@ def test_what_is_remembered_over_a_gap_is_not_held_against_the_model(begins: flo
     assert any(f"2 gaps of up to {ends - begins:.1f} s in contact" in w for w in found.warnings) is doubted
 
 
-@pytest.mark.parametrize("lost", [(13.2, 15.6), (19.0, 21.9)])
+@pytest.mark.parametrize("lost", [(13.2, 15.6), (19.0, 21.9), (-1.0, 4.0)])
 def test_a_loop_whose_beginning_is_lost_is_a_loop(lost: tuple[float, float]) -> None:
-    """A loop over depth, F (1 + 0.2 z); samples lost from the air until deep in the material: how z got there isn't known."""
+    """A loop over depth, F (1 + 0.2 z); samples lost from the air until deep in the material, or a log that begins there: how z
+    got there isn't known.
+    """
     t, depth, _ = motion(250.0)
     z = np.zeros_like(t)
     for i in range(1, len(t)):
@@ -73,6 +75,7 @@ def test_a_loop_whose_beginning_is_lost_is_a_loop(lost: tuple[float, float]) -> 
     found = kinid.diagnose(log, RIG, model=kinid.Model("hooke"))
     assert (found.verdict, found.added) == ("missing", ("hysteresis",))
     assert found.fit["hysteresis.amplitude"].value == pytest.approx(0.2, rel=0.1)  # its length trades
+    assert any("the log begins in contact" in w for w in found.warnings) is (lost[0] < 0)
 
 
 def test_a_material_remembers_over_short_gaps() -> None:
