@@ -10,6 +10,7 @@ import typer
 import kinid
 from kinid.cli import compare, contact, demo, diagnose, doctor, fit, lab, picture, plan, view
 from kinid.cli import map as map_command
+from kinid.cli.once import Once
 from kinid.errors import KinidError
 
 #: exit code of a command that the user stopped
@@ -56,6 +57,7 @@ for name, function, examples, short in (
     app.command(name, epilog=examples, short_help=short)(function)
 app.add_typer(plan.app, name="plan", short_help="Trajectories the robot can run.")
 for command in (*app.registered_commands, *plan.app.registered_commands):
+    command.cls = Once
     lines = [line.strip() for line in (command.epilog or "").splitlines() if line.strip()]
     # "\b": each example stays on its line, to be copied
     command.epilog = "\b\n" + "\n".join([*lines[:1], *(f"  {line}" for line in lines[1:])])

@@ -53,6 +53,19 @@ def test_help_has_examples_that_can_be_copied(path: tuple[str, ...], run: Run) -
 
 
 @each
+def test_an_option_of_one_value_is_not_given_two(path: tuple[str, ...], run: Run) -> None:
+    """The last one would win without a word; options that are lists take several."""
+    options = [p for p in COMMANDS[path].params if p.param_type_name == "option" and not p.is_flag and p.nargs == 1]
+    assert options or path == ("doctor",)
+    for option in options:
+        name = max(option.opts, key=len)
+        code, _, said = run(*path, name, "1", name, "2")
+        assert code == 2
+        assert (f"{name} given 2 times" in said) is not option.multiple
+        assert "Traceback" not in said
+
+
+@each
 def test_the_list_of_commands_names_it_in_one_line(path: tuple[str, ...], run: Run) -> None:
     said = run(*path[:-1], "--help")[1]
     (line,) = re.findall(rf"^  {path[-1]} +(\S.*)$", said, re.MULTILINE)
