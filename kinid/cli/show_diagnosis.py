@@ -65,8 +65,9 @@ def _ladder(out: Console, result: Diagnosis) -> None:
     table = Table(show_header=False, box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for i, (name, error) in enumerate(rungs):
         bar = "█" * max(1, round(WIDE * error / top))
-        if 0 < i < len(result.steps) - 1 and error > (1.0 + SAME) * rungs[i - 1][1]:
-            bar += "[/] [dim]helps only beside what follows"
+        if 0 < i < len(result.steps) and error > (1.0 + SAME) * rungs[i - 1][1]:
+            last = i == len(result.steps) - 1
+            bar += f"[/] [dim]helps only {'as readings are weighed by their noise' if last else 'beside what follows'}"
         shade = "dim" if name == "noise alone" else "red" if name == "as asked" and len(result.steps) > 1 else "blue"
         table.add_row(f"  {escape(name)}", f"{error:.4g}", f"[{shade}]{bar}[/]")
     out.print(table)

@@ -20,7 +20,7 @@ from kinid.diagnosis.problem import filled
 from kinid.diagnosis.result import ADEQUATE, MISSING, UNEXPLAINED, Diagnosis, Step
 from kinid.diagnosis.search import Search
 from kinid.diagnosis.unexplained import OTHER_FORM, judge
-from kinid.diagnosis.verdicts import verdicts
+from kinid.diagnosis.verdicts import meaning, verdicts
 from kinid.diagnosis.where import where
 from kinid.diagnosis.words import with_rivals
 from kinid.doubts import impossible
@@ -130,6 +130,7 @@ class Found:
         elif real:
             how = f"explain{'s' if len(real) == 1 else ''} {'most of ' if opinion.left.rms > OTHER_FORM else ''}it"
             verdict, says = MISSING, f"{' and '.join(with_rivals(real, told))} {how}: {opinion.says}"
+            says += "".join(f"; {words}" for words in (meaning(e) for e in told if e.id in real) if words)
             if steps[-1].held_out > OPENLY * opinion.left.rms * floor:
                 says += f"; of the {steps[-1].held_out:.2g} {error_unit(self.whole)} the most is from noise of positions"
         else:

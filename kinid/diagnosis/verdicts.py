@@ -68,10 +68,10 @@ def verdicts(
     inflation = _inflation(last)
     others_able = [(effect, why) for effect, why in able(last.model, last.problem.experiment.layout) if effect.id not in known]
     attempts = {effect.id: tried.get(effect.id) if effect.id in rivals_of else latest.get(effect.id) for effect, _ in others_able}
-    own = dict(zip(attempts, side_by_side(_fitted, list(attempts.values()))))
+    refitted = dict(zip(attempts, side_by_side(_fitted, list(attempts.values()))))
     for effect, why in others_able:
         name = effect.id
-        attempt, shown = attempts[name], own[name]
+        attempt, shown = attempts[name], refitted[name]
         evidence = attempt.evidence.value if attempt is not None else 0.0
         gain = gains.get(name, 0.0)
         if name in rivals_of:
@@ -93,6 +93,11 @@ def verdicts(
     order = {PRESENT: 0, INDISTINGUISHABLE: 1, NOT_EXCITED: 2, ABSENT: 3}
     first = {name: i for i, name in enumerate(search.added)}
     return tuple(sorted(out, key=lambda v: (first.get(v.id, 99) if v.id in first else 98, order[v.verdict], -v.evidence)))
+
+
+def meaning(told: EffectVerdict) -> str:
+    """What an effect's values say that its name doesn't; "" where the name says it."""
+    return effects.get(told.id).meaning({name: p.value for name, p in told.parameters.items()})
 
 
 def _seen(state: State, effect: Effect, points: Sequence[Candidate] | None, inflation: float, rate: float) -> tuple[str, str]:

@@ -97,6 +97,10 @@ class Effect(ABC):
         """For a detector: its parameters as readings (channels, n) show them, and as a search for the others holds them."""
         return None
 
+    def meaning(self, values: Mapping[str, float]) -> str:
+        """What values of its parameters say that its name doesn't, in words; "" where the name says it."""
+        return ""
+
     def stages(self) -> tuple[Stage, ...]:
         """The stages it acts at: those whose method its class implements."""
         return _stages(type(self))

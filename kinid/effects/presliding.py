@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import final
 
 from kinid.effects._effect import Effect
@@ -38,6 +39,12 @@ class Presliding(Effect):
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Length."""
         return (Parameter("length", "ℓ", "m", 3e-4, SHORTEST, 0.1, scale=1e-4),)
+
+    def meaning(self, values: Mapping[str, float]) -> str:
+        """Bristles shorter than friction has without this effect."""
+        if values["length"] >= self.null["length"]:
+            return ""
+        return f"friction turns around sooner than within the {1e3 * self.null['length']:g} mm of coulomb-friction alone"
 
     def friction(self, s: Signals, p: Array) -> None:
         """Set the bristles' length."""

@@ -220,8 +220,10 @@ def test_a_rung_that_rises_says_that_it_helps_beside_the_next(
         found: Diagnosis, errors: tuple[float, ...], said: bool, capsys: pytest.CaptureFixture[str]) -> None:  # fmt: skip
     steps = tuple(Step(name, ("hooke",), error, error) for name, error in zip((None, "relaxation", "hysteresis"), errors))
     show_diagnosis(dataclasses.replace(found, added=("relaxation", "hysteresis"), steps=steps))
-    rung = next(line for line in capsys.readouterr().out.splitlines() if "+ relaxation" in line)
-    assert ("helps only beside what follows" in rung) is said
+    lines = capsys.readouterr().out.splitlines()
+    first, last = (next(line for line in lines if f"+ {name}" in line) for name in ("relaxation", "hysteresis"))
+    assert ("helps only beside what follows" in first) is said
+    assert ("helps only as readings are weighed" in last) is (errors[2] > errors[1])
 
 
 @pytest.mark.parametrize(("value", "low", "high", "says"), [
