@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.effects import Layout, Signals
+from kinid.kernels.acquisition import slopes
 
 Array = NDArray[np.float64]
 
@@ -49,10 +50,8 @@ class Calibration:
 
     def late(self, predicted: Array) -> Array:
         """What a tolerance of the clock adds to predictions (channels, n), the same shape; nothing where memory begins anew."""
-        dt = self._signals.dt
-        out = np.zeros_like(predicted)
-        ok = dt > 0
-        out[:, 1:] = np.where(ok[1:], np.diff(predicted, axis=1) * (CLOCK / np.where(ok[1:], dt[1:], 1.0)), 0.0)
+        out = np.empty_like(predicted)
+        slopes(predicted, self._signals.dt, CLOCK, out)
         return out
 
     def added(self, shift: Array, late: Array) -> Array:

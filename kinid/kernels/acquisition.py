@@ -8,28 +8,63 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+#: steps of time that differ by this share are rounded differently
+ALIKE = 1e-9
+
 
 @njit(cache=True, nogil=True)
 def lag(x: Array, dt: Array, tau: float, out: Array) -> None:
-    """First-order low-pass τ ẏ = x − y, exact for an input that runs straight between samples; y begins in balance, at x.
+    """First-order low-pass τ ẏ = x − y, exact for an input that runs between samples as that of `delay`; y begins in balance.
 
     Args:
         x: input, (k, n). dt: time since the sample before [s], 0 where memory begins anew, (n,).
         tau: time constant [s]; none is no lag. out: y, (k, n).
     """
-    many = x.shape[0]
-    for i in range(x.shape[1]):
-        if i > 0 and dt[i] > 0.0 and tau > 0.0:
-            h = dt[i] / tau
-            e = np.exp(-h)
-            # ∫ of the straight line against the kernel; a series where the difference would cancel
-            g = 1.0 - (1.0 - e) / h if h > 1e-5 else 0.5 * h - h * h / 6.0
-            f = 1.0 - e - g
-            for k in range(many):
-                out[k, i] = e * out[k, i - 1] + (f * x[k, i - 1] + g * x[k, i])
-        else:
-            for k in range(many):
+    n = x.shape[1]
+    g = h = f = 0.0  # steps to the sample before, to this one and to the next, 0 where there is none
+    kept = driven = between = before = after = 0.0
+    for i in range(n):
+        if i == 0 or dt[i] <= 0.0 or tau <= 0.0:
+            for k in range(x.shape[0]):
                 out[k, i] = x[k, i]
+            continue
+        g_now = max(dt[i - 1], 0.0) if i > 1 else 0.0
+        f_now = max(dt[i + 1], 0.0) if i + 1 < n else 0.0
+        if abs(g_now - g) + abs(dt[i] - h) + abs(f_now - f) > ALIKE * dt[i]:
+            g, h, f = g_now, dt[i], f_now
+            kept = np.exp(-h / tau)
+            driven, one, two, three = _driven(h / tau)
+            # of the input's course from a to b: its ends, and its slopes there with the differences that they are made of
+            left, right = one - 2.0 * two + three, three - two
+            between = 3.0 * two - 2.0 * three
+            between += left * (g / (g + h) if g > 0.0 else 1.0) + right * (f / (f + h) if f > 0.0 else 1.0)
+            before = left * h * h / (g * (g + h)) if g > 0.0 else 0.0
+            after = right * h * h / (f * (f + h)) if f > 0.0 else 0.0
+        first, last = i - 2 if g > 0.0 else i - 1, i + 1 if f > 0.0 else i
+        for k in range(x.shape[0]):
+            a, b = x[k, i - 1], x[k, i]
+            out[k, i] = kept * out[k, i - 1] + (
+                driven * a + between * (b - a) + before * (a - x[k, first]) + after * (x[k, last] - b))  # fmt: skip
+
+
+@njit(cache=True, nogil=True)
+def _driven(r: float) -> tuple[float, float, float, float]:
+    """What a low-pass makes of 1, u, u² and u³ over a step of r time constants, u from 0 to 1: ∫ r exp(−r (1 − u)) uᵏ du."""
+    if r > 0.1:
+        zero = -np.expm1(-r)
+        one = 1.0 - zero / r
+        two = 1.0 - 2.0 * one / r
+        return zero, one, two, 1.0 - 3.0 * two / r
+    zero = one = two = three = 0.0
+    # a series where the differences would cancel: Σ (−1)ʲ rʲ⁺¹ k! / (k + j + 1)!
+    term = r
+    for j in range(9):
+        zero += term / (j + 1)
+        one += term / ((j + 1) * (j + 2))
+        two += 2.0 * term / ((j + 1) * (j + 2) * (j + 3))
+        three += 6.0 * term / ((j + 1) * (j + 2) * (j + 3) * (j + 4))
+        term *= -r / (j + 1)
+    return zero, one, two, three
 
 
 @njit(cache=True, nogil=True)
@@ -81,3 +116,19 @@ def delay(x: Array, t: Array, dt: Array, late: float, out: Array) -> None:
                 a, b = x[k, j], x[k, j + 1]
                 out[k, i] = a + between * (b - a) + before * (a - x[k, first]) + after * (x[k, last] - b)
         start = stop
+
+
+@njit(cache=True, nogil=True)
+def slopes(x: Array, dt: Array, tolerance: float, out: Array) -> None:
+    """What x changes by in such a time, from the sample before to the one after; 0 where memory begins anew.
+
+    Args:
+        x: (k, n). dt: as in `lag`. tolerance: [s]. out: (k, n).
+    """
+    n = x.shape[1]
+    for k in range(x.shape[0]):
+        for i in range(n):
+            out[k, i] = 0.0
+            if i > 0 and dt[i] > 0.0:
+                last = i + 1 if i + 1 < n and dt[i + 1] > 0.0 else i
+                out[k, i] = tolerance * (x[k, last] - x[k, i - 1]) / (dt[i] + (dt[last] if last > i else 0.0))

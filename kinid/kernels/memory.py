@@ -15,9 +15,9 @@ Array = NDArray[np.float64]
 #: dither, and every measured position at rest dithers by its noise; elastic ones don't (Dupont et al., IEEE Trans.
 #: Autom. Control 47, 2002)
 ELASTIC = 0.02
-#: a step in which slip turns by more than this [rad] is taken in pieces, so many at most: bristles shorter than it follow the
-#: direction at its end, not that of its middle; those that are m steps short end m²/12 of the turn beside it, if m is small
-STRAIGHT, MOST_PIECES = 0.005, 8
+#: a step in which slip turns by more than this [rad] is taken in pieces, so many at most: bristles that are short beside it
+#: follow the direction at its end, not that of its middle; where it is a small share m of them, they end m²/12 of the turn off
+STRAIGHT, MOST_PIECES = 0.002, 8
 #: a path that stays where it is for so long rests [s]
 REST = 0.1
 
@@ -58,13 +58,14 @@ def bristles(v1: Array, v2: Array, dt: Array, depth: Array, length: float, out: 
     """
     u1, u2 = 0.0, 0.0
     w1, w2 = 0.0, 0.0
+    follows = elastic * length if elastic > 0.0 else length  # on such a way w takes the direction of the slip, or else u does
     for i in range(v1.shape[0]):
         if i == 0 or dt[i] <= 0.0 or not depth[i] > 0:
             u1, u2, w1, w2 = 0.0, 0.0, 0.0, 0.0
         else:
             step = dt[i] * _touching(1.0 * depth[i - 1], 1.0 * depth[i])
             turn = _turn(v1[i - 1], v2[i - 1], v1[i], v2[i])
-            many = 2 if turn < 1.0 else _pieces(v1[i - 1], v2[i - 1], v1[i], v2[i], step / length)
+            many = 2 if turn < 1.0 else _pieces(v1[i - 1], v2[i - 1], v1[i], v2[i], step / follows)
             begin = 0.0
             for piece in range(1, many + 1):
                 end = turn if turn < 1.0 and piece == 1 else piece / many
@@ -145,7 +146,7 @@ def _turn(a1: float, a2: float, b1: float, b2: float) -> float:
 
 @njit(cache=True, nogil=True)
 def _pieces(a1: float, a2: float, b1: float, b2: float, scale: float) -> int:
-    """Into how many pieces to take a step in which a velocity goes from a to b, `scale` being its time over bristles' length."""
+    """Into how many pieces to take a step in which a velocity goes from a to b, `scale` being its time over what follows it."""
     across, along = abs(a1 * b2 - a2 * b1), a1 * b1 + a2 * b2
     if across <= STRAIGHT * along:
         return 1
