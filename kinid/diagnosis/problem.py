@@ -29,7 +29,7 @@ Mask = NDArray[np.bool_]
 RATE, PLENTY = 125.0, 30_000
 #: motion is followed at so many samples at most; at no more than so many readings where they are as dense as that, in samples
 #: a second, or in samples a period of the fastest that is compared
-MOST_SAMPLES, AMPLE, FINE, FINER = 40_000, 60_000, 160.0, 6.0
+MOST_SAMPLES, AMPLE, FINE, FINER = 40_000, 60_000, 160.0, 10.0
 #: means that are compared, of all channels together, at most: of long logs fewer tell as much
 MOST_MEANS = 100_000
 #: degrees of freedom of Student's t, whose logarithm bounds what a single sample can say
