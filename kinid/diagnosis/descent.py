@@ -292,8 +292,7 @@ class _Descent:
 
     def run(self, guess: Array | None, steps: int) -> State:
         fresh = guess is None
-        jacobian = self.sensitivity(guess)
-        squares = jacobian.T @ jacobian
+        jacobian, squares = self.view(guess)
         damping, converged, caught = 1e-4, False, 0
         equations = self.normal(jacobian, squares)
         for _ in range(steps):
@@ -307,8 +306,7 @@ class _Descent:
                 damping = max(damping, 1e-6) * 30.0
                 continue
             if gain is None:
-                jacobian, fresh = self.sensitivity(), True
-                squares = jacobian.T @ jacobian
+                (jacobian, squares), fresh = self.view(), True
                 equations, damping = self.normal(jacobian, squares), max(damping, 1e-3)
                 continue
             small = gain < ENOUGH * sample
@@ -317,20 +315,23 @@ class _Descent:
                 converged = True
                 break
             if small or gain < 0.3 * expected:
-                jacobian, fresh = self.sensitivity(), True
-                squares = jacobian.T @ jacobian
+                (jacobian, squares), fresh = self.view(), True
             else:
                 self.learn(jacobian, squares, moved, actual)
                 fresh = False
             equations = self.normal(jacobian, squares)
             damping = max(damping / 10.0, 1e-9) if gain > 0.5 * expected else damping * 3.0
         if not fresh:
-            jacobian = self.sensitivity()
-            squares = jacobian.T @ jacobian
+            jacobian, squares = self.view()
         free = self.normal(jacobian, squares)[1]
         state = State(self.problem, self.model, self.x, self.shift, self.residual, free, self.scale, converged)
         state.__dict__["jacobian"] = jacobian
         return state
+
+    def view(self, guess: Array | None = None) -> tuple[Array, Array]:
+        """The linear view from here: sensitivities J, (m, p + k), and JᵀJ."""
+        jacobian = self.sensitivity(guess)
+        return jacobian, jacobian.T @ jacobian
 
     def learn(self, jacobian: Array, squares: Array, moved: Array, actual: Array) -> None:
         """Broyden's update of what acts through the law, and of JᵀJ, from a step (p + k,) and what it did (m,)."""

@@ -17,7 +17,7 @@ import kinid
 from kinid import effects
 from kinid.diagnosis.candidates import able, screen
 from kinid.diagnosis.cores import side_by_side
-from kinid.diagnosis.descent import State, _between, cost_of, fit, settled
+from kinid.diagnosis.descent import State, _between, _Descent, cost_of, fit, settled
 from kinid.diagnosis.inquiry import experiment_of
 from kinid.diagnosis.look import FAR_BEHIND, _nearest, attempt, look, worth_searching
 from kinid.diagnosis.problem import FINE, MOST_SAMPLES, PLENTY, RATE, Problem, thin
@@ -238,3 +238,16 @@ def test_a_bias_pulls_at_no_material(problem: Problem) -> None:
     open_ = [Problem.build(problem.experiment, *fitted).sigma for fitted in ((MODEL, values), (biased, with_bias))]
     # the share of a reading that no law gets right is of the biased one: 0.2 % of 2 N
     np.testing.assert_allclose(open_[1], open_[0], rtol=0, atol=0.004)
+
+
+def test_what_a_step_taught_is_in_both_views(problem: Problem, fitted: State) -> None:
+    """Broyden's update meets what the step did, and JᵀJ stays that of J."""
+    descent = _Descent(problem, MODEL, fitted.values, fitted.shift)
+    jacobian, squares = descent.view()
+    rng = np.random.default_rng(4)
+    moved = np.zeros(jacobian.shape[1])
+    moved[: descent.curved] = rng.standard_normal(descent.curved)
+    actual = rng.standard_normal(len(jacobian))
+    descent.learn(jacobian, squares, moved, actual)
+    np.testing.assert_allclose(jacobian @ moved, actual, rtol=0, atol=1e-9 * np.abs(jacobian).max())
+    np.testing.assert_allclose(squares, jacobian.T @ jacobian, rtol=1e-9, atol=1e-9 * np.abs(squares).max())
