@@ -224,7 +224,8 @@ class Found:
         last = self.search.states[-1]
         out += impossible(last.model.parameters(self.whole.layout), last.plain.values, covariance(last))
         if base_of(self.model) is None and self.whole.layout.kind != "joints" and self.whole.in_contact.any():
-            laws = ", ".join(name for name in effects.catalogue() if effects.get(name).base)
+            every = map(effects.get, effects.catalogue())
+            laws = ", ".join(effect.id for effect in every if effect.base and "normal" in effect.needs)
             out.append(f"the log holds contact, and the model has no contact law: ask about one of {laws}")
         if not self.search.states[-1].converged:
             out.append("the last search stopped before it converged: its parameters may be off")
