@@ -27,9 +27,9 @@ Mask = NDArray[np.bool_]
 #: means a second that diagnosis compares, unless readings are compared at higher frequencies; of logs with more of them than
 #: so many, all channels together, half of them
 RATE, PLENTY = 125.0, 30_000
-#: motion is followed at so many samples at most; at no more than so many readings where they are as dense as that, in samples
-#: a second, or in samples a period of the fastest that is compared
-MOST_SAMPLES, AMPLE, FINE, FINER = 40_000, 60_000, 160.0, 10.0
+#: motion is followed at so many samples at most; of contact, at no more than so many readings where they are as dense as that,
+#: in samples a second. Torques change sign within milliseconds: what means take off them would pass for a lag
+MOST_SAMPLES, AMPLE, FINE = 40_000, 60_000, 160.0
 #: means that are compared, of all channels together, at most: of long logs fewer tell as much
 MOST_MEANS = 100_000
 #: degrees of freedom of Student's t, whose logarithm bounds what a single sample can say
@@ -42,8 +42,8 @@ def thin(experiment: Experiment) -> Experiment:
     """The experiment with motion and readings in means of neighbouring samples, where it has more than diagnosis needs."""
     samples, rate = len(experiment.signals), 1.0 / period_of(experiment.signals)
     many = math.ceil(samples / MOST_SAMPLES)
-    fine = max(FINE, FINER * (experiment.band or 0.0))
-    many = max(many, min(math.ceil(experiment.measured.size / AMPLE), round(rate / fine)))
+    if experiment.band is None:
+        many = max(many, min(math.ceil(experiment.measured.size / AMPLE), round(rate / FINE)))
     if many <= 1:
         return experiment
     s = experiment.signals
