@@ -18,6 +18,8 @@ from kinid.fit import error_rows
 #: an addition that leaves the weighted error counts where the log's own falls by this share, calibration as it was stated, and
 #: evidence is beyond what calibration leaves
 LIGHTER, STRONG = 0.015, 100.0
+#: what calibration may be off by is told nevertheless where the log's own error falls by this share without it
+OPEN = 0.05
 #: and every addition must lower it by this share: means tell of less, but only of errors that nobody sees
 LIGHTEST = 0.003
 #: of readings that are stairs, what leaves less than this share of the noise lacks nothing that they could show
@@ -52,7 +54,9 @@ def _matters(before: State, tried: Tried) -> bool:
         return False
     if tried.state.rms < (1.0 - worth(before)) * before.rms:
         return coarse or _shows(before, tried.state)
-    if tried.effect.id in TOLERATED or tried.evidence.value < STRONG:
+    if tried.effect.id in TOLERATED:
+        return shown_error(tried.state) < (1.0 - OPEN) * shown_error(before)
+    if tried.evidence.value < STRONG:
         return False
     return shown_error(tried.state) < (1.0 - LIGHTER) * shown_error(before)
 

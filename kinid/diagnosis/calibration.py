@@ -16,8 +16,8 @@ from kinid.kernels.acquisition import slopes
 
 Array = NDArray[np.float64]
 
-#: what calibration is trusted to, as a standard deviation: surface [m], clocks [s], bias [N] and [N·m]
-SURFACE, CLOCK, BIAS_FORCE, BIAS_TORQUE = 1.5e-5, 1.25e-4, 0.01, 5e-4
+#: what calibration is trusted to, as a standard deviation: surface [m], clocks [s], bias [N] and [N·m], of joint torques [N·m]
+SURFACE, CLOCK, BIAS_FORCE, BIAS_TORQUE, BIAS_JOINT = 1.5e-5, 1.25e-4, 0.01, 5e-4, 2.5e-3
 #: shifted motions that are kept, the latest: what follows from them is worked out once for all parameters that act elsewhere
 LATEST = 4
 #: it moves no further than so many times that
@@ -68,4 +68,6 @@ class Calibration:
 
 def bias_of(layout: Layout) -> Array:
     """Tolerance of each channel's bias, (channels,)."""
-    return np.array([BIAS_FORCE if unit == "N" and layout.kind != "joints" else BIAS_TORQUE for unit in layout.units])
+    if layout.kind == "joints":
+        return np.full(len(layout.units), BIAS_JOINT)
+    return np.array([BIAS_FORCE if unit == "N" else BIAS_TORQUE for unit in layout.units])
