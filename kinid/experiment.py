@@ -121,10 +121,9 @@ class Experiment:
             return readings
         out = readings.copy()
         sections, settled, pieces = self._low_pass
-        for row in np.flatnonzero(readings.any(axis=1)):  # nothing stays nothing: most joint parameters move one channel
+        for row in out:
             for piece in pieces:
-                part = out[row : row + 1, piece]
-                zero_phase(sections, settled, part, 3 * (2 * len(sections) + 1), part)
+                zero_phase(sections, settled, row[piece])
         return out
 
     @cached_property

@@ -18,10 +18,10 @@ from kinid.fit import error_rows
 #: an addition that leaves the weighted error counts where the log's own falls by this share, calibration as it was stated, and
 #: evidence is beyond what calibration leaves
 LIGHTER, STRONG = 0.015, 100.0
-#: what calibration may be off by is told nevertheless where the log's own error falls by this share without it
-OPEN = 0.05
 #: and every addition must lower it by this share: means tell of less, but only of errors that nobody sees
 LIGHTEST = 0.003
+#: what calibration may be off by is told nevertheless where the log's own error falls by this share without it
+OPEN = 0.05
 #: of readings that are stairs, what leaves less than this share of the noise lacks nothing that they could show
 CALM = 0.5
 #: … and what matters lowers by this share what is left of them as they were read

@@ -156,11 +156,8 @@ class Problem:
             raw = (self.experiment.as_read(moved) - zero) * rounding.contradicted(
                 self._raw[rows], self.experiment.as_read(beside[rows]), steps[rows])  # fmt: skip
             moved = self.experiment.as_true(raw + zero)
-        begin, end, weight = self._kept
-        out = np.zeros_like(weight)
-        each = out if len(rows) == len(out) else np.empty((len(rows), out.shape[1]))
-        weighted_sums(self.experiment.in_band(moved), begin, end, weight[rows], each.reshape(-1))
-        out[rows] = each
+        out = np.zeros((len(self.sigma), int(self.valid.sum())))
+        out[rows] = self.stack(self.experiment.in_band(moved), rows).reshape(len(rows), -1)
         return out.reshape(-1)
 
     def changed(self, after: Array, before: Array, beside: Array, factor: float, out: Array) -> None:
@@ -205,9 +202,10 @@ class Problem:
             left = rounding.usual(np.where(wide > 0, single / wide, np.inf), np.broadcast_to(many, single.shape))
         return float(np.sqrt(np.mean(np.where(wide > 0, left, 1.0))))
 
-    def stack(self, readings: Array) -> Array:
-        """Averaged, weighted, channel after channel, valid groups only, (m,)."""
+    def stack(self, readings: Array, rows: NDArray[np.int64] | slice = slice(None)) -> Array:
+        """Averaged, weighted, channel after channel, valid groups only, (m,); of these channels, all if not told."""
         begin, end, weight = self._kept
+        weight = weight[rows]
         out = np.empty(weight.size)
         weighted_sums(np.ascontiguousarray(readings), begin, end, weight, out)
         return out

@@ -22,7 +22,7 @@ def lag(x: Array, dt: Array, tau: float, out: Array) -> None:
     """
     n = x.shape[1]
     g = h = f = 0.0  # steps to the sample before, to this one and to the next, 0 where there is none
-    kept = driven = between = before = after = 0.0
+    kept = between = before = after = 0.0
     for i in range(n):
         if i == 0 or dt[i] <= 0.0 or tau <= 0.0:
             for k in range(x.shape[0]):
@@ -33,38 +33,45 @@ def lag(x: Array, dt: Array, tau: float, out: Array) -> None:
         if abs(g_now - g) + abs(dt[i] - h) + abs(f_now - f) > ALIKE * dt[i]:
             g, h, f = g_now, dt[i], f_now
             kept = np.exp(-h / tau)
-            driven, one, two, three = _driven(h / tau)
-            # of the input's course from a to b: its ends, and its slopes there with the differences that they are made of
-            left, right = one - 2.0 * two + three, three - two
-            between = 3.0 * two - 2.0 * three
-            between += left * (g / (g + h) if g > 0.0 else 1.0) + right * (f / (f + h) if f > 0.0 else 1.0)
-            before = left * h * h / (g * (g + h)) if g > 0.0 else 0.0
-            after = right * h * h / (f * (f + h)) if f > 0.0 else 0.0
+            one, two, three = _driven(h / tau)
+            between, before, after = _differences(3.0 * two - 2.0 * three, one - 2.0 * two + three, three - two, g, h, f)
         first, last = i - 2 if g > 0.0 else i - 1, i + 1 if f > 0.0 else i
         for k in range(x.shape[0]):
             a, b = x[k, i - 1], x[k, i]
-            out[k, i] = kept * out[k, i - 1] + (
-                driven * a + between * (b - a) + before * (a - x[k, first]) + after * (x[k, last] - b))  # fmt: skip
+            out[k, i] = a + kept * (out[k, i - 1] - a) + (
+                between * (b - a) + before * (a - x[k, first]) + after * (x[k, last] - b))  # fmt: skip
 
 
 @njit(cache=True, nogil=True)
-def _driven(r: float) -> tuple[float, float, float, float]:
-    """What a low-pass makes of 1, u, u² and u³ over a step of r time constants, u from 0 to 1: ∫ r exp(−r (1 − u)) uᵏ du."""
+def _driven(r: float) -> tuple[float, float, float]:
+    """What a low-pass makes of u, u² and u³ over a step of r time constants, u from 0 to 1: ∫ r exp(−r (1 − u)) uᵏ du."""
     if r > 0.1:
-        zero = -np.expm1(-r)
-        one = 1.0 - zero / r
+        one = 1.0 + np.expm1(-r) / r
         two = 1.0 - 2.0 * one / r
-        return zero, one, two, 1.0 - 3.0 * two / r
-    zero = one = two = three = 0.0
+        return one, two, 1.0 - 3.0 * two / r
+    one = two = three = 0.0
     # a series where the differences would cancel: Σ (−1)ʲ rʲ⁺¹ k! / (k + j + 1)!
     term = r
     for j in range(9):
-        zero += term / (j + 1)
         one += term / ((j + 1) * (j + 2))
         two += 2.0 * term / ((j + 1) * (j + 2) * (j + 3))
         three += 6.0 * term / ((j + 1) * (j + 2) * (j + 3) * (j + 4))
         term *= -r / (j + 1)
-    return zero, one, two, three
+    return one, two, three
+
+
+@njit(cache=True, nogil=True)
+def _differences(step: float, left: float, right: float, g: float, h: float, f: float) -> tuple[float, float, float]:
+    """Of a course between two samples: what the differences between, before and behind them weigh, its slopes' shares included.
+
+    Args:
+        step, left, right: what the difference between the two weighs, and the slopes there, each times the time between.
+        g, h, f: time before, between and behind them [s]; g and f 0 where there is no sample.
+    """
+    between = step + left * (g / (g + h) if g > 0.0 else 1.0) + right * (f / (f + h) if f > 0.0 else 1.0)
+    before = left * h * h / (g * (g + h)) if g > 0.0 else 0.0
+    after = right * h * h / (f * (f + h)) if f > 0.0 else 0.0
+    return between, before, after
 
 
 @njit(cache=True, nogil=True)
@@ -96,22 +103,9 @@ def delay(x: Array, t: Array, dt: Array, late: float, out: Array) -> None:
                 j += 1
             h = t[j + 1] - t[j]
             u = (at - t[j]) / h
-            # what the differences to, between and behind the two neighbours weigh: the slopes' shares in them included
-            left, right = u * (1.0 - u) ** 2, u * u * (u - 1.0)
-            between, before, after = u * u * (3.0 - 2.0 * u), 0.0, 0.0
-            first, last = j, j + 1
-            if j > start:
-                g = t[j] - t[j - 1]
-                between += left * g / (g + h)
-                before, first = left * h * h / (g * (g + h)), j - 1
-            else:
-                between += left
-            if j + 2 < stop:
-                g = t[j + 2] - t[j + 1]
-                between += right * g / (g + h)
-                after, last = right * h * h / (g * (g + h)), j + 2
-            else:
-                between += right
+            first, last = max(j - 1, start), min(j + 2, stop - 1)
+            between, before, after = _differences(
+                u * u * (3.0 - 2.0 * u), u * (1.0 - u) ** 2, u * u * (u - 1.0), t[j] - t[first], h, t[last] - t[j + 1])
             for k in range(x.shape[0]):
                 a, b = x[k, j], x[k, j + 1]
                 out[k, i] = a + between * (b - a) + before * (a - x[k, first]) + after * (x[k, last] - b)

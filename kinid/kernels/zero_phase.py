@@ -9,27 +9,30 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+#: samples beyond each end: those of `scipy.signal.sosfiltfilt` for two sections
+BEYOND = 15
+
+
 @njit(cache=True, nogil=True)
-def zero_phase(sections: Array, settled: Array, x: Array, beyond: int, out: Array) -> None:
-    """Two second-order sections forwards, then backwards, over rows that go on beyond their ends, mirrored in them.
+def zero_phase(sections: Array, settled: Array, x: Array) -> None:
+    """Two second-order sections forwards, then backwards, over readings that go on beyond their ends, mirrored in them; in place.
 
     It does what `scipy.signal.sosfiltfilt` does (F. Gustafsson, IEEE Trans. Signal Process. 44(4), 1996), which would work out
     anew for each of many thousand short calls what the filter remembers of a step.
 
     Args:
         sections: b₀ b₁ b₂ 1 a₁ a₂ of two, (2, 6). settled: memory of each that has settled on a step of 1, (2, 2).
-        x: (k, n), n > `beyond`. beyond: so many samples at each end. out: (k, n); may be `x`.
+        x: (n,), n > `BEYOND`.
     """
-    n = x.shape[1]
-    row = np.empty(n + 2 * beyond)
-    for k in range(x.shape[0]):
-        for i in range(beyond):
-            row[i] = 2.0 * x[k, 0] - x[k, beyond - i]
-            row[beyond + n + i] = 2.0 * x[k, n - 1] - x[k, n - 2 - i]
-        row[beyond : beyond + n] = x[k]
-        _pass(sections, settled, row)
-        _pass(sections, settled, row[::-1])
-        out[k] = row[beyond : beyond + n]
+    n = x.shape[0]
+    row = np.empty(n + 2 * BEYOND)
+    for i in range(BEYOND):
+        row[i] = 2.0 * x[0] - x[BEYOND - i]
+        row[BEYOND + n + i] = 2.0 * x[n - 1] - x[n - 2 - i]
+    row[BEYOND : BEYOND + n] = x
+    _pass(sections, settled, row)
+    _pass(sections, settled, row[::-1])
+    x[:] = row[BEYOND : BEYOND + n]
 
 
 @njit(cache=True, nogil=True)

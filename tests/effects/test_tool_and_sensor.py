@@ -11,6 +11,7 @@ import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
@@ -386,10 +387,10 @@ def test_lag_is_a_first_order_filter_that_begins_in_balance() -> None:
         return 2.0 + np.sin(30.0 * at) * np.cos(7.0 * at)
 
     read = Model("hooke", "sensor-lag").predict(poked(t, force), {"hooke.stiffness": 1.0, "sensor-lag.time-constant": tau})
-    solved = solve_ivp(lambda at, y: (force(at) - y) / tau, (t[0], t[-1]), [force(t[0])], t_eval=t, rtol=1e-9, atol=1e-11,
-                       max_step=5e-4)  # fmt: skip
-    # what lies between samples 2 ms apart is known to (30 · 2e-3)³ / 48 of the amplitude
-    np.testing.assert_allclose(read[0], solved.y[0], rtol=0, atol=5e-6)
+    course = CubicHermiteSpline(t, force(t), np.gradient(force(t), t))
+    solved = solve_ivp(lambda at, y: (course(at) - y) / tau, (t[0], t[-1]), [force(t[0])], t_eval=t,
+                       rtol=1e-9, atol=1e-11, max_step=5e-4)  # fmt: skip
+    np.testing.assert_allclose(read[0], solved.y[0], rtol=0, atol=1e-6)  # of the integrator, at the corners of the slopes
 
 
 def test_lag_begins_anew_after_a_gap() -> None:
@@ -399,7 +400,7 @@ def test_lag_begins_anew_after_a_gap() -> None:
     dt[401] = 0.0
     values = {"hooke.stiffness": 1.0, "sensor-lag.time-constant": 0.5}
     read = Model("hooke", "sensor-lag").predict(dataclasses.replace(s, dt=dt), values)
-    np.testing.assert_allclose(read[0], s.depth, rtol=1e-13)  # the step falls into the gap, and both sides are in balance
+    np.testing.assert_array_equal(read[0], s.depth)  # the step falls into the gap, and both sides are in balance
 
 
 @pytest.mark.parametrize("late", [0.0137, -0.0093, 0.25])

@@ -15,5 +15,6 @@ def test_it_is_scipys(order: int, band: float, n: int) -> None:
     sections = butter(order, band, output="sos")
     x = np.random.default_rng(order).standard_normal((3, n)).cumsum(axis=1)
     wanted = sosfiltfilt(sections, x, axis=1)
-    zero_phase(sections, sosfilt_zi(sections), x, 3 * (2 * len(sections) + 1), x)
+    for row in x:
+        zero_phase(sections, sosfilt_zi(sections), row)
     np.testing.assert_allclose(x, wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
