@@ -157,7 +157,7 @@ class Problem:
                 self._raw[rows], self.experiment.as_read(beside[rows]), steps[rows])  # fmt: skip
             moved = self.experiment.as_true(raw + zero)
         out = np.zeros((len(self.sigma), int(self.valid.sum())))
-        out[rows] = self.stack(self.experiment.in_band(moved), rows).reshape(len(rows), -1)
+        out[rows] = self.stack(self.experiment.in_band(moved), rows).reshape(-1, out.shape[1])
         return out.reshape(-1)
 
     def changed(self, after: Array, before: Array, beside: Array, factor: float, out: Array) -> None:
