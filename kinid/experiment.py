@@ -121,9 +121,8 @@ class Experiment:
             return readings
         out = readings.copy()
         sections, settled, pieces = self._low_pass
-        for row in out:
-            for piece in pieces:
-                zero_phase(sections, settled, row[piece])
+        for piece in pieces:
+            zero_phase(sections, settled, out[:, piece])
         return out
 
     @cached_property

@@ -11,7 +11,7 @@ from kinid.diagnosis.calibration import BIAS_FORCE, BIAS_TORQUE, CLOCK, SURFACE
 from kinid.diagnosis.candidates import amplitudes, base_of
 from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.descent import State
-from kinid.diagnosis.look import Tried, worth
+from kinid.diagnosis.look import Evidence, Tried, weigh, worth
 from kinid.effects import Effect
 from kinid.fit import error_rows
 
@@ -20,8 +20,8 @@ from kinid.fit import error_rows
 LIGHTER, STRONG = 0.015, 100.0
 #: and every addition must lower it by this share: means tell of less, but only of errors that nobody sees
 LIGHTEST = 0.003
-#: what calibration may be off by is told nevertheless where the log's own error falls by this share without it
-OPEN = 0.05
+#: a bias beyond calibration's tolerance is told where the log's own error falls by this share without it
+BIAS, OPEN = "sensor-bias", 0.05
 #: of readings that are stairs, what leaves less than this share of the noise lacks nothing that they could show
 CALM = 0.5
 #: … and what matters lowers by this share what is left of them as they were read
@@ -54,9 +54,7 @@ def _matters(before: State, tried: Tried) -> bool:
         return False
     if tried.state.rms < (1.0 - worth(before)) * before.rms:
         return coarse or _shows(before, tried.state)
-    if tried.effect.id in TOLERATED:
-        return shown_error(tried.state) < (1.0 - OPEN) * shown_error(before)
-    if tried.evidence.value < STRONG:
+    if tried.effect.id in TOLERATED or tried.evidence.value < STRONG:
         return False
     return shown_error(tried.state) < (1.0 - LIGHTER) * shown_error(before)
 
@@ -95,6 +93,17 @@ def believed(before: State, tried: Sequence[Tried]) -> list[Tried]:
     return [t for t in good if t.evidence.value > doubt + DOUBTED]
 
 
+def as_stated(before: State, after: State, effect: Effect) -> Evidence | None:
+    """Evidence for a bias with calibration as it was stated, which free inside its tolerance takes most of what lies a little
+    beyond; None unless it is sure, lies beyond, and lowers the log's own error by `OPEN`, and for all that is no bias: surface
+    and clock act through the law, and would stand in for what it lacks.
+    """
+    if effect.id != BIAS or not _beyond(after, effect) or shown_error(after) >= (1.0 - OPEN) * shown_error(before):
+        return None
+    found = weigh(before.plain.light(), after.plain.light())
+    return found if found.sure else None
+
+
 def plausibility(state: State, effect: Effect) -> float:
     """How likely an effect is to have the size that was found, on the scale of evidence; for effects that fit alike.
 
@@ -126,16 +135,18 @@ def at_end(tried: Tried) -> bool:
 
 
 def material(tried: Tried) -> bool:
-    """Whether what was added is outside of what calibration is trusted to anyway.
+    """Whether what was added is outside of what calibration is trusted to anyway."""
+    return tried.effect.id not in TOLERATED or _beyond(tried.state, tried.effect)
 
-    Calibration, free inside its tolerance, takes a part of what the effect would: as it was stated, all is the effect's.
+
+def _beyond(state: State, effect: Effect) -> bool:
+    """Whether a quantity of calibration lies beyond its tolerance.
+
+    Calibration, free inside it, takes a part of what the effect would: as it was stated, all is the effect's.
     """
-    layout = tried.state.problem.experiment.layout
-    least = TOLERATED.get(tried.effect.id)
-    if least is None:
-        return True
-    own = np.array([name.split(".")[0] == tried.effect.id for name in tried.state.model.parameters(layout)])
-    units = np.array([p.unit for p in tried.effect.parameters(layout)])
+    layout = state.problem.experiment.layout
+    own = np.array([name.split(".")[0] == effect.id for name in state.model.parameters(layout)])
+    units = np.array([p.unit for p in effect.parameters(layout)])
     # of vectors the length counts: nothing is special about a sensor's axes
-    return any(float(np.linalg.norm(state.values[own][units == unit])) > size
-               for state in (tried.state, tried.state.plain.light()) for unit, size in least.items())  # fmt: skip
+    return any(float(np.linalg.norm(found.values[own][units == unit])) > size
+               for found in (state, state.plain.light()) for unit, size in TOLERATED[effect.id].items())  # fmt: skip

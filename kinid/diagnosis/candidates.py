@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from kinid import effects as catalogue
 from kinid.diagnosis.calibration import MOST_SHIFT
 from kinid.diagnosis.descent import LOOSE, State
+from kinid.diagnosis.together import together
 from kinid.effects import Effect, Layout, Signals
 from kinid.model import Model
 
@@ -153,18 +154,18 @@ def screen(state: State, effect: Effect) -> list[Candidate]:
     beside = state.standing(predicted)
     out: list[Candidate] = []
     for at, moving in tried(effect, problem.experiment.signals, amplitude):
-        steps = []
-        d = np.empty((len(state.residual), len(moving)), order="F")
-        for column, i in zip(d.T, moving):
-            values = at.copy()
-            values[[k for k in moving if k != i]] = [amplitude[k] for k in moving if k != i]
-            step = values[i] - amplitude[i]
-            if step == 0.0:
-                step = parameters[i].scale if values[i] + parameters[i].scale <= parameters[i].high else -parameters[i].scale
-                values[i] += step
+        null = np.array([amplitude[i] for i in moving])
+        steps = at[moving] - null
+        scale = np.array([parameters[i].scale for i in moving])
+        steps = np.where(steps != 0.0, steps, np.where(null + scale <= [parameters[i].high for i in moving], scale, -scale))
+        d = np.zeros((len(state.residual), len(moving)), order="F")
+        for group in together([(j, parameters[i].name) for j, i in enumerate(moving)], layout):
+            values, these = at.copy(), list(group.values())
+            values[moving] = null
+            values[[moving[j] for j in these]] += steps[these]
             full = np.insert(state.values, before, values)
-            problem.changed(problem.predict(larger, full, signals, state.course), predicted, beside, 1.0, column)
-            steps.append(step)
+            moved = problem.predict(larger, full, signals, state.course)
+            problem.changed_apart(moved, predicted, beside, group, np.ones(len(moving)), d)
         if not np.isfinite(d).all():
             continue
         dj = state.jacobian.T @ d
@@ -188,7 +189,7 @@ def screen(state: State, effect: Effect) -> list[Candidate]:
         if sum(c.gain > gain for c in out) < SEARCHED:
             # its own sensitivity to begin with, in scales of its parameters (nothing for shapes)
             own_columns = np.zeros((len(d), len(parameters)), np.float32)  # a first guess: half the memory is exact enough
-            own_columns[:, moving] = d * (np.array([parameters[i].scale for i in moving]) / np.array(steps))
+            own_columns[:, moving] = d * (np.array([parameters[i].scale for i in moving]) / steps)
         small = all(abs(step) <= parameters[i].scale for i, step in zip(moving, steps)) or not effect.grid.keys() & {
             parameters[i].name for i in amplitude}
         out.append(Candidate(effect, gain, len(parameters), np.insert(theta, before, start), shift, before, small, own_columns,

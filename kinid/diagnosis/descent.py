@@ -12,6 +12,7 @@ from kinid.course import Course
 from kinid.diagnosis.calibration import MOST_SHIFT
 from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.problem import Problem
+from kinid.diagnosis.together import together
 from kinid.effects import Signals
 from kinid.model import Model
 
@@ -238,16 +239,19 @@ def cost_of(problem: Problem, model: Model, values: Array, shift: Array) -> floa
 def settled(problem: Problem, model: Model, start: Array) -> Array:
     """The start with all that enters linearly at its best, weighted least squares inside the bounds, (p,)."""
     problem, out = problem.of_stairs, start.copy()  # inside of a converter's step nothing shows the way
-    parameters = list(model.parameters(problem.experiment.layout).values())
-    free = [i for i, p in enumerate(parameters) if p.linear]
+    layout = problem.experiment.layout
+    named = model.parameters(layout)
+    free = [i for i, p in enumerate(named.values()) if p.linear]
     if not free:
         return out
     here = model.course(problem.experiment.signals, start)
-    before, columns = here.reading, np.empty((len(problem.target), len(free)), order="F")
-    for column, i in zip(columns.T, free):
-        ahead, step = start.copy(), max(abs(parameters[i].nominal), parameters[i].scale)
-        ahead[i] += step
-        problem.changed(problem.predict(model, ahead, near=here), before, before, 1.0 / step, column)
+    before, columns = here.reading, np.zeros((len(problem.target), len(free)), order="F")
+    steps = np.array([max(abs(p.nominal), p.scale) for p in named.values() if p.linear])
+    names = list(named)
+    for group in together([(j, names[i]) for j, i in enumerate(free)], layout):
+        ahead, own = start.copy(), list(group.values())
+        ahead[[free[j] for j in own]] += steps[own]
+        problem.changed_apart(problem.predict(model, ahead, near=here), before, before, group, 1.0 / steps, columns)
     rest = problem.target - problem.expected(before)
     with np.errstate(all="ignore"):
         out[free] += np.linalg.lstsq(columns, rest)[0]
@@ -273,6 +277,8 @@ class _Descent:
         self.predicted = self.predict(self.x, shift)
         self.late = problem.calibration.late(self.predicted) if len(shift) else np.zeros(0)
         self.stacked, self.residual, self.cost = self.compared(self.predicted, shift)
+        names = model.parameters(problem.experiment.layout)
+        self.groups = together([(j, name) for j, name in enumerate(names) if self.moving[j]], problem.experiment.layout)
         # what acts through the law, and is to be learnt on the way; the rest of calibration only adds
         self.curved = len(self.x) + int(bool(len(shift)) and problem.calibration.surface)
 
@@ -405,13 +411,12 @@ class _Descent:
         if known is not None:
             out[:, :p] = known
         here = None if known is not None else self.model.course(calibration.signals(self.shift), self.x)
-        for j in np.flatnonzero(self.moving) if known is None else ():
-            h = 1e-2 * self.scale[j]
-            h = h if self.x[j] + h <= self.high[j] else -h
-            ahead = self.x.copy()
-            ahead[j] += h
+        step = 1e-2 * np.where(self.x + 1e-2 * self.scale <= self.high, self.scale, -self.scale)
+        for group in self.groups if known is None else ():
+            own, ahead = list(group.values()), self.x.copy()
+            ahead[own] += step[own]
             moved = self.predict(ahead, self.shift, here)
-            self.problem.changed(moved, self.predicted, beside, self.scale[j] / h, out[:, j])
+            self.problem.changed_apart(moved, self.predicted, beside, group, self.scale / step, out)
         if not len(self.shift):
             return out
         if calibration.surface:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid import effects
 from kinid.diagnosis.candidates import NEAR, SEARCHED, Candidate, able, screen
 from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.descent import State, bounds, cost_of, fit
@@ -57,6 +58,8 @@ APART = 0.2
 #: an effect that promises less than this share of what a better one has brought has never come first; nor one that promises less
 #: than the second share, where more is left than so many times the noise and the linear view sees little
 FAR_BEHIND, LOUDEST, FARTHEST_BEHIND = 0.33, 10.0, 0.05
+#: … nor one that is often mistaken for the better one, and promises less than this
+BEHIND_ITS_LIKE = 0.2
 #: another start of an effect is tried where the first one brought this share of what the best effect did
 CONTENDING = 0.5
 #: effects that are refitted before what they brought decides about those behind them
@@ -124,14 +127,14 @@ class Round:
         return [points[0] for points in sorted(self.points.values(), key=_promise)]
 
 
-def look(state: State, *, most: int = REFITTED, spare: Sequence[str] = (), known: Round | None = None, goal: float = np.inf
-         ) -> Round:  # fmt: skip
+def look(state: State, *, most: int = REFITTED, spare: Sequence[str] = (), known: Round | None = None, goal: float = np.inf,
+         like: str = "") -> Round:  # fmt: skip
     """Screen the catalogue and refit the best.
 
     Args:
         state: the model as it is. most: how many to refit. spare: names to leave out.
         known: what earlier looks from the same state found, which is taken over.
-        goal: cost of a model that is there: what can't come down to it is not pursued.
+        goal: cost of a model that is there: what can't come down to it is not pursued. like: name of the effect that it has.
     """
     done = {t.effect.id: t for t in known.tried} if known else {}
     layout = state.problem.experiment.layout
@@ -144,7 +147,7 @@ def look(state: State, *, most: int = REFITTED, spare: Sequence[str] = (), known
     worth = [c for c in ranked if c.gain >= _promising(state)]
     known_ones = [done[c.effect.id] for c in worth if c.effect.id in done]
     goal = min([goal, *(t.state.cost for t in known_ones)])
-    fresh = _refitted(state, [starts[c.effect.id] for c in worth if c.effect.id not in done], goal)
+    fresh = _refitted(state, [starts[c.effect.id] for c in worth if c.effect.id not in done], goal, like)
     rival = min([goal, *(t.state.cost for t in fresh)])
     tried = known_ones + side_by_side(lambda t: pursue(state, t, rival), fresh)
     tried.sort(key=lambda t: -t.evidence.value)
@@ -182,18 +185,22 @@ def _promising(state: State) -> float:
     return float(np.clip(0.1 * needed, ENOUGH / 2, HOPEFUL))
 
 
-def _refitted(state: State, starts: Sequence[Sequence[Candidate]], goal: float) -> list[Tried]:
+def _refitted(state: State, starts: Sequence[Sequence[Candidate]], goal: float, like: str) -> list[Tried]:
     """Effects refitted from their points, the most promising effect and the best point first, beside another of cost `goal`.
 
     Those that promise far less than others have brought are passed over; so are further points of those that brought far less.
     """
     share = FAR_BEHIND if state.rms < LOUDEST else FARTHEST_BEHIND
+    of_its_like = min(share, BEHIND_ITS_LIKE)
     most = max(0.0, state.cost - goal)
     found: list[Tried] = []
     for begin in range(0, len(starts), ABREAST):
-        hopeful = [points[0] for points in starts[begin : begin + ABREAST] if points[0].gain >= share * most]
-        found += side_by_side(lambda point: attempt(state, point.effect, point), hopeful)
-        most = max([most, *(state.cost - t.state.cost for t in found)])
+        hopeful = [points[0] for points in starts[begin : begin + ABREAST]
+                   if points[0].gain >= (of_its_like if _mistaken(points[0].effect, like) else share) * most]  # fmt: skip
+        for tried in side_by_side(lambda point: attempt(state, point.effect, point), hopeful):
+            found.append(tried)
+            if state.cost - tried.state.cost > most:
+                most, like = state.cost - tried.state.cost, tried.effect.id
     of = {points[0].effect.id: points for points in starts}
     again = [point for t in found if state.cost - t.state.cost >= CONTENDING * most
              for point in worth_searching(state, of[t.effect.id])[1:] if point.gain >= share * most]  # fmt: skip
@@ -201,6 +208,11 @@ def _refitted(state: State, starts: Sequence[Sequence[Candidate]], goal: float) 
     for other in side_by_side(lambda point: attempt(state, point.effect, point), again):
         best[other.effect.id] = min(best[other.effect.id], other, key=lambda t: t.state.cost)
     return list(best.values())
+
+
+def _mistaken(effect: Effect, name: str) -> bool:
+    """Whether the catalogue says that an effect is mistaken for one of this name, or that one for it."""
+    return name in effect.confusions or (bool(name) and effect.id in effects.get(name).confusions)
 
 
 def worth_searching(state: State, points: Sequence[Candidate]) -> list[Candidate]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -15,6 +16,7 @@ from kinid.course import Course
 from kinid.diagnosis import rounding
 from kinid.diagnosis.calibration import Calibration
 from kinid.diagnosis.noise import period_of, spread
+from kinid.diagnosis.together import ALL
 from kinid.effects import Signals
 from kinid.experiment import Experiment
 from kinid.kernels.averages import weighted_changes, weighted_sums
@@ -159,6 +161,23 @@ class Problem:
         out = np.zeros((len(self.sigma), int(self.valid.sum())))
         out[rows] = self.stack(self.experiment.in_band(moved), rows).reshape(-1, out.shape[1])
         return out.reshape(-1)
+
+    def changed_apart(self, after: Array, before: Array, beside: Array, group: Mapping[int, int], factors: Array, out: Array
+                      ) -> None:  # fmt: skip
+        """`changed` for parameters that were moved together: what each did is the change of its own channel.
+
+        Args:
+            group: of each, channel → column of `out`. factors: of columns. out: (m, columns), zero.
+        """
+        if ALL in group:
+            j = group[ALL]
+            return self.changed(after, before, beside, float(factors[j]), out[:, j])
+        change = self.change(after - before, beside)
+        many = len(change) // len(after)
+        for channel, j in group.items():
+            own = slice(channel * many, (channel + 1) * many)
+            out[own, j] = factors[j] * change[own]
+        return None
 
     def changed(self, after: Array, before: Array, beside: Array, factor: float, out: Array) -> None:
         """A factor times `change` by what lies between two predictions, into `out`, (m,)."""

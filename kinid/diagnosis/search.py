@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid import effects
-from kinid.diagnosis.belief import accepted, at_end, believed, plausibility, shown_error
+from kinid.diagnosis.belief import BIAS, accepted, as_stated, at_end, believed, plausibility, shown_error
 from kinid.diagnosis.candidates import amplitudes, base_of, screen
 from kinid.diagnosis.descent import State, fit, settled
 from kinid.diagnosis.look import (
@@ -43,6 +44,9 @@ ALIKE, ALIKE_SE = 25.0, 2.0
 BETTER = 12.0
 #: … but never when they lack this share of what the addition brought
 CLOSE = 0.15
+#: … they are told beside what was found within so many of them; or within this share of what it brought, up to so much evidence:
+#: no law has quite the catalogue's form
+HARDLY_SE, FORM, FORMS = 3.0, 0.03, 150.0
 #: a rival that alone would not be believed is one nevertheless with this share of what the addition brought
 HALF = 0.5
 #: another start's fit is another one where its cost is so much less
@@ -51,6 +55,8 @@ LOWER = 0.98
 NEAR_NOISE = 1.3
 #: what promises more, after the last effect that may be added, was left out
 WANTED = 10 * ENOUGH
+#: calibration that was left so many tolerances away may be further off than it can go
+AT_ENDS = 1.5
 #: rounds beyond the number of effects that may be added
 EXTRA_ROUNDS = 2
 
@@ -100,6 +106,7 @@ def search(start: State, *, most: int = 4, forced: Sequence[str] = (), spare: Se
         good = believed(states[-1], seen.tried)
         if len(added) >= SEVERAL and states[-1].rms > LOUD:
             good = [t for t in good if t.state.rms < (1.0 - CRUMB) * states[-1].rms]
+        good = good or _biased(seen)
         steps = [_simplest(good)] if good else _together(seen, spare, met) if len(added) + 2 <= most else []
         if not steps:
             break
@@ -131,6 +138,16 @@ def _simplest(good: Sequence[Tried]) -> Tried:
     return min(alike, key=lambda t: (len(t.state.values), -t.evidence.value))
 
 
+def _biased(found: Round) -> list[Tried]:
+    """A bias beyond its tolerance, most of which calibration took."""
+    before, bias = found.before, effects.get(BIAS)
+    if bias.id not in found.points or float(np.linalg.norm(before.shift)) < AT_ENDS:
+        return []
+    tried = next((t for t in found.tried if t.effect is bias), None) or attempt(before, bias, screen(before, bias)[0])
+    evidence = as_stated(before, tried.state, bias)
+    return [dataclasses.replace(tried, evidence=evidence)] if evidence else []
+
+
 def _together(found: Round, spare: Sequence[str], met: _Met) -> list[Tried]:
     """Two effects that explain together what neither does alone, where much is left: from those that alone leave least.
 
@@ -139,9 +156,10 @@ def _together(found: Round, spare: Sequence[str], met: _Met) -> list[Tried]:
     before = found.before
     if before.rms < LOUD:
         return []
+    goal = FAR_LESS**2 * before.cost  # what two must come down to
     alone = sorted((t for t in found.tried if t.state.rms < before.rms), key=lambda t: t.state.rms)[:PAIRED]
     pairs = [(one, other, weigh(before, other.state)) for one in alone
-             for other in met.look(one.state, spare=spare, most=DEFENDED).tried if not at_end(other)]  # fmt: skip
+             for other in met.look(one.state, spare=spare, most=DEFENDED, goal=goal).tried if not at_end(other)]  # fmt: skip
     far = [[one, other] for one, other, evidence in pairs if evidence.sure and evidence.left < FAR_LESS]
     return min(far, key=lambda pair: pair[1].state.rms, default=[])
 
@@ -166,10 +184,11 @@ class _Met:
         """Of the model of these effects; None where the search didn't come by it."""
         return self._best.get(frozenset(names))
 
-    def look(self, state: State, *, most: int = REFITTED, spare: Sequence[str] = (), goal: float = np.inf) -> Round:
+    def look(self, state: State, *, most: int = REFITTED, spare: Sequence[str] = (), goal: float = np.inf,
+             like: str = "") -> Round:
         """A look that does nothing twice."""
         known = self._seen.get(state)
-        found = look(state, most=most, spare=spare, known=known, goal=goal)
+        found = look(state, most=most, spare=spare, known=known, goal=goal, like=like)
         self.note([t.state for t in found.tried])
         tried = {t.effect.id: t for t in (*(known.tried if known else ()), *found.tried)}
         self._seen[state] = Round(state, {**(known.points if known else {}), **found.points}, tuple(tried.values()))
@@ -220,12 +239,12 @@ def _defend(first: State, state: State, added: list[str], forced: Sequence[str],
         if name not in added:
             continue
         less = met.without(state, name)
-        if _vanished(state, name) or not weigh(less, state).sure:
+        mine = weigh(less, state)
+        if _vanished(state, name) or not (mine.sure or as_stated(less, state, effects.get(name))):
             added = [n for n in added if n in less.model]
             state = less
             continue
         others = met.look(less, spare=[*spare, name], most=DEFENDED, goal=state.cost)
-        mine = weigh(less, state)
         better = [t for t in others.tried if _displaces(t, state, mine) and accepted(less, t)]
         if better:
             state = better[0].state
@@ -261,13 +280,14 @@ def _rivals(state: State, added: Sequence[str], forced: Sequence[str], spare: Se
     evidence, named = {}, list(added)
     for place, name in enumerate(added):
         less = met.without(state, name)
-        others = met.look(less, spare=[*spare, name], goal=state.cost)
+        others = met.look(less, spare=[*spare, name], goal=state.cost, like=name)
         mine = weigh(less, state)
-        alike = [t for t in others.tried if t.effect.id != name and _alike(t, state, mine)]
+        mine = mine if mine.sure else as_stated(less, state, effects.get(name)) or mine
+        near = [t for t in others.tried if t.effect.id != name and _hardly_apart(t, state, mine)]
         if name in forced and not mine.sure:
-            alike = []  # all that does more than nothing would be as good
-        ids = [t.effect.id for t in alike]
-        better = None if name in forced else _more_plausible(state, name, alike)
+            near = []  # all that does more than nothing would be as good
+        ids = [t.effect.id for t in near]
+        better = None if name in forced else _more_plausible(state, name, [t for t in near if _alike(t, state, mine)])
         if better is not None:
             ids[ids.index(better.effect.id)] = name
             named[place], state, mine = better.effect.id, better.state, better.evidence
@@ -286,13 +306,18 @@ def _more_plausible(state: State, name: str, alike: Sequence[Tried]) -> Tried | 
     return best if gain > 0.0 else None
 
 
-def _alike(rival: Tried, state: State, mine: Evidence) -> bool:
-    """Whether a rival fits as well: within what chance moves, not by many more parameters, and without far more left."""
+def _alike(rival: Tried, state: State, mine: Evidence, errors: float = ALIKE_SE, least: float = ALIKE) -> bool:
+    """Whether a rival fits as well: within so many standard errors, or so much evidence, and without far more left."""
     difference = weigh(rival.state, state)
-    close = max(ALIKE, min(ALIKE_SE * difference.error, CLOSE * mine.value))
+    close = max(least, min(errors * difference.error, CLOSE * mine.value))
     # a few blocks may tell two apart that one alone isn't sure of
     stands = rival.evidence.sure or rival.evidence.value > max(ENOUGH, HALF * mine.value)
     return bool(difference.value < close and stands and difference.left > FAR_LESS)
+
+
+def _hardly_apart(rival: Tried, state: State, mine: Evidence) -> bool:
+    """Whether a rival fits nearly as well: its law may be the true one, in another form than the catalogue's."""
+    return _alike(rival, state, mine, HARDLY_SE, max(ALIKE, min(FORM * mine.value, FORMS)))
 
 
 def _ladder(first: State, last: State, added: Sequence[str], met: _Met) -> tuple[list[State], list[str]]:

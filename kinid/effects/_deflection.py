@@ -26,7 +26,7 @@ PATIENT, TORN, LOST = 5, 0.7, 0.02
 LEAST = 1e-12
 #: what is less than this share of the greatest force is no step any more; beside an agreement that is known, what is less than
 #: this share of the first step, all samples together: of the difference between the two
-SETTLED, NEARBY = 1e-10, 1e-4
+SETTLED, NEARBY = 1e-10, 3e-5
 
 
 def press_through(s: Signals, compliance: float, press: Callable[[Signals], None]) -> None:
@@ -47,7 +47,7 @@ def press_through(s: Signals, compliance: float, press: Callable[[Signals], None
     before, pace = np.zeros(len(s)), 1.0
     first, last, stale, age, aged, grew = 0.0, np.inf, near is None, 0, AGED, 0
     for count in range(MOST_STEPS):
-        if search.look(stale, pace > SLOW):
+        if search.look(stale, pace > SLOW and (near is None or count > 1)):
             age, aged = 0, 2 * aged
         change = search.step()
         if count > PATIENT and pace > 0.5:
@@ -63,7 +63,7 @@ def press_through(s: Signals, compliance: float, press: Callable[[Signals], None
         if beside or grew == GROWING or pace * moved <= SETTLED * float(np.abs(search.force).max(initial=0.0)):
             break
         age += 1
-        stale, last = pace > SLOW and age >= aged, moved
+        stale, last = last < np.inf and pace > SLOW and age >= aged, moved
     s.agreed = search.agree()
     # what friction needs of depth is where it begins: most searches agree on that, and the arm's own is the same for all
     s.touch = depth if np.array_equal(s.depth > 0.0, depth > 0.0) else s.depth

@@ -18,35 +18,41 @@ def zero_phase(sections: Array, settled: Array, x: Array) -> None:
     """Two second-order sections forwards, then backwards, over readings that go on beyond their ends, mirrored in them; in place.
 
     It does what `scipy.signal.sosfiltfilt` does (F. Gustafsson, IEEE Trans. Signal Process. 44(4), 1996), which would work out
-    anew for each of many thousand short calls what the filter remembers of a step.
+    anew for each of many thousand short calls what the filter remembers of a step. A filter waits for its own last result; two
+    rows that are filtered side by side wait together.
 
     Args:
         sections: b₀ b₁ b₂ 1 a₁ a₂ of two, (2, 6). settled: memory of each that has settled on a step of 1, (2, 2).
-        x: (n,), n > `BEYOND`.
+        x: (rows, n), n > `BEYOND`.
     """
-    n = x.shape[0]
-    row = np.empty(n + 2 * BEYOND)
-    for i in range(BEYOND):
-        row[i] = 2.0 * x[0] - x[BEYOND - i]
-        row[BEYOND + n + i] = 2.0 * x[n - 1] - x[n - 2 - i]
-    row[BEYOND : BEYOND + n] = x
-    _pass(sections, settled, row)
-    _pass(sections, settled, row[::-1])
-    x[:] = row[BEYOND : BEYOND + n]
+    rows, n = x.shape
+    padded = np.empty((2, n + 2 * BEYOND))
+    for first in range(0, rows, 2):
+        two = x[first : first + 2]
+        for k in range(2):
+            row = two[min(k, two.shape[0] - 1)]  # a last one without a second is filtered twice
+            for i in range(BEYOND):
+                padded[k, i] = 2.0 * row[0] - row[BEYOND - i]
+                padded[k, BEYOND + n + i] = 2.0 * row[n - 1] - row[n - 2 - i]
+            padded[k, BEYOND : BEYOND + n] = row
+        _pass(sections, settled, padded[0], padded[1])
+        _pass(sections, settled, padded[0, ::-1], padded[1, ::-1])
+        two[:] = padded[: two.shape[0], BEYOND : BEYOND + n]
 
 
 @njit(cache=True, nogil=True)
-def _pass(sections: Array, settled: Array, row: Array) -> None:
-    """Both sections over a row (m,), in place; what they remember stays in registers."""
+def _pass(sections: Array, settled: Array, row: Array, other: Array) -> None:
+    """Both sections over two rows (m,), in place; what they remember stays in registers."""
     a0, a1, a2, a3, a4 = sections[0, 0], sections[0, 1], sections[0, 2], sections[0, 4], sections[0, 5]
     b0, b1, b2, b3, b4 = sections[1, 0], sections[1, 1], sections[1, 2], sections[1, 4], sections[1, 5]
-    p, q, r, s = settled[0, 0] * row[0], settled[0, 1] * row[0], settled[1, 0] * row[0], settled[1, 1] * row[0]
+    p0, q0, r0, s0 = settled[0, 0] * row[0], settled[0, 1] * row[0], settled[1, 0] * row[0], settled[1, 1] * row[0]
+    p1, q1, r1, s1 = settled[0, 0] * other[0], settled[0, 1] * other[0], settled[1, 0] * other[0], settled[1, 1] * other[0]
     for i in range(row.shape[0]):
-        x = row[i]
-        y = a0 * x + p
-        p = a1 * x - a3 * y + q
-        q = a2 * x - a4 * y
-        z = b0 * y + r
-        r = b1 * y - b3 * z + s
-        s = b2 * y - b4 * z
-        row[i] = z
+        x0, x1 = row[i], other[i]
+        y0, y1 = a0 * x0 + p0, a0 * x1 + p1
+        p0, p1 = a1 * x0 + q0 - a3 * y0, a1 * x1 + q1 - a3 * y1
+        q0, q1 = a2 * x0 - a4 * y0, a2 * x1 - a4 * y1
+        z0, z1 = b0 * y0 + r0, b0 * y1 + r1
+        r0, r1 = b1 * y0 + s0 - b3 * z0, b1 * y1 + s1 - b3 * z1
+        s0, s1 = b2 * y0 - b4 * z0, b2 * y1 - b4 * z1
+        row[i], other[i] = z0, z1
