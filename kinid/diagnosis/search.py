@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 #: after several additions, while the error is so many times the noise, what takes off less than this share only stands in for
 #: something that the catalogue lacks
-SEVERAL, LOUD, CRUMB = 2, 2.0, 0.04
+SEVERAL, LOUD, CRUMB = 2, 2.0, 0.1
 #: where no effect helps alone and the error is as loud, so many are tried with a second one
 PAIRED = 3
 #: rivals within so much evidence, or so many standard errors of the difference, fit as well: where contact begins decides what
@@ -88,7 +88,7 @@ def search(start: State, *, most: int = 4, forced: Sequence[str] = (), spare: Se
         start: the model as the user has it, fitted. most: effects to add. forced: names to add first, whatever the evidence.
         spare: names that are out of the question. progress: told what is being done.
     """
-    states, rounds, added = [start], [], []
+    states, rounds, added, paired = [start], [], [], False
     met = _Met([start])
     for name in forced:
         progress(f"adding {name}")
@@ -107,9 +107,10 @@ def search(start: State, *, most: int = 4, forced: Sequence[str] = (), spare: Se
         if len(added) >= SEVERAL and states[-1].rms > LOUD:
             good = [t for t in good if t.state.rms < (1.0 - CRUMB) * states[-1].rms]
         good = good or _biased(seen)
-        steps = [_simplest(good)] if good else _together(seen, spare, met) if len(added) + 2 <= most else []
+        steps = [_simplest(good)] if good else _together(seen, spare, met) if not paired and len(added) + 2 <= most else []
         if not steps:
             break
+        paired = paired or len(steps) > 1
         states.append(steps[-1].state)
         added += [step.effect.id for step in steps]
         progress(f"defending {', '.join(added)}")

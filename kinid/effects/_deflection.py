@@ -9,8 +9,9 @@ import numpy as np
 from kinid.effects._signals import Agreement, Array, Recall, Signals
 from kinid.kernels.recall import forwards, remembered
 
-#: steps after which a search that goes on is left as it is; a power law takes five, laws with a long memory some twenty
-MOST_STEPS = 30
+#: steps after which a search that goes on is left as it is; a power law takes five, laws with a long memory some twenty, and three
+#: beside an agreement that is known
+MOST_STEPS, MOST_BESIDE = 30, 10
 #: … and after so many that each were greater than the one before: damping that gives energy has no such force
 GROWING = 4
 #: a bond that tears lets go of the arm where it gives way faster than the arm follows: to this share of that, slopes are believed
@@ -46,7 +47,7 @@ def press_through(s: Signals, compliance: float, press: Callable[[Signals], None
     depth, near, search = s.depth, s.agreed, _Newton(s, compliance, press)
     before, pace = np.zeros(len(s)), 1.0
     first, last, stale, age, aged, grew = 0.0, np.inf, near is None, 0, AGED, 0
-    for count in range(MOST_STEPS):
+    for count in range(MOST_STEPS if near is None else MOST_BESIDE):
         if search.look(stale, pace > SLOW and (near is None or count > 1)):
             age, aged = 0, 2 * aged
         change = search.step()
