@@ -140,9 +140,10 @@ def _simplest(good: Sequence[Tried]) -> Tried:
 
 
 def _biased(found: Round) -> list[Tried]:
-    """A bias beyond its tolerance, most of which calibration took."""
+    """A bias beyond its tolerance, most of which calibration took: next to nothing is left then."""
     before, bias = found.before, effects.get(BIAS)
-    if bias.id not in found.points or float(np.linalg.norm(before.shift)) < AT_ENDS:
+    left = before.cost > NEAR_NOISE * len(before.residual)
+    if left or bias.id not in found.points or float(np.linalg.norm(before.shift)) < AT_ENDS:
         return []
     tried = next((t for t in found.tried if t.effect is bias), None) or attempt(before, bias, screen(before, bias)[0])
     evidence = as_stated(before, tried.state, bias)

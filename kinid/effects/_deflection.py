@@ -9,8 +9,8 @@ import numpy as np
 from kinid.effects._signals import Agreement, Array, Recall, Signals
 from kinid.kernels.recall import forwards, remembered
 
-#: steps after which a search that goes on is left as it is; a power law takes five, laws with a long memory some twenty, and three
-#: beside an agreement that is known
+#: steps after which a search that goes on is left as it is; a power law takes five, laws with a long memory some twenty, and
+#: beside an agreement that is known three do
 MOST_STEPS, MOST_BESIDE = 30, 10
 #: … and after so many that each were greater than the one before: damping that gives energy has no such force
 GROWING = 4
