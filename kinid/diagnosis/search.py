@@ -106,7 +106,7 @@ def search(start: State, *, most: int = 4, forced: Sequence[str] = (), spare: Se
         good = believed(states[-1], seen.tried)
         if len(added) >= SEVERAL and states[-1].rms > LOUD:
             good = [t for t in good if t.state.rms < (1.0 - CRUMB) * states[-1].rms]
-        good = good or _biased(seen)
+        good = good or ([] if added else _biased(seen))  # what a law of another form leaves may look like one
         steps = [_simplest(good)] if good else _together(seen, spare, met) if not paired and len(added) + 2 <= most else []
         if not steps:
             break
