@@ -7,13 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.diagnosis.calibration import BIAS_FORCE, BIAS_TORQUE, CLOCK, SURFACE
+from kinid.diagnosis.calibration import BIAS_FORCE, BIAS_TORQUE, CLOCK, SURFACE, bias_of
 from kinid.diagnosis.candidates import amplitudes, base_of
 from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.descent import State
 from kinid.diagnosis.look import Evidence, Tried, weigh, worth
-from kinid.effects import Effect
-from kinid.fit import error_rows
+from kinid.diagnosis.problem import Problem
+from kinid.effects import Effect, Layout
+from kinid.fit import error_rows, error_unit
 
 #: an addition that leaves the weighted error counts where the log's own falls by this share, calibration as it was stated, and
 #: evidence is beyond what calibration leaves
@@ -72,12 +73,15 @@ def shown_error(state: State, rows: NDArray[np.bool_] | None = None, *, exact: b
         rows: channels that count, (channels,); those that users' errors are of, if None.
         exact: fit each half, as the errors that users see do.
     """
-    problem = state.problem
-    if rows is None:
-        rows = error_rows(problem.experiment)
-    sigma = problem.sigma[rows][:, problem.valid]
+    rows = error_rows(state.problem.experiment) if rows is None else rows
     plain = state.plain.light()
-    held = (plain.apart if exact else plain.held).reshape(len(rows), -1)[rows]
+    return _in_units(state.problem, rows, plain.apart if exact else plain.held)
+
+
+def _in_units(problem: Problem, rows: NDArray[np.bool_], residual: NDArray[np.float64]) -> float:
+    """Root mean square of these channels of a residual (m,), noise of single samples and rounding included."""
+    sigma = problem.sigma[rows][:, problem.valid]
+    held = residual.reshape(len(rows), -1)[rows]
     thinned = max(1.0, float(np.median(np.diff(problem.experiment.rows)))) if len(problem.experiment.rows) > 1 else 1.0
     averaged = np.mean(problem.experiment.noise[rows] ** 2) * (thinned - np.mean(1.0 / problem.count[problem.valid]))
     rounded = np.mean(problem.stairs[rows] ** 2) / 12.0
@@ -102,6 +106,28 @@ def as_stated(before: State, after: State, effect: Effect) -> Evidence | None:
         return None
     found = weigh(before.plain.light(), after.plain.light())
     return found if found.sure else None
+
+
+def told_of_calibration(state: State) -> str:
+    """What calibration seems to be off by, inside its tolerance, in words; "" unless the log's own error tells of it."""
+    problem, stated = state.problem, shown_error(state)
+    free = _in_units(problem, error_rows(problem.experiment), state.held)
+    if not len(state.shift) or free >= (1.0 - OPEN) * stated:
+        return ""
+    layout, calibration = problem.experiment.layout, problem.calibration
+    sizes = ([("the surface", SURFACE, "m")] if calibration.surface else []) + [("the clock", CLOCK, "s")]
+    sizes += [(f"bias of {name}", size, unit) for name, size, unit in zip(layout.channels, bias_of(layout), layout.units)]
+    most = int(np.argmax(np.abs(state.shift)))
+    what, size, unit = sizes[most]
+    by = f"{what}, by about {state.shift[most] * size:.2g} {unit}"
+    return (f"calibration that is off inside its tolerance (most: {by}) would lower the held-out error from {stated:.2g} to "
+            f"{free:.2g} {error_unit(problem.experiment)}: kinid compare counts that, the diagnosis doesn't")  # fmt: skip
+
+
+def trusted_to(effect: Effect, layout: Layout) -> str:
+    """How far calibration is trusted in what an effect says, in words; "" where it is no effect of calibration."""
+    units = {p.unit for p in effect.parameters(layout)}
+    return " and ".join(f"{size:.2g} {unit}" for unit, size in TOLERATED.get(effect.id, {}).items() if unit in units)
 
 
 def plausibility(state: State, effect: Effect) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid import effects
+from kinid.diagnosis.belief import told_of_calibration, trusted_to
 from kinid.diagnosis.candidates import base_of
 from kinid.diagnosis.descent import State
 from kinid.diagnosis.detectors import Cleaned, Mark
@@ -136,7 +137,9 @@ class Found:
         else:
             verdict, says = ADEQUATE, opinion.says
         if idle:
-            says += f"; {' and '.join(idle)}, added because it was asked for, brings nothing that chance wouldn't"
+            trusted = all(trusted_to(effects.get(name), self.whole.layout) for name in idle)
+            brings = "lies inside what calibration is trusted to" if trusted else "brings nothing that chance wouldn't"
+            says += f"; {' and '.join(idle)}, added because it was asked for, {brings}"
         warnings = self._warnings()
         if verdict == ADEQUATE and steps[-1].held_out > OPENLY * floor:
             times = steps[-1].held_out / floor
@@ -227,6 +230,7 @@ class Found:
             every = map(effects.get, effects.catalogue())
             laws = ", ".join(effect.id for effect in every if effect.base and "normal" in effect.needs)
             out.append(f"the log holds contact, and the model has no contact law: ask about one of {laws}")
+        out += filter(None, [told_of_calibration(last)])
         if not self.search.states[-1].converged:
             out.append("the last search stopped before it converged: its parameters may be off")
         usable = self.whole.valid if self.whole.touch is None else self.whole.touch.valid

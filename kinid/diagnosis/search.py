@@ -45,8 +45,8 @@ BETTER = 12.0
 #: … but never when they lack this share of what the addition brought
 CLOSE = 0.15
 #: … they are told beside what was found within so many of them; or within this share of what it brought, up to so much evidence:
-#: no law has quite the catalogue's form
-HARDLY_SE, FORM, FORMS = 3.0, 0.03, 150.0
+#: no law has quite the catalogue's form; or, of what brought nearly as much, where the log's own error is the same to this share
+HARDLY_SE, FORM, FORMS, SAME = 3.0, 0.03, 150.0, 0.01
 #: a rival that alone would not be believed is one nevertheless with this share of what the addition brought
 HALF = 0.5
 #: another start's fit is another one where its cost is so much less
@@ -319,7 +319,10 @@ def _alike(rival: Tried, state: State, mine: Evidence, errors: float = ALIKE_SE,
 
 def _hardly_apart(rival: Tried, state: State, mine: Evidence) -> bool:
     """Whether a rival fits nearly as well: its law may be the true one, in another form than the catalogue's."""
-    return _alike(rival, state, mine, HARDLY_SE, max(ALIKE, min(FORM * mine.value, FORMS)))
+    if _alike(rival, state, mine, HARDLY_SE, max(ALIKE, min(FORM * mine.value, FORMS))):
+        return True
+    near = _alike(rival, state, mine, np.inf, ALIKE)
+    return near and shown_error(rival.state) < (1.0 + SAME) * shown_error(state)
 
 
 def _ladder(first: State, last: State, added: Sequence[str], met: _Met) -> tuple[list[State], list[str]]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid import effects
+from kinid.diagnosis.belief import trusted_to
 from kinid.diagnosis.candidates import Candidate, able, amplitudes, base_of, screen
 from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.descent import State
@@ -15,6 +16,7 @@ from kinid.diagnosis.detectors import Mark
 from kinid.diagnosis.look import ENOUGH, NEARER, Tried
 from kinid.diagnosis.result import ABSENT, INDISTINGUISHABLE, NOT_EXCITED, PRESENT, EffectVerdict
 from kinid.diagnosis.search import WANTED, Search
+from kinid.diagnosis.unexplained import OTHER_FORM
 from kinid.effects import Effect
 from kinid.fit import FittedParameter
 from kinid.parameter import Parameter
@@ -65,8 +67,8 @@ def verdicts(
     known = {v.id for v in out}
     # what an effect would have brought to an earlier model says nothing of the last one
     latest = {t.effect.id: t for look in search.rounds if look.before is last for t in look.tried}
-    inflation = _inflation(last)
-    others_able = [(effect, why) for effect, why in able(last.model, last.problem.experiment.layout) if effect.id not in known]
+    inflation, layout = _inflation(last), last.problem.experiment.layout
+    others_able = [(effect, why) for effect, why in able(last.model, layout) if effect.id not in known]
     attempts = {effect.id: tried.get(effect.id) if effect.id in rivals_of else latest.get(effect.id) for effect, _ in others_able}
     refitted = dict(zip(attempts, side_by_side(_fitted, list(attempts.values()))))
     for effect, why in others_able:
@@ -85,6 +87,10 @@ def verdicts(
             verdict, says = NOT_EXCITED, "it would take much of the rest, but this log is no proof of it"
         elif verdict == ABSENT and evidence >= ENOUGH:
             says = "one that matters would show in this log; the fit gains by one that is too small to count"
+        if verdict == ABSENT and trusted_to(effect, layout):
+            says = f"none beyond what calibration is trusted to: {trusted_to(effect, layout)}"
+        elif verdict == ABSENT and last.rms > OTHER_FORM and name in tried and tried[name].evidence.sure:
+            verdict, says = NOT_EXCITED, "others explain more of the same, but what they leave is no noise: no proof against it"
         record = "" if verdict == ABSENT else f"record {'' if why else 'more: '}{effect.excited_by}"
         if not why and search.cut_short and any(point.gain > WANTED for point in points.get(name, ())):
             verdict, says = NOT_EXCITED, "it was not searched for: no more effects were asked for, and it may help"
@@ -182,6 +188,9 @@ def _separate(name: str, rivals: tuple[str, ...], search: Search) -> str:
         other = effects.get(rival)
         how = mine.confusions.get(rival) or other.confusions.get(name) or f"{mine.excited_by}; {other.excited_by}"
         out.append(how if len(rivals) == 1 else f"{rival}: {how}")
+    touch = search.states[-1].problem.experiment.touch
+    if touch is not None and (touch.source is None or touch.source[1].robot is None):
+        return "; ".join(out)  # a log without a robot
     known = ",".join(n for n in search.states[-1].model.names if n != name and n not in rivals)
     plan = f"kinid plan discriminate --model {known or 'none'} --effects {','.join([name, *rivals])} -o separate.parquet"
     return "; ".join(out) + f"; a trajectory for it: {plan}"
