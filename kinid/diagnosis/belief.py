@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.diagnosis.calibration import BIAS_FORCE, BIAS_TORQUE, CLOCK, SURFACE, bias_of
+from kinid.diagnosis.calibration import BIAS_FORCE, BIAS_TORQUE, CLOCK, SURFACE
 from kinid.diagnosis.candidates import amplitudes, base_of
 from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.descent import State
@@ -114,13 +114,8 @@ def told_of_calibration(state: State) -> str:
     free = _in_units(problem, error_rows(problem.experiment), state.held)
     if not len(state.shift) or free >= (1.0 - OPEN) * stated:
         return ""
-    layout, calibration = problem.experiment.layout, problem.calibration
-    sizes = ([("the surface", SURFACE, "m")] if calibration.surface else []) + [("the clock", CLOCK, "s")]
-    sizes += [(f"bias of {name}", size, unit) for name, size, unit in zip(layout.channels, bias_of(layout), layout.units)]
-    most = int(np.argmax(np.abs(state.shift)))
-    what, size, unit = sizes[most]
-    by = f"{what}, by about {state.shift[most] * size:.2g} {unit}"
-    return (f"calibration that is off inside its tolerance (most: {by}) would lower the held-out error from {stated:.2g} to "
+    most = problem.calibration.most(state.shift)
+    return (f"calibration that is off inside its tolerance (most: {most}) would lower the held-out error from {stated:.2g} to "
             f"{free:.2g} {error_unit(problem.experiment)}: kinid compare counts that, the diagnosis doesn't")  # fmt: skip
 
 
@@ -137,7 +132,7 @@ def plausibility(state: State, effect: Effect) -> float:
     Neural Computation 4(3), 1992), where a prior is normal with `USUAL` scales.
     """
     layout = state.problem.experiment.layout
-    own = [i for i, name in enumerate(state.model.parameters(layout)) if name.split(".")[0] == effect.id]
+    own = np.flatnonzero(state.own(effect.id))
     width = np.sqrt(np.maximum(np.diag(state.inverse)[own], 1e-300))
     total = 0.0
     for i, null in amplitudes(effect, layout, base_of(state.model)).items():
@@ -151,8 +146,7 @@ def at_end(tried: Tried) -> bool:
     layout = tried.state.problem.experiment.layout
     parameters = tried.effect.parameters(layout)
     null = amplitudes(tried.effect, layout, base_of(tried.state.model))
-    own = [name.split(".")[0] == tried.effect.id for name in tried.state.model.parameters(layout)]
-    for i, (p, value) in enumerate(zip(parameters, tried.state.values[np.array(own)])):
+    for i, (p, value) in enumerate(zip(parameters, tried.state.values[tried.state.own(tried.effect.id)])):
         room = 1e-3 * p.scale
         if any(abs(value - end) < room and end not in (null.get(i), *tried.effect.ends.get(p.name, ()))
                for end in (p.low, p.high)):  # fmt: skip
@@ -170,9 +164,8 @@ def _beyond(state: State, effect: Effect) -> bool:
 
     Calibration, free inside it, takes a part of what the effect would: as it was stated, all is the effect's.
     """
-    layout = state.problem.experiment.layout
-    own = np.array([name.split(".")[0] == effect.id for name in state.model.parameters(layout)])
-    units = np.array([p.unit for p in effect.parameters(layout)])
+    own = state.own(effect.id)
+    units = np.array([p.unit for p in effect.parameters(state.problem.experiment.layout)])
     # of vectors the length counts: nothing is special about a sensor's axes
     return any(float(np.linalg.norm(found.values[own][units == unit])) > size
                for found in (state, state.plain.light()) for unit, size in TOLERATED[effect.id].items())  # fmt: skip

@@ -59,6 +59,15 @@ class Calibration:
         out: Array = shift[-len(self._bias) - 1] * late + (shift[-len(self._bias) :] * self._bias)[:, None]
         return out
 
+    def most(self, shift: Array) -> str:
+        """Which quantity a shift (k,) moves by most of its tolerances, and how far, in words."""
+        layout = self._signals.layout
+        named = ([("the surface", SURFACE, "m")] if self.surface else []) + [("the clock", CLOCK, "s")]
+        named += [(f"bias of {name}", size, unit) for name, size, unit in zip(layout.channels, self._bias, layout.units)]
+        i = int(np.argmax(np.abs(shift)))
+        what, size, unit = named[i]
+        return f"{what}, by about {shift[i] * size:.2g} {unit}"
+
     def constant(self, channel: int, like: Array) -> Array:
         """What a tolerance of one channel's bias adds, (channels, n)."""
         out = np.zeros_like(like)

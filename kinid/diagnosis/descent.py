@@ -73,6 +73,11 @@ class State:
         """The way of its prediction along the chain, calibration apart."""
         return self.model.course(self.signals(), self.values)
 
+    def own(self, name: str) -> Mask:
+        """Which of the parameters are those of an effect, (p,)."""
+        named = self.model.parameters(self.problem.experiment.layout)
+        return np.array([full.split(".")[0] == name for full in named], np.bool_)
+
     def light(self) -> State:
         """The same without its sensitivities, by far the most of it."""
         assert self.loss is not None  # what it is known by is worked out first

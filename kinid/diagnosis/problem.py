@@ -171,13 +171,13 @@ class Problem:
         """
         if ALL in group:
             j = group[ALL]
-            return self.changed(after, before, beside, float(factors[j]), out[:, j])
+            self.changed(after, before, beside, float(factors[j]), out[:, j])
+            return
         change = self.change(after - before, beside)
         many = len(change) // len(after)
         for channel, j in group.items():
             own = slice(channel * many, (channel + 1) * many)
             out[own, j] = factors[j] * change[own]
-        return None
 
     def changed(self, after: Array, before: Array, beside: Array, factor: float, out: Array) -> None:
         """A factor times `change` by what lies between two predictions, into `out`, (m,)."""

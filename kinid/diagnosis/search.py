@@ -266,7 +266,7 @@ def _vanished(state: State, name: str) -> bool:
     layout = state.problem.experiment.layout
     effect = effects.get(name)
     parameters = effect.parameters(layout)
-    own = np.array([full.split(".")[0] == name for full in state.model.parameters(layout)])
+    own = state.own(name)
     null = amplitudes(effect, layout, base_of(state.model))
     if not null:
         return False

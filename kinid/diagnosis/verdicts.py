@@ -87,8 +87,8 @@ def verdicts(
             verdict, says = NOT_EXCITED, "it would take much of the rest, but this log is no proof of it"
         elif verdict == ABSENT and evidence >= ENOUGH:
             says = "one that matters would show in this log; the fit gains by one that is too small to count"
-        if verdict == ABSENT and trusted_to(effect, layout):
-            says = f"none beyond what calibration is trusted to: {trusted_to(effect, layout)}"
+        if verdict == ABSENT and (size := trusted_to(effect, layout)):
+            says = f"none beyond what calibration is trusted to: {size}"
         elif verdict == ABSENT and last.rms > OTHER_FORM and name in tried and tried[name].evidence.sure:
             verdict, says = NOT_EXCITED, "others explain more of the same, but what they leave is no noise: no proof against it"
         record = "" if verdict == ABSENT else f"record {'' if why else 'more: '}{effect.excited_by}"
