@@ -82,6 +82,9 @@ class Route:
             found: gets the quantities as each step found them, and as the last one left them.
         """
         at, s = (0, signals.fresh()) if near is None else near.shared(self, signals, parts)
+        s.beside = found is None  # what others begin beside is agreed on in full
+        if found is not None and near is not None:
+            found += near.until(at)
         parts = (*parts, NONE)
         while at < len(self.steps):
             step, many = self.steps[at], 1
@@ -108,17 +111,26 @@ class Course:
     """A way along the chain that was gone, with all that was found on it.
 
     Args:
-        route, signals, parts: as `Route.run` takes them.
+        route, signals, parts, near: as `Route.run` takes them.
 
     Attributes:
         reading: what the sensor delivers, (channels, n).
     """
 
-    def __init__(self, route: Route, signals: Signals, parts: Sequence[Array]) -> None:
+    def __init__(self, route: Route, signals: Signals, parts: Sequence[Array], near: Course | None = None) -> None:
         self._route, self._signals = route, signals
         self._values = [part.tobytes() for part in (*parts, NONE)]
         self._found: list[Signals] = []
-        self.reading = route.run(signals, parts, found=self._found).reading
+        self.reading = route.run(signals, parts, near, self._found).reading
+
+    @property
+    def bent(self) -> bool:
+        """Whether law and arm had to agree on the force."""
+        return self._found[-1].agreed is not None
+
+    def until(self, at: int) -> list[Signals]:
+        """The quantities as each of so many steps found them."""
+        return self._found[:at]
 
     def shared(self, route: Route, signals: Signals, parts: Sequence[Array]) -> tuple[int, Signals]:
         """How many steps of another one are the same as here, and the quantities behind them."""

@@ -136,9 +136,9 @@ class Model:
             values = np.array([values.get(name, p.nominal) for name, p in named.items()])
         return self._route(signals.layout.kind).run(signals, self._split(signals.layout, values), near).reading
 
-    def course(self, signals: Signals, values: Array) -> Course:
-        """The way along the chain to what `predict` gives, which other predictions may share."""
-        return Course(self._route(signals.layout.kind), signals, self._split(signals.layout, values))
+    def course(self, signals: Signals, values: Array, near: Course | None = None) -> Course:
+        """The way along the chain to what `predict` gives, which other predictions may share; it may share another one itself."""
+        return Course(self._route(signals.layout.kind), signals, self._split(signals.layout, values), near)
 
     def _route(self, kind: str) -> Route:
         if kind not in self._routes:

@@ -21,7 +21,7 @@ from kinid.diagnosis.problem import filled
 from kinid.diagnosis.result import ADEQUATE, MISSING, UNEXPLAINED, Diagnosis, Step
 from kinid.diagnosis.search import Search
 from kinid.diagnosis.unexplained import OTHER_FORM, judge
-from kinid.diagnosis.verdicts import meaning, verdicts
+from kinid.diagnosis.verdicts import ended, meaning, verdicts
 from kinid.diagnosis.where import where
 from kinid.diagnosis.words import with_rivals
 from kinid.doubts import impossible
@@ -124,8 +124,8 @@ class Found:
         floor = rms(self._noise[self.rows])
         idle = [name for name in self.forced if name in self.search.evidence and not self.search.evidence[name].sure]
         real = [name for name in added if name not in idle]
-        if opinion.unexplained and self.search.cut_short:
-            verdict, says = UNEXPLAINED, f"not searched further: no more effects were asked for; {opinion.left_says}"
+        if opinion.unexplained and self.search.left_out:
+            verdict, says = UNEXPLAINED, f"not searched further: {ended(self.search)}; {opinion.left_says}"
         elif opinion.unexplained:
             verdict, says = UNEXPLAINED, opinion.says + self._nearest(last)
         elif real:
@@ -231,6 +231,9 @@ class Found:
             laws = ", ".join(effect.id for effect in every if effect.base and "normal" in effect.needs)
             out.append(f"the log holds contact, and the model has no contact law: ask about one of {laws}")
         out += filter(None, [told_of_calibration(last)])
+        if self.search.spent and self.search.left_out:
+            names = ", ".join(self.search.left_out)
+            out.append(f"{ended(self.search)} before it tried {names}: try one with --add, or allow more")
         if not self.search.states[-1].converged:
             out.append("the last search stopped before it converged: its parameters may be off")
         usable = self.whole.valid if self.whole.touch is None else self.whole.touch.valid

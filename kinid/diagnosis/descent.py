@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from kinid.course import Course
 from kinid.diagnosis.calibration import MOST_SHIFT
 from kinid.diagnosis.cores import side_by_side
+from kinid.diagnosis.effort import weight_of
 from kinid.diagnosis.problem import Problem
 from kinid.diagnosis.together import together
 from kinid.effects import Signals
@@ -42,7 +44,7 @@ class State:
         residual: weighted, stacked, (m,).
         held: residual of each half from parameters that fit the other, (m,). loss: of `held`, per block.
         free: columns that the log moves and no bound holds, (p + k,). scale: of each parameter, (p,).
-        converged: whether the search ended by itself.
+        converged: whether the search ended by itself. work: predictions that it took, as `effort` counts them.
     """
 
     problem: Problem
@@ -53,6 +55,7 @@ class State:
     free: Mask  # of all columns
     scale: Array
     converged: bool
+    work: float = 0.0
 
     @cached_property
     def jacobian(self) -> Array:
@@ -232,7 +235,8 @@ def fit(problem: Problem, model: Model, start: Array, *, shift: Array | None = N
         if problem.experiment.steps is not None:
             # inside of a step nothing shows the way: the stairs themselves do
             rough = _Descent(problem.of_stairs, model, start, shift).run(guess, steps)
-            start, shift, guess = rough.values, rough.shift, None
+            found = _Descent(problem, model, rough.values, rough.shift).run(None, steps)
+            return dataclasses.replace(found, work=found.work + rough.work)
         return _Descent(problem, model, start, shift).run(guess, steps)
 
 
@@ -268,7 +272,7 @@ class _Descent:
     """One search; all quantities belong to its present place: values of parameters, and calibration's shift."""
 
     def __init__(self, problem: Problem, model: Model, start: Array, shift: Array) -> None:
-        self.problem, self.model, self.shift = problem, model, shift
+        self.problem, self.model, self.shift, self.asked = problem, model, shift, 0
         parameters = tuple(model.parameters(problem.experiment.layout).values())
         self.scale = np.array([p.scale for p in parameters])
         self.low, self.high = bounds(model, problem)
@@ -279,7 +283,8 @@ class _Descent:
                          np.where(np.isfinite(self.high), self.high - room, self.high))  # fmt: skip
         self.x = np.where(self.moving, inside, held)
         self.y = problem.target
-        self.predicted = self.predict(self.x, shift)
+        self.here = self.course(self.x, shift)
+        self.predicted = self.here.reading
         self.late = problem.calibration.late(self.predicted) if len(shift) else np.zeros(0)
         self.stacked, self.residual, self.cost = self.compared(self.predicted, shift)
         names = model.parameters(problem.experiment.layout)
@@ -289,7 +294,13 @@ class _Descent:
 
     def predict(self, x: Array, shift: Array, near: Course | None = None) -> Array:
         """What the law expects with the surface at a shift, (channels, n)."""
+        self.asked += 1
         return self.problem.predict(self.model, x, self.problem.calibration.signals(shift), near)
+
+    def course(self, x: Array, shift: Array, near: Course | None = None) -> Course:
+        """The way to that."""
+        self.asked += 1
+        return self.model.course(self.problem.calibration.signals(shift), x, near)
 
     def standing(self, predicted: Array, shift: Array) -> Array:
         """That with clock and biases at a shift, (channels, n)."""
@@ -335,7 +346,12 @@ class _Descent:
         if not fresh:
             jacobian, squares = self.view()
         free = self.normal(jacobian, squares)[1]
-        state = State(self.problem, self.model, self.x, self.shift, self.residual, free, self.scale, converged)
+        if self.here.bent:  # what was agreed on from step to step, agreed on from nothing, as all other predictions are
+            self.here = self.course(self.x, self.shift)
+            self.predicted = self.here.reading
+            self.stacked, self.residual, self.cost = self.compared(self.predicted, self.shift)
+        state = State(self.problem, self.model, self.x, self.shift, self.residual, free, self.scale, converged,
+                      self.asked * weight_of(self.model, self.problem))  # fmt: skip
         state.__dict__["jacobian"] = jacobian
         return state
 
@@ -386,12 +402,13 @@ class _Descent:
             shift = np.clip(self.shift + step[p:], -MOST_SHIFT, MOST_SHIFT)
             step = np.r_[(x - self.x) / self.scale, shift - self.shift]
             expected = expected if corrected else float(2 * g @ step - step @ a @ step)
-            predicted = self.predict(x, shift)
+            course = self.course(x, shift, self.here)
+            predicted = course.reading
             stacked, residual, cost = self.compared(predicted, shift)
             if cost < self.cost:
                 change = step, stacked - self.stacked, expected
                 gain = self.cost - cost
-                self.x, self.predicted, self.stacked, self.shift = x, predicted, stacked, shift
+                self.x, self.here, self.predicted, self.stacked, self.shift = x, course, predicted, stacked, shift
                 self.residual, self.cost = residual, cost
                 return gain, change
             if not np.isfinite(cost) or expected < ENOUGH * max(1.0, self.cost / len(self.y)):
@@ -415,12 +432,11 @@ class _Descent:
         beside = self.standing(self.predicted, self.shift)
         if known is not None:
             out[:, :p] = known
-        here = None if known is not None else self.model.course(calibration.signals(self.shift), self.x)
         step = 1e-2 * np.where(self.x + 1e-2 * self.scale <= self.high, self.scale, -self.scale)
         for group in self.groups if known is None else ():
             own, ahead = list(group.values()), self.x.copy()
             ahead[own] += step[own]
-            moved = self.predict(ahead, self.shift, here)
+            moved = self.predict(ahead, self.shift, self.here)
             self.problem.changed_apart(moved, self.predicted, beside, group, self.scale / step, out)
         if not len(self.shift):
             return out
@@ -428,7 +444,7 @@ class _Descent:
             further = self.shift.copy()
             further[0] += 1.0 if further[0] < 0 else -1.0
             way = float(further[0] - self.shift[0])  # a tolerance, forwards or back
-            self.problem.changed(self.predict(self.x, further, here), self.predicted, beside, way, out[:, p])
+            self.problem.changed(self.predict(self.x, further, self.here), self.predicted, beside, way, out[:, p])
         added = p + int(calibration.surface)
         out[:, added] = self.problem.change(self.late, beside)
         if self.problem.experiment.steps is None:

@@ -14,10 +14,11 @@ from kinid.diagnosis.conclusions import Found
 from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.descent import State, fit, settled
 from kinid.diagnosis.detectors import detect
+from kinid.diagnosis.effort import AGAIN, Effort
 from kinid.diagnosis.noise import as_their_like
 from kinid.diagnosis.problem import Problem, thin
 from kinid.diagnosis.reconsider import reweighted
-from kinid.diagnosis.refusals import refuse_idle, refuse_log, refuse_names, refuse_signs
+from kinid.diagnosis.refusals import refuse_effort, refuse_idle, refuse_log, refuse_names, refuse_signs
 from kinid.diagnosis.result import Diagnosis
 from kinid.diagnosis.search import LOWER, NEAR_NOISE, search
 from kinid.errors import InputError
@@ -50,6 +51,7 @@ def diagnose(
     model: Model | None = None,
     add: Sequence[str] = (),
     max_effects: int = MOST_EFFECTS,
+    effort: float = 1.0,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """Compare a model with the measurement, and say which effects it lacks.
@@ -62,6 +64,7 @@ def diagnose(
         model: the model to ask about; a fit has its own.
         add: effects to add whatever the evidence says.
         max_effects: so many are added at most.
+        effort: the search may do so many times the usual work, which takes some seconds at most.
         progress: told what is being done.
 
     Raises:
@@ -82,6 +85,7 @@ def diagnose(
     else:
         experiment, known = experiment_of(data, rig, model), {}
     refuse_names(add, model, max_effects)
+    refuse_effort(effort)
     refuse_idle(add, model, experiment)
     refuse_log(experiment, model)
     give_back()
@@ -89,7 +93,7 @@ def diagnose(
     refuse_signs(experiment, model)
     # many small products: threads of a linear-algebra library would only wait for each other
     with threadpool_limits(1, user_api="blas"):
-        looked = _look(model, experiment, _start(model, experiment, known), max_effects, tuple(add), progress)
+        looked = _look(model, experiment, _start(model, experiment, known), max_effects, tuple(add), effort, progress)
         looked = dataclasses.replace(looked, doubts=tuple(data_doubts))
         return looked.result(progress)
 
@@ -126,7 +130,7 @@ def _start(model: Model, experiment: Experiment, known: dict[str, float]) -> Arr
     return values
 
 
-def _look(model: Model, experiment: Experiment, values: Array, most: int, forced: tuple[str, ...],
+def _look(model: Model, experiment: Experiment, values: Array, most: int, forced: tuple[str, ...], times: float,
           progress: Callable[[str], None]) -> Found:  # fmt: skip
     # white noise alone: what is slower is for effects to explain
     readings = experiment.measured[:, experiment.valid]
@@ -147,14 +151,16 @@ def _look(model: Model, experiment: Experiment, values: Array, most: int, forced
     marked = tuple(mark.effect.id for mark in cleaned.marks)
     if cleaned.marks:
         state = _fitted(model, thin(cleaned.experiment), state.values)
+    effort = Effort(times=times)
     for again in range(RECONSIDERED + 1):
-        found = search(state, most=max(0, most - len(marked)), forced=[n for n in forced if n not in marked], progress=progress)
-        weighted = reweighted(state, found) if again < RECONSIDERED else None
+        found = search(state, effort, most=max(0, most - len(marked)), forced=[n for n in forced if n not in marked],
+                       progress=progress)  # fmt: skip
+        weighted = reweighted(state, found) if again < RECONSIDERED and not found.spent else None
         if weighted is None:
             break
         progress("what was found carries more noise: looking again")
-        state = weighted
-    return Found(model, whole, cleaned, found, forced)
+        state, effort = weighted, Effort(AGAIN, times)
+    return Found(model, whole, cleaned, found.end, forced)
 
 
 def _fitted(model: Model, experiment: Experiment, values: Array) -> State:

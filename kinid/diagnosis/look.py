@@ -13,6 +13,7 @@ from kinid import effects
 from kinid.diagnosis.candidates import NEAR, SEARCHED, Candidate, able, screen
 from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.descent import State, bounds, cost_of, fit
+from kinid.diagnosis.effort import REFITTING, Effort, weight_of
 from kinid.effects import Effect
 from kinid.memory import give_back
 from kinid.model import Model
@@ -106,11 +107,12 @@ def weigh(before: State, after: State) -> Evidence:
 
 @dataclass(frozen=True, eq=False)
 class Tried:
-    """A candidate that was refitted: its state, and the evidence for it over the state before."""
+    """A candidate that was refitted: its state, the evidence for it over the state before, and the work that it took."""
 
     effect: Effect
     state: State
     evidence: Evidence
+    work: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,12 +129,13 @@ class Round:
         return [points[0] for points in sorted(self.points.values(), key=_promise)]
 
 
-def look(state: State, *, most: int = REFITTED, spare: Sequence[str] = (), known: Round | None = None, goal: float = np.inf,
-         like: str = "") -> Round:  # fmt: skip
+def look(state: State, effort: Effort, *, most: int = REFITTED, spare: Sequence[str] = (), known: Round | None = None,
+         goal: float = np.inf, like: str = "") -> Round:  # fmt: skip
     """Screen the catalogue and refit the best.
 
     Args:
-        state: the model as it is. most: how many to refit. spare: names to leave out.
+        state: the model as it is. effort: that may be spent on refits; screening is done in any case.
+        most: how many to refit. spare: names to leave out.
         known: what earlier looks from the same state found, which is taken over.
         goal: cost of a model that is there: what can't come down to it is not pursued. like: name of the effect that it has.
     """
@@ -142,14 +145,19 @@ def look(state: State, *, most: int = REFITTED, spare: Sequence[str] = (), known
                  if not why and not effect.detector and effect.id not in spare
                  and len(effect.parameters(layout)) * READINGS <= max(6 * READINGS, len(state.residual))]  # fmt: skip
     starts: dict[str, Sequence[Candidate]] = {e.id: known.points[e.id] for e in able_ones if known and e.id in known.points}
-    starts |= _screened(state, [e for e in able_ones if e.id not in starts], most)
+    fresh_ones = [e for e in able_ones if e.id not in starts]
+    starts |= _screened(state, fresh_ones, most)
+    effort.spend(sum(len(starts[e.id]) * weight_of(state.model + e, state.problem)
+                     for e in fresh_ones if e.id in starts))  # fmt: skip
     ranked = Round(state, starts, ()).screened[:most]
     worth = [c for c in ranked if c.gain >= _promising(state)]
     known_ones = [done[c.effect.id] for c in worth if c.effect.id in done]
     goal = min([goal, *(t.state.cost for t in known_ones)])
-    fresh = _refitted(state, [starts[c.effect.id] for c in worth if c.effect.id not in done], goal, like)
-    rival = min([goal, *(t.state.cost for t in fresh)])
-    tried = known_ones + side_by_side(lambda t: pursue(state, t, rival), fresh)
+    fresh = _refitted(state, effort, [starts[c.effect.id] for c in worth if c.effect.id not in done], goal, like)
+    rival, share = min([goal, *(t.state.cost for t in fresh)]), effort.left
+    pursued = side_by_side(lambda t: pursue(state, t, rival, share), fresh)
+    effort.spend(sum(t.work for t in pursued) - sum(t.work for t in fresh))
+    tried = known_ones + pursued
     tried.sort(key=lambda t: -t.evidence.value)
     points = {name: _slim(found) for name, found in starts.items()}
     del starts
@@ -185,7 +193,7 @@ def _promising(state: State) -> float:
     return float(np.clip(0.1 * needed, ENOUGH / 2, HOPEFUL))
 
 
-def _refitted(state: State, starts: Sequence[Sequence[Candidate]], goal: float, like: str) -> list[Tried]:
+def _refitted(state: State, effort: Effort, starts: Sequence[Sequence[Candidate]], goal: float, like: str) -> list[Tried]:
     """Effects refitted from their points, the most promising effect and the best point first, beside another of cost `goal`.
 
     Those that promise far less than others have brought are passed over; so are further points of those that brought far less.
@@ -197,7 +205,10 @@ def _refitted(state: State, starts: Sequence[Sequence[Candidate]], goal: float, 
     for begin in range(0, len(starts), ABREAST):
         hopeful = [points[0] for points in starts[begin : begin + ABREAST]
                    if points[0].gain >= (of_its_like if _mistaken(points[0].effect, like) else share) * most]  # fmt: skip
+        if not hopeful or not effort.lasts(REFITTING * max(weight_of(state.model + c.effect, state.problem) for c in hopeful)):
+            continue
         for tried in side_by_side(lambda point: attempt(state, point.effect, point), hopeful):
+            effort.spend(tried.work)
             found.append(tried)
             if state.cost - tried.state.cost > most:
                 most, like = state.cost - tried.state.cost, tried.effect.id
@@ -205,7 +216,10 @@ def _refitted(state: State, starts: Sequence[Sequence[Candidate]], goal: float, 
     again = [point for t in found if state.cost - t.state.cost >= CONTENDING * most
              for point in worth_searching(state, of[t.effect.id])[1:] if point.gain >= share * most]  # fmt: skip
     best = {t.effect.id: t for t in found}
+    if again and not effort.lasts():
+        return found
     for other in side_by_side(lambda point: attempt(state, point.effect, point), again):
+        effort.spend(other.work)
         best[other.effect.id] = min(best[other.effect.id], other, key=lambda t: t.state.cost)
     return list(best.values())
 
@@ -230,27 +244,30 @@ def attempt(state: State, effect: Effect, point: Candidate) -> Tried:
     values, shift = _nearest(state, model, point)
     found = fit(state.problem, model, values, shift=shift, guess=point.guess(state),
                 steps=min(FIRST_STEPS, _steps(model, state)))  # fmt: skip
-    return Tried(effect, found.light(), weigh(state, found))
+    return Tried(effect, found.light(), weigh(state, found), found.work)
 
 
-def pursue(state: State, tried: Tried, least: float = np.inf) -> Tried:
+def pursue(state: State, tried: Tried, least: float = np.inf, most: float = np.inf) -> Tried:
     """The same with its search taken up again where it still went down: parameters that trade against each other make valleys,
-    slow, but steadily downhill. What couldn't come down to `least`, the cost of the best rival, at its pace, is left where it is.
+    slow, but steadily downhill. What couldn't come down to `least`, the cost of the best rival, at its pace, is left where it is;
+    so is what would take more work than `most`.
     """
-    best, before = tried.state, 0.0
+    best, before, work = tried.state, 0.0, 0.0
     steps = max(SHORT, round(SLICE * _steps(best.model, state)))
     for left in reversed(range(SLICES)):
-        if best.converged or best.cost > HOPELESS * least:
+        if best.converged or best.cost > HOPELESS * least or work > most:
             break
         further = fit(state.problem, best.model, best.values, shift=best.shift, steps=steps)
-        gained = best.cost - further.cost
+        gained, work = best.cost - further.cost, work + further.work
         best = further.light() if gained > 0 else best
         # slices that gain ever less, each a share of the one before, sum up to no more than this many like the last
         worn = gained / (before - gained) if before > gained else np.inf
         if gained < STALLED * best.cost or best.cost - min(left, TRUST * worn) * gained > least:
             break
         before = gained
-    return tried if best is tried.state else Tried(tried.effect, best, weigh(state, best))
+    if best is tried.state:
+        return dataclasses.replace(tried, work=tried.work + work)
+    return Tried(tried.effect, best, weigh(state, best), tried.work + work)
 
 
 def _steps(model: Model, state: State) -> int:

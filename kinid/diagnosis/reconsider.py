@@ -7,7 +7,7 @@ import dataclasses
 from kinid.diagnosis.descent import State, fit
 from kinid.diagnosis.look import weigh
 from kinid.diagnosis.problem import Problem
-from kinid.diagnosis.search import Search
+from kinid.diagnosis.search import Trail
 from kinid.diagnosis.unexplained import ALLOWED
 
 #: share of the squares that noise carried through what was found must leave at most
@@ -18,7 +18,7 @@ LONG = 60_000
 NEAREST = 1.2
 
 
-def reweighted(state: State, found: Search) -> State | None:
+def reweighted(state: State, found: Trail) -> State | None:
     """The model as it was asked about, where noise of positions goes through the last model of a search, or the nearest that
     it met (the simplest of those about as near); None where neither tells more of what is left.
 
@@ -26,7 +26,7 @@ def reweighted(state: State, found: Search) -> State | None:
     """
     if state.problem.experiment.layout.kind == "joints" or len(state.residual) > LONG:
         return None  # no noise of positions is carried; or it would take too long
-    last = found.states[-1]
+    last = found.last
     met = (last, *(t.state for look in found.rounds for t in look.tried))
     near = NEAREST * min(s.rms for s in met)
     nearest = min((s for s in met if s.rms <= near), key=lambda s: (len(s.values), s.rms))
@@ -39,7 +39,7 @@ def reweighted(state: State, found: Search) -> State | None:
     return None
 
 
-def _stands(found: Search, nearest: State, problem: Problem) -> bool:
+def _stands(found: Trail, nearest: State, problem: Problem) -> bool:
     """Whether what was found needs no other look under a problem's weights: it explains all, and each step to it counts."""
     def weighed(state: State) -> State:
         ratio = (state.problem.sigma / problem.sigma)[:, problem.valid].ravel()
@@ -47,6 +47,8 @@ def _stands(found: Search, nearest: State, problem: Problem) -> bool:
         out.__dict__["held"] = state.held * ratio
         return out
 
-    path = [weighed(s) for s in found.states]
-    steps = [*zip(path, path[1:]), *([(weighed(nearest), path[-1])] if nearest is not found.states[-1] else [])]
+    if weighed(found.last).rms >= ALLOWED:
+        return False
+    path = [weighed(s) for s in found.end.states]
+    steps = [*zip(path, path[1:]), *([(weighed(nearest), path[-1])] if nearest is not found.end.states[-1] else [])]
     return path[-1].rms < ALLOWED and all(weigh(before, after).sure for before, after in steps)

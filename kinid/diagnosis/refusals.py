@@ -29,6 +29,12 @@ def refuse_names(add: Sequence[str], model: Model, max_effects: int) -> None:
         model = model + effect
 
 
+def refuse_effort(effort: float) -> None:
+    """An effort that is no share of the usual one."""
+    if not (np.isfinite(effort) and effort > 0.0):
+        raise InputError(f"an effort of {effort:g}", "a number above 0", "1 is the usual; 4 lets a search do four times the work")
+
+
 def refuse_idle(add: Sequence[str], model: Model, experiment: Experiment) -> None:
     """Additions that can't act in this log."""
     for name in add:

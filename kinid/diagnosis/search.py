@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from kinid import effects
 from kinid.diagnosis.belief import BIAS, accepted, as_stated, at_end, believed, plausibility, shown_error
 from kinid.diagnosis.candidates import amplitudes, base_of, screen
 from kinid.diagnosis.descent import State, fit, settled
+from kinid.diagnosis.effort import RIVALS, SCREENING, Effort, weight_of
 from kinid.diagnosis.look import (
     DEFENDED,
     ENOUGH,
@@ -33,7 +35,7 @@ from kinid.model import Model
 Array = NDArray[np.float64]
 
 #: after several additions, while the error is so many times the noise, what takes off less than this share only stands in for
-#: something that the catalogue lacks
+#: something that the catalogue lacks; so does, most often, what comes last with all work done
 SEVERAL, LOUD, CRUMB = 2, 2.0, 0.1
 #: where no effect helps alone and the error is as loud, so many are tried with a second one
 PAIRED = 3
@@ -69,7 +71,8 @@ class Search:
         states: from the model that was asked about to the last one; each has one effect more.
         added: names, in the order of the steps, the most helpful first. rivals: of each addition, those that fit as well.
         rounds: every look, first to last. evidence: for each addition, beside all others.
-        cut_short: whether it ended because no more effects were asked for, with candidates left.
+        left_out: names of what promises much beside all that, and wasn't tried or settled. spent: whether because the search had
+            done all the work that it may; if not, because no more effects were asked for.
     """
 
     states: tuple[State, ...]
@@ -77,19 +80,58 @@ class Search:
     rivals: dict[str, tuple[str, ...]]
     rounds: tuple[Round, ...]
     evidence: dict[str, Evidence]
-    cut_short: bool = False
+    left_out: tuple[str, ...] = ()
+    spent: bool = False
 
 
-def search(start: State, *, most: int = 4, forced: Sequence[str] = (), spare: Sequence[str] = (),
-           progress: Callable[[str], None] = lambda _: None) -> Search:  # fmt: skip
+@dataclass(frozen=True, eq=False)
+class Trail:
+    """What a search came by, before rivals are looked for.
+
+    Attributes:
+        first, last: the model that was asked about, and with all additions. added, rounds, spent: as of `Search`.
+        unsettled: names of what is believed, but was left out because there was no work left to hold it against the others.
+        full: whether no more effects were asked for. forced, spare: as `search` takes them. met: on the way.
+    """
+
+    first: State
+    last: State
+    added: tuple[str, ...]
+    rounds: tuple[Round, ...]
+    unsettled: tuple[str, ...]
+    full: bool
+    spent: bool
+    forced: Sequence[str]
+    spare: Sequence[str]
+    met: _Met
+
+    @cached_property
+    def end(self) -> Search:
+        """What it comes to: with rivals, and each addition where it helps most."""
+        rounds = self.rounds
+        if not rounds or rounds[-1].before is not self.last or not rounds[-1].points:
+            rounds = (*rounds, self.met.look(self.last, spare=self.spare, most=0))
+        tried = {t.effect.id for t in rounds[-1].tried}
+        promising = [c.effect.id for c in rounds[-1].screened if c.gain > WANTED and c.effect.id not in tried]
+        left_out = (*self.unsettled, *promising) if self.full or self.spent else ()
+        self.met.effort.allow(RIVALS)
+        state, added, rivals, evidence = _rivals(self.last, self.added, self.forced, self.spare, self.met)
+        ladder, order = _ladder(self.first, state, added, self.met)
+        return Search(tuple(ladder), tuple(order), rivals, rounds, evidence, left_out, self.spent)
+
+
+def search(start: State, effort: Effort, *, most: int = 4, forced: Sequence[str] = (), spare: Sequence[str] = (),
+           progress: Callable[[str], None] = lambda _: None) -> Trail:  # fmt: skip
     """Add effects while held-out evidence asks for more.
 
     Args:
-        start: the model as the user has it, fitted. most: effects to add. forced: names to add first, whatever the evidence.
+        start: the model as the user has it, fitted. effort: that may be spent on it. most: effects to add.
+        forced: names to add first, whatever the evidence.
         spare: names that are out of the question. progress: told what is being done.
     """
     states, rounds, added, paired = [start], [], [], False
-    met = _Met([start])
+    unsettled: tuple[str, ...] = ()
+    met = _Met([start], effort)
     for name in forced:
         progress(f"adding {name}")
         points = worth_searching(states[-1], screen(states[-1], effects.get(name)))
@@ -98,14 +140,18 @@ def search(start: State, *, most: int = 4, forced: Sequence[str] = (), spare: Se
         added.append(name)
     # an effect that is defended away may come back, but not for ever
     for _ in range(most + EXTRA_ROUNDS):
-        if len(added) >= most:
+        if len(added) >= most or not effort.lasts():
             break
         progress(f"looking for what {' + '.join(['the model', *added])} lacks")
         seen = met.look(states[-1], spare=spare)
         rounds.append(seen)
         good = believed(states[-1], seen.tried)
+        effort.spend(sum(t.state.plain.work for t in seen.tried if t.evidence.sure))
         if len(added) >= SEVERAL and states[-1].rms > LOUD:
             good = [t for t in good if t.state.rms < (1.0 - CRUMB) * states[-1].rms]
+        if len(added) >= SEVERAL and good and not effort.lasts():
+            unsettled = tuple(t.effect.id for t in good)
+            break
         good = good or ([] if added else _biased(seen))  # what a law of another form leaves may look like one
         steps = [_simplest(good)] if good else _together(seen, spare, met) if not paired and len(added) + 2 <= most else []
         if not steps:
@@ -115,16 +161,11 @@ def search(start: State, *, most: int = 4, forced: Sequence[str] = (), spare: Se
         added += [step.effect.id for step in steps]
         progress(f"defending {', '.join(added)}")
         states, added = _defend(states[0], states[-1], added, forced, spare, met)
-        if states[-1] is not states[0]:
-            states[-1] = _afresh(states[-1])
+        if states[-1] is not states[0] and effort.lasts():
+            states[-1] = _afresh(states[-1], effort)
             met.note([states[-1]])
-    if not rounds or rounds[-1].before is not states[-1]:
-        rounds.append(met.look(states[-1], spare=spare, most=0))
-    cut_short = len(added) >= most and any(c.gain > WANTED for c in rounds[-1].screened)
-    state, added, rivals, evidence = _rivals(states[-1], added, forced, spare, met)
-    states[-1] = state
-    ladder, added = _ladder(states[0], states[-1], added, met)
-    return Search(tuple(ladder), tuple(added), rivals, tuple(rounds), evidence, cut_short)
+    return Trail(start, states[-1], tuple(added), tuple(rounds), unsettled, len(added) >= most, effort.short,
+                 forced, spare, met)  # fmt: skip
 
 
 def _simplest(good: Sequence[Tried]) -> Tried:
@@ -169,7 +210,8 @@ def _together(found: Round, spare: Sequence[str], met: _Met) -> list[Tried]:
 class _Met:
     """What the search came by: the best fit of each model, which may end at several optima, and what was seen from each fit."""
 
-    def __init__(self, states: Sequence[State]) -> None:
+    def __init__(self, states: Sequence[State], effort: Effort) -> None:
+        self.effort = effort
         self._best: dict[frozenset[str], State] = {}
         self._seen: dict[State, Round] = {}
         self._less: dict[tuple[State, str], State] = {}
@@ -190,7 +232,9 @@ class _Met:
              like: str = "") -> Round:
         """A look that does nothing twice."""
         known = self._seen.get(state)
-        found = look(state, most=most, spare=spare, known=known, goal=goal, like=like)
+        if most and known is None and not self.effort.lasts(SCREENING * weight_of(state.model, state.problem)):
+            return Round(state, {}, ())
+        found = look(state, self.effort, most=most, spare=spare, known=known, goal=goal, like=like)
         self.note([t.state for t in found.tried])
         tried = {t.effect.id: t for t in (*(known.tried if known else ()), *found.tried)}
         self._seen[state] = Round(state, {**(known.points if known else {}), **found.points}, tuple(tried.values()))
@@ -200,6 +244,7 @@ class _Met:
         """The same model less one effect, and less what can't act without it: as met or refitted, whichever fits better."""
         if (state, name) not in self._less:
             less = _without(state, name)
+            self.effort.spend(less.work)
             self.note([less])
             self._less[state, name] = less
         less = self._less[state, name]
@@ -216,7 +261,7 @@ def _without(state: State, name: str) -> State:
     return fit(state.problem, model, np.concatenate([np.zeros(0), *kept]), shift=state.shift)
 
 
-def _afresh(state: State) -> State:
+def _afresh(state: State, effort: Effort) -> State:
     """The same model from its usual start, where that ends lower: an addition may have begun far from where it belongs."""
     problem, layout = state.problem, state.problem.experiment.layout
     named = state.model.parameters(layout)
@@ -224,6 +269,7 @@ def _afresh(state: State) -> State:
         return state
     values, _ = starting_values(state.model, problem.experiment, named, None)
     found = fit(problem, state.model, settled(problem, state.model, values))
+    effort.spend(found.work)
     return found if found.cost < LOWER * state.cost else state
 
 

@@ -44,11 +44,12 @@ def press_through(s: Signals, compliance: float, press: Callable[[Signals], None
         compliance: C [m/N], > 0.
         press: sets `elastic` and `normal` of signals from their depth and its rate.
     """
-    depth, near, search = s.depth, s.agreed, _Newton(s, compliance, press)
+    depth, search = s.depth, _Newton(s, compliance, press)
+    beside = s.agreed is not None and s.beside
     before, pace = np.zeros(len(s)), 1.0
-    first, last, stale, age, aged, grew = 0.0, np.inf, near is None, 0, AGED, 0
-    for count in range(MOST_STEPS if near is None else MOST_BESIDE):
-        if search.look(stale, pace > SLOW and (near is None or count > 1)):
+    first, last, stale, age, aged, grew = 0.0, np.inf, s.agreed is None, 0, AGED, 0
+    for count in range(MOST_BESIDE if beside else MOST_STEPS):
+        if search.look(stale, pace > SLOW and (not beside or count > 1)):
             age, aged = 0, 2 * aged
         change = search.step()
         if count > PATIENT and pace > 0.5:
@@ -60,8 +61,8 @@ def press_through(s: Signals, compliance: float, press: Callable[[Signals], None
         grew = grew + 1 if moved > last else 0
         first = first or moves
         pace = min(1.0, moved / last) if last < np.inf else 1.0  # what is left is this share of the step, if it goes on like that
-        beside = near is not None and pace * moves <= NEARBY * first
-        if beside or grew == GROWING or pace * moved <= SETTLED * float(np.abs(search.force).max(initial=0.0)):
+        near = beside and pace * moves <= NEARBY * first
+        if near or grew == GROWING or pace * moved <= SETTLED * float(np.abs(search.force).max(initial=0.0)):
             break
         age += 1
         stale, last = last < np.inf and pace > SLOW and age >= aged, moved
@@ -77,9 +78,10 @@ class _Newton:
         self._s, self._c, self._press = s, compliance, press
         self._depth, self._rate, n = s.depth, s.depth_rate, len(s)
         self._none = np.zeros(n)
-        begin = s.agreed or Agreement(self._none, self._none, self._none, np.full(n, 0.1), np.zeros((n, 0), np.bool_))
-        self.force, self._slope, self._loss, self._share, self._kinks = (
-            begin.force, begin.slope, begin.loss, begin.share, begin.kinks)  # fmt: skip
+        self._beside = s.agreed is not None and s.beside
+        begin = s.agreed or Agreement.none(n)
+        self.force, self._slope, self._loss, self._share, self._kinks, self._memory = (
+            begin.force, begin.slope, begin.loss, begin.share, begin.kinks, begin.memory)  # fmt: skip
         self._trust = np.ones(n)
         self._touched = s.depth > 0.0
         self._deep = max(float(np.abs(s.depth).max(initial=0.0)), 1e-9)
@@ -88,26 +90,29 @@ class _Newton:
         self._h, self._v = self._deep * sign, max(float(np.abs(s.depth_rate).max(initial=0.0)), 1e-9) * sign
 
     def look(self, stale: bool, moving: bool) -> bool:
-        """The law at the present force; slopes anew where they are stale, or samples crossed a kink while all still moves."""
+        """The law at the present force; slopes anew where they are stale, or samples crossed the surface while all still moves.
+
+        What a law remembers, too; where all is to be found, not only what changes, that is anew each time.
+        """
         s, c = self._s, self._c
         self._x, speed = self._behind()
         self._here = self._pressed(self._x, speed)
-        recall = Recall.joined(len(s), [own() for own in s.recalls])
-        self._memory = recall.keep, recall.before, recall.now, recall.reach, recall.size
-        kinks = np.column_stack([self._x > 0.0, recall.reach > 0.0])  # the surface, and where a depth becomes the deepest
-        if not stale and not (moving and not np.array_equal(kinks, self._kinks)):
+        anew = stale or (moving and not np.array_equal(self._x > 0.0, self._kinks))
+        if anew or not self._beside:
+            self._memory = Recall.joined(len(s), [own() for own in s.recalls])
+        if not anew:
             return False
-        self._kinks, known = kinks, np.empty(len(s))
-        remembered(self._h, self._none, s.dt, *self._memory, known)
+        self._kinks, known = self._x > 0.0, np.empty(len(s))
+        remembered(self._h, self._none, s.dt, *self._memory.parts, known)
         self._slope = np.maximum((self._pressed(self._x + self._h, speed) - self._here - known) / self._h, -SNAP / c)
-        remembered(self._none, self._v, s.dt, *self._memory, known)
+        remembered(self._none, self._v, s.dt, *self._memory.parts, known)
         self._loss = np.maximum((self._pressed(self._x, speed + self._v) - self._here - known) / self._v, 0.0)
         return True
 
     def step(self) -> Array:
         """Change of the force towards what law and arm agree on, (n,)."""
         step = np.empty(len(self.force))
-        forwards(self.force - self._here, self._s.dt, self._c, self._slope, self._loss, *self._memory, step)
+        forwards(self.force - self._here, self._s.dt, self._c, self._slope, self._loss, *self._memory.parts, step)
         # the material is not left by a step that overshoots; where steps want to leave it again and again, the arm follows
         held = (self._depth - np.maximum(self._share * self._x, LEAST * self._deep)) / self._c
         most = np.where(self._touched, held, np.inf)
@@ -126,7 +131,7 @@ class _Newton:
         """Leave the signals with the present force, and at the depth behind it."""
         self._pressed(*self._behind())
         self._s.normal = self.force
-        return Agreement(self.force, self._slope, self._loss, self._share, self._kinks)
+        return Agreement(self.force, self._slope, self._loss, self._share, self._kinks, self._memory)
 
     def _behind(self) -> tuple[Array, Array]:
         """Depth and its rate behind the arm, each (n,)."""

@@ -138,6 +138,11 @@ class Recall:
         """Of so many samples, to write into."""
         return cls(np.zeros((n, parts, parts)), *np.zeros((4, n, parts)))
 
+    @property
+    def parts(self) -> tuple[Array, Array, Array, Array, Array]:
+        """K, a, b, d, A."""
+        return self.keep, self.before, self.now, self.reach, self.size
+
     @classmethod
     def joined(cls, n: int, several: Sequence[Recall]) -> Recall:
         """All of them, which know nothing of each other."""
@@ -159,7 +164,7 @@ class Agreement:
     Attributes:
         force: N [N]. slope, loss: of the law over depth [N/m] and over its rate [N·s/m].
         share: of its depth that a tool keeps which a search wants to leave the material.
-        kinks: beside which slopes are those, (n, ·): whether a sample is inside, and deepest for each part of a memory.
+        kinks: where slopes are those: whether a sample is inside. memory: what the law remembers of its path there.
     """
 
     force: Array
@@ -167,6 +172,13 @@ class Agreement:
     loss: Array
     share: Array
     kinks: NDArray[np.bool_]
+    memory: Recall
+
+    @classmethod
+    def none(cls, n: int) -> Agreement:
+        """Of so many samples: no force, and nothing known."""
+        nothing = np.zeros(n)
+        return cls(nothing, nothing, nothing, np.full(n, 0.1), nothing > 0.0, Recall.blank(n, 0))
 
 
 @dataclass(eq=False)
@@ -186,6 +198,7 @@ class Signals:
         elastic: elastic force F_e [N], (n,). exponent: of its power law. normal: N [N], (n,).
         recalls: how laws that remember the path behind them do, for those that look through a compliance.
         agreed: behind a compliance: on the way, what was agreed on beside this prediction, None for nothing; in the end, here.
+        beside: whether only what changes from there is asked for, and to a share of that.
         touch: behind a compliance, a depth of the same sign, which more predictions share if there is one (n,).
         mu: friction coefficient, (2, n) along the tangents. bristle: length [m]. tangential: (2, n) [N].
         reading: what the sensor delivers, (channels, n).
@@ -213,6 +226,7 @@ class Signals:
     normal: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
     recalls: tuple[Callable[[], Recall], ...] = ()
     agreed: Agreement | None = None
+    beside: bool = False
     touch: Array | None = None
     mu: Array = dataclasses.field(default_factory=lambda: np.zeros((2, 0)))
     bristle: float = BRISTLE

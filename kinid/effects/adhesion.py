@@ -58,5 +58,5 @@ def _recall(depth: Array, dt: Array, p: Array) -> Recall:
     out, most = Recall.blank(len(dt), 1), np.empty(len(dt))
     recalled_deepest(depth, dt, -p[1], out.keep, out.reach, most)
     left = (1.0 - (np.minimum(depth, 0.0) / p[1]) ** 2) ** 2
-    out.size[:, 0] = np.where(most > 0.0, -p[0] / p[1] * left * np.exp((depth - most) / p[1]), 0.0)
+    out.size[:, 0] = np.where(most > 0.0, -p[0] / p[1] * left * np.exp(np.minimum(depth - most, 0.0) / p[1]), 0.0)
     return out

@@ -255,7 +255,7 @@ def test_what_was_not_searched_for_is_neither_absent_nor_as_good_as_what_was_ask
     assert found.added == ("surface-tilt",)
     assert not found["surface-tilt"].equivalent_to
     assert found["relaxation"].verdict == "not-excited"
-    assert "not searched for" in found["relaxation"].says
+    assert "left out" in found["relaxation"].says
     assert "--max-effects" in found["relaxation"].separate_by
 
 

@@ -18,6 +18,7 @@ from kinid import effects
 from kinid.diagnosis.candidates import able, screen
 from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.descent import State, _between, _Descent, cost_of, fit, settled
+from kinid.diagnosis.effort import Effort
 from kinid.diagnosis.inquiry import experiment_of
 from kinid.diagnosis.look import FAR_BEHIND, _nearest, attempt, look, worth_searching
 from kinid.diagnosis.problem import FINE, MOST_SAMPLES, PLENTY, RATE, Problem, thin
@@ -120,13 +121,13 @@ def test_a_place_beside_another_is_not_searched_again(fitted: State) -> None:
 
 
 def test_what_promises_far_less_than_another_brought_is_passed_over(fitted: State) -> None:
-    found = look(fitted)
+    found = look(fitted, Effort())
     brought = {t.effect.id: fitted.cost - t.state.cost for t in found.tried}
     assert max(brought, key=lambda name: brought[name]) == "relaxation"
     gains = {c.effect.id: c.gain for c in found.screened}
     assert all(gains[name] >= FAR_BEHIND * brought["relaxation"] for name in list(brought)[2:])
     # beside a model that is there already, which brought ten times what any effect promises, none is worth a search
-    assert not look(fitted, goal=fitted.cost - 10.0 * max(gains.values())).tried
+    assert not look(fitted, Effort(), goal=fitted.cost - 10.0 * max(gains.values())).tried
 
 
 def test_a_refit_begins_where_calibration_stands(fitted: State) -> None:
