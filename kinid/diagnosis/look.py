@@ -154,7 +154,7 @@ def look(state: State, effort: Effort, *, most: int = REFITTED, spare: Sequence[
     known_ones = [done[c.effect.id] for c in worth if c.effect.id in done]
     goal = min([goal, *(t.state.cost for t in known_ones)])
     fresh = _refitted(state, effort, [starts[c.effect.id] for c in worth if c.effect.id not in done], goal, like)
-    rival, share = min([goal, *(t.state.cost for t in fresh)]), effort.left
+    rival, share = min([goal, *(t.state.cost for t in fresh)]), effort.left / max(1, sum(not t.state.converged for t in fresh))
     pursued = side_by_side(lambda t: pursue(state, t, rival, share), fresh)
     effort.spend(sum(t.work for t in pursued) - sum(t.work for t in fresh))
     tried = known_ones + pursued

@@ -14,7 +14,7 @@ from kinid import effects
 from kinid.diagnosis.belief import BIAS, accepted, as_stated, at_end, believed, plausibility, shown_error
 from kinid.diagnosis.candidates import amplitudes, base_of, screen
 from kinid.diagnosis.descent import State, fit, settled
-from kinid.diagnosis.effort import RIVALS, SCREENING, Effort, weight_of
+from kinid.diagnosis.effort import REFITTING, RIVALS, SCREENING, Effort, weight_of
 from kinid.diagnosis.look import (
     DEFENDED,
     ENOUGH,
@@ -161,7 +161,7 @@ def search(start: State, effort: Effort, *, most: int = 4, forced: Sequence[str]
         added += [step.effect.id for step in steps]
         progress(f"defending {', '.join(added)}")
         states, added = _defend(states[0], states[-1], added, forced, spare, met)
-        if states[-1] is not states[0] and effort.lasts():
+        if states[-1] is not states[0] and effort.lasts(REFITTING * weight_of(states[-1].model, start.problem)):
             states[-1] = _afresh(states[-1], effort)
             met.note([states[-1]])
     return Trail(start, states[-1], tuple(added), tuple(rounds), unsettled, len(added) >= most, effort.short,
