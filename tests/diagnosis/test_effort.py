@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +13,7 @@ import kinid
 from kinid import effects
 from kinid.diagnosis.candidates import screen
 from kinid.diagnosis.descent import cost_of, fit
-from kinid.diagnosis.effort import Effort, weight_of
+from kinid.diagnosis.effort import AGAIN, PREDICTIONS, RIVALS, Effort, weight_of
 from kinid.diagnosis.inquiry import experiment_of
 from kinid.diagnosis.look import attempt, look, pursue
 from kinid.diagnosis.problem import Problem
@@ -102,3 +104,33 @@ def test_what_a_search_carries_along_behind_a_soft_arm_is_what_a_fresh_predictio
     found = fit(problem, model, start)
     assert found.work > 50.0
     assert cost_of(problem, model, found.values, found.shift) == pytest.approx(found.cost, rel=1e-5)
+
+
+def test_the_work_is_bounded_where_no_law_has_the_right_form(tester: Tester, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A spring that yields behind a play, and pulls: the catalogue's loops and bonds mop it up, each a little better."""
+    play, yielding = 0.0, []
+    for depth in np.maximum(tester.depth, 0.0):
+        play = min(max(play, depth - 4e-4), depth + 4e-4) if depth > 0.0 else 0.0
+        yielding.append(play)
+    force = 900.0 * np.array(yielding) * (1.0 + 0.4 * np.sin(2e3 * tester.depth)) + 9.0 * tester.rate * (tester.depth > 0)
+    asked = 0
+    lock = threading.Lock()
+    for name in ("predict", "course"):
+        do = getattr(kinid.Model, name)
+
+        def counted(*args: object, do: Callable[..., object] = do) -> object:
+            nonlocal asked
+            with lock:
+                asked += 1
+            return do(*args)
+
+        monkeypatch.setattr(kinid.Model, name, counted)
+    log = tester.log(force)
+    found = kinid.diagnose(log, RIG, model=MODEL, effort=0.05)
+    little, asked = asked, 0
+    kinid.diagnose(log, RIG, model=MODEL)
+    print(f"{found.verdict} {found.added}: predictions {little}, with the usual effort {asked}")
+    # a log this short may have five times as many as one of a minute; noise, intervals and errors take some besides
+    assert little < 0.05 * 5 * (PREDICTIONS + AGAIN + RIVALS) + 300
+    assert asked > 3 * little
+    assert found.verdict == "unexplained"
