@@ -16,6 +16,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hidden.cases import case
+from hidden.limited import cropped
+from hidden.study import jobs
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
@@ -27,6 +30,8 @@ Array = NDArray[np.float64]
 SHORT_S, LONG_S, MEMORY_GIB = 5.0, 30.0, 1.0
 MODEL = ("kelvin-voigt", "coulomb-friction")
 RATIO, TAU = 0.25, 0.6
+#: kinds of the hidden suite's logs that are timed
+MINUTES = ("single", "pair", "none", "outside")
 
 
 def sliding(seconds: float, rate: float) -> kinid.Log:
@@ -119,3 +124,31 @@ def test_time_and_memory(seconds: float, rate: float, asked: float, benchmark: A
         print(f"\n{mark} {what}: {took:.1f} s, {busy:.1f} s of cores (≤ {asked:g}); found {', '.join(out[5:])}")
         print(f"{'PASS' if most <= MEMORY_GIB else 'FAIL'} {what}: {most:.2f} GiB held at most (≤ {MEMORY_GIB:g}), "
               f"{before:.2f} GiB of them before it began")  # fmt: skip
+
+
+@pytest.mark.benchmark
+def test_time_of_the_hidden_suite(benchmark: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    """What the second simulator hides, its logs cut to a minute: how many answers take no longer than is asked for."""
+    if benchmark.disabled:
+        pytest.skip("takes times: pytest tests/benchmarks --benchmark-enable")
+    took: list[tuple[float, str]] = []
+
+    def run() -> None:
+        for job in jobs():
+            if job.kind not in MINUTES:
+                continue
+            hidden = case(job.kind, job.number, job.seed, job.world)
+            log = cropped(hidden.log, slice(0, int((hidden.log.t < hidden.log.t[0] + 60.0).sum())))
+            if not took:  # what is compiled once
+                kinid.diagnose(log, hidden.rig, model=kinid.Model(*hidden.model))
+            began = time.perf_counter()
+            found = kinid.diagnose(log, hidden.rig, model=kinid.Model(*hidden.model))
+            took.append((time.perf_counter() - began, f"{hidden.name} ({', '.join(found.added) or found.verdict})"))
+
+    benchmark.pedantic(run, rounds=1)
+    with capsys.disabled():
+        within = sum(seconds <= SHORT_S for seconds, _ in took)
+        mark, median = "PASS" if within == len(took) else "FAIL", np.median([seconds for seconds, _ in took])
+        print(f"\n{mark} diagnosis of 60 s with hidden effects: {within} of {len(took)} logs within {SHORT_S:g} s, median {median:.1f} s")
+        for seconds, name in sorted(took, reverse=True)[:5]:
+            print(f"  {seconds:.1f} s {name}")
