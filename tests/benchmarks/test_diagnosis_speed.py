@@ -149,6 +149,7 @@ def test_time_of_the_hidden_suite(benchmark: Any, capsys: pytest.CaptureFixture[
     with capsys.disabled():
         within = sum(seconds <= SHORT_S for seconds, _ in took)
         mark, median = "PASS" if within == len(took) else "FAIL", np.median([seconds for seconds, _ in took])
-        print(f"\n{mark} diagnosis of 60 s with hidden effects: {within} of {len(took)} logs within {SHORT_S:g} s, median {median:.1f} s")
+        print(f"\n{mark} diagnosis of 60 s with hidden effects: {within} of {len(took)} logs within {SHORT_S:g} s, "
+              f"median {median:.1f} s")  # fmt: skip
         for seconds, name in sorted(took, reverse=True)[:5]:
             print(f"  {seconds:.1f} s {name}")
