@@ -11,20 +11,20 @@ from kinid.diagnosis.problem import Problem
 from kinid.effects import Stage
 from kinid.model import Model
 
-#: predictions that a search may ask for: of the logs of a minute that it was tried on, one in twelve asks for more
-PREDICTIONS = 1600.0
-#: … at most, of a search that begins anew
-AGAIN = 900.0
+#: predictions that a search may ask for: of the logs of a minute that it was tried on, less than one in ten asks for more
+PREDICTIONS = 2300.0
+#: … and so many more of a search that begins anew, beside what the first one left
+AGAIN = 300.0
 #: … and to look at rivals of what was found
 RIVALS = 200.0
 #: … of which the first look at the whole catalogue takes about
 SCREENING = 100.0
 #: … and a refit so many
 REFITTING = 60.0
-#: behind an arm that gives way a prediction takes as long as so many others, and as so many for each effect on the contact law
-BEHIND, OF_LAW = 0.5, 2.0
+#: behind an arm that gives way a prediction takes as long as so many others, and as so many for each effect beside its base law
+BEHIND, OF_LAW = 2.5, 4.0
 #: … and so many times as long where a coarse converter's stairs are rounded to on its way into the band that counts
-STAIRS = 8.0
+STAIRS = 12.0
 #: of a log with fewer means than this, all channels together, a prediction counts for that share of one, and for this at least
 WHOLE, SMALLEST = 20_000, 0.2
 
@@ -37,7 +37,7 @@ def weight_of(model: Model, problem: Problem) -> float:
         weight *= STAIRS
     if "structural-compliance" in model:
         law = sum(bool({Stage.ELASTIC, Stage.NORMAL} & set(effect.stages())) for effect in model.effects)
-        weight *= BEHIND + OF_LAW * law
+        weight *= BEHIND + OF_LAW * (law - 1)
     return weight
 
 
@@ -62,6 +62,12 @@ class Effort:
     def allow(self, predictions: float) -> None:
         """Have so many left at least."""
         self.left = max(self.left, self._times * predictions)
+
+    def once_more(self) -> Effort:
+        """Of a search that begins anew: what is left, and a little more."""
+        out = Effort(AGAIN, self._times)
+        out.left += max(self.left, 0.0)
+        return out
 
     def lasts(self, predictions: float = 0.0) -> bool:
         """Whether there is any left for what is asked for now, and as many as that."""

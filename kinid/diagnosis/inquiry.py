@@ -14,7 +14,7 @@ from kinid.diagnosis.conclusions import Found
 from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.descent import State, fit, settled
 from kinid.diagnosis.detectors import detect
-from kinid.diagnosis.effort import AGAIN, Effort
+from kinid.diagnosis.effort import Effort
 from kinid.diagnosis.noise import as_their_like
 from kinid.diagnosis.problem import Problem, thin
 from kinid.diagnosis.reconsider import reweighted
@@ -159,7 +159,7 @@ def _look(model: Model, experiment: Experiment, values: Array, most: int, forced
         if weighted is None:
             break
         progress("what was found carries more noise: looking again")
-        state, effort = weighted, Effort(AGAIN, times)
+        state, effort = weighted, effort.once_more()
     return Found(model, whole, cleaned, found.end, forced)
 
 
