@@ -12,7 +12,18 @@ from numpy.typing import NDArray
 import kinid
 from kinid import effects as catalogue
 from kinid.diagnosis.result import ABSENT, INDISTINGUISHABLE, NOT_EXCITED, PRESENT, Cell, Diagnosis, EffectVerdict
-from kinid.diagnosis.words import acting, by_verdict, channel_words, doubts, headline, number, one_sided, rivalries, sentence
+from kinid.diagnosis.words import (
+    acting,
+    by_verdict,
+    channel_words,
+    doubts,
+    headline,
+    left_out,
+    number,
+    one_sided,
+    rivalries,
+    sentence,
+)
 from kinid.diagnosis_figures import Shown, ladder, loops, readings
 from kinid.diagnosis_multiples import multiples
 from kinid.fit import FittedParameter
@@ -154,10 +165,11 @@ def _effects(result: Diagnosis) -> str:
         "<p class=facts>Evidence: twice the gain in held-out log-likelihood (Student's t) that the effect brings, less 4 for "
         "each of its parameters; 16 is the least that is believed. Gain: by how much it lowers the held-out error.</p>"
     )
-    folded = ((NOT_EXCITED, True, "that this log cannot tell", "what to record"), (ABSENT, True, "absent", ""),
-              (NOT_EXCITED, False, "that are not about logs of this kind", "what to record"))  # fmt: skip
-    for verdict, acts, words, last in folded:
-        rest = [e for e in by_verdict(result) if e.verdict == verdict and e.acts == acts]
+    folded = ((NOT_EXCITED, True, True, "left out by this search", "how to try"),
+              (NOT_EXCITED, True, False, "that this log cannot tell", "what to record"), (ABSENT, True, False, "absent", ""),
+              (NOT_EXCITED, False, False, "that are not about logs of this kind", "what to record"))  # fmt: skip
+    for verdict, acts, left, words, last in folded:
+        rest = [e for e in by_verdict(result) if (e.verdict, e.acts, left_out(e)) == (verdict, acts, left)]
         if rest:
             heads = ("effect", "evidence", "why", last)
             rows = [(_name(e), _evidence(e), _e(e.says), _e(e.separate_by)) for e in rest]

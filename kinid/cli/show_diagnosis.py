@@ -74,7 +74,7 @@ def _ladder(out: Console, result: Diagnosis) -> None:
 
 
 def _effects(out: Console, result: Diagnosis) -> None:
-    from kinid.diagnosis.words import by_verdict
+    from kinid.diagnosis.words import by_verdict, left_out
 
     shown = [e for e in by_verdict(result) if e.verdict in MARK]
     if shown:
@@ -88,9 +88,11 @@ def _effects(out: Console, result: Diagnosis) -> None:
                           f"{e.held_out_gain:.3g}", escape(_numbers(e)))  # fmt: skip
         out.print()
         out.print(table)
-    for verdict, acts, words in (("absent", True, "absent"), ("not-excited", True, "this log cannot tell"),
-                                 ("not-excited", False, "not about logs of this kind")):  # fmt: skip
-        names = [e.id for e in result.effects if e.verdict == verdict and e.acts == acts]
+    for verdict, acts, left, words in (
+        ("absent", True, False, "absent"), ("not-excited", True, True, "left out by this search"),
+        ("not-excited", True, False, "this log cannot tell"), ("not-excited", False, False, "not about logs of this kind"),
+    ):  # fmt: skip
+        names = [e.id for e in result.effects if (e.verdict, e.acts, left_out(e)) == (verdict, acts, left)]
         if names:
             out.print(f"{words} ({len(names)}): {escape(', '.join(names))}", soft_wrap=True)
 

@@ -36,6 +36,8 @@ Array = NDArray[np.float64]
 
 #: a model that leaves more than so many times the noise of readings leaves open why
 OPENLY = 2.0
+#: of what was left out so many are named, the most promising
+MOST_NAMED = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,8 +234,10 @@ class Found:
             out.append(f"the log holds contact, and the model has no contact law: ask about one of {laws}")
         out += filter(None, [told_of_calibration(last)])
         if self.search.spent and self.search.left_out:
-            names = ", ".join(self.search.left_out)
-            out.append(f"{ended(self.search)} before it tried {names}: try one with --add, or allow more")
+            names, more = ", ".join(self.search.left_out[:MOST_NAMED]), len(self.search.left_out) - MOST_NAMED
+            names += f" and {more} more" if more > 0 else ""
+            out.append(f"{ended(self.search)} before it tried {names}: try the first with --add {self.search.left_out[0]}, "
+                       "or allow four times the work: --effort 4")  # fmt: skip
         if not self.search.states[-1].converged:
             out.append("the last search stopped before it converged: its parameters may be off")
         usable = self.whole.valid if self.whole.touch is None else self.whole.touch.valid

@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 
 ADEQUATE, MISSING, UNEXPLAINED = "adequate", "missing", "unexplained"
 PRESENT, ABSENT, NOT_EXCITED, INDISTINGUISHABLE = "present", "absent", "not-excited", "indistinguishable"
+#: how an effect that isn't told of says why, where it promised much and the search ended before it was tried
+LEFT_OUT = "it was left out"
 
 
 @dataclass(frozen=True)

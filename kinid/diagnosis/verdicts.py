@@ -14,7 +14,7 @@ from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.descent import State
 from kinid.diagnosis.detectors import Mark
 from kinid.diagnosis.look import ENOUGH, NEARER, Tried
-from kinid.diagnosis.result import ABSENT, INDISTINGUISHABLE, NOT_EXCITED, PRESENT, EffectVerdict
+from kinid.diagnosis.result import ABSENT, INDISTINGUISHABLE, LEFT_OUT, NOT_EXCITED, PRESENT, EffectVerdict
 from kinid.diagnosis.search import Search
 from kinid.diagnosis.unexplained import OTHER_FORM
 from kinid.effects import Effect
@@ -93,7 +93,7 @@ def verdicts(
             verdict, says = NOT_EXCITED, "others explain more of the same, but what they leave is no noise: no proof against it"
         record = "" if verdict == ABSENT else f"record {'' if why else 'more: '}{effect.excited_by}"
         if not why and name in search.left_out:
-            verdict, says = NOT_EXCITED, f"it was left out: {ended(search)}, and it may help"
+            verdict, says = NOT_EXCITED, f"{LEFT_OUT}: {ended(search)}, and it may help"
             record = f"try it: --add {name}" if search.spent else "allow more effects: --max-effects"
         out.append(EffectVerdict(name, verdict, evidence, (), gain, shown, record, says, not why))
     order = {PRESENT: 0, INDISTINGUISHABLE: 1, NOT_EXCITED: 2, ABSENT: 3}

@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinid import effects as catalogue
-from kinid.diagnosis.result import ABSENT, ADEQUATE, INDISTINGUISHABLE, MISSING, NOT_EXCITED, PRESENT, Diagnosis, EffectVerdict
+from kinid.diagnosis.result import (
+    ABSENT,
+    ADEQUATE,
+    INDISTINGUISHABLE,
+    LEFT_OUT,
+    MISSING,
+    NOT_EXCITED,
+    PRESENT,
+    Diagnosis,
+    EffectVerdict,
+)
 
 if TYPE_CHECKING:
     from kinid.diagnosis.view import View
@@ -39,7 +49,7 @@ def headline(result: Diagnosis) -> str:
         them = "all that was added" if len(real) < len(result.added) else "it" if len(real) == 1 else "them"
         return f"The model lacks {names}{which}: with {them} {error}; {noise}."
     if result.says.startswith("not searched further"):
-        return f"Something is missing, and no more effects were to be added: {error}; {noise}."
+        return f"Something is missing, and the search ended before it was found: {error}; {noise}."
     if not result.added:
         return f"Something is missing that the catalogue does not hold: {error}; {noise}."
     alone = len(real) == 1
@@ -51,6 +61,11 @@ def with_rivals(names: Iterable[str], told: Iterable[EffectVerdict]) -> list[str
     """Each effect as "a or b or …" with those that it can't be told from."""
     rivals = {effect.id: effect.equivalent_to for effect in told}
     return [" or ".join([name, *rivals.get(name, ())]) for name in names]
+
+
+def left_out(effect: EffectVerdict) -> bool:
+    """Whether it was promising, and the search ended before it was tried: the log may well tell."""
+    return effect.says.startswith(LEFT_OUT)
 
 
 def one_sided(p: FittedParameter, write: Callable[[float], str]) -> str:

@@ -109,6 +109,7 @@ def test_the_catalogue_is_listed_and_names_for_several_are_told_apart(run: Run) 
         (["--model", "hooke", "--add", "sensor-crosstalk"], "channels"),
         (["--model", "kelvin-voigt,relaxation", "--add", "relaxation"], "which has it"),
         (["--model", "hooke", "--max-effects", "-1"], "0 or more"),
+        (["--model", "hooke", "--effort", "nan"], "above 0"),
         (["--model", "rigid-body"], "torque"),
         (["--model", "hooke", "--rig", "none.toml"], "none.toml"),
         (["--model", "hooke", "--json", "nowhere/d.json"], "nowhere"),
@@ -141,3 +142,13 @@ def test_nothing_half_written_is_left(run: Run, tester: Path) -> None:
     code, _, _ = run("diagnose", tester, "--model", "hooke", "--json", tester.parent / "d.json", "--report", "nowhere/d.html")
     assert code == 2
     assert sorted(path.name for path in tester.parent.iterdir()) == ["log.csv"]
+
+
+def test_what_a_search_left_out_stands_apart_from_what_the_log_cannot_tell(run: Run, tester: Path) -> None:
+    code, said, err = run("diagnose", tester, "--model", "hooke", "--effort", 0.001)
+    assert code == 0, err
+    apart = next(line for line in said.splitlines() if line.startswith("left out by this search"))
+    assert "viscous-damping" in apart
+    assert all("viscous-damping" not in line for line in said.splitlines() if line.startswith("this log cannot tell"))
+    assert "the search ended before it was found" in said
+    assert "--effort 4" in said
