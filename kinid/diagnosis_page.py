@@ -12,18 +12,7 @@ from numpy.typing import NDArray
 import kinid
 from kinid import effects as catalogue
 from kinid.diagnosis.result import ABSENT, INDISTINGUISHABLE, NOT_EXCITED, PRESENT, Cell, Diagnosis, EffectVerdict
-from kinid.diagnosis.words import (
-    acting,
-    by_verdict,
-    channel_words,
-    doubts,
-    headline,
-    left_out,
-    number,
-    one_sided,
-    rivalries,
-    sentence,
-)
+from kinid.diagnosis.words import acting, by_verdict, channel_words, doubts, headline, number, one_sided, rivalries, sentence
 from kinid.diagnosis_figures import Shown, ladder, loops, readings
 from kinid.diagnosis_multiples import multiples
 from kinid.fit import FittedParameter
@@ -169,7 +158,7 @@ def _effects(result: Diagnosis) -> str:
               (NOT_EXCITED, True, False, "that this log cannot tell", "what to record"), (ABSENT, True, False, "absent", ""),
               (NOT_EXCITED, False, False, "that are not about logs of this kind", "what to record"))  # fmt: skip
     for verdict, acts, left, words, last in folded:
-        rest = [e for e in by_verdict(result) if (e.verdict, e.acts, left_out(e)) == (verdict, acts, left)]
+        rest = [e for e in by_verdict(result) if (e.verdict, e.acts, e.left_out) == (verdict, acts, left)]
         if rest:
             heads = ("effect", "evidence", "why", last)
             rows = [(_name(e), _evidence(e), _e(e.says), _e(e.separate_by)) for e in rest]

@@ -284,13 +284,17 @@ class _Descent:
         self.x = np.where(self.moving, inside, held)
         self.y = problem.target
         self.here = self.course(self.x, shift)
-        self.predicted = self.here.reading
         self.late = problem.calibration.late(self.predicted) if len(shift) else np.zeros(0)
         self.stacked, self.residual, self.cost = self.compared(self.predicted, shift)
         names = model.parameters(problem.experiment.layout)
         self.groups = together([(j, name) for j, name in enumerate(names) if self.moving[j]], problem.experiment.layout)
         # what acts through the law, and is to be learnt on the way; the rest of calibration only adds
         self.curved = len(self.x) + int(bool(len(shift)) and problem.calibration.surface)
+
+    @property
+    def predicted(self) -> Array:
+        """What the law expects at the present place, (channels, n)."""
+        return self.here.reading
 
     def predict(self, x: Array, shift: Array, near: Course | None = None) -> Array:
         """What the law expects with the surface at a shift, (channels, n)."""
@@ -348,7 +352,6 @@ class _Descent:
         free = self.normal(jacobian, squares)[1]
         if self.here.bent:  # what was agreed on from step to step, agreed on from nothing, as all other predictions are
             self.here = self.course(self.x, self.shift)
-            self.predicted = self.here.reading
             self.stacked, self.residual, self.cost = self.compared(self.predicted, self.shift)
         state = State(self.problem, self.model, self.x, self.shift, self.residual, free, self.scale, converged,
                       self.asked * weight_of(self.model, self.problem))  # fmt: skip
@@ -403,12 +406,11 @@ class _Descent:
             step = np.r_[(x - self.x) / self.scale, shift - self.shift]
             expected = expected if corrected else float(2 * g @ step - step @ a @ step)
             course = self.course(x, shift, self.here)
-            predicted = course.reading
-            stacked, residual, cost = self.compared(predicted, shift)
+            stacked, residual, cost = self.compared(course.reading, shift)
             if cost < self.cost:
                 change = step, stacked - self.stacked, expected
                 gain = self.cost - cost
-                self.x, self.here, self.predicted, self.stacked, self.shift = x, course, predicted, stacked, shift
+                self.x, self.here, self.stacked, self.shift = x, course, stacked, shift
                 self.residual, self.cost = residual, cost
                 return gain, change
             if not np.isfinite(cost) or expected < ENOUGH * max(1.0, self.cost / len(self.y)):

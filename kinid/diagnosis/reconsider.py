@@ -47,7 +47,7 @@ def _stands(found: Trail, nearest: State, problem: Problem) -> bool:
         out.__dict__["held"] = state.held * ratio
         return out
 
-    if weighed(found.last).rms >= ALLOWED:
+    if weighed(found.last).rms >= ALLOWED:  # seen without the work of a conclusion
         return False
     path = [weighed(s) for s in found.end.states]
     steps = [*zip(path, path[1:]), *([(weighed(nearest), path[-1])] if nearest is not found.end.states[-1] else [])]

@@ -16,8 +16,6 @@ Array = NDArray[np.float64]
 
 ADEQUATE, MISSING, UNEXPLAINED = "adequate", "missing", "unexplained"
 PRESENT, ABSENT, NOT_EXCITED, INDISTINGUISHABLE = "present", "absent", "not-excited", "indistinguishable"
-#: how an effect that isn't told of says why, where it promised much and the search ended before it was tried
-LEFT_OUT = "it was left out"
 
 
 @dataclass(frozen=True)
@@ -59,6 +57,7 @@ class EffectVerdict:
         separate_by: how to tell it from what it is mistaken for, or what to record to see it.
         says: the verdict in words.
         acts: whether it can act at all in a log of this kind and beside this model.
+        left_out: whether it promised much, and the search ended before it was tried: the log may well tell.
     """
 
     id: str
@@ -70,6 +69,7 @@ class EffectVerdict:
     separate_by: str
     says: str
     acts: bool = True
+    left_out: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""

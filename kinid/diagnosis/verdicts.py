@@ -14,7 +14,7 @@ from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.descent import State
 from kinid.diagnosis.detectors import Mark
 from kinid.diagnosis.look import ENOUGH, NEARER, Tried
-from kinid.diagnosis.result import ABSENT, INDISTINGUISHABLE, LEFT_OUT, NOT_EXCITED, PRESENT, EffectVerdict
+from kinid.diagnosis.result import ABSENT, INDISTINGUISHABLE, NOT_EXCITED, PRESENT, EffectVerdict
 from kinid.diagnosis.search import Search
 from kinid.diagnosis.unexplained import OTHER_FORM
 from kinid.effects import Effect
@@ -92,10 +92,11 @@ def verdicts(
         elif verdict == ABSENT and last.rms > OTHER_FORM and name in tried and tried[name].evidence.sure:
             verdict, says = NOT_EXCITED, "others explain more of the same, but what they leave is no noise: no proof against it"
         record = "" if verdict == ABSENT else f"record {'' if why else 'more: '}{effect.excited_by}"
-        if not why and name in search.left_out:
-            verdict, says = NOT_EXCITED, f"{LEFT_OUT}: {ended(search)}, and it may help"
+        left_out = not why and name in search.left_out
+        if left_out:
+            verdict, says = NOT_EXCITED, f"it was left out: {ended(search)}, and it may help"
             record = f"try it: --add {name}" if search.spent else "allow more effects: --max-effects"
-        out.append(EffectVerdict(name, verdict, evidence, (), gain, shown, record, says, not why))
+        out.append(EffectVerdict(name, verdict, evidence, (), gain, shown, record, says, not why, left_out))
     order = {PRESENT: 0, INDISTINGUISHABLE: 1, NOT_EXCITED: 2, ABSENT: 3}
     first = {name: i for i, name in enumerate(search.added)}
     return tuple(sorted(out, key=lambda v: (first.get(v.id, 99) if v.id in first else 98, order[v.verdict], -v.evidence)))

@@ -8,17 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinid import effects as catalogue
-from kinid.diagnosis.result import (
-    ABSENT,
-    ADEQUATE,
-    INDISTINGUISHABLE,
-    LEFT_OUT,
-    MISSING,
-    NOT_EXCITED,
-    PRESENT,
-    Diagnosis,
-    EffectVerdict,
-)
+from kinid.diagnosis.result import ABSENT, ADEQUATE, INDISTINGUISHABLE, MISSING, NOT_EXCITED, PRESENT, Diagnosis, EffectVerdict
 
 if TYPE_CHECKING:
     from kinid.diagnosis.view import View
@@ -61,11 +51,6 @@ def with_rivals(names: Iterable[str], told: Iterable[EffectVerdict]) -> list[str
     """Each effect as "a or b or …" with those that it can't be told from."""
     rivals = {effect.id: effect.equivalent_to for effect in told}
     return [" or ".join([name, *rivals.get(name, ())]) for name in names]
-
-
-def left_out(effect: EffectVerdict) -> bool:
-    """Whether it was promising, and the search ended before it was tried: the log may well tell."""
-    return effect.says.startswith(LEFT_OUT)
 
 
 def one_sided(p: FittedParameter, write: Callable[[float], str]) -> str:

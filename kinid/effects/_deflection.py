@@ -45,11 +45,10 @@ def press_through(s: Signals, compliance: float, press: Callable[[Signals], None
         press: sets `elastic` and `normal` of signals from their depth and its rate.
     """
     depth, search = s.depth, _Newton(s, compliance, press)
-    beside = s.agreed is not None and s.beside
     before, pace = np.zeros(len(s)), 1.0
     first, last, stale, age, aged, grew = 0.0, np.inf, s.agreed is None, 0, AGED, 0
-    for count in range(MOST_BESIDE if beside else MOST_STEPS):
-        if search.look(stale, pace > SLOW and (not beside or count > 1)):
+    for count in range(MOST_BESIDE if search.beside else MOST_STEPS):
+        if search.look(stale, pace > SLOW and (not search.beside or count > 1)):
             age, aged = 0, 2 * aged
         change = search.step()
         if count > PATIENT and pace > 0.5:
@@ -61,7 +60,7 @@ def press_through(s: Signals, compliance: float, press: Callable[[Signals], None
         grew = grew + 1 if moved > last else 0
         first = first or moves
         pace = min(1.0, moved / last) if last < np.inf else 1.0  # what is left is this share of the step, if it goes on like that
-        near = beside and pace * moves <= NEARBY * first
+        near = search.beside and pace * moves <= NEARBY * first
         if near or grew == GROWING or pace * moved <= SETTLED * float(np.abs(search.force).max(initial=0.0)):
             break
         age += 1
@@ -78,7 +77,7 @@ class _Newton:
         self._s, self._c, self._press = s, compliance, press
         self._depth, self._rate, n = s.depth, s.depth_rate, len(s)
         self._none = np.zeros(n)
-        self._beside = s.agreed is not None and s.beside
+        self.beside = s.agreed is not None and s.beside  # only what changes from an agreement that is known is looked for
         begin = s.agreed or Agreement.none(n)
         self.force, self._slope, self._loss, self._share, self._kinks, self._memory = (
             begin.force, begin.slope, begin.loss, begin.share, begin.kinks, begin.memory)  # fmt: skip
@@ -98,7 +97,7 @@ class _Newton:
         self._x, speed = self._behind()
         self._here = self._pressed(self._x, speed)
         anew = stale or (moving and not np.array_equal(self._x > 0.0, self._kinks))
-        if anew or not self._beside:
+        if anew or not self.beside:
             self._memory = Recall.joined(len(s), [own() for own in s.recalls])
         if not anew:
             return False
