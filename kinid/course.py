@@ -53,7 +53,8 @@ class Route:
         """That of these effects for logs of a kind."""
 
         def acting(stage: Stage) -> list[Step]:
-            return [Step((effect, stage), i, getattr(effect, stage.value)) for i, effect in enumerate(effects)
+            return [Step((effect, stage), i, getattr(effect, stage.value))
+                    for i, effect in sorted(enumerate(effects), key=lambda numbered: numbered[1].turn)
                     if stage in effect.stages()]  # fmt: skip
 
         def chain(act: Callable[[Signals, Array], None]) -> Step:

@@ -17,8 +17,6 @@ STRONGEST = 1e5
 OUTSIDE = 3.0
 #: samples that such a thing is told from
 FEWEST = 50
-#: share of the greatest depth outside the material from which on a force is no contact, whatever it is
-CLEAR = 0.1
 #: of the greatest depth, a share that no tool moves from one sample to the next
 LEAP = 0.5
 #: … where samples follow each other in less than this [s]
@@ -72,9 +70,7 @@ def doubts_of(experiment: Experiment) -> list[str]:
     if lowest is not None:
         out.append(f"the normal force falls to {lowest:.3g} N as the tool goes deeper: is its sign turned? It is positive "
                    f"where the material pushes the tool out; {TURN}")  # fmt: skip
-    # a bias can pass for contact: far outside the material there is none
-    free = (depth <= 0) & (~experiment.in_contact | (depth < -CLEAR * most))
-    if not (free & valid).any():
+    if not (valid & (depth <= 0) & ~experiment.in_contact).any():
         out.append("no free motion in the log: a bias of the sensor would look like stiffness")
     quick = (experiment.signals.dt > 0) & (experiment.signals.dt < QUICK)
     jump = float(np.abs(np.diff(depth, prepend=depth[:1])[quick]).max(initial=0.0))

@@ -47,6 +47,8 @@ MOST_REACH = 2e-5
 OFTEN, MOMENT, JERK = 99.9, 0.5, 3e-6
 #: samples that such a percentage is told from, at least
 LONG_ENOUGH = 400
+#: share of the greatest depth outside the material from which on a force is no contact, whatever it is
+CLEAR = 0.1
 #: depth that stands for "nowhere near a surface" where the rig has none [m]
 FAR = -1.0
 
@@ -211,6 +213,13 @@ def gaps_in_contact(t: Array, in_contact: NDArray[np.bool_]) -> NDArray[np.int64
     return np.flatnonzero(np.r_[True, gap] & in_contact)
 
 
+def _touching(touch: ContactSeries, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Samples in contact, (n,): a force far outside the material is a bias, not contact."""
+    depth, flag = touch.depth[rows], touch.in_contact[rows]
+    deepest = float(depth.max(initial=0.0))
+    return flag & ~(depth < -CLEAR * deepest) if deepest > 0.0 else flag
+
+
 def _forgotten(t: Array, in_contact: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Samples after a gap in contact, until the tool leaves or for a while, (n,)."""
     for lasts in FORGETS:
@@ -231,7 +240,7 @@ def from_contact(touch: ContactSeries, channels: tuple[str, ...]) -> Experiment:
     slip = np.nan_to_num(np.stack([touch.slip1[rows], touch.slip2[rows]]))
     slip_rate = np.nan_to_num(np.stack([touch.slip_rate1[rows], touch.slip_rate2[rows]]))
     measured = np.stack([getattr(touch, name)[rows] for name in channels])
-    in_contact = touch.in_contact[rows]
+    in_contact = _touching(touch, rows)
     valid = np.isfinite(measured).all(axis=0) & ~_forgotten(t, in_contact)
     signals = Signals(
         Layout(channels, "contact"), t, dt, touch.depth[rows], touch.depth_rate[rows], slip, slip_rate, measured=measured,
@@ -315,7 +324,7 @@ def from_wrench(
         noise = np.maximum(noise, rig.sensor.noise)
     touching = np.zeros(len(rows), dtype=np.bool_)
     if touch is not None:
-        touching = touch.in_contact[rows]
+        touching = _touching(touch, rows)
         valid = valid & ~_forgotten(t, touching)
     return Experiment(signals, measured, valid, noise, _named(log.phase, rows), touching, rows)
 

@@ -26,7 +26,7 @@ BIAS, OPEN = "sensor-bias", 0.05
 #: of readings that are stairs, what leaves less than this share of the noise lacks nothing that they could show
 CALM = 0.5
 #: … and what matters lowers by this share what is left of them as they were read
-SEEN = 0.0075
+SEEN = 0.005
 #: what calibration a little beyond its tolerance explains within so much evidence is not called physics
 DOUBTED = 12.0
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from kinid.diagnosis.view import View
 from kinid.diagnosis.words import number, span
-from kinid.doubts_of_data import CLEAR
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -138,8 +137,7 @@ def _contact_phases(view: View) -> NDArray[np.str_]:
     presses = _sharp(view, pressing > _still(view, s.depth, STILL))
     slides = _sharp(view, (sliding > max(_still(view, s.slip[i], SLIDING) for i in range(2))) & (sliding > 0.5 * pressing))
     depth = view.at(s.depth)
-    touching = view.touching & (depth >= -CLEAR * max(0.0, float(depth.max(initial=0.0))))  # a bias is no contact
-    kind = np.where(~touching, 0, np.where(slides, 1, np.where(presses, 2, 3))).astype(np.int8)
+    kind = np.where(~view.touching, 0, np.where(slides, 1, np.where(presses, 2, 3))).astype(np.int8)
     kind = _steady(kind, view)
     names = np.array(["free", "slide", "poke", "hold"], dtype="<U16")[kind]
     for a, b in runs(kind == 2, view.piece):

@@ -152,7 +152,7 @@ def search(start: State, effort: Effort, *, most: int = 4, forced: Sequence[str]
         if len(added) >= SEVERAL and good and not effort.lasts():
             unsettled = tuple(t.effect.id for t in good)
             break
-        good = good or ([] if added else _biased(seen))  # what a law of another form leaves may look like one
+        good = good or _biased(seen)
         steps = [_simplest(good)] if good else _together(seen, spare, met) if not paired and len(added) + 2 <= most else []
         if not steps:
             break
@@ -181,7 +181,10 @@ def _simplest(good: Sequence[Tried]) -> Tried:
 
 
 def _biased(found: Round) -> list[Tried]:
-    """A bias beyond its tolerance, most of which calibration took: next to nothing is left then."""
+    """A bias beyond its tolerance, most of which calibration took: next to nothing is left then.
+
+    Where more is left, what a law of another form leaves may look like one.
+    """
     before, bias = found.before, effects.get(BIAS)
     left = before.cost > NEAR_NOISE * len(before.residual)
     if left or bias.id not in found.points or float(np.linalg.norm(before.shift)) < AT_ENDS:

@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 POWER = 2.0
 #: at this share of the shapes that were looked at, at least
 SHAPES = 0.75
+#: an effect isn't absent where what is left looks like one of this share of the least that matters
+LOOKS = 0.5
 
 
 def verdicts(
@@ -82,7 +84,10 @@ def verdicts(
             out.append(EffectVerdict(name, INDISTINGUISHABLE, evidence, others, gain, shown, _separate(name, others, search),
                                      f"fits as well as {', '.join(others)}: this log can't tell them apart"))  # fmt: skip
             continue
-        verdict, says = (NOT_EXCITED, why) if why else _seen(last, effect, points.get(name), inflation, rate)
+        if why:
+            verdict, says = NOT_EXCITED, why
+        else:
+            verdict, says = _unmarked(effect, rate) if effect.detector else _seen(last, effect, points.get(name), inflation)
         if verdict == ABSENT and attempt is not None and evidence >= ENOUGH and attempt.state.rms < NEARER * last.rms:
             verdict, says = NOT_EXCITED, "it would take much of the rest, but this log is no proof of it"
         elif verdict == ABSENT and evidence >= ENOUGH:
@@ -112,14 +117,17 @@ def meaning(told: EffectVerdict) -> str:
     return effects.get(told.id).meaning({name: p.value for name, p in told.parameters.items()})
 
 
-def _seen(state: State, effect: Effect, points: Sequence[Candidate] | None, inflation: float, rate: float) -> tuple[str, str]:
+def _unmarked(effect: Effect, rate: float) -> tuple[str, str]:
+    """Absent or not excited, and why, of what leaves a mark in the samples and left none."""
+    if effect.id == "saturation":
+        return NOT_EXCITED, "no reading stays at a largest value: the end of the range was not reached"
+    if effect.id == "mains-hum" and rate < 125.0:
+        return NOT_EXCITED, f"at {rate:.3g} Hz a line at 50 or 60 Hz can't be seen"
+    return ABSENT, "no such mark in the samples"
+
+
+def _seen(state: State, effect: Effect, points: Sequence[Candidate] | None, inflation: float) -> tuple[str, str]:
     """Absent or not excited, and why."""
-    if effect.detector:
-        if effect.id == "saturation":
-            return NOT_EXCITED, "no reading stays at a largest value: the end of the range was not reached"
-        if effect.id == "mains-hum" and rate < 125.0:
-            return NOT_EXCITED, f"at {rate:.3g} Hz a line at 50 or 60 Hz can't be seen"
-        return ABSENT, "no such mark in the samples"
     layout = state.problem.experiment.layout
     parameters = effect.parameters(layout)
     amplitude = amplitudes(effect, layout, base_of(state.model))
@@ -138,7 +146,18 @@ def _seen(state: State, effect: Effect, points: Sequence[Candidate] | None, infl
     if share < SHAPES:
         hidden = _hidden(parameters, amplitude, points[0].sensitivity, least, inflation)
         return NOT_EXCITED, f"one that matters ({hidden}) would hardly show in this log"
+    if alike := _looks_like(points[0], parameters, amplitude, inflation):
+        return NOT_EXCITED, f"what is left looks in part like one ({alike}): no proof of it, and none against it"
     return ABSENT, "one that matters would show in this log, and doesn't"
+
+
+def _looks_like(best: Candidate, parameters: tuple[Parameter, ...], amplitude: dict[int, float], inflation: float) -> str:
+    """The size of it that explains most of what is left, in words; "" where that is small beside what matters, or chance."""
+    size = {i: float(best.start[best.place + i]) - null for i, null in amplitude.items()}
+    i = max(size, key=lambda i: abs(size[i]) / parameters[i].scale)
+    if abs(size[i]) < LOOKS * parameters[i].scale or best.gain < POWER * ENOUGH * inflation:
+        return ""
+    return f"{parameters[i].name} of {best.start[best.place + i]:.2g} {parameters[i].unit}".removesuffix(" 1")
 
 
 def _hidden(parameters: tuple[Parameter, ...], amplitude: dict[int, float], sensitivity: dict[int, float], least: Array,

@@ -55,6 +55,10 @@ class Effect(ABC):
         affine: whether readings stay affine in the linear parameters of a model that holds it; False for a law that
             bends what others predict (a power of the normal force, a clipped reading).
         pulls: whether the law pulls at a tool that retracts, as a linear dashpot does and no material that lets go.
+        turn: when it acts among the effects of one stage, whatever order a model names them in: lower turns first. Effects that
+            share a turn and a stage act alike in either order. Elastic: what bends the base's spring, 1 what adds, 2 what scales,
+            3 what remembers; friction: what adds, 1 what scales; sensor: its mounting, 1 its axes, 2 what it adds; acquisition:
+            its filter, 1 the clock, 2 the cable, 3 and 4 the converter.
     """
 
     id: ClassVar[str]
@@ -73,6 +77,7 @@ class Effect(ABC):
     ends: ClassVar[Mapping[str, tuple[float, ...]]] = {}
     affine: ClassVar[bool] = True
     pulls: ClassVar[bool] = False
+    turn: ClassVar[int] = 0
 
     def null_for(self, base: str | None) -> Mapping[str, float]:
         """`null` in a model with this base, for the effects where it depends on it."""

@@ -28,6 +28,7 @@ class FrictionAnisotropy(Effect):
     needs = ("normal", "slip")
     wants = ("coulomb-friction",)
     null = {"ratio": 0.0}
+    turn = 1
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Anisotropy."""

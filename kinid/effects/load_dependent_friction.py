@@ -30,6 +30,7 @@ class LoadDependentFriction(Effect):
     null = {"exponent": 0.0}
     affine = False  # the tangential force is a power of the normal one
     grid = {"exponent": (-0.5, -0.25, 0.25, 0.5)}
+    turn = 1
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Exponent."""

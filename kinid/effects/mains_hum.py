@@ -39,6 +39,7 @@ class MainsHum(Effect):
     needs = ()
     detector = True
     null = {"sine": 0.0, "cosine": 0.0}
+    turn = 2
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Sine and cosine amplitude of each harmonic, channel by channel."""

@@ -28,6 +28,7 @@ class Quantization(Effect):
     detector = True
     null = {"step": 0.0}
     affine = False
+    turn = 4
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """One step a channel."""

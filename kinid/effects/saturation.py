@@ -29,6 +29,7 @@ class Saturation(Effect):
     detector = True
     null = {"limit": 1e12}
     affine = False
+    turn = 3
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """One limit a channel."""

@@ -22,6 +22,7 @@ class SensorBias(Effect):
     excited_by = "samples in free motion, best in several orientations"
     needs = ()
     null = {"offset": 0.0}
+    turn = 2
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """One offset a channel."""

@@ -31,6 +31,7 @@ class SensorCrosstalk(Effect):
     excited_by = "loads along every direction, one at a time"
     needs = ()
     null = {"crosstalk": 0.0}
+    turn = 1
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Off-diagonal entries, row by row."""

@@ -22,6 +22,7 @@ class SensorDrift(Effect):
     excited_by = "free motion early and late in a long log"
     needs = ()
     null = {"drift": 0.0}
+    turn = 2
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """One slope a channel."""

@@ -24,6 +24,7 @@ class StiffeningLayer(Effect):
     excited_by = "depths well on both sides of the layer"
     null = {"stiffness": 0.0}
     grid = {"depth": (3e-4, 1e-3, 2e-3, 4e-3, 8e-3, 1.6e-2)}
+    turn = 1
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Extra stiffness, where it begins."""

@@ -26,6 +26,7 @@ class StiffnessDrift(Effect):
     }
     excited_by = "the same depth at one place early and late"
     null = {"rate": 0.0}
+    turn = 2
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Rate."""

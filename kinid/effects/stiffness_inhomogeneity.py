@@ -53,6 +53,7 @@ class StiffnessInhomogeneity(Effect):
     ends = {"steepness1": (-STEEPEST, STEEPEST), "steepness2": (-STEEPEST, STEEPEST), "curvature": (-ROUNDEST, ROUNDEST)}
     grid = {"level": (-1.5, 0.0, 1.5), "steepness1": (-300.0, 0.0, 300.0), "steepness2": (-300.0, 0.0, 300.0),
             "curvature": (-1e5, 0.0)}  # fmt: skip
+    turn = 2
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Gradient along both tangents; height, level, steepness along both tangents and curvature of the region."""

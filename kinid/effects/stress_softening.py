@@ -34,6 +34,7 @@ class StressSoftening(Effect):
     excited_by = "the same place twice, then deeper"
     null = {"ratio": 0.0}
     grid = {"length": (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)}
+    turn = 3
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Ratio, length."""

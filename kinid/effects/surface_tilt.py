@@ -33,6 +33,7 @@ class SurfaceTilt(Effect):
     needs = ("normal", "slip")
     null = {"slope1": 0.0, "slope2": 0.0}
     grid = {"slope1": (-0.05, 0.0, 0.05), "slope2": (-0.05, 0.0, 0.05)}
+    turn = 1
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Slopes along the tangents."""

@@ -29,6 +29,7 @@ class TimeOffset(Effect):
     needs = ()
     null = {"delay": 0.0}
     grid = {"delay": (-5e-2, -1e-2, -2e-3, 2e-3, 1e-2, 5e-2)}
+    turn = 1
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Delay of the readings."""

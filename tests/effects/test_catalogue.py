@@ -471,8 +471,6 @@ def test_recovers_its_parameters(name: str) -> None:
 # ---- any model of contact laws --------------------------------------------------------------------------------------
 
 CONTACT = [name for name in NAMES[: NAMES.index("tool-mass")] if name not in (*LAWS, "rigid-body")]
-#: laws that scale what stands before them, or add what those scale: their place in the list matters
-IN_ORDER = {"stiffening-layer", "load-dependent-friction", "friction-anisotropy", "hertz-exponent"}
 
 
 @st.composite
@@ -539,15 +537,30 @@ def test_the_null_of_an_exponent_is_the_bases_own(base: str) -> None:
 
 
 @QUICK
-@given(contact_models(without=frozenset(IN_ORDER)), st.randoms(use_true_random=False))
-def test_order_does_not_matter_to_what_adds_up(model: Model, random: Any) -> None:
-    signals = examples()["hooke"].signals
+@given(contact_models(), st.randoms(use_true_random=False))
+def test_the_order_in_which_effects_are_named_does_not_matter(model: Model, random: Any) -> None:
     effects = list(model.effects)
     random.shuffle(effects)
-    one = model.predict(signals, true_values(model, signals.layout))
-    other_model = Model(*effects)
-    other = other_model.predict(signals, true_values(other_model, signals.layout))
-    np.testing.assert_allclose(one, other, rtol=0, atol=1e-12 * max(1.0, np.abs(one).max()))
+    assert _apart_by_order(examples()["hooke"].signals, model, Model(*effects)) < 1e-12
+
+
+def _apart_by_order(signals: Signals, model: Model, other: Model) -> float:
+    """The largest difference between two predictions, in units of the largest reading."""
+    one, two = (each.predict(signals, true_values(each, signals.layout)) for each in (model, other))
+    return float(np.abs(one - two).max() / np.abs(one).max())
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if not get(name).base])
+def test_nor_does_it_of_any_two_that_act_at_one_stage(name: str) -> None:
+    """On the effect's own log, beside each other effect of the catalogue that can act there."""
+    found = examples()[name]
+    own, layout = Model(*found.model), found.signals.layout
+    others = [other for other in NAMES if other not in own and not get(other).base and get(other).parameters(layout)
+              and set(get(other).stages()) & set(get(name).stages())
+              and (not get(other).wants or set(get(other).wants) & set(own.names))]  # fmt: skip
+    for other in others:
+        names = [n for n in own.names if n != name]
+        assert _apart_by_order(found.signals, Model(*names, name, other), Model(*names, other, name)) < 1e-12, other
 
 
 @pytest.mark.parametrize(("asked", "meant"), [("anisotropic-friction", "friction-anisotropy"), ("tilt-surface", "surface-tilt"),
