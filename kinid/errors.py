@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 
 class KinidError(Exception):
@@ -31,13 +31,18 @@ class MissingDependencyError(KinidError):
         super().__init__(f"found no {library}; expected it for this format; to mend it, pip install 'kinid[{extra}]'")
 
 
-def near(name: str, valid: Iterable[str], limit: int = 12) -> str:
-    """A list of valid names for a message: the near ones first, all of them when they are few."""
+def near(name: str, valid: Iterable[str], limit: int = 12, also: Mapping[str, str] | None = None) -> str:
+    """A list of valid names for a message: the near ones first, all of them when they are few.
+
+    Args:
+        limit: of names that aren't near. also: other words for valid names; asked for where no name is near.
+    """
     names = sorted(set(valid))
     turned = {_in_order(n): n for n in names}  # anisotropic-friction means friction-anisotropy
     close = [turned[n] for n in difflib.get_close_matches(_in_order(name), turned, n=3, cutoff=0.8)]
     close = close or difflib.get_close_matches(name, names, n=3, cutoff=0.52)
     close = close or [n for n in names if len(name) > 2 and name in n][:3]
+    close = close or [n for n, words in (also or {}).items() if len(name) > 2 and name.lower() in words.lower()][:3]
     if close:
         return "did you mean " + " or ".join(f"'{c}'" for c in close) + "?"
     shown = ", ".join(f"'{n}'" for n in names[:limit])

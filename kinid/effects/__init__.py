@@ -40,5 +40,11 @@ def get(name: str) -> Effect:
     """
     known = catalogue()
     if name not in known:
-        raise InputError(f"effect '{name}'", "a name of the catalogue (kinid diagnose --explain all)", near(name, known))
+        mend = near(name, known, also={id: _words(effect) for id, effect in known.items()})
+        raise InputError(f"effect '{name}'", "a name of the catalogue (kinid diagnose --explain all)", mend)
     return known[name]()
+
+
+def _words(effect: type[Effect]) -> str:
+    """What people may call an effect by instead of its name: what it does, its parameters, who wrote of it first."""
+    return f"{effect.title} {' '.join([*effect.null, *effect.grid])} {effect.source}"

@@ -210,7 +210,7 @@ def test_a_bias_a_little_beyond_its_tolerance_is_told_beside_what_was_added() ->
 
 @pytest.mark.parametrize("size", [0.1, 0.2, 0.4])
 def test_what_is_left_that_looks_like_an_effect_does_not_leave_it_absent(size: float) -> None:
-    """A pull at a tool that leaves, only near the surface and gone at 0.8 mm: not the catalogue's adhesion, but no proof of none."""
+    """A pull at a tool that leaves, only within 0.8 mm of the surface: not the catalogue's adhesion, but no proof of none."""
     t, depth, speed = motion()
     force = np.where(depth > 0, np.maximum(STIFFNESS * depth + DAMPING * speed, 0.0), 0.0)
     force -= np.where((speed < 0) & (np.abs(depth) < 8e-4), size * (1.0 - (depth / 8e-4) ** 2), 0.0)

@@ -564,8 +564,9 @@ def test_nor_does_it_of_any_two_that_act_at_one_stage(name: str) -> None:
 
 
 @pytest.mark.parametrize(("asked", "meant"), [("anisotropic-friction", "friction-anisotropy"), ("tilt-surface", "surface-tilt"),
-                                              ("compliance", "structural-compliance"), ("relaxaton", "relaxation")])  # fmt: skip
+                                              ("compliance", "structural-compliance"), ("relaxaton", "relaxation"),
+                                              ("delay", "time-offset"), ("mullins", "stress-softening")])  # fmt: skip
 def test_near_names_are_suggested(asked: str, meant: str) -> None:
-    """In any order of their words, in part, and with slips."""
+    """In any order of their words, in part, with slips, and by what people call them."""
     with pytest.raises(InputError, match=f"did you mean '{meant}'"):
         get(asked)
