@@ -108,15 +108,24 @@ def as_stated(before: State, after: State, effect: Effect) -> Evidence | None:
     return found if found.sure else None
 
 
+def calibration_shows(state: State) -> bool:
+    """Whether calibration, free inside its tolerance, takes off as much of the log's own error as a bias must."""
+    return bool(len(state.shift)) and _freed(state) < (1.0 - OPEN) * shown_error(state)
+
+
 def told_of_calibration(state: State) -> str:
     """What calibration seems to be off by, inside its tolerance, in words; "" unless the log's own error tells of it."""
-    problem, stated = state.problem, shown_error(state)
-    free = _in_units(problem, error_rows(problem.experiment), state.held)
-    if not len(state.shift) or free >= (1.0 - OPEN) * stated:
+    if not calibration_shows(state):
         return ""
-    most = problem.calibration.most(state.shift)
-    return (f"calibration that is off inside its tolerance (most: {most}) would lower the held-out error from {stated:.2g} to "
-            f"{free:.2g} {error_unit(problem.experiment)}: kinid compare counts that, the diagnosis doesn't")  # fmt: skip
+    most = state.problem.calibration.most(state.shift)
+    return (f"calibration that is off inside its tolerance (most: {most}) would lower the held-out error from "
+            f"{shown_error(state):.2g} to {_freed(state):.2g} {error_unit(state.problem.experiment)}: kinid compare counts that, "
+            "the diagnosis doesn't")  # fmt: skip
+
+
+def _freed(state: State) -> float:
+    """Held-out error as users see it, with calibration free."""
+    return _in_units(state.problem, error_rows(state.problem.experiment), state.held)
 
 
 def trusted_to(effect: Effect, layout: Layout) -> str:

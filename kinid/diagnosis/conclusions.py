@@ -14,7 +14,7 @@ from kinid.diagnosis.belief import told_of_calibration, trusted_to
 from kinid.diagnosis.candidates import base_of
 from kinid.diagnosis.descent import State
 from kinid.diagnosis.detectors import Cleaned, Mark
-from kinid.diagnosis.intervals import covariance, fitted, open_parameters
+from kinid.diagnosis.intervals import covariance, fitted, open_parameters, unsized
 from kinid.diagnosis.look import ENOUGH, NEARER
 from kinid.diagnosis.noise import period_of
 from kinid.diagnosis.problem import filled
@@ -24,7 +24,7 @@ from kinid.diagnosis.unexplained import OTHER_FORM, judge
 from kinid.diagnosis.verdicts import ended, meaning, verdicts
 from kinid.diagnosis.where import where
 from kinid.diagnosis.words import with_rivals
-from kinid.doubts import impossible
+from kinid.doubts import impossible, listed
 from kinid.estimators.batch import Solution
 from kinid.experiment import Experiment
 from kinid.fit import Z95, Fit, FitError, FittedParameter, error_rows, error_unit, rms
@@ -142,7 +142,7 @@ class Found:
             trusted = all(trusted_to(effects.get(name), self.whole.layout) for name in idle)
             brings = "lies inside what calibration is trusted to" if trusted else "brings nothing that chance wouldn't"
             says += f"; {' and '.join(idle)}, added because it was asked for, {brings}"
-        warnings = self._warnings()
+        warnings = self._warnings
         if verdict == ADEQUATE and steps[-1].held_out > OPENLY * floor:
             times = steps[-1].held_out / floor
             warnings += (f"the held-out error is {times:.1f} times the noise of single readings: adequate only because noise "
@@ -220,6 +220,17 @@ class Found:
         out: Array = noise * share
         return out
 
+    @cached_property
+    def _variance(self) -> Array:
+        """Covariance of the last model's parameters, (p, p)."""
+        return covariance(self.search.states[-1])
+
+    @cached_property
+    def _estimates(self) -> dict[str, FittedParameter]:
+        """The last model's parameters with intervals."""
+        return fitted(self.search.states[-1], self._variance)
+
+    @cached_property
     def _warnings(self) -> tuple[str, ...]:
         out = list(self.doubts)
         phase = self.whole.phase
@@ -227,12 +238,18 @@ class Found:
             out.append(f"the whole log is one phase, {phase[0]}: effects of the others can't be seen; record approach, hold, "
                        "motion and retraction")  # fmt: skip
         last = self.search.states[-1]
-        out += impossible(last.model.parameters(self.whole.layout), last.plain.values, covariance(last))
+        out += impossible(last.model.parameters(self.whole.layout), last.plain.values, self._variance)
         if base_of(self.model) is None and self.whole.layout.kind != "joints" and self.whole.in_contact.any():
             every = map(effects.get, effects.catalogue())
             laws = ", ".join(effect.id for effect in every if effect.base and "normal" in effect.needs)
             out.append(f"the log holds contact, and the model has no contact law: ask about one of {laws}")
         out += filter(None, [told_of_calibration(last)])
+        for name in self.search.added:
+            sure = self.search.evidence[name].sure
+            beside = unsized(last, name, self._estimates, self._variance) if sure else None
+            if beside is not None:
+                why = f": it hangs on {listed(beside)}" if beside else ""
+                out.append(f"{name} is there, but its size isn't known{why}")
         if self.search.spent and self.search.left_out:
             names, more = ", ".join(self.search.left_out[:MOST_NAMED]), len(self.search.left_out) - MOST_NAMED
             names += f" and {more} more" if more > 0 else ""
@@ -248,7 +265,7 @@ class Found:
 
     def _fit(self, best: Model, last: State, step: Step) -> Fit:
         """The best model as a fit: values, intervals, errors."""
-        estimates, variance = fitted(last), covariance(last)
+        estimates, variance = dict(self._estimates), self._variance
         named = best.parameters(self.whole.layout)
         marked = {f"{m.effect.id}.{p.name}": (float(v), Z95 * float(e)) for m in self.marks
                   for p, v, e in zip(m.effect.parameters(self.whole.layout), m.values, np.zeros_like(m.values)
@@ -274,5 +291,5 @@ class Found:
         residual = measured - self.readings(last, last.plain.values, self.marks)
         unit = error_unit(self.whole)
         solution = Solution(np.array(values), cov, open_, bound, residual, float("nan"), (), 0, last.converged)
-        return Fit(best, parameters, FitError(step.train, step.held_out, rms(self._noise[self.rows]), unit), self._warnings(),
+        return Fit(best, parameters, FitError(step.train, step.held_out, rms(self._noise[self.rows]), unit), self._warnings,
                    solution, self.whole, np.zeros(len(self.whole.measured)))  # fmt: skip

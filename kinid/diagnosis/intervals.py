@@ -8,12 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from kinid import effects
+from kinid.diagnosis.candidates import amplitudes, base_of
 from kinid.diagnosis.descent import LOOSE, State, bounds
 from kinid.diagnosis.noise import alike_at_each_turn
 from kinid.fit import Z95, FittedParameter
 
 Array = NDArray[np.float64]
 
+#: estimates that are correlated by more hang on each other
+ALIKE = 0.9
 #: a parameter whose scale moves all weighted readings together by less is open
 UNSEEN = 1e-3
 
@@ -69,13 +73,13 @@ def open_parameters(state: State) -> NDArray[np.bool_]:
     return out
 
 
-def fitted(state: State, stated: bool = True) -> dict[str, FittedParameter]:
+def fitted(state: State, variance: Array, stated: bool = True) -> dict[str, FittedParameter]:
     """Estimates with 95 % intervals, by "effect.parameter"; where a bound holds an estimate, its interval begins there.
 
     Args:
-        stated: as for `covariance`.
+        variance: the `covariance`, (p, p). stated: as for it.
     """
-    error = np.sqrt(np.maximum(np.diag(covariance(state, stated)), 0.0))
+    error = np.sqrt(np.maximum(np.diag(variance), 0.0))
     told = state.plain if stated else state
     low, high = told.values - Z95 * error, told.values + Z95 * error
     parameters = state.model.parameters(state.problem.experiment.layout)
@@ -87,6 +91,23 @@ def fitted(state: State, stated: bool = True) -> dict[str, FittedParameter]:
     high = np.where(np.isfinite(high), np.minimum(high, greatest), high)
     return {name: FittedParameter(name, float(v), float(lo), float(hi), p.unit)
             for (name, p), v, lo, hi in zip(parameters.items(), told.values, low, high)}  # fmt: skip
+
+
+def unsized(state: State, name: str, known: dict[str, FittedParameter], variance: Array) -> list[str] | None:
+    """Parameters of other effects that an effect's size hangs on, where its interval holds "not there"; None where it doesn't.
+
+    Args:
+        known, variance: estimates and covariance of all parameters.
+    """
+    layout, effect = state.problem.experiment.layout, effects.get(name)
+    names, own = list(known), np.flatnonzero(state.own(name))
+    null = {own[i]: zero for i, zero in amplitudes(effect, layout, base_of(state.model)).items()}
+    if not null or not all(known[names[i]].low <= zero <= known[names[i]].high for i, zero in null.items()):
+        return None
+    error = np.sqrt(np.maximum(np.diag(variance), 0.0))
+    seen = np.flatnonzero(np.isfinite(error) & (error > 0.0))
+    return [names[j] for j in seen if j not in own
+            and any(abs(variance[i, j]) > ALIKE * error[i] * error[j] for i in null if i in seen)]  # fmt: skip
 
 
 def _pinned(state: State) -> list[tuple[int, int, float]]:

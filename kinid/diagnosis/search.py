@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid import effects
-from kinid.diagnosis.belief import BIAS, accepted, as_stated, at_end, believed, plausibility, shown_error
+from kinid.diagnosis.belief import BIAS, accepted, as_stated, at_end, believed, calibration_shows, plausibility, shown_error
 from kinid.diagnosis.candidates import amplitudes, base_of, screen
 from kinid.diagnosis.descent import State, fit, settled
 from kinid.diagnosis.effort import REFITTING, RIVALS, SCREENING, Effort, weight_of
@@ -187,7 +187,8 @@ def _biased(found: Round) -> list[Tried]:
     """
     before, bias = found.before, effects.get(BIAS)
     left = before.cost > NEAR_NOISE * len(before.residual)
-    if left or bias.id not in found.points or float(np.linalg.norm(before.shift)) < AT_ENDS:
+    near = float(np.linalg.norm(before.shift)) < AT_ENDS or not calibration_shows(before)
+    if left or near or bias.id not in found.points:
         return []
     tried = next((t for t in found.tried if t.effect is bias), None) or attempt(before, bias, screen(before, bias)[0])
     evidence = as_stated(before, tried.state, bias)

@@ -190,11 +190,11 @@ def _tried(search: Search) -> dict[str, Tried]:
 
 def _fitted(tried: Tried | None) -> dict[str, FittedParameter]:
     """Parameters of the effect alone, from its refit, with intervals; none where it wasn't refitted."""
-    from kinid.diagnosis.intervals import fitted
+    from kinid.diagnosis.intervals import covariance, fitted
 
     if tried is None:
         return {}
-    own = _own(tried.effect.id, fitted(tried.state, stated=False))
+    own = _own(tried.effect.id, fitted(tried.state, covariance(tried.state, stated=False), stated=False))
     tried.state.light()
     return own
 
