@@ -37,8 +37,8 @@ Array = NDArray[np.float64]
 #: after several additions, while the error is so many times the noise, what takes off less than this share only stands in for
 #: something that the catalogue lacks; so does, most often, what comes last with all work done
 SEVERAL, LOUD, CRUMB = 2, 2.0, 0.1
-#: where no effect helps alone and the error is as loud, so many are tried with a second one
-PAIRED = 3
+#: where no effect helps alone and the error is as loud, so many are tried with a second one, of those that leave less than this
+PAIRED, ALONE = 3, 0.98
 #: rivals within so much evidence, or so many standard errors of the difference, fit as well: where contact begins decides what
 #: friction remembers, and two searches for one and the same optimum end so far apart
 ALIKE, ALIKE_SE = 25.0, 2.0
@@ -204,7 +204,7 @@ def _together(found: Round, spare: Sequence[str], met: _Met) -> list[Tried]:
     if before.rms < LOUD:
         return []
     goal = FAR_LESS**2 * before.cost  # what two must come down to
-    alone = sorted((t for t in found.tried if t.state.rms < before.rms), key=lambda t: t.state.rms)[:PAIRED]
+    alone = sorted((t for t in found.tried if t.state.rms < ALONE * before.rms), key=lambda t: t.state.rms)[:PAIRED]
     pairs = [(one, other, weigh(before, other.state)) for one in alone
              for other in met.look(one.state, spare=spare, most=DEFENDED, goal=goal).tried if not at_end(other)]  # fmt: skip
     far = [[one, other] for one, other, evidence in pairs if evidence.sure and evidence.left < FAR_LESS]
