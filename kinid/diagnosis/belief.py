@@ -11,7 +11,7 @@ from kinid.diagnosis.calibration import BIAS_FORCE, BIAS_TORQUE, CLOCK, SURFACE
 from kinid.diagnosis.candidates import amplitudes, base_of
 from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.descent import State
-from kinid.diagnosis.look import Evidence, Tried, weigh, worth
+from kinid.diagnosis.look import FAR_LESS, Evidence, Tried, weigh, worth
 from kinid.diagnosis.problem import Problem
 from kinid.effects import Effect, Layout
 from kinid.fit import error_rows, error_unit
@@ -25,7 +25,7 @@ LIGHTEST = 0.003
 BIAS, OPEN = "sensor-bias", 0.05
 #: of readings that are stairs, what leaves less than this share of the noise lacks nothing that they could show
 CALM = 0.5
-#: … and what matters lowers by this share what is left of them as they were read
+#: … and what matters lowers by this share what is left of them as they were read, or most of what is left
 SEEN = 0.005
 #: what calibration a little beyond its tolerance explains within so much evidence is not called physics
 DOUBTED = 12.0
@@ -51,7 +51,9 @@ def accepted(before: State, tried: Tried) -> bool:
 def _matters(before: State, tried: Tried) -> bool:
     """Whether it takes enough off the weighted error; or, if calibration is no explanation, off the error as users see it."""
     coarse = before.problem.experiment.steps is not None
-    if coarse and (before.rms < CALM or tried.state.at_word > (1.0 - SEEN) * before.at_word):
+    # a channel that rests on one step of its stairs is best foretold, at its word, by a model that is wrong by less than a step
+    as_read = tried.state.at_word < (1.0 - SEEN) * before.at_word or tried.evidence.left < FAR_LESS
+    if coarse and (before.rms < CALM or not as_read):
         return False
     if tried.state.rms < (1.0 - worth(before)) * before.rms:
         return coarse or _shows(before, tried.state)

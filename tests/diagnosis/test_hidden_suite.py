@@ -61,6 +61,15 @@ def test_two_effects_that_help_only_together() -> None:
     assert alone.added == ()
 
 
+def test_an_offset_within_a_step_of_the_converter_is_found() -> None:
+    """Some joints rest on one step: readings at their word speak for no offset there, and those that move for the true one."""
+    hidden = case("pair", 4, 19001, "joints")
+    assert hidden.truth == {"joint-torque-offset", "quantization"}
+    found = kinid.diagnose(hidden.log, hidden.rig, model=kinid.Model(*hidden.model))
+    assert set(found.added) == hidden.truth
+    assert found.steps[-1].held_out < 0.95 * found.steps[0].held_out
+
+
 def test_nothing_hidden_nothing_found() -> None:
     assert all(t.right for t in told("none", ("force-depth", 0, 4)))
 
