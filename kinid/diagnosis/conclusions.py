@@ -135,7 +135,7 @@ class Found:
             verdict, says = MISSING, f"{' and '.join(with_rivals(real, told))} {how}: {opinion.says}"
             says += "".join(f"; {words}" for words in (meaning(e) for e in told if e.id in real) if words)
             if steps[-1].held_out > OPENLY * opinion.left.rms * floor:
-                says += f"; of the {steps[-1].held_out:.2g} {error_unit(self.whole)} the most is from noise of positions"
+                says += f"; of the {steps[-1].held_out:.2g} {error_unit(self.whole)} the most is from {self._hides}"
         else:
             verdict, says = ADEQUATE, opinion.says
         if idle:
@@ -145,8 +145,8 @@ class Found:
         warnings = self._warnings
         if verdict == ADEQUATE and steps[-1].held_out > OPENLY * floor:
             times = steps[-1].held_out / floor
-            warnings += (f"the held-out error is {times:.1f} times the noise of single readings: adequate only because noise "
-                         "of positions, calibration or a tool that has left make that much open",)  # fmt: skip
+            warnings += (f"the held-out error is {times:.1f} times the noise of single readings: adequate only because "
+                         f"{self._hides}, calibration or a tool that has left make that much open",)  # fmt: skip
         progress("where the error sits")
         give_back()
         sits = where(self.whole, before, self._noise)
@@ -219,6 +219,14 @@ class Found:
         noise = np.minimum(self.whole.noise, self.cleaned.experiment.noise) if hums else self.whole.noise
         out: Array = noise * share
         return out
+
+    @property
+    def _hides(self) -> str:
+        """What a held-out error may hold beside the noise of readings, in words."""
+        steps, unit = self.cleaned.experiment.steps, error_unit(self.whole)
+        if steps is None:
+            return "noise of positions"
+        return f"rounding ({rms(steps[self.rows] / np.sqrt(12.0)):.2g} {unit} of a perfect model) or noise of positions"
 
     @cached_property
     def _variance(self) -> Array:
