@@ -163,7 +163,7 @@ def _effects(result: Diagnosis) -> str:
             heads = ("effect", "evidence", "why", last)
             rows = [(_name(e), _evidence(e), _e(e.says), _e(e.separate_by)) for e in rest]
             width = 4 if last or any(e.separate_by for e in rest) else 3
-            out.append(f"<details><summary>{len(rest)} {words}: {_e(', '.join(e.id for e in rest))}</summary>"
+            out.append(f"<details><summary>{len(rest)} {words}: {_e(', '.join(e.label for e in rest))}</summary>"
                        f"{_table(heads[:width], [row[:width] for row in rows], cards=True)}</details>")  # fmt: skip
     return "".join(out)
 

@@ -82,6 +82,12 @@ class Fit:
     experiment: Experiment
     constants: Array
 
+    def __str__(self) -> str:
+        lines = [f"{name} = {p.value:.4g} [{p.low:.4g}, {p.high:.4g}] {p.unit}".removesuffix(" 1")
+                 for name, p in self.parameters.items()]  # fmt: skip
+        error = f"error {self.error.train:.4g} {self.error.unit}, held out {self.error.held_out:.4g}"
+        return "\n".join([f"{self.model}: {error}", *lines])
+
     def __getitem__(self, name: str) -> FittedParameter:
         return self.parameters[full_name(name, self.parameters, self.model)]
 

@@ -59,7 +59,7 @@ def diagnose(
         return
     from kinid.cli.contact import load, rig_path
     from kinid.cli.fit import parse_model
-    from kinid.diagnosis.refusals import refuse_effort, refuse_names
+    from kinid.diagnosis.refusals import one_by_one, refuse_effort, refuse_names
     from kinid.errors import InputError
     from kinid.writers import check_outputs, check_table_name, write_table, write_text
 
@@ -68,7 +68,7 @@ def diagnose(
     if not model:
         raise InputError("no --model", "the model to ask about", f"kinid diagnose {log} --model kelvin-voigt,coulomb-friction")
     chosen = parse_model(model)
-    refuse_names(add or [], chosen, max_effects)
+    refuse_names(one_by_one(add or [], chosen), chosen, max_effects)
     refuse_effort(effort)
     if out is not None:
         check_table_name(out)

@@ -92,7 +92,7 @@ def _effects(out: Console, result: Diagnosis) -> None:
         ("absent", True, False, "absent"), ("not-excited", True, True, "left out by this search"),
         ("not-excited", True, False, "this log cannot tell"), ("not-excited", False, False, "not about logs of this kind"),
     ):  # fmt: skip
-        names = [e.id for e in result.effects if (e.verdict, e.acts, e.left_out) == (verdict, acts, left)]
+        names = [e.label for e in result.effects if (e.verdict, e.acts, e.left_out) == (verdict, acts, left)]
         if names:
             out.print(f"{words} ({len(names)}): {escape(', '.join(names))}", soft_wrap=True)
 

@@ -30,6 +30,8 @@ SEEN = 0.005
 #: what calibration a little beyond its tolerance explains within so much evidence is not called physics
 DOUBTED = 12.0
 
+#: what no material is, negative stiffness or damping, is believed to be there beyond so many standard errors and scales
+CHANCE, SMALL = 5.0, 0.25
 #: an amplitude is usually no larger than so many of its scales
 USUAL = 3.0
 
@@ -45,7 +47,24 @@ TOLERATED: dict[str, dict[str, float]] = {
 
 def accepted(before: State, tried: Tried) -> bool:
     """Whether an addition is believed: evidence that chance doesn't explain, and a size that matters."""
-    return tried.evidence.sure and material(tried) and not at_end(tried) and _matters(before, tried)
+    return (tried.evidence.sure and material(tried) and not at_end(tried) and possible(before, tried.state)
+            and _matters(before, tried))  # fmt: skip
+
+
+def possible(before: State, after: State) -> bool:
+    """Whether no stiffness or damping turns negative beyond chance, by a size that matters: an effect that asks for that stands
+    in for another one (a delay, most often), or for what the catalogue lacks.
+    """
+    return not _impossible(after) - _impossible(before)
+
+
+def _impossible(state: State) -> set[str]:
+    names = list(state.model.parameters(state.problem.experiment.layout))
+    scale = state.scale[: len(names)]
+    error = np.sqrt(np.maximum(np.diag(state.inverse)[: len(names)], 0.0)) * scale
+    least = -np.maximum(CHANCE * error, SMALL * scale)
+    return {name for name, value, end in zip(names, state.values, least)
+            if name.rsplit(".", 1)[-1] in ("stiffness", "damping") and value < end}  # fmt: skip
 
 
 def _matters(before: State, tried: Tried) -> bool:

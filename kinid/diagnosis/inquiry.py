@@ -18,7 +18,15 @@ from kinid.diagnosis.effort import Effort
 from kinid.diagnosis.noise import as_their_like
 from kinid.diagnosis.problem import Problem, thin
 from kinid.diagnosis.reconsider import reweighted
-from kinid.diagnosis.refusals import refuse_effort, refuse_idle, refuse_log, refuse_names, refuse_signs
+from kinid.diagnosis.refusals import (
+    one_by_one,
+    refuse_effort,
+    refuse_idle,
+    refuse_log,
+    refuse_names,
+    refuse_outliers,
+    refuse_signs,
+)
 from kinid.diagnosis.result import Diagnosis
 from kinid.diagnosis.search import LOWER, NEAR_NOISE, search
 from kinid.errors import InputError
@@ -84,10 +92,12 @@ def diagnose(
         raise InputError("a log without a model", "both", "pass model=kinid.Model(…), or a fit")
     else:
         experiment, known = experiment_of(data, rig, model), {}
+    add = one_by_one(add, model)
     refuse_names(add, model, max_effects)
     refuse_effort(effort)
     refuse_idle(add, model, experiment)
     refuse_log(experiment, model)
+    refuse_outliers(experiment)
     give_back()
     data_doubts = check_excitation(model, experiment)
     refuse_signs(experiment, model)

@@ -11,10 +11,17 @@ from kinid.diagnosis.candidates import able
 from kinid.doubts_of_data import DEEPEST, DEPTH_UNIT, TURN, TURN_DEPTH, TURN_TANGENTIAL, drives, turned, turned_depth
 from kinid.errors import InputError
 from kinid.experiment import Experiment
-from kinid.model import Model
+from kinid.model import TOGETHER, Model
 
 #: a log must last so long [s], and hold so many blocks of half a second that count
 SHORTEST, FEWEST_BLOCKS = 4.0, 8
+#: a reading that is so many times what this share of all stay within is none
+BEYOND, USUAL = 1e3, 0.999
+
+
+def one_by_one(add: Sequence[str], model: Model) -> list[str]:
+    """Names of effects to add, for those that stand for several what the model lacks of them."""
+    return [part for name in add for part in TOGETHER.get(name, (name,)) if name not in TOGETHER or part not in model]
 
 
 def refuse_names(add: Sequence[str], model: Model, max_effects: int) -> None:
@@ -63,6 +70,17 @@ def refuse_log(experiment: Experiment, model: Model) -> None:
     deep = float(s.depth[experiment.valid].max()) if "normal" in model.needs and s.layout.kind == "contact" else 0.0
     if deep > DEEPEST:
         raise InputError(f"depths of up to {deep:.3g} m", "metres inside the material", f"say so {DEPTH_UNIT}")
+
+
+def refuse_outliers(experiment: Experiment) -> None:
+    """A reading beyond all measure: nothing else would count beside it."""
+    for name, unit, row in zip(experiment.layout.channels, experiment.layout.units, experiment.measured):
+        size = np.where(experiment.valid, np.abs(row), 0.0)
+        usual, i = float(np.quantile(size[experiment.valid], USUAL)), int(size.argmax())
+        if usual > 0.0 and size[i] > BEYOND * usual:
+            at = experiment.signals.t[i]
+            raise InputError(f"a {name} of {row[i]:.3g} {unit}, {at:.4g} s after the first sample, where 99.9 % stay within "
+                             f"{usual:.3g} {unit}", "readings of one kind", "leave out what no sensor has read")  # fmt: skip
 
 
 def refuse_signs(experiment: Experiment, model: Model) -> None:

@@ -58,6 +58,7 @@ class EffectVerdict:
         says: the verdict in words.
         acts: whether it can act at all in a log of this kind and beside this model.
         left_out: whether it promised much, and the search ended before it was tried: the log may well tell.
+        within: of an absent one, how far that reaches, where it says nothing of one elsewhere.
     """
 
     id: str
@@ -70,6 +71,12 @@ class EffectVerdict:
     says: str
     acts: bool = True
     left_out: bool = False
+    within: str = ""
+
+    @property
+    def label(self) -> str:
+        """Its name, with how far its absence reaches."""
+        return f"{self.id} ({self.within})" if self.within else self.id
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -128,6 +135,12 @@ class Diagnosis:
     residual_after: Array
     fit: Fit
     warnings: tuple[str, ...] = field(default=())
+
+    def __str__(self) -> str:
+        from kinid.diagnosis.words import headline
+
+        doubts = "".join(f"\ndoubt: {warning}" for warning in self.warnings)
+        return f"{self.verdict}: {headline(self)}\n{self.says}{doubts}\n{self.fit}"
 
     def __getitem__(self, name: str) -> EffectVerdict:
         from kinid.errors import InputError, near

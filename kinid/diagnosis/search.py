@@ -11,7 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid import effects
-from kinid.diagnosis.belief import BIAS, accepted, as_stated, at_end, believed, calibration_shows, plausibility, shown_error
+from kinid.diagnosis.belief import (
+    BIAS,
+    accepted,
+    as_stated,
+    at_end,
+    believed,
+    calibration_shows,
+    plausibility,
+    possible,
+    shown_error,
+)
 from kinid.diagnosis.candidates import amplitudes, base_of, screen
 from kinid.diagnosis.descent import State, fit, settled
 from kinid.diagnosis.effort import REFITTING, RIVALS, SCREENING, Effort, weight_of
@@ -335,7 +345,7 @@ def _rivals(state: State, added: Sequence[str], forced: Sequence[str], spare: Se
         others = met.look(less, spare=[*spare, name], goal=state.cost, like=name)
         mine = weigh(less, state)
         mine = mine if mine.sure else as_stated(less, state, effects.get(name)) or mine
-        near = [t for t in others.tried if t.effect.id != name and _hardly_apart(t, state, mine)]
+        near = [t for t in others.tried if t.effect.id != name and _hardly_apart(t, state, mine) and possible(less, t.state)]
         if name in forced and not mine.sure:
             near = []  # all that does more than nothing would be as good
         ids = [t.effect.id for t in near]

@@ -101,7 +101,9 @@ def verdicts(
         if left_out:
             verdict, says = NOT_EXCITED, f"it was left out: {ended(search)}, and it may help"
             record = f"try it: --add {name}" if search.spent else "allow more effects: --max-effects"
-        out.append(EffectVerdict(name, verdict, evidence, (), gain, shown, record, says, not why, left_out))
+        within = effect.within(last.problem.experiment.signals) if verdict == ABSENT else ""
+        says += f"; {within}" if within else ""
+        out.append(EffectVerdict(name, verdict, evidence, (), gain, shown, record, says, not why, left_out, within))
     order = {PRESENT: 0, INDISTINGUISHABLE: 1, NOT_EXCITED: 2, ABSENT: 3}
     first = {name: i for i, name in enumerate(search.added)}
     return tuple(sorted(out, key=lambda v: (first.get(v.id, 99) if v.id in first else 98, order[v.verdict], -v.evidence)))

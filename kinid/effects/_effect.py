@@ -106,6 +106,10 @@ class Effect(ABC):
         """What values of its parameters say that its name doesn't, in words; "" where the name says it."""
         return ""
 
+    def within(self, signals: Signals) -> str:
+        """How far its absence reaches, in words, where a log that shows none of it says nothing of one elsewhere; "" else."""
+        return ""
+
     def stages(self) -> tuple[Stage, ...]:
         """The stages it acts at: those whose method its class implements."""
         return _stages(type(self))

@@ -41,6 +41,10 @@ class StiffeningLayer(Effect):
         stiffness = self.parameters(signals.layout)[0].nominal
         return tuple(np.array([stiffness, depth]) for depth in np.quantile(inside, np.arange(1, 6) / 6))
 
+    def within(self, signals: Signals) -> str:
+        """Nothing is known of what lies deeper than the tool was."""
+        return f"down to {1e3 * float(signals.depth.max(initial=0.0)):.2g} mm"
+
     def elastic(self, s: Signals, p: Array) -> None:
         """Add the layer."""
         s.elastic = s.elastic + p[0] * np.maximum(s.depth - p[1], 0.0)

@@ -226,6 +226,29 @@ def test_what_was_given_stays_as_it_was(relaxing_log: kinid.Log) -> None:
 # ------------------------------------------------------------------------------------------------------- what is asked for
 
 
+def test_a_name_for_several_effects_can_be_forced(tester: Tester) -> None:
+    """What the model has of them is no twin."""
+    force = tester.kelvin_voigt()
+    model = kinid.Model("kelvin-voigt", "coulomb-friction")
+    found = kinid.diagnose(tester.log(force, tester.rubbing(force)), RIG, model=model, add=["dahl-friction"], max_effects=1)
+    assert found.added == ("presliding",)
+
+
+def test_how_far_an_absence_reaches_is_said(nothing: Diagnosis, tester: Tester) -> None:
+    layer = nothing["stiffening-layer"]
+    assert layer.verdict == "absent"
+    assert layer.label == f"stiffening-layer (down to {1e3 * tester.depth.max():.2g} mm)"
+    assert layer.says.endswith(layer.within)
+    assert nothing["relaxation"].label == "relaxation"
+
+
+def test_what_is_printed_is_what_a_reader_wants(found: Diagnosis) -> None:
+    lines = str(found).splitlines()
+    assert lines[0].startswith("missing: The model lacks relaxation")
+    assert any(line.startswith("relaxation.ratio = 0.") for line in lines)
+    assert len(lines) < 20
+
+
 def test_an_effect_can_be_forced(tester: Tester) -> None:
     """Nothing asks for it: it joins, and the held-out error doesn't fall."""
     result = kinid.diagnose(tester.log(tester.kelvin_voigt()), RIG, model=kinid.Model("kelvin-voigt"), add=["relaxation"])

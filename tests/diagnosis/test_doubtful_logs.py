@@ -189,6 +189,23 @@ def test_a_depth_in_millimetres_is_refused() -> None:
         kinid.diagnose(milli, RIG, model=kinid.Model("kelvin-voigt"))
 
 
+def test_a_reading_beyond_all_measure_is_refused() -> None:
+    log = poked()
+    force = log.contact["normal_force"].copy()
+    force[2500] = 1e9
+    spiked = dataclasses.replace(log, contact={**log.contact, "normal_force": force})
+    with pytest.raises(InputError, match=r"normal_force of 1e\+09 N, 10 s after .*leave out"):
+        kinid.diagnose(spiked, RIG, model=kinid.Model("kelvin-voigt"))
+
+
+def test_a_damping_that_gives_energy_is_not_believed() -> None:
+    """A force that comes early looks like a dashpot that pushes: that stands in for a clock, and for the relaxation beside it."""
+    found = kinid.diagnose(poked(late=-0.02), RIG, model=kinid.Model("hooke"))
+    assert "time-offset" in found.added
+    assert not {"viscous-damping", "hunt-crossley-damping"} & set(found.added)
+    assert not [name for name, p in found.fit.parameters.items() if name.endswith("damping") and p.high < 0.0]
+
+
 def test_a_bias_does_not_hide_free_motion() -> None:
     log = poked()
     biased = dataclasses.replace(log, contact={**log.contact, "normal_force": log.contact["normal_force"] + 0.2})
