@@ -11,7 +11,17 @@ from numpy.typing import NDArray
 
 import kinid
 from kinid import effects as catalogue
-from kinid.diagnosis.result import ABSENT, INDISTINGUISHABLE, NOT_EXCITED, PRESENT, Cell, Diagnosis, EffectVerdict
+from kinid.diagnosis.result import (
+    ABSENT,
+    FOREIGN,
+    INDISTINGUISHABLE,
+    LEFT_OUT,
+    NOT_EXCITED,
+    PRESENT,
+    Cell,
+    Diagnosis,
+    EffectVerdict,
+)
 from kinid.diagnosis.words import acting, by_verdict, channel_words, doubts, headline, number, one_sided, rivalries, sentence
 from kinid.diagnosis_figures import Shown, ladder, loops, readings
 from kinid.diagnosis_multiples import multiples
@@ -154,11 +164,10 @@ def _effects(result: Diagnosis) -> str:
         "<p class=facts>Evidence: twice the gain in held-out log-likelihood (Student's t) that the effect brings, less 4 for "
         "each of its parameters; 16 is the least that is believed. Gain: by how much it lowers the held-out error.</p>"
     )
-    folded = ((NOT_EXCITED, True, True, "left out by this search", "how to try"),
-              (NOT_EXCITED, True, False, "that this log cannot tell", "what to record"), (ABSENT, True, False, "absent", ""),
-              (NOT_EXCITED, False, False, "that are not about logs of this kind", "what to record"))  # fmt: skip
-    for verdict, acts, left, words, last in folded:
-        rest = [e for e in by_verdict(result) if (e.verdict, e.acts, e.left_out) == (verdict, acts, left)]
+    folded = ((LEFT_OUT, "left out by this search", "how to try"), (NOT_EXCITED, "that this log cannot tell", "what to record"),
+              (ABSENT, "absent", ""), (FOREIGN, "that are not about logs of this kind", "what to record"))  # fmt: skip
+    for group, words, last in folded:
+        rest = [e for e in by_verdict(result) if e.group == group]
         if rest:
             heads = ("effect", "evidence", "why", last)
             rows = [(_name(e), _evidence(e), _e(e.says), _e(e.separate_by)) for e in rest]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,8 @@ Array = NDArray[np.float64]
 #: (Belsley, Kuh & Welsch 1980, ch. 3: strong from 30 to 100; a power law's stiffness and exponent alone reach 50)
 COLLINEAR = 100.0
 #: parameters that no material has below nothing: it would give energy, or pull where it is pressed
-PASSIVE = ("stiffness", "damping", "coefficient")
+MATERIAL = ("stiffness", "damping")
+PASSIVE = (*MATERIAL, "coefficient")
 #: share of a unit vector above which a parameter takes part in a direction
 TAKES_PART = 0.2
 #: residuals above so many times the noise say that the structure is wrong
@@ -26,12 +27,16 @@ REJECTED = 1.5
 def impossible(named: Mapping[str, Parameter], values: Array, covariance: Array) -> list[str]:
     """Parameters that are negative beyond their error, and that no material has so."""
     error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    below = [name for name, value, e in zip(named, values, error)
-             if name.rsplit(".", 1)[-1] in PASSIVE and np.isfinite(e) and value + 2.0 * e < 0.0]  # fmt: skip
+    below = negative(named, values, 2.0 * error)
     if not below:
         return []
     return [f"{listed(below)} {_are(below)} negative beyond {'its' if len(below) == 1 else 'their'} error, which no material is: "
             "a force that comes late or early (time-offset), a turned sign or an effect that the model lacks may stand behind it"]
+
+
+def negative(names: Iterable[str], values: Array, room: Array, kinds: Collection[str] = PASSIVE) -> list[str]:
+    """Of parameters of these kinds those that lie below nothing by more than their `room`, which an open one has without end."""
+    return [name for name, value, r in zip(names, values, room) if name.rsplit(".", 1)[-1] in kinds and value < -r]
 
 
 def of_fit(named: Mapping[str, Parameter], solution: Solution, train: float, noise: float, start: Array) -> list[str]:

@@ -74,6 +74,7 @@ def _ladder(out: Console, result: Diagnosis) -> None:
 
 
 def _effects(out: Console, result: Diagnosis) -> None:
+    from kinid.diagnosis.result import ABSENT, FOREIGN, LEFT_OUT, NOT_EXCITED
     from kinid.diagnosis.words import by_verdict
 
     shown = [e for e in by_verdict(result) if e.verdict in MARK]
@@ -88,11 +89,9 @@ def _effects(out: Console, result: Diagnosis) -> None:
                           f"{e.held_out_gain:.3g}", escape(_numbers(e)))  # fmt: skip
         out.print()
         out.print(table)
-    for verdict, acts, left, words in (
-        ("absent", True, False, "absent"), ("not-excited", True, True, "left out by this search"),
-        ("not-excited", True, False, "this log cannot tell"), ("not-excited", False, False, "not about logs of this kind"),
-    ):  # fmt: skip
-        names = [e.label for e in result.effects if (e.verdict, e.acts, e.left_out) == (verdict, acts, left)]
+    for group, words in ((ABSENT, "absent"), (LEFT_OUT, "left out by this search"), (NOT_EXCITED, "this log cannot tell"),
+                         (FOREIGN, "not about logs of this kind")):  # fmt: skip
+        names = [e.label for e in result.effects if e.group == group]
         if names:
             out.print(f"{words} ({len(names)}): {escape(', '.join(names))}", soft_wrap=True)
 

@@ -13,6 +13,7 @@ from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.descent import State
 from kinid.diagnosis.look import FAR_LESS, Evidence, Tried, weigh, worth
 from kinid.diagnosis.problem import Problem
+from kinid.doubts import MATERIAL, negative
 from kinid.effects import Effect, Layout
 from kinid.fit import error_rows, error_unit
 
@@ -30,7 +31,7 @@ SEEN = 0.005
 #: what calibration a little beyond its tolerance explains within so much evidence is not called physics
 DOUBTED = 12.0
 
-#: what no material is, negative stiffness or damping, is believed to be there beyond so many standard errors and scales
+#: a stiffness or damping counts as negative, which no material is, beyond so many standard errors and so much of its scale
 CHANCE, SMALL = 5.0, 0.25
 #: an amplitude is usually no larger than so many of its scales
 USUAL = 3.0
@@ -59,26 +60,28 @@ def possible(before: State, after: State) -> bool:
 
 
 def _impossible(state: State) -> set[str]:
-    names = list(state.model.parameters(state.problem.experiment.layout))
-    scale = state.scale[: len(names)]
-    error = np.sqrt(np.maximum(np.diag(state.inverse)[: len(names)], 0.0)) * scale
-    least = -np.maximum(CHANCE * error, SMALL * scale)
-    return {name for name, value, end in zip(names, state.values, least)
-            if name.rsplit(".", 1)[-1] in ("stiffness", "damping") and value < end}  # fmt: skip
+    names = state.model.parameters(state.problem.experiment.layout)
+    error = np.sqrt(np.maximum(np.diag(state.inverse)[: len(names)], 0.0))
+    return set(negative(names, state.values, np.maximum(CHANCE * error, SMALL) * state.scale, kinds=MATERIAL))
 
 
 def _matters(before: State, tried: Tried) -> bool:
     """Whether it takes enough off the weighted error; or, if calibration is no explanation, off the error as users see it."""
     coarse = before.problem.experiment.steps is not None
-    # a channel that rests on one step of its stairs is best foretold, at its word, by a model that is wrong by less than a step
-    as_read = tried.state.at_word < (1.0 - SEEN) * before.at_word or tried.evidence.left < FAR_LESS
-    if coarse and (before.rms < CALM or not as_read):
+    if coarse and (before.rms < CALM or not _stands_as_read(before, tried)):
         return False
     if tried.state.rms < (1.0 - worth(before)) * before.rms:
         return coarse or _shows(before, tried.state)
     if tried.effect.id in TOLERATED or tried.evidence.value < STRONG:
         return False
     return shown_error(tried.state) < (1.0 - LIGHTER) * shown_error(before)
+
+
+def _stands_as_read(before: State, tried: Tried) -> bool:
+    """Whether it lowers what is left of stairs at their word, too; or so much of all else that they have no say: a channel that
+    rests on one step is best foretold by a model that is wrong by less than a step.
+    """
+    return tried.evidence.left < FAR_LESS or tried.state.at_word < (1.0 - SEEN) * before.at_word
 
 
 def _shows(before: State, after: State) -> bool:

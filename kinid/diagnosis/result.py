@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 
 ADEQUATE, MISSING, UNEXPLAINED = "adequate", "missing", "unexplained"
 PRESENT, ABSENT, NOT_EXCITED, INDISTINGUISHABLE = "present", "absent", "not-excited", "indistinguishable"
+#: what is called not excited because it wasn't tried, or because it is of another kind of log
+LEFT_OUT, FOREIGN = "left-out", "foreign"
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,13 @@ class EffectVerdict:
     acts: bool = True
     left_out: bool = False
     within: str = ""
+
+    @property
+    def group(self) -> str:
+        """Where a reader looks for it: the verdict; of what is not excited, why."""
+        if self.verdict != NOT_EXCITED:
+            return self.verdict
+        return LEFT_OUT if self.left_out else NOT_EXCITED if self.acts else FOREIGN
 
     @property
     def label(self) -> str:
