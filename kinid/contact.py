@@ -6,14 +6,14 @@ frame, from which the tool's weight and inertia and the sensor's known faults ha
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.derivative import Differentiator
+from kinid.derivative import Derivatives, Differentiator
 from kinid.errors import InputError
 from kinid.kernels import chain as kernel
 from kinid.kernels.hysteresis import contact_flag, steady_flag
@@ -21,6 +21,7 @@ from kinid.log import Log, Provenance, frozen
 from kinid.motion import STATIC_PERIOD, JointMotion, TipMotion, joint_motion
 from kinid.rig import CONTACT, Rig, ToolSpec
 from kinid.robot import Robot
+from kinid.signal import Smoothed, smooth_motion
 from kinid.surface import Plane, Surface
 from kinid.surface import load as load_surface
 from kinid.white_noise import white_noise
@@ -120,7 +121,7 @@ def contact_series(
         rig: what was measured with what; needs a `[surface]` for a log with joints.
         robot: the rig's robot, where the caller has it already.
         bias: of the sensor: "auto" (the rig's, else the median of free motion), "none", or six numbers [N, N·m].
-        differentiator: for the velocities and accelerations that the log lacks.
+        differentiator: instead of the smoother, for the velocities and accelerations that the log lacks.
         moments: compute the moment about the tip as well.
         trust_wrench: don't ask whether gravity contradicts the wrench's sign and axes.
 
@@ -128,14 +129,14 @@ def contact_series(
         InputError: no surface, no joints, or input that contradicts itself.
     """
     if log.q is None and log.contact:
-        return _own_quantities(log, rig, differentiator or Differentiator())
+        return _own_quantities(log, rig, differentiator)
     surface = load_surface(rig)
     if surface is None:
         raise InputError("a rig without [surface]", "the surface that depth and slip are measured from",
                          "add [surface] point and normal, or let touches find it (kinid contact --find-surface)")  # fmt: skip
     robot = robot or Robot.load(rig)
     _need_tip(robot)
-    table, reading, made = _measured(log, rig, robot, surface, bias, differentiator or Differentiator(), moments, trust_wrench)
+    table, reading, made = _measured(log, rig, robot, surface, bias, differentiator, moments, trust_wrench)
     valid = log.valid & np.isfinite(table[: len(CONTACT) if reading is not None else 6].sum(axis=0))
     if not valid.any():
         raise InputError(f"not one sample of {log.provenance.source} in which everything is a number",
@@ -148,7 +149,7 @@ def contact_series(
     if surface.notes:
         provenance = provenance.then("surface", notes=list(surface.notes))
     if made:
-        provenance = provenance.then("differentiate", **made)
+        provenance = provenance.then("smooth" if "motion" in made else "differentiate", **made)
     if reading is not None:
         provenance = provenance.then("wrench", tool="removed" if rig.tool else "none in the rig", **reading.facts)
     return ContactSeries(
@@ -201,7 +202,7 @@ def tip_motion(
 
 
 def _measured(
-    log: Log, rig: Rig, robot: Robot, surface: Surface, bias: Bias, differentiator: Differentiator, moments: bool,
+    log: Log, rig: Rig, robot: Robot, surface: Surface, bias: Bias, differentiator: Differentiator | None, moments: bool,
     trust_wrench: bool,
 ) -> tuple[Array, Reading | None, dict[str, Any]]:  # fmt: skip
     """The quantities (9 or 12, n), how the wrench was read, and where the joints' derivatives came from.
@@ -209,6 +210,7 @@ def _measured(
     The derivatives are twice as large as the positions; that they end with this function keeps memory low.
     """
     motion = joint_motion(log, robot, differentiator)
+    differentiator = differentiator or Differentiator()  # of forces, where the arm gives way
     work = _Work(log, rig, robot, motion, surface, differentiator)
     reading = None
     if log.wrench is not None:
@@ -219,6 +221,12 @@ def _measured(
     if reading is not None and robot.compliance.any():
         _add_elastic_rates(table, log, robot, surface, differentiator)
     return table, reading, motion.facts
+
+
+def contact_motion(log: Log, rig: Rig, robot: Robot, surface: Surface, motion: JointMotion) -> Array:
+    """Depth, its rate, slips and their rates of a motion that need not be the log's own, rows as in a contact table, (6, n)."""
+    work = _Work(log, rig, robot, motion, surface, Differentiator())
+    return (work.on_plane(surface, None, False) if isinstance(surface, Plane) else work.on_mesh(None, False))[:6]
 
 
 @dataclass(frozen=True, eq=False)
@@ -355,19 +363,20 @@ def force_noise(signal: Array) -> float:
     return max(1e-9, white_noise(signal))
 
 
-def _own_quantities(log: Log, rig: Rig, differentiator: Differentiator) -> ContactSeries:
-    """Contact quantities that the log holds itself; rates come from the differentiator, what is unknown is NaN."""
-    have = dict(log.contact)
+def _own_quantities(log: Log, rig: Rig, differentiator: Differentiator | None) -> ContactSeries:
+    """Contact quantities that the log holds itself, depth and slips smoothed with their rates; what is unknown is NaN."""
+    have, provenance = dict(log.contact), log.provenance
     if "depth" not in have:
         raise InputError(f"neither joints nor depth in {log.provenance.source}", "q1…qN, or depth [m]",
                          "name the columns in [columns] of the rig")  # fmt: skip
-    provenance = log.provenance
-    for name, rate in (("depth", "depth_rate"), ("slip1", "slip_rate1"), ("slip2", "slip_rate2")):
-        if name in have and rate not in have:
-            made = differentiator(log.t, np.ascontiguousarray(have[name][:, None]), log.pieces)
-            have[rate] = made.first[:, 0]
-            provenance = provenance.then("differentiate", quantity=name, bandwidth_hz=made.bandwidth,
-                                         window_samples=made.window)  # fmt: skip
+    for name, rate, smoothed in own_motion(log, differentiator):
+        if isinstance(smoothed, Smoothed):
+            have[name], have[rate] = smoothed.value[:, 0], smoothed.first[:, 0]
+            provenance = provenance.then("smooth", quantity=name, **smoothed.facts)
+        elif rate not in have:
+            have[rate] = smoothed.first[:, 0]
+            provenance = provenance.then("differentiate", quantity=name, bandwidth_hz=smoothed.bandwidth,
+                                         window_samples=smoothed.window)  # fmt: skip
     table = np.full((len(CONTACT), len(log)), np.nan)
     for name, row in _ROWS.items():
         if name in have:
@@ -380,3 +389,16 @@ def _own_quantities(log: Log, rig: Rig, differentiator: Differentiator) -> Conta
         provenance=provenance.then("contact flag", **thresholds), source=(log, rig),
         **{name: table[row] for name, row in _ROWS.items()},
     )  # fmt: skip
+
+
+def own_motion(log: Log, differentiator: Differentiator | None) -> Iterator[tuple[str, str, Smoothed | Derivatives]]:
+    """Depth and slips that a log holds, each with the name of its rate, smoothed by themselves or differentiated."""
+    for name, rate in (("depth", "depth_rate"), ("slip1", "slip_rate1"), ("slip2", "slip_rate2")):
+        if name not in log.contact:
+            continue
+        column = np.ascontiguousarray(log.contact[name][:, None])
+        if differentiator is None:
+            logged = log.contact.get(rate)
+            yield name, rate, smooth_motion(log.t, column, log.pieces, None if logged is None else logged[:, None])
+        else:
+            yield name, rate, differentiator(log.t, column, log.pieces)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from kinid.contact import ContactSeries, contact_series
 from kinid.errors import InputError
 from kinid.experiment import from_contact, from_wrench
-from kinid.fit import Fit
+from kinid.identification.fit import Fit
 from kinid.log import Log
 from kinid.model import Model
 from kinid.rig import Rig

@@ -16,12 +16,10 @@ from kinid.effects import Effect, Signals, Stage
 from kinid.effects._deflection import press_through
 from kinid.effects._derived import derived
 from kinid.kernels.frames import contact_wrench
-from kinid.kernels.memory import bristles, steady
+from kinid.kernels.memory import bristles
 
 Array = NDArray[np.float64]
 
-#: share of their length that bristles don't notice of what a path is off for moments
-NOTICED = 0.1
 #: in place of an effect's number, where the chain itself acts; its parameters are none
 CHAIN = -1
 NONE = np.zeros(0)
@@ -172,28 +170,15 @@ def _rub(s: Signals, _: Array) -> None:
 
 
 def _bristles(s: Signals) -> Array:
-    """Deflection of the bristles; it depends on the motion alone, which one log's predictions share.
-
-    Noise of the slip would shake them loose, which no surface feels: what of it they aren't elastic enough to bear is
-    taken out of the rates; so is a differentiator's overshoot, where they are short enough to notice.
-    """
-    beyond = max(s.dither - s.play * s.bristle, s.overshoot - NOTICED * s.bristle)
+    """Deflection of the bristles; it depends on the motion alone, which one log's predictions share."""
     touch = s.depth if s.touch is None else s.touch
 
-    def rested() -> Array:
-        rates = np.empty_like(s.slip_rate)
-        for rate, row in zip(s.slip_rate, rates):
-            steady(rate, s.dt, beyond, row)
-        return rates
-
     def bend() -> Array:
-        rates, u = s.slip_rate, np.empty((2, len(s)))
-        if beyond > 0.0:
-            rates = derived("rates of a slip that rests", rested, s.slip_rate, s.dt, at=(beyond,))
-        bristles(rates[0], rates[1], s.dt, touch, s.bristle, u, s.play)
+        u = np.empty((2, len(s)))
+        bristles(s.slip_rate[0], s.slip_rate[1], s.dt, touch, s.bristle, u, s.play)
         return u
 
-    return derived("bristles", bend, s.slip_rate, touch, s.dt, at=(s.bristle, s.play, beyond))
+    return derived("bristles", bend, s.slip_rate, touch, s.dt, at=(s.bristle, s.play))
 
 
 def _read(s: Signals, _: Array) -> None:

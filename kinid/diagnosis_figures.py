@@ -85,7 +85,7 @@ class Shown:
 
 
 def ladder(result: Diagnosis) -> Figure:
-    """Held-out error after each addition, with what the noise alone explains."""
+    """Held-out error after each addition, with what noise alone explains and what the tolerance allows beside it."""
     import plotly.graph_objects as go
 
     names = [_added(step.added, str(result.model)) for step in result.steps]
@@ -98,11 +98,14 @@ def ladder(result: Diagnosis) -> Figure:
     figure.add_scatter(y=names, x=[step.train for step in result.steps], mode="markers", name="on samples seen",
                        marker={"symbol": "line-ns-open", "size": 14, "color": INK, "line": {"width": 2}},
                        hovertemplate="%{x:.4g} " + result.unit + " on samples seen<extra></extra>")  # fmt: skip
+    allowed = float(np.hypot(result.left.noise, result.left.tolerance))
     top = 1.18 * max([*errors, result.noise_floor, 1e-12])
+    top = float(np.clip(1.05 * allowed, top, 1.5 * top))
     if np.isfinite(result.noise_floor):
         figure.add_vline(x=result.noise_floor, line={"color": INK, "width": 1.5, "dash": "dot"},
                          annotation={"text": f"noise {result.noise_floor:.3g}", "yref": "paper", "y": 1.0, "yanchor": "bottom",
                                      "xanchor": "left", "font": {"size": 12, "color": INK}})  # fmt: skip
+        figure.add_vrect(x0=result.noise_floor, x1=min(allowed, top), fillcolor=NOISE, opacity=0.25, line_width=0, layer="below")
     style(figure, 110 + 46 * len(names))
     figure.update_xaxes(title_text=f"error [{result.unit} rms]", range=[0, top])
     figure.update_yaxes(autorange="reversed", automargin=True, showgrid=False)

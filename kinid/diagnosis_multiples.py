@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.diagnosis.localization import spectrum
 from kinid.diagnosis.parts import LEAST_SPREAD, STANDING, moving
-from kinid.diagnosis.where import spectrum
 from kinid.diagnosis_figures import Shown, Titled, bars, compact, phase_bars, profile, rms, style
 from kinid.plots import INK
 

@@ -22,19 +22,34 @@ from kinid.diagnosis.result import (
     Diagnosis,
     EffectVerdict,
 )
-from kinid.diagnosis.words import acting, by_verdict, channel_words, doubts, headline, number, one_sided, rivalries, sentence
+from kinid.diagnosis.words import (
+    acting,
+    by_verdict,
+    channel_words,
+    doubts,
+    headline,
+    is_stand_in,
+    leftover,
+    number,
+    one_sided,
+    percent,
+    rivalries,
+    sentence,
+    verdict_words,
+)
 from kinid.diagnosis_figures import Shown, ladder, loops, readings
 from kinid.diagnosis_multiples import multiples
-from kinid.fit import FittedParameter
+from kinid.identification.fit import FittedParameter
 from kinid.log import Provenance
 from kinid.plots import BLUE, INK, VERMILION, drawing, grid, key, page
 
 Array = NDArray[np.float64]
 
 MARK = {PRESENT: "●", INDISTINGUISHABLE: "◐"}
+STAND_IN_MARK = "○"
 #: first words of the headings of columns that hold numbers
-NUMBERS = ("evidence", "gain", "seen", "held", "over", "estimate", "from", "to", "lowest", "highest", "noise", "signal", "step",
-           "repeated", "flat")  # fmt: skip
+NUMBERS = ("evidence", "gain", "seen", "held", "over", "explained", "estimate", "from", "to", "lowest", "highest", "noise",
+           "signal", "step", "repeated", "flat")  # fmt: skip
 #: samples at the very same largest reading that are a flat top
 FLAT = 5
 #: channels whose residual is divided every way, at most
@@ -85,7 +100,7 @@ def diagnosis_page(result: Diagnosis, title: str, provenance: Provenance | None 
         _headline(result),
         _section("Error as effects are added", drawing(ladder(result)) + _ladder_words(result)),
         _section("Where the model fails", _where(result.where)),
-        _section("What is still left", _left(result)) if shown.after is not None and result.left else "",
+        _section("What is still left", _left(result)) if shown.after is not None and result.left_where else "",
         _section("Effects", _effects(result)),
         _section("What to measure next", _next(result)),
         _section("The model, with its numbers", _model(result)),
@@ -103,9 +118,11 @@ def _headline(result: Diagnosis) -> str:
     before, after = result.steps[0].held_out, result.steps[-1].held_out
     cards = [("held-out error, as asked", f"{before:.3g} {result.unit}")]
     if result.added:
-        cards.append(("with what was added", f"{after:.3g} {result.unit}"))
+        cards += [("with what was added", f"{after:.3g} {result.unit}"), ("explained of the error", percent(result.explained))]
     cards += [("noise alone", f"{result.noise_floor:.3g} {result.unit}"),
-              ("error over white noise", _ratio(after, result.noise_floor))]  # fmt: skip
+              ("left beside noise", f"{result.left.excess:.3g} {result.unit}"),
+              ("left, of the reading", f"{100 * result.left.share_of_reading:.2g} %"),
+              ("tolerance", f"{result.left.tolerance:.3g} {result.unit}")]  # fmt: skip
     doubted = "".join(f"<li>{_e(doubt)}</li>" for doubt in doubts(result))
     shown = "".join(f"<div class=card><span>{_e(what)}</span><b>{_e(value)}</b></div>" for what, value in cards)
     return (
@@ -117,10 +134,13 @@ def _headline(result: Diagnosis) -> str:
 
 def _ladder_words(result: Diagnosis) -> str:
     rows = [(_e("as asked" if step.added is None else "+ " + step.added), number(step.train), number(step.held_out),
-             _ratio(step.held_out, result.noise_floor)) for step in result.steps]  # fmt: skip
-    return _table(("model", f"seen [{result.unit}]", f"held out [{result.unit}]", "over noise"), rows) + (
+             _ratio(step.held_out, result.noise_floor), "" if step.added is None else percent(step.explained))
+            for step in result.steps]  # fmt: skip
+    heads = ("model", f"seen [{result.unit}]", f"held out [{result.unit}]", "over noise", "explained")
+    return f"<p>{_e(leftover(result))}</p>{_table(heads, rows)}" + (
         "<p class=facts>Root mean squares over the same samples on every rung. Bars: held out, from a fit to the other half of "
-        "the log; upright marks: samples seen.</p>")  # fmt: skip
+        "the log; upright marks: samples seen; grey: what the tolerance allows beside noise. Explained: share of the first "
+        "model's squared error beyond noise that is gone.</p>")  # fmt: skip
 
 
 def _ratio(error: float, noise: float) -> str:
@@ -139,8 +159,7 @@ def _where(cells: Iterable[Cell]) -> str:
 
 
 def _left(result: Diagnosis) -> str:
-    return (f"<p>With all that was added {result.steps[-1].held_out:.3g} {_e(result.unit)} rms are left; noise explains "
-            f"{result.noise_floor:.3g} {_e(result.unit)} of them.</p>{_where(result.left)}")  # fmt: skip
+    return f"<p>With all that was added {_e(leftover(result))}</p>{_where(result.left_where)}"
 
 
 def _next(result: Diagnosis) -> str:
@@ -161,11 +180,13 @@ def _effects(result: Diagnosis) -> str:
                    [_row(e) for e in found], cards=True)  # fmt: skip
     out = [table if found else "<p>None was found.</p>"]
     out.append(
-        "<p class=facts>Evidence: twice the gain in held-out log-likelihood (Student's t) that the effect brings, less 4 for "
-        "each of its parameters; 16 is the least that is believed. Gain: by how much it lowers the held-out error.</p>"
+        "<p class=facts>Evidence: the gain in held-out squared error that the effect brings, over the gain's standard error; 4 "
+        "is the least that is accepted; none for marks in the samples. Gain: by how much the effect lowers the held-out error. A "
+        "stand-in takes off less than is left: it may only follow what the catalogue does not hold.</p>"
     )
-    folded = ((LEFT_OUT, "left out by this search", "how to try"), (NOT_EXCITED, "that this log cannot tell", "what to record"),
-              (ABSENT, "absent", ""), (FOREIGN, "that are not about logs of this kind", "what to record"))  # fmt: skip
+    folded = ((LEFT_OUT, "left out, as no more effects were asked for", "how to try"),
+              (NOT_EXCITED, "that this log cannot tell", "what to record"), (ABSENT, "absent", ""),
+              (FOREIGN, "that are not about logs of this kind", "what to record"))  # fmt: skip
     for group, words, last in folded:
         rest = [e for e in by_verdict(result) if e.group == group]
         if rest:
@@ -178,10 +199,10 @@ def _effects(result: Diagnosis) -> str:
 
 
 def _row(e: EffectVerdict) -> tuple[str, ...]:
-    alike = f"<br>as good: {_e(', '.join(e.equivalent_to))}" if e.equivalent_to else ""
     gain = number(e.held_out_gain) if np.isfinite(e.held_out_gain) and e.held_out_gain else "–"
     numbers = "<br>".join(_parameter(name, p) for name, p in acting(e.parameters).items())
-    return (_name(e), f"{MARK[e.verdict]} {_e(e.verdict)}{alike}", _evidence(e), gain, numbers, _e(e.says), _e(e.separate_by))
+    mark = STAND_IN_MARK if is_stand_in(e) else MARK[e.verdict]
+    return (_name(e), f"{mark} {_e(verdict_words(e))}", _evidence(e), gain, numbers, _e(e.says), _e(e.separate_by))
 
 
 def _name(e: EffectVerdict) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -17,17 +18,15 @@ from kinid.effects import AsRead, JointMotion, Layout, Signals
 from kinid.errors import InputError
 from kinid.kernels.zero_phase import zero_phase
 from kinid.log import Log
-from kinid.motion import STATIC_PERIOD, joint_motion
+from kinid.motion import STATIC_PERIOD, axes_motion, joint_motion
+from kinid.motion_draws import JointDraws, SeriesDraws
 from kinid.rig import WRENCH, Rig
 from kinid.robot import Robot
 from kinid.surface import load as load_surface
-from kinid.white_noise import white_noise
 from kinid.wrench import Bias, read_wrench
 
 Array = NDArray[np.float64]
 
-#: bandwidth for an axis without a robot [Hz]: drives have encoders fine enough for it
-DRIVE_BANDWIDTH = 50.0
 #: samples in the air that tell the noise
 FREE_ENOUGH = 200
 #: samples that are missing for less than this lose no memory: a period of the fastest motion that the differentiator passes;
@@ -38,15 +37,6 @@ BRIDGED = 1.0 / Differentiator().bandwidth
 FORGETS, LOSSY = (np.inf, 1.0), 0.5
 #: a material has let go where its force is below so many times the noise
 LET_GO = 3.0
-#: noise of a path reaches so many times its standard deviation
-REACH = 4.5
-#: and no further than this [m]: fast motion between slow samples passes for noise
-MOST_REACH = 2e-5
-#: a path is away from the slip by no more than it is for this percentage of samples, beside what lasts longer than this [s];
-#: beyond this [m] a slip began with a jerk, and what it cost isn't held against the rest of the log
-OFTEN, MOMENT, JERK = 99.9, 0.5, 3e-6
-#: samples that such a percentage is told from, at least
-LONG_ENOUGH = 400
 #: share of the greatest depth outside the material from which on a force is no contact, whatever it is
 CLEAR = 0.1
 #: depth that stands for "nowhere near a surface" where the rig has none [m]
@@ -66,9 +56,10 @@ class Experiment:
         rows: of the log or the contact series that the samples are: those whose motion is known, (n,).
         touch: the contact quantities that it was made of, or None.
         band: readings and predictions are compared below this frequency [Hz]: velocities and accelerations that a
-            differentiator made hold nothing above it. None: at all frequencies.
+            differentiator made, where one was asked for, hold nothing above it. None: at all frequencies.
         steps: of a converter so coarse that its readings are stairs, raw, (channels,), 0 for other channels; None where there
             are none.
+        drawn: makes the signals of these rows anew, driven by samples of the motion; None where the motion's error isn't known.
     """
 
     signals: Signals
@@ -81,6 +72,12 @@ class Experiment:
     band: float | None = None
     touch: ContactSeries | None = field(default=None, repr=False)
     steps: Array | None = None
+    drawn: Callable[[Signals, NDArray[np.int64]], Iterator[Signals]] | None = field(default=None, repr=False)
+
+    @cached_property
+    def motion_draws(self) -> tuple[Signals, ...]:
+        """The signals driven by samples of the motion as it may have been, given the noise it was measured with; or none."""
+        return () if self.drawn is None else tuple(self.drawn(self.signals, self.rows))
 
     @property
     def raw(self) -> Array:
@@ -172,28 +169,6 @@ class Experiment:
         return self.signals.layout
 
 
-def dither(slip: Array, slip_rate: Array, dt: Array) -> float:
-    """How far noise of a measured slip (2, n) reaches on the path of its rates (2, n) [m]."""
-    steps = dt[dt > 0]
-    period = float(np.median(steps)) if len(steps) else 0.0
-    # of white noise on positions a differentiator leaves what lies in its band; and nobody's rates are quieter than they look
-    passed = float(np.sqrt(min(1.0, 2.0 * Differentiator().bandwidth * period)))
-    noise = [max(passed * white_noise(x), 2**0.5 * period * white_noise(v)) for x, v in zip(slip, slip_rate)]
-    return min(REACH * max(noise), MOST_REACH)
-
-
-def overshoot(slip: Array, slip_rate: Array, dt: Array) -> float:
-    """How far the path of rates (2, n) is from the slip (2, n) for a moment [m]: a differentiator overshoots at quick stops."""
-    from scipy.ndimage import uniform_filter1d
-
-    if len(dt) < LONG_ENOUGH or not (dt > 0).any():
-        return 0.0
-    step = 0.5 * dt[1:] * (slip_rate[:, 1:] + slip_rate[:, :-1]) - np.diff(slip) * (dt[1:] > 0)
-    away = np.cumsum(step, axis=1)
-    away -= uniform_filter1d(away, min(len(dt), max(1, round(MOMENT / float(np.median(dt[dt > 0]))))), axis=1)
-    return min(JERK, float(np.percentile(np.abs(away), OFTEN)))
-
-
 def time_steps(t: Array, starts: NDArray[np.bool_]) -> Array:
     """Time since the sample before [s], 0 where memory begins anew, (n,)."""
     dt = np.diff(t, prepend=t[0])
@@ -244,7 +219,6 @@ def from_contact(touch: ContactSeries, channels: tuple[str, ...]) -> Experiment:
     valid = np.isfinite(measured).all(axis=0) & ~_forgotten(t, in_contact)
     signals = Signals(
         Layout(channels, "contact"), t, dt, touch.depth[rows], touch.depth_rate[rows], slip, slip_rate, measured=measured,
-        dither=dither(slip, slip_rate, dt), overshoot=overshoot(slip, slip_rate, dt),
     )  # fmt: skip
     noise = _noise(measured[:, valid])
     free = valid & ~in_contact & (touch.depth[rows] < 0)
@@ -252,7 +226,10 @@ def from_contact(touch: ContactSeries, channels: tuple[str, ...]) -> Experiment:
         # slow noise hides from differences of neighbours; in the air, where no force is, it shows
         air = measured[:, free]
         noise = np.maximum(noise, 1.4826 * np.median(np.abs(air - np.median(air, axis=1, keepdims=True)), axis=1))
-    return Experiment(signals, measured, valid, noise, _named(touch.phase, rows), in_contact, rows, touch=touch)
+    drawn = None
+    if touch.source is not None and any(step.name == "smooth" for step in touch.provenance.steps):
+        drawn = SeriesDraws(*touch.source)
+    return Experiment(signals, measured, valid, noise, _named(touch.phase, rows), in_contact, rows, touch=touch, drawn=drawn)
 
 
 def from_wrench(
@@ -275,7 +252,7 @@ def from_wrench(
         bias: "none" leaves in the readings what the rig doesn't state, for the effect `sensor-bias` to find; "auto"
             removes the median of free motion as well; or six numbers [N, N·m].
         robot: the rig's robot, where the caller has it already.
-        differentiator: for the velocities and accelerations that the log lacks.
+        differentiator: instead of the smoother, for the velocities and accelerations that the log lacks.
         trust_wrench: don't ask whether gravity contradicts the wrench's sign and axes.
 
     Raises:
@@ -316,7 +293,7 @@ def from_wrench(
         Layout(WRENCH, "wrench"), t, dt,
         np.full(len(rows), FAR) if touch is None else touch.depth[rows],
         np.zeros(len(rows)) if touch is None else touch.depth_rate[rows],
-        slip, slip_rate, dither(slip, slip_rate, dt), overshoot(slip, slip_rate, dt),
+        slip, slip_rate,
         measured=_rows(reading.true()[rows]), sensor=sensor, as_read=AsRead.stated(reading.inverse_crosstalk, stated),
     )  # fmt: skip
     noise = _noise(measured[:, valid])
@@ -326,7 +303,8 @@ def from_wrench(
     if touch is not None:
         touching = _touching(touch, rows)
         valid = valid & ~_forgotten(t, touching)
-    return Experiment(signals, measured, valid, noise, _named(log.phase, rows), touching, rows)
+    drawn = SeriesDraws(log, rig) if differentiator is None else None
+    return Experiment(signals, measured, valid, noise, _named(log.phase, rows), touching, rows, drawn=drawn)
 
 
 def from_joint_torques(
@@ -349,7 +327,7 @@ def from_joint_torques(
         rig: what it was measured with.
         bias: of the wrench, as for `kinid.contact_series`.
         robot: the rig's robot, where the caller has it already.
-        differentiator: for the velocities and accelerations that the log lacks.
+        differentiator: instead of the smoother, for the velocities and accelerations that the log lacks.
 
     Raises:
         InputError: no torques, no positions, or not a sample with both.
@@ -359,26 +337,25 @@ def from_joint_torques(
                          "name their columns in [columns] of the rig")  # fmt: skip
     if robot is None and rig.robot is not None:
         robot = Robot.load(rig)
-    if robot is None and differentiator is None:
-        differentiator = Differentiator(DRIVE_BANDWIDTH)
-    q, dq, ddq = _axes_motion(log, differentiator) if robot is None else _joint_motion(log, robot, differentiator)
+    motion = axes_motion(log, differentiator) if robot is None else joint_motion(log, robot, differentiator)
+    q, dq, ddq = motion.q, motion.dq, motion.ddq
     rows = np.flatnonzero(np.isfinite(q.sum(axis=1) + dq.sum(axis=1) + ddq.sum(axis=1)))
     t, dt = _clock(log.t, rows, "joint motion", log.provenance.source)
     joints = JointMotion(_rows(q[rows]), _rows(dq[rows]), _rows(ddq[rows]), np.zeros((q.shape[1], len(rows))), known=False)
     slides = [_slides(rig, j) for j in range(q.shape[1])]
     valid: NDArray[np.bool_] = np.isfinite(log.tau[rows].sum(axis=1))
+    arm = carried = None
     if robot is not None:
         from kinid.inverse_dynamics import inverse_dynamics
 
-        carried = None
         if log.wrench is not None and robot.sensor_frame is not None:
             free = log.labelled_free
-            reading = read_wrench(log, rig, robot, joint_motion(log, robot, differentiator), free, bias, trust=True)
-            carried = reading.true()[rows]
-            valid = np.asarray(valid & np.isfinite(carried.sum(axis=1)))
+            reading = read_wrench(log, rig, robot, motion, free, bias, trust=True)
+            carried = reading.true()
+            valid = np.asarray(valid & np.isfinite(carried[rows].sum(axis=1)))
             carried = np.nan_to_num(carried)
         arm = robot if carried is not None or rig.tool is None else robot.with_tool(rig.tool)
-        rigid = inverse_dynamics(arm, q[rows], dq[rows], ddq[rows], carried)
+        rigid = inverse_dynamics(arm, q[rows], dq[rows], ddq[rows], None if carried is None else carried[rows])
         joints = dataclasses.replace(joints, rigid=_rows(rigid), known=True,
                                      payload=payload_torques(robot, q[rows], dq[rows], ddq[rows]),
                                      gravity=gravity_torques(arm, q[rows]))  # fmt: skip
@@ -388,32 +365,12 @@ def from_joint_torques(
     measured = _rows(log.tau[rows])
     none, pair = np.zeros(len(rows)), np.zeros((2, len(rows)))
     signals = Signals(layout, t, dt, none, none, pair, pair, measured=measured, joints=joints)
-    band = None if log.ddq is not None else (differentiator or Differentiator()).bandwidth
+    band = None if log.ddq is not None or differentiator is None else differentiator.bandwidth
     if band is not None and 4 * band * log.period > 1.0:  # the log's own rate is the limit
         band = None
+    drawn = JointDraws(log, arm, robot, carried) if differentiator is None else None
     return Experiment(signals, measured, valid, _noise(measured[:, valid]), _named(log.phase, rows),
-                      np.zeros(len(rows), dtype=np.bool_), rows, band)  # fmt: skip
-
-
-def _joint_motion(log: Log, robot: Robot, differentiator: Differentiator | None) -> tuple[Array, Array, Array]:
-    motion = joint_motion(log, robot, differentiator)
-    return motion.q, motion.dq, motion.ddq
-
-
-def _axes_motion(log: Log, differentiator: Differentiator | None) -> tuple[Array, Array, Array]:
-    """The same of axes without a robot."""
-    if log.q is None:
-        raise InputError(f"no joint positions in {log.provenance.source}", "q1…qN",
-                         "name their columns in [columns] of the rig")  # fmt: skip
-    if log.dq is not None and log.ddq is not None:
-        return log.q, log.dq, log.ddq
-    differentiator = differentiator or Differentiator()
-    if log.dq is not None:
-        return log.q, log.dq, differentiator(log.t, log.dq, log.pieces).first
-    if log.period >= STATIC_PERIOD:
-        return log.q, np.zeros_like(log.q), np.zeros_like(log.q)
-    made = differentiator(log.t, log.q, log.pieces)
-    return log.q, made.first, made.second if log.ddq is None else log.ddq
+                      np.zeros(len(rows), dtype=np.bool_), rows, band, drawn=drawn)  # fmt: skip
 
 
 def _slides(rig: Rig, joint: int) -> bool:

@@ -79,7 +79,7 @@ def joint_torques(
     motion = joint_motion(log, robot, differentiator)
     provenance = log.provenance.then("inverse dynamics", robot=robot.name)
     if motion.facts:
-        provenance = provenance.then("differentiate", **motion.facts)
+        provenance = provenance.then("smooth" if motion.smoothed else "differentiate", **motion.facts)
     carried = None
     if log.wrench is not None and robot.sensor_frame is not None:
         free = log.labelled_free

@@ -18,7 +18,7 @@ from kinid.parameter import Parameter
 
 if TYPE_CHECKING:
     from kinid.contact import ContactSeries
-    from kinid.fit import Fit
+    from kinid.identification.fit import Fit
     from kinid.log import Log
     from kinid.rig import Rig
 
@@ -74,6 +74,11 @@ class Model:
         if name not in self:
             raise InputError(f"no effect '{name}' in {self}", f"one of {', '.join(self.names)}", "check the name")
         return Model(*(effect for effect in self.effects if effect.id != name))
+
+    def for_log(self, signals: Signals) -> Model:
+        """The model with its effects as this log needs them (`Effect.for_log`)."""
+        own = tuple(effect.for_log(signals) for effect in self.effects)
+        return self if all(a is b for a, b in zip(own, self.effects)) else Model(*own)
 
     def __contains__(self, name: object) -> bool:
         return name in self.names
@@ -165,7 +170,7 @@ class Model:
         return "\n".join(f"{effect.id}: {effect.equation}" for effect in self.effects) or "no contact"
 
     def fit(self, data: ContactSeries | Log, rig: Rig | None = None, **options: object) -> Fit:
-        """Estimate the parameters from a log; see `kinid.fit.fit_model`."""
-        from kinid.fit import fit_model
+        """Estimate the parameters from a log; see `kinid.identification.fit.fit_model`."""
+        from kinid.identification.fit import fit_model
 
         return fit_model(self, data, rig, **options)  # type: ignore[arg-type]

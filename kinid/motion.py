@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from kinid.derivative import Differentiator
 from kinid.errors import InputError
 from kinid.log import Log
 from kinid.robot import Robot
+from kinid.signal import Smoothed, smooth_motion
 
 Array = NDArray[np.float64]
 
@@ -23,18 +24,41 @@ MORE_THAN_A_TURN = 2 * np.pi + 0.1
 
 @dataclass(frozen=True, eq=False)
 class JointMotion:
-    """Joint positions with both derivatives, (n, N) each, in the log's order; `facts` says where they came from."""
+    """Joint positions with both derivatives, (n, N) each, in the log's order; `facts` says where they came from.
+
+    `smoothed` is the estimate that they are, with its standard deviations; None where they are as logged or differentiated.
+    """
 
     q: Array
     dq: Array
     ddq: Array
     facts: dict[str, Any]
+    smoothed: Smoothed | None = field(default=None, repr=False)
+
+    @property
+    def sd(self) -> tuple[Array, Array, Array]:
+        """Standard deviations of q, dq and ddq, (n, N) each; 0 where nothing is known of them."""
+        if self.smoothed is not None:
+            return self.smoothed.sd
+        none = np.zeros_like(self.q)
+        return none, none, none
+
+    def draw(self, number: int) -> JointMotion:
+        """The motion with a sample of its own error, the same for the same number."""
+        if self.smoothed is None:
+            return self
+        made = self.smoothed.draw(number)
+        return JointMotion(made.value, made.first, made.second, self.facts, made)
 
 
 def joint_motion(log: Log, robot: Robot, differentiator: Differentiator | None = None) -> JointMotion:
-    """Positions of a log with the derivatives that it holds, and those it lacks from the differentiator.
+    """The joints' motion, smoothed from the log's positions and what it holds of velocities and accelerations.
 
     A log with a row only every 0.1 s or more, and no velocities of its own, is taken as a set of poses at rest.
+
+    Args:
+        log: with joints. robot: whose they are.
+        differentiator: instead of the smoother; logged positions and derivatives are then left as they are.
 
     Raises:
         InputError: no joints, a count that isn't the robot's, or positions that look like degrees.
@@ -48,26 +72,44 @@ def joint_motion(log: Log, robot: Robot, differentiator: Differentiator | None =
             f"{robot.joint_count} for {robot.name} ({', '.join(robot.joint_names)})",
             "list the log's joints in [robot] joints, or name the columns in [columns]")  # fmt: skip
     _refuse_degrees(log.q, robot, where)
-    differentiator = differentiator or Differentiator()
+    return axes_motion(log, differentiator)
+
+
+def axes_motion(log: Log, differentiator: Differentiator | None = None) -> JointMotion:
+    """The same of axes without a robot."""
+    if log.q is None:
+        raise InputError(f"no joint positions in {log.provenance.source}", "q1…qN",
+                         "name their columns in [columns] of the rig")  # fmt: skip
+    if log.period >= STATIC_PERIOD and log.dq is None:
+        still = np.zeros_like(log.q)
+        return JointMotion(log.q, still, still if log.ddq is None else log.ddq,
+                           {"velocities": "zero: the log holds poses at rest"})  # fmt: skip
+    if differentiator is None:
+        made = smooth_motion(log.t, log.q, log.pieces, log.dq, log.ddq)
+        facts = {"motion": "smoothed from " + " and ".join(
+            name for name, there in (("positions", True), ("velocities", log.dq is not None),
+                                     ("accelerations", log.ddq is not None)) if there), **made.facts}  # fmt: skip
+        return JointMotion(made.value, made.first, made.second, facts, made)
+    return _differentiated(log, log.q, differentiator)
+
+
+def _differentiated(log: Log, q: Array, differentiator: Differentiator) -> JointMotion:
+    """Positions and derivatives as logged, and those that the log lacks from a differentiator."""
     facts: dict[str, Any] = {}
     if log.dq is not None:
-        dq, ddq = log.dq, log.ddq
-        if ddq is None:
-            made = differentiator(log.t, dq, log.pieces)
-            ddq = made.first
-            facts = {"accelerations": "derivative of the logged velocities", "bandwidth_hz": made.bandwidth,
-                     "window_samples": made.window}  # fmt: skip
-        return JointMotion(log.q, dq, ddq, facts)
-    if log.period >= STATIC_PERIOD:
-        still = np.zeros_like(log.q)
-        return JointMotion(log.q, still, still, {"velocities": "zero: the log holds poses at rest"})
-    made = differentiator(log.t, log.q, log.pieces)
+        if log.ddq is not None:
+            return JointMotion(q, log.dq, log.ddq, facts)
+        made = differentiator(log.t, log.dq, log.pieces)
+        facts = {"accelerations": "derivative of the logged velocities", "bandwidth_hz": made.bandwidth,
+                 "window_samples": made.window}  # fmt: skip
+        return JointMotion(q, log.dq, made.first, facts)
+    made = differentiator(log.t, q, log.pieces)
     facts = {"velocities": "derivative of the logged positions", "accelerations": "second derivative",
              "bandwidth_hz": made.bandwidth, "window_samples": made.window}  # fmt: skip
     ddq = made.second
     if log.ddq is not None:
         ddq, facts["accelerations"] = log.ddq, "logged"
-    return JointMotion(log.q, made.first, ddq, facts)
+    return JointMotion(q, made.first, ddq, facts)
 
 
 def _refuse_degrees(q: Array, robot: Robot, where: str) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from kinid.contact import ContactSeries, contact_series, tip_motion
 from kinid.errors import InputError, KinidError
 from kinid.exploration_slide import paths
-from kinid.fit import Fit
+from kinid.identification.fit import Fit
 from kinid.log import Log
 from kinid.model import Model
 from kinid.property_map import Probe, Property, PropertyMap

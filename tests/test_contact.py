@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from kinid.contact import ContactSeries, contact_series, tip_motion
+from kinid import contact
+from kinid.contact import ContactSeries
+from kinid.derivative import Differentiator
 from kinid.errors import InputError
 from kinid.log import Log
 from kinid.rig import CONTACT, Rig
@@ -25,6 +28,10 @@ Array = NDArray[np.float64]
 
 POSE = (0.2, 0.5, -0.1, -1.2, 0.3, 0.9, 0.0)
 TOOL = {"mass": 0.3, "com": [0.004, -0.006, 0.049], "inertia": [4e-4, 5e-4, 1e-4, 1e-5, -2e-5, 3e-5]}
+#: kinematics and statics are asked for of the motion as it was logged; what the smoother makes of it has tests of its own
+AS_LOGGED = Differentiator()
+contact_series = partial(contact.contact_series, differentiator=AS_LOGGED)
+tip_motion = partial(contact.tip_motion, differentiator=AS_LOGGED)
 #: rounding of sums of forces up to some 100 N (m · a with ten times gravity) and of lengths near 1 m
 EXACT = 1e-10
 

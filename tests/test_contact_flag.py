@@ -19,7 +19,7 @@ def test_a_material_tester() -> None:
     depth = 2e-3 * np.sin(2 * t)
     force = np.maximum(0, 800 * depth)
     touch = contact_series(Log(t, contact={"depth": depth, "normal_force": force}), Rig())
-    np.testing.assert_array_equal(touch.depth, depth)
+    np.testing.assert_allclose(touch.depth, depth, atol=1e-9 * depth.max())  # smoothed, of noise-free positions
     np.testing.assert_array_equal(touch.normal_force, force)
     # slow against the bandwidth of 25 Hz; the ends see one side only
     np.testing.assert_allclose(touch.depth_rate, 4e-3 * np.cos(2 * t), atol=1e-6)
@@ -28,10 +28,11 @@ def test_a_material_tester() -> None:
     assert touch.valid.all()
     # to the noise of 1 nN at least that the flag assumes
     np.testing.assert_array_equal(touch.in_contact[1:], (force > 1e-8)[1:])
-    made = next(step for step in touch.provenance.steps if step.name == "differentiate")
+    made = next(step for step in touch.provenance.steps if step.name == "smooth")
     assert made.facts["quantity"] == "depth"
     own = contact_series(Log(t, contact={"depth": depth, "depth_rate": t, "normal_force": force}), Rig())
-    np.testing.assert_array_equal(own.depth_rate, t)
+    # a rate that contradicts the depth isn't believed
+    np.testing.assert_allclose(own.depth_rate, 4e-3 * np.cos(2 * t), atol=1e-5)
 
 
 def test_a_hole_in_a_testers_log() -> None:

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from kinid.contact import contact_series
 from kinid.coupling import compensate, load_fit, told_apart
 from kinid.errors import InputError
-from kinid.fit import Fit, fit_model
+from kinid.identification.fit import Fit, fit_model
 from kinid.lab.scripted import RIG, Material, Scripted, scripted_poke
 from kinid.log import Log
 from kinid.model import Model

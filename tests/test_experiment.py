@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from kinid.contact import contact_series
+from kinid.derivative import Differentiator
 from kinid.effects import Layout
 from kinid.errors import InputError
 from kinid.experiment import FAR, Experiment, from_contact, from_wrench
@@ -107,7 +108,7 @@ def test_without_a_surface_all_is_free_motion(swing: Callable[..., Any]) -> None
     robot, t = Robot.load(rig), np.linspace(0.0, 3.0, 600)
     q, dq, ddq = swing(np.deg2rad([0.0, -40.0, 0.0, 85.0, 0.0, -55.0, 0.0]), seed=4)(t)
     true = tool_load(ToolSpec(mass=0.62, com=(0.01, 0.0, 0.05)), robot.kinematics("ft_sensor", q, dq, ddq), robot.gravity)
-    e = from_wrench(Log(t, q=q, dq=dq, ddq=ddq, wrench=true + 0.3), rig)
+    e = from_wrench(Log(t, q=q, dq=dq, ddq=ddq, wrench=true + 0.3), rig, differentiator=Differentiator())  # motion as logged
     assert (e.signals.depth == FAR).all()
     assert not e.in_contact.any()
     values = {"tool-mass.mass": 0.12, **{f"sensor-bias.offset[{name}]": 0.3 for name in WRENCH}}
@@ -183,3 +184,15 @@ def test_a_contact_log_with_holes() -> None:
     assert e.valid[left:].all()
     np.testing.assert_array_equal(np.flatnonzero(~e.valid), np.flatnonzero(after[:left]))
     assert e.phase is None
+
+
+def test_draws_of_the_motion_are_thinned_along(poke: Scripted) -> None:
+    e = from_wrench(poke.log, Rig.parse_text(RIG))
+    assert e.band is None
+    thin = e.thinned(5)
+    assert len(e.motion_draws) == len(thin.motion_draws) > 2
+    for whole, some in zip(e.motion_draws, thin.motion_draws):
+        assert (whole.depth != e.signals.depth).any()
+        np.testing.assert_allclose(some.depth, whole.depth[::5], atol=1e-12)
+        np.testing.assert_allclose(some.slip_rate, whole.slip_rate[:, ::5], atol=1e-9)
+        np.testing.assert_allclose(some.sensor.specific, whole.sensor.specific[:, ::5], atol=1e-9)  # type: ignore[union-attr]

@@ -9,12 +9,12 @@ import pytest
 from scipy.signal import lfilter
 
 import kinid
-from kinid.compare import compare
 from kinid.contact import ContactSeries, contact_series
 from kinid.effects import catalogue
 from kinid.errors import InputError
 from kinid.experiment import Experiment, from_joint_torques
-from kinid.fit import fit_model
+from kinid.identification.compare import compare
+from kinid.identification.fit import fit_model
 from kinid.lab.scripted import RIG, Scripted, scripted_poke
 from kinid.log import Log
 from kinid.model import Model
@@ -244,7 +244,10 @@ def test_detectors_read_their_values_off_the_samples() -> None:
 
     stepped = fitted(np.round(force / 0.2) * 0.2, "quantization")
     assert stepped["step[normal_force]"].value == pytest.approx(0.2)
-    assert stepped["stiffness"].value == pytest.approx(700, rel=0.003)  # 0.2 N of 4, over 3000 samples
+    # calibration is open while a model is fitted (20 mN of bias, 15 µm of surface), which a hold within a step can't close
+    stiffness = stepped["stiffness"]
+    assert stiffness.low < 700 < stiffness.high
+    assert stiffness.high - stiffness.low < 0.01 * 700
     clipped = fitted(np.minimum(force, 2.5), "saturation")
     assert clipped["limit[normal_force]"].value == pytest.approx(2.5)
     assert clipped["stiffness"].value == pytest.approx(700, rel=1e-6)

@@ -31,7 +31,9 @@ def contact(
     plot: Annotated[Path | None, typer.Option(help="Plot to write: one offline HTML file.")] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Summary and provenance to write as JSON.")] = None,
     bias: Annotated[str, typer.Option(help="Sensor bias: auto (the rig's, else free motion) or none.")] = "auto",
-    bandwidth: Annotated[float, typer.Option(help="Bandwidth of velocities that the log lacks [Hz].")] = 25.0,
+    bandwidth: Annotated[float | None, typer.Option(
+        help="Instead of the smoother: velocities that the log lacks by a differentiator of this bandwidth [Hz].",
+        show_default=False)] = None,
     find_surface: Annotated[
         bool, typer.Option("--find-surface", help="Fit the plane to the touches in the log, and use it.")
     ] = False,
@@ -56,7 +58,7 @@ def contact(
         check_table_name(out)
     check_outputs((out, plot, json_file), (log, rig_path(log, rig), compensate))
     the_rig, the_log, robot = load(log, rig)
-    differentiator = Differentiator(bandwidth)
+    differentiator = None if bandwidth is None else Differentiator(bandwidth)
     found = None
     if find_surface:
         from kinid.touch import find_surface as find

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kinid.cli import complete
+from kinid.diagnosis.settings import DiagnosisSettings
 
 if TYPE_CHECKING:
     from kinid.diagnosis import Diagnosis
@@ -45,8 +46,11 @@ def diagnose(
         typer.Option(help="An effect to add whatever the evidence says; once for each.", show_default=False,
                      autocompletion=complete.effect),
     ] = None,
-    max_effects: Annotated[int, typer.Option(help="Effects to add at most.")] = 4,
-    effort: Annotated[float, typer.Option(help="The search may do so many times the usual work.")] = 1.0,
+    max_effects: Annotated[int, typer.Option(help="Effects to add at most.")] = DiagnosisSettings.max_effects,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(help="Error that may be left [N, or N·m]; default: 2 % of the readings, or the noise.", show_default=False),
+    ] = None,
     explain: Annotated[
         str | None,
         typer.Option(help="Say what an effect is and looks like, and nothing else; all lists the catalogue.",
@@ -59,7 +63,7 @@ def diagnose(
         return
     from kinid.cli.contact import load, rig_path
     from kinid.cli.fit import parse_model
-    from kinid.diagnosis.refusals import one_by_one, refuse_effort, refuse_names
+    from kinid.diagnosis.refusals import one_by_one, refuse_names
     from kinid.errors import InputError
     from kinid.writers import check_outputs, check_table_name, write_table, write_text
 
@@ -69,7 +73,6 @@ def diagnose(
         raise InputError("no --model", "the model to ask about", f"kinid diagnose {log} --model kelvin-voigt,coulomb-friction")
     chosen = parse_model(model)
     refuse_names(one_by_one(add or [], chosen), chosen, max_effects)
-    refuse_effort(effort)
     if out is not None:
         check_table_name(out)
     check_outputs((out, report, json_file), (log, rig_path(log, rig)))
@@ -77,7 +80,7 @@ def diagnose(
     from kinid.cli.show import written
     from kinid.cli.show_diagnosis import show_diagnosis
 
-    result = _watched(the_log, the_rig, chosen, add or [], max_effects, effort)
+    result = _watched(the_log, the_rig, chosen, add or [], max_effects, tolerance)
     if json_file is not None:
         write_text(json_file, json.dumps(result.to_dict(), indent=2, allow_nan=False) + "\n")
     if out is not None:
@@ -95,7 +98,7 @@ def diagnose(
     written([path for path in (out, report, json_file) if path is not None])
 
 
-def _watched(log: Log, rig: Rig, model: Model, add: list[str], max_effects: int, effort: float) -> Diagnosis:
+def _watched(log: Log, rig: Rig, model: Model, add: list[str], max_effects: int, tolerance: float | None) -> Diagnosis:
     """The diagnosis, with what it is doing on the terminal's error stream."""
     from rich.console import Console
 
@@ -103,9 +106,9 @@ def _watched(log: Log, rig: Rig, model: Model, add: list[str], max_effects: int,
 
     console = Console(stderr=True)
     if not console.is_terminal:
-        return run(log, rig, model=model, add=add, max_effects=max_effects, effort=effort)
+        return run(log, rig, model=model, add=add, max_effects=max_effects, tolerance=tolerance)
     with console.status("fitting the model") as status:
-        return run(log, rig, model=model, add=add, max_effects=max_effects, effort=effort, progress=status.update)
+        return run(log, rig, model=model, add=add, max_effects=max_effects, tolerance=tolerance, progress=status.update)
 
 
 def explained(name: str) -> None:

@@ -13,7 +13,7 @@ from kinid.errors import InputError
 
 if TYPE_CHECKING:
     from kinid.contact import ContactSeries
-    from kinid.fit import Fit
+    from kinid.identification.fit import Fit
     from kinid.log import Log
     from kinid.model import Model
     from kinid.rig import Rig
@@ -49,7 +49,7 @@ def fit(
         check_table_name(out)
     check_outputs((out, plot, json_file), (log, rig_path(log, rig)))
     the_rig, data = data_for(log, rig, chosen)
-    from kinid.fit import fit_model
+    from kinid.identification.fit import fit_model
 
     result = fit_model(chosen, data, the_rig)
     if json_file is not None:

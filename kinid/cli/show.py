@@ -12,8 +12,8 @@ from rich.table import Table
 
 if TYPE_CHECKING:
     from kinid.analysis import Analysis
-    from kinid.compare import Comparison
-    from kinid.fit import Fit
+    from kinid.identification.compare import Comparison
+    from kinid.identification.fit import Fit
     from kinid.log import Log
     from kinid.touch import FoundSurface
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import TYPE_CHECKING
 
 from rich.markup import escape
@@ -22,11 +23,12 @@ MOST_HINTS = 6
 MOST_NUMBERS = 3
 COLOUR = {"adequate": "green", "missing": "yellow", "unexplained": "red"}
 MARK = {"present": "●", "indistinguishable": "◐"}
+STAND_IN_MARK = "○"
 
 
 def show_diagnosis(result: Diagnosis) -> None:
     """Verdict first; what is absent or cannot be seen is summed up in a line each."""
-    from kinid.diagnosis.words import acting, doubts, headline
+    from kinid.diagnosis.words import acting, doubts, headline, leftover
 
     out = console()
     colour = COLOUR.get(result.verdict, "bold")
@@ -42,6 +44,7 @@ def show_diagnosis(result: Diagnosis) -> None:
             out.print(f"  {escape(cell.says)}", soft_wrap=True)
     out.print(f"\n[bold]held-out error[/] {escape(f'[{result.unit} rms]')}")
     _ladder(out, result)
+    out.print(leftover(result), soft_wrap=True)
     _effects(out, result)
     if result.fit.parameters:
         out.print(f"\n[bold]the model now[/]: {escape(str(result.best))}", soft_wrap=True)
@@ -56,26 +59,27 @@ def show_diagnosis(result: Diagnosis) -> None:
 
 
 def _ladder(out: Console, result: Diagnosis) -> None:
-    """A bar a rung; the noise is where no bar gets below."""
-    from kinid.diagnosis.words import SAME
+    """A bar a rung, and the share that is explained by then; the noise is where no bar gets below."""
+    from kinid.diagnosis.words import SAME, percent
 
-    rungs = [("as asked" if step.added is None else f"+ {step.added}", step.held_out) for step in result.steps]
-    rungs.append(("noise alone", result.noise_floor))
-    top = max(error for _, error in rungs) or 1.0
+    rungs = [("as asked" if step.added is None else f"+ {step.added}", step.held_out,
+              "" if step.added is None else f"{percent(step.explained)} explained") for step in result.steps]  # fmt: skip
+    rungs.append(("noise alone", result.noise_floor, ""))
+    top = max(error for _, error, _ in rungs) or 1.0
     table = Table(show_header=False, box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for i, (name, error) in enumerate(rungs):
+    for i, (name, error, explained) in enumerate(rungs):
         bar = "█" * max(1, round(WIDE * error / top))
         if 0 < i < len(result.steps) and error > (1.0 + SAME) * rungs[i - 1][1]:
             last = i == len(result.steps) - 1
             bar += f"[/] [dim]helps only {'as readings are weighed by their noise' if last else 'beside what follows'}"
         shade = "dim" if name == "noise alone" else "red" if name == "as asked" and len(result.steps) > 1 else "blue"
-        table.add_row(f"  {escape(name)}", f"{error:.4g}", f"[{shade}]{bar}[/]")
+        table.add_row(f"  {escape(name)}", f"{error:.4g}", explained, f"[{shade}]{bar}[/]")
     out.print(table)
 
 
 def _effects(out: Console, result: Diagnosis) -> None:
     from kinid.diagnosis.result import ABSENT, FOREIGN, LEFT_OUT, NOT_EXCITED
-    from kinid.diagnosis.words import by_verdict
+    from kinid.diagnosis.words import by_verdict, is_stand_in, verdict_words
 
     shown = [e for e in by_verdict(result) if e.verdict in MARK]
     if shown:
@@ -84,13 +88,14 @@ def _effects(out: Console, result: Diagnosis) -> None:
             table.add_column(heading, justify="right")
         table.add_column("parameters (95 %)")
         for e in shown:
-            alike = f", as good: {', '.join(e.equivalent_to)}" if e.equivalent_to else ""
-            table.add_row(escape(e.id), f"{MARK[e.verdict]} {e.verdict}{escape(alike)}", f"{e.evidence:.4g}",
-                          f"{e.held_out_gain:.3g}", escape(_numbers(e)))  # fmt: skip
+            mark = STAND_IN_MARK if is_stand_in(e) else MARK[e.verdict]
+            evidence = f"{e.evidence:.4g}" if isfinite(e.evidence) else "–"
+            table.add_row(escape(e.id), f"{mark} {escape(verdict_words(e))}", evidence, f"{e.held_out_gain:.3g}",
+                          escape(_numbers(e)))  # fmt: skip
         out.print()
         out.print(table)
-    for group, words in ((ABSENT, "absent"), (LEFT_OUT, "left out by this search"), (NOT_EXCITED, "this log cannot tell"),
-                         (FOREIGN, "not about logs of this kind")):  # fmt: skip
+    for group, words in ((ABSENT, "absent"), (LEFT_OUT, "left out, as no more effects were asked for"),
+                         (NOT_EXCITED, "this log cannot tell"), (FOREIGN, "not about logs of this kind")):  # fmt: skip
         names = [e.label for e in result.effects if e.group == group]
         if names:
             out.print(f"{words} ({len(names)}): {escape(', '.join(names))}", soft_wrap=True)

@@ -1,6 +1,7 @@
 """Where a model fails, which effect it lacks, how sure that is, and what to measure next."""
 
-from kinid.diagnosis.inquiry import diagnose, experiment_of
+from kinid.diagnosis.inquiry import diagnose
 from kinid.diagnosis.result import Cell, Diagnosis, EffectVerdict, Step
+from kinid.diagnosis.settings import DiagnosisSettings
 
-__all__ = ["Cell", "Diagnosis", "EffectVerdict", "Step", "diagnose", "experiment_of"]
+__all__ = ["Cell", "Diagnosis", "DiagnosisSettings", "EffectVerdict", "Step", "diagnose"]

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from kinid import effects
-from kinid.diagnosis.candidates import able
 from kinid.doubts_of_data import DEEPEST, DEPTH_UNIT, TURN, TURN_DEPTH, TURN_TANGENTIAL, drives, turned, turned_depth
 from kinid.errors import InputError
 from kinid.experiment import Experiment
+from kinid.identification.applicability import candidate_effects
 from kinid.model import TOGETHER, Model
 
 #: a log must last so long [s], and hold so many blocks of half a second that count
@@ -36,16 +36,10 @@ def refuse_names(add: Sequence[str], model: Model, max_effects: int) -> None:
         model = model + effect
 
 
-def refuse_effort(effort: float) -> None:
-    """An effort that is no share of the usual one."""
-    if not (np.isfinite(effort) and effort > 0.0):
-        raise InputError(f"an effort of {effort:g}", "a number above 0", "1 is the usual; 4 lets a search do four times the work")
-
-
 def refuse_idle(add: Sequence[str], model: Model, experiment: Experiment) -> None:
     """Additions that can't act in this log."""
     for name in add:
-        why = {effect.id: why for effect, why in able(model, experiment.layout)}
+        why = {effect.id: why for effect, why in candidate_effects(model, experiment.layout)}
         model = model + effects.get(name)
         if why.get(name):
             raise InputError(f"effect '{name}', and {why[name]}", "an effect that can act in this log", "leave it out")

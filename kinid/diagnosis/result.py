@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.experiment import Experiment
-from kinid.fit import Fit, FittedParameter
+from kinid.identification.fit import Fit, FittedParameter
+from kinid.identification.lack_of_fit import LackOfFit
 from kinid.model import Model
 
 Array = NDArray[np.float64]
@@ -51,8 +52,8 @@ class EffectVerdict:
 
     Attributes:
         id: its name. verdict: "present", "absent", "not-excited" or "indistinguishable".
-        evidence: twice the gain in held-out log-likelihood that the effect brings, less 4 for each of its parameters; the
-            likelihood is Student's t, so that no single sample decides. 16 is the least that is believed.
+        evidence: significance of its paired held-out gain, which is the gain over its standard error; 4 is the least that is
+            accepted. Infinite for what stands in the samples themselves.
         equivalent_to: effects that this log can't tell it from.
         held_out_gain: by how much it lowers the held-out error, in the error's unit.
         parameters: with 95 % intervals, where it was fitted.
@@ -90,7 +91,7 @@ class EffectVerdict:
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
         return {
-            "id": self.id, "verdict": self.verdict, "evidence": self.evidence, "equivalent_to": list(self.equivalent_to),
+            "id": self.id, "verdict": self.verdict, "evidence": self.evidence if np.isfinite(self.evidence) else None, "equivalent_to": list(self.equivalent_to),
             "held_out_gain": self.held_out_gain,
             "parameters": {name: p.to_dict() for name, p in self.parameters.items()},
             "separate_by": self.separate_by, "says": self.says, "acts": self.acts,
@@ -99,16 +100,21 @@ class EffectVerdict:
 
 @dataclass(frozen=True)
 class Step:
-    """One rung of the ladder: what was added, the model then, its error on samples seen and held out."""
+    """One step of the model's path: what was added, the model then, its error on samples seen and held out.
+
+    `explained` is the share of the first model's squared error beyond noise that is gone by then, 0…1.
+    """
 
     added: str | None
     model: tuple[str, ...]
     train: float
     held_out: float
+    explained: float = 0.0
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return {"added": self.added, "model": list(self.model), "error": {"train": self.train, "held_out": self.held_out}}
+        return {"added": self.added, "model": list(self.model), "explained": self.explained,
+                "error": {"train": self.train, "held_out": self.held_out}}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +127,8 @@ class Diagnosis:
         added: names, in the order in which they help.
         steps: the ladder, from the model to the best one; errors are of the same samples on each.
         noise_floor: what the noise alone explains; unit: of all errors.
-        where: cells in which the error of `model` sits, the largest share first. left: the same of the best model.
+        where: cells in which the error of `model` sits, the largest share first. left_where: the same of the best model.
+        left: what the best model leaves beside noise and tolerance.
         effects: a verdict for every effect of the catalogue.
         experiment: what was looked at. residual: of `model`, held out, (channels, n); residual_after: of the best one.
         before, after: values of the parameters of both models, fitted to everything.
@@ -137,13 +144,19 @@ class Diagnosis:
     noise_floor: float
     unit: str
     where: tuple[Cell, ...]
-    left: tuple[Cell, ...]
+    left_where: tuple[Cell, ...]
+    left: LackOfFit
     effects: tuple[EffectVerdict, ...]
     experiment: Experiment
     residual: Array
     residual_after: Array
     fit: Fit
     warnings: tuple[str, ...] = field(default=())
+
+    @property
+    def explained(self) -> float:
+        """Share of the squared error beyond noise that the additions take off, 0…1."""
+        return self.steps[-1].explained
 
     def __str__(self) -> str:
         from kinid.diagnosis.words import headline
@@ -167,7 +180,8 @@ class Diagnosis:
                       "noise_floor": self.noise_floor},
             "steps": [step.to_dict() for step in self.steps],
             "where": [cell.to_dict() for cell in self.where],
-            "left": [cell.to_dict() for cell in self.left],
+            "tolerance": self.left.tolerance, "explained": self.explained, "left": self.left.to_dict(),
+            "left_where": [cell.to_dict() for cell in self.left_where],
             "effects": [effect.to_dict() for effect in self.effects],
             "warnings": list(self.warnings),
         }  # fmt: skip

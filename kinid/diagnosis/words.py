@@ -12,12 +12,16 @@ from kinid.diagnosis.result import ABSENT, ADEQUATE, INDISTINGUISHABLE, MISSING,
 
 if TYPE_CHECKING:
     from kinid.diagnosis.view import View
-    from kinid.fit import FittedParameter
+    from kinid.identification.fit import FittedParameter
 
 #: verdicts in the order in which a reader wants them
 ORDER = (PRESENT, INDISTINGUISHABLE, NOT_EXCITED, ABSENT)
 #: errors that differ by a smaller share are said to be the same
 SAME = 5e-3
+#: what is left beside noise is noise, too, where it is a smaller share of it
+NOISE_SHARE = 0.5
+#: how the verdict on an addition begins that takes off less than is left
+STAND_IN = "a stand-in"
 
 
 def headline(result: Diagnosis) -> str:
@@ -38,13 +42,41 @@ def headline(result: Diagnosis) -> str:
         which = " (this log can't tell which)" if named != real else ""
         them = "all that was added" if len(real) < len(result.added) else "it" if len(real) == 1 else "them"
         return f"The model lacks {names}{which}: with {them} {error}; {noise}."
-    if result.says.startswith("not searched further"):
-        return f"Something is missing, and the search ended before it was found: {error}; {noise}."
+    unknown = "Something is missing that the catalogue does not hold"
     if not result.added:
-        return f"Something is missing that the catalogue does not hold: {error}; {noise}."
-    alone = len(real) == 1
-    helps = ("helps, but does" if alone else "help, but do") if moved and last < first else "does" if alone else "do"
-    return f"Something is missing that the catalogue does not hold. {names} {helps} not suffice: {error}; {noise}."
+        return f"{unknown}: {error}; {noise}."
+    told = {effect.id for effect in result.effects if is_stand_in(effect)}
+    follow = [name for name in real if name in told]
+    help_ = with_rivals([name for name in real if name not in told], result.effects)
+    said = []
+    if help_:
+        alone = len(help_) == 1
+        helps = ("helps, but does" if alone else "help, but do") if moved and last < first else "does" if alone else "do"
+        said.append(f"{listed(help_)} {helps} not suffice")
+    if follow:
+        said.append(f"{listed(follow)} {'is a stand-in' if len(follow) == 1 else 'are stand-ins'} for it")
+    return f"{unknown}. {', and '.join(said)}: {error}; {noise}."
+
+
+def leftover(result: Diagnosis) -> str:
+    """What the best model leaves, and what it may leave, in sentences."""
+    left = result.left
+    allowed = f"The tolerance is {left.tolerance:.3g} {left.unit}."
+    if left.excess < NOISE_SHARE * left.noise:
+        return f"{left.rms:.3g} {left.unit} are left, and noise explains them. {allowed}"
+    return (f"{left.rms:.3g} {left.unit} are left. Beside noise they are {left.excess:.3g} {left.unit}, "
+            f"{100 * left.share_of_reading:.2g} % of the reading, and remember themselves for {left.memory:.2g} s. {allowed}")
+
+
+def is_stand_in(effect: EffectVerdict) -> bool:
+    """Whether an addition takes off less than is left, so that it may only follow what the catalogue doesn't hold."""
+    return effect.verdict == INDISTINGUISHABLE and effect.says.startswith(STAND_IN)
+
+
+def verdict_words(effect: EffectVerdict) -> str:
+    """The verdict as a reader has it, with what is as good."""
+    own = "stand-in" if is_stand_in(effect) else effect.verdict
+    return own + (f", as good: {', '.join(effect.equivalent_to)}" if effect.equivalent_to else "")
 
 
 def with_rivals(names: Iterable[str], told: Iterable[EffectVerdict]) -> list[str]:

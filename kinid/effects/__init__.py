@@ -7,10 +7,13 @@ import pkgutil
 from functools import cache
 
 from kinid.effects._effect import Effect, Stage
+from kinid.effects._samples import Detection, Samples
 from kinid.effects._signals import AsRead, JointMotion, Layout, SensorMotion, Signals
 from kinid.errors import InputError, near
 
-__all__ = ["AsRead", "Effect", "JointMotion", "Layout", "SensorMotion", "Signals", "Stage", "catalogue", "get"]
+__all__ = [
+    "AsRead", "Detection", "Effect", "JointMotion", "Layout", "Samples", "SensorMotion", "Signals", "Stage", "catalogue", "get",
+]  # fmt: skip
 
 
 @cache

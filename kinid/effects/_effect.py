@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import functools
 import itertools
+import math
 from abc import ABC
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 
+from kinid.effects._samples import Detection, Samples
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
+
+T = TypeVar("T")
 
 
 class Stage(Enum):
@@ -46,6 +50,7 @@ class Effect(ABC):
         needs: quantities of the signals without which it can't act: "normal", "slip", "wrench", "joints".
         wants: effects that must be in the model for this one to do anything (at least one of them).
         detector: whether it is recognised by its mark in the samples alone (flat tops, a lattice, a line in the spectrum).
+        detection_turn: when a detector looks at the samples, lower turns first: it sees them without what was found before it.
         null: parameter name → value at which the effect does nothing (for names with a channel or joint in brackets, the
             part before the bracket); parameters that aren't named there may have any value then. Empty for a base.
         grid: parameter name → values worth starting a search from, of the parameters that one start can miss: shapes (lengths,
@@ -55,6 +60,11 @@ class Effect(ABC):
         affine: whether readings stay affine in the linear parameters of a model that holds it; False for a law that
             bends what others predict (a power of the normal force, a clipped reading).
         pulls: whether the law pulls at a tool that retracts, as a linear dashpot does and no material that lets go.
+        calibration_tolerance: parameter name → standard deviation within which every rig's calibration leaves it open. Names are
+            those before the bracket; where channels differ in their unit it stands in brackets: "offset[N]", "offset[N·m]".
+        admissible: parameter name, written alike → range that is physically possible, ends included. A search may go beyond it,
+            within the parameter's own bounds: where the best value lies there, something else is missing.
+        same_for_joints: name of the effect that is the same thing in a log of joint torques.
         turn: when it acts among the effects of one stage, whatever order a model names them in: lower turns first. Effects that
             share a turn and a stage act alike in either order. Elastic: what bends the base's spring, 1 what adds, 2 what scales,
             3 what remembers; friction: what adds, 1 what scales; sensor: its mounting, 1 its axes, 2 what it adds; acquisition:
@@ -72,12 +82,34 @@ class Effect(ABC):
     needs: ClassVar[tuple[str, ...]] = ("normal",)
     wants: ClassVar[tuple[str, ...]] = ()
     detector: ClassVar[bool] = False
+    detection_turn: ClassVar[int] = 0
     null: ClassVar[Mapping[str, float]] = {}
     grid: ClassVar[Mapping[str, tuple[float, ...]]] = {}
     ends: ClassVar[Mapping[str, tuple[float, ...]]] = {}
     affine: ClassVar[bool] = True
     pulls: ClassVar[bool] = False
+    calibration_tolerance: ClassVar[Mapping[str, float]] = {}
+    admissible: ClassVar[Mapping[str, tuple[float, float]]] = {}
     turn: ClassVar[int] = 0
+    same_for_joints: ClassVar[str] = ""
+
+    def for_log(self, signals: Signals) -> Effect:
+        """The effect as this log needs it, where parameters depend on what a log visits; else itself, as one that was made so."""
+        return self
+
+    def prior(self, layout: Layout) -> Array | None:
+        """Precision (k, k) of a normal prior about the null of its parameters, in their units; None without one."""
+        return None
+
+    def learnt(self, layout: Layout, information: Array, gradient: Array) -> Effect:
+        """The effect with the prior under which readings are most likely; itself where its prior has nothing to learn.
+
+        Args:
+            layout: of the readings.
+            information: of the readings about its parameters, others projected out, AᵀΣ⁻¹A, (k, k).
+            gradient: of half the weighted squared residual at its null, with its sign turned, AᵀΣ⁻¹r, (k,).
+        """
+        return self
 
     def null_for(self, base: str | None) -> Mapping[str, float]:
         """`null` in a model with this base, for the effects where it depends on it."""
@@ -101,6 +133,43 @@ class Effect(ABC):
     def marks(self, measured: Array) -> tuple[Array, Array] | None:
         """For a detector: its parameters as readings (channels, n) show them, and as a search for the others holds them."""
         return None
+
+    def detect(self, samples: Samples) -> Detection | None:
+        """For a detector: its mark in samples of a log, None without one."""
+        return None
+
+    def unseen(self, rate: float) -> str:
+        """For a detector without a mark: why a log of this rate [Hz] says nothing of it, in words; "" where it is absent."""
+        return ""
+
+    def calibration_sd(self, signals: Signals) -> Mapping[str, float]:
+        """Standard deviation within which calibration leaves its parameters open, by full name; {} where it is no calibration."""
+        kind = signals.layout.kind
+        if ("wrench" in self.needs and kind != "wrench") or (("joints" in self.needs) != (kind == "joints") and self.needs):
+            return {}
+        named = ((p.name, _looked_up(self.calibration_tolerance, p)) for p in self.parameters(signals.layout))
+        return {name: sd for name, sd in named if sd is not None}
+
+    def calibration_bound(self, layout: Layout) -> float:
+        """How many of these standard deviations a fit may take it to beside a model that lacks the effect."""
+        return 2.0
+
+    def implausible(self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None) -> str:
+        """Why a value can't be, in words; "" where all are possible.
+
+        No standard error is looked at: a value that may be possible by chance should be moved by its error first.
+
+        Args:
+            values: of its parameters, by name. model_values: of all parameters of the model, by "effect.parameter".
+            signals: of the log. Without them, what depends on units or on the motion isn't asked.
+        """
+        own = {p.name: p for p in self.parameters(signals.layout)} if signals is not None else {}
+        for name, value in values.items():
+            found = _looked_up(self.admissible, own[name]) if name in own else self.admissible.get(name.split("[")[0])
+            if found is not None and not found[0] <= value <= found[1]:
+                unit = f" {own[name].unit}" if name in own and own[name].unit != "1" else ""
+                return f"{name} = {value:.3g}{unit}, possible is {_range(*found)}{unit}"
+        return ""
 
     def meaning(self, values: Mapping[str, float]) -> str:
         """What values of its parameters say that its name doesn't, in words; "" where the name says it."""
@@ -142,6 +211,18 @@ class Effect(ABC):
 
     def joint(self, s: Signals, p: Array) -> None:
         """Add to `s.reading`, the joint torques."""
+
+
+def _looked_up(by_name: Mapping[str, T], p: Parameter) -> T | None:
+    """What a mapping says of a parameter, by "name[unit]" or by its name before the bracket; None if nothing."""
+    name = p.name.split("[")[0]
+    return by_name.get(f"{name}[{p.unit}]", by_name.get(name))
+
+
+def _range(low: float, high: float) -> str:
+    if low == -math.inf:
+        return f"at most {high:g}"
+    return f"at least {low:g}" if high == math.inf else f"{low:g} to {high:g}"
 
 
 @functools.cache

@@ -190,8 +190,6 @@ class Signals:
         t: time from the first sample [s], (n,).
         dt: time since the sample before [s], (n,); 0 where memory begins anew (first sample, after a gap).
         depth [m], depth_rate [m/s]: (n,). slip [m], slip_rate [m/s]: (2, n).
-        dither: how far noise of the slip reaches on the path of its rates [m]; bristles are not moved by it.
-        overshoot: how far that path is from the slip for moments, where a differentiator makes a quick stop slower [m].
         play: share of their length over which bristles are elastic.
         measured: measured readings, (channels, n); no law is driven by them.
         compliance: of the arm along the normal, which the contact law is behind [m/N].
@@ -213,8 +211,6 @@ class Signals:
     depth_rate: Array
     slip: Array
     slip_rate: Array
-    dither: float = 0.0
-    overshoot: float = 0.0
     play: float = ELASTIC
     measured: Array | None = None
     sensor: SensorMotion | None = None

@@ -8,24 +8,31 @@ import numpy as np
 
 from kinid.effects._effect import Effect
 from kinid.effects._signals import Array, Layout, Recall, Signals
-from kinid.kernels.memory import bond
 from kinid.kernels.recall import recalled_deepest
 from kinid.parameter import Parameter
+
+#: ends of the retraction until a bond pulls [m], and of the shape of its neck
+SHORTEST, LATEST = 1e-6, 20.0
 
 
 @final
 class Adhesion(Effect):
-    """N −= F_a b: a bond that has formed at contact pulls on the way out, until it tears at δ = −ℓ; F_a [N], ℓ [m].
+    """N −= (F₀ + F_a (1 − exp(−(δ_m − δ)/r))) g(−δ/ℓ): a bond that has formed at contact pulls, until it tears at δ = −ℓ [m].
 
-    b = 1 − exp(−(δ_m − δ)/ℓ), with δ_m the deepest of this contact: nothing on the way in, the whole pull after ℓ of
-    retraction. Outside the material b also falls as (1 − (δ/ℓ)²)², so that nothing jumps at pull-off. On touching anew
-    everything begins again.
+    F₀ [N] pulls from touch on, in and out; F_a [N] on the way out alone, from the deepest of this contact, δ_m, on, within a
+    retraction of r [m]. Outside the material a neck tears, g(x) = (1 − xᵖ)²: nothing jumps at pull-off, but what has a neck of
+    large p tears late and fast. On touching anew everything begins again. Cases, within some per cent of the pull: a constant
+    pull with a neck (p large), stress that ends at a distance (Dugdale, p near 1.3), and a soft sphere (JKR: F₀ with p large,
+    beside a base `hertz`).
     """
 
     id = "adhesion"
     title = "pull until separation"
-    equation = "N −= F_a (1 − exp(−(δ_m − δ)/ℓ)), outside of the material times (1 − (δ/ℓ)²)² until δ = −ℓ"
-    source = "K. L. Johnson, K. Kendall, A. D. Roberts, Proc. R. Soc. A 324, 1971; D. Maugis, J. Colloid Interface Sci. 150, 1992"
+    equation = "N −= F₀ + F_a (1 − exp(−(δ_m − δ)/r)), outside of the material times (1 − (−δ/ℓ)ᵖ)² until δ = −ℓ"
+    source = (
+        "K. L. Johnson, K. Kendall, A. D. Roberts, Proc. R. Soc. A 324, 1971; "
+        "D. S. Dugdale, J. Mech. Phys. Solids 8, 1960; D. Maugis, J. Colloid Interface Sci. 150, 1992"
+    )
     signature = "a pulling tail at separation, outside the material too"
     confusions = {
         "surface-offset": "a slow retraction: only a bond leaves a negative force",
@@ -33,30 +40,44 @@ class Adhesion(Effect):
         "viscous-damping": "a slow retraction",
     }
     excited_by = "a slow retraction until well outside the material"
-    null = {"force": 0.0}
-    grid = {"length": (1e-4, 3e-4, 1e-3, 3e-3)}
+    null = {"force": 0.0, "tack": 0.0}
+    grid = {"length": (1e-4, 3e-4, 1e-3, 3e-3), "rise": (3e-5, 3e-4), "neck": (2.0, 5.0)}
+    ends = {"rise": (SHORTEST,), "neck": (LATEST,)}  # all of the pull at once, and a bond that tears at once
+    admissible = {"force": (0.0, 1e4), "tack": (0.0, 1e4), "length": (0.0, 0.02)}  # bonds pull; necks of gels reach a centimetre
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
-        """Greatest pull, length."""
+        """Pull on the way out, pull in and out, reach, retraction until it pulls, shape of the neck."""
         return (
             Parameter("force", "F_a", "N", 0.1, 0.0, 1e5, scale=0.05, linear=True),
+            Parameter("tack", "F₀", "N", 0.0, 0.0, 1e5, scale=0.05, linear=True),
             Parameter("length", "ℓ", "m", 5e-4, 1e-6, 0.1, scale=1e-4),
+            Parameter("rise", "r", "m", 3e-4, SHORTEST, 0.1, scale=1e-4),
+            Parameter("neck", "p", "1", 2.0, 0.5, LATEST, scale=0.5),
         )
 
     def normal(self, s: Signals, p: Array) -> None:
         """Pull."""
-        b = np.empty(len(s))
-        bond(s.depth, s.dt, p[1], b)
-        s.normal = s.normal - p[0] * b
+        force, tack, length, rise, neck = (float(value) for value in p)
+        keep, reach, before = np.empty((len(s), 1, 1)), np.empty((len(s), 1)), np.empty(len(s))
+        recalled_deepest(s.depth, s.dt, -length, keep, reach, before)
+        most = np.maximum(before, s.penetration * reach[:, 0])
+        pull = tack - force * np.expm1(np.minimum(s.depth - most, 0.0) / rise)
+        s.normal = s.normal - np.where(most > 0.0, pull * _left(s.depth, length, neck), 0.0)
         if s.compliance > 0.0:
             depth = s.depth
-            s.recalls = (*s.recalls, lambda: _recall(depth, s.dt, p))
+
+            def recall() -> Recall:
+                """Of how deep the bond was made."""
+                out = Recall.blank(len(depth), 1)
+                out.keep[:], out.reach[:] = keep, reach
+                change = -force / rise * _left(depth, length, neck) * np.exp(np.minimum(depth - before, 0.0) / rise)
+                out.size[:, 0] = np.where(before > 0.0, change, 0.0)
+                return out
+
+            s.recalls = (*s.recalls, recall)
 
 
-def _recall(depth: Array, dt: Array, p: Array) -> Recall:
-    """Of how deep the bond was made."""
-    out, most = Recall.blank(len(dt), 1), np.empty(len(dt))
-    recalled_deepest(depth, dt, -p[1], out.keep, out.reach, most)
-    left = (1.0 - (np.minimum(depth, 0.0) / p[1]) ** 2) ** 2
-    out.size[:, 0] = np.where(most > 0.0, -p[0] / p[1] * left * np.exp(np.minimum(depth - most, 0.0) / p[1]), 0.0)
+def _left(depth: Array, length: float, neck: float) -> Array:
+    """Share of a bond that has not torn, (n,)."""
+    out: Array = (1.0 - np.clip(-depth / length, 0.0, 1.0) ** neck) ** 2
     return out

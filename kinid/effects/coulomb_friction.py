@@ -25,6 +25,7 @@ class CoulombFriction(Effect):
     excited_by = "slip, best in both directions"
     needs = ("normal", "slip")
     null = {"coefficient": 0.0}
+    admissible = {"coefficient": (0.0, 4.0)}  # friction takes energy; rubber on clean glass reaches 4 (Persson 2001)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Friction coefficient."""

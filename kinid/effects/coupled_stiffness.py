@@ -37,6 +37,8 @@ class CoupledStiffness(Effect):
     excited_by = "pokes with small slips along both tangents, in and out at several speeds"
     needs = ("normal", "slip")
     null = {f"{kind}-{i}{j}": 0.0 for kind in ("stiffness", "damping") for i in _AXES for j in _AXES if (i, j) != ("n", "n")}
+    # a contact gives no energy: its own force along a tangent is against the motion
+    admissible = {"stiffness-11": (-1e8, 0.0), "stiffness-22": (-1e8, 0.0), "damping-11": (-1e6, 0.0), "damping-22": (-1e6, 0.0)}
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Eight entries of stiffness and eight of damping, row (force) before column (motion)."""

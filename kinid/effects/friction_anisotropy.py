@@ -29,6 +29,7 @@ class FrictionAnisotropy(Effect):
     wants = ("coulomb-friction",)
     null = {"ratio": 0.0}
     turn = 1
+    admissible = {"ratio": (-1.0, 1.0)}  # no coefficient is negative
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Anisotropy."""

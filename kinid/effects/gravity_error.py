@@ -33,6 +33,8 @@ class GravityError(Effect):
     excited_by = "several poses, the first joint turned too"
     needs = ("joints",)
     null = {"error": 0.0}
+    calibration_tolerance = {"error": 0.034}  # a base that is level to 0.2°, times g
+    admissible = {"error": (-20.0, 20.0)}  # twice g: it points the other way
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Error of gravity along the axes of the base frame; none without a robot."""

@@ -26,6 +26,7 @@ class Hertz(Effect):
     signature = "force that grows with the 3/2 power of depth, the same in and out"
     confusions = {"hooke": "a wide range of depths"}
     excited_by = "two depths"
+    admissible = {"stiffness": (0.0, 1e11)}  # 4/3 E* √R of a steel ball of 0.1 m on steel: 5e10
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Stiffness."""

@@ -34,6 +34,7 @@ class Hysteresis(Effect):
     excited_by = "the same path in and out at two speeds, with partial unloading"
     null = {"amplitude": 0.0}
     grid = {"length": (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)}
+    admissible = {"amplitude": (0.0, 1.0), "length": (0.0, 0.05)}  # more would pull, less would give energy; longer than any poke
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Amplitude, length."""

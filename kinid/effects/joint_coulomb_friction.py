@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import final
 
 from kinid.effects._axes import axes, directions
@@ -23,10 +24,16 @@ class JointCoulombFriction(Effect):
     equation = "τ += F_c u, u = sign q̇ in motion"
     source = "C. A. Coulomb, Théorie des machines simples, 1785; bristles: P. R. Dahl, 1968"
     signature = "a step in the torque where a joint reverses"
-    confusions = {"joint-viscous-friction": "several speeds", "joint-torque-offset": "motion in both directions"}
+    confusions = {
+        "joint-viscous-friction": "several speeds",
+        "joint-torque-offset": "motion in both directions",
+        "joint-stribeck-friction": "several speeds, slow ones too",
+        "joint-load-friction": "poses that load the joint and poses that don't",
+    }
     excited_by = "motion in both directions"
     needs = ("joints",)
     null = {"coulomb": 0.0}
+    admissible = {"coulomb": (0.0, math.inf)}  # friction takes energy
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Friction torque of each joint."""

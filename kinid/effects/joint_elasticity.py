@@ -29,11 +29,13 @@ class JointElasticity(Effect):
     signature = "torque that goes with the fourth derivative of the position: only fast motion shows it"
     confusions = {
         "rotor-inertia": "slow and fast motion: it grows with the fourth power of the frequency, not the second",
+        "joint-torque-gain": "slow and fast motion: of one frequency alone it is a gain of ε ω²",
         "time-offset": "it is in phase with the acceleration, a delay is not",
     }
     excited_by = "motion at several frequencies, some near a third of the resonance"
     needs = ("joints",)
     null = {"elasticity": 0.0}
+    admissible = {"elasticity[s²]": (-0.025, 0.025)}  # a joint whose link swings at less than 1 Hz is no drive
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Inverse of the squared resonance of each joint."""

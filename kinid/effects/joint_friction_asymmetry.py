@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import final
 
 import numpy as np
@@ -36,6 +37,14 @@ class JointFrictionAsymmetry(Effect):
                       linear=True)
             for a in axes(layout)
         )  # fmt: skip
+
+    def implausible(self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None) -> str:
+        """A viscosity that gives energy in one direction."""
+        for name, value in values.items():
+            both = model_values.get(f"joint-viscous-friction.viscous{name.removeprefix('asymmetry')}")
+            if both is not None and abs(value) > both:
+                return f"{name} = {value:.3g} beside a viscosity of {both:.3g}: one direction would give energy"
+        return super().implausible(values, model_values, signals)
 
     def joint(self, s: Signals, p: Array) -> None:
         """Add the torque."""

@@ -23,10 +23,16 @@ class JointTorqueGain(Effect):
     equation = "y = (1 + g) τ"
     source = "M. Gautier, S. Briot, J. Dyn. Syst. Meas. Control 136(5), 2014 (drive gains)"
     signature = "a residual proportional to the torque itself, gravity included"
-    confusions = {"payload": "several poses: a payload's torque has another shape", "rotor-inertia": "poses at rest"}
+    confusions = {
+        "payload": "several poses: a payload's torque has another shape",
+        "rotor-inertia": "poses at rest",
+        "joint-elasticity": "slow and fast motion: a gain is the same at all frequencies",
+        "joint-load-friction": "motion in both directions: friction pulls them apart, a gain doesn't",
+    }
     excited_by = "gravity and acceleration that the robot's model knows"
     needs = ("joints",)
     null = {"gain": 0.0}
+    admissible = {"gain": (-0.995, 1e3)}  # a gain of 0 reads nothing; as a current in A, 1 N·m is some hundredths at least
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Gain error of each joint."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import final
 
 from kinid.effects._axes import axes
@@ -23,6 +24,7 @@ class JointViscousFriction(Effect):
     excited_by = "several speeds"
     needs = ("joints",)
     null = {"viscous": 0.0}
+    admissible = {"viscous": (0.0, math.inf)}  # friction takes energy
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Viscosity of each joint."""

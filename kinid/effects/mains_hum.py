@@ -9,11 +9,26 @@ import numpy as np
 
 from kinid.effects._derived import derived
 from kinid.effects._effect import Effect
+from kinid.effects._samples import QUIETEST, Detection, Samples
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
 #: frequencies of power grids [Hz], how far they may be off, and the least step in which a line is looked for at first
 GRIDS, OFF, COARSE = (50.0, 60.0), 0.3, 0.01
+#: logs of fewer samples, and of a lower rate [Hz], show no line
+FEWEST, SLOWEST = 500, 125.0
+#: share of the rate up to which a line is looked for
+NYQUIST = 0.48
+#: a line counts from this amplitude on, in standard deviations of the white noise, …
+LINE = 0.2
+#: … and where it holds so many times the power of its neighbours, so far away [Hz]
+STANDS_OUT, BESIDE = 25.0, (-2.1, -1.4, -0.9, 0.9, 1.4, 2.1)
+#: steps of least squares from the best of the frequencies that are tried
+SHARPENED = 4
+#: stretches over which a grid's phase is one [s], and time over which a line is followed [s]
+STEADY, FOLLOWED = 4.0, 0.5
+#: where fewer of the samples count, a line is taken to be weaker instead of being guessed
+SEEN = 0.1
 
 
 @final
@@ -38,6 +53,7 @@ class MainsHum(Effect):
     excited_by = "any log sampled faster than twice the grid's frequency"
     needs = ()
     detector = True
+    detection_turn = 2
     null = {"sine": 0.0, "cosine": 0.0}
     turn = 2
 
@@ -50,12 +66,109 @@ class MainsHum(Effect):
             for wave, symbol in (("sine", "a"), ("cosine", "b"))
         )
 
+    def detect(self, samples: Samples) -> Detection | None:
+        """The grid whose lines hold the most power in what the model leaves: phase and size are followed, as grids wander."""
+        if samples.raw.shape[1] < FEWEST:
+            return None
+        rest = samples.raw.copy() if samples.expected is None else samples.raw - samples.expected
+        rest[:, ~samples.valid] = 0.0
+        grids = [_lines(rest, samples, grid) for grid in GRIDS]
+        # harmonics without the line itself are a machine's vibration
+        power, frequency, lines = max((grid for grid in grids if 1 in grid[2]), default=(0.0, 0.0, ()))
+        if not lines:
+            return None
+        hum = sum((_followed(rest, samples, h * frequency) for h in lines), np.zeros_like(rest))
+        sizes = np.hypot(*_pair(rest, samples.t, lines[0] * frequency))
+        top = int(np.argmax(sizes / samples.noise))
+        says = (f"a line at {frequency:.2f} Hz{' and its harmonics' if len(lines) > 1 else ''}, "
+                f"{sizes[top]:.3g} {samples.layout.units[top]} in {samples.layout.channels[top]}")  # fmt: skip
+        # the white noise that differences of neighbours show held the hum, too
+        noise = np.maximum(np.minimum(samples.noise, samples.white(samples.raw - hum)), QUIETEST)
+        count = samples.valid
+        pairs = np.concatenate([_coherent(rest[:, count], samples.t[count], h * frequency) for h in lines])
+        return Detection(pairs.T.ravel(), says, form={"frequency": frequency, "harmonics": lines}, removed=hum, noise=noise)
+
+    def unseen(self, rate: float) -> str:
+        """A slow log takes a line for something else."""
+        return f"at {rate:.3g} Hz a line at 50 or 60 Hz can't be seen" if rate < SLOWEST else ""
+
     def acquisition(self, s: Signals, p: Array) -> None:
         """Add the hum."""
         frequency = self.frequency or _line_of(s)
         angles = [2.0 * np.pi * h * frequency * s.t for h in self.harmonics]
         waves = np.stack([wave(angle) for angle in angles for wave in (np.sin, np.cos)])
         s.reading = s.reading + p.reshape(len(s.layout.channels), -1) @ waves
+
+
+def _lines(rest: Array, samples: Samples, grid: float) -> tuple[float, float, tuple[int, ...]]:
+    """Power of a grid's lines that stand out in a residual (channels, n), their frequency [Hz], and which they are."""
+    possible = [h for h in (1, 2, 3) if h * (grid + OFF) < NYQUIST / samples.period]
+    if not possible:
+        return 0.0, grid, ()
+    frequency, noise = _refined(rest, samples.t, grid, samples.noise), samples.noise
+    found, power = [], 0.0
+    for h in possible:
+        size = np.hypot(*_pair(rest, samples.t, h * frequency))
+        beside = np.mean([np.hypot(*_pair(rest, samples.t, h * frequency + off)) ** 2 for off in BESIDE], axis=0)
+        clear = (size > LINE * noise) & (size**2 > STANDS_OUT * beside)
+        if clear.any():
+            found.append(h)
+            power += float(((size / noise) ** 2)[clear].sum())
+    return power, frequency, tuple(found)
+
+
+def _pair(readings: Array, t: Array, frequency: float) -> Array:
+    """Sine and cosine amplitude at a frequency, root mean square over stretches in which a grid's phase is one, (2, channels)."""
+    many = max(1, min(int(t[-1] / STEADY), len(t) // FEWEST))
+    angle = 2.0 * np.pi * frequency * t
+    out = np.zeros((2, len(readings)))
+    edges = np.linspace(0, len(t), many + 1).astype(int)
+    for begin, end in zip(edges[:-1], edges[1:]):
+        window = np.hanning(end - begin)
+        window *= 2.0 / window.sum()
+        waves = np.stack([np.sin(angle[begin:end]), np.cos(angle[begin:end])], axis=1) * window[:, None]
+        out += (readings[:, begin:end] @ waves).T ** 2 / many
+    return np.sqrt(out)
+
+
+def _coherent(readings: Array, t: Array, frequency: float) -> Array:
+    """Sine and cosine amplitude over the whole log, by least squares beside a constant, (2, channels)."""
+    angle = 2.0 * np.pi * frequency * t
+    out: Array = np.linalg.lstsq(np.stack([np.sin(angle), np.cos(angle), np.ones_like(t)], axis=1), readings.T)[0][:2]
+    return out
+
+
+def _followed(readings: Array, samples: Samples, frequency: float) -> Array:
+    """A line in a residual (channels, n) that is 0 where samples don't count, its phase and size followed, (channels, n)."""
+    from scipy.ndimage import gaussian_filter1d
+
+    turned = np.exp(-2j * np.pi * frequency * samples.t)
+    width = FOLLOWED / samples.period
+    mixed = 2.0 * readings * turned
+    slow = gaussian_filter1d(mixed.real, width, axis=1) + 1j * gaussian_filter1d(mixed.imag, width, axis=1)
+    seen = np.maximum(gaussian_filter1d(samples.valid.astype(float), width), SEEN)
+    out: Array = (slow * np.conj(turned)).real / seen
+    return out
+
+
+def _refined(readings: Array, t: Array, grid: float, noise: Array) -> float:
+    """Frequency near the grid's at which the line in a residual (channels, n) is strongest [Hz]."""
+    loudest = readings[int(np.argmax(np.hypot(*_pair(readings, t, grid)) / noise))][None]
+    trials = np.arange(-OFF, OFF + 1e-9, max(0.4 / max(float(t[-1]), 1.0), COARSE))
+    # mixed down to the grid's frequency, a line is slow: means over 20 ms hold it
+    many = max(1, round(0.02 * (len(t) - 1) / max(float(t[-1] - t[0]), 1e-9)))
+    begin = np.arange(0, len(t), many)
+    slow = np.add.reduceat(loudest[0] * np.exp(-2j * np.pi * grid * t), begin)
+    middle = t[np.minimum(begin + many // 2, len(t) - 1)]
+    power = [abs(slow @ np.exp(-2j * np.pi * off * middle)) for off in trials]
+    near = found = float(grid + trials[int(np.argmax(power))])
+    for _ in range(SHARPENED):  # between two trials: least squares
+        wave = np.exp(2j * np.pi * found * t)
+        sine, cosine = _coherent(loudest, t, found)[:, 0]
+        turned = 2.0 * np.pi * (t - t.mean()) * (sine * wave.real - cosine * wave.imag)
+        rest = loudest[0] - sine * wave.imag - cosine * wave.real
+        found += float(turned @ rest / max(float(turned @ turned), 1e-300))
+    return found if abs(found - near) < trials[1] - trials[0] else near
 
 
 def _line_of(s: Signals) -> float:

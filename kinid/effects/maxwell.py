@@ -30,6 +30,8 @@ class Maxwell(Effect):
     pulls = True
     excited_by = "a fast approach, then a hold of several time constants"
     grid = {"time-constant": (0.02, 0.1, 0.5, 2.0, 10.0, 60.0)}
+    # stable; slower than a day or faster than samples, a flow is none
+    admissible = {"stiffness": (0.0, 1e8), "time-constant": (1e-4, 1e5)}
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Stiffness, time constant."""

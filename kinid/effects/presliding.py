@@ -27,6 +27,7 @@ class Presliding(Effect):
     signature = "rounded reversals of the tangential force"
     confusions = {
         "structural-compliance": "other loads: an arm bends in proportion to the force, bristles don't",
+        "friction-rounding": "a hold under load after a slip: bristles keep their force, and turn over a length",
         "time-offset": "slow and fast reversals: a delay grows with speed, a length doesn't",
     }
     excited_by = "reversals of slip, slow ones, and slips shorter than ℓ"
@@ -35,6 +36,7 @@ class Presliding(Effect):
     null = {"length": 1e-4}  # the length that friction has without this effect
     grid = {"length": (3e-6, 3e-5, 3e-4, 1e-3, 3e-3)}
     ends = {"length": (SHORTEST,)}  # friction that turns around at once: Coulomb's own
+    admissible = {"length": (SHORTEST, 0.02)}  # soft skins shear by millimetres before they slip, not by centimetres
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Length."""

@@ -7,11 +7,12 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
+from kinid.effects._samples import Detection, Samples, lattice
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
-#: so many samples on two or three values are on a lattice, too
-MANY = 1000
+#: a step of at least so many standard deviations of the noise is coarse
+COARSE = 1.2
 
 
 @final
@@ -26,9 +27,11 @@ class Quantization(Effect):
     excited_by = "noise below half a step, or slow changes"
     needs = ()
     detector = True
+    detection_turn = 1
     null = {"step": 0.0}
     affine = False
     turn = 4
+    admissible = {"step": (0.0, 1e3)}  # a lattice has a width
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """One step a channel."""
@@ -44,23 +47,25 @@ class Quantization(Effect):
         The search for other parameters goes without steps: rounding moves a reading up as often as down, and a staircase
         has no slope to follow.
         """
-        steps = np.array([_lattice(channel[np.isfinite(channel)]) for channel in measured])
+        steps = np.array([lattice(channel) for channel in measured])
         return steps, np.zeros_like(steps)
+
+    def detect(self, samples: Samples) -> Detection | None:
+        """A lattice that is coarse beside the noise: readings are off by up to half a step.
+
+        In slow logs of fast loads, neighbours differ by the load as well: what the model leaves tells the noise there.
+        """
+        steps, held = self.marks(samples.raw[:, samples.valid])
+        rounding, white = steps / np.sqrt(12.0), samples.white(samples.raw)
+        if samples.expected is not None:
+            white = np.minimum(white, samples.white(samples.raw - samples.expected))
+        coarse = (steps > 0) & (steps > COARSE * np.maximum(white, rounding))
+        if not coarse.any():
+            return None
+        says = f"a lattice of values: {samples.named(steps, coarse, 'in steps of')}"
+        return Detection(np.where(coarse, steps, 0.0), says, held, noise=np.maximum(samples.noise, rounding))
 
     def acquisition(self, s: Signals, p: Array) -> None:
         """Round the readings."""
         step = np.where(p > 0.0, p, 1.0)[:, None]
         s.reading = np.where(p[:, None] > 0.0, step * np.round(s.reading / step), s.reading)
-
-
-def _lattice(values: Array) -> float:
-    """Step of the lattice that all values lie on, 0 where there is none."""
-    distinct = np.unique(values)
-    gaps = np.diff(distinct)
-    gaps = gaps[gaps > 1e-9 * max(1e-12, float(np.abs(distinct).max(initial=0.0)))]
-    if len(gaps) < 3 and not (len(gaps) and len(values) >= MANY):
-        return 0.0
-    step = float(gaps.min())
-    wholes = gaps / step
-    # noise-free doubles have gaps of any size; readings of a converter only whole multiples of one
-    return float(np.median(gaps[np.round(wholes) == 1])) if np.abs(wholes - np.round(wholes)).max() < 1e-3 else 0.0

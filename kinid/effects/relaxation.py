@@ -47,6 +47,8 @@ class Relaxation(Effect):
     null = {"ratio": 0.0}
     affine = False  # a tool that leaves does so at a force that all parameters of the law decide
     grid = {"time-constant": (0.02, 0.1, 0.4, 1.5, 6.0, 30.0)}
+    # a share of the force, of either branch alone and of all together (`implausible`)
+    admissible = {"ratio": (0.0, 1.0), "time-constant": (1e-4, 1e5)}
 
     def __post_init__(self) -> None:
         if self.branches < 1:
@@ -78,6 +80,14 @@ class Relaxation(Effect):
             np.ravel([(ratio / self.branches, min(fastest * 10.0**k, high)) for k in range(self.branches)])
             for fastest in self.grid["time-constant"]
         )
+
+    def implausible(self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None) -> str:
+        """Shares of all branches together, too, and the range of each of them."""
+        held = [value for name, value in values.items() if name.startswith("ratio")]
+        if sum(held) > 1.0 + 1e-9:
+            return f"branches hold {sum(held):.3g} of the elastic force: no more than all of it relaxes"
+        first = [{name.rstrip("0123456789"): value} for name, value in values.items()]
+        return next((why for one in first if (why := super(Relaxation, self).implausible(one, model_values))), "")
 
     def normal(self, s: Signals, p: Array) -> None:
         """Take off what has flowed."""

@@ -22,6 +22,7 @@ class RigidBody(Effect):
     signature = "torque that follows acceleration and pose"
     excited_by = "motion; an axis without a robot needs acceleration"
     needs = ("joints",)
+    admissible = {"inertia": (0.0, 1e6)}  # kinetic energy is positive
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Inertia of each axis, where there is no robot to know it."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import final
 
 from kinid.effects._axes import axes
@@ -26,6 +27,7 @@ class RotorInertia(Effect):
     excited_by = "acceleration in several poses"
     needs = ("joints",)
     null = {"inertia": 0.0}
+    admissible = {"inertia": (0.0, math.inf)}  # kinetic energy is positive
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Reflected inertia of each joint."""

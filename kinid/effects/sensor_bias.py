@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import final
 
 from kinid.effects._effect import Effect
@@ -23,6 +24,9 @@ class SensorBias(Effect):
     needs = ()
     null = {"offset": 0.0}
     turn = 2
+    same_for_joints = "joint-torque-offset"
+    # zeroed in the air, for minutes
+    calibration_tolerance = {"offset[N]": 0.02, "offset[N·m]": 1e-3}
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """One offset a channel."""
@@ -30,6 +34,10 @@ class SensorBias(Effect):
             Parameter(f"offset[{name}]", "b", unit, 0.0, scale=0.1 if unit == "N" else 0.005, linear=True)
             for name, unit in zip(layout.channels, layout.units)
         )
+
+    def calibration_bound(self, layout: Layout) -> float:
+        """None for a raw wrench: every such sensor has a bias, and a fit must not bend the material to it."""
+        return math.inf if layout.kind == "wrench" else 2.0
 
     def sensor(self, s: Signals, p: Array) -> None:
         """Add the offsets."""

@@ -32,6 +32,8 @@ class SensorCrosstalk(Effect):
     needs = ()
     null = {"crosstalk": 0.0}
     turn = 1
+    # data sheets state some per cent; more is another channel
+    admissible = {"crosstalk[1]": (-0.3, 0.3), "crosstalk[1/m]": (-6.0, 6.0), "crosstalk[m]": (-0.05, 0.05)}
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Off-diagonal entries, row by row."""

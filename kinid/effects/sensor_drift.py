@@ -23,6 +23,8 @@ class SensorDrift(Effect):
     needs = ()
     null = {"drift": 0.0}
     turn = 2
+    # a strain gauge of 0.1 % of 1 kN a kelvin, warming up by 10 K a minute
+    admissible = {"drift[N/min]": (-10.0, 10.0), "drift[N·m/min]": (-1.0, 1.0)}
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """One slope a channel."""

@@ -25,6 +25,7 @@ class SensorGain(Effect):
     excited_by = "free rotation of a tool of known mass"
     needs = ()
     null = {"gain": 0.0}
+    admissible = {"gain": (-0.8, 4.0)}  # a gain of 0 reads nothing; pounds for newtons are 3.45
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Gain error."""

@@ -32,6 +32,8 @@ class SensorMisalignment(Effect):
     excited_by = "loads along two directions"
     needs = ()
     null = {"rotation": 0.0}
+    calibration_tolerance = {"rotation": 3.5e-3}  # 0.2°: dowels and flanges
+    admissible = {"rotation": (-0.8, 0.8)}  # beyond 45° another face of the flange is meant
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Rotation vector."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import final
 
 from kinid.effects._effect import Effect
@@ -31,6 +32,13 @@ class StiffnessDrift(Effect):
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Rate."""
         return (Parameter("rate", "α", "1/min", 0.0, -1e3, 1e3, scale=0.05),)
+
+    def implausible(self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None) -> str:
+        """A stiffness that is gone before the log ends."""
+        end = 1.0 if signals is None else 1.0 + values.get("rate", 0.0) * float(signals.t[-1]) / 60.0
+        if end < 0.0:
+            return f"rate = {values['rate']:.3g} 1/min: no stiffness would be left at the end of the log"
+        return super().implausible(values, model_values, signals)
 
     def elastic(self, s: Signals, p: Array) -> None:
         """Scale the elastic force."""

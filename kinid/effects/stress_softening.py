@@ -35,6 +35,7 @@ class StressSoftening(Effect):
     null = {"ratio": 0.0}
     grid = {"length": (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)}
     turn = 3
+    admissible = {"ratio": (0.0, 1.0), "length": (0.0, 0.05)}  # a share of the force; longer than any poke
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Ratio, length."""

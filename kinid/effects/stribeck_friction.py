@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import final
 
 import numpy as np
@@ -26,6 +27,8 @@ class StribeckFriction(Effect):
     wants = ("coulomb-friction",)
     null = {"coefficient": 0.0}
     grid = {"speed": (1e-3, 3e-3, 1e-2, 3e-2, 0.1)}
+    # friction fades with speed, it doesn't grow (that is viscous); hydrodynamic films form within 1 m/s
+    admissible = {"coefficient": (0.0, 4.0), "speed": (1e-5, 1.0)}
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Excess at rest, speed over which it fades."""
@@ -33,6 +36,13 @@ class StribeckFriction(Effect):
             Parameter("coefficient", "Δμ", "1", 0.1, -5.0, 5.0, scale=0.05),
             Parameter("speed", "v_s", "m/s", 5e-3, 1e-6, 10.0, scale=1e-3),
         )
+
+    def implausible(self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None) -> str:
+        """A coefficient that is negative at rest, too."""
+        rest = model_values.get("coulomb-friction.coefficient", 0.0) + values.get("coefficient", 0.0)
+        if rest < 0.0:
+            return f"coefficient = {values['coefficient']:.3g} makes friction at rest {rest:.3g}: friction takes energy"
+        return super().implausible(values, model_values, signals)
 
     def friction(self, s: Signals, p: Array) -> None:
         """Add to the coefficient."""

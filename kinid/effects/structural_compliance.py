@@ -34,6 +34,7 @@ class StructuralCompliance(Effect):
     null = {"compliance": 0.0}
     affine = False  # a force behind a spring is no sum of those of the law's parts
     grid = {"compliance": (1e-6, 1e-5, 1e-4, 1e-3)}
+    admissible = {"compliance": (0.0, 1e-2)}  # a spring is stable; the softest impedance control has 100 N/m
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Compliance along the normal."""

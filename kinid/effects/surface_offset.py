@@ -25,6 +25,8 @@ class SurfaceOffset(Effect):
     excited_by = "touch and separation"
     null = {"offset": 0.0}
     grid = {"offset": (-2e-3, -7e-4, -2e-4, 2e-4, 7e-4, 2e-3)}
+    calibration_tolerance = {"offset": 3e-5}  # touch is found to some hundredths of a millimetre
+    admissible = {"offset": (-0.02, 0.02)}  # further away it is another surface
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Offset."""

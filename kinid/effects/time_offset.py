@@ -30,6 +30,8 @@ class TimeOffset(Effect):
     null = {"delay": 0.0}
     grid = {"delay": (-5e-2, -1e-2, -2e-3, 2e-3, 1e-2, 5e-2)}
     turn = 1
+    calibration_tolerance = {"delay": 2.5e-4}  # a quarter of the period of a bus at 1 kHz
+    admissible = {"delay": (-0.25, 0.25)}  # buffers and buses; more is another recording
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Delay of the readings."""

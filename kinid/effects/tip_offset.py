@@ -34,6 +34,7 @@ class TipOffset(Effect):
     excited_by = "contact with the tool tilted in several directions"
     needs = ("normal", "wrench")
     null = {"offset": 0.0}
+    admissible = {"offset": (-0.05, 0.05)}  # a tip elsewhere is another tool
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Displacement of the tip in the sensor frame."""

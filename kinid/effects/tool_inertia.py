@@ -31,6 +31,7 @@ class ToolInertia(Effect):
     excited_by = "fast turning in the air, about each axis of the sensor"
     needs = ("wrench",)
     null = {"inertia": 0.0}
+    admissible = {"inertia": (-1.0, 1.0)}  # of tools that a hand carries
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """The six entries of the inertia."""

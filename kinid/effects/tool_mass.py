@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from typing import final
 
 from kinid.effects._effect import Effect
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.effects._vectors import point_load
 from kinid.parameter import Parameter
+
+#: share of a tool's mass to which a rig states it: bolts, cables and paint are left out
+WEIGHED = 0.02
 
 
 @final
@@ -34,6 +38,18 @@ class ToolMass(Effect):
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Mass."""
         return (Parameter("mass", "Δm", "kg", 0.0, -50.0, 50.0, scale=0.01, linear=True),)
+
+    def calibration_sd(self, signals: Signals) -> Mapping[str, float]:
+        """A share of the mass that the rig states."""
+        stated = 0.0 if signals.sensor is None else abs(signals.sensor.mass)
+        return {"mass": WEIGHED * stated} if stated > 0.0 else {}
+
+    def implausible(self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None) -> str:
+        """A tool that weighs less than nothing."""
+        stated = 0.0 if signals is None or signals.sensor is None else signals.sensor.mass
+        if signals is not None and stated + values.get("mass", 0.0) < 0.0:
+            return f"mass = {values['mass']:.3g} kg beside the rig's {stated:.3g} kg: a tool of negative mass"
+        return super().implausible(values, model_values, signals)
 
     def tool(self, s: Signals, p: Array) -> None:
         """Add its load, and let what follows know."""

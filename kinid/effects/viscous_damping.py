@@ -27,6 +27,7 @@ class ViscousDamping(Effect):
     excited_by = "in and out at several speeds"
     wants = ("hooke", "hertz", "hunt-crossley", "maxwell", "zener")  # kelvin-voigt has one
     null = {"damping": 0.0}
+    admissible = {"damping": (0.0, 1e6)}  # a dashpot gives no energy
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Damping."""

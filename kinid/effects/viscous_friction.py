@@ -25,6 +25,7 @@ class ViscousFriction(Effect):
     excited_by = "slides at three speeds"
     needs = ("normal", "slip")
     null = {"damping": 0.0}
+    admissible = {"damping": (0.0, 1e5)}  # friction takes energy
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Damping."""

@@ -34,6 +34,8 @@ class Zener(Effect):
     pulls = True
     excited_by = "a fast approach, then a hold of several time constants"
     grid = {"branch-ratio": (0.2, 1.0, 5.0), "time-constant": (0.02, 0.1, 0.4, 1.5, 6.0, 30.0)}
+    # glass is a thousand times as stiff as the same polymer when it has relaxed (J. D. Ferry 1980, ch. 2)
+    admissible = {"stiffness": (0.0, 1e8), "branch-ratio": (0.0, 1e3), "time-constant": (1e-4, 1e5)}
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Stiffness in the end, the branch's stiffness relative to it, time constant."""

@@ -18,8 +18,6 @@ ELASTIC = 0.02
 #: a step in which slip turns by more than this [rad] is taken in pieces, so many at most: bristles that are short beside it
 #: follow the direction at its end, not that of its middle; where it is a small share m of them, they end m²/12 of the turn off
 STRAIGHT, MOST_PIECES = 0.002, 8
-#: a path that stays where it is for so long rests [s]
-REST = 0.1
 
 
 @njit(cache=True, nogil=True)
@@ -83,56 +81,6 @@ def bristles(v1: Array, v2: Array, dt: Array, depth: Array, length: float, out: 
                 begin = end
         out[0, i] = (1.0 - elastic) * u1 + w1 / length
         out[1, i] = (1.0 - elastic) * u2 + w2 / length
-
-
-@njit(cache=True, nogil=True)
-def steady(rate: Array, dt: Array, reach: float, out: Array) -> None:
-    """Rates of a path without what noise makes of it: it stands still while what was measured stays within its reach.
-
-    Play of half-width `reach` follows the path forwards, lagging, and backwards, leading; their mean does neither, and only
-    cuts turning points by the reach. Where the path rests, noise would still push play on from where motion left it: rests
-    are taken at their mean first.
-
-    Args:
-        rate: v [m/s], (n,). dt: see above. reach: [m]. out: (n,).
-    """
-    n = rate.shape[0]
-    path, ahead = np.zeros(n), np.zeros(n)
-    for i in range(1, n):
-        if dt[i] > 0.0:
-            path[i] = path[i - 1] + 0.5 * (rate[i] + rate[i - 1]) * dt[i]
-    _rested(path, dt, reach)
-    for i in range(n):
-        ahead[i] = path[i]
-        if i > 0 and dt[i] > 0.0:
-            ahead[i] = min(max(ahead[i - 1], path[i] - reach), path[i] + reach)
-    back = 0.0
-    for i in range(n - 1, -1, -1):
-        last = i == n - 1 or dt[i + 1] <= 0.0
-        back = path[i] if last else min(max(back, path[i] - reach), path[i] + reach)
-        path[i] = 0.5 * (ahead[i] + back)
-    for i in range(n):
-        first, last = i == 0 or dt[i] <= 0.0, i == n - 1 or dt[i + 1] <= 0.0
-        before = 0.0 if first else (path[i] - path[i - 1]) / dt[i]
-        after = before if last else (path[i + 1] - path[i]) / dt[i + 1]
-        out[i] = 0.5 * (after if first else before) + 0.5 * after
-
-
-@njit(cache=True, nogil=True)
-def _rested(path: Array, dt: Array, reach: float) -> None:
-    """Where a path (n,) stays within `reach` of one place for `REST` at least, its mean, or what is `reach` away from it."""
-    n, i = path.shape[0], 0
-    while i < n:
-        low, high, lasts, j = path[i], path[i], 0.0, i + 1
-        while j < n and dt[j] > 0.0 and max(high, path[j]) - min(low, path[j]) <= 2.0 * reach:
-            low, high, lasts, j = min(low, path[j]), max(high, path[j]), lasts + dt[j], j + 1
-        if lasts >= REST:
-            mean = path[i:j].mean()
-            for k in range(i, j):
-                path[k] = min(max(mean, path[k] - reach), path[k] + reach)
-            i = j
-        else:
-            i += 1
 
 
 @njit(cache=True, nogil=True)

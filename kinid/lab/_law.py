@@ -11,9 +11,9 @@ Array = NDArray[np.float64]
 # parameters of a contact that hold throughout a patch
 (
     EXPONENT, LOSS, RATIO1, TIME1, RATIO2, TIME2, LOOP, LOOP_LENGTH, SOFT, SOFT_LENGTH, PULL, PULL_LENGTH, DRIFT, STRIBECK,
-    STRIBECK_SPEED, VISCOUS, BRISTLE, LOAD, ANISOTROPY, COMPLIANCE,
-) = range(20)  # fmt: skip
-COUPLED_K, COUPLED_C, PARAMETERS = 20, 29, 38
+    STRIBECK_SPEED, VISCOUS, BRISTLE, LOAD, ANISOTROPY, COMPLIANCE, ROUNDING,
+) = range(21)  # fmt: skip
+COUPLED_K, COUPLED_C, PARAMETERS = 21, 30, 39
 # property fields over the surface
 STIFFNESS, DAMPING, FRICTION, LAYER, LAYER_DEPTH = range(5)
 FIELDS = 5
@@ -168,8 +168,12 @@ def contact(x: Array, v: Array, t: float, dt: float, m: Array, new: Array, table
         mu += p[STRIBECK] * np.exp(-(v[0] * v[0] + v[1] * v[1]) / p[STRIBECK_SPEED] ** 2)
     if p[LOAD] != 0.0:
         mu *= max(load, 1e-3) ** p[LOAD]
-    t1 = -mu * (1.0 + p[ANISOTROPY]) * load * ((1.0 - _AHEAD) * u1 + w1 / length) - p[VISCOUS] * v[0]
-    t2 = -mu * (1.0 - p[ANISOTROPY]) * load * ((1.0 - _AHEAD) * u2 + w2 / length) - p[VISCOUS] * v[1]
+    d1, d2 = (1.0 - _AHEAD) * u1 + w1 / length, (1.0 - _AHEAD) * u2 + w2 / length
+    if p[ROUNDING] > 0.0:  # a film instead of bristles
+        fast = np.sqrt(v[0] * v[0] + v[1] * v[1] + p[ROUNDING] ** 2)
+        d1, d2 = v[0] / fast, v[1] / fast
+    t1 = -mu * (1.0 + p[ANISOTROPY]) * load * d1 - p[VISCOUS] * v[0]
+    t2 = -mu * (1.0 - p[ANISOTROPY]) * load * d2 - p[VISCOUS] * v[1]
     y1, y2 = x[0] - new[_X1], x[1] - new[_X2]
     for i in range(3):
         k, q = COUPLED_K + 3 * i, COUPLED_C + 3 * i

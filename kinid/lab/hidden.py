@@ -165,7 +165,7 @@ def _inhomogeneity(s: Setup, rng: np.random.Generator) -> Planted:
         return base.at(x, y)["stiffness"] * (1.0 + g1 * x + g2 * y)
 
     fields: dict[str, Field] = {**base.fields, "stiffness": field}
-    return _material(s, {"gradient1": g1, "gradient2": g2, "height": 0.0}, fields=fields)
+    return _material(s, {"gradient1": g1, "gradient2": g2}, fields=fields)
 
 
 def _surface_offset(s: Setup, rng: np.random.Generator) -> Planted:
@@ -207,6 +207,11 @@ def _viscous(s: Setup, rng: np.random.Generator) -> Planted:
 def _stribeck(s: Setup, rng: np.random.Generator) -> Planted:
     extra, speed = float(rng.uniform(0.06, 0.18)), float(rng.uniform(2.5e-3, 6e-3))
     return _material(s, {"coefficient": extra, "speed": speed}, stribeck=(extra, speed))
+
+
+def _rounding(s: Setup, rng: np.random.Generator) -> Planted:
+    speed = float(rng.uniform(2e-3, 8e-3))
+    return _material(s, {"speed": speed}, rounding=speed)
 
 
 def _presliding(s: Setup, rng: np.random.Generator) -> Planted:
@@ -272,6 +277,19 @@ def _joints(name: str, parameter: str, low: Array | float, high: Array | float, 
         return s.replace(joint_sensors=s.joint_sensors.replace(**{name: values})), {parameter: values.tolist()}
 
     return plant
+
+
+def _joint_stribeck(s: Setup, rng: np.random.Generator) -> Planted:
+    excess, speed = rng.uniform(0.5, 2.0, s.robot.joint_count), float(rng.uniform(0.02, 0.1))
+    truth: Truth = {"excess": excess.tolist(), "speed": speed}
+    return s.replace(joint_sensors=s.joint_sensors.replace(stribeck=excess, stribeck_speed=speed)), truth
+
+
+def _joint_ripple(s: Setup, rng: np.random.Generator) -> Planted:
+    n = s.robot.joint_count
+    size, order = rng.uniform(0.3, 1.0, n), rng.choice([50.0, 80.0, 100.0, 160.0], n)
+    truth: Truth = {"sine": size.tolist(), "order": order.tolist()}
+    return s.replace(joint_sensors=s.joint_sensors.replace(ripple=size, ripple_order=order)), truth
 
 
 def _motor_encoders(s: Setup, rng: np.random.Generator) -> Planted:
@@ -351,6 +369,7 @@ PLANTS: dict[str, Plant] = {
     "surface-offset": _surface_offset, "stiffness-drift": _drift, "stiffness-inhomogeneity": _inhomogeneity,
     "surface-tilt": _surface_tilt, "coupled-stiffness": _coupled, "structural-compliance": _compliance,
     "coulomb-friction": _friction, "viscous-friction": _viscous, "stribeck-friction": _stribeck, "presliding": _presliding,
+    "friction-rounding": _rounding,
     "load-dependent-friction": _load_dependent, "friction-anisotropy": _anisotropy,
     "tool-mass": _tool_mass, "tool-com": _tool_com, "tool-inertia": _tool_inertia, "tip-offset": _tip_offset,
     "payload": _payload, "gravity-error": _gravity_error, "joint-elasticity": _motor_encoders,
@@ -359,6 +378,9 @@ PLANTS: dict[str, Plant] = {
     "joint-friction-asymmetry": _joints("asymmetry", "damping", 0.8, 3.0, signed=True),
     "joint-torque-offset": _joints("offset", "offset", 0.3, 1.5, signed=True),
     "joint-torque-gain": _joints("gain", "gain", 0.05, 0.2, signed=True),
+    "joint-stribeck-friction": _joint_stribeck, "joint-torque-ripple": _joint_ripple,
+    "joint-load-friction": _joints("load", "load", 0.03, 0.12),
+    "joint-spring": _joints("spring", "rate", 1.0, 6.0, signed=True),
     "rotor-inertia": _joints("rotor", "inertia", 0.3, 2.5),
     "sensor-bias": _bias, "sensor-drift": _sensor_drift, "sensor-crosstalk": _crosstalk, "sensor-gain": _gain,
     "sensor-misalignment": _misalignment, "sensor-lag": _lag, "time-offset": _time_offset, "saturation": _saturation,

@@ -55,6 +55,7 @@ class Material:
         softening: ratio, length [m]. adhesion: force [N], length [m]. drift: [1/min].
         stribeck: Δμ, speed [m/s]. viscous: [N·s/m]. bristle: [m]. load_exponent, anisotropy: see the effects.
         coupling: K (3, 3) and C (3, 3) over (x₁, x₂, δ), added to the force. compliance: in series [m/N].
+        rounding: speed over which friction vanishes, instead of bristles [m/s]; 0 for bristles.
         fields: properties that change over the surface. patches: where another material lies; the last one holds.
         colors: colour at places, (n, 3), where it changes. side: of a square piece [m]; beyond it nothing lies.
     """
@@ -80,6 +81,7 @@ class Material:
     anisotropy: float = 0.0
     coupling: tuple[Array, Array] | None = None
     compliance: float = 0.0
+    rounding: float = 0.0
     fields: dict[str, Field] = field(default_factory=dict)
     patches: tuple[Patch, ...] = ()
     colors: Callable[[Array, Array], Array] | None = None
@@ -136,6 +138,7 @@ class Material:
         p[: law.COUPLED_K] = [
             self.exponent, self.loss, *branches[0], *branches[1], *self.hysteresis, *self.softening, *self.adhesion, self.drift,
             *self.stribeck, self.viscous, self.bristle, self.load_exponent, self.anisotropy, self.compliance,
+            self.rounding,
         ]  # fmt: skip
         if self.coupling is not None:
             p[law.COUPLED_K : law.COUPLED_C] = np.ravel(self.coupling[0])

@@ -101,6 +101,8 @@ class JointSensors:
     Attributes:
         step: of the encoders on the link side [rad]. noise: of the torques [N·m]. offset: of the torques [N·m].
         gain: error of the torques. coulomb [N·m], viscous, asymmetry [N·m·s/rad]: what the torque sensor takes from friction.
+        stribeck: what dry friction is more at rest [N·m], fading over stribeck_speed [rad/s]. load: friction for each torque.
+        spring: of a balancer or a cable [N·m/rad]. ripple: amplitude [N·m] of a wave that comes ripple_order times a turn.
         rotor: inertia that it takes from the motor [kg·m²]. bend: 1/K of the joints whose encoders sit on the motors [rad/(N·m)].
     """
 
@@ -111,6 +113,12 @@ class JointSensors:
     coulomb: Array | float = 0.0
     viscous: Array | float = 0.0
     asymmetry: Array | float = 0.0
+    stribeck: Array | float = 0.0
+    stribeck_speed: float = 0.05
+    load: Array | float = 0.0
+    spring: Array | float = 0.0
+    ripple: Array | float = 0.0
+    ripple_order: Array | float = 1.0
     rotor: Array | float = 0.0
     bend: Array | float = 0.0
 
@@ -118,9 +126,12 @@ class JointSensors:
         """Positions and torques as they are logged."""
         seen = q + self.bend * tau
         seen = np.asarray(np.round(seen / self.step) * self.step if self.step > 0 else seen)
-        turned = _directions(q) if np.any(self.coulomb) else np.zeros_like(q)
-        rub = self.viscous * dq + self.coulomb * turned + self.asymmetry * np.abs(dq) + self.rotor * ddq
-        torque = (tau + rub) * (1.0 + self.gain) + self.offset
+        dry = any(np.any(part) for part in (self.coulomb, self.stribeck, self.load))
+        turned = _directions(q) if dry else np.zeros_like(q)
+        dry_friction = self.coulomb + self.stribeck * np.exp(-((dq / self.stribeck_speed) ** 2)) + self.load * np.abs(tau)
+        rub = self.viscous * dq + dry_friction * turned + self.asymmetry * np.abs(dq) + self.rotor * ddq
+        beside = self.spring * q + self.ripple * np.sin(self.ripple_order * q)
+        torque = (tau + rub + beside) * (1.0 + self.gain) + self.offset
         return seen, np.asarray(torque + rng.normal(size=tau.shape) * self.noise)
 
     def replace(self, **changes: object) -> JointSensors:

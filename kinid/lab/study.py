@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from kinid.contact import ContactSeries, contact_series
 from kinid.derivative import Differentiator
-from kinid.fit import FittedParameter, fit_model
+from kinid.identification.fit import FittedParameter, fit_model
 from kinid.lab.experiments import prepare
 from kinid.model import Model
 from kinid.writers import make_folder, write_text

@@ -110,7 +110,7 @@ def poked(material: str, seed: int, place: tuple[float, float] = (0.0, 0.0)) -> 
         InputError: no such material, or a place beside it.
     """
     from kinid.contact import contact_series
-    from kinid.fit import fit_model
+    from kinid.identification.fit import fit_model
     from kinid.model import Model
 
     setup = prepare("poke", material=material, seed=seed).replace(script=five_phases(SILICONE_POKE, place=place))

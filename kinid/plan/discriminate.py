@@ -20,14 +20,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.diagnosis.calibration import CLOCK, Calibration
-from kinid.diagnosis.candidates import able, base_of
-from kinid.diagnosis.noise import RELATIVE
-from kinid.diagnosis.problem import RATE
 from kinid.effects import Effect, Layout, Signals, Stage
 from kinid.errors import InputError
 from kinid.experiment import Experiment
-from kinid.fit import full_name
+from kinid.identification.applicability import base_of, candidate_effects
+from kinid.identification.fit import full_name
+from kinid.identification.nuisance import nuisances, predict_with
+from kinid.identification.problem import MEAN_RATE
 from kinid.model import Model
 from kinid.plan.distances import cells, even, left, rest, where
 from kinid.plan.experiments import Bench, Proposal, expected_law, proposals
@@ -47,6 +46,8 @@ DESIGN_RATE = 100.0
 SURE = 25.0
 #: squared distance below which they are one and the same, rounding apart
 HOPELESS = 1e-2
+#: share of a reading that no law is trusted to better than
+RELATIVE = 2e-3
 #: share of a guard's force that slow pressing may reach
 PRESSED = 0.8
 
@@ -129,7 +130,7 @@ class Judge:
         Raises:
             InputError: a candidate that can't act there, and why.
         """
-        why = {effect.id: reason for effect, reason in able(self.model, experiments[0].layout)}
+        why = {effect.id: reason for effect, reason in candidate_effects(self.model, experiments[0].layout)}
         for effect in self.effects:
             if why.get(effect.id):
                 raise InputError(f"'{effect.id}' for {self.model}: {why[effect.id]}", "one that acts on these readings",
@@ -147,7 +148,7 @@ class Judge:
         predicted = model.predict(s, values)
         # diagnosis works with means at a rate of its own, and trusts no law to better than a share of the reading
         noise = self._noise(experiment.layout)[:, None]
-        per_second = min(RATE, self.rate)
+        per_second = min(MEAN_RATE, self.rate)
         weight = np.sqrt(per_second / DESIGN_RATE / (noise**2 * per_second / self.rate + (RELATIVE * predicted) ** 2))
 
         def stack(readings: Array) -> Array:
@@ -381,14 +382,8 @@ def _tolerances(model: Model, values: Array, s: Signals, predicted: Array, candi
 
     What is itself a candidate isn't tolerated as well: it would have to be told from itself.
     """
-    open_, out = Calibration(s), []
-    if open_.surface and "surface-offset" not in candidates:
-        out.append(model.predict(open_.signals(np.ones(1)), values) - predicted)
-    if "time-offset" not in candidates:
-        out.append(CLOCK * np.gradient(predicted, s.t, axis=1))  # central: plans are sampled coarsely
-    if "sensor-bias" not in candidates:
-        out += [open_.constant(channel, predicted) for channel in range(len(predicted))]
-    return out
+    return [predict_with(nuisance, model, values, s) - predicted for nuisance in nuisances(model, s)
+            if nuisance.effect.id not in candidates]  # fmt: skip
 
 
 def _words(judge: Judge, verdict: Verdict, kept: Mapping[Pair, NDArray[np.bool_]]) -> str:

@@ -8,12 +8,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.diagnosis.look import SURE
-from kinid.diagnosis.problem import BLOCK
 from kinid.experiment import Experiment
+from kinid.identification.problem import BLOCK
 
 Array = NDArray[np.float64]
 
+#: standard errors from which evidence is believed
+SURE = 3.0
 #: directions that the rival's columns span less of than this are not its own
 THIN = 1e-9
 #: what counts of a change that lies in very few blocks: it is believed after all where none of the others speaks against it

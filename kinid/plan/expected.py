@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from kinid.effects import Layout, Signals
 from kinid.errors import InputError
-from kinid.fit import full_name
+from kinid.identification.fit import full_name
 from kinid.model import Model
 
 Array = NDArray[np.float64]

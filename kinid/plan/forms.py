@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid import effects as catalogue
-from kinid.diagnosis.candidates import amplitudes, tried
 from kinid.effects import Effect, Signals
 from kinid.errors import InputError
+from kinid.identification.applicability import amplitudes, shape_points
 from kinid.model import Model
 from kinid.parameter import Parameter
 from kinid.plan.information import sizes
@@ -95,7 +95,7 @@ def _side(effect: Effect) -> str:
 
 def _points(effect: Effect, s: Signals, amplitude: dict[int, float]) -> list[tuple[Array, list[int]]]:
     """Points of its shapes, thinned evenly where there are many."""
-    return _thinned(list(tried(effect, s, amplitude)))
+    return _thinned(list(shape_points(effect, s, amplitude)))
 
 
 def _thinned(points: list[Any]) -> list[Any]:
@@ -108,7 +108,7 @@ def forms(effect: Effect, signals: Sequence[Signals], base: str | None) -> list[
     parameters, amplitude = effect.parameters(layout), amplitudes(effect, layout, base)
     shapes = set()
     for s in signals:
-        for at, _ in tried(effect, s, amplitude):
+        for at, _ in shape_points(effect, s, amplitude):
             at[list(amplitude)] = list(amplitude.values())
             shapes.add(tuple(at))
     out: dict[tuple[float, ...], Form] = {}

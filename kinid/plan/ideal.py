@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.fit import Z95
+from kinid.identification.fit import Z95
 from kinid.plan.excite import Bounds
 from kinid.plan.expected import Law
 from kinid.plan.information import cost, information, sensitivities, sizes

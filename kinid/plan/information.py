@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError
-from kinid.fit import Z95
+from kinid.identification.fit import Z95
 from kinid.parameter import Parameter
 
 Array = NDArray[np.float64]

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 
 import kinid
 from kinid import effects
-from kinid.diagnosis import experiment_of
-from kinid.diagnosis.candidates import able, amplitudes, base_of, tried
+from kinid.identification.applicability import amplitudes, base_of, candidate_effects, shape_points
+from kinid.identification.fit import all_channels
 
 Array = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ class Columns:
 def linear(case: Case) -> Columns:
     """The starting model fitted, and every effect's columns beside it."""
     model = kinid.Model(*case.model)
-    experiment = experiment_of(case.log, case.rig, model)
+    experiment = all_channels(case.log, case.rig, model)
     s = experiment.signals
     fit = model.fit(kinid.contact_series(case.log, case.rig), channels=s.layout.channels)
     values, scales = fit.values, [p.scale for p in model.parameters(s.layout).values()]
@@ -75,13 +75,13 @@ def linear(case: Case) -> Columns:
         return np.asarray(column - basis @ (basis.T @ column))
 
     left, columns, owner = free(residual), [], []
-    for effect, why in able(model, s.layout):
+    for effect, why in candidate_effects(model, s.layout):
         if why or effect.detector:
             continue
         best: tuple[float, list[Array]] = (0.0, [])
         larger, null = model + effect, amplitudes(effect, s.layout, base_of(model))
         before = sum(len(e.parameters(s.layout)) for e in larger.effects[: larger.names.index(effect.id)])
-        for at, moving in tried(effect, s, null):
+        for at, moving in shape_points(effect, s, null):
             found = []
             for i in moving:
                 one = at.copy()

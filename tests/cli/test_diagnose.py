@@ -109,7 +109,8 @@ def test_the_catalogue_is_listed_and_names_for_several_are_told_apart(run: Run) 
         (["--model", "hooke", "--add", "sensor-crosstalk"], "channels"),
         (["--model", "kelvin-voigt,relaxation", "--add", "relaxation"], "which has it"),
         (["--model", "hooke", "--max-effects", "-1"], "0 or more"),
-        (["--model", "hooke", "--effort", "nan"], "above 0"),
+        (["--model", "hooke", "--tolerance", "nan"], "0 or more"),
+        (["--model", "hooke", "--tolerance", "-0.1"], "0 or more"),
         (["--model", "rigid-body"], "torque"),
         (["--model", "hooke", "--rig", "none.toml"], "none.toml"),
         (["--model", "hooke", "--json", "nowhere/d.json"], "nowhere"),
@@ -144,11 +145,27 @@ def test_nothing_half_written_is_left(run: Run, tester: Path) -> None:
     assert sorted(path.name for path in tester.parent.iterdir()) == ["log.csv"]
 
 
-def test_what_a_search_left_out_stands_apart_from_what_the_log_cannot_tell(run: Run, tester: Path) -> None:
-    code, said, err = run("diagnose", tester, "--model", "hooke", "--effort", 0.001)
+def test_what_was_left_out_stands_apart_from_what_the_log_cannot_tell(run: Run, tester: Path) -> None:
+    code, said, err = run("diagnose", tester, "--model", "hooke", "--max-effects", 0)
     assert code == 0, err
-    apart = next(line for line in said.splitlines() if line.startswith("left out by this search"))
+    apart = next(line for line in said.splitlines() if line.startswith("left out"))
     assert "viscous-damping" in apart
     assert all("viscous-damping" not in line for line in said.splitlines() if line.startswith("this log cannot tell"))
-    assert "the search ended before it was found" in said
-    assert "--effort 4" in said
+
+
+def test_a_tolerance_is_asked_for(run: Run, tester: Path) -> None:
+    """What a spring leaves of a dashpot is 0.1 N: more than 2 % of the readings, and inside of 0.2 N."""
+    target = tester.parent / "d.json"
+    for tolerance, verdict in ((), "unexplained"), (("--tolerance", 0.2), "adequate"):
+        code, said, err = run("diagnose", tester, "--model", "hooke", "--max-effects", 0, *tolerance, "--json", target)
+        assert code == 0, err
+        facts = json.loads(target.read_text())
+        assert facts["verdict"] == verdict
+        assert f"The tolerance is {facts['tolerance']:.3g} N." in said
+    assert facts["tolerance"] == 0.2
+
+
+def test_effort_is_no_option_any_more(run: Run, tester: Path) -> None:
+    code, _, err = run("diagnose", tester, "--model", "hooke", "--effort", 2)
+    assert code == 2
+    assert "No such option: --effort" in err

@@ -15,7 +15,7 @@ import kinid
 from kinid import effects
 from kinid.diagnosis import Diagnosis
 from kinid.errors import InputError
-from kinid.fit import Fit
+from kinid.identification.fit import Fit
 
 if TYPE_CHECKING:
     from conftest import Tester
@@ -76,7 +76,7 @@ def test_where_the_error_sits_is_said(found: Diagnosis) -> None:
     assert "%" in worst.says
     phases = {cell.phase for cell in found.where}
     assert phases & {"hold", "slide"}
-    assert found.where[0].rms > 1.5 * max(cell.rms for cell in found.left)
+    assert found.where[0].rms > 1.5 * max(cell.rms for cell in found.left_where)
 
 
 def test_nothing_is_missing_where_nothing_is(nothing: Diagnosis) -> None:
@@ -141,12 +141,20 @@ def test_facts_as_json(found: Diagnosis, nothing: Diagnosis) -> None:
             assert set(after["model"]) == {*before["model"], after["added"]}
         for step in facts["steps"]:
             assert 0 < step["error"]["train"] <= 1.01 * step["error"]["held_out"]  # fitted there; 1 % is chance
-        for cell in facts["where"]:
+        assert facts["tolerance"] > 0
+        assert facts["explained"] == facts["steps"][-1]["explained"]
+        assert facts["steps"][0]["explained"] == 0.0
+        assert all(0 <= step["explained"] <= 1 for step in facts["steps"])
+        assert set(facts["left"]) == {"rms", "share_of_reading", "memory_s"}
+        assert facts["left"]["rms"] == pytest.approx(facts["error"]["after"])
+        assert 0 <= facts["left"]["share_of_reading"] < 1
+        assert facts["left"]["memory_s"] > 0
+        for cell in (*facts["where"], *facts["left_where"]):
             assert {"channel", "phase", "share", "says"} <= set(cell)
             assert 0 <= cell["share"] <= 1
         for effect in facts["effects"]:
             assert {"id", "verdict", "evidence", "equivalent_to", "held_out_gain", "parameters", "separate_by"} <= set(effect)
-            assert isinstance(effect["evidence"], float | int)
+            assert effect["evidence"] is None or isinstance(effect["evidence"], float | int)  # None for marks in the samples
             assert isinstance(effect["separate_by"], str)
             for p in effect["parameters"].values():
                 assert set(p) == {"value", "low", "high", "unit"}
@@ -282,7 +290,7 @@ def test_progress_is_told(tester: Tester) -> None:
     said: list[str] = []
     kinid.diagnose(tester.log(tester.kelvin_voigt()), RIG, model=kinid.Model("kelvin-voigt"), progress=said.append)
     assert len(said) >= 4
-    assert any("lacks" in words for words in said)
+    assert any("screening" in words for words in said)
 
 
 # ----------------------------------------------------------------------------------------------------------- bad input

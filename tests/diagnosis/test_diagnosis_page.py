@@ -11,18 +11,19 @@ import pytest
 from numpy.typing import NDArray
 
 from kinid.cli.show_diagnosis import show_diagnosis
+from kinid.diagnosis.localization import where
 from kinid.diagnosis.result import Diagnosis, EffectVerdict, Step
-from kinid.diagnosis.where import where
-from kinid.diagnosis.words import headline, one_sided
+from kinid.diagnosis.words import headline, leftover, one_sided
 from kinid.diagnosis_figures import MOST_POINTS, Shown, decimate, loops, readings
 from kinid.diagnosis_multiples import multiples
 from kinid.diagnosis_page import diagnosis_page
 from kinid.effects import Layout, Signals
 from kinid.experiment import Experiment
-from kinid.fit import FittedParameter, fit_model
+from kinid.identification.fit import FittedParameter, fit_model
+from kinid.identification.lack_of_fit import lack_of_fit
+from kinid.identification.whole import held_out_residual
 from kinid.log import Provenance
 from kinid.model import Model
-from kinid.task import Task
 
 NOISE = 0.02
 SPITE = '<script>alert("x")</script> & [bold]'
@@ -42,9 +43,10 @@ def found() -> Diagnosis:
     experiment = Experiment(signals, force[None], np.ones(n, np.bool_), np.array([NOISE]), None, depth > 0, np.arange(n))
     model, best = Model("hooke"), Model("hooke", "viscous-damping")
     fits = [fit_model(m, experiment) for m in (model, best)]
-    before, after = (Task(f.model, experiment).held_out_residual(f.values) for f in fits)
+    before, after = (held_out_residual(f.state) for f in fits)
     names = (None, "viscous-damping")
-    steps = tuple(Step(added, f.model.names, f.error.train, f.error.held_out) for added, f in zip(names, fits))
+    steps = tuple(Step(added, f.model.names, f.error.train, f.error.held_out, explained)
+                  for added, f, explained in zip(names, fits, (0.0, 0.993)))  # fmt: skip
     damping = {"damping": dataclasses.replace(fits[1]["damping"], high=float("inf"))}
     effects = (
         EffectVerdict("adhesion", "not-excited", 0.0, (), 0.0, {}, "a slow retraction " + SPITE, "nothing pulls"),
@@ -53,8 +55,8 @@ def found() -> Diagnosis:
     )
     return Diagnosis(
         model, best, "missing", SPITE, ("viscous-damping",), steps, fits[0].error.noise_floor, "N",
-        where(experiment, before, experiment.noise), where(experiment, after, experiment.noise), effects, experiment, before,
-        after, fits[1], ("the log is short",))  # fmt: skip
+        where(experiment, before, experiment.noise), where(experiment, after, experiment.noise),
+        lack_of_fit(fits[1].state, after), effects, experiment, before, after, fits[1], ("the log is short",))  # fmt: skip
 
 
 class Outline(HTMLParser):
@@ -83,10 +85,14 @@ def test_the_page_tells_what_was_found_and_asks_nobody(found: Diagnosis) -> None
     assert page.open == []
     assert page.asks == []
     assert headline(found) in page.text
-    for cell in (*found.where, *found.left):
+    for cell in (*found.where, *found.left_where):
         assert cell.says in page.text
     for step in found.steps:
         assert f"{step.held_out:.3g}" in page.text
+    assert leftover(found) in page.text
+    assert f"{found.left.tolerance:.3g} N" in page.text
+    assert "99 %" in page.text  # explained
+    assert "effort" not in page.text
     for effect in found.effects:
         assert effect.id in page.text
         assert effect.says in page.text
@@ -171,6 +177,10 @@ def test_the_terminal_tells_the_same(found: Diagnosis, capsys: pytest.CaptureFix
     assert found.where[0].says in out
     rungs = [line for line in out.splitlines() if "█" in line]
     assert [line.split("  ")[1].strip() for line in rungs] == ["as asked", "+ viscous-damping", "noise alone"]
+    assert ["explained" in line for line in rungs] == [False, True, False]
+    assert "99 % explained" in rungs[1]
+    assert leftover(found) in out
+    assert "effort" not in out
     assert rungs[0].count("█") == 32
     # bars are as long as errors are large, to a character
     assert rungs[1].count("█") == pytest.approx(32 * found.steps[1].held_out / found.steps[0].held_out, abs=0.51)
@@ -203,6 +213,46 @@ def test_what_was_forced_and_brings_nothing_is_not_lacking(found: Diagnosis) -> 
     steps = tuple(Step(name, ("hooke",), error, error) for name, error in ((None, 0.5), ("hysteresis", 0.1), ("relaxation", 0.1)))
     result = dataclasses.replace(found, added=("hysteresis", "relaxation"), effects=(idle,), steps=steps)
     assert headline(result).startswith("The model lacks hysteresis: with all that was added the held-out error falls from 0.5 to")
+
+
+def test_what_is_left_is_said_with_what_may_be(found: Diagnosis) -> None:
+    """Noise for noise; else its size beside noise, as a share of the reading, how long it remembers itself, and the tolerance."""
+    rms, allowed = f"{found.left.rms:.3g}", f"{found.left.tolerance:.3g}"
+    assert leftover(found) == f"{rms} N are left, and noise explains them. The tolerance is {allowed} N."
+    left = dataclasses.replace(found.left, rms=0.5, noise=0.3, excess=0.4, reading=4.0, memory=0.126, tolerance=0.08)
+    assert leftover(dataclasses.replace(found, left=left)) == (
+        "0.5 N are left. Beside noise they are 0.4 N, 10 % of the reading, and remember themselves for 0.13 s. "
+        "The tolerance is 0.08 N.")  # fmt: skip
+
+
+def test_a_stand_in_is_said_to_be_one(found: Diagnosis, capsys: pytest.CaptureFixture[str]) -> None:
+    """On the page, on the terminal and in the first line; the other addition, which is none, still helps."""
+    damping = found.effects[-1]
+    follows = dataclasses.replace(damping, id="hysteresis", verdict="indistinguishable", equivalent_to=(), separate_by="",
+                                  says="a stand-in: it takes off less than it leaves")  # fmt: skip
+    steps = (*found.steps, dataclasses.replace(found.steps[-1], added="hysteresis"))
+    result = dataclasses.replace(found, verdict="unexplained", added=("viscous-damping", "hysteresis"), steps=steps,
+                                 effects=(damping, follows))  # fmt: skip
+    says = "viscous-damping or hunt-crossley-damping helps, but does not suffice, and hysteresis is a stand-in for it: the"
+    assert f"does not hold. {says}" in headline(result)
+    alone = dataclasses.replace(result, added=("hysteresis",), steps=found.steps, effects=(follows,))
+    assert "does not hold. hysteresis is a stand-in for it: the" in headline(alone)
+    show_diagnosis(result)
+    told = capsys.readouterr().out
+    assert "○ stand-in" in told
+    assert "indistinguishable" not in told
+    page = Outline(diagnosis_page(result, "log")).text
+    assert "○ stand-in" in page
+    assert follows.says in page
+
+
+def test_marks_in_the_samples_have_no_evidence(found: Diagnosis, capsys: pytest.CaptureFixture[str]) -> None:
+    mark = dataclasses.replace(found.effects[-1], id="saturation", evidence=float("inf"))
+    result = dataclasses.replace(found, effects=(mark,))
+    assert result.to_dict()["effects"][0]["evidence"] is None
+    show_diagnosis(result)
+    assert " inf " not in capsys.readouterr().out
+    assert "inf" not in Outline(diagnosis_page(result, "log")).text.replace("infinite", "").replace("information", "")
 
 
 @pytest.mark.parametrize(("last", "says"), [

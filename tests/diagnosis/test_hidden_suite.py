@@ -67,7 +67,9 @@ def test_an_offset_within_a_step_of_the_converter_is_found() -> None:
     assert hidden.truth == {"joint-torque-offset", "quantization"}
     found = kinid.diagnose(hidden.log, hidden.rig, model=kinid.Model(*hidden.model))
     assert set(found.added) == hidden.truth
-    assert found.steps[-1].held_out < 0.95 * found.steps[0].held_out
+    # readings are no longer compared below a frequency, so that most of the error is noise of the acceleration; of the rest a
+    # fifth goes, as before (0.0773 → 0.0696 N·m, noise 0.0342)
+    assert found.explained > 0.2
 
 
 def test_nothing_hidden_nothing_found() -> None:

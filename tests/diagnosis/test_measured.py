@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 import kinid
 from kinid import effects
 from kinid.diagnosis import Diagnosis
-from kinid.fit import rms
+from kinid.identification.lack_of_fit import rms
 
 pytestmark = pytest.mark.real
 
@@ -183,7 +183,7 @@ def test_vibration_is_not_contact(real_data: Path, tmp_path: Path) -> None:
     assert found.steps[-1].held_out < 0.85
     assert found["mains-hum"].verdict != "present"  # a line at 99.9 Hz, and none at 50
     assert found.verdict == "unexplained"
-    assert any("above" in cell.says and "Hz" in cell.says for cell in found.left)
+    assert any("above" in cell.says and "Hz" in cell.says for cell in found.left_where)
 
 
 # ---------------------------------------------------------------------------------------------------------- planted effects

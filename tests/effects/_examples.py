@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.effects import Effect, Layout, Signals
+from kinid.effects.stiffness_inhomogeneity import StiffnessInhomogeneity
 
 Array = NDArray[np.float64]
 CHANNELS = ("normal_force", "tangential_force1", "tangential_force2")
@@ -80,6 +81,17 @@ def contact(*model: str | Effect, **values: float) -> Example:
     return Example(model, named, contact_motion())
 
 
+def _profile() -> Example:
+    """A bump and a slope over the places that are touched."""
+    effect = StiffnessInhomogeneity().for_log(contact_motion())
+    assert effect.nodes is not None
+    at = 1e3 * effect.nodes.places[:, [k != effect.nodes.reference for k in effect.nodes.kept]]
+    profile = 0.3 * np.exp(-((at[0] - 3) ** 2 + at[1] ** 2) / 20) + 0.02 * at[0]
+    return Example(("kelvin-voigt", effect),
+                   {f"stiffness-inhomogeneity.weight[{k}]": float(w) for k, w in zip(effect.nodes.free, profile)},
+                   contact_motion())  # fmt: skip
+
+
 EXAMPLES: dict[str, Example] = {
     "hooke": contact("hooke", hooke__stiffness=830.0),
     "kelvin-voigt": contact("kelvin-voigt", kelvin_voigt__stiffness=830.0, kelvin_voigt__damping=14.0),
@@ -95,21 +107,19 @@ EXAMPLES: dict[str, Example] = {
                           relaxation__time_constant=0.3),
     "hysteresis": contact("kelvin-voigt", "hysteresis", hysteresis__amplitude=0.23, hysteresis__length=0.8e-3),
     "stress-softening": contact("hertz", "stress-softening", stress_softening__ratio=0.3, stress_softening__length=1.2e-3),
-    "adhesion": contact("hooke", "adhesion", "coulomb-friction", adhesion__force=0.4, adhesion__length=0.6e-3),
+    "adhesion": contact("hooke", "adhesion", "coulomb-friction", adhesion__force=0.4, adhesion__tack=0.15,
+                        adhesion__length=0.6e-3, adhesion__rise=0.4e-3, adhesion__neck=2.6),
     "stiffening-layer": contact("hooke", "stiffening-layer", stiffening_layer__stiffness=900.0,
                                 stiffening_layer__depth=2.3e-3),
     "surface-offset": contact("kelvin-voigt", "surface-offset", "coulomb-friction", surface_offset__offset=2.1e-4),
     "stiffness-drift": contact("hertz", "stiffness-drift", stiffness_drift__rate=1.3),
-    "stiffness-inhomogeneity": contact(
-        "kelvin-voigt", "stiffness-inhomogeneity", stiffness_inhomogeneity__gradient1=12.0,
-        stiffness_inhomogeneity__gradient2=-9.0, stiffness_inhomogeneity__height=0.6, stiffness_inhomogeneity__level=1.2,
-        stiffness_inhomogeneity__steepness1=420.0, stiffness_inhomogeneity__steepness2=-260.0,
-        stiffness_inhomogeneity__curvature=-3.1e4),
+    "stiffness-inhomogeneity": _profile(),
     "coulomb-friction": contact("hunt-crossley", "coulomb-friction", coulomb_friction__coefficient=0.34),
     "viscous-friction": contact("hooke", "coulomb-friction", "viscous-friction", viscous_friction__damping=7.0),
     "stribeck-friction": contact("hooke", "coulomb-friction", "stribeck-friction", stribeck_friction__coefficient=0.17,
                                  stribeck_friction__speed=8e-3),
     "presliding": contact("kelvin-voigt", "coulomb-friction", "presliding", presliding__length=4.2e-4),
+    "friction-rounding": contact("kelvin-voigt", "coulomb-friction", "friction-rounding", friction_rounding__speed=6e-3),
     "load-dependent-friction": contact("hooke", "coulomb-friction", "load-dependent-friction",
                                        load_dependent_friction__exponent=-0.27),
     "surface-tilt": contact("kelvin-voigt", "coulomb-friction", "surface-tilt", surface_tilt__slope1=0.03,

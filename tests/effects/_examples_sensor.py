@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from kinid.effects import Effect, JointMotion, Layout, SensorMotion, Signals
+from kinid.effects.joint_torque_ripple import JointTorqueRipple
 from kinid.rig import WRENCH
 
 Array = NDArray[np.float64]
@@ -195,6 +196,18 @@ EXAMPLES: dict[str, Example] = {
     "rigid-body": example(drive_motion(), "rigid-body", rigid_body__inertia=94.0),
     "joint-coulomb-friction": Example(("rigid-body", "joint-coulomb-friction"),
                                       each("joint-coulomb-friction", "coulomb", _JOINTS, [0.8, 0.5]), arm_motion()),
+    "joint-stribeck-friction": Example(
+        ("rigid-body", "joint-coulomb-friction", "joint-stribeck-friction"),
+        {"joint-stribeck-friction.speed": 0.3, **each("joint-stribeck-friction", "excess", _JOINTS, [0.5, 0.3])}, arm_motion()),
+    "joint-load-friction": Example(("rigid-body", "joint-load-friction"),
+                                   each("joint-load-friction", "load", _JOINTS, [0.1, 0.04]), arm_motion()),
+    "joint-spring": Example(("rigid-body", "joint-spring"), each("joint-spring", "rate", _JOINTS, [2.5, -0.7]), arm_motion()),
+    "joint-torque-ripple": Example(
+        ("rigid-body", JointTorqueRipple((("[shoulder]", 7.9), ("[elbow]", 20.1)))),
+        {**each("joint-torque-ripple", "order", _JOINTS, [8.0, 20.0]),
+         **each("joint-torque-ripple", "sine", tuple(f"{j},{h}" for j in _JOINTS for h in (1, 2)), [0.6, 0.2, -0.3, 0.1]),
+         **each("joint-torque-ripple", "cosine", tuple(f"{j},{h}" for j in _JOINTS for h in (1, 2)), [-0.2, 0.1, 0.4, -0.2])},
+        arm_motion()),
     "joint-viscous-friction": Example(("rigid-body", "joint-viscous-friction"),
                                       each("joint-viscous-friction", "viscous", _JOINTS, [0.6, 0.2]), arm_motion()),
     "joint-friction-asymmetry": example(drive_motion(), "rigid-body", "joint-friction-asymmetry",

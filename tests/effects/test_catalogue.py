@@ -33,10 +33,11 @@ FIXED = """
     hooke kelvin-voigt hertz hunt-crossley maxwell zener rigid-body
     hertz-exponent viscous-damping hunt-crossley-damping relaxation hysteresis stress-softening adhesion stiffening-layer
     surface-offset stiffness-drift stiffness-inhomogeneity
-    coulomb-friction viscous-friction stribeck-friction presliding load-dependent-friction friction-anisotropy
+    coulomb-friction viscous-friction stribeck-friction presliding friction-rounding load-dependent-friction
+    friction-anisotropy
     tool-mass tool-com tool-inertia structural-compliance tip-offset
     joint-coulomb-friction joint-viscous-friction joint-friction-asymmetry joint-torque-offset rotor-inertia
-    joint-torque-gain payload joint-elasticity
+    joint-torque-gain payload joint-elasticity joint-stribeck-friction joint-load-friction joint-torque-ripple joint-spring
     sensor-bias sensor-drift sensor-crosstalk sensor-misalignment sensor-gain sensor-lag time-offset saturation
     quantization mains-hum
 """
@@ -204,11 +205,12 @@ def test_starts(name: str) -> None:
     model, _, signals = example(name)
     effect = of(model, name)
     parameters = effect.parameters(signals.layout)
-    named = {p.name: p for p in parameters}
+    named = {p.name.split("[")[0]: p for p in parameters}
     assert set(effect.grid) <= set(named)
     null = effect.null_for("hooke")
     if not effect.detector:
-        assert {p.name for p in parameters if not p.linear and p.name.split("[")[0] not in null} <= set(effect.grid)
+        shapes = {p.name.split("[")[0] for p in parameters if not p.linear}
+        assert shapes - set(null) <= set(effect.grid)
     for key, values in effect.grid.items():
         assert 2 <= len(values) <= 8
         assert list(values) == sorted(set(values))
@@ -222,6 +224,60 @@ def test_starts(name: str) -> None:
         full = model.nominal(signals.layout)
         full[places] = start
         assert np.isfinite(model.predict(signals, full)).all()
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_what_is_admissible(name: str) -> None:
+    """True and nominal values are; the null is; what lies outside of a range is told; ranges are of parameters that there are."""
+    model, values, signals = example(name)
+    effect, layout = of(model, name), signals.layout
+    own = {p.name: p for p in effect.parameters(layout)}
+    every = dict(zip(model.parameters(layout), values.tolist()))
+    for one in (values, model.nominal(layout), at_null(model, name, layout, values)):
+        named = dict(zip(model.parameters(layout), one.tolist()))
+        assert effect.implausible({key: named[f"{name}.{key}"] for key in own}, named, signals) == ""
+    units = {f"{p.name.split('[')[0]}[{p.unit}]" for p in own.values()} | {p.name.split("[")[0] for p in own.values()}
+    for of_name in (effect.admissible, effect.calibration_tolerance):
+        known = {key for key in of_name if key in units}
+        assert known or not of_name
+    for key, p in own.items():
+        short = key.split("[")[0]
+        low, high = effect.admissible.get(f"{short}[{p.unit}]", effect.admissible.get(short, (-np.inf, np.inf)))
+        assert low < high
+        for end, beyond in ((low, low - p.scale), (high, high + p.scale)):
+            if np.isfinite(end):
+                moved = {other: every[f"{name}.{other}"] for other in own} | {key: beyond}
+                assert effect.implausible(moved, every | {f"{name}.{key}": beyond}, signals), key
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_what_calibration_leaves_open(name: str) -> None:
+    model, _, signals = example(name)
+    effect = of(model, name)
+    open_ = effect.calibration_sd(signals)
+    named = {p.name: p for p in effect.parameters(signals.layout)}
+    assert set(open_) <= set(named)
+    assert all(0.0 < sd < np.inf for sd in open_.values())
+    assert bool(open_) == bool(effect.calibration_tolerance or name == "tool-mass")
+    null = effect.null_for("hooke")
+    assert all(null[key.split("[")[0]] == 0.0 for key in open_), "calibration is open about nothing"
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_priors(name: str) -> None:
+    """A prior is a precision: symmetric, positive; none of what has no prior; and a log's own form stays what it is."""
+    model, _, signals, _ = measured_example(name)
+    effect = of(model, name)
+    prior, count = effect.prior(signals.layout), len(effect.parameters(signals.layout))
+    own = effect.for_log(signals)
+    assert own.for_log(signals) is own
+    assert own.id == name
+    if prior is None:
+        assert effect.learnt(signals.layout, np.eye(count), np.ones(count)) is effect
+        return
+    assert prior.shape == (count, count)
+    np.testing.assert_array_equal(prior, prior.T)
+    assert np.linalg.eigvalsh(prior).min() > 0.0
 
 
 @pytest.mark.parametrize("name", [name for name in IDS if get(name).simpler() is not None])

@@ -14,8 +14,9 @@ from scipy.signal import decimate
 
 import kinid
 from kinid.derivative import Differentiator
-from kinid.effects import JointMotion, Layout, Signals
+from kinid.effects import JointMotion, Layout, Signals, get
 from kinid.effects._axes import BRISTLE
+from kinid.effects.joint_torque_ripple import JointTorqueRipple
 from kinid.experiment import Experiment, from_joint_torques
 from kinid.log import Log
 from kinid.model import Model
@@ -69,6 +70,58 @@ def test_asymmetric_viscosity_is_one_viscosity_each_way() -> None:
     torque = model.predict(s, {"rigid-body.inertia": 0.0, "joint-viscous-friction.viscous": 2.0,
                                "joint-friction-asymmetry.asymmetry": 0.5})[0]  # fmt: skip
     np.testing.assert_allclose(torque, np.where(np.cos(t) > 0, 2.5, 1.5) * np.cos(t), atol=1e-14)
+
+
+def test_friction_fades_with_speed_and_grows_with_the_torque() -> None:
+    t = np.linspace(0.0, 5.0, 500)
+    none, pair = np.zeros(len(t)), np.zeros((2, len(t)))
+    q, dq = np.stack([np.sin(t), 0.1 * np.sin(t)]), np.stack([np.cos(t), 0.1 * np.cos(t)])
+    joints = JointMotion(q, dq, -q, np.stack([2 * np.cos(q[0]), -30 * q[1]]), known=True)
+    layout = Layout(("tau1", "force2"), "joints", ("turns", "slides"))
+    s = Signals(layout, t, np.diff(t, prepend=0.0), none, none, pair, pair, joints=joints)
+    u = Model("rigid-body", "joint-coulomb-friction").predict(s, {
+        "joint-coulomb-friction.coulomb[turns]": 1.0, "joint-coulomb-friction.coulomb[slides]": 1.0}) - joints.rigid  # fmt: skip
+    model = Model("rigid-body", "joint-coulomb-friction", "joint-stribeck-friction", "joint-load-friction")
+    found = model.predict(s, {
+        "joint-coulomb-friction.coulomb[turns]": 0.0, "joint-coulomb-friction.coulomb[slides]": 0.0,
+        "joint-stribeck-friction.excess[turns]": 0.7, "joint-stribeck-friction.excess[slides]": 5.0,
+        "joint-stribeck-friction.speed": 0.3, "joint-load-friction.load[turns]": 0.1, "joint-load-friction.load[slides]": 0.2})
+    fading = np.exp(-((dq / np.array([[0.3], [0.03]])) ** 2))  # fmt: skip
+    size = np.array([[0.7], [5.0]]) * fading + np.array([[0.1], [0.2]]) * np.abs(joints.rigid)
+    np.testing.assert_allclose(found, joints.rigid + size * u, atol=1e-12)
+    assert "at rest" in get("joint-stribeck-friction").implausible(
+        {"excess[turns]": -0.5}, {"joint-coulomb-friction.coulomb[turns]": 0.3})  # fmt: skip
+
+
+@pytest.mark.parametrize("order", [7.0, 100.0])
+def test_a_ripple_is_found_by_its_line_over_the_angle(order: float) -> None:
+    """Beside friction and what is smooth; of the joints that have none no parameter is left."""
+    t = np.arange(0.0, 30.0, 2e-3)
+    rng, none, pair = np.random.default_rng(1), np.zeros(len(t)), np.zeros((2, len(t)))
+    q = np.stack([1.2 * np.sin(0.5 * t) + 0.3 * np.sin(1.7 * t), 0.8 * np.sin(0.9 * t + 1.0), 0.3 * np.cos(1.1 * t)])
+    dq, ddq = np.gradient(q, t, axis=1), np.gradient(np.gradient(q, t, axis=1), t, axis=1)
+    joints = JointMotion(q, dq, ddq, np.stack([3 * np.sin(q[0]), 2 * np.cos(q[1]), ddq[2]]), known=True)
+    torque = joints.rigid + 0.5 * np.tanh(dq / 0.01) + 0.3 * q + 0.05 * rng.standard_normal(q.shape)
+    torque[1] += 0.15 * np.sin(order * q[1] + 1.0) + 0.05 * np.cos(2 * order * q[1])
+    layout = Layout(("tau1", "tau2", "tau3"), "joints", ("a", "b", "c"))
+    s = Signals(layout, t, np.diff(t, prepend=0.0), none, none, pair, pair, measured=torque, joints=joints)
+    found = JointTorqueRipple().for_log(s)
+    assert found.orders is not None
+    assert [joint for joint, _ in found.orders] == ["[b]"]
+    assert found.orders[0][1] == pytest.approx(order, rel=0.05)
+    assert len(found.parameters(layout)) == 5
+    assert found.for_log(s) is found
+    free = JointTorqueRipple()
+    assert any(abs(start[5] - order) < 0.05 * order for start in free.starts(s))
+    assert "never exceeds" in found.implausible({"sine[b,1]": 50.0}, {}, s)
+
+
+def test_a_spring_is_about_the_encoders_zero() -> None:
+    t = np.linspace(0.0, 5.0, 500)
+    s = one_axis(t, np.sin(t), np.cos(t), -np.sin(t))
+    model = Model("rigid-body", "joint-spring", "joint-torque-offset")
+    torque = model.predict(s, {"rigid-body.inertia": 0.0, "joint-spring.rate": 4.0, "joint-torque-offset.offset": -2.0})[0]
+    np.testing.assert_allclose(torque, 4.0 * (np.sin(t) - 0.5), atol=1e-14)  # a spring that rests at 0.5 rad
 
 
 def test_units_follow_the_axis() -> None:

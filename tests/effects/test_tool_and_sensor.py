@@ -19,6 +19,7 @@ import kinid
 from kinid.contact import contact_series
 from kinid.effects import Layout, Signals
 from kinid.effects.mains_hum import MainsHum
+from kinid.effects.saturation import Saturation
 from kinid.experiment import Experiment, from_wrench
 from kinid.log import Log
 from kinid.model import Model
@@ -455,6 +456,26 @@ def test_saturation_clips_each_channel_at_its_limit(examples_of: Callable[[str],
         inside = np.abs(channel) < limit
         assert 0 < inside.sum() < len(inside)
         np.testing.assert_array_equal(row[inside], channel[inside])
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.1])
+def test_readings_pile_up_where_noise_comes_behind_the_end_of_the_range(noise: float) -> None:
+    """… and not where a load comes to rest by itself. An exact top is read off; a pile is where the search begins."""
+    t, rng, effect = np.arange(10_000) * 2e-3, np.random.default_rng(1), Saturation()
+    landing = np.clip(t % 4, 0, 1) - np.clip(t % 4 - 2.5, 0, 1)
+    loads = np.stack([20 * np.sin(2 * t), 20 * landing**3 * (10 - 15 * landing + 6 * landing**2), -12 - 8 * np.sin(2 * t)])
+    white = noise * rng.standard_normal(loads.shape)
+    cut = np.clip(loads, -18.0, 18.0) + white
+    np.testing.assert_allclose(effect.piles(cut), 18.0, atol=0.2 * noise)
+    assert np.isnan(effect.piles(loads + white)[[0, 2]]).all()
+    shown, search = effect.marks(cut)
+    assert (shown == 1e12).all()
+    assert np.isnan(search).all()
+    exact = np.clip(loads + white, -18.0, 18.0)
+    np.testing.assert_array_equal(effect.marks(exact), np.full((2, 3), 18.0))
+    s = dataclasses.replace(signals(t, landing), measured=cut)
+    (start,) = effect.starts(s)
+    np.testing.assert_allclose(start, 18.0, atol=0.2 * noise)
 
 
 def test_quantization_reads_whole_steps(examples_of: Callable[[str], Any]) -> None:

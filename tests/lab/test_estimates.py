@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import kinid
 from kinid.contact import ContactSeries
 from kinid.derivative import Differentiator
-from kinid.fit import FittedParameter, fit_model
+from kinid.identification.fit import FittedParameter, fit_model
 from kinid.lab.experiments import prepare
 from kinid.lab.loop import Motion
 from kinid.lab.materials import Material

@@ -17,7 +17,7 @@ from kinid.cli.lab import lab
 from kinid.cli.plan import app as plan_app
 from kinid.derivative import Differentiator
 from kinid.errors import InputError
-from kinid.fit import fit_model
+from kinid.identification.fit import fit_model
 from kinid.lab.arm import Gains
 from kinid.lab.experiments import prepare
 from kinid.lab.planned import doubts, planned

@@ -10,7 +10,7 @@ import pytest
 from pyarrow import parquet
 
 import kinid
-from kinid.fit import fit_model
+from kinid.identification.fit import fit_model
 from kinid.lab.experiments import prepare
 from kinid.lab.hidden import PLANTS, hide
 from kinid.lab.protocol import Poke, five_phases

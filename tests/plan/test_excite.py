@@ -10,7 +10,7 @@ import pytest
 import kinid
 from kinid.errors import InputError
 from kinid.experiment import Experiment
-from kinid.fit import Z95, fit_model
+from kinid.identification.fit import Z95, fit_model
 from kinid.plan import Law, Multisine, Planner, Poke, Protocol
 from kinid.plan.excite import NOISE, Bounds, expected_intervals, optimise
 from kinid.plan.ideal import efficiency, has_memory, ideal_information, least_halves

@@ -11,7 +11,7 @@ import pytest
 import kinid
 from kinid.errors import InputError
 from kinid.experiment import from_wrench
-from kinid.fit import fit_model
+from kinid.identification.fit import fit_model
 from kinid.log import Log
 from kinid.plan.check import breaks, check
 from kinid.plan.excite import Bounds

@@ -1,0 +1,136 @@
+"""Refit, accept, prune: nonlinear refits of what promises most, and the paired held-out gain that decides about them.
+
+Blocks of time that a fit has not seen are predicted by two models. With residuals r before and after, weighed by what is left before
+the addition, block b gains d = Σ(r² − r'²) = |δ|² + 2 Σ r' δ, where δ = r − r' is what the addition changes. It is the second term that
+chance makes: its sum over blocks has the standard error 2 √Σ(Σ_b r' δ)², memory within a block included, and between neighbours
+(W. K. Newey, K. D. West, Econometrica 55, 1987). Effects that act rarely are judged by what they leave there, not by how unevenly
+their gain is spread.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.diagnosis.screening import Candidate
+from kinid.effects import Effect
+from kinid.identification.estimation import with_friction_form
+from kinid.identification.initial_guesses import project_linear
+from kinid.identification.nuisance import trusted
+from kinid.identification.solver import State, search, solve
+from kinid.model import Model
+
+Array = NDArray[np.float64]
+
+#: steps of a refit; points of an effect's shapes that are tried, and searches from the best of them where they leave nearly as little
+REFIT_STEPS, POINTS, STARTS, WORTH_A_START = 20, 8, 2, 1.3
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Paired held-out gain of one state over another.
+
+    Attributes:
+        gain: in units of what is left before (weighted squares, prior included). error: its standard error.
+        share: of the squared held-out error that goes. change: root mean square of the change of the readings over that of the
+            readings, in the channels where it is largest.
+    """
+
+    gain: float
+    error: float
+    share: float
+    change: float
+
+    @property
+    def significance(self) -> float:
+        """Gain over its standard error."""
+        return self.gain / self.error if self.error > 0 else np.inf * np.sign(self.gain)
+
+
+def compare_states(before: State, after: State, sigma: Array) -> Evidence:
+    """Evidence for the second state over the first, with errors weighed by σ (channels, g)."""
+    old, new = _beside(before, after) / sigma, _beside(after, before) / sigma
+    change = old - new
+    gain = before.problem.per_block(old**2 - new**2)
+    chance = before.problem.per_block(new * change)
+    variance = float(np.sum(chance**2))
+    variance = max(variance, variance + 2.0 * float(np.sum(chance[1:] * chance[:-1])))
+    total = float(gain.sum()) + _prior_cost(before) - _prior_cost(after)
+    rms = np.sqrt(np.mean((change * sigma) ** 2, axis=1)) / before.problem.channel_rms
+    return Evidence(total, 2.0 * float(np.sqrt(variance)) + 1e-12, float(gain.sum() / max(1e-300, np.sum(old**2))), float(rms.max()))
+
+
+def _beside(state: State, other: State) -> Array:
+    """Held-out residual of a state, where calibration counts no further than it is trusted to, if the other has it as an effect."""
+    beyond = state.shift - trusted(state.shift)
+    beyond *= [nuisance.effect.id in other.model for nuisance in state.open_]
+    if not beyond.any():
+        return state.held_out
+    p = len(state.values)
+    return state.held_out + (state.jacobian[:, p:] @ beyond).reshape(state.problem.shape)
+
+
+def _prior_cost(state: State) -> float:
+    return float(state.shift @ state.shift)
+
+
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """An effect refitted beside a model, and the evidence for it."""
+
+    effect: Effect
+    state: State
+    evidence: Evidence
+
+
+def refit(before: State, candidates: list[Candidate]) -> Refit:
+    """The best refit of an effect from its best points, with the error model of the state before.
+
+    Points are ranked once more with everything that enters linearly at its best: shapes that are far from the null change readings
+    differently from what the screening's small steps say.
+    """
+    model = before.model + candidates[0].effect
+    with np.errstate(all="ignore"):
+        starts = [project_linear(before.problem, before.model + c.effect, _nearest(before, before.model + c.effect, c), before.error)
+                  for c in candidates[:POINTS]]  # fmt: skip
+    starts.sort(key=lambda start: start[1])
+    best: State | None = None
+    for values, cost in starts[:STARTS]:
+        if best is not None and cost > WORTH_A_START * starts[0][1]:
+            break
+        state = search(before.problem, model, values, before.error, max_steps=REFIT_STEPS)
+        if best is None or state.cost < best.cost:
+            best = state
+    assert best is not None
+    return Refit(candidates[0].effect, best.slim(), compare_states(before, best, before.error.sigma))
+
+
+def _nearest(before: State, model: Model, candidate: Candidate) -> Array:
+    """As much of the linear view's step as helps: curved laws reward only its beginning."""
+    problem, weight = before.problem, 1.0 / before.error.sigma
+    named = model.parameters(problem.layout).values()
+    low, high = np.array([p.low for p in named]), np.array([p.high for p in named])
+    best, least = np.clip(candidate.start, low, high), np.inf
+    with np.errstate(all="ignore"):
+        for share in (1.0, 0.3, 0.1):
+            values = np.clip(candidate.origin + share * (candidate.start - candidate.origin), low, high)
+            cost = float(np.sum(((problem.target - problem.predict(model, values)) * weight) ** 2))
+            if cost < least:
+                best, least = values, cost
+            elif np.isfinite(least):
+                break
+    return best
+
+
+def without(state: State, name: str) -> State:
+    """The state's model without an effect, refitted with the state's error model."""
+    names = list(state.model.parameters(state.problem.layout))
+    values = np.array([v for full, v in zip(names, state.values) if full.split(".", 1)[0] != name])
+    return search(state.problem, state.model - name, values, state.error, max_steps=REFIT_STEPS)
+
+
+def settle(state: State) -> State:
+    """The same model with its error model learnt anew from its own residual."""
+    return with_friction_form(solve(state.problem, state.model, state.values, shift=state.shift, error=state.error))

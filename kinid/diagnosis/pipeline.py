@@ -1,0 +1,50 @@
+"""From a log and a model to what the model lacks: preprocess, screen, refit, accept, prune, check what is left."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+
+from kinid.diagnosis.detectors import Cleaned, detect
+from kinid.diagnosis.selection import Selection, select
+from kinid.diagnosis.settings import DiagnosisSettings
+from kinid.experiment import Experiment
+from kinid.identification.estimation import estimate
+from kinid.identification.solver import State
+from kinid.model import Model
+
+
+@dataclass(eq=False)
+class Found:
+    """What the stages found.
+
+    Attributes:
+        model: that was asked about. whole: the experiment as it was recorded. cleaned: without what detectors found.
+        plain: the model fitted to the log as it was recorded. selection: what was added, from the cleaned log.
+    """
+
+    model: Model
+    whole: Experiment
+    cleaned: Cleaned
+    plain: State
+    selection: Selection
+
+
+def run(model: Model, experiment: Experiment, settings: DiagnosisSettings, *, known: Mapping[str, float] | None = None,
+        forced: Sequence[str] = (), progress: Callable[[str], None] = lambda _: None) -> Found:  # fmt: skip
+    """All stages.
+
+    Args:
+        model: that is asked about. experiment: at the log's own rate. settings: what decides.
+        known: starting values by full name. forced: effects to add whatever the evidence says. progress: told what is being done.
+    """
+    progress("fitting the model")
+    plain = start = estimate(model, experiment, known)
+    progress("looking for marks in the samples")
+    cleaned = detect(experiment, model.names, model.predict(experiment.signals, plain.values))
+    marked = {mark.effect.id for mark in cleaned.marks}
+    if marked:
+        start = estimate(model, cleaned.experiment, known)
+    selection = select(start, settings, [name for name in forced if name not in marked], progress)
+    return Found(model, experiment, cleaned, plain, selection)

@@ -1,0 +1,140 @@
+"""Screen: how much of the residual each effect of the catalogue would explain, in the linear view (a score test at finite steps)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.effects import Effect
+from kinid.identification.applicability import amplitudes, base_of, candidate_effects, shape_points
+from kinid.identification.nuisance import trusted
+from kinid.identification.problem import ALL_CHANNELS, parameter_groups
+from kinid.identification.solver import State
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One effect at one point of its shapes.
+
+    Attributes:
+        effect: specialised to the log. predicted_gain: what it would take off the weighted squares.
+        start: values of model + effect to search from, (p + k,). origin: the same with the effect at its null.
+        sensitivity: by amplitude (its number among the effect's parameters), length of the weighted change of the readings per
+            unit that no parameter of the model and no nuisance can take up.
+    """
+
+    effect: Effect
+    predicted_gain: float
+    start: Array
+    origin: Array
+    sensitivity: dict[int, float]
+
+
+def screen_catalogue(state: State) -> dict[str, list[Candidate]]:
+    """Every effect that can act in this log, its best point first."""
+    out = {}
+    for effect, why in candidate_effects(state.model, state.problem.layout):
+        if not why and not effect.detector:
+            points = screen(state, effect)
+            if points:
+                out[effect.id] = points
+    return out
+
+
+def screen(state: State, effect: Effect) -> list[Candidate]:
+    """How much of the residual this effect could explain at each point of its shapes, the best first.
+
+    Its change of the means is freed of what the model's parameters and the nuisances can take up, and projected on the residual.
+    A nuisance that is the same effect gives way to it.
+    """
+    with np.errstate(all="ignore"):
+        found = sorted(_candidates(state, effect.for_log(state.problem.experiment.signals)), key=lambda c: -c.predicted_gain)
+    return found
+
+
+def _candidates(state: State, effect: Effect) -> Iterator[Candidate]:
+    problem, model, layout = state.problem, state.model, state.problem.layout
+    sigma = state.error.sigma.reshape(-1)
+    p = len(state.values)
+    own = np.array([n.effect.id == effect.id for n in state.open_], np.bool_)
+    keep = state.free & np.r_[np.ones(p, np.bool_), ~own]
+    kept = keep[state.free]
+    jacobian, information = state.weighted[:, kept], state.information[np.ix_(kept, kept)]
+    residual = (state.residual.reshape(-1) + state.jacobian[:, p:][:, own] @ state.shift[own]) / sigma
+    placed = np.r_[np.zeros(p), state.shift]
+    gradient = jacobian.T @ residual - (state.prior @ placed)[keep]
+    inverse = np.linalg.pinv(information, hermitian=True)
+    # what giving up its own nuisance costs, as far as calibration is trusted, and what the others make good of it
+    within = trusted(state.shift)
+    told = (state.residual.reshape(-1) + state.jacobian[:, p:][:, own] @ (state.shift - within)[own]) / sigma
+    given_up = float(np.sum(residual**2) - np.sum(told**2) - within[own] @ within[own])
+    given_up -= float(gradient @ inverse @ gradient)
+    parameters = effect.parameters(layout)
+    amplitude = amplitudes(effect, layout, base_of(model))
+    larger = model + effect
+    place = larger.names.index(effect.id)
+    before = sum(len(e.parameters(layout)) for e in larger.effects[:place])
+    prior = effect.prior(layout)
+    for at, moving in shape_points(effect, problem.experiment.signals, amplitude):
+        null = np.array([amplitude[i] for i in moving])
+        steps = at[moving] - null
+        scale = np.array([parameters[i].scale for i in moving])
+        high = np.array([parameters[i].high for i in moving])
+        steps = np.where(steps != 0.0, steps, np.where(null + scale <= high, scale, -scale))
+        d = _changes(state, larger, before, at, moving, null, steps)
+        if d is None:
+            continue
+        d /= sigma[:, None]
+        dj = d.T @ jacobian
+        gram = d.T @ d - dj @ inverse @ dj.T
+        slope = d.T @ residual - dj @ inverse @ gradient
+        h = gram + 1e-7 * np.diag(np.diag(d.T @ d)) + 1e-12 * np.eye(len(moving))
+        if prior is not None:
+            per_unit = np.outer(steps, steps)
+            effect = effect.learnt(layout, gram / per_unit, slope / steps)
+            learnt = effect.prior(layout)
+            assert learnt is not None
+            h = h + learnt * per_unit
+        coefficient = np.linalg.solve(h, slope)
+        start = at.copy()
+        for i, step, c in zip(moving, steps, coefficient):
+            start[i] = float(np.clip(amplitude[i] + c * step, parameters[i].low, parameters[i].high))
+        used = np.array([(start[i] - amplitude[i]) / step for i, step in zip(moving, steps)])
+        gain = float(2 * slope @ used - used @ gram @ used) - given_up
+        if not np.isfinite(gain):
+            continue
+        taken = np.zeros(len(keep))
+        taken[keep] = inverse @ (gradient - dj.T @ used)
+        theta = state.values + taken[:p] * state.scale
+        size = np.sqrt(np.maximum(np.diag(gram), 0.0)) / np.abs(steps)
+        at_null = np.array([amplitude.get(i, v) for i, v in enumerate(at)])
+        yield Candidate(effect, gain, np.insert(theta, before, start), np.insert(state.values, before, at_null),
+                        dict(zip(moving, size.tolist())))  # fmt: skip
+
+
+def _changes(state: State, larger: object, before: int, at: Array, moving: list[int], null: Array, steps: Array) -> Array | None:
+    """Change of the means per step of each amplitude, (channels · g, k); None where the law overflows."""
+    problem, here = state.problem, state.course
+    many = problem.shape[1]
+    d = np.zeros((problem.target.size, len(moving)), order="F")
+    effect = larger.effects[next(i for i, e in enumerate(larger.effects) if e.id not in state.model)]  # type: ignore[attr-defined]
+    names = [effect.parameters(problem.layout)[i].name for i in moving]
+    for group in parameter_groups(names, list(range(len(moving))), problem.layout):
+        values, these = at.copy(), list(group.values())
+        values[moving] = null
+        values[[moving[j] for j in these]] += steps[these]
+        moved = larger.predict(problem.experiment.signals, np.insert(state.values, before, values), here)  # type: ignore[attr-defined]
+        if ALL_CHANNELS in group:
+            problem.add_change(moved, here.reading, 1.0, d[:, group[ALL_CHANNELS]])
+            continue
+        change = np.empty(problem.target.size)
+        problem.add_change(moved, here.reading, 1.0, change)
+        for channel, j in group.items():
+            rows = slice(channel * many, (channel + 1) * many)
+            d[rows, j] = change[rows]
+    return d if np.isfinite(d).all() else None

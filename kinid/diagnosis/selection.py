@@ -1,0 +1,219 @@
+"""From a model to the model with what it lacks: screen, refit, accept, prune, until nothing is worth a name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid import effects
+from kinid.diagnosis.acceptance import Evidence, Refit, compare_states, refit, settle, without
+from kinid.diagnosis.cores import side_by_side
+from kinid.diagnosis.screening import Candidate, screen, screen_catalogue
+from kinid.diagnosis.settings import DiagnosisSettings
+from kinid.effects import Effect
+from kinid.identification.applicability import amplitudes, base_of
+from kinid.identification.solver import State
+from kinid.model import Model
+
+
+Array = NDArray[np.float64]
+
+#: a value is no value that can be where it is so many standard errors away from one that can
+DOUBT = 2.0
+#: refits that fit as well and are settled to tell them apart, at most
+MAX_TIED = 3
+
+
+@dataclass(eq=False)
+class Round:
+    """One look at the catalogue from one state: points of every effect, and those that were refitted, the best first."""
+
+    before: State
+    points: dict[str, list[Candidate]]
+    refits: tuple[Refit, ...]
+
+
+@dataclass(eq=False)
+class Selection:
+    """What was found.
+
+    Attributes:
+        states: from the model that was asked about to the last one. added: names, in their order.
+        evidence: of each addition beside all others. alternatives: of each, those that fit as well.
+        rounds: every look. unsupported: of names that were added because they were asked for, and that the log doesn't support, why.
+        pruned: names that later additions made needless.
+    """
+
+    states: list[State]
+    added: list[str] = field(default_factory=list)
+    evidence: dict[str, Evidence] = field(default_factory=dict)
+    alternatives: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    rounds: list[Round] = field(default_factory=list)
+    unsupported: dict[str, str] = field(default_factory=dict)
+    pruned: set[str] = field(default_factory=set)
+
+
+def implausible(state: State, before: State | None = None) -> str:
+    """Why the values of a state are none that a material or a machine has, in words; "" where they are possible."""
+    known = set()
+    if before is not None:
+        known = {effect.id for effect in before.model.effects if _why(before, effect)}
+    return next((why for effect in state.model.effects if effect.id not in known and (why := _why(state, effect))), "")
+
+
+def _why(state: State, effect: Effect) -> str:
+    """The same of one effect, each value moved towards where it does nothing by two of its standard errors."""
+    layout = state.problem.layout
+    named = state.model.parameters(layout)
+    values = dict(zip(named, state.values.tolist()))
+    null = amplitudes(effect, layout, base_of(state.model))
+    own, begin = {}, next(i for i, full in enumerate(named) if full.split(".", 1)[0] == effect.id) if effect.parameters(layout) else 0
+    for i, p in enumerate(effect.parameters(layout)):
+        value, room = float(state.values[begin + i]), DOUBT * float(state.standard_errors[begin + i])
+        towards = null.get(i, p.nominal)
+        own[p.name] = towards if not room < abs(value - towards) else value + room * (1.0 if towards > value else -1.0)
+    return effect.implausible(own, values | {f"{effect.id}.{name}": v for name, v in own.items()}, state.problem.experiment.signals)
+
+
+def acceptable(tried: Refit, before: State, settings: DiagnosisSettings) -> bool:
+    """Whether a refit is beyond doubt, worth a name, and physically possible."""
+    e = tried.evidence
+    return (e.significance > settings.min_significance and e.share > settings.min_share and e.change > settings.min_reading_share
+            and not implausible(tried.state, before))  # fmt: skip
+
+
+def worth_a_name(tried: Refit, before: State, start: State, settings: DiagnosisSettings) -> bool:
+    """Whether a refit takes off a share of the error that the model had when it was asked about."""
+    weight = 1.0 / start.error.noise
+    old, new, first = (float(np.sum((state.held_out * weight) ** 2)) for state in (before, tried.state, start))
+    return before is start or old - new > settings.min_explained * (first - start.residual.size)
+
+
+def look(state: State, settings: DiagnosisSettings, spare: Sequence[str] = ()) -> Round:
+    """Screen the catalogue and refit what promises most."""
+    points = screen_catalogue(state)
+    ranked = sorted((c[0] for name, c in points.items() if name not in spare), key=lambda c: -c.predicted_gain)
+    least = max(settings.min_significance**2 / 4, settings.promising_share * (ranked[0].predicted_gain if ranked else 0.0))
+    promising = [c.effect.id for c in ranked if c.predicted_gain > least][: settings.refits]
+    tried = side_by_side(lambda name: refit(state, points[name]), promising)
+    return Round(state, points, tuple(sorted(tried, key=lambda t: -t.evidence.gain)))
+
+
+def choose(tried: Sequence[Refit], before: State, settings: DiagnosisSettings) -> Refit | None:
+    """The acceptable refit with the largest gain; of those that fit as well, the one with the fewest parameters.
+
+    Whether they fit as well is asked again of their settled states, whose error model knows how much the best of them leaves.
+    """
+    able = [t for t in tried if acceptable(t, before, settings)]
+    if not able:
+        return None
+    alike = [t for t in able if same(able[0], t, before.error.sigma, settings)]
+    if len(alike) > 1:
+        settled = [replace(t, state=settle(t.state)) for t in alike[:MAX_TIED]]
+        best = min(settled, key=lambda t: float(np.sum((t.state.held_out / settled[0].state.error.sigma) ** 2)))
+        alike = [t for t in settled if same(best, t, best.state.error.sigma, settings)]
+    return min(alike, key=lambda t: (len(t.state.values), -t.evidence.gain))
+
+
+def same(one: Refit, other: Refit, sigma: Array, settings: DiagnosisSettings) -> bool:
+    """Whether the log can't tell two refits of one state apart, with errors weighed by σ (channels, g)."""
+    between = compare_states(other.state, one.state, sigma)
+    return (abs(between.gain) <= settings.rival_significance * between.error
+            or abs(between.gain) <= settings.rival_share * max(one.evidence.gain, other.evidence.gain))  # fmt: skip
+
+
+def select(start: State, settings: DiagnosisSettings, forced: Sequence[str] = (),
+           progress: Callable[[str], None] = lambda _: None) -> Selection:  # fmt: skip
+    """Add effects while each is beyond doubt and worth a name.
+
+    Args:
+        start: the model that was asked about, fitted. forced: effects to add whatever the evidence says.
+        progress: told what is being done.
+    """
+    found = Selection([start])
+    for name in forced:
+        before = found.states[-1]
+        _add(found, refit(before, screen(before, effects.get(name))), settings)
+        if why := _unsupported(found.evidence[name], found.states[-1], before, settings):
+            found.unsupported[name] = why
+    while True:
+        progress("screening the catalogue" if not found.added else f"screening beside {', '.join(found.added)}")
+        now = look(found.states[-1], settings)
+        found.rounds.append(now)
+        # what later additions made needless doesn't come back
+        worth = [t for t in now.refits if t.effect.id not in found.pruned and worth_a_name(t, now.before, start, settings)]
+        best = choose(worth, now.before, settings) if len(found.added) < settings.max_effects else None
+        if best is None:
+            break
+        _add(found, best, settings)
+        _prune(found, settings, keep={*forced, best.effect.id})
+    _defend(found, settings, forced)
+    _prune(found, settings, keep=set(forced))
+    return found
+
+
+def removable(model: Model, name: str) -> bool:
+    """Whether no other effect of a model acts on this one alone."""
+    rest = [effect for effect in model.effects if effect.id != name]
+    return all(not effect.wants or any(other.id in effect.wants for other in rest) for effect in rest)
+
+
+def _add(found: Selection, best: Refit, settings: DiagnosisSettings) -> None:
+    found.states.append(settle(best.state))
+    found.added.append(best.effect.id)
+    found.evidence[best.effect.id] = best.evidence
+
+
+def _unsupported(evidence: Evidence, state: State, before: State, settings: DiagnosisSettings) -> str:
+    """Why an addition that was asked for isn't borne out, in words; "" where it is."""
+    if evidence.significance <= settings.min_significance or evidence.share <= settings.min_share:
+        return "brings nothing that chance wouldn't"
+    why = implausible(state, before)
+    return f"helps only with a value that no material or machine has: {why}" if why else ""
+
+
+def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str]) -> None:
+    """Take back earlier additions that the later ones made needless."""
+    for name in [n for n in found.added if n not in keep]:
+        last = found.states[-1]
+        if not removable(last.model, name):
+            continue
+        less = without(last, name)
+        evidence = compare_states(less, last, last.error.sigma)
+        found.evidence[name] = evidence
+        if evidence.significance < settings.min_significance or evidence.share < settings.min_share:
+            found.alternatives.pop(name, None)
+            found.pruned.add(name)
+            found.added.remove(name)
+            found.states[-1] = settle(less)
+
+
+def _defend(found: Selection, settings: DiagnosisSettings, forced: Sequence[str]) -> None:
+    """Hold each addition against what else could stand in its place: swap it where another is better, name those as good."""
+    for name in list(found.added):
+        last = found.states[-1]
+        if not removable(last.model, name):
+            continue
+        if len(found.added) == 1:
+            now, less = found.rounds[0], found.rounds[0].before
+        else:
+            less = without(last, name)
+            now = look(less, settings, spare=())
+        own = next((t for t in now.refits if t.effect.id == name), None)
+        if own is None:
+            own = Refit(next(e for e in last.model.effects if e.id == name), last, compare_states(less, last, less.error.sigma))
+        found.evidence[name] = own.evidence
+        if name in forced:
+            continue
+        better = choose([t for t in now.refits if t.effect.id not in found.added or t.effect.id == name], less, settings)
+        if better is not None and better.effect.id != name and not same(better, own, less.error.sigma, settings) \
+                and better.evidence.gain > own.evidence.gain:
+            found.states[-1] = settle(better.state)
+            found.added[found.added.index(name)] = better.effect.id
+            found.evidence[better.effect.id] = better.evidence
+            own, name = better, better.effect.id
+        found.alternatives[name] = tuple(t.effect.id for t in now.refits if t.effect.id != name and t.effect.id not in found.added
+                                         and same(own, t, less.error.sigma, settings) and acceptable(t, less, settings))

@@ -1,0 +1,39 @@
+"""The numbers that a diagnosis decides by: all of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class DiagnosisSettings:
+    """What a diagnosis decides by. `docs/benchmarks.md` has the curve that chose each.
+
+    Attributes:
+        min_significance: held-out gain over its standard error [1]; an effect is accepted above it.
+        min_share: of the squared error that is left, what an effect must take off [1].
+        min_reading_share: root mean square of an effect's change of the readings over that of the readings [1]; less than this
+            no sensor's linearity bears out.
+        min_explained: of the squared error beyond noise that the model had when it was asked about, what every further effect must
+            take off [1].
+        rival_significance: alternatives within so many standard errors of each other are not told apart [1].
+        rival_share: nor are those whose held-out gains differ by less than this share [1].
+        refits: effects that are refitted in a round [1].
+        promising_share: of the best predicted gain of a round, what another effect must promise to be refitted [1].
+        max_effects: effects that are added at most [1].
+        tolerance: share of the readings' root mean square that may be left [1].
+        stand_in_ratio: of what is left beyond noise to what an effect takes off, above which the effect is a stand-in where the
+            diagnosis ends unexplained [1].
+    """
+
+    min_significance: float = 4.0
+    min_share: float = 0.03
+    min_reading_share: float = 0.003
+    min_explained: float = 0.01
+    rival_significance: float = 2.0
+    rival_share: float = 0.02
+    refits: int = 6
+    promising_share: float = 0.15
+    max_effects: int = 8
+    tolerance: float = 0.02
+    stand_in_ratio: float = 1.0

@@ -1,0 +1,50 @@
+"""Friction of the joints that grows with the load."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from kinid.effects._axes import axes, directions
+from kinid.effects._effect import Effect
+from kinid.effects._signals import Array, Layout, Signals
+from kinid.parameter import Parameter
+
+
+@final
+class JointLoadFriction(Effect):
+    """τ += c |τ_r| u: teeth and bearings rub in proportion to the torque τ_r that they transmit.
+
+    τ_r is that of rigid-body inverse dynamics; u that of `joint-coulomb-friction`. Gears of an efficiency η lose
+    c = 1/η − 1 when they drive, and 1 − η when they are driven: c is a mean of both. An axis without a robot has no τ_r.
+    """
+
+    id = "joint-load-friction"
+    title = "friction of the joints that grows with the torque"
+    equation = "τ += c |τ_r| u"
+    source = (
+        "P. Hamon, M. Gautier, P. Garrec, IEEE/RSJ IROS 2010 (dry friction that depends on the load); "
+        "A. C. Bittencourt, S. Gunnarsson, J. Dyn. Syst. Meas. Control 134(5), 2012"
+    )
+    signature = "a step in the torque at reversals that is higher in poses that load the joint"
+    confusions = {
+        "joint-coulomb-friction": "poses that load the joint and poses that don't",
+        "joint-torque-gain": "reversals: a gain scales both directions alike, friction pulls them apart",
+        "joint-stribeck-friction": "one speed in several poses",
+    }
+    excited_by = "motion in both directions, in poses of different load"
+    needs = ("joints",)
+    null = {"load": 0.0}
+    admissible = {"load": (0.0, 1.0)}  # friction takes energy; gears of an efficiency below one half lock
+
+    def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
+        """Friction for each unit of torque, joint by joint; none without a robot."""
+        if not layout.joints:
+            return ()
+        return tuple(Parameter(f"load{a.suffix}", "c", "1", 0.05, -1.0, 2.0, scale=0.01, linear=True) for a in axes(layout))
+
+    def joint(self, s: Signals, p: Array) -> None:
+        """Add the torque."""
+        if s.joints is not None and len(p):
+            s.reading = s.reading + p[:, None] * np.abs(s.joints.rigid) * directions(s)

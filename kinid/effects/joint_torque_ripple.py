@@ -1,0 +1,230 @@
+"""Torque that goes up and down as a joint turns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from kinid.effects._axes import Axis, axes
+from kinid.effects._derived import derived
+from kinid.effects._effect import Effect
+from kinid.effects._signals import Array, Layout, Signals
+from kinid.parameter import Parameter
+
+#: a ripple and one harmonic
+HARMONICS = (1, 2)
+#: orders that are looked for: those that pass once at least over the travel, and no higher than this for each radian, or metre
+HIGHEST = {"rad": 1000.0, "m": 2e4}
+#: bins of the angle for each turn of the highest order, and the most of them
+FINE, MOST_BINS = 4, 1 << 15
+#: lines that are looked at more closely; and how far above their neighbourhood one stands that is no chance
+LINES, STANDS_OUT = 6, 16.0
+#: samples of a sweep, at least; samples that a line is sharpened with, at most
+SWEEP, MOST_FITTED = 30, 6000
+#: half an order is taken where it leaves less than this share of what the order itself does
+HALVED = 0.9
+#: so many neighbours to both sides tell how high a spectrum is beside a line
+BESIDE = 40
+
+
+@final
+@dataclass(frozen=True)
+class JointTorqueRipple(Effect):
+    """τ += Σ_h a_h sin(h k q) + b_h cos(h k q), h = 1, 2: k [1] of each joint, cycles for each turn.
+
+    Teeth of gears and the magnets of motors pass so many times a turn; a flexspline twice for each turn of its wave generator,
+    an eccentric torque sensor once or twice a turn of the joint. With a log (`for_log`) those joints have parameters whose
+    torque shows a line over the angle, beside what is smooth within a sweep; if none does, the one that is nearest to it.
+    Without a log all have.
+
+    Attributes:
+        orders: joint → k that a search starts from; None without a log.
+    """
+
+    orders: tuple[tuple[str, float], ...] | None = None
+
+    id = "joint-torque-ripple"
+    title = "ripple of the torque over the angle"
+    equation = "τ += Σ_h a_h sin(h k q) + b_h cos(h k q), h = 1, 2"
+    source = (
+        "T. D. Tuttle, W. P. Seering, IEEE Trans. Robotics and Automation 12(3), 1996 (harmonic drives); "
+        "periodogram: N. R. Lomb, Astrophys. Space Sci. 39, 1976"
+    )
+    signature = "torque that goes up and down over the angle, and returns with it at every speed"
+    confusions = {
+        "gravity-error": "full turns, with the other joints in several positions",
+        "joint-spring": "a travel of several periods",
+        "mains-hum": "several speeds: a ripple follows the angle, not the time",
+    }
+    excited_by = "travel over several periods, at several speeds"
+    needs = ("joints",)
+    null = {"sine": 0.0, "cosine": 0.0}
+    grid = {"order": (1.0, 2.0, 50.0, 100.0, 200.0)}
+    # of a joint once a turn, of a motor's magnets behind a gear of 1:300 some thousands
+    admissible = {"order[1]": (0.5, 5000.0)}
+
+    def for_log(self, signals: Signals) -> JointTorqueRipple:
+        """With those joints alone that show it; itself where it has them."""
+        if self.orders is not None or signals.joints is None or signals.measured is None:
+            return self
+        found = [(axis.suffix, *_lines(signals, j, axis)) for j, axis in enumerate(axes(signals.layout))]
+        shown = [(suffix, orders[0], height) for suffix, orders, height in found if len(orders)]
+        if not shown:
+            return self
+        most = max(height for _, _, height in shown)
+        return JointTorqueRipple(tuple((suffix, order) for suffix, order, height in shown if height >= min(most, STANDS_OUT)))
+
+    def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
+        """Order, and sine and cosine of each harmonic, joint by joint."""
+        out = []
+        for axis, order in self._joints(layout):
+            unit, joint = ("1", "rad/m")[axis.position == "m"], axis.suffix.strip("[]")
+            out.append(Parameter(f"order{axis.suffix}", "k", unit, order, 0.1, 1e5, scale=0.01))
+            out += [Parameter(f"{wave}[{joint},{h}]" if joint else f"{wave}[{h}]", symbol, axis.torque, 0.0, -1e3 * axis.size,
+                              1e3 * axis.size, scale=0.05 * axis.size, linear=True)
+                    for h in HARMONICS for wave, symbol in (("sine", "a"), ("cosine", "b"))]  # fmt: skip
+        return tuple(out)
+
+    def starts(self, signals: Signals) -> tuple[Array, ...]:
+        """The highest lines of each joint, together; those of the grid where readings aren't known."""
+        every = axes(signals.layout)
+        joints = [axis.suffix for axis, _ in self._joints(signals.layout)]
+        if not joints:
+            return ()
+        places = {axis.suffix: j for j, axis in enumerate(every)}
+        trials = [np.full(len(joints), order) for order in self.grid["order"]]
+        if signals.joints is not None and signals.measured is not None:
+            lines = [_lines(signals, places[suffix], every[places[suffix]])[0][:2] for suffix in joints]
+            if any(lines):
+                trials = [np.array([own[min(k, len(own) - 1)] if own else 1.0 for own in lines]) for k in range(2)]
+                trials += [np.full(len(joints), order) for order in self.grid["order"][:2]]  # too slow for a sweep to show
+        if self.orders is not None:
+            trials.insert(0, np.array([order for _, order in self.orders]))
+        rest = np.zeros((len(joints), 2 * len(HARMONICS)))
+        return tuple(np.concatenate([trial[:, None], rest], axis=1).ravel() for trial in trials)
+
+    def implausible(self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None) -> str:
+        """A ripple that is larger than the torque that it is part of, too."""
+        if signals is not None and signals.measured is not None:
+            for j, axis in enumerate(axes(signals.layout)):
+                end = f"{axis.suffix.strip('[]')}," if axis.suffix else ""
+                size = float(np.hypot(values.get(f"sine[{end}1]", 0.0), values.get(f"cosine[{end}1]", 0.0)))
+                most = float(np.nanmax(np.abs(signals.measured[j]), initial=0.0))
+                if size > most:
+                    return f"a ripple of {size:.3g} {axis.torque} in a torque that never exceeds {most:.3g} {axis.torque}"
+        return super().implausible(values, model_values, signals)
+
+    def joint(self, s: Signals, p: Array) -> None:
+        """Add the torque."""
+        assert s.joints is not None
+        places = {axis.suffix: j for j, axis in enumerate(axes(s.layout))}
+        reading = s.reading.copy()
+        for (axis, _), (order, *waves) in zip(self._joints(s.layout), p.reshape(-1, 1 + 2 * len(HARMONICS))):
+            j = places[axis.suffix]
+            for h, (sine, cosine) in zip(HARMONICS, zip(waves[::2], waves[1::2])):
+                angle = h * order * s.joints.q[j]
+                reading[j] = reading[j] + sine * np.sin(angle) + cosine * np.cos(angle)
+        s.reading = reading
+
+    def _joints(self, layout: Layout) -> list[tuple[Axis, float]]:
+        """Joints that have parameters, and the order of each to begin with."""
+        if self.orders is None:
+            return [(axis, 100.0) for axis in axes(layout)]
+        known = dict(self.orders)
+        return [(axis, known[axis.suffix]) for axis in axes(layout) if axis.suffix in known]
+
+
+def _lines(s: Signals, j: int, axis: Axis) -> tuple[list[float], float]:
+    """Orders at which a joint's torque has lines over its angle, the one that explains most first; how far it stands out."""
+    assert s.joints is not None
+    assert s.measured is not None
+
+    def found() -> Array:
+        orders, height = _searched(s, j, axis)
+        return np.array([height, *orders])
+
+    height, *orders = derived(f"lines of joint {j}", found, s.measured, s.joints.q).tolist()
+    return orders, height
+
+
+def _searched(s: Signals, j: int, axis: Axis) -> tuple[list[float], float]:
+    motion, measured = s.joints, s.measured
+    assert motion is not None
+    assert measured is not None
+    known = np.isfinite(measured[j])
+    q, y = _sweeps(motion.q[j], np.where(known, measured[j] - motion.rigid[j], np.nan))
+    travel = float(np.ptp(q)) if len(q) > 100 else 0.0
+    if not travel > 0.0:
+        return [], 0.0
+    least, pace = 2.0 * np.pi / travel, np.abs(np.diff(motion.q[j]))
+    moving = pace[pace > 0.1 * np.median(pace)]
+    highest = min(HIGHEST[axis.position], np.pi / float(np.median(moving))) if len(moving) else 0.0
+    if highest < 2.0 * least:
+        return [], 0.0
+    many = int(min(MOST_BINS, max(256.0, FINE * highest / least)))
+    place = np.minimum(((q - q.min()) / travel * many).astype(np.int64), many - 1)
+    binned = np.bincount(place, weights=y, minlength=many)
+    power = np.abs(np.fft.rfft(binned, 4 * many)) ** 2  # finer than the travel resolves, so that no line falls between
+    order = np.arange(len(power)) * 2.0 * np.pi / travel / 4.0
+    use = (order >= least) & (order <= highest)
+    power, order = power[use], order[use]
+    height = power / np.maximum(_beside(power), 1e-300)
+    peaks = np.flatnonzero((height[1:-1] >= height[:-2]) & (height[1:-1] > height[2:])) + 1
+    peaks = peaks[np.argsort(height[peaks])[::-1][:LINES]]
+    if not len(peaks):
+        return [], 0.0
+    out: list[float] = []
+    for _, k in sorted((_closer(q, y, float(trial), least) for trial in order[peaks]), key=lambda one: one[0]):
+        if all(abs(k - other) > 0.5 * least for other in out):
+            out.append(k)
+    if 0.5 * out[0] >= least and _closer(q, y, 0.5 * out[0], least)[0] < HALVED * _closer(q, y, out[0], least)[0]:
+        out.insert(0, 0.5 * out[0])  # the line was a harmonic
+    return out, float(height[peaks[0]])
+
+
+def _sweeps(q: Array, y: Array) -> tuple[Array, Array]:
+    """Angles and torques of sweeps between two reversals, less a parabola over the angle of each: friction goes with it."""
+    step = np.diff(q, prepend=q[:1])
+    still = np.abs(step) < 0.02 * np.median(np.abs(step[step != 0.0])) if (step != 0.0).any() else np.ones(len(q), np.bool_)
+    way = np.where(still, 0, np.sign(step))
+    edges = np.flatnonzero(np.diff(way, prepend=0, append=0))
+    parts = []
+    for begin, end in zip(edges[:-1], edges[1:]):
+        use = begin + np.flatnonzero(np.isfinite(y[begin:end]))
+        if way[begin] == 0 or len(use) < SWEEP or not np.ptp(q[use]) > 0.0:
+            continue
+        x = (q[use] - q[use].mean()) / np.ptp(q[use])
+        powers = np.stack([np.ones_like(x), x, x**2], axis=1)
+        parts.append((q[use], y[use] - powers @ np.linalg.lstsq(powers, y[use])[0]))
+    if not parts:
+        return np.empty(0), np.empty(0)
+    return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
+
+
+def _beside(power: Array) -> Array:
+    """Height of a spectrum beside each of its lines: the median of its neighbours over that of an exponential law, (n,)."""
+    wide = min(4 * BESIDE, len(power) // 2)
+    padded = np.pad(power, wide, mode="reflect")
+    blocks = np.lib.stride_tricks.sliding_window_view(padded, 2 * wide + 1)[:: max(1, wide // 4)]
+    at = np.arange(len(power))[:: max(1, wide // 4)]
+    out: Array = np.interp(np.arange(len(power)), at, np.median(blocks, axis=1) / np.log(2.0))
+    return out
+
+
+def _closer(q: Array, y: Array, order: float, least: float) -> tuple[float, float]:
+    """The order near one that leaves least of a torque, with its harmonic: what is left, and the order."""
+    step = max(1, len(q) // MOST_FITTED)
+    q, y = q[::step], y[::step]
+
+    def left(k: float) -> float:
+        waves = np.stack([wave(h * k * q) for h in HARMONICS for wave in (np.sin, np.cos)], axis=1)
+        found = np.linalg.lstsq(waves.T @ waves, waves.T @ y, rcond=1e-10)[0]
+        return float(y @ y - found @ (waves.T @ y))
+
+    for width in (0.25 * least, 0.06 * least, 0.015 * least):
+        near = order + width * np.linspace(-1.0, 1.0, 9)
+        order = float(near[int(np.argmin([left(k) for k in near]))])
+    return left(order), order

@@ -1,0 +1,1 @@
+"""One identification problem for fits, comparisons, diagnoses and plans: residual, error model, solver, covariance."""

@@ -1,0 +1,85 @@
+"""Which effects can act in a log beside a model, and at which points of their shapes they are looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid import effects as catalogue
+from kinid.effects import Effect, Layout, Signals
+from kinid.model import Model
+
+Array = NDArray[np.float64]
+
+
+def base_of(model: Model) -> str | None:
+    """Name of its base law, or None."""
+    return next((effect.id for effect in model.effects if effect.base), None)
+
+
+def candidate_effects(model: Model, layout: Layout) -> Iterator[tuple[Effect, str]]:
+    """Every effect that isn't a base and isn't in the model, with why it can't act in this log ("" where it can)."""
+    base = base_of(model)
+    for name in catalogue.catalogue():
+        effect = catalogue.get(name)
+        if not effect.base and name not in model:
+            yield effect, why_inapplicable(effect, model, base, layout)
+
+
+def why_inapplicable(effect: Effect, model: Model, base: str | None, layout: Layout) -> str:
+    """Why an effect can't act in this log, "" where it can: the first reason that holds."""
+    stages = {stage.value for stage in effect.stages()}
+    on_reading = bool(stages & {"tool", "sensor", "acquisition"})
+    torques = layout.kind == "joints"
+    slides = any(channel.startswith("tangential") for channel in layout.channels)
+    foreign = "joint" not in stages and (not on_reading or "tool" in stages or "wrench" in effect.needs)
+    reasons = (
+        (torques and foreign, "it acts on contact forces, and this model is of joint torques"),
+        (not torques and "joint" in stages, "it acts on joint torques, and this model is of contact forces"),
+        (torques and bool(effect.same_for_joints), f"of joint torques it is {effect.same_for_joints}"),
+        (layout.kind == "contact" and "wrench" in effect.needs,
+         "it acts on the whole wrench: record joints and the six channels of the sensor"),
+        (layout.kind == "contact" and not slides and stages <= {"friction"}, "no tangential force was recorded"),
+        (not torques and "normal" in effect.needs and base is None, "it acts on contact, and the model has no contact law"),
+        (bool(effect.wants) and not any(name in model for name in effect.wants),
+         f"it acts on {' or '.join(effect.wants)}, which the model lacks"),
+        (not effect.parameters(layout), "this log lacks the channels that it acts on"),
+    )
+    return next((why for holds, why in reasons if holds), "")
+
+
+def amplitudes(effect: Effect, layout: Layout, base: str | None) -> dict[int, float]:
+    """Which of its parameters make it vanish, with the value at which they do: index → null."""
+    null = effect.null_for(base)
+    out = {}
+    for i, p in enumerate(effect.parameters(layout)):
+        key = p.name if p.name in null else p.name.split("[")[0]
+        if key in null:
+            out[i] = null[key]
+    return out
+
+
+def shape_points(effect: Effect, signals: Signals, amplitude: dict[int, float]) -> Iterator[tuple[Array, list[int]]]:
+    """Points to look at: values of all its parameters, and which amplitudes are away from null there, each alone.
+
+    Shapes come from what the effect calls worth starting from in this log. An amplitude that has a grid of its own (a delay, an
+    exponent) changes readings differently when it is large; it is looked at point by point.
+    """
+    parameters = effect.parameters(signals.layout)
+    null = np.array([amplitude.get(i, p.nominal) for i, p in enumerate(parameters)])
+    own = [i for i in amplitude if parameters[i].name in effect.grid]
+    seen = set()
+    for point in effect.starts(signals) or (null,):
+        at = null.copy()
+        for i in range(len(at)):
+            if i not in amplitude or i in own:
+                at[i] = point[i]
+        moving = [i for i in own if at[i] != null[i]] if own else list(amplitude)
+        key = tuple(at)
+        if moving and key not in seen:
+            seen.add(key)
+            yield at, moving
+    if own:  # and a small step of each
+        yield null, list(amplitude)

@@ -1,0 +1,106 @@
+"""Models side by side against the measurement, on samples that their fits have not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.contact import ContactSeries
+from kinid.errors import InputError
+from kinid.experiment import Experiment
+from kinid.identification.fit import Fit, experiment_for, fit_model
+from kinid.identification.lack_of_fit import error_rows, error_unit
+from kinid.identification.problem import whole_blocks
+from kinid.identification.whole import held_out_residual
+from kinid.log import Log
+from kinid.model import Model
+from kinid.rig import Rig
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """One model of a comparison: its fit, its held-out error, and how that differs from the reference's.
+
+    `difference` is the mean over blocks of the error less the reference's, with the standard error of this mean.
+    """
+
+    rank: int
+    fit: Fit
+    held_out: float
+    difference: float
+    standard_error: float
+
+    @property
+    def differs(self) -> bool:
+        """Whether the difference is more than two standard errors."""
+        return abs(self.difference) > 2 * self.standard_error
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Models in the order of their held-out error; the reference is named."""
+
+    rows: tuple[Row, ...]
+    reference: str
+    unit: str
+    noise_floor: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON; None where there is no figure."""
+        return {
+            "reference": self.reference, "unit": self.unit, "noise_floor": self.noise_floor,
+            "models": [
+                {"rank": row.rank, "held_out": _figure(row.held_out), "difference": _figure(row.difference),
+                 "standard_error": _figure(row.standard_error), **row.fit.to_dict()} for row in self.rows
+            ],
+        }  # fmt: skip
+
+
+def _figure(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def compare(
+    models: Sequence[Model], data: ContactSeries | Log | Experiment, rig: Rig | None = None, *, reference: str | None = None
+) -> Comparison:
+    """Fit every model to the same samples of the same channels and hold it against those that it has not seen.
+
+    Args:
+        models: at least one.
+        data, rig: as for a fit.
+        reference: `str(model)` of the one that differences are taken to; default: the best.
+
+    Raises:
+        InputError: no model, a reference that is none of them, or data that can't carry them.
+    """
+    if not models:
+        raise InputError("no model to compare", "at least one", "name them with --model")
+    widest = max(models, key=lambda model: (len(model.needs), "slip" in model.needs))
+    experiment = experiment_for(widest, data, rig)
+    keep, number = error_rows(experiment), whole_blocks(experiment)[experiment.valid]
+    results = []
+    for model in models:
+        fit = fit_model(model, experiment)
+        unseen = held_out_residual(fit.state)[keep][:, experiment.valid]
+        if not np.isfinite(fit.error.held_out):
+            unseen = np.full_like(unseen, np.nan)
+        squares = np.bincount(number, (unseen**2).mean(axis=0)) / np.maximum(1, np.bincount(number))
+        results.append((fit.error.held_out, np.sqrt(squares[np.bincount(number) > 0]), fit))
+    results.sort(key=lambda result: (not np.isfinite(result[0]), result[0]))
+    names = [str(fit.model) for _, _, fit in results]
+    if reference is not None and reference not in names:
+        raise InputError(f"reference '{reference}'", f"one of {'; '.join(names)}", "name it as it is compared")
+    chosen = names.index(reference) if reference is not None else 0
+    rows = []
+    for rank, (error, per_block, fit) in enumerate(results, start=1):
+        gap = per_block - results[chosen][1]
+        spread = float(gap.std(ddof=1) / np.sqrt(len(gap))) if len(gap) > 1 else float("nan")
+        rows.append(Row(rank, fit, error, float(gap.mean()), spread))
+    floor = results[0][2].error.noise_floor
+    return Comparison(tuple(rows), names[chosen], error_unit(experiment), floor)

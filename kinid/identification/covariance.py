@@ -1,0 +1,99 @@
+"""Covariance of estimates whose errors remember: a sandwich over blocks of time, never tighter than the memory allows.
+
+V = H⁻¹ M H⁻¹ with the information H and M the sum over blocks of squared scores, neighbours included (W. K. Newey, K. D. West,
+Econometrica 55, 1987; small samples: J. G. MacKinnon, H. White, J. Econometrics 29, 1985). Nuisances count with their prior in both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.identification.dataset import sample_period
+from kinid.identification.solver import State, held_parameters
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: change of all weighted readings per scale of a parameter, as a length, below which it isn't seen
+UNSEEN = 1e-4
+#: eigenvalue of the normalised information below which a direction isn't identified, and share of it that takes part
+OPEN_DIRECTION, TAKES_PART = 1e-10, 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Covariance:
+    """Of a model's parameters.
+
+    Attributes:
+        matrix: (p, p); infinite in rows of unidentified parameters, zero in those read off the samples.
+        inverse: of the information alone, scaled by nothing, (p, p): how parameters trade against each other.
+        unidentified: (p,). condition: of the sensitivity, its columns brought to length one.
+    """
+
+    matrix: Array
+    inverse: Array
+    unidentified: Mask
+    condition: float
+
+
+def covariance_of(state: State) -> Covariance:
+    """Covariance of a state's parameters, nuisances integrated out."""
+    p = len(state.values)
+    if not p:
+        return Covariance(np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0, np.bool_), 1.0)
+    moving = np.isnan(held_parameters(state.model, state.problem))
+    jacobian = state.jacobian / state.error.sigma.reshape(-1, 1)
+    length = np.linalg.norm(jacobian[:, :p], axis=0)
+    unseen = moving & (length < UNSEEN)
+    keep = np.r_[moving & ~unseen, np.ones(len(state.shift), np.bool_)]
+    own = np.flatnonzero(keep)
+    prior = state.prior[np.ix_(own, own)]
+    information = jacobian[:, own].T @ jacobian[:, own] + prior
+    size = np.sqrt(np.diag(information))
+    normal = information / np.outer(size, size)
+    eigenvalue, vector = np.linalg.eigh(normal)
+    lost = eigenvalue < OPEN_DIRECTION
+    open_ = (np.abs(vector[:, lost]) > TAKES_PART).any(axis=1)
+    inverse = (vector[:, ~lost] / eigenvalue[~lost]) @ vector[:, ~lost].T / np.outer(size, size)
+    spread = inverse @ _meat(state, jacobian[:, own], prior) @ inverse
+    floor = inverse * _inflation(state)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        widen = np.sqrt(np.maximum(1.0, np.diag(floor) / np.maximum(np.diag(spread), 1e-300)))
+    spread = spread * np.outer(widen, widen)
+    matrix, unidentified = np.zeros((p, p)), unseen.copy()
+    at = own[own < p]
+    matrix[np.ix_(at, at)] = spread[: len(at), : len(at)] * np.outer(state.scale[at], state.scale[at])
+    trade = np.zeros((p, p))
+    trade[np.ix_(at, at)] = inverse[: len(at), : len(at)] * np.outer(state.scale[at], state.scale[at])
+    unidentified[at] = open_[: len(at)]
+    matrix[unidentified, :] = 0.0
+    matrix[:, unidentified] = 0.0
+    matrix[unidentified, unidentified] = np.inf
+    seen = eigenvalue[~lost]
+    return Covariance(matrix, trade, unidentified, float(np.sqrt(seen[-1] / seen[0])) if len(seen) else 1.0)
+
+
+def _meat(state: State, jacobian: Array, prior: Array) -> Array:
+    """Squared scores over blocks, those of neighbours included as far as that widens, and the nuisances' priors."""
+    problem = state.problem
+    score = jacobian * (state.residual / state.error.sigma).reshape(-1, 1)
+    per_group = score.reshape(*problem.shape, -1).sum(axis=0)
+    blocks = int(problem.block.max()) + 1 if len(problem.block) else 0
+    total = np.stack([np.bincount(problem.block, column, blocks) for column in per_group.T], axis=1)
+    total -= total.mean(axis=0)
+    own = total.T @ total
+    cross = total[1:].T @ total[:-1]
+    near = own + 0.5 * (cross + cross.T)
+    small = blocks / max(1, blocks - jacobian.shape[1]) if blocks > jacobian.shape[1] else 2.0
+    widen = np.maximum(np.diag(near), np.diag(own)) / np.maximum(np.diag(own), 1e-300)
+    out: Array = small * own * np.sqrt(np.outer(widen, widen)) + prior
+    return out
+
+
+def _inflation(state: State) -> float:
+    """How much more a mean over neighbours varies than with white errors: the residual's memory over the means' spacing."""
+    spacing = sample_period(state.problem.experiment.signals) * float(np.median(state.problem.count))
+    return max(1.0, state.error.memory / spacing)

@@ -1,0 +1,147 @@
+"""The error of a reading: its own noise, the motion's noise carried through the model, and what no effect so far explains.
+
+σ² = (a) noise and resolution of the reading + (b) noise of the motion estimate, carried through the model by draws + (d) the
+discrepancy: per channel, with a size and a memory that are learnt from the residual (M. C. Kennedy, A. O'Hagan, J. R. Stat. Soc. B
+63, 2001). It is learnt after the parameters, so that it can't take from the effects what they explain (M. Gu, L. Wang, SIAM/ASA
+J. Uncertainty Quantification 6, 2018). What calibration leaves open (c) are nuisance parameters of the fit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from kinid.experiment import Experiment
+from kinid.identification.dataset import sample_period
+from kinid.identification.problem import Problem
+from kinid.model import Model
+from kinid.motion import STATIC_PERIOD
+
+Array = NDArray[np.float64]
+
+#: of a channel's own size, what no converter resolves and no reading is believed to; and of the noise of the loudest channel of
+#: the same unit, what no other of one sensor is quieter than
+RESOLUTION, QUIETEST = 1e-4, 0.02
+#: share of a channel's own size that noise of static poses is taken to be at most
+STATIC_NOISE = 0.01
+#: share of a usual force that is open where a material has let go
+RELEASED = 0.1
+#: the motion's noise is averaged over so long [s]: draws are few
+SMOOTHED = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorModel:
+    """Standard deviations of means, all (channels, g) or (channels,).
+
+    Attributes:
+        reading: variance of the reading's own noise, (channels, g). motion: of the motion's, (channels, g).
+        discrepancy: standard deviation of what is left beyond both, (channels,).
+        memory: time over which the residual remembers itself [s].
+    """
+
+    reading: Array
+    motion: Array
+    discrepancy: Array
+    memory: float
+
+    @property
+    def sigma(self) -> Array:
+        """Standard deviation of each mean, (channels, g)."""
+        out: Array = np.sqrt(self.reading + self.motion + self.discrepancy[:, None] ** 2)
+        return out
+
+    @property
+    def noise(self) -> Array:
+        """The same without the discrepancy, (channels, g)."""
+        out: Array = np.sqrt(self.reading + self.motion)
+        return out
+
+
+def reading_variance(problem: Problem) -> Array:
+    """Variance of a mean's own noise, (channels, g)."""
+    noise = problem.experiment.noise.copy()
+    if sample_period(problem.experiment.signals) >= STATIC_PERIOD:  # from pose to pose all changes: neighbours tell no noise
+        noise = np.minimum(noise, STATIC_NOISE * problem.channel_rms)
+    units = np.array(problem.layout.units)
+    for unit in set(units.tolist()):
+        alike = units == unit
+        noise[alike] = np.maximum(noise[alike], QUIETEST * noise[alike].max())
+    out: Array = noise[:, None] ** 2 / problem.count + (RESOLUTION * problem.channel_rms[:, None]) ** 2
+    return out + problem.means(_released(problem.experiment)) ** 2
+
+
+def _released(experiment: Experiment) -> Array:
+    """What is open of each reading while a tool retracts from a material that has let it go already, (channels, n) [N, N·m].
+
+    Linear dashpots pull there, and rub; materials that remember or lose energy don't: laws that differ in this alone are one.
+    """
+    s, normal = experiment.signals, experiment.normal_force
+    if normal is None or not experiment.let_go.any():
+        return np.zeros_like(experiment.measured)
+    arm = 1.0 if s.sensor is None else float(np.linalg.norm(s.sensor.tip))
+    lever = np.array([1.0 if unit == "N" else arm for unit in s.layout.units])
+    usual = float(np.nanpercentile(normal[s.depth > 0], 95))
+    out: Array = lever[:, None] * (RELEASED * usual * experiment.let_go)
+    return out
+
+
+def motion_variance(problem: Problem, model: Model, values: Array) -> Array:
+    """Variance that errors of the motion estimate cause in means, memory and kinks of the model included, (channels, g)."""
+    total = np.zeros(problem.shape)
+    if not problem.draws:
+        return total
+    here = problem.predict(model, values)
+    for draw in problem.draws:
+        total += (problem.means(model.predict(draw, values)) - here) ** 2 / len(problem.draws)
+    width = max(1, round(SMOOTHED / (sample_period(problem.experiment.signals) * float(np.median(problem.count)))))
+    out: Array = uniform_filter1d(total, width, axis=1)
+    return out
+
+
+def discrepancy(residual: Array, known: Array) -> Array:
+    """Size d of what is left in each channel beyond known variances v, (channels,): the mean of r²/(v + d²) is 1.
+
+    Where v is large for a while, what is left elsewhere still counts (R. C. Paule, J. Mandel, J. Res. NBS 87, 1982).
+
+    Args:
+        residual, known: of the means, (channels, g).
+    """
+    square = np.zeros(len(residual))
+    for channel, (r, v) in enumerate(zip(residual**2, known)):
+        if not len(r) or np.mean(r / v) <= 1.0:
+            continue
+        low, high = 0.0, float(np.mean(r))
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if np.mean(r / (v + middle)) > 1.0 else (low, middle)
+        square[channel] = high
+    out: Array = np.sqrt(square)
+    return out
+
+
+def memory_of(problem: Problem, whitened: Array) -> float:
+    """Integrated autocorrelation time of a whitened residual (channels, g) [s], over lags up to a block."""
+    spacing = sample_period(problem.experiment.signals) * float(np.median(problem.count))
+    power = float(np.sum(whitened**2))
+    if power <= 0 or whitened.shape[1] < 16:
+        return spacing
+    total = 1.0
+    for lag in range(1, min(whitened.shape[1] // 4, max(2, round(2.0 / spacing)))):
+        rho = float(np.sum(whitened[:, lag:] * whitened[:, :-lag])) / power
+        if rho < 0.05:
+            break
+        total += 2.0 * rho
+    return spacing * total
+
+
+def learn(problem: Problem, model: Model, values: Array, residual: Array, fixed: Array | None = None) -> ErrorModel:
+    """The error model that a residual (channels, g) tells of; `fixed` is the motion's variance where it is known already."""
+    reading = reading_variance(problem)
+    motion = motion_variance(problem, model, values) if fixed is None else fixed
+    left = discrepancy(residual, reading + motion)
+    sigma = np.sqrt(reading + motion + left[:, None] ** 2)
+    return ErrorModel(reading, motion, left, memory_of(problem, residual / sigma))

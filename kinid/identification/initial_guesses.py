@@ -1,0 +1,83 @@
+"""Where a search begins: what enters linearly at its best, shapes at the best of the points that effects call worth a start."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.identification.error_model import ErrorModel
+from kinid.identification.problem import Problem
+from kinid.identification.solver import held_parameters, linear_parameters
+from kinid.model import Model
+
+Array = NDArray[np.float64]
+
+#: a start must leave less than this share of the squares of the one before to be taken
+BETTER = 0.98
+
+
+def nominal_values(model: Model, problem: Problem) -> Array:
+    """Nominal values; of detectors what the samples show, (p,)."""
+    values = model.nominal(problem.layout)
+    held = held_parameters(model, problem)
+    return np.where(np.isnan(held), values, held)
+
+
+def project_linear(problem: Problem, model: Model, start: Array, error: ErrorModel) -> tuple[Array, float]:
+    """A start with all parameters that enter nearly linearly at their best, inside bounds, and its weighted squares."""
+    named = list(model.parameters(problem.layout).values())
+    held = ~np.isnan(held_parameters(model, problem))
+    free = list(np.flatnonzero(linear_parameters(model, problem) & ~held))
+    weight = 1.0 / error.sigma
+    here = model.course(problem.experiment.signals, start)
+    residual = (problem.target - problem.means(here.reading)) * weight
+    squares = float(np.sum(residual**2))
+    if not free or not np.isfinite(squares):
+        return start, squares if np.isfinite(squares) else np.inf
+    columns = np.empty((residual.size, len(free)), order="F")
+    for k, i in enumerate(free):
+        ahead, step = start.copy(), max(abs(named[i].nominal), named[i].scale)
+        ahead[i] += step if ahead[i] + step <= named[i].high else -step
+        problem.add_change(model.predict(problem.experiment.signals, ahead, here), here.reading, 1.0 / (ahead[i] - start[i]),
+                           columns[:, k])  # fmt: skip
+        columns[:, k] *= weight.ravel()
+    if not np.isfinite(columns).all():
+        return start, squares
+    size = np.linalg.norm(columns, axis=0)
+    size[size == 0] = 1.0
+    step = np.linalg.lstsq(columns / size, residual.ravel(), rcond=1e-8)[0] / size
+    low, high = np.array([named[i].low for i in free]), np.array([named[i].high for i in free])
+    for share in (1.0, 0.5, 0.25):
+        trial = start.copy()
+        trial[free] = np.clip(trial[free] + share * step, low, high)
+        left = float(np.sum(((problem.target - problem.predict(model, trial)) * weight) ** 2))
+        if left < squares:
+            return trial, left
+    return start, squares
+
+
+def initial_values(problem: Problem, model: Model, start: Array, error: ErrorModel, known: frozenset[str] = frozenset()) -> Array:
+    """The best of the starts that the model's effects suggest, effect by effect, (p,).
+
+    Args:
+        start: values to begin with. known: full names of parameters that the caller knows, which no suggestion replaces.
+    """
+    with np.errstate(all="ignore"):
+        best, least = project_linear(problem, model, start, error)
+        names = list(model.parameters(problem.layout))
+        suggestions = {effect.id: effect.starts(problem.experiment.signals) for effect in model.effects}
+        suggestions = {name: points for name, points in suggestions.items() if len(points)}
+        for _ in range(2 if len(suggestions) > 1 else min(1, len(suggestions))):
+            before = least
+            for name, points in suggestions.items():
+                own = [i for i, full in enumerate(names) if full.split(".", 1)[0] == name]
+                varied = [k for k, i in enumerate(own) if names[i] not in known]
+                for point in points:
+                    trial = best.copy()
+                    trial[[own[k] for k in varied]] = np.asarray(point)[varied]
+                    found, left = project_linear(problem, model, trial, error)
+                    if left < BETTER * least:
+                        best, least = found, left
+            if not least < BETTER * before:
+                break
+    return best

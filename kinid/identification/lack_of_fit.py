@@ -1,0 +1,99 @@
+"""What a model leaves: beside noise, beside the tolerance that a user states, and for how long it remembers itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.experiment import Experiment
+from kinid.identification.solver import State
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: share of the readings' root mean square, in contact or in motion, that may be left unless a user says otherwise
+TOLERANCE = 0.02
+#: a joint moves where it is faster than this share of its fastest
+MOVES = 0.02
+
+
+@dataclass(frozen=True)
+class LackOfFit:
+    """What is left.
+
+    Attributes:
+        rms: of the residual. noise: what noise of readings and motion explains of it. excess: what they don't.
+        tolerance: what may be left. reading: root mean square of the readings in contact or motion; all in `unit`.
+        memory: for how long the residual remembers itself [s].
+    """
+
+    rms: float
+    noise: float
+    excess: float
+    tolerance: float
+    reading: float
+    memory: float
+    unit: str
+
+    @property
+    def matters(self) -> bool:
+        """Whether more is left than noise and tolerance."""
+        return self.excess > self.tolerance
+
+    @property
+    def share_of_reading(self) -> float:
+        """What is left beside noise, as a share of the reading."""
+        return self.excess / self.reading if self.reading > 0 else 0.0
+
+    def to_dict(self) -> dict[str, float]:
+        """For JSON."""
+        return {"rms": self.rms, "share_of_reading": self.share_of_reading, "memory_s": self.memory}
+
+
+def lack_of_fit(state: State, residual: Array, tolerance: float | None = None) -> LackOfFit:
+    """What a residual (channels, n) of a state leaves.
+
+    Args:
+        state: whose error model tells noise. residual: of the whole log; NaN where a sample doesn't count.
+        tolerance: in the error's unit; `TOLERANCE` of the readings, or the noise where that is more, if None.
+    """
+    experiment = state.problem.whole
+    rows = error_rows(experiment)
+    counted = np.isfinite(residual).all(axis=0)
+    error = rms(residual[rows][:, counted])
+    motion = float(np.mean(state.error.motion[rows])) if state.error.motion.size else 0.0
+    noise = float(np.sqrt(np.mean(experiment.noise[rows] ** 2) + motion))
+    reading = reading_rms(experiment)
+    allowed = max(TOLERANCE * reading, noise) if tolerance is None else tolerance
+    return LackOfFit(error, noise, float(np.sqrt(max(0.0, error**2 - noise**2))), allowed, reading, state.error.memory,
+                     error_unit(experiment))  # fmt: skip
+
+
+def reading_rms(experiment: Experiment) -> float:
+    """Root mean square of the readings that errors are told of, in contact or in motion, over all their channels."""
+    s, valid = experiment.signals, experiment.valid
+    acting = valid & experiment.in_contact
+    if s.joints is not None:
+        speed = np.abs(s.joints.dq)
+        acting = valid & (speed > MOVES * speed.max(axis=1, keepdims=True)).any(axis=0)
+    rows = error_rows(experiment)
+    readings = experiment.measured[rows][:, acting if acting.any() else valid]
+    return rms(readings[:, np.isfinite(readings).all(axis=0)])
+
+
+def error_rows(experiment: Experiment) -> Mask:
+    """Channels that the error figure is over: forces where there are any."""
+    units = np.array(experiment.layout.units)
+    return np.asarray(units == "N") if (units == "N").any() else np.ones(len(units), np.bool_)
+
+
+def error_unit(experiment: Experiment) -> str:
+    """Unit of the error figure."""
+    return "N" if "N" in experiment.layout.units else "N·m"
+
+
+def rms(values: Array) -> float:
+    """Root mean square over everything."""
+    return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")

@@ -1,0 +1,76 @@
+"""What calibration leaves open: small amounts of effects that every rig has, each inside its stated tolerance.
+
+An effect says of its parameters to which standard deviation a rig's calibration leaves them open (`Effect.calibration_sd`). Where
+the model hasn't got it, the fit takes along its first-order change of the readings, with a normal prior of that size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.course import Course
+from kinid.effects import Effect, Signals
+from kinid.identification.applicability import amplitudes, base_of, candidate_effects
+from kinid.identification.problem import Problem
+from kinid.model import Model
+
+Array = NDArray[np.float64]
+
+#: calibration is trusted to so many tolerances
+MAX_SHIFT = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Nuisance:
+    """One open quantity: a parameter of an effect that the model lacks, with its tolerance as a standard deviation.
+
+    `bound` is how many tolerances a fit may take it to.
+    """
+
+    effect: Effect
+    index: int
+    name: str
+    sd: float
+    unit: str
+    bound: float
+
+
+def nuisances(model: Model, signals: Signals) -> tuple[Nuisance, ...]:
+    """All open quantities of a log beside a model."""
+    out = []
+    for effect, why in candidate_effects(model, signals.layout):
+        tolerances = {} if why else effect.calibration_sd(signals)
+        for i, p in enumerate(effect.parameters(signals.layout) if tolerances else ()):
+            if tolerances.get(p.name, 0.0) > 0.0:
+                out.append(Nuisance(effect, i, p.name, tolerances[p.name], p.unit,
+                                    effect.calibration_bound(signals.layout)))  # fmt: skip
+    return tuple(out)
+
+
+def predict_with(nuisance: Nuisance, model: Model, values: Array, signals: Signals, near: Course | None = None) -> Array:
+    """Readings with one tolerance of an open quantity, (channels, n)."""
+    larger = model + nuisance.effect
+    place = larger.names.index(nuisance.effect.id)
+    before = sum(len(e.parameters(signals.layout)) for e in larger.effects[:place])
+    null = amplitudes(nuisance.effect, signals.layout, base_of(model))
+    own = np.array([null.get(i, p.nominal) for i, p in enumerate(nuisance.effect.parameters(signals.layout))])
+    own[nuisance.index] += nuisance.sd
+    return larger.predict(signals, np.insert(values, before, own), near)
+
+
+def nuisance_columns(problem: Problem, model: Model, values: Array, here: Course, open_: tuple[Nuisance, ...]) -> Array:
+    """Change of the means per tolerance of each open quantity, (channels · g, k)."""
+    out = np.zeros((problem.target.size, len(open_)), order="F")
+    for j, nuisance in enumerate(open_):
+        moved = predict_with(nuisance, model, values, problem.experiment.signals, here)
+        problem.add_change(moved, here.reading, 1.0, out[:, j])
+    return out
+
+
+def trusted(shift: Array) -> Array:
+    """Amounts in tolerances, (k,), no further than calibration is trusted to: what lies beyond is an error of the model."""
+    out: Array = np.clip(shift, -MAX_SHIFT, MAX_SHIFT)
+    return out

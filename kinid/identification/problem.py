@@ -1,0 +1,179 @@
+"""What a model is held against: readings in means of neighbours, in blocks of time, dealt into two folds."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.course import Course
+from kinid.effects import Layout, Signals
+from kinid.experiment import Experiment
+from kinid.identification.dataset import averaged, group_edges, hold_out_folds, sample_period
+from kinid.kernels.averages import weighted_changes, weighted_sums
+from kinid.model import Model
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: means a second that are compared; of logs with more of them than `MANY_MEANS`, all channels together, half of that
+MEAN_RATE, MANY_MEANS, MAX_MEANS = 125.0, 30_000, 100_000
+#: of joint torques so many a second: where friction turns, torques are faster than any estimate of the motion
+TORQUE_RATE = 50.0
+#: means of a short log, at least, where it has so many samples
+MIN_MEANS = 400
+#: length of a block [s]: longer than readings' noise remembers; and the fewest blocks that a log is cut into
+BLOCK, MIN_BLOCKS = 0.5, 16
+#: in place of a channel's number: all of them
+ALL_CHANNELS = -1
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Readings of one log in means, and how they are dealt out.
+
+    Predictions are made at the experiment's own samples and then averaged, so that nothing is lost of fast reversals.
+
+    Attributes:
+        whole: at the log's own rate. experiment: averaged to a bounded size. draws: its signals under draws of the motion's error.
+        begin, end: samples of each group that counts, (g,). block: number of the block of each, without holes, (g,).
+        fold: which of two folds each lies in, (g,). whole_fold: and each sample of the whole, (n,).
+    """
+
+    whole: Experiment
+    experiment: Experiment
+    draws: tuple[Signals, ...]
+    begin: NDArray[np.int64]
+    end: NDArray[np.int64]
+    block: NDArray[np.int64]
+    fold: Mask
+    whole_fold: Mask
+
+    @classmethod
+    def build(cls, whole: Experiment) -> Problem:
+        """Average and deal out a log."""
+        experiment, draws = averaged(whole)
+        s = experiment.signals
+        span = float(s.t[-1]) if len(s) else 0.0
+        channels = len(experiment.measured)
+        rate = MEAN_RATE if channels * span * MEAN_RATE < MANY_MEANS else 0.5 * MEAN_RATE
+        rate = min(rate, TORQUE_RATE) if s.joints is not None else rate
+        size = max(1, int(1.0 / (rate * sample_period(s))), math.ceil(experiment.measured.size / MAX_MEANS))
+        size = max(1, min(size, len(s) // MIN_MEANS))
+        begin, end = group_edges(s, experiment.valid, size)
+        length = _block_length(span)
+        block = (s.t / length).astype(np.int64)
+        keep = experiment.valid[begin]
+        begin, end = begin[keep], end[keep]
+        dealt = hold_out_folds(s, block)
+        whole_block = np.minimum((whole.signals.t / length).astype(np.int64), len(dealt) - 1)
+        return cls(whole, experiment, draws, begin, end, np.unique(block[begin], return_inverse=True)[1], dealt[block[begin]],
+                   dealt[whole_block])  # fmt: skip
+
+    def with_elastic_share(self, share: float) -> Problem:
+        """The same with bristles that are elastic over another share of their length (`Signals.play`)."""
+        return dataclasses.replace(
+            self, whole=_with_share(self.whole, share), experiment=_with_share(self.experiment, share),
+            draws=tuple(dataclasses.replace(draw, play=share) for draw in self.draws),
+        )  # fmt: skip
+
+    @property
+    def layout(self) -> Layout:
+        """Its channels."""
+        return self.experiment.layout
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Channels and groups."""
+        return len(self.experiment.measured), len(self.begin)
+
+    @cached_property
+    def count(self) -> Array:
+        """Samples in each group, (g,)."""
+        return (self.end - self.begin).astype(float)
+
+    @cached_property
+    def _mean_weight(self) -> Array:
+        return np.ascontiguousarray(np.broadcast_to(1.0 / self.count, self.shape))
+
+    @cached_property
+    def target(self) -> Array:
+        """Readings in means, (channels, g)."""
+        return self.means(np.nan_to_num(self.experiment.measured))
+
+    @cached_property
+    def channel_rms(self) -> Array:
+        """Root mean square of each channel's readings about their mean, never zero, (channels,)."""
+        rms = np.sqrt(np.mean(self.target**2, axis=1)) if self.shape[1] else np.zeros(self.shape[0])
+        return np.maximum(rms, 1e-9)
+
+    def means(self, readings: Array) -> Array:
+        """Readings (channels, n) in means over the groups that count, (channels, g)."""
+        out = np.empty(self.shape)
+        weighted_sums(np.ascontiguousarray(readings), self.begin, self.end, self._mean_weight, out.reshape(-1))
+        return out
+
+    def mean_at(self, x: Array) -> Array:
+        """A quantity (n,) of the motion in means over the groups that count, (g,)."""
+        total = np.concatenate([[0.0], np.cumsum(x)])
+        out: Array = (total[self.end] - total[self.begin]) / self.count
+        return out
+
+    def predict(self, model: Model, values: Array, near: Course | None = None) -> Array:
+        """What a model expects, in means, (channels, g)."""
+        return self.means(model.predict(self.experiment.signals, values, near))
+
+    def add_change(self, after: Array, before: Array, factor: float, out: Array) -> None:
+        """Write a factor times the change of the means from one prediction (channels, n) to another, (channels · g,)."""
+        weighted_changes(np.ascontiguousarray(after), np.ascontiguousarray(before), self.begin, self.end, self._mean_weight, factor,
+                         out)  # fmt: skip
+
+    def per_block(self, values: Array) -> Array:
+        """Sums of (channels, g) over channels and the groups of each block, (blocks,)."""
+        out: Array = np.bincount(self.block, values.sum(axis=0))
+        return out
+
+
+def _with_share(experiment: Experiment, share: float) -> Experiment:
+    return dataclasses.replace(experiment, signals=dataclasses.replace(experiment.signals, play=share))
+
+
+def _block_length(span: float) -> float:
+    """Length of a block [s] of a log of this length [s]."""
+    return BLOCK if span >= MIN_BLOCKS * BLOCK else max(span / MIN_BLOCKS, 1e-9)
+
+
+def whole_blocks(experiment: Experiment) -> NDArray[np.int64]:
+    """Number of the block that each sample of a log lies in, (n,)."""
+    t = experiment.signals.t
+    return np.asarray((t / _block_length(float(t[-1]) if len(t) else 0.0)).astype(np.int64))
+
+
+def parameter_groups(names: list[str], numbers: list[int], layout: Layout) -> list[Mapping[int, int]]:
+    """Parameters that are moved together because each changes another channel, each group as channel → number.
+
+    Of joint torques, a parameter with a joint or a channel in brackets changes that one alone, so that one prediction does for many
+    (A. R. Curtis, M. J. D. Powell, J. K. Reid, J. Inst. Maths. Applics. 13, 1974). One that may change every channel is alone.
+
+    Args:
+        names: of the parameters. numbers: theirs. layout: of the log.
+    """
+    rows = {f"[{name}]": row for own in (layout.channels, layout.joints) for row, name in enumerate(own)}
+    alone: list[Mapping[int, int]] = []
+    groups: list[dict[int, int]] = []
+    for name, number in zip(names, numbers):
+        row = rows.get(name[name.find("[") :], ALL_CHANNELS) if layout.kind == "joints" and "[" in name else ALL_CHANNELS
+        if row == ALL_CHANNELS:
+            alone.append({ALL_CHANNELS: number})
+            continue
+        group = next((g for g in groups if row not in g), None)
+        if group is None:
+            groups.append({row: number})
+        else:
+            group[row] = number
+    return alone + list(groups)

@@ -1,0 +1,399 @@
+"""Weighted nonlinear least squares with nuisance parameters (Levenberg-Marquardt), and what its end tells of other folds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.course import Course
+from kinid.identification.dataset import sample_period
+from kinid.identification.error_model import ErrorModel, learn, motion_variance, reading_variance
+from kinid.identification.nuisance import Nuisance, nuisance_columns, nuisances
+from kinid.identification.problem import ALL_CHANNELS, Problem, parameter_groups
+from kinid.model import Model
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: precision of a prior that keeps directions that no reading sees from wandering, per squared scale of a parameter
+RIDGE = 1e-8
+#: a search ends where a step gains less than this, in units of a mean's error
+CONVERGED = 1e-2
+#: share of the common fit's information that holds a fold's directions which that fold doesn't see
+FOLD_RIDGE = 1e-3
+#: how often the error model is learnt anew from the residual of the fit
+RELEARNED = 2
+#: a step is taken where it gains this share of what the linear view expects, at least
+FAITHFUL = 0.05
+#: a step that gains less than this share of what the linear view expects is made good along what enters linearly
+CURVED = 0.75
+#: parameters are moved by this share of their scale to see what they do
+DIFFERENCE = 1e-2
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A fitted model.
+
+    Attributes:
+        problem, model: what was fitted to what. error: error model that it was weighted with.
+        values: (p,). open_: nuisances; shift: of each, in tolerances, (k,).
+        course: the prediction. residual: of the means, nuisances included, (channels, g).
+        jacobian: change of the means per scale of each parameter and per tolerance of each nuisance, (channels · g, p + k).
+        free: which of these no bound holds, (p + k,). converged: whether the search ended by itself. steps: that it took.
+    """
+
+    problem: Problem
+    model: Model
+    error: ErrorModel
+    values: Array
+    open_: tuple[Nuisance, ...]
+    shift: Array
+    course: Course
+    residual: Array
+    jacobian: Array
+    free: Mask
+    converged: bool
+    steps: int
+
+    @cached_property
+    def scale(self) -> Array:
+        """Scale of each parameter, (p,)."""
+        return np.array([p.scale for p in self.model.parameters(self.problem.layout).values()])
+
+    @cached_property
+    def weighted(self) -> Array:
+        """Jacobian of the free directions over σ, (channels · g, f)."""
+        out: Array = self.jacobian[:, self.free] / self.error.sigma.reshape(-1, 1)
+        return out
+
+    @cached_property
+    def prior(self) -> Array:
+        """Prior precision of all directions, (p + k, p + k)."""
+        return prior_precision(self.model, self.problem, len(self.open_))
+
+    @cached_property
+    def information(self) -> Array:
+        """Information of the free directions, prior included, (f, f)."""
+        out: Array = self.weighted.T @ self.weighted + self.prior[np.ix_(self.free, self.free)]
+        return out
+
+    @cached_property
+    def cost(self) -> float:
+        """Weighted sum of squares, prior included."""
+        own = np.concatenate([self.values / self.scale, self.shift]) if len(self.values) else self.shift
+        prior = self.prior - RIDGE * np.diag(np.r_[np.ones(len(self.values)), np.zeros(len(self.shift))])
+        return float(np.sum((self.residual / self.error.sigma) ** 2) + own @ prior @ own)
+
+    @cached_property
+    def fold_steps(self) -> tuple[Array, Array]:
+        """Step of all directions, in scales, from the common fit to that of each fold alone (one Gauss-Newton step), (p + k,)."""
+        channels, groups = self.problem.shape
+        p, fold, f = len(self.values), self.problem.fold, np.flatnonzero(self.free)
+        rows = self.weighted.reshape(channels, groups, -1)
+        weighted = self.residual / self.error.sigma
+        prior = self.prior[np.ix_(f, f)]
+        placed = np.r_[np.zeros(p), self.shift][f]
+        bound = np.array([n.bound for n in self.open_])
+        low, high = np.r_[np.zeros(p), -bound], np.r_[np.zeros(p), bound]
+        named = list(self.model.parameters(self.problem.layout).values())
+        low[:p] = [(q.low - x) / q.scale for q, x in zip(named, self.values)]
+        high[:p] = [(q.high - x) / q.scale for q, x in zip(named, self.values)]
+        low[p:], high[p:] = low[p:] - self.shift, high[p:] - self.shift
+        out = []
+        for seen in (fold, ~fold):
+            step = np.zeros(p + len(self.shift))
+            if len(f):
+                j = rows[:, seen].reshape(-1, rows.shape[2])
+                gradient = j.T @ weighted[:, seen].ravel() - prior @ placed
+                h = j.T @ j + prior + FOLD_RIDGE * np.diag(np.diag(self.information))
+                step[f] = solve_between(h, gradient, low[f], high[f])
+            out.append(step)
+        return out[0], out[1]
+
+    @cached_property
+    def held_out(self) -> Array:
+        """Residual of each fold from parameters of the other one, (channels, g)."""
+        out = self.residual.copy()
+        for seen, step in zip((self.problem.fold, ~self.problem.fold), self.fold_steps):
+            change = (self.jacobian @ step).reshape(out.shape)
+            out[:, ~seen] -= change[:, ~seen]
+        return out
+
+    @cached_property
+    def standard_errors(self) -> Array:
+        """Rough standard error of each parameter, from the information and the residual's memory, infinite where held, (p,)."""
+        out = np.full(len(self.values), np.inf)
+        p = np.flatnonzero(self.free[: len(self.values)])
+        spacing = sample_period(self.problem.experiment.signals) * float(np.median(self.problem.count))
+        size = np.sqrt(np.diag(self.information))
+        inverse = np.linalg.pinv(self.information / np.outer(size, size), rcond=1e-12, hermitian=True) / np.outer(size, size)
+        variance = np.diag(inverse)[: len(p)] * max(1.0, self.error.memory / spacing)
+        out[p] = np.sqrt(np.maximum(variance, 0.0)) * self.scale[p]
+        return out
+
+    def slim(self) -> State:
+        """The same without what takes memory; `held_out` is worked out first."""
+        _ = self.held_out, self.information, self.cost, self.standard_errors
+        self.__dict__.pop("weighted", None)
+        return self
+
+
+def prior_precision(model: Model, problem: Problem, nuisance_count: int) -> Array:
+    """Prior precision in scaled directions, (p + k, p + k): the effects' own, and one per squared tolerance."""
+    named = model.parameters(problem.layout)
+    p = len(named)
+    out = np.zeros((p + nuisance_count, p + nuisance_count))
+    out[np.arange(p), np.arange(p)] = RIDGE
+    begin = 0
+    scale = np.array([q.scale for q in named.values()])
+    for effect in model.effects:
+        size = len(effect.parameters(problem.layout))
+        own = effect.prior(problem.layout)
+        if own is not None:
+            at = slice(begin, begin + size)
+            out[at, at] += own * np.outer(scale[at], scale[at])
+        begin += size
+    out[np.arange(p, p + nuisance_count), np.arange(p, p + nuisance_count)] = 1.0
+    return out
+
+
+def held_parameters(model: Model, problem: Problem) -> Array:
+    """Parameters that are read off the samples (of a converter, of the end of a range), NaN for the free ones, (p,)."""
+    out = []
+    for effect in model.effects:
+        free = np.full(len(effect.parameters(problem.layout)), np.nan)
+        marks = effect.marks(problem.whole.raw) if effect.detector else None
+        out.append(free if marks is None else marks[1])
+    return np.concatenate(out) if out else np.zeros(0)
+
+
+def linear_parameters(model: Model, problem: Problem) -> Mask:
+    """Parameters that readings are affine in, all others held, (p,): not those of effects that bend what others predict."""
+    return np.array([p.linear and effect.affine for effect in model.effects for p in effect.parameters(problem.layout)], np.bool_)
+
+
+def shown_values(state: State) -> Array:
+    """Values as a reader has them, (p,): of a converter, what the samples show, where the search leaves it out."""
+    values, begin = state.values.copy(), 0
+    for effect in state.model.effects:
+        size = len(effect.parameters(state.problem.layout))
+        marks = effect.marks(state.problem.whole.raw) if effect.detector else None
+        if marks is not None:
+            values[begin : begin + size] = np.where(np.isnan(marks[1]), values[begin : begin + size], marks[0])
+        begin += size
+    return values
+
+
+class _Search:
+    """One search; all quantities belong to its present place."""
+
+    def __init__(self, problem: Problem, model: Model, start: Array, shift: Array | None, error: ErrorModel) -> None:
+        self.problem, self.model, self.error = problem, model, error
+        named = model.parameters(problem.layout)
+        self.scale = np.array([p.scale for p in named.values()])
+        self.low = np.array([p.low for p in named.values()])
+        self.high = np.array([p.high for p in named.values()])
+        held = held_parameters(model, problem)
+        self.moving = np.isnan(held)
+        room = 1e-6 * self.scale
+        inside = np.clip(start, np.where(np.isfinite(self.low), self.low + room, self.low),
+                         np.where(np.isfinite(self.high), self.high - room, self.high))  # fmt: skip
+        self.x = np.where(self.moving, inside, held)
+        self.open_ = nuisances(model, problem.experiment.signals)
+        self.bound = np.array([nuisance.bound for nuisance in self.open_])
+        self.shift = np.zeros(len(self.open_)) if shift is None or len(shift) != len(self.open_) else shift
+        self.prior = prior_precision(model, problem, len(self.open_))
+        linear = linear_parameters(model, problem)
+        self.linear = np.flatnonzero(self.moving & linear) if (self.moving & ~linear).any() else np.zeros(0, np.int64)
+        names = [name for name, moves in zip(named, self.moving) if moves]
+        self.groups = parameter_groups(names, list(np.flatnonzero(self.moving)), problem.layout)
+        self.weight = 1.0 / error.sigma
+        self.here = model.course(problem.experiment.signals, self.x)
+        self.columns = nuisance_columns(problem, model, self.x, self.here, self.open_)
+        self.residual, self.cost = self.compare(self.here, self.x, self.shift)
+
+    def compare(self, course: Course, x: Array, shift: Array) -> tuple[Array, float]:
+        """Residual of the means, (channels, g), and cost."""
+        residual = self.problem.target - self.problem.means(course.reading)
+        if len(shift):
+            residual = residual - (self.columns @ shift).reshape(residual.shape)
+        own = np.r_[np.zeros(len(x)) if not len(x) else x / self.scale, shift]
+        return residual, float(np.sum((residual * self.weight) ** 2) + own @ self.prior @ own)
+
+    def differentiate(self) -> Array:
+        """The jacobian here, (channels · g, p + k); nuisance columns are renewed."""
+        p = len(self.x)
+        out = np.zeros((self.problem.target.size, p + len(self.open_)), order="F")
+        step = DIFFERENCE * np.where(self.x + DIFFERENCE * self.scale <= self.high, self.scale, -self.scale)
+        many = self.problem.shape[1]
+        for group in self.groups:
+            ahead, own = self.x.copy(), list(group.values())
+            ahead[own] += step[own]
+            moved = self.model.predict(self.problem.experiment.signals, ahead, self.here)
+            if ALL_CHANNELS in group:
+                j = group[ALL_CHANNELS]
+                self.problem.add_change(moved, self.here.reading, float(self.scale[j] / step[j]), out[:, j])
+                continue
+            change = np.empty(self.problem.target.size)
+            self.problem.add_change(moved, self.here.reading, 1.0, change)
+            for channel, j in group.items():
+                rows = slice(channel * many, (channel + 1) * many)
+                out[rows, j] = change[rows] * (self.scale[j] / step[j])
+        if len(self.open_):
+            self.columns = nuisance_columns(self.problem, self.model, self.x, self.here, self.open_)
+            out[:, p:] = self.columns
+            self.residual, self.cost = self.compare(self.here, self.x, self.shift)
+        return out
+
+    def run(self, max_steps: int, guess: Array | None = None) -> State:
+        """Search, and tell where it ended."""
+        fresh = guess is None
+        jacobian = self.differentiate() if guess is None else guess
+        damping, converged, taken = 1e-3, not self.moving.any() and not len(self.open_), 0
+        weight = self.weight.reshape(-1, 1)
+        squares = (jw := jacobian * weight).T @ jw
+        while taken < max_steps and not converged:
+            taken += 1
+            gradient, free = self.slope(jacobian, squares)
+            before = self.cost
+            gain, moved, actual, expected = self.step(gradient, squares, free, damping)
+            if gain <= 0.0:
+                if abs(expected) < CONVERGED and fresh:
+                    converged = True
+                elif not fresh:
+                    jacobian, fresh = self.differentiate(), True
+                    squares = (jw := jacobian * weight).T @ jw
+                elif damping > 1e6:
+                    converged = True
+                else:
+                    damping = max(damping, 1e-6) * 10.0
+                continue
+            if gain < CONVERGED + 1e-7 * before and fresh:
+                converged = True
+                break
+            damping = max(damping / 10.0, 1e-9) if gain > 0.5 * expected else damping * 3.0
+            if gain < 0.3 * expected or gain < max(1.0, 1e-4 * before):
+                jacobian, fresh = self.differentiate(), True
+                squares = (jw := jacobian * weight).T @ jw
+            else:  # C. G. Broyden, Math. Comp. 19, 1965
+                size = float(moved @ moved)
+                missed = (actual.ravel() - jacobian @ moved) / size
+                jacobian[:, moved != 0] += np.outer(missed, moved[moved != 0])
+                squares, fresh = (jw := jacobian * weight).T @ jw, False
+        if not fresh or taken:
+            jacobian = self.differentiate()
+            squares = (jw := jacobian * weight).T @ jw
+        free = self.slope(jacobian, squares)[1]
+        return State(self.problem, self.model, self.error, self.x, self.open_, self.shift, self.here, self.residual, jacobian,
+                     free, converged, taken)  # fmt: skip
+
+    def slope(self, jacobian: Array, squares: Array) -> tuple[Array, Mask]:
+        """Negative half gradient of the cost, and which directions no bound holds."""
+        p = len(self.x)
+        own = np.r_[np.zeros(p) if not p else self.x / self.scale, self.shift]
+        gradient = jacobian.T @ (self.residual * self.weight**2).ravel() - self.prior @ own
+        room = 1e-9 * self.scale
+        pinned = ((self.x <= self.low + room) & (gradient[:p] < 0)) | ((self.x >= self.high - room) & (gradient[:p] > 0))
+        free = self.moving & ~pinned & (np.diag(squares)[:p] > 1e-12)
+        far = (np.abs(self.shift) >= self.bound - 1e-9) & (gradient[p:] * self.shift > 0)
+        return gradient, np.r_[free, ~far]
+
+    def step(self, gradient: Array, squares: Array, free: Mask, damping: float) -> tuple[float, Array, Array, float]:
+        """Try one step and take it if it helps: gain, step in scales, change of the means, and the gain that was expected."""
+        p, f = len(self.x), np.flatnonzero(free)
+        information = squares + self.prior
+        h = information[np.ix_(f, f)] + damping * np.diag(np.diag(squares)[f])
+        low = np.r_[(self.low - self.x) / self.scale, -self.bound - self.shift][f]
+        high = np.r_[(self.high - self.x) / self.scale, self.bound - self.shift][f]
+        step = np.zeros(len(gradient))
+        step[f] = solve_between(h, gradient[f], low, high)
+        x = np.clip(self.x + step[:p] * self.scale, self.low, self.high) if p else self.x
+        shift = np.clip(self.shift + step[p:], -self.bound, self.bound)
+        step = np.r_[(x - self.x) / self.scale if p else x, shift - self.shift]
+        expected = float(2 * gradient @ step - step @ information @ step)
+        course = self.model.course(self.problem.experiment.signals, x, self.here)
+        residual, cost = self.compare(course, x, shift)
+        if len(self.linear) and self.cost - cost < CURVED * expected:  # a valley that bends away under the step
+            better = self.project(x, shift, course, residual)
+            if better is not None and better[3] < cost:
+                x, course, residual, cost = better
+                step = np.r_[(x - self.x) / self.scale, step[p:]]
+        if not self.cost - cost > FAITHFUL * expected:
+            return 0.0, step, residual, expected
+        gain, change = self.cost - cost, self.residual - residual
+        self.x, self.shift, self.here, self.residual, self.cost = x, shift, course, residual, cost
+        return gain, step, change, expected
+
+    def project(self, x: Array, shift: Array, course: Course, residual: Array) -> tuple[Array, Course, Array, float] | None:
+        """The place with all that enters linearly at its best (variable projection: G. H. Golub, V. Pereyra, 1973)."""
+        columns = np.empty((self.problem.target.size, len(self.linear)), order="F")
+        many = self.problem.shape[1]
+        names = list(self.model.parameters(self.problem.layout))
+        for group in parameter_groups([names[i] for i in self.linear], list(range(len(self.linear))), self.problem.layout):
+            ahead, own = x.copy(), [self.linear[j] for j in group.values()]
+            ahead[own] += self.scale[own]
+            moved = self.model.predict(self.problem.experiment.signals, ahead, course)
+            change = np.empty(self.problem.target.size)
+            self.problem.add_change(moved, course.reading, 1.0, change)
+            for channel, j in group.items():
+                rows = slice(None) if channel == ALL_CHANNELS else slice(channel * many, (channel + 1) * many)
+                columns[:, j] = 0.0
+                columns[rows, j] = change[rows]
+        columns *= self.weight.reshape(-1, 1)
+        if not np.isfinite(columns).all():
+            return None
+        inner = self.prior[np.ix_(self.linear, self.linear)]
+        gradient = columns.T @ (residual * self.weight).ravel() - inner @ (x / self.scale)[self.linear]
+        gram = columns.T @ columns
+        low, high = (self.low - x)[self.linear] / self.scale[self.linear], (self.high - x)[self.linear] / self.scale[self.linear]
+        moved = x.copy()
+        moved[self.linear] += solve_between(gram + inner + 1e-9 * np.diag(np.diag(gram)), gradient, low, high) * self.scale[self.linear]
+        moved = np.clip(moved, self.low, self.high)
+        found = self.model.course(self.problem.experiment.signals, moved, course)
+        return moved, found, *self.compare(found, moved, shift)
+
+
+def solve_between(h: Array, g: Array, low: Array, high: Array) -> Array:
+    """The x (f,) of h x = g between two ends: what would leave stays at its end, and the others make the best of it."""
+    x, held = np.zeros(len(g)), np.zeros(len(g), np.bool_)
+    while not held.all():
+        rest = ~held
+        x[rest] = np.linalg.solve(h[np.ix_(rest, rest)], g[rest] - h[np.ix_(rest, held)] @ x[held])
+        beyond = (x < low) | (x > high)
+        if not beyond.any():
+            break
+        x, held = np.clip(x, low, high), held | beyond
+    return x
+
+
+def search(problem: Problem, model: Model, start: Array, error: ErrorModel, *, shift: Array | None = None,
+           guess: Array | None = None, max_steps: int = 30) -> State:  # fmt: skip
+    """Weighted least squares from a start, with a given error model."""
+    with np.errstate(all="ignore"):  # a step too far is taken back
+        return _Search(problem, model, start, shift, error).run(max_steps, guess)
+
+
+def first_error_model(problem: Problem) -> ErrorModel:
+    """Before anything is fitted: channels weigh by the readings' own noise and a share of their size."""
+    return ErrorModel(reading_variance(problem), np.zeros(problem.shape), 0.02 * problem.channel_rms, 0.0)
+
+
+def solve(problem: Problem, model: Model, start: Array, *, shift: Array | None = None, error: ErrorModel | None = None,
+          max_steps: int = 60) -> State:  # fmt: skip
+    """Fit a model and learn its error model along.
+
+    Args:
+        problem, model: what is fitted to what. start: values to begin at, (p,).
+        shift: of nuisances to begin at. error: error model to begin with.
+        max_steps: of each search.
+    """
+    state = search(problem, model, start, error or first_error_model(problem), shift=shift, max_steps=max_steps)
+    motion = motion_variance(problem, model, state.values)
+    for _ in range(RELEARNED):
+        learnt = learn(problem, model, state.values, state.residual, motion)
+        state = search(problem, model, state.values, learnt, shift=state.shift, max_steps=max_steps)
+    return state

@@ -1,0 +1,124 @@
+"""What a reader of a fit should doubt, in words, each with what to do about it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.estimators.batch import ILL_CONDITIONED, Solution
+from kinid.identification.lack_of_fit import LackOfFit
+from kinid.identification.nuisance import MAX_SHIFT
+from kinid.identification.solver import State
+from kinid.parameter import Parameter
+
+Array = NDArray[np.float64]
+
+#: condition of the sensitivity, its columns brought to length one, above which parameters stand in for each other
+#: (Belsley, Kuh & Welsch 1980, ch. 3: strong from 30 to 100; a power law's stiffness and exponent alone reach 50)
+COLLINEAR = 100.0
+#: parameters that no material has below nothing: it would give energy, or pull where it is pressed
+MATERIAL = ("stiffness", "damping")
+PASSIVE = (*MATERIAL, "coefficient")
+#: share of a unit vector above which a parameter takes part in a direction
+TAKES_PART = 0.2
+
+
+def impossible(named: Mapping[str, Parameter], values: Array, covariance: Array) -> list[str]:
+    """Parameters that are negative beyond their error, and that no material has so."""
+    error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    below = negative(named, values, 2.0 * error)
+    if not below:
+        return []
+    return [f"{listed(below)} {_are(below)} negative beyond {'its' if len(below) == 1 else 'their'} error, which no material is: "
+            "a force that comes late or early (time-offset), a turned sign or an effect that the model lacks may stand behind it"]
+
+
+def negative(names: Iterable[str], values: Array, room: Array, kinds: Collection[str] = PASSIVE) -> list[str]:
+    """Of parameters of these kinds those that lie below nothing by more than their `room`, which an open one has without end."""
+    return [name for name, value, r in zip(names, values, room) if name.rsplit(".", 1)[-1] in kinds and value < -r]
+
+
+def of_nuisances(state: State, left: LackOfFit) -> list[str]:
+    """Calibration that ended where its tolerance ends: an effect that the model lacks, most often."""
+    ends: dict[str, list[str]] = {}
+    for nuisance, shift in zip(state.open_, state.shift):
+        # where much is left, calibration that is bound bends to what is missing: a diagnosis says what that is
+        if abs(shift) >= MAX_SHIFT - 1e-6 and not (left.matters and np.isfinite(nuisance.bound)):
+            ends.setdefault(nuisance.effect.id, []).append(f"{nuisance.name} {shift * nuisance.sd:.2g} {nuisance.unit}".removesuffix(" 1"))
+    return [f"{name} beyond what calibration is trusted to ({', '.join(amounts)}): add it to the model, or mend the rig"
+            for name, amounts in ends.items()]  # fmt: skip
+
+
+def of_fit(named: Mapping[str, Parameter], solution: Solution, left: LackOfFit, start: Mapping[str, float],
+           trade: Array) -> list[str]:  # fmt: skip
+    """Parameters that the log leaves open, that ended at a bound, or that stand in for each other; a wrong structure."""
+    out = []
+    names = list(named)
+    open_ = [name for name, is_open in zip(names, solution.unidentified) if is_open]
+    if open_:
+        out.append(f"{listed(open_)} {_are(open_)} not identified by this log: {_their(open_)} infinite")
+    stuck = [
+        f"{name} = {p.low if abs(value - p.low) < abs(value - p.high) else p.high:.4g}"
+        for (name, p), value, bound, is_open in zip(named.items(), solution.values, solution.at_bound, solution.unidentified)
+        if bound and not is_open
+    ]
+    if stuck:
+        out.append(f"{listed(stuck)} ended at {'its bound' if len(stuck) == 1 else 'their bounds'}: "
+                   "the law may be the wrong one, or the log doesn't excite it")  # fmt: skip
+    for name, began in start.items():
+        p = named[name]
+        if began in (p.low, p.high) and p.low != p.nominal != p.high:
+            out.append(f"{name} started at its bound {began:.4g}: start inside")
+    alike = stand_ins(names, trade)
+    if solution.condition > COLLINEAR and alike:
+        how = "ill-conditioned" if solution.condition > ILL_CONDITIONED else "nearly ill-conditioned"
+        out += [f"{how} ({solution.condition:.1e}): {listed(group)} can stand in for each other in this log"
+                for group in alike]  # fmt: skip
+    elif solution.condition > ILL_CONDITIONED:
+        out.append(f"ill-conditioned ({solution.condition:.1e}): some parameters can stand in for each other in this log")
+    out += impossible(named, solution.values, solution.covariance)
+    if not solution.converged:
+        out.append("the search stopped before it converged: start nearer, or use a smaller model")
+    if left.matters:
+        out.append(f"{left.excess:.3g} {left.unit} is left beside noise, {100 * left.share_of_reading:.2g} % of the reading: this "
+                   "structure is rejected, kinid diagnose says what may be missing")  # fmt: skip
+    return out
+
+
+def stand_ins(names: Sequence[str], covariance: Array) -> list[list[str]]:
+    """Groups of parameters whose estimates hang on each other.
+
+    From the information with its diagonal brought to one (Belsley, Kuh & Welsch 1980, ch. 3): a direction whose singular
+    value is below 1/`COLLINEAR` of the greatest is a sum of effects that nearly cancels; those that take part are named.
+    """
+    size = np.diag(covariance)
+    kept = np.flatnonzero(np.isfinite(size) & (size > 0))
+    if len(kept) < 2:
+        return []
+    scale = np.sqrt(size[kept])
+    information = np.linalg.pinv(covariance[np.ix_(kept, kept)] / np.outer(scale, scale), rcond=1e-14, hermitian=True)
+    length = np.sqrt(np.maximum(np.diag(information), 1e-150))
+    values, vectors = np.linalg.eigh(information / length / length[:, None])
+    values = np.maximum(values, 1e-300)
+    out = []
+    for k in np.flatnonzero(values < values[-1] / COLLINEAR**2):
+        part = np.abs(vectors[:, k])
+        group = [names[kept[i]] for i in np.argsort(-part) if part[i] > TAKES_PART]
+        if len(group) > 1:
+            out.append(group)
+    return out
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names as in "a, b and c"."""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _are(names: Sequence[str]) -> str:
+    return "is" if len(names) == 1 else "are"
+
+
+def _their(names: Sequence[str]) -> str:
+    return "its interval is" if len(names) == 1 else "their intervals are"

@@ -1,0 +1,193 @@
+"""The fixed-interval smoother of a point one of whose derivatives is white noise, and draws of its error.
+
+The state, its motion and its measurements are those of `state_space`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from kinid.kernels.state_space import LEAST, ORDER, model, moved, updated
+
+Array = NDArray[np.float64]
+
+#: samples whose covariances are kept at a time; the others are filtered again from where they begin
+CHUNK = 2048
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _filter(tau: Array, z: Array, noise: Array, drive: Array, first: int, end: int, x: Array, p: Array, gain: Array, move: Array,
+            added: Array, state: Array, filtered: Array) -> None:  # fmt: skip
+    """Filter samples `first` to `end`, x and p in place; their states and covariances are kept, the latter from 0 on."""
+    last = -1.0
+    for k in range(first, end):
+        if tau[k] != last:
+            last = tau[k]
+            model(last, move, added)
+        if last > 0.0:
+            moved(x, p, move, added, drive[k])
+        for c in range(z.shape[1]):
+            if noise[k, c] < np.inf:
+                updated(x, p, c, z[k, c], noise[k, c], gain)
+        state[k] = x
+        filtered[k - first] = p
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def smooth(tau: Array, z: Array, noise: Array, drive: Array, start: Array, spread: Array, state: Array, sd: Array,
+           random: Array, drawn: Array) -> None:  # fmt: skip
+    """Fixed-interval smoother (Rauch, Tung & Striebel 1965), and draws of its error, which run backwards through the same gains.
+
+    Backwards the covariance is (1 − G F) P (1 − G F)ᵀ + G s Q Gᵀ + G P₊ Gᵀ, sums alone; an error with the right memory is
+    e = G e₊ + c, c with the covariance of the first two (Carter & Kohn 1994; the distribution is that of the simulation
+    smoother of Durbin & Koopman 2002).
+
+    Args:
+        tau, z, noise, drive, start, spread: as for `score`.
+        state: gets the state, (n, d). sd: gets the standard deviations of its parts, (n, d).
+        random: standard normal numbers, (m, n, d). drawn: gets as many errors of position, velocity, acceleration, (m, n, 3).
+    """
+    n, many = tau.shape[0], random.shape[0]
+    size = min(n, CHUNK)
+    many_chunks = -(-n // CHUNK)
+    x, p, gain = start.copy(), spread.copy(), np.empty(ORDER)
+    move, added = np.empty(ORDER), np.empty((ORDER, ORDER))
+    begin, begins = np.empty((many_chunks, ORDER)), np.empty((many_chunks, ORDER, ORDER))
+    filtered = np.empty((size, ORDER, ORDER))
+    for chunk in range(many_chunks):
+        begin[chunk], begins[chunk] = x, p
+        first = chunk * CHUNK
+        _filter(tau, z, noise, drive, first, min(n, first + CHUNK), x, p, gain, move, added, state, filtered)
+    after, own, back, left, lower = p.copy(), np.empty_like(p), np.empty_like(p), np.empty_like(p), np.empty_like(p)
+    errors, fresh, new = np.zeros((many, ORDER)), np.empty(ORDER), np.empty(ORDER)
+    _root(after, lower)
+    for i in range(ORDER):
+        sd[n - 1, i] = np.sqrt(max(after[i, i], 0.0))
+    for b in range(many):
+        _times(lower, random[b, n - 1], errors[b])
+        drawn[b, n - 1] = errors[b, :3]
+    first, last = (many_chunks - 1) * CHUNK, -1.0
+    ahead, foretold = np.empty(ORDER), np.empty_like(p)
+    for k in range(n - 2, -1, -1):
+        if k < first:
+            first -= CHUNK
+            x[:], p[:] = begin[first // CHUNK], begins[first // CHUNK]
+            _filter(tau, z, noise, drive, first, first + CHUNK, x, p, gain, move, added, state, filtered)
+            last = -1.0
+        s = drive[k + 1]
+        if tau[k + 1] != last:
+            last = tau[k + 1]
+            model(last, move, added)
+        now = filtered[k - first]
+        ahead[:] = state[k]
+        foretold[:] = now
+        moved(ahead, foretold, move, added, s)
+        _back(now, move, foretold, lower, back)
+        for i in range(ORDER):  # 1 − G F
+            for j in range(ORDER):
+                left[i, j] = 1.0 if i == j else 0.0
+                for b in range(j + 1):
+                    left[i, j] -= back[i, b] * move[j - b]
+        own[:] = 0.0
+        _around(left, now, 1.0, own)
+        if many:  # what an error is made of, before what comes after it
+            _around(back, added, s, own)
+        for i in range(ORDER):
+            step = 0.0
+            for j in range(ORDER):
+                step += back[i, j] * (state[k + 1, j] - ahead[j])
+            state[k, i] += step
+        if many:
+            _root(own, lower)
+            for b in range(many):
+                _times(lower, random[b, k], fresh)
+                for i in range(ORDER):
+                    new[i] = fresh[i]
+                    for j in range(ORDER):
+                        new[i] += back[i, j] * errors[b, j]
+                errors[b] = new
+                drawn[b, k] = new[:3]
+        else:
+            for i in range(ORDER):
+                for j in range(ORDER):
+                    after[i, j] += s * added[i, j]
+        _around(back, after, 1.0, own)
+        after[:] = own
+        for i in range(ORDER):
+            sd[k, i] = np.sqrt(max(own[i, i], 0.0))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _around(a: Array, middle: Array, s: float, out: Array) -> None:
+    """Add s A M Aᵀ, M symmetric."""
+    row = np.empty(ORDER)
+    for i in range(ORDER):
+        for j in range(ORDER):
+            row[j] = 0.0
+            for k in range(ORDER):
+                row[j] += a[i, k] * middle[k, j]
+        for j in range(i, ORDER):
+            v = 0.0
+            for k in range(ORDER):
+                v += row[k] * a[j, k]
+            out[i, j] += s * v
+            out[j, i] = out[i, j]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _back(now: Array, move: Array, foretold: Array, lower: Array, out: Array) -> None:
+    """G = P Fᵀ (F P Fᵀ + s Q)⁻¹ by an L D Lᵀ decomposition."""
+    d = np.empty(ORDER)
+    for j in range(ORDER):
+        d[j] = foretold[j, j]
+        for k in range(j):
+            d[j] -= lower[j, k] * lower[j, k] * d[k]
+        d[j] = max(d[j], 1e-15 * abs(foretold[j, j]) + LEAST)
+        for i in range(j + 1, ORDER):
+            v = foretold[i, j]
+            for k in range(j):
+                v -= lower[i, k] * lower[j, k] * d[k]
+            lower[i, j] = v / d[j]
+    for i in range(ORDER):
+        for j in range(ORDER):
+            v = 0.0
+            for k in range(j, ORDER):
+                v += now[i, k] * move[k - j]
+            for k in range(j):
+                v -= lower[j, k] * out[i, k]
+            out[i, j] = v
+        for j in range(ORDER):
+            out[i, j] /= d[j]
+        for j in range(ORDER - 2, -1, -1):
+            for k in range(j + 1, ORDER):
+                out[i, j] -= lower[k, j] * out[i, k]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _root(a: Array, out: Array) -> None:
+    """A lower triangular root of a covariance, which may be singular."""
+    out[:] = 0.0
+    for j in range(ORDER):
+        d = a[j, j]
+        for k in range(j):
+            d -= out[j, k] * out[j, k]
+        if d > max(1e-13 * a[j, j], LEAST):
+            out[j, j] = np.sqrt(d)
+            for i in range(j + 1, ORDER):
+                v = a[i, j]
+                for k in range(j):
+                    v -= out[i, k] * out[j, k]
+                out[i, j] = v / out[j, j]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _times(lower: Array, x: Array, out: Array) -> None:
+    """A lower triangular matrix times a vector."""
+    for i in range(ORDER):
+        out[i] = 0.0
+        for j in range(i + 1):
+            out[i] += lower[i, j] * x[j]
+
+

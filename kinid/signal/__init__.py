@@ -1,0 +1,5 @@
+"""Motion as an estimate: positions and rates smoothed together, and how sure they are. No robot is in it."""
+
+from kinid.signal.smoother import Smoothed, smooth_motion
+
+__all__ = ["Smoothed", "smooth_motion"]

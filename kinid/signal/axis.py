@@ -1,0 +1,152 @@
+"""One axis between two gaps: how strongly its jerk varies along the way, and the state that follows.
+
+A single intensity of the jerk fails: it differs a thousandfold between holds, touches and reversals. A bank of Kalman
+filters, each with an intensity that stays as it is, runs over the positions forwards and backwards; which one foretells them
+best from moment to moment, a hidden Markov chain tells. From there the intensity climbs to where the likelihood of all
+measurements is greatest (the quotient of found and expected energy of the jerk, in windows of a few degrees of freedom).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.kernels import fixed_interval, intensity
+from kinid.kernels.state_space import ORDER
+
+Array = NDArray[np.float64]
+
+#: intensities of the bank, in units of the noise's variance: a bandwidth an octave, from 1/512 of a sample's angular rate on
+LEVELS = 2.0 ** (2 * ORDER * np.arange(-9, 5))
+#: probability that the level moves up, or down, from one sample to the next
+SWITCH = 0.02
+#: degrees of freedom of the jerk in a window, and how often the intensity is climbed
+WINDOW, CLIMBS = 2.0, 4
+#: a climb goes so many times as far, on a logarithmic scale, as found and expected energies differ: it arrives sooner
+HASTE = 2.0
+#: greatest factor of a climb, and the range of intensities in units of the noise's variance
+STRIDE, LEAST, MOST = 1e3, 2.0 ** (-24 * ORDER), 2.0 ** (10 * ORDER)
+#: log-likelihood that each degree of freedom of an intensity that varies must be worth; a search that gains less is at its end
+WORTH, SETTLED = 1.0, 0.01
+#: noise is put right where less than a share of it is found, by no more than another at a time, from so many degrees of freedom
+LOUD, QUIETER, ENOUGH = 0.7, 1e-2, 30.0
+#: variance of the state before the first sample, times that of the parabola through the first three
+VAGUE = 100.0
+
+
+@dataclass(eq=False)
+class Axis:
+    """Measurements of one axis in one piece, in units of the median sample time.
+
+    Attributes:
+        tau: steps of time, the first of them 0, (n,). value, variance: measurements, of positions, or with rates as well, (n, c).
+        noise: variance of a position. jerk: intensity of each step, (n,).
+        quieter: share of its variance that each kind of measurement may turn out to have, (c,).
+    """
+
+    tau: Array
+    value: Array
+    variance: Array
+    noise: float
+    jerk: Array
+    quieter: list[float]
+
+    @classmethod
+    def of(cls, tau: Array, position: Array, variance: Array, noise: float, quieter: float) -> Axis:
+        """From positions and their variances, (n,); the intensity is that of the bank."""
+        axis = cls(tau, position[:, None].copy(), variance[:, None].copy(), noise, np.empty(0), [quieter])
+        axis.jerk = axis._from_bank()
+        return axis
+
+    def _from_bank(self) -> Array:
+        n = len(self.tau)
+        if n <= ORDER:
+            return np.full(n, self.noise)
+        y, r = self.value[:, 0].copy(), self.variance[:, 0].copy()
+        out = np.empty((n, len(LEVELS)), np.float32)
+        forth, back = np.empty(n), np.empty(n)
+        levels = LEVELS * self.noise
+        intensity.bank(self.tau, y, r, levels, *_before(self.tau, y, r), out)
+        intensity.local_level(out, SWITCH, forth)
+        # backwards; the intensity of a step belongs to the sample at its end
+        tau, y, r = np.r_[0.0, self.tau[:0:-1]], y[::-1].copy(), r[::-1].copy()
+        intensity.bank(tau, y, r, levels, *_before(tau, y, r), out)
+        intensity.local_level(out, SWITCH, back)
+        forth[1:] = 0.5 * (forth[1:] + back[:0:-1])
+        jerk: Array = levels[0] * 2.0 ** (2.0 * ORDER * forth)
+        return jerk
+
+    def climb(self) -> None:
+        """Bring intensities, and noise that differences of a fast motion made too large, nearer to the greatest likelihood.
+
+        An intensity that varies must be worth it: where it gains less than a unit of log-likelihood a degree of freedom that
+        was fitted, a single one does as well, and follows noise less.
+        """
+        n, c = self.value.shape
+        if n <= ORDER:
+            return
+        fits, work, out, factor = np.ones((c, 2)), np.empty((n, c, 2 + ORDER)), np.empty((n, 2)), np.empty(n)
+        begin = self.begin()
+
+        def score(jerk: Array) -> float:
+            return float(intensity.score(self.tau, self.value, self.variance, jerk, *begin, work, out, fits))
+
+        def grown(jerk: Array, factor: Array | float) -> Array:
+            kept: Array = np.clip(jerk * np.clip(factor**HASTE, 1.0 / STRIDE, STRIDE), LEAST * self.noise, MOST * self.noise)
+            return kept
+
+        for _ in range(CLIMBS):
+            score(self.jerk)
+            intensity.in_windows(out[:, 0], out[:, 1], WINDOW, factor)
+            self.jerk = grown(self.jerk, factor)
+            for kind, (found, expected) in enumerate(fits):
+                share = max(found / expected, self.quieter[kind], QUIETER) if expected > ENOUGH else 1.0
+                if share < LOUD:
+                    self.variance[:, kind] *= share
+                    self.quieter[kind] = min(1.0, self.quieter[kind] / share)
+        varied = score(self.jerk)
+        fitted, single, plain = float(out[:, 1].sum()), np.full(n, np.exp(np.mean(np.log(self.jerk)))), -np.inf
+        for _ in range(2 * CLIMBS):
+            before, plain = plain, score(single)
+            if varied - plain < WORTH * fitted:
+                break
+            if plain - before < SETTLED * fitted:
+                return
+            single = grown(single, float(out[:, 0].sum() / max(out[:, 1].sum(), 1e-300)))
+        else:
+            return
+        for _ in range(CLIMBS):
+            single = grown(single, float(out[:, 0].sum() / max(out[:, 1].sum(), 1e-300)))
+            score(single)
+        self.jerk = single
+
+    def begin(self) -> tuple[Array, Array]:
+        """State before the first sample, and its covariance."""
+        return _before(self.tau, self.value[:, 0], self.variance[:, 0])
+
+    def smoothed(self, random: Array | None = None) -> tuple[Array, Array, Array]:
+        """State (n, d), its standard deviations (n, d), and draws of its error (m, n, 3) from normal numbers (m, n, d)."""
+        n = len(self.tau)
+        state, sd = np.empty((n, ORDER)), np.empty((n, ORDER))
+        random = np.empty((0, n, ORDER)) if random is None else random
+        drawn = np.empty((len(random), n, 3))
+        fixed_interval.smooth(self.tau, self.value, self.variance, self.jerk, *self.begin(), state, sd, random, drawn)
+        return state, sd, drawn
+
+
+def _before(tau: Array, y: Array, r: Array) -> tuple[Array, Array]:
+    """A vague state before the first sample: the polynomial through the first of them, (d,) and (d, d)."""
+    n, t = min(ORDER, len(y)), np.cumsum(tau[: ORDER + 1])
+    unit = np.array([float(math.factorial(i)) for i in range(ORDER)])
+    fit = np.linalg.inv(np.vander(t[:n], n, increasing=True)) * unit[:n, None]
+    away = 0.0
+    if len(y) > ORDER:  # one sample more tells how far it is from a polynomial
+        away = float(np.linalg.solve(np.vander(t, ORDER + 1, increasing=True), y[: ORDER + 1] - y[0])[ORDER])
+    state, size = np.zeros(ORDER), np.ones(ORDER)
+    state[:n], size[:n] = fit @ (y[:n] - y[0]), (fit**2).sum(axis=1)
+    state[0] += y[0]
+    noise = float(np.min(r[:n]))
+    return state, np.diag(VAGUE * (noise * size + (unit[-1] * ORDER * away) ** 2))

@@ -1,0 +1,142 @@
+"""Noise of measured positions: white noise from differences, and a lattice of steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import comb
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: orders of the differences that white noise is told from: of a faster motion the higher ones hold less
+ORDERS = (3, 4, 5, 6)
+#: share of the noise of the lowest order that the highest one finds where there is noise
+NOISY = 0.7
+#: normal standard deviations in a median absolute deviation
+ROBUST = 1.4826
+#: noise is at least this share of the range of the positions, and of their size, which is what 64 bits hold
+FLOOR, DIGITS = 1e-9, 4e-16
+#: samples that a lattice is looked for in
+LOOKED_AT = 20_000
+#: share of gaps between neighbouring values that are whole steps of a lattice
+WHOLE = 0.98
+#: a lattice has at least this number of values in use
+FEWEST = 3
+#: from so many gaps on a step is believed that no two neighbours are apart, found by so many descents
+MANY, DESCENTS = 12, 8
+#: the edge of a step is known to within this share of it: no lattice is even
+EDGE = 0.03
+
+
+def white(x: Array, tau: Array | None = None) -> float:
+    """Standard deviation of white noise on smooth positions (n,), robustly, from the least of several orders of differences.
+
+    Args:
+        x: positions, (n,). tau: steps of time before each, (n,); None: all alike.
+    """
+    return min((size for size in _spread(x, tau).values()), default=0.0)
+
+
+def is_noise(x: Array, tau: Array | None = None) -> bool:
+    """Whether differences of positions hold noise; of a motion alone, higher orders hold ever less."""
+    sizes = list(_spread(x, tau).values())
+    return len(sizes) == len(ORDERS) and sizes[-1] > NOISY * sizes[0] > 0.0
+
+
+def evenly(t: Array, unit: float) -> Array:
+    """Steps of time before each sample, (n,), in units of the median one, of a clock that ticks evenly and drops samples."""
+    steps = np.diff(t, prepend=t[0]) / unit
+    return np.where(steps > 0.5, np.maximum(np.round(steps), 1.0), steps)
+
+
+def _spread(x: Array, tau: Array | None) -> dict[int, float]:
+    """Noise as each order of differences tells it."""
+    x = x[:LOOKED_AT]
+    even = tau is None or np.ptp(tau[1:LOOKED_AT]) < 1e-9
+    t = None if even or tau is None else np.cumsum(tau[:LOOKED_AT])
+    out, difference = {}, x
+    for order in range(1, max(ORDERS) + 1):
+        if t is None:
+            difference = np.diff(difference)
+            unit = comb(2 * order, order) ** 0.5
+        elif order in ORDERS and len(x) > order:
+            difference, unit = _divided(t, x, order), 1.0
+        if order in ORDERS and len(difference) >= 5 and len(x) > order:
+            out[order] = ROBUST * float(np.median(np.abs(difference))) / unit
+    return out
+
+
+def _divided(t: Array, x: Array, order: int) -> Array:
+    """Divided differences over uneven times, of white noise of variance 1 their variance is 1, (n − order,)."""
+    m = len(x) - order
+    at = [t[i : i + m] for i in range(order + 1)]
+    weights = []
+    for i in range(order + 1):
+        product = np.ones(m)
+        for j in range(order + 1):
+            if j != i:
+                product *= at[i] - at[j]
+        weights.append(1.0 / product)
+    size = np.sqrt(sum(w * w for w in weights))
+    out: Array = sum(w * x[i : i + m] for i, w in enumerate(weights)) / size
+    return out
+
+
+def lattice(x: Array) -> float:
+    """Step of the lattice that positions (n,) lie on; 0 for none."""
+    values = np.unique(x if len(x) <= LOOKED_AT else x[:: -(-len(x) // LOOKED_AT)])
+    gaps = np.diff(values)
+    size = float(np.abs(values).max(initial=0.0))
+    gaps = gaps[gaps > 1e-13 * size]  # the same number, once more rounded
+    if len(gaps) < FEWEST - 1:
+        return 0.0
+    step = float(gaps.min())
+    for _ in range(DESCENTS if len(gaps) >= MANY else 1):
+        step = float(np.median(gaps[gaps < 1.5 * step])) if (gaps < 1.5 * step).any() else step
+        left = np.abs(gaps - step * np.round(gaps / step))
+        off = left > 0.02 * step
+        if np.mean(~off) >= WHOLE:
+            return step
+        step = float(left[off].min())  # Euclid's way to the common measure
+        if step < 1e-12 * size:
+            break
+    return 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Positions:
+    """Positions of one axis as measurements: values (n,), their variances (n,), noise of a sample, the step, and least noise."""
+
+    value: Array
+    variance: Array
+    noise: float
+    step: float
+    least: float
+
+
+def positions(x: Array, tau: Array | None = None) -> Positions:
+    """What positions (n,) say, and how surely; `tau` are the steps of time before them, (n,), None where all are alike.
+
+    On a lattice, samples that rest on one value are one measurement: each has the variance of the step, d²/12, times their
+    number m. Where one value gives way to the next, the position is at the edge between them, to within the way d/m that it
+    goes in a sample.
+    """
+    step = lattice(x)
+    least = FLOOR * float(np.ptp(x)) + DIGITS * float(np.abs(x).max(initial=0.0)) + 1e-100
+    noise = max(white(x, tau), least)
+    if not step:
+        return Positions(x, np.full(len(x), noise**2), noise, 0.0, least)
+    noise = max(noise, step / 12**0.5)
+    edges = np.flatnonzero(np.diff(x)) + 1
+    length = np.diff(np.r_[0, edges, len(x)])
+    value, variance = x.copy(), np.repeat(length * step**2 / 12.0, length)
+    many = np.minimum(length[:-1], length[1:])
+    jump = x[edges] - x[edges - 1]
+    single = np.abs(jump) < 1.5 * step
+    edges, many, jump = edges[single], many[single], jump[single]
+    value[edges] = x[edges] - 0.5 * jump * (1.0 - 1.0 / many)
+    variance[edges] = step**2 * (1.0 / (12.0 * many**2) + np.where(many > 1, EDGE**2, 0.0))
+    # dithered by more than a step, positions hold white noise as well
+    return Positions(value, np.maximum(variance, noise**2 if noise > step else 0.0), noise, step, least)

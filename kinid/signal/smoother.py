@@ -1,0 +1,198 @@
+"""Positions, velocities and accelerations that agree with each other, with their standard deviations.
+
+A fixed-interval smoother (Rauch, Tung & Striebel 1965; Särkkä 2013, ch. 8) over a point driven by white jerk whose intensity
+follows the motion. Positions come first; what was logged of velocities and accelerations is then held against them (bias,
+gain, delay, noise and its memory), put right where it is off, and smoothed together with them.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.kernels.state_space import ORDER
+from kinid.signal.axis import Axis
+from kinid.signal.noise import DIGITS, FLOOR, Positions, evenly, lattice, positions, white
+from kinid.signal.rates import Learnt, learn, together
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+T = TypeVar("T")
+
+#: a pause longer than this many median sample times is a gap
+GAP_FACTOR = 5.0
+#: stamps are looked at that are this far from an even clock, in samples; noise that an even one takes off, on a logarithmic scale
+JITTER, EVEN = 1e-6, -0.4
+#: from this many numbers on, axes are smoothed side by side
+WORTH_THREADS = 50_000
+
+
+@dataclass(eq=False)
+class Track:
+    """One axis: its pieces, where each lies among the samples, and what is known of its measurements."""
+
+    positions: Positions
+    pieces: list[tuple[Rows, Axis]]
+    unit: float  # h, the median sample time [s]
+
+
+@dataclass(frozen=True, eq=False)
+class Smoothed:
+    """The estimate, each (n, k); NaN where a sample has no position, derivatives also where it stands alone.
+
+    Attributes:
+        value, first, second: position, velocity, acceleration [unit, unit/s, unit/s²].
+        sd: their standard deviations, in this order.
+        facts: noise and step of the positions, and what was found of logged velocities and accelerations.
+    """
+
+    value: Array
+    first: Array
+    second: Array
+    sd: tuple[Array, Array, Array]
+    facts: dict[str, Any]
+    _tracks: tuple[Track, ...] = field(repr=False)
+
+    def draw(self, number: int) -> Smoothed:
+        """The motion with a sample of the estimate's error, the same for the same number."""
+        value, first, second = (x + e for x, e in zip((self.value, self.first, self.second), self.error(number)))
+        return Smoothed(value, first, second, self.sd, self.facts, self._tracks)
+
+    def error(self, number: int) -> tuple[Array, Array, Array]:
+        """A sample of the estimate's error with its memory (Durbin & Koopman 2002), (n, k) each; 0 where nothing is known."""
+        out = [np.zeros_like(self.value) for _ in range(3)]
+
+        def add(j: int) -> None:
+            track = self._tracks[j]
+            for i, (rows, axis) in enumerate(track.pieces):
+                random = np.random.default_rng([number, j, i]).standard_normal((1, len(rows), ORDER))
+                drawn = axis.smoothed(random)[2][0]
+                for order in range(3):
+                    out[order][rows, j] = drawn[:, order] / track.unit**order
+
+        _each(add, range(len(self._tracks)), self.value.size)
+        return out[0], out[1], out[2]
+
+
+def smooth_motion(
+    t: Array, value: Array, pieces: Iterable[slice], first: Array | None = None, second: Array | None = None
+) -> Smoothed:
+    """Smooth positions, and rates where they were measured.
+
+    Args:
+        t: time [s], (n,). value: positions (n, k). pieces: runs of samples without a gap, each smoothed by itself.
+        first, second: measured velocities and accelerations, (n, k), or None; where one is not a number it isn't there.
+    """
+    unit = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
+    runs = list(_runs(t, value, pieces, GAP_FACTOR * unit))
+    k = value.shape[1]
+    everywhere = np.concatenate(runs) if runs else np.empty(0, np.int64)
+    steps = _clock(t, value, runs, unit)
+    ticks = np.concatenate(steps) if steps else np.empty(0)
+    ticks[ticks == 0.0] = 1.0  # over a gap differences mean nothing, whatever it is
+
+    def alone(j: int) -> Track:
+        known = positions(value[everywhere, j], ticks)
+        quieter = 1.0 if known.step else min(1.0, (known.least / known.noise) ** 2)
+        made, at = [], 0
+        for rows, tau in zip(runs, steps):
+            own = slice(at, at + len(rows))
+            at += len(rows)
+            axis = Axis.of(tau, known.value[own], known.variance[own], known.noise**2, quieter)
+            axis.climb()
+            made.append((rows, axis))
+        return Track(known, made, unit)
+
+    tracks = _each(alone, range(k), value.size)
+    facts: dict[str, Any] = {"noise": [track.positions.noise for track in tracks]}
+    if any(track.positions.step for track in tracks):
+        facts["step"] = [track.positions.step for track in tracks]
+    for order, logged, name in ((1, first, "velocities"), (2, second, "accelerations")):
+        if logged is None:
+            continue
+        facts[name] = Learnt.facts(_with_rates(t, value, tracks, logged, order, unit))
+    out, sd = [np.full(value.shape, np.nan) for _ in range(3)], [np.full(value.shape, np.nan) for _ in range(3)]
+
+    def finish(j: int) -> None:
+        for rows, axis in tracks[j].pieces:
+            state, deviation, _ = axis.smoothed()
+            for order in range(3):
+                if order and len(rows) < 2:
+                    continue
+                out[order][rows, j] = state[:, order] / unit**order
+                sd[order][rows, j] = deviation[:, order] / unit**order
+
+    _each(finish, range(k), value.size)
+    return Smoothed(out[0], out[1], out[2], (sd[0], sd[1], sd[2]), facts, tuple(tracks))
+
+
+def _clock(t: Array, value: Array, runs: Sequence[Rows], unit: float) -> list[Array]:
+    """Steps of time of each run, in units of the median: as stamped, or even ones where positions are smoother over those.
+
+    A sampler that ticks evenly is often stamped when a message arrives: jitter of the stamps is then noise in the positions.
+    """
+    stamped = [np.diff(t[rows], prepend=t[rows[0]]) / unit for rows in runs]
+    if not runs:
+        return stamped
+    even = [evenly(t[rows], unit) for rows in runs]
+    longest = max(range(len(runs)), key=lambda i: len(runs[i]))
+    rows, scale = runs[longest], 1.0
+    if np.abs(stamped[longest] - even[longest]).max(initial=0.0) > JITTER:
+        gain = []
+        for column in value[rows].T:
+            least = FLOOR * float(np.ptp(column)) + DIGITS * float(np.abs(column).max()) + lattice(column) / 12**0.5 + 1e-100
+            gain.append(np.log(max(white(column, even[longest]), least) / max(white(column, stamped[longest]), least)))
+        if float(np.mean(gain)) < EVEN:
+            scale = float(stamped[longest].sum() / even[longest].sum())
+            return [tick * scale for tick in even]
+    return stamped
+
+
+def _with_rates(t: Array, value: Array, tracks: Sequence[Track], logged: Array, order: int, unit: float) -> list[Learnt]:
+    """Learn what logged rates (n, k) of this order are worth, and take them among the axes' measurements."""
+    which, size = range(len(tracks)), logged.size
+    learnt = together(_each(lambda j: learn(t, value[:, j], tracks[j].pieces, logged[:, j], order, unit), which, size))
+    _each(lambda j: _fuse(t, tracks[j], logged[:, j], learnt[j], order), which, size)
+    return learnt
+
+
+def _fuse(t: Array, track: Track, logged: Array, learnt: Learnt, order: int) -> None:
+    """Take measured rates, put right, among an axis' measurements."""
+    if not learnt.noise < np.inf:
+        return
+    for i, (rows, axis) in enumerate(track.pieces):
+        value, variance = learnt.measurements(t[rows], logged[rows], i)
+        n, c = axis.value.shape
+        wide, vary = np.zeros((n, order + 1)), np.full((n, order + 1), np.inf)
+        wide[:, :c], vary[:, :c] = axis.value, axis.variance
+        wide[:, order], vary[:, order] = value * track.unit**order, variance * track.unit ** (2 * order)
+        while len(axis.quieter) <= order:
+            axis.quieter.append(1.0)
+        axis.quieter[order] = learnt.quieter
+        wide[:, order] = np.where(vary[:, order] < np.inf, wide[:, order], 0.0)
+        axis.value, axis.variance = wide, vary
+        axis.climb()
+
+
+def _runs(t: Array, x: Array, pieces: Iterable[slice], gap: float) -> Iterable[Rows]:
+    """Rows of the pieces in which all of `x` are finite numbers, apart where that leaves a gap in time."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        good = np.isfinite(x @ np.ones(x.shape[1]))
+    for piece in pieces:
+        rows = piece.start + np.flatnonzero(good[piece])
+        if len(rows):
+            yield from np.split(rows, np.flatnonzero(np.diff(t[rows]) > gap) + 1)
+
+
+def _each(do: Callable[[int], T], which: Sequence[int], size: int) -> list[T]:
+    """Do it for each axis; two at a time where that pays, for the kernels let go of the interpreter."""
+    if size < WORTH_THREADS or len(which) < 2 or (os.cpu_count() or 1) < 2:
+        return [do(j) for j in which]
+    with ThreadPoolExecutor(2) as pool:
+        return list(pool.map(do, which))

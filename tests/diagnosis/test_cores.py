@@ -1,0 +1,38 @@
+"""Work on all cores: in order, without threads of threads, errors included."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+
+from kinid.diagnosis.cores import side_by_side
+
+
+def test_results_come_in_the_order_of_the_items() -> None:
+    first = threading.Event()
+
+    def last_first(i: int) -> int:
+        if i == 0:
+            assert first.wait(10.0)
+        first.set()
+        return i * i
+
+    assert side_by_side(last_first, [2]) == [4]
+    first.clear()
+    assert side_by_side(lambda i: i * i, range(20)) == [i * i for i in range(20)]
+
+
+def test_work_inside_of_work_stays_in_its_thread() -> None:
+    def inner(_: int) -> int:
+        return threading.get_ident()
+
+    def outer(_: int) -> bool:
+        return set(side_by_side(inner, range(3))) == {threading.get_ident()}
+
+    assert all(side_by_side(outer, range(4)))
+
+
+def test_an_error_comes_through() -> None:
+    with pytest.raises(ZeroDivisionError):
+        side_by_side(lambda i: 1 // i, [2, 1, 0])

@@ -1,0 +1,70 @@
+"""What a model is held against: long logs in means, none of their samples lost."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
+
+import kinid
+from kinid.experiment import Experiment
+from kinid.identification.dataset import MAX_READINGS, MAX_SAMPLES, averaged
+from kinid.identification.fit import all_channels
+from kinid.identification.problem import MANY_MEANS, MEAN_RATE, Problem
+
+Array = NDArray[np.float64]
+
+MODEL = kinid.Model("kelvin-voigt")
+
+
+def _long(seconds: float, rate: float, channels: int = 1) -> Experiment:
+    t = np.arange(round(seconds * rate)) / rate
+    depth = 4e-3 * np.sin(1.3 * t)
+    noise = 0.02 * np.random.default_rng(3).standard_normal((3, len(t)))
+    contact = {"depth": depth, "normal_force": np.where(depth > 0, 900.0 * depth, 0.0) + noise[0]}
+    for i in range(1, channels):
+        contact |= {f"slip{i}": 1e-3 * np.sin(t), f"tangential_force{i}": noise[i]}
+    return all_channels(kinid.Log(t=t, contact=contact), kinid.Rig(), MODEL)
+
+
+@pytest.mark.parametrize(("seconds", "rate", "channels", "many"), [
+    (20.0, 500.0, 3, 1), (80.0, 200.0, 3, 1), (60.0, 500.0, 1, 1), (60.0, 500.0, 3, 2), (60.0, 1000.0, 3, 3),
+    (120.0, 500.0, 3, 3), (200.0, 250.0, 1, 2), (300.0, 1000.0, 1, 8),
+])  # fmt: skip
+def test_long_logs_are_followed_in_means(seconds: float, rate: float, channels: int, many: int) -> None:
+    whole = _long(seconds, rate, channels)
+    assert len(whole.measured) == channels
+    short, _ = averaged(whole)
+    assert len(short.signals) == -(-len(whole.signals) // many)
+    assert len(short.signals) <= MAX_SAMPLES
+    assert short.measured.size <= MAX_READINGS or rate / many >= 0.9 * 160.0 or many == 1
+    kept = len(whole.signals) // many * many
+    mean = whole.measured[0, :kept].reshape(-1, many).mean(axis=1)
+    np.testing.assert_allclose(short.measured[0, : len(mean)], mean, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(short.noise, whole.noise / np.sqrt(many))
+
+
+@pytest.mark.parametrize(("seconds", "channels"), [(20.0, 3), (60.0, 1), (70.0, 3), (100.0, 3)])
+def test_of_many_readings_fewer_means_are_compared(seconds: float, channels: int) -> None:
+    """Means are the faster the fewer there are, and none is lost: each sample is in one of them."""
+    problem = Problem.build(_long(seconds, 500.0, channels))
+    rate = problem.shape[1] / seconds
+    if channels * seconds * MEAN_RATE < MANY_MEANS:
+        assert MEAN_RATE <= rate < 1.5 * MEAN_RATE
+    else:
+        assert 0.5 * MEAN_RATE <= rate < MEAN_RATE
+    assert problem.count.sum() == len(problem.experiment.signals)
+
+
+def test_readings_below_a_frequency() -> None:
+    """The band against scipy's own filter, and a channel that holds nothing stays so."""
+    experiment = dataclasses.replace(_long(20.0, 500.0), band=25.0)
+    readings = np.random.default_rng(1).standard_normal((3, len(experiment.signals)))
+    readings[1] = 0.0
+    found = experiment.in_band(readings)
+    wanted = sosfiltfilt(butter(4, 25.0, output="sos", fs=500.0), readings, axis=1)
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-12)
+    assert not found[1].any()

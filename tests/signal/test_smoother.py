@@ -1,0 +1,120 @@
+"""The smoothed motion: exact where it can be, the same in other units and backwards, near the truth, and as sure as it says."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from kinid.signal import Smoothed, smooth_motion
+
+Array = NDArray[np.float64]
+
+PERIOD = 2.4  # of a poke [s]
+
+
+def poke(t: Array) -> tuple[Array, Array, Array]:
+    """Minimum-jerk ways in and out of 20 mm, 0.4 s each, with holds of 0.8 s; position, velocity, acceleration, (n,)."""
+    out = np.zeros((3, len(t)))
+    for start, way in ((0.8, 0.02), (2.0, -0.02)):
+        u = np.clip((t % PERIOD - start) / 0.4, 0.0, 1.0)
+        out[0] += way * u**3 * (10 - 15 * u + 6 * u**2)
+        out[1] += way / 0.4 * 30 * u**2 * (1 - u) ** 2
+        out[2] += way / 0.16 * 60 * u * (1 - u) * (1 - 2 * u)
+    return out[0], out[1], out[2]
+
+
+def smoothed(t: Array, x: Array, first: Array | None = None) -> Smoothed:
+    return smooth_motion(t, x[:, None], [slice(0, len(t))], None if first is None else first[:, None])
+
+
+def errors(made: Smoothed, truth: tuple[Array, Array, Array]) -> Array:
+    """(3, n)."""
+    return np.stack([made.value[:, 0] - truth[0], made.first[:, 0] - truth[1], made.second[:, 0] - truth[2]])
+
+
+def rms(x: Array) -> Array:
+    return np.sqrt(np.mean(x**2, axis=-1))
+
+
+@pytest.fixture(scope="module")
+def measured() -> tuple[Array, tuple[Array, Array, Array], Array]:
+    """Times, truth and positions with 3 µm of noise."""
+    t = np.arange(0, 4 * PERIOD, 0.002)
+    truth = poke(t)
+    return t, truth, truth[0] + 3e-6 * np.random.default_rng(0).standard_normal(len(t))
+
+
+@pytest.mark.parametrize("degree", [0, 1, 2, 3])
+def test_polynomials_come_back(degree: int) -> None:
+    t = np.sort(np.random.default_rng(degree).uniform(0, 2, 400)) + np.arange(400) * 0.01
+    u = (t - 3.0) / 3.0
+    truth = (u**degree, degree * u ** max(degree - 1, 0) / 3, degree * (degree - 1) * u ** max(degree - 2, 0) / 9)
+    away = np.abs(errors(smoothed(t, truth[0]), truth)).max(axis=1)
+    assert (away < [1e-7, 1e-5, 1e-3]).all(), away
+
+
+def test_units_and_direction_of_time_don_t_matter(measured: tuple[Array, tuple[Array, Array, Array], Array]) -> None:
+    t, _, x = measured
+    plain = smoothed(t, x)
+    milli = smoothed(t, 1e3 * x)
+    np.testing.assert_allclose(milli.second, 1e3 * plain.second, rtol=1e-5, atol=1e-5 * np.abs(milli.second).max())
+    slow = smoothed(10 * t, x)
+    np.testing.assert_allclose(100 * slow.second, plain.second, rtol=1e-5, atol=1e-5 * np.abs(plain.second).max())
+    back = smoothed(t[-1] - t[::-1], x[::-1])
+    scale = rms(plain.first[:, 0])
+    assert rms(back.first[::-1, 0] + plain.first[:, 0]) < 2e-2 * scale
+
+
+def test_it_is_near_the_truth_and_as_sure_as_it_says(measured: tuple[Array, tuple[Array, Array, Array], Array]) -> None:
+    t, truth, x = measured
+    made = smoothed(t, x)
+    off = errors(made, truth)
+    assert (rms(off) < [1e-6, 6e-5, 1.2e-2]).all(), rms(off)  # 25 Hz differentiator: 3e-6, 1.2e-4, 4e-2
+    for row, sd in zip(off, made.sd):
+        inside = np.abs(row)[:, None] < np.outer(sd[:, 0], [1.0, 2.0])
+        assert 0.5 < inside[:, 0].mean() <= 1.0
+        assert inside[:, 1].mean() > 0.85
+
+
+@pytest.mark.parametrize(("noise", "bias", "delay"), [(1e-5, 0, 0), (2e-4, 0, 0), (2e-4, 2e-4, 0), (2e-4, 0, 0.004)])
+def test_velocities_never_make_it_worse(
+    noise: float, bias: float, delay: float, measured: tuple[Array, tuple[Array, Array, Array], Array]
+) -> None:
+    t, truth, x = measured
+    logged = poke(np.maximum(t - delay, 0))[1] + bias + noise * np.random.default_rng(1).standard_normal(len(t))
+    alone, both = smoothed(t, x), smoothed(t, x, logged)
+    assert (rms(errors(both, truth)) < 1.05 * rms(errors(alone, truth))).all()
+    found = both.facts["velocities"]
+    assert found["bias"][0] == pytest.approx(bias, abs=3e-5)
+    assert found["delay"][0] == pytest.approx(delay, abs=3e-4)
+
+
+def test_velocities_made_of_the_positions_tell_nothing(measured: tuple[Array, tuple[Array, Array, Array], Array]) -> None:
+    t, _, x = measured
+    alone, both = smoothed(t, x), smoothed(t, x, np.gradient(x, t))
+    assert both.facts["velocities"]["noise"] == [np.inf]
+    np.testing.assert_array_equal(both.first, alone.first)
+
+
+def test_draws_scatter_as_the_standard_deviations_say(measured: tuple[Array, tuple[Array, Array, Array], Array]) -> None:
+    t, _, x = measured
+    made = smoothed(t, x)
+    drawn = np.stack([np.stack(made.error(k))[:, :, 0] for k in range(40)])
+    ratio = drawn.std(axis=0).mean(axis=1) / np.stack(made.sd)[:, :, 0].mean(axis=1)
+    np.testing.assert_allclose(ratio, 1.0, atol=0.1)
+    np.testing.assert_array_equal(made.draw(3).first, made.draw(3).first)
+    # a drawn velocity is the derivative of the drawn position
+    assert rms(np.gradient(drawn[0, 0], t) - drawn[0, 1]) < 0.03 * rms(drawn[0, 1])
+
+
+def test_gaps_and_what_is_missing(measured: tuple[Array, tuple[Array, Array, Array], Array]) -> None:
+    t, truth, x = measured
+    x = x.copy()
+    x[100] = np.nan
+    made = smooth_motion(t, x[:, None], [slice(0, 2000), slice(2000, 2001), slice(2001, len(t))])
+    assert np.isnan(made.value[100])
+    assert np.isnan(made.first[2000])
+    assert np.isfinite(made.value[2000])
+    good = np.isfinite(made.first[:, 0])
+    assert rms(made.first[good, 0] - truth[1][good]) < 1e-4
