@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.identification.compare import Comparison
 from kinid.estimators.estimate import Track
 from kinid.estimators.forgetting import Constant
 from kinid.estimators.friction import Friction
 from kinid.estimators.hunt_crossley import SingleStage
 from kinid.estimators.kelvin_voigt import KelvinVoigt
+from kinid.identification.compare import Comparison
 from kinid.identification.fit import Fit
 from kinid.loops import Loop, loops
 from kinid.plots import BLUE, GREEN, GREY, INK, MOST_POINTS, ORANGE, VERMILION, drawing, finish, grid, key, line, page, thin

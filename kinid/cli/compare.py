@@ -40,7 +40,7 @@ def compare(
 
     check_outputs((plot, json_file), (log, rig_path(log, rig)))
     models = [parse_model(text) for text in model]
-    the_rig, data = data_for(log, rig, *models)
+    the_rig, data = data_for(log, rig)
     from kinid.identification.compare import compare as run
 
     result = run(models, data, the_rig, reference=None if reference is None else str(parse_model(reference)))

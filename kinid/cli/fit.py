@@ -12,7 +12,6 @@ from kinid.cli import complete
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
-    from kinid.contact import ContactSeries
     from kinid.identification.fit import Fit
     from kinid.log import Log
     from kinid.model import Model
@@ -48,7 +47,7 @@ def fit(
     if out is not None:
         check_table_name(out)
     check_outputs((out, plot, json_file), (log, rig_path(log, rig)))
-    the_rig, data = data_for(log, rig, chosen)
+    the_rig, data = data_for(log, rig)
     from kinid.identification.fit import fit_model
 
     result = fit_model(chosen, data, the_rig)
@@ -79,17 +78,12 @@ def parse_model(text: str) -> Model:
     return Model(*names)
 
 
-def data_for(log: Path, rig: Path | None, *models: Model) -> tuple[Rig, ContactSeries | Log]:
-    """The rig, and what models are fitted to: contact quantities where they suffice, else the log."""
+def data_for(log: Path, rig: Path | None) -> tuple[Rig, Log]:
+    """The rig, and the log with all that it holds: a fit, a comparison and a diagnosis are of the same channels."""
     from kinid.cli.contact import load
 
-    the_rig, the_log, robot = load(log, rig)
-    whole = the_log.wrench is not None and the_log.q is not None and the_rig.surface is not None
-    if any(model.needs_log or (whole and model.acts_on_reading) for model in models):
-        return the_rig, the_log
-    from kinid.contact import contact_series
-
-    return the_rig, contact_series(the_log, the_rig, robot=robot)
+    the_rig, the_log, _ = load(log, rig)
+    return the_rig, the_log
 
 
 def prediction_columns(result: Fit) -> dict[str, Any]:

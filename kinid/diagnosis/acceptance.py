@@ -1,7 +1,9 @@
 """Refit, accept, prune: nonlinear refits of what promises most, and the paired held-out gain that decides about them.
 
-Blocks of time that a fit has not seen are predicted by two models. With residuals r before and after, weighed by what is left before
-the addition, block b gains d = Σ(r² − r'²) = |δ|² + 2 Σ r' δ, where δ = r − r' is what the addition changes. It is the second term that
+Blocks of time that a fit has not seen are predicted by two models. With residuals r before and after, weighed by what is left
+before
+the addition, block b gains d = Σ(r² − r'²) = |δ|² + 2 Σ r' δ, where δ = r − r' is what the addition changes. It is the second
+term that
 chance makes: its sum over blocks has the standard error 2 √Σ(Σ_b r' δ)², memory within a block included, and between neighbours
 (W. K. Newey, K. D. West, Econometrica 55, 1987). Effects that act rarely are judged by what they leave there, not by how unevenly
 their gain is spread.
@@ -24,7 +26,8 @@ from kinid.model import Model
 
 Array = NDArray[np.float64]
 
-#: steps of a refit; points of an effect's shapes that are tried, and searches from the best of them where they leave nearly as little
+#: steps of a refit; points of an effect's shapes that are tried, and searches from the best of them where they leave nearly as
+#: little
 REFIT_STEPS, POINTS, STARTS, WORTH_A_START = 20, 8, 2, 1.3
 
 
@@ -59,11 +62,12 @@ def compare_states(before: State, after: State, sigma: Array) -> Evidence:
     variance = max(variance, variance + 2.0 * float(np.sum(chance[1:] * chance[:-1])))
     total = float(gain.sum()) + _prior_cost(before) - _prior_cost(after)
     rms = np.sqrt(np.mean((change * sigma) ** 2, axis=1)) / before.problem.channel_rms
-    return Evidence(total, 2.0 * float(np.sqrt(variance)) + 1e-12, float(gain.sum() / max(1e-300, np.sum(old**2))), float(rms.max()))
+    share = float(gain.sum() / max(1e-300, np.sum(old**2)))
+    return Evidence(total, 2.0 * float(np.sqrt(variance)) + 1e-12, share, float(rms.max()))
 
 
 def _beside(state: State, other: State) -> Array:
-    """Held-out residual of a state, where calibration counts no further than it is trusted to, if the other has it as an effect."""
+    """Held-out residual of a state; what the other has as an effect counts as calibration no further than that is trusted."""
     beyond = state.shift - trusted(state.shift)
     beyond *= [nuisance.effect.id in other.model for nuisance in state.open_]
     if not beyond.any():
@@ -88,12 +92,13 @@ class Refit:
 def refit(before: State, candidates: list[Candidate]) -> Refit:
     """The best refit of an effect from its best points, with the error model of the state before.
 
-    Points are ranked once more with everything that enters linearly at its best: shapes that are far from the null change readings
-    differently from what the screening's small steps say.
+    Points are ranked once more with everything that enters linearly at its best: shapes that are far from the null change
+    readings differently from what the screening's small steps say.
     """
     model = before.model + candidates[0].effect
     with np.errstate(all="ignore"):
-        starts = [project_linear(before.problem, before.model + c.effect, _nearest(before, before.model + c.effect, c), before.error)
+        starts = [project_linear(before.problem, before.model + c.effect, _nearest(before, before.model + c.effect, c),
+        before.error)
                   for c in candidates[:POINTS]]  # fmt: skip
     starts.sort(key=lambda start: start[1])
     best: State | None = None

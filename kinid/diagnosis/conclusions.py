@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid import effects
-from kinid.diagnosis.acceptance import settle
 from kinid.diagnosis.detectors import Mark
 from kinid.diagnosis.localization import where
 from kinid.diagnosis.pipeline import Found
@@ -36,7 +35,7 @@ class Conclusions:
 
     def diagnosis(self, progress: Callable[[str], None], warnings: Sequence[str]) -> Diagnosis:
         """The whole of it."""
-        found, selection = self.found, self.found.selection
+        found = self.found
         progress("measuring errors")
         before = self.held_out(found.plain, ())
         path = self._path()
@@ -88,11 +87,14 @@ class Conclusions:
         loud = [m for m in marks if self._error(self.held_out(start, (m,))) < (1.0 - SAME) * base or not selection.added]
         for i, mark in enumerate(loud):
             out.append((mark.effect.id, start, tuple(loud[: i + 1])))
-        order = _by_gain(selection.added, {name: selection.evidence[name].gain for name in selection.added})
-        for i, name in enumerate(order[:-1]):
-            out.append((name, self._partial(start, last, order[: i + 1]), tuple(loud)))
-        if order:
-            out.append((order[-1], last, tuple(loud)))
+        done: list[str] = []
+        while len(done) < len(selection.added):
+            rest = [name for name in selection.added if name not in done]
+            ready = [name for name in rest if not _waits(name, rest)] or rest
+            states = {name: last if len(rest) == 1 else self._partial(start, last, [*done, name]) for name in ready}
+            best = min(states, key=lambda name: self._error(self.held_out(states[name], loud)))
+            done.append(best)
+            out.append((best, states[best], tuple(loud)))
         quiet = [m for m in marks if m not in loud]
         return out + [(mark.effect.id, last, (*loud, *quiet[: i + 1])) for i, mark in enumerate(quiet)]
 
@@ -104,7 +106,7 @@ class Conclusions:
                 model = model - name
         full = last.model.parameters(last.problem.layout)
         values = np.array([v for key, v in zip(full, last.values) if key.split(".", 1)[0] in model])
-        return settle(search(start.problem, model, values, start.error))
+        return search(last.problem, model, values, start.error)
 
     def _steps(self, before: Array, path: list[tuple[str, State, tuple[Mark, ...]]], noise: float) -> list[Step]:
         first, names = self._error(before), list(self.found.model.names)
@@ -143,17 +145,17 @@ class Conclusions:
         idle = self.found.selection.unsupported
         added = [step.added for step in steps if step.added and step.added not in idle]
         allowed = f"{left.tolerance:.2g} {left.unit} may be"
-        inside = ("what is left is noise" if left.excess < 0.5 * left.noise else
-                  f"{left.excess:.2g} {left.unit} are left beside noise, {100 * left.share_of_reading:.2g} % of the reading; {allowed}")
+        remains = f"{left.excess:.2g} {left.unit} are left beside noise, {100 * left.share_of_reading:.2g} % of the reading"
+        helped = f"{' and '.join(with_rivals(added, told))} {_take(added)} off {100 * steps[-1].explained:.0f} % of the error"
+        inside = "what is left is noise" if left.excess < 0.5 * left.noise else f"{remains}; {allowed}"
         if left.matters:
             verdict = UNEXPLAINED
-            says = (f"{left.excess:.2g} {left.unit} are left beside noise, {100 * left.share_of_reading:.2g} % of the reading, where "
-                    f"{allowed}; no further effect of the catalogue takes off what chance wouldn't")  # fmt: skip
+            says = f"{remains}, where {allowed}; no further effect of the catalogue takes off what chance wouldn't"
             if added:
-                says = f"{' and '.join(with_rivals(added, told))} {_take(added)} off {100 * steps[-1].explained:.0f} % of the error; {says}"
+                says = f"{helped}; {says}"
         elif added:
             verdict = MISSING
-            says = f"{' and '.join(with_rivals(added, told))} {_take(added)} off {100 * steps[-1].explained:.0f} % of the error; {inside}"
+            says = f"{helped}; {inside}"
             values = {e.id: {name: p.value for name, p in e.parameters.items()} for e in told if e.id in added}
             says += "".join(f"; {words}" for name, own in values.items() if (words := effects.get(name).meaning(own)))
         else:
@@ -185,12 +187,6 @@ def _take(names: Sequence[str]) -> str:
     return "takes" if len(names) == 1 else "take"
 
 
-def _by_gain(names: Sequence[str], gain: dict[str, float]) -> list[str]:
-    """Names, the most helpful first; one that acts on another of them comes after it."""
-    out: list[str] = []
-    left = sorted(names, key=lambda name: -gain[name])
-    while left:
-        ready = [name for name in left if not set(effects.get(name).wants) & (set(left) - {name}) or set(effects.get(name).wants) & set(out)]
-        out.append((ready or left)[0])
-        left.remove(out[-1])
-    return out
+def _waits(name: str, rest: Sequence[str]) -> bool:
+    """Whether an effect acts on another one that isn't in the model yet."""
+    return bool(set(effects.get(name).wants) & (set(rest) - {name}))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-
 from kinid.diagnosis.detectors import Cleaned, detect
 from kinid.diagnosis.selection import Selection, select
 from kinid.diagnosis.settings import DiagnosisSettings

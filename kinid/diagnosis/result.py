@@ -91,7 +91,8 @@ class EffectVerdict:
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
         return {
-            "id": self.id, "verdict": self.verdict, "evidence": self.evidence if np.isfinite(self.evidence) else None, "equivalent_to": list(self.equivalent_to),
+            "id": self.id, "verdict": self.verdict,
+            "evidence": self.evidence if np.isfinite(self.evidence) else None, "equivalent_to": list(self.equivalent_to),
             "held_out_gain": self.held_out_gain,
             "parameters": {name: p.to_dict() for name, p in self.parameters.items()},
             "separate_by": self.separate_by, "says": self.says, "acts": self.acts,

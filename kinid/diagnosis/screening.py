@@ -1,4 +1,4 @@
-"""Screen: how much of the residual each effect of the catalogue would explain, in the linear view (a score test at finite steps)."""
+"""Screen: how much of the residual each effect of the catalogue would explain, in the linear view (a score test)."""
 
 from __future__ import annotations
 
@@ -53,8 +53,7 @@ def screen(state: State, effect: Effect) -> list[Candidate]:
     A nuisance that is the same effect gives way to it.
     """
     with np.errstate(all="ignore"):
-        found = sorted(_candidates(state, effect.for_log(state.problem.experiment.signals)), key=lambda c: -c.predicted_gain)
-    return found
+        return sorted(_candidates(state, effect.for_log(state.problem.experiment.signals)), key=lambda c: -c.predicted_gain)
 
 
 def _candidates(state: State, effect: Effect) -> Iterator[Candidate]:
@@ -73,7 +72,9 @@ def _candidates(state: State, effect: Effect) -> Iterator[Candidate]:
     within = trusted(state.shift)
     told = (state.residual.reshape(-1) + state.jacobian[:, p:][:, own] @ (state.shift - within)[own]) / sigma
     given_up = float(np.sum(residual**2) - np.sum(told**2) - within[own] @ within[own])
-    given_up -= float(gradient @ inverse @ gradient)
+    # … beyond what the model's own parameters still gain where its search ended early
+    ended = state.weighted.T @ (state.residual.reshape(-1) / sigma) - (state.prior @ placed)[state.free]
+    given_up += float(ended @ np.linalg.pinv(state.information, hermitian=True) @ ended - gradient @ inverse @ gradient)
     parameters = effect.parameters(layout)
     amplitude = amplitudes(effect, layout, base_of(model))
     larger = model + effect

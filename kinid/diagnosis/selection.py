@@ -15,12 +15,15 @@ from kinid.diagnosis.screening import Candidate, screen, screen_catalogue
 from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.effects import Effect
 from kinid.identification.applicability import amplitudes, base_of
+from kinid.identification.lack_of_fit import error_rows, lack_of_fit
 from kinid.identification.solver import State
+from kinid.identification.whole import held_out_residual
 from kinid.model import Model
-
 
 Array = NDArray[np.float64]
 
+#: an error that is told of rises where its square is so many times the one before
+RISES = 1.01
 #: a value is no value that can be where it is so many standard errors away from one that can
 DOUBT = 2.0
 #: refits that fit as well and are settled to tell them apart, at most
@@ -43,7 +46,8 @@ class Selection:
     Attributes:
         states: from the model that was asked about to the last one. added: names, in their order.
         evidence: of each addition beside all others. alternatives: of each, those that fit as well.
-        rounds: every look. unsupported: of names that were added because they were asked for, and that the log doesn't support, why.
+        rounds: every look. unsupported: of names that were added because they were asked for, and that the log doesn't support,
+            why.
         pruned: names that later additions made needless.
     """
 
@@ -70,26 +74,41 @@ def _why(state: State, effect: Effect) -> str:
     named = state.model.parameters(layout)
     values = dict(zip(named, state.values.tolist()))
     null = amplitudes(effect, layout, base_of(state.model))
-    own, begin = {}, next(i for i, full in enumerate(named) if full.split(".", 1)[0] == effect.id) if effect.parameters(layout) else 0
+    own: dict[str, float] = {}
+    begin = next((i for i, full in enumerate(named) if full.split(".", 1)[0] == effect.id), 0)
     for i, p in enumerate(effect.parameters(layout)):
         value, room = float(state.values[begin + i]), DOUBT * float(state.standard_errors[begin + i])
         towards = null.get(i, p.nominal)
         own[p.name] = towards if not room < abs(value - towards) else value + room * (1.0 if towards > value else -1.0)
-    return effect.implausible(own, values | {f"{effect.id}.{name}": v for name, v in own.items()}, state.problem.experiment.signals)
+    values |= {f"{effect.id}.{name}": value for name, value in own.items()}
+    return effect.implausible(own, values, state.problem.experiment.signals)
 
 
 def acceptable(tried: Refit, before: State, settings: DiagnosisSettings) -> bool:
     """Whether a refit is beyond doubt, worth a name, and physically possible."""
     e = tried.evidence
-    return (e.significance > settings.min_significance and e.share > settings.min_share and e.change > settings.min_reading_share
+    # what takes off most of the error leaves less that could speak against it
+    needed = settings.min_significance * max(0.5, 1.0 - e.share)
+    return (e.significance > needed and e.share > settings.min_share and e.change > settings.min_reading_share
             and not implausible(tried.state, before))  # fmt: skip
 
 
 def worth_a_name(tried: Refit, before: State, start: State, settings: DiagnosisSettings) -> bool:
-    """Whether a refit takes off a share of the error that the model had when it was asked about."""
+    """Whether a further effect takes off a share of the error that the model had when it was asked about.
+
+    Where more is left than the tolerance, whatever helps is worth one.
+    """
+    if before is start or lack_of_fit(before, held_out_residual(before)).matters:
+        return True
     weight = 1.0 / start.error.noise
     old, new, first = (float(np.sum((state.held_out * weight) ** 2)) for state in (before, tried.state, start))
-    return before is start or old - new > settings.min_explained * (first - start.residual.size)
+    return old - new > settings.min_explained * (first - start.residual.size)
+
+
+def lowers_error(after: State, before: State) -> bool:
+    """Whether the error that is told of, held out and not weighed, doesn't rise."""
+    rows = error_rows(before.problem.whole)
+    return bool(np.mean(after.held_out[rows] ** 2) <= RISES * np.mean(before.held_out[rows] ** 2))
 
 
 def look(state: State, settings: DiagnosisSettings, spare: Sequence[str] = ()) -> Round:
@@ -136,7 +155,8 @@ def select(start: State, settings: DiagnosisSettings, forced: Sequence[str] = ()
     found = Selection([start])
     for name in forced:
         before = found.states[-1]
-        _add(found, refit(before, screen(before, effects.get(name))), settings)
+        asked = refit(before, screen(before, effects.get(name)))
+        _add(found, replace(asked, state=settle(asked.state)))
         if why := _unsupported(found.evidence[name], found.states[-1], before, settings):
             found.unsupported[name] = why
     while True:
@@ -148,7 +168,11 @@ def select(start: State, settings: DiagnosisSettings, forced: Sequence[str] = ()
         best = choose(worth, now.before, settings) if len(found.added) < settings.max_effects else None
         if best is None:
             break
-        _add(found, best, settings)
+        settled = settle(best.state)
+        if not lowers_error(settled, now.before):
+            found.pruned.add(best.effect.id)
+            continue
+        _add(found, replace(best, state=settled))
         _prune(found, settings, keep={*forced, best.effect.id})
     _defend(found, settings, forced)
     _prune(found, settings, keep=set(forced))
@@ -161,8 +185,8 @@ def removable(model: Model, name: str) -> bool:
     return all(not effect.wants or any(other.id in effect.wants for other in rest) for effect in rest)
 
 
-def _add(found: Selection, best: Refit, settings: DiagnosisSettings) -> None:
-    found.states.append(settle(best.state))
+def _add(found: Selection, best: Refit) -> None:
+    found.states.append(best.state)
     found.added.append(best.effect.id)
     found.evidence[best.effect.id] = best.evidence
 
@@ -193,11 +217,11 @@ def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str]) -> Non
 
 def _defend(found: Selection, settings: DiagnosisSettings, forced: Sequence[str]) -> None:
     """Hold each addition against what else could stand in its place: swap it where another is better, name those as good."""
-    for name in list(found.added):
-        last = found.states[-1]
+    for held in list(found.added):
+        name, last = held, found.states[-1]
         if not removable(last.model, name):
             continue
-        if len(found.added) == 1:
+        if len(found.added) == 1 and not forced:
             now, less = found.rounds[0], found.rounds[0].before
         else:
             less = without(last, name)

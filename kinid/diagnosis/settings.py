@@ -14,7 +14,8 @@ class DiagnosisSettings:
         min_share: of the squared error that is left, what an effect must take off [1].
         min_reading_share: root mean square of an effect's change of the readings over that of the readings [1]; less than this
             no sensor's linearity bears out.
-        min_explained: of the squared error beyond noise that the model had when it was asked about, what every further effect must
+        min_explained: of the squared error beyond noise that the model had when it was asked about, what every further effect
+        must
             take off [1].
         rival_significance: alternatives within so many standard errors of each other are not told apart [1].
         rival_share: nor are those whose held-out gains differ by less than this share [1].

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from kinid import effects
 from kinid.diagnosis.acceptance import Refit
-from kinid.diagnosis.detectors import Mark
 from kinid.diagnosis.pipeline import Found
 from kinid.diagnosis.result import ABSENT, INDISTINGUISHABLE, NOT_EXCITED, PRESENT, EffectVerdict
 from kinid.diagnosis.screening import Candidate, screen
@@ -40,8 +39,8 @@ def verdicts(found: Found, parameters: dict[str, FittedParameter], gains: dict[s
         gains: by how much additions and those that were refitted lower the held-out error. left: by the best model.
     """
     selection, last = found.selection, found.selection.states[-1]
-    out = [EffectVerdict(mark.effect.id, PRESENT, np.inf, (), gains.get(mark.effect.id, 0.0), _own(mark.effect.id, parameters), "",
-                         mark.says) for mark in found.cleaned.marks]  # fmt: skip
+    out = [EffectVerdict(name := mark.effect.id, PRESENT, np.inf, (), gains.get(name, 0.0), _own(name, parameters), "", mark.says)
+           for mark in found.cleaned.marks]  # fmt: skip
     out += [_added(name, found, parameters, gains.get(name, 0.0), left, settings) for name in selection.added]
     known = {v.id for v in out}
     groups = {rival: tuple(dict.fromkeys([name, *(r for r in rivals if r != rival)]))
@@ -61,18 +60,21 @@ def verdicts(found: Found, parameters: dict[str, FittedParameter], gains: dict[s
                 f"fits as well as {', '.join(groups[name])}: this log can't tell them apart"))  # fmt: skip
             continue
         latest = next((t for t in final.refits if t.effect.id == name), None) if final is not None else None
-        verdict, says = _unseen(found, effect, why, final.points.get(name) if final else None, latest, settings)
+        if why:
+            others.append(EffectVerdict(name, NOT_EXCITED, 0.0, (), 0.0, {}, f"record {effect.excited_by}", why, False))
+            continue
+        verdict, says = _unseen(found, effect, final.points.get(name) if final else None, latest, settings)
         if latest is not None and len(selection.added) >= settings.max_effects and acceptable(latest, last, settings):
             others.append(EffectVerdict(
                 name, NOT_EXCITED, latest.evidence.significance, (), gains.get(name, 0.0), {},
                 f"--add {name}, or a larger --max-effects", "left out: no more effects were asked for; it would take "
                 f"{100 * latest.evidence.share:.0f} % of what is left", left_out=True))  # fmt: skip
             continue
-        record = "" if verdict == ABSENT else f"record {'' if why else 'more: '}{effect.excited_by}"
+        record = "" if verdict == ABSENT else f"record more: {effect.excited_by}"
         within = effect.within(last.problem.experiment.signals) if verdict == ABSENT else ""
         says += f"; {within}" if within else ""
         evidence = latest.evidence.significance if latest is not None else 0.0
-        others.append(EffectVerdict(name, verdict, evidence, (), gains.get(name, 0.0), {}, record, says, not why, within=within))
+        others.append(EffectVerdict(name, verdict, evidence, (), gains.get(name, 0.0), {}, record, says, within=within))
     order = {INDISTINGUISHABLE: 0, NOT_EXCITED: 1, ABSENT: 2}
     return (*out, *sorted(others, key=lambda v: (order[v.verdict], -v.evidence)))
 
@@ -102,22 +104,20 @@ def is_stand_in(name: str, found: Found, left: LackOfFit, settings: DiagnosisSet
     return evidence.share < 1.0 / (1.0 + settings.stand_in_ratio**2)
 
 
-def _unseen(found: Found, effect: Effect, why: str, points: Sequence[Candidate] | None, latest: Refit | None,
+def _unseen(found: Found, effect: Effect, points: Sequence[Candidate] | None, latest: Refit | None,
             settings: DiagnosisSettings) -> tuple[str, str]:  # fmt: skip
     """Absent or not excited, and why."""
-    if why:
-        return NOT_EXCITED, why
     last = found.selection.states[-1]
     if effect.detector:
-        unseen = getattr(effect, "unseen", lambda rate: "")(1.0 / sample_period(found.whole.signals))
-        return (NOT_EXCITED, unseen) if unseen else (ABSENT, "no such mark in the samples")
+        unseen = effect.unseen(1.0 / sample_period(found.whole.signals))
+        return (NOT_EXCITED if unseen else ABSENT), unseen or "no such mark in the samples"
     points = screen(last, effect) if points is None else points
     if not points:
         return NOT_EXCITED, "it changes nothing in this log"
     if latest is not None and latest.evidence.share > settings.min_share \
             and latest.evidence.significance > DOUBTFUL * settings.min_significance:
-        return NOT_EXCITED, (f"it would take {100 * latest.evidence.share:.0f} % of the rest, {latest.evidence.significance:.1f} times "
-                             "its standard error: no proof of it, and none against it")  # fmt: skip
+        much, sure = 100 * latest.evidence.share, latest.evidence.significance
+        return NOT_EXCITED, f"it would take {much:.0f} % of the rest, {sure:.1f} standard errors: no proof, for or against"
     hidden = _too_small_to_see(last, effect, points, settings)
     if hidden:
         return NOT_EXCITED, f"one that matters ({hidden}) would hardly show in this log"

@@ -21,8 +21,6 @@ PILED, DENSER = 40, 5.0
 #: come to rest by themselves slow down and are denser near it, by 2 or more (a landing with s³, the top of a sine); those that
 #: are cut off aren't
 BELOW, NEAR, FAR, SLOWED = 3.5, 8.0, 40.0, 1.6
-#: the pile is the uppermost place where readings are this dense, as a share of the densest
-HIGHEST = 0.6
 #: share of a log that must be left beside flat tops; else they stay in
 ENOUGH_LEFT = 0.15
 #: from this multiple of the noise on, a lattice lets several samples share their largest value by chance; so do readings of which
@@ -33,12 +31,16 @@ FEWEST_VALUES = 20
 #: what a model expects beyond a level by so many standard deviations is beyond it: so much of a pile must be, and where it is so
 #: by as many of the model's own errors, so much of it must be in the pile; so much of the pile may be expected below the level
 BEYOND, PART_BEYOND, STAYS, PART_BELOW = 3.0, 0.5, 0.9, 0.2
+#: however large a model's errors are, what it expects below the level by this share of it is below
+FAR_BELOW = 0.25
 #: readings from these shares of the largest on tell the noise at the end of the range, if they are so many
 TOPS, ENOUGH = (0.9, 0.97), 20
 #: in the pile, readings rise with what is expected by less than this slope
 RISES = 0.3
-#: a pile that a model confirms is denser than the values below it by this
-CONFIRMED = 1.2
+#: how wide a pile is at most, in standard deviations of the noise
+NARROW = 1.3
+#: a pile that a model confirms is this dense at least, beside the values below it, and this wide at most
+CONFIRMED, WIDE = 0.8, 1.5
 #: a model that was fitted to clipped readings expects too little everywhere, by this at most; a steep law that levels off by more
 FLATTENED = 3.0
 
@@ -92,7 +94,7 @@ class Saturation(Effect):
         Args:
             measured: raw readings. alone: whether the pile alone must tell it from loads that rest; else a model does.
         """
-        limits = (DENSER, SLOWED) if alone else (CONFIRMED, np.inf)
+        limits = (DENSER, SLOWED, NARROW) if alone else (CONFIRMED, np.inf, WIDE)
         return np.array([_pile(channel[np.isfinite(channel)], *limits) for channel in measured])
 
     def detect(self, samples: Samples) -> Detection | None:
@@ -185,7 +187,7 @@ def _cut_off_there(samples: Samples, channel: int, level: float, sigma: float) -
     both, beyond = pile & (expected > level + margin), samples.valid & (expected > level + sure)
     if both.sum() < max(PILED, PART_BEYOND * pile.sum()) or np.sum(beyond & pile) < STAYS * beyond.sum():
         return none
-    if np.sum(pile & (expected < level - sure)) > PART_BELOW * pile.sum():
+    if np.sum(pile & (expected < level - min(sure, FAR_BELOW * level))) > PART_BELOW * pile.sum():
         return none
     least, most = np.quantile(expected[both], (0.05, 0.95))
     away = expected[both] - expected[both].mean()
@@ -216,19 +218,19 @@ def _noises(x: Array) -> tuple[float, float]:
     return white_noise(x), max(found)
 
 
-def _pile(values: Array, denser: float, slowed: float) -> float:
+def _pile(values: Array, denser: float, slowed: float, narrow: float) -> float:
     """The level of a pile at either end of values in time (n,), NaN without one."""
     if len(values) < PILED:
         return float("nan")
     x = values if values.max() > -values.min() else -values  # both ends are as far out
-    levels = [_pile_above(x, sigma, denser, slowed) for sigma in _noises(values) if sigma > QUIETEST * x.max()]
+    levels = [_pile_above(x, sigma, denser, slowed, narrow) for sigma in _noises(values) if sigma > QUIETEST * x.max()]
     return next((level for level in levels if np.isfinite(level)), float("nan"))
 
 
-def _pile_above(x: Array, sigma: float, denser: float, slowed: float) -> float:
+def _pile_above(x: Array, sigma: float, denser: float, slowed: float, narrow: float) -> float:
     near = x[x > x.max() - 15.0 * sigma]
     number, edges = np.histogram(near, bins=30)
-    level = float(edges[int(np.flatnonzero(number >= HIGHEST * number.max())[-1])])  # loads that turn back are just below
+    level = float(edges[int(np.argmax(number))] + 0.25 * sigma)
     for _ in range(3):
         about = x[np.abs(x - level) < 2.5 * sigma]
         if not len(about):
@@ -242,5 +244,4 @@ def _pile_above(x: Array, sigma: float, denser: float, slowed: float) -> float:
     cut_off = before > 0.0 and close <= slowed * before + chance
     alone = np.count_nonzero(off > 4.5) <= 2e-3 * pile.sum()
     dense = pile.sum() >= PILED and pile.sum() / 6.0 > denser * max(close, before)
-    narrow = float(np.std(x[pile])) < 1.3 * sigma
-    return level if level > 0.0 and cut_off and alone and dense and narrow else float("nan")
+    return level if level > 0.0 and cut_off and alone and dense and float(np.std(x[pile])) < narrow * sigma else float("nan")

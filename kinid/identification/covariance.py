@@ -1,7 +1,8 @@
 """Covariance of estimates whose errors remember: a sandwich over blocks of time, never tighter than the memory allows.
 
 V = H⁻¹ M H⁻¹ with the information H and M the sum over blocks of squared scores, neighbours included (W. K. Newey, K. D. West,
-Econometrica 55, 1987; small samples: J. G. MacKinnon, H. White, J. Econometrics 29, 1985). Nuisances count with their prior in both.
+Econometrica 55, 1987; small samples: J. G. MacKinnon, H. White, J. Econometrics 29, 1985). Nuisances count with their prior in
+both.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Samples in means of neighbours: what is faster than a few milliseconds is noise, and long logs are averaged to a bounded size."""
+"""Samples in means of neighbours: what is faster than some milliseconds is noise, and long logs are bounded."""
 
 from __future__ import annotations
 

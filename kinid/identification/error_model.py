@@ -1,7 +1,8 @@
 """The error of a reading: its own noise, the motion's noise carried through the model, and what no effect so far explains.
 
 σ² = (a) noise and resolution of the reading + (b) noise of the motion estimate, carried through the model by draws + (d) the
-discrepancy: per channel, with a size and a memory that are learnt from the residual (M. C. Kennedy, A. O'Hagan, J. R. Stat. Soc. B
+discrepancy: per channel, with a size and a memory that are learnt from the residual (M. C. Kennedy, A. O'Hagan, J. R. Stat.
+    Soc. B
 63, 2001). It is learnt after the parameters, so that it can't take from the effects what they explain (M. Gu, L. Wang, SIAM/ASA
 J. Uncertainty Quantification 6, 2018). What calibration leaves open (c) are nuisance parameters of the fit.
 """
@@ -61,11 +62,17 @@ class ErrorModel:
         return out
 
 
-def reading_variance(problem: Problem) -> Array:
-    """Variance of a mean's own noise, (channels, g)."""
-    noise = problem.experiment.noise.copy()
+def reading_noise(problem: Problem, averaged: bool = False) -> Array:
+    """Standard deviation of a single reading's own noise, or of the averaged experiment's, (channels,)."""
+    noise = (problem.experiment if averaged else problem.whole).noise.copy()
     if sample_period(problem.experiment.signals) >= STATIC_PERIOD:  # from pose to pose all changes: neighbours tell no noise
         noise = np.minimum(noise, STATIC_NOISE * problem.channel_rms)
+    return noise
+
+
+def reading_variance(problem: Problem) -> Array:
+    """Variance of a mean's own noise, (channels, g)."""
+    noise = reading_noise(problem, averaged=True)
     units = np.array(problem.layout.units)
     for unit in set(units.tolist()):
         alike = units == unit

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from kinid.effects import Stage
+from kinid.effects._signals import BRISTLE
 from kinid.experiment import Experiment
 from kinid.identification.initial_guesses import initial_values, nominal_values
 from kinid.identification.problem import Problem
@@ -15,6 +16,10 @@ from kinid.model import Model
 
 #: shares of their length over which bristles may be elastic; the second is the form that predictions have by default
 ELASTIC_SHARES = (0.02, 0.3, 0.7, 0.95)
+#: lengths of bristles that are tried, as shares of the one before; the first and last bound them, as shares of the stated one
+LENGTHS = (0.6, 0.8, 1.25, 1.7)
+#: steps of a search under another form
+FORM_STEPS = 6
 #: a form is another one where it changes readings by this share of their noise, and better where so much of the error is left
 UNNOTICED, BETTER_FORM = 0.1, 0.97
 
@@ -44,22 +49,34 @@ def with_friction_form(state: State) -> State:
     """The state under the form of friction at rest that the log bears out best.
 
     Motion tells little of the force of friction that sticks: between P. R. Dahl's bristles (1968), which creep under any tremor, and
-    L. Prandtl's (1928), which are elastic until they slip, a surface may be anything (P. Dupont et al., IEEE Trans. Autom. Control 47,
-    2002). The elastic share of a bristle's length is chosen from a few; it is no parameter of any effect.
+    L. Prandtl's (1928), which are elastic until they slip, a surface may be anything (P. Dupont et al., IEEE Trans. Autom. Control
+    47, 2002), and the stated length of the bristles is one of its order of magnitude. Both are chosen from a few; they are
+    parameters of no effect. One that is far off is (`presliding`).
     """
     signals = state.problem.experiment.signals
     if Stage.FRICTION not in state.model.stages or not signals.inside.any():
         return state
-    best, least = state, np.sum((state.held_out / state.error.sigma) ** 2)
-    for share in ELASTIC_SHARES:
-        if share == signals.play:
-            continue
-        problem = state.problem.with_elastic_share(share)
-        change = problem.predict(state.model, state.values) - state.problem.predict(state.model, state.values)
+    best, first = state, (signals.play, signals.stated_bristle)
+    forms = [(share, first[1]) for share in ELASTIC_SHARES if share != first[0]]
+    best = _best_form(best, forms)
+    chosen = best.problem.experiment.signals
+    best = _best_form(best, [(chosen.play, first[1] * factor) for factor in LENGTHS
+                             if LENGTHS[0] < first[1] * factor / BRISTLE < LENGTHS[-1]])  # fmt: skip
+    return best if best is state else solve(best.problem, best.model, best.values, shift=best.shift, error=best.error)
+
+
+def _best_form(state: State, forms: list[tuple[float, float]]) -> State:
+    """The state, or that under another form of the bristles (share, length) whose held-out error is clearly less."""
+    best, sigma = state, state.error.sigma
+    least = float(np.sum((state.held_out / sigma) ** 2))
+    here = state.problem.predict(state.model, state.values)
+    for share, length in forms:
+        problem = state.problem.with_bristles(share, length)
+        change = problem.predict(state.model, state.values) - here
         if np.mean((change / state.error.noise) ** 2) < UNNOTICED**2:
             continue
-        other = search(problem, state.model, state.values, state.error, shift=state.shift)
-        left = np.sum((other.held_out / state.error.sigma) ** 2)
+        other = search(problem, state.model, state.values, state.error, shift=state.shift, max_steps=FORM_STEPS)
+        left = float(np.sum((other.held_out / sigma) ** 2))
         if left < BETTER_FORM * least:
             best, least = other, left
-    return best if best is state else solve(best.problem, best.model, best.values, shift=best.shift, error=best.error)
+    return best

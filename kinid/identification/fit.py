@@ -24,7 +24,6 @@ from kinid.identification.solver import State, shown_values
 from kinid.identification.whole import held_out_residual, train_residual
 from kinid.log import Log
 from kinid.model import Model
-from kinid.parameter import Parameter
 from kinid.rig import Rig
 
 Array = NDArray[np.float64]
@@ -262,7 +261,9 @@ def experiment_for(
         raise InputError(f"{type(data).__name__} to fit to", "a log with its rig, or contact-frame quantities",
                          "read it with kinid.read(path, rig)")  # fmt: skip
     rig = rig_of(data, rig, "fit(log, rig)")
-    return all_channels(data, rig, model) if channels is None else experiment_for(model, contact_series(data, rig), None, channels)
+    if channels is None:
+        return all_channels(data, rig, model)
+    return experiment_for(model, contact_series(data, rig), None, channels)
 
 
 def all_channels(data: ContactSeries | Log, rig: Rig | None, model: Model) -> Experiment:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.experiment import Experiment
+from kinid.identification.error_model import reading_noise
 from kinid.identification.solver import State
 
 Array = NDArray[np.float64]
@@ -64,7 +65,9 @@ def lack_of_fit(state: State, residual: Array, tolerance: float | None = None) -
     counted = np.isfinite(residual).all(axis=0)
     error = rms(residual[rows][:, counted])
     motion = float(np.mean(state.error.motion[rows])) if state.error.motion.size else 0.0
-    noise = float(np.sqrt(np.mean(experiment.noise[rows] ** 2) + motion))
+    single = np.mean(reading_noise(state.problem)[rows] ** 2)
+    # a residual that is smaller than its noise proves the noise wrong
+    noise = min(float(np.sqrt(single + motion)), error) if np.isfinite(error) else float(np.sqrt(single + motion))
     reading = reading_rms(experiment)
     allowed = max(TOLERANCE * reading, noise) if tolerance is None else tolerance
     return LackOfFit(error, noise, float(np.sqrt(max(0.0, error**2 - noise**2))), allowed, reading, state.error.memory,

@@ -40,7 +40,8 @@ class Problem:
     Predictions are made at the experiment's own samples and then averaged, so that nothing is lost of fast reversals.
 
     Attributes:
-        whole: at the log's own rate. experiment: averaged to a bounded size. draws: its signals under draws of the motion's error.
+        whole: at the log's own rate. experiment: averaged to a bounded size. draws: its signals under draws of the motion's
+            error.
         begin, end: samples of each group that counts, (g,). block: number of the block of each, without holes, (g,).
         fold: which of two folds each lies in, (g,). whole_fold: and each sample of the whole, (n,).
     """
@@ -75,11 +76,15 @@ class Problem:
         return cls(whole, experiment, draws, begin, end, np.unique(block[begin], return_inverse=True)[1], dealt[block[begin]],
                    dealt[whole_block])  # fmt: skip
 
-    def with_elastic_share(self, share: float) -> Problem:
-        """The same with bristles that are elastic over another share of their length (`Signals.play`)."""
+    def with_bristles(self, share: float, length: float) -> Problem:
+        """The same with bristles of another stated length [m], elastic over another share of it (`Signals.play`)."""
+        def form(signals: Signals) -> Signals:
+            return dataclasses.replace(signals, play=share, stated_bristle=length)
+
         return dataclasses.replace(
-            self, whole=_with_share(self.whole, share), experiment=_with_share(self.experiment, share),
-            draws=tuple(dataclasses.replace(draw, play=share) for draw in self.draws),
+            self, whole=dataclasses.replace(self.whole, signals=form(self.whole.signals)),
+            experiment=dataclasses.replace(self.experiment, signals=form(self.experiment.signals)),
+            draws=tuple(form(draw) for draw in self.draws),
         )  # fmt: skip
 
     @property
@@ -120,9 +125,8 @@ class Problem:
 
     def mean_at(self, x: Array) -> Array:
         """A quantity (n,) of the motion in means over the groups that count, (g,)."""
-        total = np.concatenate([[0.0], np.cumsum(x)])
-        out: Array = (total[self.end] - total[self.begin]) / self.count
-        return out
+        total = np.concatenate([np.zeros(1), np.cumsum(x)])
+        return np.asarray((total[self.end] - total[self.begin]) / self.count, dtype=np.float64)
 
     def predict(self, model: Model, values: Array, near: Course | None = None) -> Array:
         """What a model expects, in means, (channels, g)."""
@@ -130,17 +134,12 @@ class Problem:
 
     def add_change(self, after: Array, before: Array, factor: float, out: Array) -> None:
         """Write a factor times the change of the means from one prediction (channels, n) to another, (channels · g,)."""
-        weighted_changes(np.ascontiguousarray(after), np.ascontiguousarray(before), self.begin, self.end, self._mean_weight, factor,
-                         out)  # fmt: skip
+        after, before = np.ascontiguousarray(after), np.ascontiguousarray(before)
+        weighted_changes(after, before, self.begin, self.end, self._mean_weight, factor, out)
 
     def per_block(self, values: Array) -> Array:
         """Sums of (channels, g) over channels and the groups of each block, (blocks,)."""
-        out: Array = np.bincount(self.block, values.sum(axis=0))
-        return out
-
-
-def _with_share(experiment: Experiment, share: float) -> Experiment:
-    return dataclasses.replace(experiment, signals=dataclasses.replace(experiment.signals, play=share))
+        return np.asarray(np.bincount(self.block, values.sum(axis=0)), dtype=np.float64)
 
 
 def _block_length(span: float) -> float:
@@ -157,7 +156,8 @@ def whole_blocks(experiment: Experiment) -> NDArray[np.int64]:
 def parameter_groups(names: list[str], numbers: list[int], layout: Layout) -> list[Mapping[int, int]]:
     """Parameters that are moved together because each changes another channel, each group as channel → number.
 
-    Of joint torques, a parameter with a joint or a channel in brackets changes that one alone, so that one prediction does for many
+    Of joint torques, a parameter with a joint or a channel in brackets changes that one alone, so that one prediction does for
+    many
     (A. R. Curtis, M. J. D. Powell, J. K. Reid, J. Inst. Maths. Applics. 13, 1974). One that may change every channel is alone.
 
     Args:

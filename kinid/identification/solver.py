@@ -351,7 +351,8 @@ class _Search:
         gram = columns.T @ columns
         low, high = (self.low - x)[self.linear] / self.scale[self.linear], (self.high - x)[self.linear] / self.scale[self.linear]
         moved = x.copy()
-        moved[self.linear] += solve_between(gram + inner + 1e-9 * np.diag(np.diag(gram)), gradient, low, high) * self.scale[self.linear]
+        step = solve_between(gram + inner + 1e-9 * np.diag(np.diag(gram)), gradient, low, high)
+        moved[self.linear] += step * self.scale[self.linear]
         moved = np.clip(moved, self.low, self.high)
         found = self.model.course(self.problem.experiment.signals, moved, course)
         return moved, found, *self.compare(found, moved, shift)

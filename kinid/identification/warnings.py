@@ -46,7 +46,8 @@ def of_nuisances(state: State, left: LackOfFit) -> list[str]:
     for nuisance, shift in zip(state.open_, state.shift):
         # where much is left, calibration that is bound bends to what is missing: a diagnosis says what that is
         if abs(shift) >= MAX_SHIFT - 1e-6 and not (left.matters and np.isfinite(nuisance.bound)):
-            ends.setdefault(nuisance.effect.id, []).append(f"{nuisance.name} {shift * nuisance.sd:.2g} {nuisance.unit}".removesuffix(" 1"))
+            amount = f"{nuisance.name} {shift * nuisance.sd:.2g} {nuisance.unit}".removesuffix(" 1")
+            ends.setdefault(nuisance.effect.id, []).append(amount)
     return [f"{name} beyond what calibration is trusted to ({', '.join(amounts)}): add it to the model, or mend the rig"
             for name, amounts in ends.items()]  # fmt: skip
 
@@ -82,8 +83,8 @@ def of_fit(named: Mapping[str, Parameter], solution: Solution, left: LackOfFit, 
     if not solution.converged:
         out.append("the search stopped before it converged: start nearer, or use a smaller model")
     if left.matters:
-        out.append(f"{left.excess:.3g} {left.unit} is left beside noise, {100 * left.share_of_reading:.2g} % of the reading: this "
-                   "structure is rejected, kinid diagnose says what may be missing")  # fmt: skip
+        out.append(f"{left.excess:.3g} {left.unit} is left beside noise, {100 * left.share_of_reading:.2g} % of the reading: "
+                   "this structure is rejected, kinid diagnose says what may be missing")  # fmt: skip
     return out
 
 

@@ -108,6 +108,7 @@ def _exponent(s: Setup, rng: np.random.Generator) -> Planted:
     n = float(rng.uniform(1.25, 1.7))
     base, gain = s.material, (0.5 * _load(s)[0]) ** (s.material.exponent - n)  # as stiff at half depth as it was
     if "stiffness" in base.fields:
+
         def field(x: Array, y: Array) -> Array:
             return np.asarray(gain * base.at(x, y)["stiffness"])
 
@@ -386,4 +387,3 @@ PLANTS: dict[str, Plant] = {
     "sensor-misalignment": _misalignment, "sensor-lag": _lag, "time-offset": _time_offset, "saturation": _saturation,
     "quantization": _quantization, "mains-hum": _hum,
 }  # fmt: skip
-

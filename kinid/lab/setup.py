@@ -196,4 +196,3 @@ def together(a: ToolSpec, b: ToolSpec) -> ToolSpec:
         total += body.inertia_matrix + body.mass * (d @ d * np.eye(3) - np.outer(d, d))
     i = total
     return ToolSpec(mass=mass, com=tuple(com.tolist()), inertia=(i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]))
-

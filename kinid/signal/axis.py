@@ -31,6 +31,10 @@ HASTE = 2.0
 STRIDE, LEAST, MOST = 1e3, 2.0 ** (-24 * ORDER), 2.0 ** (10 * ORDER)
 #: log-likelihood that each degree of freedom of an intensity that varies must be worth; a search that gains less is at its end
 WORTH, SETTLED = 1.0, 0.01
+#: a search gains at most so many times more than its last climb did
+REMAINS = 10.0
+#: an intensity that was a single one must be worth so many times as much to vary: a verdict of the motion, not of a measurement
+AGAIN = 2.0
 #: noise is put right where less than a share of it is found, by no more than another at a time, from so many degrees of freedom
 LOUD, QUIETER, ENOUGH = 0.7, 1e-2, 30.0
 #: variance of the state before the first sample, times that of the parabola through the first three
@@ -45,6 +49,7 @@ class Axis:
         tau: steps of time, the first of them 0, (n,). value, variance: measurements, of positions, or with rates as well, (n, c).
         noise: variance of a position. jerk: intensity of each step, (n,).
         quieter: share of its variance that each kind of measurement may turn out to have, (c,).
+        single: one intensity does for all steps.
     """
 
     tau: Array
@@ -53,6 +58,7 @@ class Axis:
     noise: float
     jerk: Array
     quieter: list[float]
+    single: bool = False
 
     @classmethod
     def of(cls, tau: Array, position: Array, variance: Array, noise: float, quieter: float) -> Axis:
@@ -107,21 +113,21 @@ class Axis:
                 if share < LOUD:
                     self.variance[:, kind] *= share
                     self.quieter[kind] = min(1.0, self.quieter[kind] / share)
-        varied = score(self.jerk)
+        varied, worth = score(self.jerk), WORTH * (AGAIN if self.single else 1.0)
         fitted, single, plain = float(out[:, 1].sum()), np.full(n, np.exp(np.mean(np.log(self.jerk)))), -np.inf
         for _ in range(2 * CLIMBS):
             before, plain = plain, score(single)
-            if varied - plain < WORTH * fitted:
+            if varied - plain < worth * fitted:
                 break
-            if plain - before < SETTLED * fitted:
-                return
+            if plain - before < max(SETTLED * fitted, (varied - plain - worth * fitted) / REMAINS):
+                return  # it is settled, or what it can still gain won't do
             single = grown(single, float(out[:, 0].sum() / max(out[:, 1].sum(), 1e-300)))
         else:
             return
         for _ in range(CLIMBS):
             single = grown(single, float(out[:, 0].sum() / max(out[:, 1].sum(), 1e-300)))
             score(single)
-        self.jerk = single
+        self.jerk, self.single = single, True
 
     def begin(self) -> tuple[Array, Array]:
         """State before the first sample, and its covariance."""

@@ -29,6 +29,8 @@ ROUNDS = 3
 SIZES, LONGEST = (1, 2, 4, 8, 16, 32, 64, 128, 256), 0.5
 #: what the estimate says of its own variance is trusted to this share
 TRUSTED = 0.3
+#: variances closer than this are alike: rounding must not choose among samples
+SAMENESS = 1.01
 #: samples over which what is left is looked at locally, and how much more than expected it must be there
 NEARBY, UNUSUAL = 15, 2.0
 #: turns that the estimate smooths are sharper than it says by about this
@@ -58,7 +60,7 @@ class Learnt:
     lag: float
     errors: Array
     quieter: float
-    local: list[Array] = field(repr=False)
+    local: list[NDArray[np.float32]] = field(repr=False)
 
     def measurements(self, t: Array, logged: Array, piece: int) -> tuple[Array, Array]:
         """The rate of one piece put right, (n,), and its variance, infinite where there is none."""
@@ -77,11 +79,14 @@ class Learnt:
 def learn(t: Array, x: Array, pieces: Sequence[tuple[Rows, Axis]], logged: Array, order: int, unit: float) -> Learnt:
     """Hold a logged rate (n,) of this order against the pieces' estimate of it; `x` are the positions as logged, (n,)."""
     states = [axis.smoothed()[:2] for _, axis in pieces]
+    positions = [x[rows] - state[:, 0] for (rows, _), (state, _) in zip(pieces, states)]
     times = [t[rows] for rows, _ in pieces]
     rate = [state[:, order] / unit**order for state, _ in states]
     after = [state[:, order + 1] / unit ** (order + 1) for state, _ in states]
     variance = [sd[:, order] ** 2 / unit ** (2 * order) for _, sd in states]
     below = [sd[:, order - 1] ** 2 / unit ** (2 * order - 2) for _, sd in states]
+    jerk = [state[:, order + 2] / unit ** (order + 2) for state, _ in states] if order + 2 < ORDER else []
+    del states  # the largest of all
     bias, gain, delay, errors = 0.0, 1.0, 0.0, np.full(3, np.inf)
     noise = 0.0
     for _ in range(ROUNDS):
@@ -89,7 +94,7 @@ def learn(t: Array, x: Array, pieces: Sequence[tuple[Rows, Axis]], logged: Array
         one, a, d, own = (np.concatenate(x) for x in (seen, rate, after, variance))
         good = np.isfinite(one)
         if good.sum() < 8:
-            return Learnt(0.0, 1.0, 0.0, np.inf, 1.0, 0.0, errors, 1.0, [np.ones(len(at)) for at in times])
+            return Learnt(0.0, 1.0, 0.0, np.inf, 1.0, 0.0, errors, 1.0, [np.ones(len(at), np.float32) for at in times])
         bias, gain, more, errors, noise = _regress(one[good], a[good], d[good], own[good], noise)
         delay = delay + more
         if abs(more) < 0.02 * unit:
@@ -103,12 +108,11 @@ def learn(t: Array, x: Array, pieces: Sequence[tuple[Rows, Axis]], logged: Array
     least = max(white(plain) / abs(gain), step, floor)
     noise, memory = _noise(left, variance, below, plain / gain, unit, least)
     quieter = min(1.0, (max(step, floor) / noise) ** 2) if noise < UNUSUAL * least else 1.0
-    if _derived([x[rows] for rows, _ in pieces], [state for state, _ in states], left, pieces[0][1].tau):
+    if _derived([x[rows] for rows, _ in pieces], positions, left, pieces[0][1].tau):
         noise = np.inf
     # what is not known of the rate, and a lag that is no delay, stay in it as errors
     lag, spread = 0.0, [errors[1] * np.abs(a) if np.isfinite(errors[1]) and gain != 1.0 else np.zeros(len(a)) for a in rate]
-    if order + 2 < ORDER:
-        jerk = [state[:, order + 2] / unit ** (order + 2) for state, _ in states]
+    if jerk:
         lag = _lag(np.concatenate(left), np.concatenate(jerk), np.concatenate(variance), noise)
         spread = [LAG * lag * np.abs(j) + s for s, j in zip(spread, jerk)]
     clock = errors[2] if np.isfinite(errors[2]) else 0.0
@@ -216,7 +220,7 @@ def _noise(left: Sequence[Array], own: Sequence[Array], below: Sequence[Array], 
             break
         means, expected = means[good], expected[good]
         # of half of the samples, those whose rate the positions know best
-        best = expected <= np.median(expected)
+        best = expected <= SAMENESS * np.median(expected)
         found = (ROBUST * float(np.median(np.abs(means[best])))) ** 2
         theirs = float(np.median(expected[best]))
         doubt = (found + theirs) * (2.0 / best.sum()) ** 0.5 + TRUSTED * theirs
@@ -228,14 +232,14 @@ def _noise(left: Sequence[Array], own: Sequence[Array], below: Sequence[Array], 
     return variance**0.5, variance / sample
 
 
-def _derived(x: Sequence[Array], states: Sequence[Array], left: Sequence[Array], tau: Array) -> bool:
-    """Whether the noise of the rates is that of the positions: rates made of the positions tell nothing new."""
+def _derived(x: Sequence[Array], off: Sequence[Array], left: Sequence[Array], tau: Array) -> bool:
+    """Whether the noise of the rates, `left`, is that of the positions, `off`: rates made of positions tell nothing new."""
     if not is_noise(x[0], tau) and not lattice(np.concatenate(x)):
         return False
     theirs, ours = [], []
-    for one, state, e in zip(x, states, left):
+    for d, e in zip(off, left):
         if len(e) > 8:
-            theirs.append(np.diff(one - state[:, 0], n=3))
+            theirs.append(np.diff(d, n=3))
             ours.append(np.diff(e, n=2))
     if not theirs:
         return False
@@ -263,7 +267,7 @@ def _cut(x: Array, lag: int) -> Array:
     return x[max(lag, 0) : len(x) + min(lag, 0)]
 
 
-def _nearby(left: Array, own: Array, spread: Array, noise: float) -> Array:
+def _nearby(left: Array, own: Array, spread: Array, noise: float) -> NDArray[np.float32]:
     """How many times the variance is greater nearby, at least 1, (n,): where turns are filtered away, or noise comes and goes.
 
     Args:
@@ -272,12 +276,12 @@ def _nearby(left: Array, own: Array, spread: Array, noise: float) -> Array:
     from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
     if not len(left) or not 0.0 < noise < np.inf:
-        return np.ones(len(left))
+        return np.ones(len(left), np.float32)
     squares = uniform_filter1d(np.where(np.isfinite(left), left, 0.0) ** 2, NEARBY, mode="nearest")
     expected = noise**2 + uniform_filter1d(own, NEARBY, mode="nearest")
     least = 1.0 + (spread / noise) ** 2
-    out: Array = maximum_filter1d(np.where(squares > UNUSUAL * expected, np.maximum(squares / noise**2, least), least), NEARBY,
-                                  mode="nearest")  # fmt: skip
+    most = np.where(squares > UNUSUAL * expected, np.maximum(squares / noise**2, least), least)
+    out: NDArray[np.float32] = np.minimum(maximum_filter1d(most, NEARBY, mode="nearest"), 1e30).astype(np.float32)
     return out
 
 

@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.integrate import quad, solve_ivp
-from scipy.interpolate import CubicSpline, PchipInterpolator
+from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
 from kinid.effects import Layout, Signals, get
@@ -514,33 +514,6 @@ def test_a_slip_that_turns_between_two_samples(length: float) -> None:
     fine_t, fine = bent(10_000.0)
     away = np.abs(coarse[0] - np.interp(t, fine_t, fine[0]))
     assert away.max() < 0.06
-
-
-def test_rates_without_what_noise_makes_of_them() -> None:
-    """3 µm of noise on a slip that rests, runs, turns and rests: next to none at rest; nowhere further off than it reaches."""
-    t = np.arange(0, 6, 2e-3)
-    true = PchipInterpolator([0, 1, 2, 3, 6], [0.0, 0.0, 2e-3, 5e-4, 5e-4])(t)
-    rate = np.gradient(true + 3e-6 * np.random.default_rng(8).normal(size=len(t)), t)
-    dt = np.diff(t, prepend=0.0)
-    reach, out = 12e-6, np.empty(len(t))
-    memory.steady(rate, dt, reach, out)
-
-    def path(v: Array) -> Array:
-        return np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * dt[1:])])
-
-    # a rest and play keep within its reach, each; rates at samples are means of those to either side: a kink is spread over two
-    assert np.abs(path(out) - path(rate)).max() < 3 * reach
-    assert np.percentile(np.abs(path(out) - (true - true[0])), 98) < reach + 3 * 3e-6
-    rest = (t > 3.2) & (t < 5.8)
-    assert np.abs(out[rest]).sum() < 1e-3 * np.abs(rate[rest]).sum()
-    assert np.abs(path(out)[rest] - path(out)[1600]).max() < 3e-6
-    # where memory begins anew, so does the path
-    pieces, whole = dt.copy(), np.empty(len(t))
-    pieces[1500] = 0.0
-    memory.steady(rate, pieces, reach, whole)
-    begun = np.empty(len(t) - 1500)
-    memory.steady(rate[1500:], pieces[1500:], reach, begun)
-    np.testing.assert_array_equal(whole[1500:], begun)
 
 
 def test_friction_in_steady_slip() -> None:

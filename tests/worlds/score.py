@@ -1,0 +1,111 @@
+"""What the diagnosis says of a foreign world's logs, beside what is hidden in them.
+
+    python -m worlds.score DATA OUT.json [--without-dq] [--only GROUP,KIND,CASE,…]      from the folder of the tests
+
+DATA is what a world's `generate.py --seed S --out DATA` wrote. Figures are printed as JSON; OUT.json holds every case.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+import traceback
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import kinid
+
+Row = dict[str, Any]
+
+
+def ask(job: tuple[Path, Row, bool]) -> Row:
+    """One case: what is said of it, and the true model's error; a crash is an answer, too."""
+    root, case, without_dq = job
+    folder, out = root / case["case"], {**case, "crash": ""}
+    stem = "log_nodq" if without_dq and any(p.stem == "log_nodq" for p in folder.iterdir()) else "log"
+    try:
+        rig = kinid.Rig.load(folder / "rig.toml")
+        log = kinid.read(next(p for p in folder.iterdir() if p.stem == stem), rig)
+        began = time.perf_counter()
+        found = kinid.diagnose(log, rig, model=kinid.Model(*case["model"].split(",")))
+        out |= {
+            "seconds": time.perf_counter() - began, "verdict": found.verdict, "added": list(found.added),
+            "before": found.steps[0].held_out, "after": found.steps[-1].held_out, "noise": found.noise_floor,
+            "tolerance": found.left.tolerance, "verdicts": {e.id: e.verdict for e in found.effects},
+            "alternatives": {e.id: list(e.equivalent_to) for e in found.effects if e.equivalent_to},
+        }  # fmt: skip
+        if case["group"] in ("single", "pair"):
+            true = kinid.diagnose(log, rig, model=kinid.Model(*case["true_model"].split(",")), max_effects=0)
+            out["true"] = true.steps[0].held_out
+    except Exception:
+        out["crash"] = traceback.format_exc()[-600:]
+    return out
+
+
+def right(row: Row, name: str) -> bool:
+    """Whether a name is hidden there, honestly alike, or told as not to be told from what is hidden."""
+    hidden = set(row["hidden"])
+    return name in hidden or name in (row.get("near") or []) or bool(hidden & set(row["alternatives"].get(name, [])))
+
+
+def figures(rows: list[Row]) -> dict[str, list[float]]:
+    """Counts as [hits, cases]."""
+    out: dict[str, list[float]] = {"crashes": [sum(bool(r["crash"]) for r in rows), len(rows)]}
+
+    def count(name: str, hit: bool) -> None:
+        pair = out.setdefault(name, [0, 0])
+        pair[0] += hit
+        pair[1] += 1
+
+    ratios, extra = [], []
+    for row in rows:
+        if row["crash"]:
+            continue
+        hidden, added, verdicts = set(row["hidden"]), row["added"], row["verdicts"]
+        extra.append(sum(not right(row, name) for name in added))
+        if row["group"] == "single":
+            count("one hidden: named first", bool(added) and right(row, added[0]))
+            count("one hidden: exactly", len(added) == 1 and right(row, added[0]))
+            count("one hidden: called not excited", any(verdicts.get(name) == "not-excited" for name in hidden))
+        if row["group"] == "none":
+            count("nothing hidden: nothing added", not added)
+            count("nothing hidden: adequate and nothing added", not added and row["verdict"] == "adequate")
+        if row["group"] == "pair":
+            told = set(added) | {rival for name in added for rival in row["alternatives"].get(name, [])}
+            count("two hidden: both", hidden <= told)
+        if row["group"] == "outside":
+            false = [name for name in added if verdicts.get(name) == "present" and name not in (row.get("near") or [])]
+            count("outside: unexplained, nothing false present", row["verdict"] == "unexplained" and not false)
+        if row["group"] == "unexcited":
+            count("not excited: called absent", any(verdicts.get(name) == "absent" for name in hidden))
+        if row.get("true"):
+            ratios.append(row["after"] / row["true"])
+    out["names that aren't there, per log"] = [float(np.sum(extra)), len(extra)]
+    if ratios:
+        out["error after over the true model's: median, 95 %"] = [float(np.median(ratios)), float(np.quantile(ratios, 0.95))]
+    return out
+
+
+def main() -> None:
+    """Ask about every case, on two cores."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("data", type=Path)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--without-dq", action="store_true")
+    parser.add_argument("--only", default="")
+    given = parser.parse_args()
+    only = set(filter(None, given.only.split(",")))
+    cases = [c for c in json.loads((given.data / "truth.json").read_text()) if not only or only & {c["case"], c["kind"], c["group"]}]
+    with ProcessPoolExecutor(2, get_context("spawn")) as pool:
+        rows = list(pool.map(ask, [(given.data, case, given.without_dq) for case in cases]))
+    given.out.write_text(json.dumps(rows, indent=1, default=str) + "\n", encoding="utf-8")
+    print(json.dumps(figures(rows), indent=1))
+
+
+if __name__ == "__main__":
+    main()
