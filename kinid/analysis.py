@@ -95,7 +95,10 @@ def analyse(
         known = bias if contact is None or contact.bias is None else contact.bias.tolist()
         torques = joint_torques(log, rig, robot=robot, bias=known, differentiator=differentiator)
     made = contact or torques
-    return Analysis(contact, tip, torques, made.provenance if made else log.provenance)
+    provenance = made.provenance if made else log.provenance
+    if made is None and tip is not None and tip.facts:
+        provenance = provenance.then("smooth" if "motion" in tip.facts else "differentiate", **tip.facts)
+    return Analysis(contact, tip, torques, provenance)
 
 
 def _range(values: NDArray[Any]) -> dict[str, float] | None:

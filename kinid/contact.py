@@ -6,22 +6,22 @@ frame, from which the tool's weight and inertia and the sensor's known faults ha
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.derivative import Derivatives, Differentiator
+from kinid.derivative import Differentiator
 from kinid.errors import InputError
 from kinid.kernels import chain as kernel
 from kinid.kernels.hysteresis import contact_flag, steady_flag
 from kinid.log import Log, Provenance, frozen
-from kinid.motion import STATIC_PERIOD, JointMotion, TipMotion, joint_motion
+from kinid.motion import STATIC_PERIOD, JointMotion, TipMotion, joint_motion, own_motion, warnings_of
 from kinid.rig import CONTACT, Rig, ToolSpec
 from kinid.robot import Robot
-from kinid.signal import Smoothed, smooth_motion
+from kinid.signal import Smoothed
 from kinid.surface import Plane, Surface
 from kinid.surface import load as load_surface
 from kinid.white_noise import white_noise
@@ -93,6 +93,11 @@ class ContactSeries:
 
     def __len__(self) -> int:
         return len(self.t)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Where the log's own quantities contradict each other, a sentence each."""
+        return self.provenance.warnings
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """The columns of a contact table, by name."""
@@ -198,7 +203,7 @@ def tip_motion(
     if not np.isfinite(kinematics.position).all(axis=1).any():
         raise InputError(f"not one sample of {log.provenance.source} in which every joint position is a number",
                          "finite joint positions", "check its columns")  # fmt: skip
-    return TipMotion(log.t, kinematics.position, kinematics.velocity, force)
+    return TipMotion(log.t, kinematics.position, kinematics.velocity, force, motion.facts)
 
 
 def _measured(
@@ -372,7 +377,9 @@ def _own_quantities(log: Log, rig: Rig, differentiator: Differentiator | None) -
     for name, rate, smoothed in own_motion(log, differentiator):
         if isinstance(smoothed, Smoothed):
             have[name], have[rate] = smoothed.value[:, 0], smoothed.first[:, 0]
-            provenance = provenance.then("smooth", quantity=name, **smoothed.facts)
+            warnings = warnings_of(smoothed, [name], log.period)
+            facts = {"quantity": name, **smoothed.facts, **({"warnings": warnings} if warnings else {})}
+            provenance = provenance.then("smooth", **facts)
         elif rate not in have:
             have[rate] = smoothed.first[:, 0]
             provenance = provenance.then("differentiate", quantity=name, bandwidth_hz=smoothed.bandwidth,
@@ -389,16 +396,3 @@ def _own_quantities(log: Log, rig: Rig, differentiator: Differentiator | None) -
         provenance=provenance.then("contact flag", **thresholds), source=(log, rig),
         **{name: table[row] for name, row in _ROWS.items()},
     )  # fmt: skip
-
-
-def own_motion(log: Log, differentiator: Differentiator | None) -> Iterator[tuple[str, str, Smoothed | Derivatives]]:
-    """Depth and slips that a log holds, each with the name of its rate, smoothed by themselves or differentiated."""
-    for name, rate in (("depth", "depth_rate"), ("slip1", "slip_rate1"), ("slip2", "slip_rate2")):
-        if name not in log.contact:
-            continue
-        column = np.ascontiguousarray(log.contact[name][:, None])
-        if differentiator is None:
-            logged = log.contact.get(rate)
-            yield name, rate, smooth_motion(log.t, column, log.pieces, None if logged is None else logged[:, None])
-        else:
-            yield name, rate, differentiator(log.t, column, log.pieces)

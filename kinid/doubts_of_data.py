@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.experiment import Experiment, gaps_in_contact
+from kinid.clock import gaps_in_contact
+from kinid.experiment import Experiment
 
 Array = NDArray[np.float64]
 

@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.carried import gravity_torques, payload_torques, sensor_motion
+from kinid.clock import clock, forgotten
 from kinid.contact import ContactSeries, contact_series, force_noise
-from kinid.derivative import GAP_FACTOR, Differentiator
+from kinid.derivative import Differentiator
 from kinid.effects import AsRead, JointMotion, Layout, Signals
 from kinid.errors import InputError
 from kinid.kernels.zero_phase import zero_phase
 from kinid.log import Log
-from kinid.motion import STATIC_PERIOD, axes_motion, joint_motion
+from kinid.motion import axes_motion, joint_motion
 from kinid.motion_draws import JointDraws, SeriesDraws
 from kinid.rig import WRENCH, Rig
 from kinid.robot import Robot
@@ -29,12 +30,6 @@ Array = NDArray[np.float64]
 
 #: samples in the air that tell the noise
 FREE_ENOUGH = 200
-#: samples that are missing for less than this lose no memory: a period of the fastest motion that the differentiator passes;
-#: slower ones run nearly straight meanwhile [s]
-BRIDGED = 1.0 / Differentiator().bandwidth
-#: what bristles and a material remember over a gap in contact isn't known: until the tool leaves, or for so long [s], readings
-#: don't count, unless that would leave out more than this share of those in contact
-FORGETS, LOSSY = (np.inf, 1.0), 0.5
 #: a material has let go where its force is below so many times the noise
 LET_GO = 3.0
 #: share of the greatest depth outside the material from which on a force is no contact, whatever it is
@@ -57,9 +52,8 @@ class Experiment:
         touch: the contact quantities that it was made of, or None.
         band: readings and predictions are compared below this frequency [Hz]: velocities and accelerations that a
             differentiator made, where one was asked for, hold nothing above it. None: at all frequencies.
-        steps: of a converter so coarse that its readings are stairs, raw, (channels,), 0 for other channels; None where there
-            are none.
         drawn: makes the signals of these rows anew, driven by samples of the motion; None where the motion's error isn't known.
+        warnings: where what was logged contradicts itself, a sentence each.
     """
 
     signals: Signals
@@ -71,8 +65,8 @@ class Experiment:
     rows: NDArray[np.int64]
     band: float | None = None
     touch: ContactSeries | None = field(default=None, repr=False)
-    steps: Array | None = None
     drawn: Callable[[Signals, NDArray[np.int64]], Iterator[Signals]] | None = field(default=None, repr=False)
+    warnings: tuple[str, ...] = ()
 
     @cached_property
     def motion_draws(self) -> tuple[Signals, ...]:
@@ -169,25 +163,6 @@ class Experiment:
         return self.signals.layout
 
 
-def time_steps(t: Array, starts: NDArray[np.bool_]) -> Array:
-    """Time since the sample before [s], 0 where memory begins anew, (n,)."""
-    dt = np.diff(t, prepend=t[0])
-    dt[starts] = 0.0
-    return dt
-
-
-def gaps_in_contact(t: Array, in_contact: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """First sample after each gap that ended in contact, of a log that isn't one of poses at rest: how it was reached is lost.
-
-    The first of all where the log begins in contact: what was before it is a gap, too.
-    """
-    step = np.diff(t)
-    if not len(step) or np.median(step) >= STATIC_PERIOD:
-        return np.zeros(0, np.int64)
-    gap = step > max(GAP_FACTOR * float(np.median(step)), BRIDGED)
-    return np.flatnonzero(np.r_[True, gap] & in_contact)
-
-
 def _touching(touch: ContactSeries, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Samples in contact, (n,): a force far outside the material is a bias, not contact."""
     depth, flag = touch.depth[rows], touch.in_contact[rows]
@@ -195,28 +170,15 @@ def _touching(touch: ContactSeries, rows: NDArray[np.int64]) -> NDArray[np.bool_
     return flag & ~(depth < -CLEAR * deepest) if deepest > 0.0 else flag
 
 
-def _forgotten(t: Array, in_contact: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Samples after a gap in contact, until the tool leaves or for a while, (n,)."""
-    for lasts in FORGETS:
-        out = np.zeros(len(t), np.bool_)
-        for first in gaps_in_contact(t, in_contact):
-            last = np.searchsorted(t, t[first] + lasts)
-            gone = np.flatnonzero(~in_contact[first:last])
-            out[first : first + gone[0] if len(gone) else last] = True
-        if out.sum() <= LOSSY * in_contact.sum():
-            return out
-    return np.zeros(len(t), np.bool_)
-
-
 def from_contact(touch: ContactSeries, channels: tuple[str, ...]) -> Experiment:
     """Contact-frame quantities as they are: normal force, and tangential forces where asked for."""
     rows = np.flatnonzero(np.isfinite(touch.depth) & np.isfinite(touch.depth_rate))
-    t, dt = _clock(touch.t, rows, "depth", touch.provenance.source)
+    t, dt = clock(touch.t, rows, "depth", touch.provenance.source)
     slip = np.nan_to_num(np.stack([touch.slip1[rows], touch.slip2[rows]]))
     slip_rate = np.nan_to_num(np.stack([touch.slip_rate1[rows], touch.slip_rate2[rows]]))
     measured = np.stack([getattr(touch, name)[rows] for name in channels])
     in_contact = _touching(touch, rows)
-    valid = np.isfinite(measured).all(axis=0) & ~_forgotten(t, in_contact)
+    valid = np.isfinite(measured).all(axis=0) & ~forgotten(t, in_contact)
     signals = Signals(
         Layout(channels, "contact"), t, dt, touch.depth[rows], touch.depth_rate[rows], slip, slip_rate, measured=measured,
     )  # fmt: skip
@@ -229,7 +191,8 @@ def from_contact(touch: ContactSeries, channels: tuple[str, ...]) -> Experiment:
     drawn = None
     if touch.source is not None and any(step.name == "smooth" for step in touch.provenance.steps):
         drawn = SeriesDraws(*touch.source)
-    return Experiment(signals, measured, valid, noise, _named(touch.phase, rows), in_contact, rows, touch=touch, drawn=drawn)
+    return Experiment(signals, measured, valid, noise, _named(touch.phase, rows), in_contact, rows, touch=touch, drawn=drawn,
+                      warnings=touch.warnings)  # fmt: skip
 
 
 def from_wrench(
@@ -280,8 +243,9 @@ def from_wrench(
     elif bias == "auto":
         stated = reading.bias
     rows = np.flatnonzero(moving)
-    t, dt = _clock(log.t, rows, "joint motion", log.provenance.source)
+    t, dt = clock(log.t, rows, "joint motion", log.provenance.source)
     sensor = sensor_motion(robot, rig, motion, rows, surface)
+    warnings = tuple(motion.facts.get("warnings", ()))
     del motion  # the largest of all
     measured = _rows(dataclasses.replace(reading, bias=stated).true()[rows])
     valid = np.asarray(np.isfinite(measured).all(axis=0))
@@ -302,9 +266,9 @@ def from_wrench(
     touching = np.zeros(len(rows), dtype=np.bool_)
     if touch is not None:
         touching = _touching(touch, rows)
-        valid = valid & ~_forgotten(t, touching)
+        valid = valid & ~forgotten(t, touching)
     drawn = SeriesDraws(log, rig) if differentiator is None else None
-    return Experiment(signals, measured, valid, noise, _named(log.phase, rows), touching, rows, drawn=drawn)
+    return Experiment(signals, measured, valid, noise, _named(log.phase, rows), touching, rows, drawn=drawn, warnings=warnings)
 
 
 def from_joint_torques(
@@ -340,7 +304,7 @@ def from_joint_torques(
     motion = axes_motion(log, differentiator) if robot is None else joint_motion(log, robot, differentiator)
     q, dq, ddq = motion.q, motion.dq, motion.ddq
     rows = np.flatnonzero(np.isfinite(q.sum(axis=1) + dq.sum(axis=1) + ddq.sum(axis=1)))
-    t, dt = _clock(log.t, rows, "joint motion", log.provenance.source)
+    t, dt = clock(log.t, rows, "joint motion", log.provenance.source)
     joints = JointMotion(_rows(q[rows]), _rows(dq[rows]), _rows(ddq[rows]), np.zeros((q.shape[1], len(rows))), known=False)
     slides = [_slides(rig, j) for j in range(q.shape[1])]
     valid: NDArray[np.bool_] = np.isfinite(log.tau[rows].sum(axis=1))
@@ -370,7 +334,8 @@ def from_joint_torques(
         band = None
     drawn = JointDraws(log, arm, robot, carried) if differentiator is None else None
     return Experiment(signals, measured, valid, _noise(measured[:, valid]), _named(log.phase, rows),
-                      np.zeros(len(rows), dtype=np.bool_), rows, band, drawn=drawn)  # fmt: skip
+                      np.zeros(len(rows), dtype=np.bool_), rows, band, drawn=drawn,
+                      warnings=tuple(motion.facts.get("warnings", ())))  # fmt: skip
 
 
 def _slides(rig: Rig, joint: int) -> bool:
@@ -381,15 +346,6 @@ def _slides(rig: Rig, joint: int) -> bool:
             if name in rig.columns and rig.columns[name].unit in units:
                 return True
     return False
-
-
-def _clock(t: Array, rows: NDArray[np.int64], what: str, where: str) -> tuple[Array, Array]:
-    """Times of these rows from the first of them, and steps of time: memory bridges rows left out, but not gaps."""
-    if not len(rows):
-        raise InputError(f"no sample with {what} in {where}", "finite positions and rates", "check the log's columns")
-    period = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
-    starts = np.concatenate([[True], np.diff(t[rows]) > max(GAP_FACTOR * period, BRIDGED)])
-    return t[rows] - t[rows[0]], time_steps(t[rows], starts)
 
 
 def _noise(measured: Array) -> Array:

@@ -13,6 +13,7 @@ from kinid.estimators.forgetting import Constant
 from kinid.estimators.friction import Friction
 from kinid.estimators.hunt_crossley import SingleStage
 from kinid.estimators.kelvin_voigt import KelvinVoigt
+from kinid.experiment import Experiment
 from kinid.identification.compare import Comparison
 from kinid.identification.fit import Fit
 from kinid.loops import Loop, loops
@@ -120,7 +121,7 @@ def _pictures(fits: dict[str, Fit]) -> list[tuple[str, Figure | str]]:
     """Force over depth with its loops where the log has them, and all readings over time."""
     names = key([("measured", INK, "solid"), *((name, colour, "solid") for name, colour in zip(fits, COLOURS))])
     figures: list[tuple[str, Figure | str]] = [("Readings over time", names + drawing(_time_figure(fits)))]
-    if "normal_force" not in next(iter(fits.values())).experiment.layout.channels:
+    if next(iter(fits.values())).experiment.normal_force is None:
         return figures
     return [("Force over depth", names + drawing(_loop_figure(fits))), *_energies(fits), *figures]
 
@@ -130,15 +131,14 @@ def _loop_figure(fits: dict[str, Fit]) -> Figure:
     import plotly.graph_objects as go
 
     experiment = next(iter(fits.values())).experiment
-    row = experiment.layout.channels.index("normal_force")
     depth = experiment.signals.depth
     near = np.flatnonzero(experiment.valid & (depth > -1e-3))
     near = near[:: 1 + len(near) // MOST_POINTS]
     figure = go.Figure()
-    figure.add_scatter(x=1e3 * depth[near], y=experiment.measured[row][near], mode="markers", name="measured",
+    figure.add_scatter(x=1e3 * depth[near], y=normal_of(experiment, experiment.measured)[near], mode="markers", name="measured",
                        marker={"size": 3, "color": GREY}, showlegend=False)  # fmt: skip
     for (name, fit), colour in zip(fits.items(), COLOURS):
-        figure.add_scatter(x=1e3 * depth[near], y=fit.predict()[row][near], mode="lines", name=name,
+        figure.add_scatter(x=1e3 * depth[near], y=normal_of(experiment, fit.predict())[near], mode="lines", name=name,
                            line={"color": colour, "width": 1.2}, showlegend=False)  # fmt: skip
     figure.update_xaxes(title_text="depth [mm]")
     figure.update_yaxes(title_text="normal force [N]")
@@ -147,13 +147,20 @@ def _loop_figure(fits: dict[str, Fit]) -> Figure:
     return figure
 
 
+def normal_of(experiment: Experiment, readings: Array) -> Array:
+    """Normal force in readings (channels, n), of a wrench without the tool's load, (n,)."""
+    channels, sensor = experiment.layout.channels, experiment.signals.sensor
+    if "normal_force" in channels or sensor is None:
+        return np.asarray(readings[channels.index("normal_force")])
+    return np.asarray(np.einsum("ni,in->n", sensor.to_contact[:, 2], readings[:3] - sensor.load[:3]))
+
+
 def _energies(fits: dict[str, Fit]) -> list[tuple[str, Figure | str]]:
     """Loops of force over depth with the energy that each encloses, measured and by each model; none without a loop."""
     experiment = next(iter(fits.values())).experiment
-    row = experiment.layout.channels.index("normal_force")
     s = experiment.signals
-    readings = {"measured": np.where(experiment.valid, experiment.measured[row], np.nan)}
-    readings |= {name: fit.predict()[row] for name, fit in list(fits.items())[: MOST_PANELS - 1]}
+    readings = {"measured": np.where(experiment.valid, normal_of(experiment, experiment.measured), np.nan)}
+    readings |= {name: normal_of(experiment, fit.predict()) for name, fit in list(fits.items())[: MOST_PANELS - 1]}
     found = {name: loops(s.depth, force, s.dt) for name, force in readings.items()}
     cycles = found["measured"]
     if not cycles:

@@ -41,6 +41,11 @@ class Provenance:
         """The same provenance with one more step."""
         return Provenance(self.source, (*self.steps, Step(name, facts)))
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the steps found to doubt, a sentence each."""
+        return tuple(dict.fromkeys(warning for step in self.steps for warning in step.facts.get("warnings", ())))
+
     def to_dict(self) -> dict[str, Any]:
         """Plain types, for JSON."""
         return {"source": self.source, "steps": [{"name": s.name, **s.facts} for s in self.steps]}

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.derivative import Differentiator
+from kinid.derivative import Derivatives, Differentiator
 from kinid.errors import InputError
 from kinid.log import Log
 from kinid.robot import Robot
-from kinid.signal import Smoothed, smooth_motion
+from kinid.signal import Smoothed, contradictions, smooth_motion
 
 Array = NDArray[np.float64]
 
@@ -39,7 +40,8 @@ class JointMotion:
     def sd(self) -> tuple[Array, Array, Array]:
         """Standard deviations of q, dq and ddq, (n, N) each; 0 where nothing is known of them."""
         if self.smoothed is not None:
-            return self.smoothed.sd
+            q, dq, ddq = (np.asarray(sd, dtype=np.float64) for sd in self.smoothed.sd)
+            return q, dq, ddq
         none = np.zeros_like(self.q)
         return none, none, none
 
@@ -89,8 +91,34 @@ def axes_motion(log: Log, differentiator: Differentiator | None = None) -> Joint
         facts = {"motion": "smoothed from " + " and ".join(
             name for name, there in (("positions", True), ("velocities", log.dq is not None),
                                      ("accelerations", log.ddq is not None)) if there), **made.facts}  # fmt: skip
+        warnings = warnings_of(made, [f"q{j + 1}" for j in range(log.q.shape[1])], log.period)
+        if warnings:
+            facts["warnings"] = warnings
         return JointMotion(made.value, made.first, made.second, facts, made)
     return _differentiated(log, log.q, differentiator)
+
+
+def warnings_of(made: Smoothed, names: list[str], period: float) -> list[str]:
+    """Where logged rates contradict the positions, a sentence each."""
+    out = []
+    for what, rate in (("velocities", made.first), ("accelerations", made.second)):
+        if what in made.facts:
+            largest = np.nan_to_num(np.fmax.reduce(np.abs(rate), axis=0))
+            out += contradictions(made.facts[what], what, names, largest, period)
+    return out
+
+
+def own_motion(log: Log, differentiator: Differentiator | None) -> Iterator[tuple[str, str, Smoothed | Derivatives]]:
+    """Depth and slips that a log holds, each with the name of its rate, smoothed by themselves or differentiated."""
+    for name, rate in (("depth", "depth_rate"), ("slip1", "slip_rate1"), ("slip2", "slip_rate2")):
+        if name not in log.contact:
+            continue
+        column = np.ascontiguousarray(log.contact[name][:, None])
+        if differentiator is None:
+            logged = log.contact.get(rate)
+            yield name, rate, smooth_motion(log.t, column, log.pieces, None if logged is None else logged[:, None])
+        else:
+            yield name, rate, differentiator(log.t, column, log.pieces)
 
 
 def _differentiated(log: Log, q: Array, differentiator: Differentiator) -> JointMotion:
@@ -137,12 +165,14 @@ class TipMotion:
     Attributes:
         t: [s], (n,). position [m], velocity [m/s]: (n, 3).
         force: what pushes the tool at the tip once the tool's own load is taken away [N], (n, 3); None without a wrench.
+        facts: where the motion came from.
     """
 
     t: Array
     position: Array
     velocity: Array
     force: Array | None
+    facts: Mapping[str, Any] = field(default_factory=dict)
 
     def columns(self) -> dict[str, Array]:
         """Columns for a table."""

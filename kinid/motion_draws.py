@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.carried import gravity_torques, payload_torques, sensor_motion
-from kinid.contact import contact_motion, own_motion
+from kinid.contact import contact_motion
 from kinid.effects import Signals
 from kinid.inverse_dynamics import inverse_dynamics
 from kinid.log import Log
-from kinid.motion import JointMotion, axes_motion, joint_motion
+from kinid.motion import JointMotion, axes_motion, joint_motion, own_motion
 from kinid.rig import CONTACT, Rig
 from kinid.robot import Robot
 from kinid.signal import Smoothed

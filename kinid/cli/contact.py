@@ -31,9 +31,13 @@ def contact(
     plot: Annotated[Path | None, typer.Option(help="Plot to write: one offline HTML file.")] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Summary and provenance to write as JSON.")] = None,
     bias: Annotated[str, typer.Option(help="Sensor bias: auto (the rig's, else free motion) or none.")] = "auto",
-    bandwidth: Annotated[float | None, typer.Option(
-        help="Instead of the smoother: velocities that the log lacks by a differentiator of this bandwidth [Hz].",
-        show_default=False)] = None,
+    bandwidth: Annotated[
+        float | None,
+        typer.Option(
+            help="Instead of the smoother: velocities that the log lacks by a differentiator of this bandwidth [Hz].",
+            show_default=False,
+        ),
+    ] = None,
     find_surface: Annotated[
         bool, typer.Option("--find-surface", help="Fit the plane to the touches in the log, and use it.")
     ] = False,

@@ -49,6 +49,8 @@ def show_analysis(result: Analysis, log: Log) -> None:
     for step in result.provenance.steps:
         if step.name in ("surface", "wrench", "differentiate"):
             out.print(f"{step}", soft_wrap=True, markup=False)
+    for warning in result.provenance.warnings:
+        out.print(f"doubt: {escape(warning)}", soft_wrap=True)
     table = Table("quantity", "unit", box=None, pad_edge=False)
     for heading in ("lowest", "highest"):
         table.add_column(heading, justify="right")

@@ -9,9 +9,12 @@ from kinid.diagnosis.detectors import Cleaned, detect
 from kinid.diagnosis.selection import Selection, select
 from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.experiment import Experiment
-from kinid.identification.estimation import estimate
+from kinid.identification.estimation import estimate, estimate_problem
 from kinid.identification.solver import State
 from kinid.model import Model
+
+#: two searches for one optimum end within this of each other
+SAME_COST = 1.02
 
 
 @dataclass(eq=False)
@@ -46,4 +49,10 @@ def run(model: Model, experiment: Experiment, settings: DiagnosisSettings, *, kn
     if marked:
         start = estimate(model, cleaned.experiment, known)
     selection = select(start, settings, [name for name in forced if name not in marked], progress)
+    if selection.added:
+        # what a fit of that model finds by itself is what is told of, unless the way here led further down
+        last = selection.states[-1]
+        again = estimate_problem(last.model, start.problem)
+        if again.cost_with(last.error) <= SAME_COST * last.cost_with(last.error):
+            selection.states[-1] = again
     return Found(model, experiment, cleaned, plain, selection)

@@ -61,6 +61,7 @@ class EffectVerdict:
         says: the verdict in words.
         acts: whether it can act at all in a log of this kind and beside this model.
         left_out: whether it promised much, and the search ended before it was tried: the log may well tell.
+        stand_in: whether it takes off less than is left, where the diagnosis ends unexplained.
         within: of an absent one, how far that reaches, where it says nothing of one elsewhere.
     """
 
@@ -75,6 +76,7 @@ class EffectVerdict:
     acts: bool = True
     left_out: bool = False
     within: str = ""
+    stand_in: bool = False
 
     @property
     def group(self) -> str:

@@ -17,6 +17,10 @@ from kinid.identification.solver import State
 Array = NDArray[np.float64]
 
 
+#: readings that an effect of more than a handful of parameters needs for each of them
+READINGS = 20
+
+
 @dataclass(frozen=True, eq=False)
 class Candidate:
     """One effect at one point of its shapes.
@@ -39,7 +43,8 @@ def screen_catalogue(state: State) -> dict[str, list[Candidate]]:
     """Every effect that can act in this log, its best point first."""
     out = {}
     for effect, why in candidate_effects(state.model, state.problem.layout):
-        if not why and not effect.detector:
+        many = len(effect.for_log(state.problem.experiment.signals).parameters(state.problem.layout)) * READINGS
+        if not why and not effect.detector and many <= max(6 * READINGS, state.residual.size):
             points = screen(state, effect)
             if points:
                 out[effect.id] = points

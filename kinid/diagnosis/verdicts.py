@@ -46,7 +46,7 @@ def verdicts(found: Found, parameters: dict[str, FittedParameter], gains: dict[s
     groups = {rival: tuple(dict.fromkeys([name, *(r for r in rivals if r != rival)]))
               for name, rivals in selection.alternatives.items() if name in selection.added for rival in rivals}  # fmt: skip
     tried = {t.effect.id: t for look in selection.rounds for t in look.refits}
-    final = selection.rounds[-1] if selection.rounds and selection.rounds[-1].before is last else None
+    final = selection.rounds[-1] if selection.rounds and selection.rounds[-1].before.model.names == last.model.names else None
     others = []
     for effect, why in candidate_effects(last.model, found.whole.layout):
         name = effect.id
@@ -90,7 +90,7 @@ def _added(name: str, found: Found, parameters: dict[str, FittedParameter], gain
     if is_stand_in(name, found, left, settings):
         return EffectVerdict(name, INDISTINGUISHABLE, evidence.significance, rivals, gain, own, _separate(name, rivals, found),
                              "a stand-in: it takes off less than it leaves, and something that the catalogue doesn't hold may be "
-                             "what it follows")  # fmt: skip
+                             "what it follows", stand_in=True)  # fmt: skip
     says = f"fits as well as {', '.join(rivals)}: this log can't tell them apart" if rivals else effect.signature
     return EffectVerdict(name, INDISTINGUISHABLE if rivals else PRESENT, evidence.significance, rivals, gain, own,
                          _separate(name, rivals, found), says)  # fmt: skip

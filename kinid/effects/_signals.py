@@ -190,7 +190,7 @@ class Signals:
         t: time from the first sample [s], (n,).
         dt: time since the sample before [s], (n,); 0 where memory begins anew (first sample, after a gap).
         depth [m], depth_rate [m/s]: (n,). slip [m], slip_rate [m/s]: (2, n).
-        play: share of their length over which bristles are elastic. stated_bristle: that length, unless an effect states another [m].
+        play: share of their length over which bristles are elastic. stated_bristle: that length [m], unless an effect has one.
         measured: measured readings, (channels, n); no law is driven by them.
         compliance: of the arm along the normal, which the contact law is behind [m/N].
         elastic: elastic force F_e [N], (n,). exponent: of its power law. normal: N [N], (n,).
@@ -243,7 +243,8 @@ class Signals:
         """A copy to predict with: inputs shared, the chain's quantities zero."""
         none, pair, reading = self.zeros
         out = self.copy()
-        out.compliance, out.exponent, out.bristle, out.recalls, out.agreed, out.touch = 0.0, 1.0, self.stated_bristle, (), None, None
+        out.compliance, out.exponent, out.bristle = 0.0, 1.0, self.stated_bristle
+        out.recalls, out.agreed, out.touch = (), None, None
         out.elastic, out.normal, out.mu, out.tangential, out.reading = none, none, pair, pair, reading
         return out
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import final
 
 import numpy as np
@@ -35,8 +36,8 @@ BEYOND, PART_BEYOND, STAYS, PART_BELOW = 3.0, 0.5, 0.9, 0.2
 FAR_BELOW = 0.25
 #: readings from these shares of the largest on tell the noise at the end of the range, if they are so many
 TOPS, ENOUGH = (0.9, 0.97), 20
-#: in the pile, readings rise with what is expected by less than this slope
-RISES = 0.3
+#: in the pile, readings rise with all that is expected beyond it by less than so many standard deviations
+RISES = 1.0
 #: how wide a pile is at most, in standard deviations of the noise
 NARROW = 1.3
 #: a pile that a model confirms is this dense at least, beside the values below it, and this wide at most
@@ -46,13 +47,19 @@ FLATTENED = 3.0
 
 
 @final
+@dataclass(frozen=True)
 class Saturation(Effect):
     """y = min(max(f, −L), L) for each channel, with noise before it or behind.
 
     Noise before the end of the range leaves a top that is exactly flat: the limit is read off it. Noise behind leaves values
     that pile up about the limit: it is a free parameter, and the pile where a search begins. A pile alone is no proof, as the
     holds of a load that comes with a jerk look alike: readings that a model expects beyond it are.
+
+    Attributes:
+        reached: numbers of the channels whose end of the range a model confirmed; None: the readings alone tell.
     """
+
+    reached: tuple[int, ...] | None = None
 
     id = "saturation"
     title = "end of the sensor's range"
@@ -85,15 +92,19 @@ class Saturation(Effect):
         sizes = np.abs(np.where(np.isfinite(measured), measured, 0.0))
         top = sizes.max(axis=1)
         flat = ((sizes >= top[:, None] * (1 - 1e-9)).sum(axis=1) >= FLAT) & (top > 0)
+        open_ = np.isfinite(self.piles(measured)) & ~flat
+        if self.reached is not None:
+            here = np.isin(np.arange(len(measured)), self.reached)
+            flat, open_ = flat & here, open_ & here
         limits: Array = np.where(flat, top, self.null["limit"])
-        return limits, np.where(np.isfinite(self.piles(measured, alone=False)) & ~flat, np.nan, limits)
+        return limits, np.where(open_, np.nan, limits)
 
-    def piles(self, measured: Array, alone: bool = True) -> Array:
-        """The level about which the largest readings of each channel (channels, n) pile up with noise, NaN without one.
+    def piles(self, measured: Array) -> Array:
+        """The level about which the largest readings of each channel (channels, n) pile up with noise, NaN without one."""
+        return self._piles(measured, alone=self.reached is None)
 
-        Args:
-            measured: raw readings. alone: whether the pile alone must tell it from loads that rest; else a model does.
-        """
+    def _piles(self, measured: Array, alone: bool) -> Array:
+        """The same; `alone` is whether the pile must tell it from loads that rest, which a model does else."""
         limits = (DENSER, SLOWED, NARROW) if alone else (CONFIRMED, np.inf, WIDE)
         return np.array([_pile(channel[np.isfinite(channel)], *limits) for channel in measured])
 
@@ -102,7 +113,7 @@ class Saturation(Effect):
         raw = samples.raw
         limits, flat = self._flat_tops(samples)
         exact = np.asarray(flat.any(axis=1))
-        for channel, level in enumerate(self.piles(raw, alone=False)):
+        for channel, level in enumerate(self._piles(raw, alone=False)):
             x = raw[channel][np.isfinite(raw[channel])]
             if not exact[channel] and np.isfinite(level):
                 found = [_cut_off_there(samples, channel, level, max(sigma, lattice(x))) for sigma in _noises(x)]
@@ -124,7 +135,8 @@ class Saturation(Effect):
             keep = np.ones(len(at), np.bool_)  # clipped nearly everywhere: what is left would be no log
         # flat tops have no noise: a channel's own shows beside them
         noise = np.maximum(samples.noise, samples.white(raw, samples.valid & keep))
-        return Detection(limits, says, keep=keep, noise=noise)
+        reached = tuple(np.flatnonzero(hit).tolist())
+        return Detection(limits, says, form={"reached": reached}, keep=keep, noise=noise)
 
     def unseen(self, rate: float) -> str:
         """A load within the range says nothing of its end."""
@@ -153,7 +165,7 @@ class Saturation(Effect):
             return ()
         raw = signals.measured if signals.as_read is None else signals.as_read.raw(signals.measured)
         shown, search = self.marks(raw)
-        return (np.where(np.isnan(search), self.piles(raw, alone=False), shown),) if np.isnan(search).any() else ()
+        return (np.where(np.isnan(search), self.piles(raw), shown),) if np.isnan(search).any() else ()
 
     def acquisition(self, s: Signals, p: Array) -> None:
         """Clip the readings."""
@@ -191,7 +203,8 @@ def _cut_off_there(samples: Samples, channel: int, level: float, sigma: float) -
         return none
     least, most = np.quantile(expected[both], (0.05, 0.95))
     away = expected[both] - expected[both].mean()
-    if most - least < max(margin, off) or x[both] @ away > RISES * (away @ away):
+    rise = float(x[both] @ away) / float(away @ away) * (most - least) if most > least else np.inf
+    if most - least < max(margin, off) or abs(rise) > RISES * sigma:
         return none
     with np.errstate(invalid="ignore"):
         return np.asarray(np.abs(x) > level - margin)

@@ -78,7 +78,7 @@ def reading_variance(problem: Problem) -> Array:
         alike = units == unit
         noise[alike] = np.maximum(noise[alike], QUIETEST * noise[alike].max())
     out: Array = noise[:, None] ** 2 / problem.count + (RESOLUTION * problem.channel_rms[:, None]) ** 2
-    return out + problem.means(_released(problem.experiment)) ** 2
+    return out + problem.rounding[:, None] + problem.means(_released(problem.experiment)) ** 2
 
 
 def _released(experiment: Experiment) -> Array:

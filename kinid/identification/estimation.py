@@ -16,8 +16,8 @@ from kinid.model import Model
 
 #: shares of their length over which bristles may be elastic; the second is the form that predictions have by default
 ELASTIC_SHARES = (0.02, 0.3, 0.7, 0.95)
-#: lengths of bristles that are tried, as shares of the one before; the first and last bound them, as shares of the stated one
-LENGTHS = (0.6, 0.8, 1.25, 1.7)
+#: lengths of bristles that are tried [m]: within a quarter of the stated one
+LENGTHS = (0.8 * BRISTLE, 1.25 * BRISTLE)
 #: steps of a search under another form
 FORM_STEPS = 6
 #: a form is another one where it changes readings by this share of their noise, and better where so much of the error is left
@@ -48,8 +48,10 @@ def estimate_problem(model: Model, problem: Problem, known: Mapping[str, float] 
 def with_friction_form(state: State) -> State:
     """The state under the form of friction at rest that the log bears out best.
 
-    Motion tells little of the force of friction that sticks: between P. R. Dahl's bristles (1968), which creep under any tremor, and
-    L. Prandtl's (1928), which are elastic until they slip, a surface may be anything (P. Dupont et al., IEEE Trans. Autom. Control
+    Motion tells little of the force of friction that sticks: between P. R. Dahl's bristles (1968), which creep under any
+    tremor, and
+    L. Prandtl's (1928), which are elastic until they slip, a surface may be anything (P. Dupont et al., IEEE Trans. Autom.
+    Control
     47, 2002), and the stated length of the bristles is one of its order of magnitude. Both are chosen from a few; they are
     parameters of no effect. One that is far off is (`presliding`).
     """
@@ -60,8 +62,7 @@ def with_friction_form(state: State) -> State:
     forms = [(share, first[1]) for share in ELASTIC_SHARES if share != first[0]]
     best = _best_form(best, forms)
     chosen = best.problem.experiment.signals
-    best = _best_form(best, [(chosen.play, first[1] * factor) for factor in LENGTHS
-                             if LENGTHS[0] < first[1] * factor / BRISTLE < LENGTHS[-1]])  # fmt: skip
+    best = _best_form(best, [(chosen.play, length) for length in (BRISTLE, *LENGTHS) if length != chosen.stated_bristle])
     return best if best is state else solve(best.problem, best.model, best.values, shift=best.shift, error=best.error)
 
 

@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 
 from kinid.course import Course
 from kinid.effects import Layout, Signals
+from kinid.effects._samples import lattice
 from kinid.experiment import Experiment
 from kinid.identification.dataset import averaged, group_edges, hold_out_folds, sample_period
 from kinid.kernels.averages import weighted_changes, weighted_sums
 from kinid.model import Model
+from kinid.white_noise import white_noise
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -25,6 +27,8 @@ Mask = NDArray[np.bool_]
 MEAN_RATE, MANY_MEANS, MAX_MEANS = 125.0, 30_000, 100_000
 #: of joint torques so many a second: where friction turns, torques are faster than any estimate of the motion
 TORQUE_RATE = 50.0
+#: rounding is shared by neighbours where a step is so many times the noise
+COARSE = 2.0
 #: means of a short log, at least, where it has so many samples
 MIN_MEANS = 400
 #: length of a block [s]: longer than readings' noise remembers; and the fewest blocks that a log is cut into
@@ -117,6 +121,13 @@ class Problem:
         rms = np.sqrt(np.mean(self.target**2, axis=1)) if self.shape[1] else np.zeros(self.shape[0])
         return np.maximum(rms, 1e-9)
 
+    @cached_property
+    def rounding(self) -> Array:
+        """Variance of rounding by a converter so coarse that neighbours share it, (channels,); 0 for others."""
+        steps = np.array([lattice(row) for row in self.whole.raw])
+        coarse = (steps > 0) & (steps > COARSE * _white(self.whole))
+        return np.where(coarse, steps**2 / 12.0, 0.0)
+
     def means(self, readings: Array) -> Array:
         """Readings (channels, n) in means over the groups that count, (channels, g)."""
         out = np.empty(self.shape)
@@ -140,6 +151,11 @@ class Problem:
     def per_block(self, values: Array) -> Array:
         """Sums of (channels, g) over channels and the groups of each block, (blocks,)."""
         return np.asarray(np.bincount(self.block, values.sum(axis=0)), dtype=np.float64)
+
+
+def _white(experiment: Experiment) -> Array:
+    """White noise of each channel's readings, seen in their differences, (channels,)."""
+    return np.array([white_noise(row[experiment.valid]) for row in experiment.raw])
 
 
 def _block_length(span: float) -> float:

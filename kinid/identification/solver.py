@@ -88,6 +88,10 @@ class State:
         prior = self.prior - RIDGE * np.diag(np.r_[np.ones(len(self.values)), np.zeros(len(self.shift))])
         return float(np.sum((self.residual / self.error.sigma) ** 2) + own @ prior @ own)
 
+    def cost_with(self, error: ErrorModel) -> float:
+        """Squares of what is left held out, in another error model's units."""
+        return float(np.sum((self.held_out / error.sigma) ** 2) + self.shift @ self.shift)
+
     @cached_property
     def fold_steps(self) -> tuple[Array, Array]:
         """Step of all directions, in scales, from the common fit to that of each fold alone (one Gauss-Newton step), (p + k,)."""

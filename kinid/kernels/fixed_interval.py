@@ -189,5 +189,3 @@ def _times(lower: Array, x: Array, out: Array) -> None:
         out[i] = 0.0
         for j in range(i + 1):
             out[i] += lower[i, j] * x[j]
-
-

@@ -37,6 +37,8 @@ REMAINS = 10.0
 AGAIN = 2.0
 #: noise is put right where less than a share of it is found, by no more than another at a time, from so many degrees of freedom
 LOUD, QUIETER, ENOUGH = 0.7, 1e-2, 30.0
+#: where digits are lost, positions are held to this share of their size at best, and to this variance
+FINEST, TINY = 1e-9, 1e-200
 #: variance of the state before the first sample, times that of the parabola through the first three
 VAGUE = 100.0
 
@@ -128,6 +130,23 @@ class Axis:
             single = grown(single, float(out[:, 0].sum() / max(out[:, 1].sum(), 1e-300)))
             score(single)
         self.jerk, self.single = single, True
+
+    def sound(self) -> tuple[Array, Array, Array]:
+        """What `smoothed` gives, of positions alone, or of noisier ones, where it is not a number.
+
+        No finite log shall end without an estimate: measurements that differ a billion times in size can lose all digits.
+        """
+        made = self.smoothed()
+        for louder in (1.0, 1e6, 1e12):
+            if np.isfinite(made[0]).all() and np.isfinite(made[1]).all():
+                break
+            self.value, self.variance = self.value[:, :1].copy(), louder * self.variance[:, :1]
+            size = float(np.ptp(self.value))
+            self.variance = np.maximum(self.variance, (FINEST * max(size, float(np.abs(self.value).max()))) ** 2 + TINY)
+            self.noise = max(louder * self.noise, float(self.variance.min()))
+            self.jerk = self._from_bank() if louder == 1.0 else np.full(len(self.tau), self.noise)
+            made = self.smoothed()
+        return made
 
     def begin(self) -> tuple[Array, Array]:
         """State before the first sample, and its covariance."""

@@ -54,7 +54,7 @@ def evenly(t: Array, unit: float) -> Array:
 def _spread(x: Array, tau: Array | None) -> dict[int, float]:
     """Noise as each order of differences tells it."""
     x = x[:LOOKED_AT]
-    even = tau is None or np.ptp(tau[1:LOOKED_AT]) < 1e-9
+    even = tau is None or len(tau) < 2 or np.ptp(tau[1:LOOKED_AT]) < 1e-9
     t = None if even or tau is None else np.cumsum(tau[:LOOKED_AT])
     out, difference = {}, x
     for order in range(1, max(ORDERS) + 1):

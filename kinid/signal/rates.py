@@ -45,6 +45,7 @@ class Learnt:
 
     Attributes:
         bias [unit of the rate], gain [1], delay [s]: as they are taken out; 0, 1, 0 where they can't be told from nothing.
+        scale: the gain as it was found, whether it is taken out or not.
         noise: standard deviation of white noise that weighs as much as what is left. memory: its variance over that of a sample.
         lag: what is left follows the next derivative but one, so many times: a filter that is no plain delay [s²].
         errors: standard errors of bias, gain and delay, infinite where nothing tells them, (3,).
@@ -55,6 +56,7 @@ class Learnt:
     bias: float
     gain: float
     delay: float
+    scale: float
     noise: float
     memory: float
     lag: float
@@ -72,8 +74,9 @@ class Learnt:
     @staticmethod
     def facts(several: Sequence[Learnt]) -> dict[str, Any]:
         """Figures of all axes."""
-        facts = {name: [getattr(one, name) for one in several] for name in ("bias", "gain", "delay", "noise", "memory")}
-        return facts | {"bias_error": [float(one.errors[0]) for one in several]}
+        names = ("bias", "gain", "delay", "scale", "noise", "memory")
+        facts: dict[str, Any] = {name: [float(getattr(one, name)) for one in several] for name in names}
+        return facts | {"errors": [one.errors.tolist() for one in several]}
 
 
 def learn(t: Array, x: Array, pieces: Sequence[tuple[Rows, Axis]], logged: Array, order: int, unit: float) -> Learnt:
@@ -88,14 +91,14 @@ def learn(t: Array, x: Array, pieces: Sequence[tuple[Rows, Axis]], logged: Array
     jerk = [state[:, order + 2] / unit ** (order + 2) for state, _ in states] if order + 2 < ORDER else []
     del states  # the largest of all
     bias, gain, delay, errors = 0.0, 1.0, 0.0, np.full(3, np.inf)
-    noise = 0.0
+    noise, scale = 0.0, 1.0
     for _ in range(ROUNDS):
         seen = [_shifted(at, logged[rows], delay) for at, (rows, _) in zip(times, pieces)]
         one, a, d, own = (np.concatenate(x) for x in (seen, rate, after, variance))
         good = np.isfinite(one)
         if good.sum() < 8:
-            return Learnt(0.0, 1.0, 0.0, np.inf, 1.0, 0.0, errors, 1.0, [np.ones(len(at), np.float32) for at in times])
-        bias, gain, more, errors, noise = _regress(one[good], a[good], d[good], own[good], noise)
+            return Learnt(0.0, 1.0, 0.0, 1.0, np.inf, 1.0, 0.0, errors, 1.0, [np.ones(len(at), np.float32) for at in times])
+        bias, gain, more, scale, errors, noise = _regress(one[good], a[good], d[good], own[good], noise, bias, scale)
         delay = delay + more
         if abs(more) < 0.02 * unit:
             break
@@ -110,15 +113,18 @@ def learn(t: Array, x: Array, pieces: Sequence[tuple[Rows, Axis]], logged: Array
     quieter = min(1.0, (max(step, floor) / noise) ** 2) if noise < UNUSUAL * least else 1.0
     if _derived([x[rows] for rows, _ in pieces], positions, left, pieces[0][1].tau):
         noise = np.inf
-    # what is not known of the rate, and a lag that is no delay, stay in it as errors
-    lag, spread = 0.0, [errors[1] * np.abs(a) if np.isfinite(errors[1]) and gain != 1.0 else np.zeros(len(a)) for a in rate]
+    # what is not known of the rate, and a lag that is no delay, stay in it as errors; those of offset and gain last, and
+    # weigh as white noise does that leads as far away
+    lasting = (LONGEST / unit) ** 0.5 if unit < LONGEST else 1.0
+    known = np.where(np.isfinite(errors), errors, 0.0) / abs(scale or 1.0)
+    lag, spread = 0.0, [lasting * (known[0] + known[1] * np.abs(a)) for a in rate]
     if jerk:
         lag = _lag(np.concatenate(left), np.concatenate(jerk), np.concatenate(variance), noise)
         spread = [LAG * lag * np.abs(j) + s for s, j in zip(spread, jerk)]
-    clock = errors[2] if np.isfinite(errors[2]) else 0.0
+    clock = errors[2] if np.isfinite(errors[2]) else 0.0  # its error is one of time, whatever the gain
     spread = [s + clock * np.abs(d) for s, d in zip(spread, after)]
     local = [_nearby(e, v, s, noise) for e, v, s in zip(left, variance, spread)]
-    return Learnt(bias, gain, delay, noise * abs(gain), memory, lag, errors, quieter, local)
+    return Learnt(bias, gain, delay, scale, noise * abs(gain), memory, lag, errors, quieter, local)
 
 
 def together(several: Sequence[Learnt]) -> list[Learnt]:
@@ -131,13 +137,14 @@ def together(several: Sequence[Learnt]) -> list[Learnt]:
     return [one if one.delay else replace(one, delay=common) if abs(common) < SURE * one.errors[2] else one for one in several]
 
 
-def _regress(z: Array, rate: Array, after: Array, own: Array, noise: float) -> tuple[float, float, float, Array, float]:
-    """Bias, gain and delay that are surely there, their standard errors, and the noise that is left.
+def _regress(z: Array, rate: Array, after: Array, own: Array, noise: float, bias: float, scale: float
+             ) -> tuple[float, float, float, float, Array, float]:  # fmt: skip
+    """Bias, gain and delay that are surely there, the gain as found, their standard errors, and the noise that is left.
 
     Blocks that are left out in turn tell the errors, whatever memory the noise has (Künsch 1989).
     """
     design = np.stack([np.ones_like(rate), rate, -after])
-    first = z - rate
+    first = z - bias - scale * rate
     spread = ROBUST * float(np.median(np.abs(first - np.median(first)))) + 1e-300
     for _ in range(2):  # the second time without what stands out
         weight = 1.0 / (spread**2 + own)
@@ -149,11 +156,14 @@ def _regress(z: Array, rate: Array, after: Array, own: Array, noise: float) -> t
         values, errors = _jackknife(squares, products)
         first = z - values @ design
         noise = spread = ROBUST * float(np.median(np.abs(first - np.median(first)))) + 1e-300
+    # what the estimate does not know of its own rate makes a gain of its own
+    own_gain = float(weight @ np.minimum(own, rate**2 + own.min()) / max(float(weight @ rate**2), 1e-300))
+    errors[:2] += own_gain * np.array([abs(float(weight @ rate)) / max(float(weight.sum()), 1e-300), abs(values[1])])
     delay = values[2] / values[1] if values[1] else 0.0
     errors = np.array([errors[0], errors[1], errors[2] / max(abs(values[1]), 1e-300)])
     bias = float(values[0]) if abs(values[0]) > SURE * errors[0] else 0.0
     gain = float(values[1]) if abs(values[1] - 1.0) > max(SURE * errors[1], GAIN) and values[1] != 0.0 else 1.0
-    return bias, gain, float(delay) if abs(delay) > SURE * errors[2] else 0.0, errors, noise
+    return bias, gain, float(delay) if abs(delay) > SURE * errors[2] else 0.0, float(values[1]), errors, noise
 
 
 def _jackknife(squares: Array, products: Array) -> tuple[Array, Array]:

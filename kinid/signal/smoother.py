@@ -23,6 +23,7 @@ from kinid.signal.rates import Learnt, learn, together
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
+Single = NDArray[np.float32]
 T = TypeVar("T")
 
 #: a pause longer than this many median sample times is a gap
@@ -55,7 +56,7 @@ class Smoothed:
     value: Array
     first: Array
     second: Array
-    sd: tuple[Array, Array, Array]
+    sd: tuple[Single, Single, Single]
     facts: dict[str, Any]
     _tracks: tuple[Track, ...] = field(repr=False)
 
@@ -90,6 +91,7 @@ def smooth_motion(
         first, second: measured velocities and accelerations, (n, k), or None; where one is not a number it isn't there.
     """
     unit = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
+    unit = unit if unit > 0.0 else 1.0
     runs = list(_runs(t, value, pieces, GAP_FACTOR * unit))
     k = value.shape[1]
     everywhere = np.concatenate(runs) if runs else np.empty(0, np.int64)
@@ -109,6 +111,10 @@ def smooth_motion(
             made.append((rows, axis))
         return Track(known, made, unit)
 
+    if not runs:
+        none = np.full(value.shape, np.nan)
+        unknown = none.astype(np.float32)
+        return Smoothed(none, none.copy(), none.copy(), (unknown, unknown, unknown), {"noise": []}, ())
     tracks = _each(alone, range(k), value.size)
     facts: dict[str, Any] = {"noise": [track.positions.noise for track in tracks]}
     if any(track.positions.step for track in tracks):
@@ -117,11 +123,12 @@ def smooth_motion(
         if logged is None:
             continue
         facts[name] = Learnt.facts(_with_rates(t, value, tracks, logged, order, unit))
-    out, sd = [np.full(value.shape, np.nan) for _ in range(3)], [np.full(value.shape, np.nan) for _ in range(3)]
+    out = [np.full(value.shape, np.nan) for _ in range(3)]
+    sd = [np.full(value.shape, np.nan, np.float32) for _ in range(3)]
 
     def finish(j: int) -> None:
         for rows, axis in tracks[j].pieces:
-            state, deviation, _ = axis.smoothed()
+            state, deviation, _ = axis.sound()
             for order in range(3):
                 if order and len(rows) < 2:
                     continue

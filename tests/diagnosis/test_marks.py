@@ -50,3 +50,16 @@ def test_channels_without_a_mark_are_not_shown() -> None:
     assert "saturation" in found.added
     assert list(acting(found["saturation"].parameters)) == ["limit[normal_force]"]
     assert found["saturation"].parameters["limit[normal_force]"].value == pytest.approx(1.9)
+
+
+def test_an_end_of_the_range_with_noise_behind_it_is_fitted() -> None:
+    """The limit is found, the stiffness is that of the material, and what is left is noise."""
+    rng = np.random.default_rng(1)
+    t = np.arange(8_000) / 400.0
+    depth = -1e-3 + 4e-3 * np.maximum(0.0, np.sin(2 * np.pi * 0.3 * t))
+    force = np.minimum(800.0 * np.maximum(depth, 0.0), 1.7) + 0.02 * rng.standard_normal(len(t))
+    found = kinid.diagnose(log_of(force, t, depth), kinid.Rig(), model=kinid.Model("hooke"))
+    assert found.added == ("saturation",)
+    assert found.fit["limit[normal_force]"].value == pytest.approx(1.7, abs=0.005)
+    assert found.fit["stiffness"].low < 800.0 < found.fit["stiffness"].high
+    assert found.steps[-1].held_out == pytest.approx(0.02, rel=0.05)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
-from kinid.signal import Smoothed, smooth_motion
+from kinid.signal import Smoothed, contradictions, smooth_motion
 
 Array = NDArray[np.float64]
 
@@ -118,3 +121,62 @@ def test_gaps_and_what_is_missing(measured: tuple[Array, tuple[Array, Array, Arr
     assert np.isfinite(made.value[2000])
     good = np.isfinite(made.first[:, 0])
     assert rms(made.first[good, 0] - truth[1][good]) < 1e-4
+
+
+def test_without_a_position_there_is_nothing_and_with_one_a_place() -> None:
+    t = np.arange(500) * 0.01
+    none = smoothed(t, np.full(500, np.nan))
+    assert np.isnan(none.first).all()
+    assert none.error(0)[0].shape == (500, 1)
+    alone = np.full(500, np.nan)
+    alone[7] = 0.25
+    assert smoothed(t, alone).value[7, 0] == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize("logged", ["filtered differences", "huge", "none", "a constant", "a millionth of a millionth"])
+def test_no_rate_takes_the_positions_away(logged: str) -> None:
+    """On a lattice most differences are 0, which looks like a rate without noise."""
+    t = np.arange(0, 4 * PERIOD, 0.001)
+    truth = poke(t)
+    x = 1e-4 * np.round(truth[0] / 1e-4)
+    difference = np.diff(x, prepend=x[0]) / 0.001
+    rate = {"filtered differences": lfilter([0.2], [1, -0.8], difference), "huge": 1e12 * truth[1], "none": np.full(len(t), np.nan),
+            "a constant": np.full(len(t), 5.0), "a millionth of a millionth": 1e-12 * truth[1]}[logged]  # fmt: skip
+    made = smoothed(t, x, rate)
+    for row in (made.value, made.first, made.second, *made.sd):
+        assert np.isfinite(row).all()
+    assert (rms(errors(made, truth)) < 1.03 * rms(errors(smoothed(t, x), truth))).all()
+
+
+@pytest.mark.parametrize("lag", [0.002, 0.005])
+def test_rates_that_lag_as_a_filter_does_no_harm(lag: float, measured: tuple[Array, tuple[Array, Array, Array], Array]) -> None:
+    t, truth, x = measured
+    a = np.exp(-0.002 / lag)
+    rate = lfilter([1 - a], [1, -a], truth[1]) + 2e-4 * np.random.default_rng(2).standard_normal(len(t))
+    assert (rms(errors(smoothed(t, x, rate), truth)) < 1.03 * rms(errors(smoothed(t, x), truth))).all()
+
+
+@pytest.mark.parametrize(("rate", "said"), [
+    (lambda t: poke(t)[1], ()), (lambda t: poke(t)[1] + 2e-3, ("offset", "+0.002")),
+    (lambda t: poke(np.maximum(t - 0.005, 0))[1], ("ms after", "moved back")), (lambda t: 57.3 * poke(t)[1], ("57.3", "unit")),
+])  # fmt: skip
+def test_what_contradicts_the_positions_is_said_with_figures(
+    rate: Callable[[Array], Array], said: tuple[str, ...], measured: tuple[Array, tuple[Array, Array, Array], Array]
+) -> None:
+    t, truth, x = measured
+    made = smoothed(t, x, rate(t) + 2e-4 * np.random.default_rng(1).standard_normal(len(t)))
+    lines = contradictions(made.facts["velocities"], "velocities", ["q1"], np.abs(made.first).max(axis=0), 0.002)
+    assert len(lines) == bool(said)
+    assert all(word in lines[0] for word in said)
+
+
+def test_a_long_piece_is_smoothed_as_a_short_one_is() -> None:
+    """Covariances are kept for some samples at a time; nothing tells where."""
+    t = np.arange(0, 5 * PERIOD, 0.002)
+    x = poke(t)[0] + 3e-6 * np.random.default_rng(3).standard_normal(len(t))
+    made = smoothed(t, x)
+    middle = made._tracks[0].pieces[0][1]
+    state, sd, _ = middle.smoothed()
+    foretold, own = state[:-1] @ np.triu([[1, 1, 1 / 2, 1 / 6], [0, 1, 1, 1 / 2], [0, 0, 1, 1], [0, 0, 0, 1]]).T, sd[1:]
+    assert (np.abs(np.diff(sd[:, 0])) < 0.5 * own[:, 0]).all()
+    assert (np.abs(state[1:, 0] - foretold[:, 0]) < 3.0 * own[:, 0] + 1e-6).all()
