@@ -93,4 +93,9 @@ def prediction_columns(result: Fit) -> dict[str, Any]:
     for i, name in enumerate(result.experiment.layout.channels):
         columns[name] = result.experiment.measured[i]
         columns[f"{name}_model"] = predicted[i]
+    force = result.experiment.normal_force
+    if force is not None and "normal_force" not in columns:
+        from kinid.fit_plots import normal_of
+
+        columns |= {"normal_force": force, "normal_force_model": normal_of(result.experiment, predicted)}
     return columns

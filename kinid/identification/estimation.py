@@ -12,6 +12,7 @@ from kinid.experiment import Experiment
 from kinid.identification.initial_guesses import initial_values, nominal_values
 from kinid.identification.problem import Problem
 from kinid.identification.solver import State, first_error_model, search, solve
+from kinid.kernels.memory import ELASTIC
 from kinid.model import Model
 
 #: shares of their length over which bristles may be elastic; the second is the form that predictions have by default
@@ -36,6 +37,7 @@ def estimate(model: Model, experiment: Experiment, known: Mapping[str, float] | 
 
 def estimate_problem(model: Model, problem: Problem, known: Mapping[str, float] | None = None) -> State:
     """The same for a problem that is there already, so that several models share it."""
+    problem = problem.with_bristles(ELASTIC, BRISTLE)  # the form is chosen anew, the same way for all who ask
     model = model.for_log(problem.experiment.signals)
     error = first_error_model(problem)
     values = nominal_values(model, problem)

@@ -18,6 +18,8 @@ NOISY = 0.7
 ROBUST = 1.4826
 #: noise is at least this share of the range of the positions, and of their size, which is what 64 bits hold
 FLOOR, DIGITS = 1e-9, 4e-16
+#: of its size, what a number is off by rounding
+REPEATED = 2e-16
 #: samples that a lattice is looked for in
 LOOKED_AT = 20_000
 #: share of gaps between neighbouring values that are whole steps of a lattice
@@ -51,7 +53,7 @@ def evenly(t: Array, unit: float) -> Array:
     return np.where(steps > 0.5, np.maximum(np.round(steps), 1.0), steps)
 
 
-def _spread(x: Array, tau: Array | None) -> dict[int, float]:
+def _spread(x: Array, tau: Array | None, moved: bool = False) -> dict[int, float]:
     """Noise as each order of differences tells it."""
     x = x[:LOOKED_AT]
     even = tau is None or len(tau) < 2 or np.ptp(tau[1:LOOKED_AT]) < 1e-9
@@ -64,7 +66,10 @@ def _spread(x: Array, tau: Array | None) -> dict[int, float]:
         elif order in ORDERS and len(x) > order:
             difference, unit = _divided(t, x, order), 1.0
         if order in ORDERS and len(difference) >= 5 and len(x) > order:
-            out[order] = ROBUST * float(np.median(np.abs(difference))) / unit
+            size = np.abs(difference)
+            if moved:  # what rests on one number tells nothing of noise
+                size = size[size > REPEATED * 2**order * np.abs(x).max()]
+            out[order] = ROBUST * float(np.median(size)) / unit if len(size) else 0.0
     return out
 
 
@@ -116,17 +121,20 @@ class Positions:
     least: float
 
 
-def positions(x: Array, tau: Array | None = None) -> Positions:
+def positions(x: Array, tau: Array | None = None, shared: int = 1) -> Positions:
     """What positions (n,) say, and how surely; `tau` are the steps of time before them, (n,), None where all are alike.
 
     On a lattice, samples that rest on one value are one measurement: each has the variance of the step, d²/12, times their
     number m. Where one value gives way to the next, the position is at the edge between them, to within the way d/m that it
-    goes in a sample.
+    goes in a sample. `shared` samples have one noise: they were interpolated between slower ones.
     """
     step = lattice(x)
     least = FLOOR * float(np.ptp(x)) + DIGITS * float(np.abs(x).max(initial=0.0)) + 1e-100
     noise = max(white(x, tau), least)
     if not step:
+        if shared > 1:
+            sizes = _spread(x[::shared], None if tau is None else np.diff(np.cumsum(tau)[::shared], prepend=0.0), moved=True)
+            noise = least = max(noise, min(sizes.values(), default=0.0) * shared**0.5)
         return Positions(x, np.full(len(x), noise**2), noise, 0.0, least)
     noise = max(noise, step / 12**0.5)
     edges = np.flatnonzero(np.diff(x)) + 1

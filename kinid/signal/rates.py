@@ -23,6 +23,8 @@ Rows = NDArray[np.int64]
 BLOCKS, SURE = 24, 4.0
 #: a gain closer to 1 than this is 1: rates come from the encoder that positions come from, in the wrong unit or in the right one
 GAIN = 0.05
+#: no unit is so many times another: what has such a gain is no rate of the positions
+ALIEN = 1e7
 #: rounds of learning; each puts the clock right to second order of what it is off
 ROUNDS = 3
 #: means over so many samples show a memory in the noise, but over no longer than this [s]
@@ -111,7 +113,7 @@ def learn(t: Array, x: Array, pieces: Sequence[tuple[Rows, Axis]], logged: Array
     least = max(white(plain) / abs(gain), step, floor)
     noise, memory = _noise(left, variance, below, plain / gain, unit, least)
     quieter = min(1.0, (max(step, floor) / noise) ** 2) if noise < UNUSUAL * least else 1.0
-    if _derived([x[rows] for rows, _ in pieces], positions, left, pieces[0][1].tau):
+    if not 1.0 / ALIEN < abs(scale) < ALIEN or _derived([x[rows] for rows, _ in pieces], positions, left, pieces[0][1].tau):
         noise = np.inf
     # what is not known of the rate, and a lag that is no delay, stay in it as errors; those of offset and gain last, and
     # weigh as white noise does that leads as far away

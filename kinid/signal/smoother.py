@@ -82,13 +82,14 @@ class Smoothed:
 
 
 def smooth_motion(
-    t: Array, value: Array, pieces: Iterable[slice], first: Array | None = None, second: Array | None = None
+    t: Array, value: Array, pieces: Iterable[slice], first: Array | None = None, second: Array | None = None, shared: int = 1
 ) -> Smoothed:
     """Smooth positions, and rates where they were measured.
 
     Args:
         t: time [s], (n,). value: positions (n, k). pieces: runs of samples without a gap, each smoothed by itself.
         first, second: measured velocities and accelerations, (n, k), or None; where one is not a number it isn't there.
+        shared: neighbours that share their noise, for they were interpolated between samples so many times slower.
     """
     unit = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
     unit = unit if unit > 0.0 else 1.0
@@ -100,7 +101,7 @@ def smooth_motion(
     ticks[ticks == 0.0] = 1.0  # over a gap differences mean nothing, whatever it is
 
     def alone(j: int) -> Track:
-        known = positions(value[everywhere, j], ticks)
+        known = positions(value[everywhere, j], ticks, shared)
         quieter = 1.0 if known.step else min(1.0, (known.least / known.noise) ** 2)
         made, at = [], 0
         for rows, tau in zip(runs, steps):

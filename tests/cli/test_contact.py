@@ -59,9 +59,7 @@ def test_csv_with_other_names_and_degrees(run: Run, log: Path, tmp_path: Path) -
             continue
         header.append(names.get(name, name))
         columns.append(np.asarray(values) * (1e3 if name == "t" else np.rad2deg(1) if name.startswith("q") else 1))
-    np.savetxt(
-        tmp_path / "mine.csv", np.column_stack(columns), delimiter=",", header=",".join(header), comments="", fmt="%.9g"
-    )
+    np.savetxt(tmp_path / "mine.csv", np.column_stack(columns), delimiter=",", header=",".join(header), comments="", fmt="%.9g")
     mapping = "[columns]\nt = { column = 'time_ms', unit = 'ms' }\n" + "".join(
         f"q{j} = {{ column = 'joint{j}_deg', unit = 'deg' }}\n" for j in range(1, 8))  # fmt: skip
     (tmp_path / "rig.toml").write_text(RIG + mapping)
@@ -70,6 +68,28 @@ def test_csv_with_other_names_and_degrees(run: Run, log: Path, tmp_path: Path) -
     assert (tmp_path / "out.csv").read_text().startswith('"t","depth"') or (tmp_path / "out.csv").read_text().startswith(
         "t,depth"
     )
+
+
+def test_motion_is_smoothed_unless_a_bandwidth_is_asked_for(run: Run, log: Path) -> None:
+    facts = log.parent / "facts.json"
+    for options, step in (((), "smooth"), (("--bandwidth", "25"), "differentiate")):
+        code, _, err = run("contact", log, "--json", facts, *options)
+        assert code == 0, err
+        names = [one["name"] for one in json.loads(facts.read_text())["provenance"]["steps"]]
+        assert step in names
+        assert len({"smooth", "differentiate"} & set(names)) == 1
+
+
+def test_logged_velocities_that_contradict_the_positions_are_doubted(run: Run, log: Path) -> None:
+    table = pq.read_table(log)
+    t, offset = table["t"].to_numpy(), 0.01
+    change(log, **{f"dq{j}": np.gradient(table[f"q{j}"].to_numpy(), t) + offset for j in range(1, 8)})
+    code, said, err = run("contact", log, "--json", log.parent / "facts.json")
+    assert code == 0, err
+    assert "doubt: logged velocities are offset from the derivative of the positions" in said
+    assert "+0.01" in said
+    steps = json.loads((log.parent / "facts.json").read_text())["provenance"]["steps"]
+    assert any("offset" in line for one in steps for line in one.get("warnings", ()))
 
 
 def test_samples_that_are_not_numbers_are_counted_and_stay_where_they_are(run: Run, log: Path) -> None:

@@ -181,7 +181,7 @@ def moving(swing: Callable[..., Any]) -> Log:
 
 
 def test_a_rigid_arm_leaves_nothing(moving: Log) -> None:
-    e = from_joint_torques(moving, LWR)
+    e = from_joint_torques(moving, LWR, differentiator=Differentiator())
     assert e.layout == Layout(tuple(f"tau{j}" for j in range(1, 8)), "joints", tuple(f"joint_{j}" for j in range(1, 8)))
     assert not Model("rigid-body").parameters(e.layout)
     np.testing.assert_allclose(Model("rigid-body").predict(e.signals, {}), e.measured, atol=1e-10)
@@ -189,7 +189,7 @@ def test_a_rigid_arm_leaves_nothing(moving: Log) -> None:
 
 def test_payload_is_the_regressor_of_a_body_on_the_sensor(moving: Log) -> None:
     """Jᵀ times Pinocchio's body regressor, its first four columns (m, m·com)."""
-    e = from_joint_torques(moving, LWR)
+    e = from_joint_torques(moving, LWR, differentiator=Differentiator())
     robot = Robot.load(LWR)
     model, data = robot.model, robot.model.createData()
     frame = model.getFrameId("ft_sensor")
@@ -210,8 +210,8 @@ def test_payload_is_found_in_an_arm_that_carries_one(moving: Log) -> None:
     """A ball of 1.3 kg: what it weighs shows in all joints; its own inertia, 3 g·m², is all that is left over."""
     com = np.array([0.02, -0.03, 0.08])
     rig = Rig.parse({"robot": {"model": "lwr4plus"}, "tool": {"mass": 1.3, "com": com.tolist()}})
-    loaded = moving.replace(tau=from_joint_torques(moving, rig).signals.joints.rigid.T)  # type: ignore[union-attr]
-    left, values = least_squares(Model("rigid-body", "payload"), from_joint_torques(loaded, LWR))
+    loaded = moving.replace(tau=from_joint_torques(moving, rig, differentiator=Differentiator()).signals.joints.rigid.T)  # type: ignore[union-attr]
+    left, values = least_squares(Model("rigid-body", "payload"), from_joint_torques(loaded, LWR, differentiator=Differentiator()))
     assert values["payload.mass"] == pytest.approx(1.3, rel=0.01)
     moments = [values[f"payload.moment[{axis}]"] for axis in "xyz"]
     np.testing.assert_allclose(moments, 1.3 * com, atol=0.01)
@@ -224,10 +224,10 @@ def test_gravity_error_is_what_another_gravity_adds(moving: Log) -> None:
     tool = {"tool": {"mass": 1.3, "com": [0.02, -0.03, 0.08]}}
     for more in ({}, tool):
         robot = {"robot": {"model": "lwr4plus", "gravity": leaning.tolist()}}
-        truth = from_joint_torques(moving, Rig.parse({**robot, **more})).signals.joints
+        truth = from_joint_torques(moving, Rig.parse({**robot, **more}), differentiator=Differentiator()).signals.joints
         rig = Rig.parse({"robot": {"model": "lwr4plus"}, **more})
         assert truth is not None
-        e = from_joint_torques(moving.replace(tau=truth.rigid.T), rig)
+        e = from_joint_torques(moving.replace(tau=truth.rigid.T), rig, differentiator=Differentiator())
         model = Model("rigid-body", "gravity-error")
         difference = leaning - np.array([0.0, 0.0, -9.81])
         named = {f"gravity-error.error[{axis}]": v for axis, v in zip("xyz", difference)}
@@ -238,7 +238,7 @@ def test_gravity_error_is_what_another_gravity_adds(moving: Log) -> None:
 
 def test_gravity_error_and_payload_are_told_apart(moving: Log) -> None:
     rig = Rig.parse({"robot": {"model": "lwr4plus", "gravity": [0.4, 0.0, -9.8]}, "tool": {"mass": 0.8, "com": [0, 0, 0.06]}})
-    tau = from_joint_torques(moving, rig).signals.joints.rigid.T  # type: ignore[union-attr]
+    tau = from_joint_torques(moving, rig, differentiator=Differentiator()).signals.joints.rigid.T  # type: ignore[union-attr]
     noisy = moving.replace(tau=tau + np.random.default_rng(0).normal(scale=0.02, size=tau.shape))
     fit = Model("rigid-body", "gravity-error", "payload").fit(noisy, LWR)
     # the product of both errors is left out of the model: 0.8 kg at the arm's end act like some 2 kg in its middle of 15 kg
@@ -255,10 +255,10 @@ def test_gravity_error_needs_a_robot() -> None:
 
 def test_the_rigs_tool_is_carried_and_a_wrench_replaces_it(moving: Log, weighed: Callable[..., Array]) -> None:
     rig = Rig.parse({"robot": {"model": "lwr4plus"}, "tool": {"mass": 1.3, "com": [0.02, -0.03, 0.08]}})
-    with_tool = from_joint_torques(moving, rig)
+    with_tool = from_joint_torques(moving, rig, differentiator=Differentiator())
     wrench = weighed(rig, Robot.load(rig), moving.q, moving.dq, moving.ddq)
-    felt = from_joint_torques(moving.replace(wrench=wrench), rig, bias="none")
-    bare = from_joint_torques(moving, LWR)
+    felt = from_joint_torques(moving.replace(wrench=wrench), rig, bias="none", differentiator=Differentiator())
+    bare = from_joint_torques(moving, LWR, differentiator=Differentiator())
     assert with_tool.signals.joints is not None
     assert felt.signals.joints is not None
     assert bare.signals.joints is not None
@@ -368,7 +368,7 @@ def test_an_arm_with_torque_sensors(real_data: Path) -> None:
     for name in ("measurements_1.npz", "measurements_2.npz"):
         with np.load(real_data / "lwr4plus-motion" / name, allow_pickle=False) as file:
             t, q, dq, ddq, tau = (file[key] for key in ("times", "positions", "velocities", "accelerations", "torques"))
-        logs.append(from_joint_torques(Log(t - t[0], q=q, dq=dq, ddq=ddq, tau=tau), LWR))
+        logs.append(from_joint_torques(Log(t - t[0], q=q, dq=dq, ddq=ddq, tau=tau), LWR, differentiator=Differentiator()))
 
     def both_ways(*effects: str) -> Array:
         model = Model("rigid-body", *effects)
@@ -387,7 +387,7 @@ def test_a_motor_current(real_data: Path) -> None:
     """The first joint of an upright UR10e, which nothing pulls on: its current [A] by an unknown inertia and friction."""
     rig = Rig.parse({"columns": {"t": {"column": 0}, "q1": {"column": 1}, "dq1": {"column": 7},
                                  "tau1": {"column": 13, "unit": "A"}}})  # fmt: skip
-    e = from_joint_torques(kinid.read(real_data / "ur10e-motion" / "joint_1.csv", rig), rig)
+    e = from_joint_torques(kinid.read(real_data / "ur10e-motion" / "joint_1.csv", rig), rig, differentiator=Differentiator())
     fits = [least_squares(Model("rigid-body", *FRICTION[:k]), e)[0] for k in range(3)]
     shown("current, A: reading → inertia → + dry → + viscous", [np.sqrt(np.mean(e.measured**2)), *fits])
     assert fits[0] > 2.5

@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 import kinid
 from kinid.contact import contact_series
+from kinid.derivative import Differentiator
 from kinid.effects import Layout, Signals
 from kinid.effects.mains_hum import MainsHum
 from kinid.effects.saturation import Saturation
@@ -68,7 +69,7 @@ def test_tool_effects_make_one_rigid_body_of_another(
     values |= {f"tool-com.com[{axis}]": d for axis, d in zip("xyz", more["com"])}
     entries = ("xx", "yy", "zz", "xy", "xz", "yz")
     values |= {f"tool-inertia.inertia[{entry}]": d for entry, d in zip(entries, more["inertia"])}
-    experiment = from_wrench(log, stated)
+    experiment = from_wrench(log, stated, differentiator=Differentiator())  # the chain behind logged motion
     predicted = Model(*order).predict(experiment.signals, values)
     np.testing.assert_allclose(predicted.T, weighed(true, Robot.load(true), *motion), atol=1e-10)  # rounding of RNEA
 
@@ -77,7 +78,7 @@ def test_without_a_tool_in_the_rig_the_mass_hangs_on_the_sensors_origin(
     shaken: tuple[Log, tuple[Array, ...]], weighed: Callable[..., Array]
 ) -> None:
     log, motion = shaken
-    experiment = from_wrench(log, Rig.parse(ROBOT))
+    experiment = from_wrench(log, Rig.parse(ROBOT), differentiator=Differentiator())
     true = Rig.parse({**ROBOT, "tool": {"mass": 0.8, "com": [0.0, 0.01, 0.06]}})
     values = {"tool-mass.mass": 0.8, "tool-com.com[y]": 0.01, "tool-com.com[z]": 0.06}
     predicted = Model("tool-mass", "tool-com").predict(experiment.signals, values)
@@ -267,7 +268,8 @@ def test_compliance_is_found_without_bias_from_a_noisy_force() -> None:
     print("compliance: " + ", ".join(f"{v:.4g} ± {e:.2g}" for v, e in found) + f" m/N; truth {truth:g}")
     # the mean of six has a standard error of one over their root
     assert abs(values.mean() - truth) < 3.0 * errors.mean() / np.sqrt(6)
-    assert errors.mean() < 0.03 * truth
+    # calibration is open inside its tolerance (surface, bias, clock), which is a third of it
+    assert errors.mean() < 0.05 * truth
 
 
 def test_behind_a_linear_spring_compliance_and_stiffness_are_one_and_it_is_said() -> None:

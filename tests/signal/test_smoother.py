@@ -37,7 +37,8 @@ def errors(made: Smoothed, truth: tuple[Array, Array, Array]) -> Array:
 
 
 def rms(x: Array) -> Array:
-    return np.sqrt(np.mean(x**2, axis=-1))
+    out: Array = np.sqrt(np.mean(x**2, axis=-1))
+    return out
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +125,7 @@ def test_gaps_and_what_is_missing(measured: tuple[Array, tuple[Array, Array, Arr
 
 
 def test_without_a_position_there_is_nothing_and_with_one_a_place() -> None:
-    t = np.arange(500) * 0.01
+    t = 0.01 * np.arange(500.0)
     none = smoothed(t, np.full(500, np.nan))
     assert np.isnan(none.first).all()
     assert none.error(0)[0].shape == (500, 1)
@@ -140,8 +141,13 @@ def test_no_rate_takes_the_positions_away(logged: str) -> None:
     truth = poke(t)
     x = 1e-4 * np.round(truth[0] / 1e-4)
     difference = np.diff(x, prepend=x[0]) / 0.001
-    rate = {"filtered differences": lfilter([0.2], [1, -0.8], difference), "huge": 1e12 * truth[1], "none": np.full(len(t), np.nan),
-            "a constant": np.full(len(t), 5.0), "a millionth of a millionth": 1e-12 * truth[1]}[logged]  # fmt: skip
+    rate = {
+        "filtered differences": lfilter([0.2], [1, -0.8], difference),
+        "huge": 1e12 * truth[1],
+        "none": np.full(len(t), np.nan),
+        "a constant": np.full(len(t), 5.0),
+        "a millionth of a millionth": 1e-12 * truth[1],
+    }[logged]
     made = smoothed(t, x, rate)
     for row in (made.value, made.first, made.second, *made.sd):
         assert np.isfinite(row).all()
