@@ -87,7 +87,7 @@ def axes_motion(log: Log, differentiator: Differentiator | None = None) -> Joint
         return JointMotion(log.q, still, still if log.ddq is None else log.ddq,
                            {"velocities": "zero: the log holds poses at rest"})  # fmt: skip
     if differentiator is None:
-        made = smooth_motion(log.t, log.q, log.pieces, log.dq, log.ddq, _interpolated(log))
+        made = smooth_motion(log.t, log.q, log.pieces, log.dq, log.ddq, _slower(log))
         facts = {"motion": "smoothed from " + " and ".join(
             name for name, there in (("positions", True), ("velocities", log.dq is not None),
                                      ("accelerations", log.ddq is not None)) if there), **made.facts}  # fmt: skip
@@ -98,8 +98,8 @@ def axes_motion(log: Log, differentiator: Differentiator | None = None) -> Joint
     return _differentiated(log, log.q, differentiator)
 
 
-def _interpolated(log: Log) -> int:
-    """How many samples there are for one that the joints' own stream had."""
+def _slower(log: Log) -> int:
+    """How many samples there are for one that the joints' own stream had, where they were interpolated."""
     for step in log.provenance.steps:
         if step.name == "merge" and step.facts.get("stream") == "joints" and "interpolation" in str(step.facts.get("method")):
             return max(1, round(1.0 / (float(step.facts["rate"]) * log.period)))

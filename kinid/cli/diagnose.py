@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kinid.cli import complete
-from kinid.diagnosis.settings import DiagnosisSettings
 
 if TYPE_CHECKING:
     from kinid.diagnosis import Diagnosis
@@ -46,7 +45,7 @@ def diagnose(
         typer.Option(help="An effect to add whatever the evidence says; once for each.", show_default=False,
                      autocompletion=complete.effect),
     ] = None,
-    max_effects: Annotated[int, typer.Option(help="Effects to add at most.")] = DiagnosisSettings.max_effects,
+    max_effects: Annotated[int, typer.Option(help="Effects to add at most.")] = 8,
     tolerance: Annotated[
         float | None,
         typer.Option(help="Error that may be left [N, or N·m]; default: 2 % of the readings, or the noise.", show_default=False),

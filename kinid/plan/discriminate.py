@@ -382,7 +382,8 @@ def _tolerances(model: Model, values: Array, s: Signals, predicted: Array, candi
 
     What is itself a candidate isn't tolerated as well: it would have to be told from itself.
     """
-    return [predict_with(nuisance, model, values, s) - predicted for nuisance in nuisances(model, s)
+    here = model.course(s, values)
+    return [predict_with(nuisance, model, values, s, here) - predicted for nuisance in nuisances(model, s)
             if nuisance.effect.id not in candidates]  # fmt: skip
 
 

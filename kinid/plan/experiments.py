@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.derivative import Differentiator
 from kinid.effects import catalogue
 from kinid.errors import InputError
 from kinid.experiment import Experiment, from_joint_torques, from_wrench
@@ -241,11 +242,12 @@ class Bench:
         where, still = Provenance("the plan"), np.zeros_like(motion.q)
         if self.joints:
             log = Log(motion.t, motion.q, motion.dq, motion.ddq, tau=still, phase=motion.phase, provenance=where)
-            return from_joint_torques(log, self.planner.rig, robot=self.planner.robot)
+            return from_joint_torques(log, self.planner.rig, robot=self.planner.robot, differentiator=Differentiator())
         reading = np.zeros((len(motion), 6))
         log = Log(motion.t, motion.q, motion.dq, motion.ddq, wrench=reading, phase=motion.phase, provenance=where)
         rig = self.planner.rig if proposal.touches else self.planner.rig.model_copy(update={"surface": None})
-        return from_wrench(log, rig, bias=(0.0,) * 6, robot=self.planner.robot, trust_wrench=True)
+        return from_wrench(log, rig, bias=(0.0,) * 6, robot=self.planner.robot, trust_wrench=True,
+                           differentiator=Differentiator())  # a plan's motion is exact
 
     @cached_property
     def _design(self) -> Design:

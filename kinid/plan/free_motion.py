@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kinid.urdf
+from kinid.derivative import Differentiator
 from kinid.errors import InputError
 from kinid.experiment import Experiment, from_joint_torques, from_wrench
 from kinid.log import Log, Provenance
@@ -156,9 +157,10 @@ class Design:
         free = np.full(len(t), "free")
         if "joints" in self.model.needs:
             log = Log(t, q, dq, ddq, tau=np.zeros_like(q), phase=free, provenance=Provenance("the plan"))
-            return from_joint_torques(log, self.rig, robot=self.robot)
+            return from_joint_torques(log, self.rig, robot=self.robot, differentiator=Differentiator())
         log = Log(t, q, dq, ddq, wrench=np.zeros((len(t), 6)), phase=free, provenance=Provenance("the plan"))
-        return from_wrench(log, self.rig, bias=(0.0,) * 6, robot=self.robot, trust_wrench=True)
+        return from_wrench(log, self.rig, bias=(0.0,) * 6, robot=self.robot, trust_wrench=True,
+                           differentiator=Differentiator())  # a plan's motion is exact
 
     def cost(self, swing: Swing) -> float:
         """What the search makes least."""

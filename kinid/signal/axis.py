@@ -73,19 +73,21 @@ class Axis:
         n = len(self.tau)
         if n <= ORDER:
             return np.full(n, self.noise)
-        y, r = self.value[:, 0].copy(), self.variance[:, 0].copy()
-        out = np.empty((n, len(LEVELS)), np.float32)
-        forth, back = np.empty(n), np.empty(n)
+        there = np.flatnonzero(self.variance[:, 0] < np.inf)
+        y, r = self.value[there, 0], self.variance[there, 0]
+        tau = np.diff(np.cumsum(self.tau)[there], prepend=0.0)
+        out = np.empty((len(there), len(LEVELS)), np.float32)
+        forth, back = np.empty(len(there)), np.empty(len(there))
         levels = LEVELS * self.noise
-        intensity.bank(self.tau, y, r, levels, *_before(self.tau, y, r), out)
+        intensity.bank(tau, y, r, levels, *_before(tau, y, r), out)
         intensity.local_level(out, SWITCH, forth)
         # backwards; the intensity of a step belongs to the sample at its end
-        tau, y, r = np.r_[0.0, self.tau[:0:-1]], y[::-1].copy(), r[::-1].copy()
+        tau, y, r = np.r_[0.0, tau[:0:-1]], y[::-1].copy(), r[::-1].copy()
         intensity.bank(tau, y, r, levels, *_before(tau, y, r), out)
         intensity.local_level(out, SWITCH, back)
         forth[1:] = 0.5 * (forth[1:] + back[:0:-1])
         jerk: Array = levels[0] * 2.0 ** (2.0 * ORDER * forth)
-        return jerk
+        return jerk[np.minimum(np.searchsorted(there, np.arange(n)), len(there) - 1)]
 
     def climb(self) -> None:
         """Bring intensities, and noise that differences of a fast motion made too large, nearer to the greatest likelihood.
@@ -150,7 +152,10 @@ class Axis:
 
     def begin(self) -> tuple[Array, Array]:
         """State before the first sample, and its covariance."""
-        return _before(self.tau, self.value[:, 0], self.variance[:, 0])
+        there = np.flatnonzero(self.variance[:, 0] < np.inf)[: ORDER + 1]
+        return _before(
+            np.diff(np.cumsum(self.tau[: there[-1] + 1])[there], prepend=0.0), self.value[there, 0], self.variance[there, 0]
+        )
 
     def smoothed(self, random: Array | None = None) -> tuple[Array, Array, Array]:
         """State (n, d), its standard deviations (n, d), and draws of its error (m, n, 3) from normal numbers (m, n, d)."""

@@ -121,20 +121,20 @@ class Positions:
     least: float
 
 
-def positions(x: Array, tau: Array | None = None, shared: int = 1) -> Positions:
+def positions(x: Array, tau: Array | None = None, every: int = 1) -> Positions:
     """What positions (n,) say, and how surely; `tau` are the steps of time before them, (n,), None where all are alike.
 
     On a lattice, samples that rest on one value are one measurement: each has the variance of the step, d²/12, times their
     number m. Where one value gives way to the next, the position is at the edge between them, to within the way d/m that it
-    goes in a sample. `shared` samples have one noise: they were interpolated between slower ones.
+    goes in a sample. Samples interpolated between others so many times slower are taken one in so many, with steps interpolated.
     """
     step = lattice(x)
     least = FLOOR * float(np.ptp(x)) + DIGITS * float(np.abs(x).max(initial=0.0)) + 1e-100
     noise = max(white(x, tau), least)
+    if not step and every > 1:
+        sizes = _spread(x[::every], None if tau is None else np.diff(np.cumsum(tau)[::every], prepend=0.0), moved=True)
+        noise = least = max(noise, min(sizes.values(), default=0.0))
     if not step:
-        if shared > 1:
-            sizes = _spread(x[::shared], None if tau is None else np.diff(np.cumsum(tau)[::shared], prepend=0.0), moved=True)
-            noise = least = max(noise, min(sizes.values(), default=0.0) * shared**0.5)
         return Positions(x, np.full(len(x), noise**2), noise, 0.0, least)
     noise = max(noise, step / 12**0.5)
     edges = np.flatnonzero(np.diff(x)) + 1

@@ -82,14 +82,14 @@ class Smoothed:
 
 
 def smooth_motion(
-    t: Array, value: Array, pieces: Iterable[slice], first: Array | None = None, second: Array | None = None, shared: int = 1
+    t: Array, value: Array, pieces: Iterable[slice], first: Array | None = None, second: Array | None = None, every: int = 1
 ) -> Smoothed:
     """Smooth positions, and rates where they were measured.
 
     Args:
         t: time [s], (n,). value: positions (n, k). pieces: runs of samples without a gap, each smoothed by itself.
         first, second: measured velocities and accelerations, (n, k), or None; where one is not a number it isn't there.
-        shared: neighbours that share their noise, for they were interpolated between samples so many times slower.
+        every: one sample in so many was measured, the others were interpolated between.
     """
     unit = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
     unit = unit if unit > 0.0 else 1.0
@@ -101,13 +101,16 @@ def smooth_motion(
     ticks[ticks == 0.0] = 1.0  # over a gap differences mean nothing, whatever it is
 
     def alone(j: int) -> Track:
-        known = positions(value[everywhere, j], ticks, shared)
+        known = positions(value[everywhere, j], ticks, every)
         quieter = 1.0 if known.step else min(1.0, (known.least / known.noise) ** 2)
         made, at = [], 0
         for rows, tau in zip(runs, steps):
             own = slice(at, at + len(rows))
             at += len(rows)
-            axis = Axis.of(tau, known.value[own], known.variance[own], known.noise**2, quieter)
+            variance = known.variance[own].copy()
+            if every > 1 and len(rows) > ORDER * every:
+                variance[np.arange(len(rows)) % every > 0] = np.inf
+            axis = Axis.of(tau, known.value[own], variance, known.noise**2, quieter)
             axis.climb()
             made.append((rows, axis))
         return Track(known, made, unit)
