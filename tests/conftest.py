@@ -45,7 +45,7 @@ NOT_REACHED = {
     "test_free_motion.py::test_the_tools_load": "what calibration leaves open widens intervals beyond those that plans were made for",
     "test_distance_is_what_a_refit_leaves": "plans still weigh errors as the engine before did",
     "test_a_hundred_pokes_map_the_mould": "failed once beside busy cores, cause unknown",
-    "test_the_model_that_was_found_is_fitted_alike[wrench]": "the way through a diagnosis ends 2.5 % lower than a fit of its own",
+    "test_the_model_that_was_found_is_fitted_alike[wrench]": "a diagnosis ends 2.5 % lower than a fit",
     "test_joint_effects.py::test_an_arm_with_torque_sensors": "figures were of logged accelerations",
 }
 
