@@ -42,7 +42,7 @@ NOT_REACHED = {
     "test_notebook_runs[04-": "its figures are to be run anew",
     "test_probes.py::test_four_silicones_from_raw_logs": "figures were of another weighting of the probes",
     "test_expected_intervals_come_true": "what calibration leaves open widens intervals beyond those that plans were made for",
-    "test_free_motion.py::test_the_tools_load": "what calibration leaves open widens intervals beyond those that plans were made for",
+    "test_free_motion.py::test_the_tools_load": "calibration left open widens intervals",
     "test_distance_is_what_a_refit_leaves": "plans still weigh errors as the engine before did",
     "test_a_hundred_pokes_map_the_mould": "failed once beside busy cores, cause unknown",
     "test_the_model_that_was_found_is_fitted_alike[wrench]": "a diagnosis ends 2.5 % lower than a fit",

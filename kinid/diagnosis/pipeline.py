@@ -49,7 +49,7 @@ def run(model: Model, experiment: Experiment, settings: DiagnosisSettings, *, kn
     if marked:
         start = estimate(model, cleaned.experiment, known)
     selection = select(start, settings, [name for name in forced if name not in marked], progress)
-    if selection.added:
+    if selection.added and not selection.unsupported:
         # what a fit of that model finds by itself is what is told of, unless the way here led further down
         last = selection.states[-1]
         again = estimate_problem(last.model, start.problem)
