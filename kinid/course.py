@@ -175,10 +175,10 @@ def _bristles(s: Signals) -> Array:
 
     def bend() -> Array:
         u = np.empty((2, len(s)))
-        bristles(s.slip_rate[0], s.slip_rate[1], s.dt, touch, s.bristle, u, s.play)
+        bristles(s.slip_rate[0], s.slip_rate[1], s.dt, touch, s.bristle, u, s.rest.share)
         return u
 
-    return derived("bristles", bend, s.slip_rate, touch, s.dt, at=(s.bristle, s.play))
+    return derived("bristles", bend, s.slip_rate, touch, s.dt, at=(s.bristle, s.rest.share))
 
 
 def _read(s: Signals, _: Array) -> None:

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from kinid.diagnosis.screening import Candidate
 from kinid.effects import Effect
-from kinid.identification.estimation import with_friction_form
-from kinid.identification.initial_guesses import project_linear
+from kinid.identification.initial_guesses import initial_values, nominal_values, project_linear
 from kinid.identification.nuisance import trusted
+from kinid.identification.rest_form import with_rest_form
 from kinid.identification.solver import State, search, solve
 from kinid.model import Model
 
@@ -60,7 +60,7 @@ def compare_states(before: State, after: State, sigma: Array) -> Evidence:
     chance = before.problem.per_block(new * change)
     variance = float(np.sum(chance**2))
     variance = max(variance, variance + 2.0 * float(np.sum(chance[1:] * chance[:-1])))
-    total = float(gain.sum()) + _prior_cost(before) - _prior_cost(after)
+    total = float(gain.sum()) + _prior_cost(before, after) - _prior_cost(after, before)
     rms = np.sqrt(np.mean((change * sigma) ** 2, axis=1)) / before.problem.channel_rms
     share = float(gain.sum() / max(1e-300, np.sum(old**2)))
     return Evidence(total, 2.0 * float(np.sqrt(variance)) + 1e-12, share, float(rms.max()))
@@ -68,16 +68,21 @@ def compare_states(before: State, after: State, sigma: Array) -> Evidence:
 
 def _beside(state: State, other: State) -> Array:
     """Held-out residual of a state; what the other has as an effect counts as calibration no further than that is trusted."""
-    beyond = state.shift - trusted(state.shift)
-    beyond *= [nuisance.effect.id in other.model for nuisance in state.open_]
+    beyond = state.shift - _as_trusted(state, other)
     if not beyond.any():
         return state.held_out
     p = len(state.values)
     return state.held_out + (state.jacobian[:, p:] @ beyond).reshape(state.problem.shape)
 
 
-def _prior_cost(state: State) -> float:
-    return float(state.shift @ state.shift)
+def _as_trusted(state: State, other: State) -> Array:
+    """Amounts of a state's nuisances; of those that the other has as effects no further than calibration is trusted to."""
+    shared = [nuisance.effect.id in other.model for nuisance in state.open_]
+    return np.where(shared, trusted(state.shift), state.shift)
+
+
+def _prior_cost(state: State, other: State) -> float:
+    return float(np.sum(_as_trusted(state, other) ** 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +105,7 @@ def refit(before: State, candidates: list[Candidate]) -> Refit:
         starts = [project_linear(before.problem, before.model + c.effect, _nearest(before, before.model + c.effect, c),
         before.error)
                   for c in candidates[:POINTS]]  # fmt: skip
+        starts.append(_fresh(before, model))
     starts.sort(key=lambda start: start[1])
     best: State | None = None
     for values, cost in starts[:STARTS]:
@@ -110,6 +116,12 @@ def refit(before: State, candidates: list[Candidate]) -> Refit:
             best = state
     assert best is not None
     return Refit(candidates[0].effect, best.slim(), compare_states(before, best, before.error.sigma))
+
+
+def _fresh(before: State, model: Model) -> tuple[Array, float]:
+    """A start of its own, which knows nothing of where the smaller model ended, and its weighted squares."""
+    values = initial_values(before.problem, model, nominal_values(model, before.problem), before.error)
+    return project_linear(before.problem, model, values, before.error)
 
 
 def _nearest(before: State, model: Model, candidate: Candidate) -> Array:
@@ -138,4 +150,4 @@ def without(state: State, name: str) -> State:
 
 def settle(state: State) -> State:
     """The same model with its error model learnt anew from its own residual."""
-    return with_friction_form(solve(state.problem, state.model, state.values, shift=state.shift, error=state.error))
+    return with_rest_form(solve(state.problem, state.model, state.values, shift=state.shift, error=state.error))

@@ -40,16 +40,18 @@ def axes(layout: Layout) -> tuple[Axis, ...]:
 
 
 def directions(s: Signals) -> Array:
-    """Which way each joint last moved, from −1 to 1, (N, n): bristles of a fixed length (Dahl), undeflected at first."""
-    motion = s.joints
+    """Which way each joint last moved, from −1 to 1, (N, n), in the form of `s.rest`: bristles, undeflected at first, or speed."""
+    motion, rest = s.joints, s.rest
     assert motion is not None
 
     def make() -> Array:
+        if rest.joint_speed > 0.0:
+            return np.asarray(motion.dq / np.hypot(motion.dq, rest.joint_speed))
         out = np.empty_like(motion.dq)
         row, still, always = np.empty((2, len(s))), np.zeros(len(s)), np.ones(len(s), dtype=np.bool_)
         for j, axis in enumerate(axes(s.layout)):
-            bristles(np.ascontiguousarray(motion.dq[j]), still, s.dt, always, BRISTLE[axis.position], row, 0.0)
+            bristles(np.ascontiguousarray(motion.dq[j]), still, s.dt, always, rest.joint * BRISTLE[axis.position], row, 0.0)
             out[j] = row[0]
         return out
 
-    return derived("directions", make, motion.dq, s.dt)
+    return derived("directions", make, motion.dq, s.dt, at=(rest.joint, rest.joint_speed))

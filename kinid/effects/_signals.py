@@ -181,6 +181,22 @@ class Agreement:
         return cls(nothing, nothing, nothing, np.full(n, 0.1), nothing > 0.0, Recall.blank(n, 0))
 
 
+@dataclass(frozen=True)
+class RestForm:
+    """How dry friction behaves at rest, of which motion tells little: no effect's parameters, a form that a fit chooses.
+
+    Attributes:
+        share: of the bristles' length over which they are elastic. length: of a contact's bristles, unless an effect has one [m].
+        joint: length of the bristles of a joint's friction, in stated ones (`effects._axes.BRISTLE`).
+        joint_speed: above which a joint's friction is full [rad/s, m/s], in place of bristles; 0 for bristles.
+    """
+
+    share: float = ELASTIC
+    length: float = BRISTLE
+    joint: float = 1.0
+    joint_speed: float = 0.0
+
+
 @dataclass(eq=False)
 class Signals:
     """The chain's quantities for one prediction. Inputs are shared and read-only; effects replace, never write into.
@@ -190,7 +206,7 @@ class Signals:
         t: time from the first sample [s], (n,).
         dt: time since the sample before [s], (n,); 0 where memory begins anew (first sample, after a gap).
         depth [m], depth_rate [m/s]: (n,). slip [m], slip_rate [m/s]: (2, n).
-        play: share of their length over which bristles are elastic. stated_bristle: that length [m], unless an effect has one.
+        rest: form of dry friction at rest.
         measured: measured readings, (channels, n); no law is driven by them.
         compliance: of the arm along the normal, which the contact law is behind [m/N].
         elastic: elastic force F_e [N], (n,). exponent: of its power law. normal: N [N], (n,).
@@ -211,8 +227,7 @@ class Signals:
     depth_rate: Array
     slip: Array
     slip_rate: Array
-    play: float = ELASTIC
-    stated_bristle: float = BRISTLE
+    rest: RestForm = RestForm()
     measured: Array | None = None
     sensor: SensorMotion | None = None
     joints: JointMotion | None = None
@@ -243,7 +258,7 @@ class Signals:
         """A copy to predict with: inputs shared, the chain's quantities zero."""
         none, pair, reading = self.zeros
         out = self.copy()
-        out.compliance, out.exponent, out.bristle = 0.0, 1.0, self.stated_bristle
+        out.compliance, out.exponent, out.bristle = 0.0, 1.0, self.rest.length
         out.recalls, out.agreed, out.touch = (), None, None
         out.elastic, out.normal, out.mu, out.tangential, out.reading = none, none, pair, pair, reading
         return out

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from kinid.course import Course
 from kinid.effects import Layout, Signals
+from kinid.effects._signals import RestForm
 from kinid.effects._samples import lattice
 from kinid.experiment import Experiment
 from kinid.identification.dataset import averaged, group_edges, hold_out_folds, sample_period
@@ -80,10 +81,10 @@ class Problem:
         return cls(whole, experiment, draws, begin, end, np.unique(block[begin], return_inverse=True)[1], dealt[block[begin]],
                    dealt[whole_block])  # fmt: skip
 
-    def with_bristles(self, share: float, length: float) -> Problem:
-        """The same with bristles of another stated length [m], elastic over another share of it (`Signals.play`)."""
+    def with_rest(self, rest: RestForm) -> Problem:
+        """The same with another form of friction at rest."""
         def form(signals: Signals) -> Signals:
-            return dataclasses.replace(signals, play=share, stated_bristle=length)
+            return dataclasses.replace(signals, rest=rest)
 
         return dataclasses.replace(
             self, whole=dataclasses.replace(self.whole, signals=form(self.whole.signals)),
