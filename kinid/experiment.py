@@ -323,6 +323,8 @@ def from_joint_torques(
         joints = dataclasses.replace(joints, rigid=_rows(rigid), known=True,
                                      payload=payload_torques(robot, q[rows], dq[rows], ddq[rows]),
                                      gravity=gravity_torques(arm, q[rows]))  # fmt: skip
+        if carried is None and rig.tool is not None:
+            joints = dataclasses.replace(joints, tool=(rig.tool.mass, rig.tool.mass * float(np.linalg.norm(rig.tool.com))))
         slides = [robot.is_prismatic(name) for name in robot.joint_names]
     channels = tuple(f"{'force' if slide else 'tau'}{j + 1}" for j, slide in enumerate(slides))
     layout = Layout(channels, "joints", () if robot is None else robot.joint_names)

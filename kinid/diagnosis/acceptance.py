@@ -36,13 +36,15 @@ class Evidence:
     """Paired held-out gain of one state over another.
 
     Attributes:
-        gain: in units of what is left before (weighted squares, prior included). error: its standard error.
+        gain: in units of what is left before (weighted squares, prior included). error: its standard error. left: what the second
+            state leaves, in these units.
         share: of the squared held-out error that goes. change: root mean square of the change of the readings over that of the
             readings, in the channels where it is largest.
     """
 
     gain: float
     error: float
+    left: float
     share: float
     change: float
 
@@ -63,7 +65,8 @@ def compare_states(before: State, after: State, sigma: Array) -> Evidence:
     total = float(gain.sum()) + _prior_cost(before, after) - _prior_cost(after, before)
     rms = np.sqrt(np.mean((change * sigma) ** 2, axis=1)) / before.problem.channel_rms
     share = float(gain.sum() / max(1e-300, np.sum(old**2)))
-    return Evidence(total, 2.0 * float(np.sqrt(variance)) + 1e-12, share, float(rms.max()))
+    left = float(np.sum(new**2)) + _prior_cost(after, before)
+    return Evidence(total, 2.0 * float(np.sqrt(variance)) + 1e-12, left, share, float(rms.max()))
 
 
 def _beside(state: State, other: State) -> Array:
@@ -105,23 +108,20 @@ def refit(before: State, candidates: list[Candidate]) -> Refit:
         starts = [project_linear(before.problem, before.model + c.effect, _nearest(before, before.model + c.effect, c),
         before.error)
                   for c in candidates[:POINTS]]  # fmt: skip
-        starts.append(_fresh(before, model))
+        # and one that knows nothing of where the smaller model ended: a power law may have bent far to stand in for a layer
+        fresh = initial_values(before.problem, model, nominal_values(model, before.problem), before.error)
     starts.sort(key=lambda start: start[1])
-    best: State | None = None
-    for values, cost in starts[:STARTS]:
-        if best is not None and cost > WORTH_A_START * starts[0][1]:
-            break
-        state = search(before.problem, model, values, before.error, max_steps=REFIT_STEPS)
-        if best is None or state.cost < best.cost:
-            best = state
-    assert best is not None
-    return Refit(candidates[0].effect, best.slim(), compare_states(before, best, before.error.sigma))
-
-
-def _fresh(before: State, model: Model) -> tuple[Array, float]:
-    """A start of its own, which knows nothing of where the smaller model ended, and its weighted squares."""
-    values = initial_values(before.problem, model, nominal_values(model, before.problem), before.error)
-    return project_linear(before.problem, model, values, before.error)
+    near = [values for values, cost in starts[:STARTS] if cost <= WORTH_A_START * starts[0][1]]
+    ends = [search(before.problem, model, values, before.error, max_steps=REFIT_STEPS) for values in (*near, fresh)]
+    best = min(ends, key=lambda state: state.cost if np.isfinite(state.cost) else np.inf)
+    effect = candidates[0].effect
+    values = dict(zip(model.parameters(before.problem.layout), best.values.tolist()))
+    own = {full.split(".", 1)[1]: value for full, value in values.items() if full.split(".", 1)[0] == effect.id}
+    if effect.implausible(own, values, before.problem.experiment.signals):
+        # along what the log leaves open a search may wander off: what counts is how well values do that can be
+        within = search(before.problem, model, best.values, before.error, max_steps=REFIT_STEPS, possible=effect)
+        return Refit(effect, best.slim(), compare_states(before, within, before.error.sigma))
+    return Refit(effect, best.slim(), compare_states(before, best, before.error.sigma))
 
 
 def _nearest(before: State, model: Model, candidate: Candidate) -> Array:

@@ -118,7 +118,7 @@ def look(state: State, settings: DiagnosisSettings, spare: Sequence[str] = ()) -
     least = max(settings.min_significance**2 / 4, settings.promising_share * (ranked[0].predicted_gain if ranked else 0.0))
     promising = [c.effect.id for c in ranked if c.predicted_gain > least][: settings.refits]
     tried = side_by_side(lambda name: refit(state, points[name]), promising)
-    return Round(state, points, tuple(sorted(tried, key=lambda t: -t.evidence.gain)))
+    return Round(state, points, tuple(sorted(tried, key=lambda t: t.evidence.left)))
 
 
 def choose(tried: Sequence[Refit], before: State, settings: DiagnosisSettings) -> Refit | None:
@@ -134,7 +134,7 @@ def choose(tried: Sequence[Refit], before: State, settings: DiagnosisSettings) -
         settled = [replace(t, state=settle(t.state)) for t in alike[:MAX_TIED]]
         best = min(settled, key=lambda t: float(np.sum((t.state.held_out / settled[0].state.error.sigma) ** 2)))
         alike = [t for t in settled if same(best, t, best.state.error.sigma, settings)]
-    return min(alike, key=lambda t: (len(t.state.values), -t.evidence.gain))
+    return min(alike, key=lambda t: (len(t.state.values), t.evidence.left))
 
 
 def same(one: Refit, other: Refit, sigma: Array, settings: DiagnosisSettings) -> bool:
@@ -233,11 +233,17 @@ def _defend(found: Selection, settings: DiagnosisSettings, forced: Sequence[str]
         if name in forced:
             continue
         better = choose([t for t in now.refits if t.effect.id not in found.added or t.effect.id == name], less, settings)
-        if better is not None and better.effect.id != name and not same(better, own, less.error.sigma, settings) \
-                and better.evidence.gain > own.evidence.gain:
+        if better is not None and better.effect.id != name and _preferred(better, own, less, settings):
             found.states[-1] = settle(better.state)
             found.added[found.added.index(name)] = better.effect.id
             found.evidence[better.effect.id] = better.evidence
             own, name = better, better.effect.id
         found.alternatives[name] = tuple(t.effect.id for t in now.refits if t.effect.id != name and t.effect.id not in found.added
                                          and same(own, t, less.error.sigma, settings) and acceptable(t, less, settings))
+
+
+def _preferred(other: Refit, held: Refit, before: State, settings: DiagnosisSettings) -> bool:
+    """Whether another effect is to stand in the place of one that was added: it leaves less, or as much with fewer parameters."""
+    if same(other, held, before.error.sigma, settings):
+        return len(other.state.values) < len(held.state.values)
+    return other.evidence.left < held.evidence.left

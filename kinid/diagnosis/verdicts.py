@@ -18,7 +18,7 @@ from kinid.effects import Effect
 from kinid.identification.applicability import amplitudes, base_of, candidate_effects
 from kinid.identification.dataset import sample_period
 from kinid.identification.fit import FittedParameter
-from kinid.identification.lack_of_fit import LackOfFit
+from kinid.identification.lack_of_fit import LackOfFit, error_rows
 from kinid.identification.nuisance import MAX_SHIFT
 from kinid.identification.solver import State
 
@@ -136,7 +136,9 @@ def _too_small_to_see(state: State, effect: Effect, points: Sequence[Candidate],
     spacing = sample_period(state.problem.experiment.signals) * float(np.median(state.problem.count))
     inflation = max(1.0, state.error.memory / spacing)
     whole = float(np.sum((state.residual / state.error.sigma) ** 2))
-    least = max((2.0 * settings.min_significance) ** 2 * inflation, settings.min_share * whole)
+    rows = error_rows(state.problem.whole)
+    matters = np.mean((settings.min_reading_share * state.problem.channel_rms[rows, None] / state.error.sigma[rows]) ** 2)
+    least = max((2.0 * settings.min_significance) ** 2 * inflation, settings.min_share * whole, float(matters) * state.residual.shape[1])
     # large steps of what has a grid of its own say how far it could go, not whether a small one shows
     weak: list[int] = []
     seen = 0

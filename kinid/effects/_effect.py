@@ -154,6 +154,10 @@ class Effect(ABC):
         """How many of these standard deviations a fit may take it to beside a model that lacks the effect."""
         return 2.0
 
+    def possible(self, parameter: Parameter) -> tuple[float, float] | None:
+        """Range of a parameter's values that is physically possible, None where `admissible` says nothing of it."""
+        return _looked_up(self.admissible, parameter)
+
     def implausible(self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None) -> str:
         """Why a value can't be, in words; "" where all are possible.
 

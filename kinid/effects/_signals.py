@@ -107,6 +107,7 @@ class JointMotion:
         rigid: torque of rigid-body inverse dynamics; zero for an axis without a robot.
         known: whether `rigid` comes from a robot; if not, the inertia is a parameter.
         payload: torques per unit of a payload's parameters m, m·com (3) at the last link [N·m per unit], (4, N, n), or None.
+        tool: mass [kg] and first moment about the payload's frame [kg·m] of the tool that the rig states; zeros without one.
         gravity: torques per unit of gravity along the axes of the base [N·m per m/s²], (3, N, n), or None.
     """
 
@@ -117,6 +118,7 @@ class JointMotion:
     known: bool
     payload: Array | None = None
     gravity: Array | None = None
+    tool: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,8 @@ from kinid.parameter import Parameter
 
 @final
 class Hysteresis(Effect):
-    """N += a F_e z with dz = (sgn δ̇ − z) |dδ| / ℓ: a Dahl loop over depth, relative to the elastic force; ℓ [m].
+    """N += min(a F_e + f, F_e) z with dz = (sgn δ̇ − z) |dδ| / ℓ: a Dahl loop over depth, in proportion to the elastic force or
+    of one width (Bouc's), or both; ℓ [m].
 
     z runs from 0 at touch to ±1 over ℓ and depends on the path alone, not on time (Bouc-Wen with γ = 0, n = 1). The
     amplitude a is relative, 0…1: loops of soft materials close at the surface, and nothing pulls.
@@ -23,7 +24,7 @@ class Hysteresis(Effect):
 
     id = "hysteresis"
     title = "rate-independent loop over depth"
-    equation = "N += a F_e z, dz = (sgn δ̇ − z) |dδ| / ℓ"
+    equation = "N += min(a F_e + f, F_e) z, dz = (sgn δ̇ − z) |dδ| / ℓ"
     source = "P. R. Dahl, Aerospace Corp. TOR-0158(3107-18)-1, 1968; R. Bouc, 1967; Y. K. Wen, J. Eng. Mech. Div. 102, 1976"
     signature = "a loop over depth of a width that speed doesn't change, and nothing moves while depth is held"
     confusions = {
@@ -32,26 +33,28 @@ class Hysteresis(Effect):
         "stress-softening": "the same depth twice: a loop remains in the second cycle",
     }
     excited_by = "the same path in and out at two speeds, with partial unloading"
-    null = {"amplitude": 0.0}
+    null = {"amplitude": 0.0, "force": 0.0}
     grid = {"length": (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)}
-    admissible = {"amplitude": (0.0, 1.0), "length": (0.0, 0.05)}  # more would pull, less would give energy; longer than any poke
+    # more would pull, less would give energy; longer than any poke
+    admissible = {"amplitude": (0.0, 1.0), "force": (0.0, 1e3), "length": (0.0, 0.05)}
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
-        """Amplitude, length."""
+        """Amplitude, force, length."""
         return (
             Parameter("amplitude", "a", "1", 0.1, 0.0, 1.0, scale=0.02),
+            Parameter("force", "f", "N", 0.0, 0.0, 1e3, scale=0.05),
             Parameter("length", "ℓ", "m", 1e-3, 1e-6, 0.2, scale=1e-4),
         )
 
     def normal(self, s: Signals, p: Array) -> None:
         """Add the loop."""
         path = np.empty((2, len(s)))
-        bristles(s.depth_rate, np.zeros(len(s)), s.dt, s.depth, p[1], path)  # the same law, over depth
-        z = path[0]
-        s.normal = s.normal + p[0] * s.elastic * z
+        bristles(s.depth_rate, np.zeros(len(s)), s.dt, s.depth, p[2], path)  # the same law, over depth
+        width = np.minimum(p[0] * s.elastic + p[1], np.maximum(s.elastic, 0.0))
+        s.normal = s.normal + width * path[0]
         if s.compliance > 0.0:
-            rate, depth, force = s.depth_rate, s.depth, p[0] * s.elastic
-            s.recalls = (*s.recalls, lambda: _recall(rate, s.dt, depth, p[1], force))
+            rate, depth = s.depth_rate, s.depth
+            s.recalls = (*s.recalls, lambda: _recall(rate, s.dt, depth, p[2], width))
 
 
 def _recall(rate: Array, dt: Array, depth: Array, length: float, force: Array) -> Recall:

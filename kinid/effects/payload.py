@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import final
 
 import numpy as np
@@ -9,6 +10,9 @@ import numpy as np
 from kinid.effects._effect import Effect
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
+
+#: share of a tool's mass that its statement leaves open, and of its centre's place [m]
+WEIGHED, PLACED = 0.02, 1e-3
 
 
 @final
@@ -36,6 +40,13 @@ class Payload(Effect):
             return ()
         moments = (Parameter(f"moment[{a}]", "h", "kg·m", 0.0, -50.0, 50.0, scale=0.01, linear=True) for a in "xyz")
         return (Parameter("mass", "m", "kg", 0.0, -50.0, 50.0, scale=0.05, linear=True), *moments)
+
+    def calibration_sd(self, signals: Signals) -> Mapping[str, float]:
+        """A share of the mass and the first moment that the rig states of its tool."""
+        mass, moment = (0.0, 0.0) if signals.joints is None else signals.joints.tool
+        if mass <= 0.0:
+            return {}
+        return {"mass": WEIGHED * mass} | {f"moment[{a}]": WEIGHED * moment + PLACED * mass for a in "xyz"}
 
     def joint(self, s: Signals, p: Array) -> None:
         """Add the torques."""

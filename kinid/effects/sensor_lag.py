@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import final
 
 import numpy as np
@@ -10,6 +11,9 @@ from kinid.effects._effect import Effect
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.kernels.acquisition import lag
 from kinid.parameter import Parameter
+
+#: time constant within which the filter of a drive's torques is left open [s]: 25 Hz and faster, twice this
+DRIVE_FILTER = 3e-3
 
 
 @final
@@ -26,11 +30,17 @@ class SensorLag(Effect):
     needs = ()
     null = {"time-constant": 0.0}
     grid = {"time-constant": (1e-3, 4e-3, 1.5e-2, 6e-2)}
+    # torques of drives come through a filter of some 25 Hz; wrist sensors are faster
+    calibration_tolerance = {"time-constant": 3e-4}
     admissible = {"time-constant": (0.0, 0.1)}  # slower than 1.6 Hz, a sensor is none of contact forces
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Time constant."""
         return (Parameter("time-constant", "T", "s", 0.002, 0.0, 1.0, scale=5e-4),)
+
+    def calibration_sd(self, signals: Signals) -> Mapping[str, float]:
+        """That of a wrist sensor, or of a drive's torques."""
+        return {"time-constant": DRIVE_FILTER} if signals.layout.kind == "joints" else super().calibration_sd(signals)
 
     def acquisition(self, s: Signals, p: Array) -> None:
         """Filter the readings."""

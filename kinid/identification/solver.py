@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.course import Course
+from kinid.effects import Effect
 from kinid.identification.dataset import sample_period
 from kinid.identification.error_model import ErrorModel, learn, motion_variance, reading_variance
 from kinid.identification.nuisance import Nuisance, nuisance_columns, nuisances
@@ -195,12 +196,16 @@ def shown_values(state: State) -> Array:
 class _Search:
     """One search; all quantities belong to its present place."""
 
-    def __init__(self, problem: Problem, model: Model, start: Array, shift: Array | None, error: ErrorModel) -> None:
+    def __init__(self, problem: Problem, model: Model, start: Array, shift: Array | None, error: ErrorModel,
+                 possible: Effect | None) -> None:  # fmt: skip
         self.problem, self.model, self.error = problem, model, error
         named = model.parameters(problem.layout)
         self.scale = np.array([p.scale for p in named.values()])
         self.low = np.array([p.low for p in named.values()])
         self.high = np.array([p.high for p in named.values()])
+        for i, (full, p) in enumerate(named.items()):
+            if possible is not None and full.split(".", 1)[0] == possible.id and (found := possible.possible(p)) is not None:
+                self.low[i], self.high[i] = max(self.low[i], found[0]), min(self.high[i], found[1])
         held = held_parameters(model, problem)
         self.moving = np.isnan(held)
         room = 1e-6 * self.scale
@@ -376,10 +381,10 @@ def solve_between(h: Array, g: Array, low: Array, high: Array) -> Array:
 
 
 def search(problem: Problem, model: Model, start: Array, error: ErrorModel, *, shift: Array | None = None,
-           guess: Array | None = None, max_steps: int = 30) -> State:  # fmt: skip
-    """Weighted least squares from a start, with a given error model."""
+           guess: Array | None = None, max_steps: int = 30, possible: Effect | None = None) -> State:  # fmt: skip
+    """Weighted least squares from a start, with a given error model; one effect's values may be held to those that can be."""
     with np.errstate(all="ignore"):  # a step too far is taken back
-        return _Search(problem, model, start, shift, error).run(max_steps, guess)
+        return _Search(problem, model, start, shift, error, possible).run(max_steps, guess)
 
 
 def first_error_model(problem: Problem) -> ErrorModel:
