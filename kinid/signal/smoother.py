@@ -133,8 +133,10 @@ def smooth_motion(
     def finish(j: int) -> None:
         for rows, axis in tracks[j].pieces:
             state, deviation, _ = axis.sound()
-            for order in range(3):
-                if order and len(rows) < 2:
+            for order, stated in ((0, None), (1, first), (2, second)):
+                if order and len(rows) < 2:  # a single row has the rates that were stated, if any
+                    out[order][rows, j] = np.nan if stated is None else stated[rows, j]
+                    sd[order][rows, j] = np.nan if stated is None else 0.0
                     continue
                 out[order][rows, j] = state[:, order] / unit**order
                 sd[order][rows, j] = deviation[:, order] / unit**order
