@@ -58,7 +58,7 @@ class Route:
         def chain(act: Callable[[Signals, Array], None]) -> Step:
             return Step((act,), CHAIN, act)
 
-        reaching = any(effect.id == "adhesion" for effect in effects)  # a force may act outside the material, too
+        reaching = any(effect.reaches for effect in effects)  # a force may act outside the material, too
         law = [chain(_unloaded), *acting(Stage.ELASTIC), chain(_loaded), *acting(Stage.NORMAL)]
         law += [] if reaching else [chain(_let_go)]
         friction, converter = acting(Stage.FRICTION), acting(Stage.ACQUISITION)

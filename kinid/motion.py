@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -21,6 +22,12 @@ Array = NDArray[np.float64]
 STATIC_PERIOD = 0.1
 #: positions within this are no degrees, or too few to tell [rad]
 MORE_THAN_A_TURN = 2 * np.pi + 0.1
+#: the motion of the latest log is kept while the log is, where it holds no more positions than this: contact frame, inertial
+#: loads and draws ask for the same one
+MANY_KEPT = 1_000_000
+
+
+_LATEST: weakref.WeakKeyDictionary[Log, JointMotion] = weakref.WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +94,9 @@ def axes_motion(log: Log, differentiator: Differentiator | None = None) -> Joint
         return JointMotion(log.q, still, still if log.ddq is None else log.ddq,
                            {"velocities": "zero: the log holds poses at rest"})  # fmt: skip
     if differentiator is None:
+        kept = _LATEST.get(log)
+        if kept is not None:
+            return kept
         made = smooth_motion(log.t, log.q, log.pieces, log.dq, log.ddq, _slower(log))
         facts = {"motion": "smoothed from " + " and ".join(
             name for name, there in (("positions", True), ("velocities", log.dq is not None),
@@ -94,7 +104,11 @@ def axes_motion(log: Log, differentiator: Differentiator | None = None) -> Joint
         warnings = warnings_of(made, [f"q{j + 1}" for j in range(log.q.shape[1])], log.period)
         if warnings:
             facts["warnings"] = warnings
-        return JointMotion(made.value, made.first, made.second, facts, made)
+        out = JointMotion(made.value, made.first, made.second, facts, made)
+        _LATEST.clear()
+        if log.q.size <= MANY_KEPT:
+            _LATEST[log] = out
+        return out
     return _differentiated(log, log.q, differentiator)
 
 

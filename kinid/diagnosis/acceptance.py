@@ -11,7 +11,7 @@ their gain is spread.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +20,8 @@ from kinid.diagnosis.screening import Candidate
 from kinid.effects import Effect
 from kinid.identification.initial_guesses import initial_values, nominal_values, project_linear
 from kinid.identification.nuisance import trusted
-from kinid.identification.rest_form import with_rest_form
-from kinid.identification.solver import State, search, solve
+from kinid.identification.rest_form import best_form, with_rest_form
+from kinid.identification.solver import State, linear_parameters, relearn, search
 from kinid.model import Model
 
 Array = NDArray[np.float64]
@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 #: steps of a refit; points of an effect's shapes that are tried, and searches from the best of them where they leave nearly as
 #: little
 REFIT_STEPS, POINTS, STARTS, WORTH_A_START = 20, 8, 2, 1.3
+#: steps after which only those searches are ended that have come within this factor of the deepest
+FIRST_STEPS, WORTH_AN_END = 5, 1.15
 
 
 @dataclass(frozen=True)
@@ -36,8 +38,8 @@ class Evidence:
     """Paired held-out gain of one state over another.
 
     Attributes:
-        gain: in units of what is left before (weighted squares, prior included). error: its standard error. left: what the second
-            state leaves, in these units.
+        gain: in units of what is left before (weighted squares, prior included). error: its standard error. left: minus twice the
+            logarithm of the likelihood of what the second state leaves, each channel with a variance of its own.
         share: of the squared held-out error that goes. change: root mean square of the change of the readings over that of the
             readings, in the channels where it is largest.
     """
@@ -65,7 +67,8 @@ def compare_states(before: State, after: State, sigma: Array) -> Evidence:
     total = float(gain.sum()) + _prior_cost(before, after) - _prior_cost(after, before)
     rms = np.sqrt(np.mean((change * sigma) ** 2, axis=1)) / before.problem.channel_rms
     share = float(gain.sum() / max(1e-300, np.sum(old**2)))
-    left = float(np.sum(new**2)) + _prior_cost(after, before)
+    floor = np.mean((before.error.noise / sigma) ** 2, axis=1)
+    left = float(np.sum(np.log(np.maximum(np.mean(new**2, axis=1), floor))) * new.shape[1]) + _prior_cost(after, before)
     return Evidence(total, 2.0 * float(np.sqrt(variance)) + 1e-12, left, share, float(rms.max()))
 
 
@@ -90,11 +93,12 @@ def _prior_cost(state: State, other: State) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Refit:
-    """An effect refitted beside a model, and the evidence for it."""
+    """An effect refitted beside a model, and the evidence for it; `settled` where the error model is its own already."""
 
     effect: Effect
     state: State
     evidence: Evidence
+    settled: bool = False
 
 
 def refit(before: State, candidates: list[Candidate]) -> Refit:
@@ -109,11 +113,11 @@ def refit(before: State, candidates: list[Candidate]) -> Refit:
         before.error)
                   for c in candidates[:POINTS]]  # fmt: skip
         # and one that knows nothing of where the smaller model ended: a power law may have bent far to stand in for a layer
-        fresh = initial_values(before.problem, model, nominal_values(model, before.problem), before.error)
+        bent = not linear_parameters(before.model, before.problem).all()
+        fresh = [initial_values(before.problem, model, nominal_values(model, before.problem), before.error)] if bent else []
     starts.sort(key=lambda start: start[1])
     near = [values for values, cost in starts[:STARTS] if cost <= WORTH_A_START * starts[0][1]]
-    ends = [search(before.problem, model, values, before.error, max_steps=REFIT_STEPS) for values in (*near, fresh)]
-    best = min(ends, key=lambda state: state.cost if np.isfinite(state.cost) else np.inf)
+    best = _deepest(before, model, [*near, *fresh])
     effect = candidates[0].effect
     values = dict(zip(model.parameters(before.problem.layout), best.values.tolist()))
     own = {full.split(".", 1)[1]: value for full, value in values.items() if full.split(".", 1)[0] == effect.id}
@@ -122,6 +126,28 @@ def refit(before: State, candidates: list[Candidate]) -> Refit:
         within = search(before.problem, model, best.values, before.error, max_steps=REFIT_STEPS, possible=effect)
         return Refit(effect, best.slim(), compare_states(before, within, before.error.sigma))
     return Refit(effect, best.slim(), compare_states(before, best, before.error.sigma))
+
+
+def reformed(before: State, tried: Refit) -> Refit:
+    """A refit under the form of friction at rest that is best beside it."""
+    state = best_form(tried.state)
+    if state is tried.state:
+        return tried
+    return replace(tried, state=state.slim(), evidence=compare_states(before, state, before.error.sigma))
+
+
+def _deepest(before: State, model: Model, starts: list[Array]) -> State:
+    """The deepest end of searches from several starts; only one that has come near the deepest in some steps is ended."""
+    begun = [search(before.problem, model, start, before.error, max_steps=FIRST_STEPS) for start in starts]
+    costs = [state.cost if np.isfinite(state.cost) else np.inf for state in begun]
+    ended = []
+    for state, cost in zip(begun, costs):
+        if cost <= WORTH_AN_END * min(costs) or cost == min(costs) or not np.isfinite(min(costs)):
+            state = state if state.converged else search(
+                before.problem, model, state.values, before.error, shift=state.shift, known=state.jacobian,
+                max_steps=REFIT_STEPS)  # fmt: skip
+            ended.append(state)
+    return min(ended, key=lambda state: state.cost if np.isfinite(state.cost) else np.inf)
 
 
 def _nearest(before: State, model: Model, candidate: Candidate) -> Array:
@@ -150,4 +176,4 @@ def without(state: State, name: str) -> State:
 
 def settle(state: State) -> State:
     """The same model with its error model learnt anew from its own residual."""
-    return with_rest_form(solve(state.problem, state.model, state.values, shift=state.shift, error=state.error))
+    return with_rest_form(relearn(state))

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid import effects
-from kinid.diagnosis.acceptance import Evidence, Refit, compare_states, refit, settle, without
+from kinid.diagnosis.acceptance import Evidence, Refit, compare_states, refit, reformed, settle, without
 from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.screening import Candidate, screen, screen_catalogue
 from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.effects import Effect
 from kinid.identification.applicability import amplitudes, base_of
+from kinid.identification.estimation import estimate_problem
 from kinid.identification.lack_of_fit import error_rows, lack_of_fit
 from kinid.identification.solver import State
 from kinid.identification.whole import held_out_residual
@@ -26,8 +27,10 @@ Array = NDArray[np.float64]
 RISES = 1.01
 #: a value is no value that can be where it is so many standard errors away from one that can
 DOUBT = 2.0
-#: refits that fit as well and are settled to tell them apart, at most
-MAX_TIED = 3
+#: refits whose form of friction at rest is chosen anew
+REFORMED = 2
+#: refits that are settled to tell the best, at most
+MAX_SETTLED = 3
 
 
 @dataclass(eq=False)
@@ -117,24 +120,40 @@ def look(state: State, settings: DiagnosisSettings, spare: Sequence[str] = ()) -
     ranked = sorted((c[0] for name, c in points.items() if name not in spare), key=lambda c: -c.predicted_gain)
     least = max(settings.min_significance**2 / 4, settings.promising_share * (ranked[0].predicted_gain if ranked else 0.0))
     promising = [c.effect.id for c in ranked if c.predicted_gain > least][: settings.refits]
-    tried = side_by_side(lambda name: refit(state, points[name]), promising)
+    tried = sorted(side_by_side(lambda name: refit(state, points[name]), promising), key=lambda t: t.evidence.left)
+    # beside the right effect, friction at rest may have another form than beside the wrong ones
+    tried[:REFORMED] = side_by_side(lambda t: reformed(state, t), tried[:REFORMED])
     return Round(state, points, tuple(sorted(tried, key=lambda t: t.evidence.left)))
 
 
 def choose(tried: Sequence[Refit], before: State, settings: DiagnosisSettings) -> Refit | None:
-    """The acceptable refit with the largest gain; of those that fit as well, the one with the fewest parameters.
+    """The acceptable refit that leaves the least; of those that fit as well, the one with the fewest parameters.
 
-    Whether they fit as well is asked again of their settled states, whose error model knows how much the best of them leaves.
+    The best are compared by their settled states: what a channel weighs beside the right effect it doesn't beside the wrong ones.
     """
     able = [t for t in tried if acceptable(t, before, settings)]
-    if not able:
-        return None
-    alike = [t for t in able if same(able[0], t, before.error.sigma, settings)]
-    if len(alike) > 1:
-        settled = [replace(t, state=settle(t.state)) for t in alike[:MAX_TIED]]
-        best = min(settled, key=lambda t: float(np.sum((t.state.held_out / settled[0].state.error.sigma) ** 2)))
-        alike = [t for t in settled if same(best, t, best.state.error.sigma, settings)]
+    if len(able) < 2:
+        return able[0] if able else None
+    settled = [settled_refit(t, before) for t in able[:MAX_SETTLED]]
+    best = min(settled, key=lambda t: t.evidence.left)
+    alike = [t for t in settled if same(best, t, best.state.error.sigma, settings)]
     return min(alike, key=lambda t: (len(t.state.values), t.evidence.left))
+
+
+def settled_refit(tried: Refit, before: State) -> Refit:
+    """A refit with its own error model."""
+    return tried if tried.settled else _ended(tried, before, settle(tried.state))
+
+
+def deeper(tried: Refit, before: State) -> Refit:
+    """A settled refit, or where a fit of its model ends that knows nothing of the way here, whichever leaves less."""
+    return min(settled_refit(tried, before), _ended(tried, before, estimate_problem(tried.state.model, before.problem)),
+               key=lambda t: t.evidence.left)  # fmt: skip
+
+
+def _ended(tried: Refit, before: State, state: State) -> Refit:
+    left = compare_states(before, state, before.error.sigma).left
+    return replace(tried, state=state, evidence=replace(tried.evidence, left=left), settled=True)
 
 
 def same(one: Refit, other: Refit, sigma: Array, settings: DiagnosisSettings) -> bool:
@@ -168,7 +187,8 @@ def select(start: State, settings: DiagnosisSettings, forced: Sequence[str] = ()
         best = choose(worth, now.before, settings) if len(found.added) < settings.max_effects else None
         if best is None:
             break
-        settled = settle(best.state)
+        best = deeper(best, now.before)
+        settled = best.state
         if not lowers_error(settled, now.before):
             found.pruned.add(best.effect.id)
             continue
@@ -234,7 +254,7 @@ def _defend(found: Selection, settings: DiagnosisSettings, forced: Sequence[str]
             continue
         better = choose([t for t in now.refits if t.effect.id not in found.added or t.effect.id == name], less, settings)
         if better is not None and better.effect.id != name and _preferred(better, own, less, settings):
-            found.states[-1] = settle(better.state)
+            found.states[-1] = settled_refit(better, less).state
             found.added[found.added.index(name)] = better.effect.id
             found.evidence[better.effect.id] = better.evidence
             own, name = better, better.effect.id

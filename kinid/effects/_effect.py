@@ -60,6 +60,7 @@ class Effect(ABC):
         affine: whether readings stay affine in the linear parameters of a model that holds it; False for a law that
             bends what others predict (a power of the normal force, a clipped reading).
         pulls: whether the law pulls at a tool that retracts, as a linear dashpot does and no material that lets go.
+        reaches: whether its force acts outside the material, too.
         calibration_tolerance: parameter name → standard deviation within which every rig's calibration leaves it open. Names are
             those before the bracket; where channels differ in their unit it stands in brackets: "offset[N]", "offset[N·m]".
         admissible: parameter name, written alike → range that is physically possible, ends included. A search may go beyond it,
@@ -88,6 +89,7 @@ class Effect(ABC):
     ends: ClassVar[Mapping[str, tuple[float, ...]]] = {}
     affine: ClassVar[bool] = True
     pulls: ClassVar[bool] = False
+    reaches: ClassVar[bool] = False
     calibration_tolerance: ClassVar[Mapping[str, float]] = {}
     admissible: ClassVar[Mapping[str, tuple[float, float]]] = {}
     turn: ClassVar[int] = 0

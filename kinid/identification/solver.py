@@ -31,6 +31,8 @@ RELEARNED = 2
 FAITHFUL = 0.05
 #: a step that gains less than this share of what the linear view expects is made good along what enters linearly
 CURVED = 0.75
+#: what nuisances do is looked at anew where a search has come to this share of the cost
+FAR = 0.7
 #: parameters are moved by this share of their scale to see what they do
 DIFFERENCE = 1e-2
 
@@ -197,7 +199,7 @@ class _Search:
     """One search; all quantities belong to its present place."""
 
     def __init__(self, problem: Problem, model: Model, start: Array, shift: Array | None, error: ErrorModel,
-                 possible: Effect | None) -> None:  # fmt: skip
+                 possible: Effect | None, known: Array | None) -> None:  # fmt: skip
         self.problem, self.model, self.error = problem, model, error
         named = model.parameters(problem.layout)
         self.scale = np.array([p.scale for p in named.values()])
@@ -222,8 +224,10 @@ class _Search:
         self.groups = parameter_groups(names, list(np.flatnonzero(self.moving)), problem.layout)
         self.weight = 1.0 / error.sigma
         self.here = model.course(problem.experiment.signals, self.x)
-        self.columns = nuisance_columns(problem, model, self.x, self.here, self.open_)
+        self.known, self.moved = known, False
+        self.columns = nuisance_columns(problem, model, self.x, self.here, self.open_) if known is None else known[:, len(self.x) :]
         self.residual, self.cost = self.compare(self.here, self.x, self.shift)
+        self.renewed = self.cost
 
     def compare(self, course: Course, x: Array, shift: Array) -> tuple[Array, float]:
         """Residual of the means, (channels, g), and cost."""
@@ -233,8 +237,8 @@ class _Search:
         own = np.r_[np.zeros(len(x)) if not len(x) else x / self.scale, shift]
         return residual, float(np.sum((residual * self.weight) ** 2) + own @ self.prior @ own)
 
-    def differentiate(self) -> Array:
-        """The jacobian here, (channels · g, p + k); nuisance columns are renewed."""
+    def differentiate(self, last: bool = False) -> Array:
+        """The jacobian here, (channels · g, p + k); nuisance columns are renewed in the end, and after long ways."""
         p = len(self.x)
         out = np.zeros((self.problem.target.size, p + len(self.open_)), order="F")
         step = DIFFERENCE * np.where(self.x + DIFFERENCE * self.scale <= self.high, self.scale, -self.scale)
@@ -252,16 +256,17 @@ class _Search:
             for channel, j in group.items():
                 rows = slice(channel * many, (channel + 1) * many)
                 out[rows, j] = change[rows] * (self.scale[j] / step[j])
-        if len(self.open_):
+        if len(self.open_) and (last or self.cost < FAR * self.renewed):
             self.columns = nuisance_columns(self.problem, self.model, self.x, self.here, self.open_)
-            out[:, p:] = self.columns
             self.residual, self.cost = self.compare(self.here, self.x, self.shift)
+            self.renewed = self.cost
+        out[:, p:] = self.columns
         return out
 
-    def run(self, max_steps: int, guess: Array | None = None) -> State:
+    def run(self, max_steps: int) -> State:
         """Search, and tell where it ended."""
-        fresh = guess is None
-        jacobian = self.differentiate() if guess is None else guess
+        fresh = True
+        jacobian = self.differentiate() if self.known is None else self.known
         damping, converged, taken = 1e-3, not self.moving.any() and not len(self.open_), 0
         weight = self.weight.reshape(-1, 1)
         squares = (jw := jacobian * weight).T @ jw
@@ -293,8 +298,8 @@ class _Search:
                 missed = (actual.ravel() - jacobian @ moved) / size
                 jacobian[:, moved != 0] += np.outer(missed, moved[moved != 0])
                 squares, fresh = (jw := jacobian * weight).T @ jw, False
-        if not fresh or taken:
-            jacobian = self.differentiate()
+        if self.moved:
+            jacobian = self.differentiate(last=True)
             squares = (jw := jacobian * weight).T @ jw
         free = self.slope(jacobian, squares)[1]
         return State(self.problem, self.model, self.error, self.x, self.open_, self.shift, self.here, self.residual, jacobian,
@@ -333,7 +338,7 @@ class _Search:
                 step = np.r_[(x - self.x) / self.scale, step[p:]]
         if not self.cost - cost > FAITHFUL * expected:
             return 0.0, step, residual, expected
-        gain, change = self.cost - cost, self.residual - residual
+        gain, change, self.moved = self.cost - cost, self.residual - residual, True
         self.x, self.shift, self.here, self.residual, self.cost = x, shift, course, residual, cost
         return gain, step, change, expected
 
@@ -381,10 +386,16 @@ def solve_between(h: Array, g: Array, low: Array, high: Array) -> Array:
 
 
 def search(problem: Problem, model: Model, start: Array, error: ErrorModel, *, shift: Array | None = None,
-           guess: Array | None = None, max_steps: int = 30, possible: Effect | None = None) -> State:  # fmt: skip
-    """Weighted least squares from a start, with a given error model; one effect's values may be held to those that can be."""
+           known: Array | None = None, max_steps: int = 30, possible: Effect | None = None) -> State:  # fmt: skip
+    """Weighted least squares from a start, with a given error model.
+
+    Args:
+        problem, model: what is fitted to what. start: values (p,). error: that weighs. shift: of nuisances to begin at, (k,).
+        known: the jacobian at the start, where another search ended there. max_steps: of the search.
+        possible: an effect whose values are held to those that can be.
+    """
     with np.errstate(all="ignore"):  # a step too far is taken back
-        return _Search(problem, model, start, shift, error, possible).run(max_steps, guess)
+        return _Search(problem, model, start, shift, error, possible, known).run(max_steps)
 
 
 def first_error_model(problem: Problem) -> ErrorModel:
@@ -392,18 +403,20 @@ def first_error_model(problem: Problem) -> ErrorModel:
     return ErrorModel(reading_variance(problem), np.zeros(problem.shape), 0.02 * problem.channel_rms, 0.0)
 
 
-def solve(problem: Problem, model: Model, start: Array, *, shift: Array | None = None, error: ErrorModel | None = None,
-          max_steps: int = 60) -> State:  # fmt: skip
+def solve(problem: Problem, model: Model, start: Array, *, max_steps: int = 60) -> State:
     """Fit a model and learn its error model along.
 
     Args:
-        problem, model: what is fitted to what. start: values to begin at, (p,).
-        shift: of nuisances to begin at. error: error model to begin with.
-        max_steps: of each search.
+        problem, model: what is fitted to what. start: values to begin at, (p,). max_steps: of each search.
     """
-    state = search(problem, model, start, error or first_error_model(problem), shift=shift, max_steps=max_steps)
-    motion = motion_variance(problem, model, state.values)
+    return relearn(search(problem, model, start, first_error_model(problem), max_steps=max_steps), max_steps)
+
+
+def relearn(state: State, max_steps: int = 60) -> State:
+    """The same model with an error model that is learnt from its own residual."""
+    motion = motion_variance(state.problem, state.model, state.values)
     for _ in range(RELEARNED):
-        learnt = learn(problem, model, state.values, state.residual, motion)
-        state = search(problem, model, state.values, learnt, shift=state.shift, max_steps=max_steps)
+        learnt = learn(state.problem, state.model, state.values, state.residual, motion)
+        state = search(state.problem, state.model, state.values, learnt, shift=state.shift, known=state.jacobian,
+                       max_steps=max_steps)  # fmt: skip
     return state
