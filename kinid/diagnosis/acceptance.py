@@ -140,13 +140,9 @@ def _deepest(before: State, model: Model, starts: list[Array]) -> State:
     """The deepest end of searches from several starts; only one that has come near the deepest in some steps is ended."""
     begun = [search(before.problem, model, start, before.error, max_steps=FIRST_STEPS) for start in starts]
     costs = [state.cost if np.isfinite(state.cost) else np.inf for state in begun]
-    ended = []
-    for state, cost in zip(begun, costs):
-        if cost <= WORTH_AN_END * min(costs) or cost == min(costs) or not np.isfinite(min(costs)):
-            state = state if state.converged else search(
-                before.problem, model, state.values, before.error, shift=state.shift, known=state.jacobian,
-                max_steps=REFIT_STEPS)  # fmt: skip
-            ended.append(state)
+    near = [state for state, cost in zip(begun, costs) if cost <= WORTH_AN_END * min(costs)] or begun
+    ended = [state if state.converged else search(before.problem, model, state.values, before.error, shift=state.shift,
+                                                  known=state.jacobian, max_steps=REFIT_STEPS) for state in near]  # fmt: skip
     return min(ended, key=lambda state: state.cost if np.isfinite(state.cost) else np.inf)
 
 

@@ -138,7 +138,8 @@ def _too_small_to_see(state: State, effect: Effect, points: Sequence[Candidate],
     whole = float(np.sum((state.residual / state.error.sigma) ** 2))
     rows = error_rows(state.problem.whole)
     matters = np.mean((settings.min_reading_share * state.problem.channel_rms[rows, None] / state.error.sigma[rows]) ** 2)
-    least = max((2.0 * settings.min_significance) ** 2 * inflation, settings.min_share * whole, float(matters) * state.residual.shape[1])
+    least = max((2.0 * settings.min_significance) ** 2 * inflation, settings.min_share * whole,
+                float(matters) * state.residual.shape[1])  # fmt: skip
     # large steps of what has a grid of its own say how far it could go, not whether a small one shows
     weak: list[int] = []
     seen = 0

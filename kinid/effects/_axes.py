@@ -40,7 +40,7 @@ def axes(layout: Layout) -> tuple[Axis, ...]:
 
 
 def directions(s: Signals) -> Array:
-    """Which way each joint last moved, from −1 to 1, (N, n), in the form of `s.rest`: bristles, undeflected at first, or speed."""
+    """Which way each joint last moved, from −1 to 1, (N, n), in the form of `s.rest`: bristles, straight at first, or speed."""
     motion, rest = s.joints, s.rest
     assert motion is not None
 

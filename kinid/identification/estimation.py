@@ -14,6 +14,7 @@ from kinid.identification.rest_form import with_rest_form
 from kinid.identification.solver import State, first_error_model, solve
 from kinid.model import Model
 
+
 def estimate(model: Model, experiment: Experiment, known: Mapping[str, float] | None = None) -> State:
     """Fit a model to an experiment.
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from kinid.course import Course
 from kinid.effects import Layout, Signals
-from kinid.effects._signals import RestForm
 from kinid.effects._samples import lattice
+from kinid.effects._signals import RestForm
 from kinid.experiment import Experiment
 from kinid.identification.dataset import averaged, group_edges, hold_out_folds, sample_period
 from kinid.kernels.averages import weighted_changes, weighted_sums

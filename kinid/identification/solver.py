@@ -225,7 +225,8 @@ class _Search:
         self.weight = 1.0 / error.sigma
         self.here = model.course(problem.experiment.signals, self.x)
         self.known, self.moved = known, False
-        self.columns = nuisance_columns(problem, model, self.x, self.here, self.open_) if known is None else known[:, len(self.x) :]
+        self.columns = (nuisance_columns(problem, model, self.x, self.here, self.open_) if known is None
+                        else known[:, len(self.x) :])  # fmt: skip
         self.residual, self.cost = self.compare(self.here, self.x, self.shift)
         self.renewed = self.cost
 
