@@ -93,7 +93,15 @@ def acceptable(tried: Refit, before: State, settings: DiagnosisSettings) -> bool
     # what takes off most of the error leaves less that could speak against it
     needed = settings.min_significance * max(0.5, 1.0 - e.share)
     return (e.significance > needed and e.share > settings.min_share and e.change > settings.min_reading_share
-            and not implausible(tried.state, before))  # fmt: skip
+            and _remarkable(tried) and not implausible(tried.state, before))  # fmt: skip
+
+
+def _remarkable(tried: Refit) -> bool:
+    """Whether any amplitude of a refitted effect is more than what every material and rig has."""
+    layout, effect = tried.state.problem.layout, tried.effect
+    begin = next(i for i, full in enumerate(tried.state.model.parameters(layout)) if full.split(".", 1)[0] == effect.id)
+    null, parameters = amplitudes(effect, layout, base_of(tried.state.model)), effect.parameters(layout)
+    return any(effect.remarkable(parameters[i], tried.state.values[begin + i] - at) for i, at in null.items())
 
 
 def worth_a_name(tried: Refit, before: State, start: State, settings: DiagnosisSettings) -> bool:

@@ -61,6 +61,7 @@ class Effect(ABC):
             bends what others predict (a power of the normal force, a clipped reading).
         pulls: whether the law pulls at a tool that retracts, as a linear dashpot does and no material that lets go.
         reaches: whether its force acts outside the material, too.
+        unremarkable: parameter name → distance from its null that every material and every rig has; names as below.
         calibration_tolerance: parameter name → standard deviation within which every rig's calibration leaves it open. Names are
             those before the bracket; where channels differ in their unit it stands in brackets: "offset[N]", "offset[N·m]".
         admissible: parameter name, written alike → range that is physically possible, ends included. A search may go beyond it,
@@ -90,6 +91,7 @@ class Effect(ABC):
     affine: ClassVar[bool] = True
     pulls: ClassVar[bool] = False
     reaches: ClassVar[bool] = False
+    unremarkable: ClassVar[Mapping[str, float]] = {}
     calibration_tolerance: ClassVar[Mapping[str, float]] = {}
     admissible: ClassVar[Mapping[str, tuple[float, float]]] = {}
     turn: ClassVar[int] = 0
@@ -155,6 +157,10 @@ class Effect(ABC):
     def calibration_bound(self, layout: Layout) -> float:
         """How many of these standard deviations a fit may take it to beside a model that lacks the effect."""
         return 2.0
+
+    def remarkable(self, parameter: Parameter, away: float) -> bool:
+        """Whether a parameter so far from where it does nothing is more than what every material and rig has."""
+        return not abs(away) <= (_looked_up(self.unremarkable, parameter) or 0.0)
 
     def possible(self, parameter: Parameter) -> tuple[float, float] | None:
         """Range of a parameter's values that is physically possible, None where `admissible` says nothing of it."""

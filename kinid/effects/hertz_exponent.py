@@ -29,7 +29,7 @@ class HertzExponent(Effect):
     wants = ("hooke", "kelvin-voigt", "hertz", "maxwell", "zener")
     null = {"exponent": 1.0}
     grid = {"exponent": (0.8, 1.2, 1.5, 2.0, 2.6)}
-    calibration_tolerance = {"exponent": 0.02}  # no tip and no material is a power law to better than that
+    unremarkable = {"exponent": 0.03}  # no tip and no material is a power law to better than that
     admissible = {"exponent": (0.8, 3.5)}  # punch 1, sphere 1.5, cone 2 (Sneddon 1965); below, skins; above, foam that densifies
 
     def null_for(self, base: str | None) -> Mapping[str, float]:

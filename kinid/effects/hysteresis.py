@@ -33,6 +33,7 @@ class Hysteresis(Effect):
         "stress-softening": "the same depth twice: a loop remains in the second cycle",
     }
     excited_by = "the same path in and out at two speeds, with partial unloading"
+    affine = False  # a loop is no wider than the force it is in
     null = {"amplitude": 0.0, "force": 0.0}
     grid = {"length": (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)}
     # more would pull, less would give energy; longer than any poke
