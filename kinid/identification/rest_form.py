@@ -1,0 +1,118 @@
+"""Friction at rest: its form is chosen from the log, as a part of the error that no effect's parameter may take up."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.effects._signals import RestForm
+from kinid.identification.solver import State, relearn, search
+
+Array = NDArray[np.float64]
+
+#: forms that are tried: a contact's bristles, elastic over some share of a stated length that is one within a quarter; and a
+#: joint's bristles in stated lengths, or in their place speeds above which friction is full [rad/s, m/s]
+SHARES, LENGTHS = (0.02, 0.3, 0.7, 0.95), np.linspace(0.75e-4, 1.25e-4, 9)
+JOINTS, SPEEDS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0), (5e-4, 0.001, 0.002, 0.004, 0.008, 0.016, 0.03, 0.06, 0.12)
+#: fields that are refined, with their ends
+REFINED = {"length": (0.75e-4, 1.25e-4), "joint": (0.1, 30.0), "joint_speed": (3e-4, 0.2)}
+#: steps of a search under another form, and refinements of one field
+FORM_STEPS, REFINEMENTS = 6, 3
+#: a form is another one where it changes readings by this share of their noise, and better where so much of the error is left
+UNNOTICED, BETTER_FORM = 0.1, 0.97
+#: a field is moved by this share to see what it does, and by a step of so many e-folds at most
+MOVED, FARTHEST = 0.03, 0.7
+
+
+def with_rest_form(state: State) -> State:
+    """The state under the form of friction at rest that the log bears out best.
+
+    Motion tells little of the force of friction that sticks: between P. R. Dahl's bristles (1968), which creep under any tremor,
+    and L. Prandtl's (1928), which are elastic until they slip, a surface may be anything (P. Dupont et al., IEEE Trans. Autom.
+    Control 47, 2002), and the stated length of the bristles is one of its order of magnitude. Drives turn around within some
+    hundredth of a degree, or over some speed where grease carries them. A contact's bristles that are far off are an effect.
+    """
+    best = best_form(state)
+    for field in REFINED:
+        best = _refined(best, field)
+    return best if best is state else relearn(best)
+
+
+def _rest(state: State) -> RestForm:
+    return state.problem.experiment.signals.rest
+
+
+def _change(state: State, rest: RestForm) -> Array:
+    """What another form changes of the means, (channels, g)."""
+    return state.problem.with_rest(rest).predict(state.model, state.values) - state.problem.means(state.course.reading)
+
+
+def _noticed(state: State, change: Array) -> bool:
+    return bool(np.mean((change / state.error.noise) ** 2) > UNNOTICED**2)
+
+
+def _under(state: State, rest: RestForm) -> tuple[State, float]:
+    """The state under another form, and its squared held-out error in units of what this one leaves."""
+    problem = state.problem.with_rest(rest)
+    other = search(problem, state.model, state.values, state.error, shift=state.shift, max_steps=FORM_STEPS)
+    return other, float(np.sum((other.held_out / state.error.sigma) ** 2))
+
+
+def _forms(state: State) -> list[RestForm]:
+    """Other forms that change the readings."""
+    rest, lasting = _rest(state), state.problem.experiment.signals.joints is None
+    if lasting:
+        longer = _noticed(state, _change(state, dataclasses.replace(rest, length=LENGTHS[-1])))
+        lengths = LENGTHS if longer else (rest.length,)
+        forms = [dataclasses.replace(rest, share=share, length=float(length)) for share in SHARES for length in lengths]
+    else:
+        forms = [dataclasses.replace(rest, joint=joint, joint_speed=0.0) for joint in JOINTS]
+        forms += [dataclasses.replace(rest, joint_speed=speed) for speed in SPEEDS]
+    return [form for form in forms if form != rest]
+
+
+def best_form(state: State) -> State:
+    """The state, or that under the form whose error is least in the linear view, where its held-out error is clearly less."""
+    forms = _forms(state)
+    if not forms or not _noticed(state, _change(state, forms[-1])):
+        return state
+    inverse = np.linalg.pinv(state.information, hermitian=True)
+
+    def left(change: Array) -> float:
+        r = ((state.residual - change) / state.error.sigma).ravel()
+        g = state.weighted.T @ r
+        return float(r @ r - g @ inverse @ g)
+
+    costs = [left(_change(state, form)) for form in forms]
+    if not min(costs) < BETTER_FORM * left(np.zeros(state.residual.shape)):
+        return state
+    other, least = _under(state, forms[int(np.argmin(costs))])
+    return other if least < BETTER_FORM * float(np.sum((state.held_out / state.error.sigma) ** 2)) else state
+
+
+def _refined(state: State, field: str) -> State:
+    """The state with one field of its form at its best, by Gauss-Newton steps of its logarithm beside all parameters."""
+    low, high = REFINED[field]
+    for _ in range(REFINEMENTS):
+        value = getattr(_rest(state), field)
+        if value <= 0.0:
+            break
+        moved = MOVED if value * (1.0 + MOVED) <= high else -MOVED
+        ahead = dataclasses.replace(_rest(state), **{field: value * (1.0 + moved)})
+        d = (_change(state, ahead) / moved / state.error.sigma).ravel()
+        taken = np.linalg.pinv(state.information, hermitian=True) @ (state.weighted.T @ d)
+        power = float(d @ d - (state.weighted.T @ d) @ taken)
+        if not power > 0.0:
+            break
+        own = d - state.weighted @ taken
+        step = float(np.clip(own @ (state.residual / state.error.sigma).ravel() / power, -FARTHEST, FARTHEST))
+        new = float(np.clip(value * np.exp(step), low, high))
+        if not _noticed(state, np.log(new / value) * d.reshape(state.residual.shape) * state.error.sigma):
+            break
+        other, left = _under(state, dataclasses.replace(_rest(state), **{field: new}))
+        if left >= float(np.sum((state.held_out / state.error.sigma) ** 2)):
+            break
+        state = other
+    return state
