@@ -28,7 +28,6 @@ from kinid.diagnosis.words import (
     channel_words,
     doubts,
     headline,
-    is_stand_in,
     leftover,
     number,
     one_sided,
@@ -201,7 +200,7 @@ def _effects(result: Diagnosis) -> str:
 def _row(e: EffectVerdict) -> tuple[str, ...]:
     gain = number(e.held_out_gain) if np.isfinite(e.held_out_gain) and e.held_out_gain else "–"
     numbers = "<br>".join(_parameter(name, p) for name, p in acting(e.parameters).items())
-    mark = STAND_IN_MARK if is_stand_in(e) else MARK[e.verdict]
+    mark = STAND_IN_MARK if e.stand_in else MARK[e.verdict]
     return (_name(e), f"{mark} {_e(verdict_words(e))}", _evidence(e), gain, numbers, _e(e.says), _e(e.separate_by))
 
 

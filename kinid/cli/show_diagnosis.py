@@ -79,7 +79,7 @@ def _ladder(out: Console, result: Diagnosis) -> None:
 
 def _effects(out: Console, result: Diagnosis) -> None:
     from kinid.diagnosis.result import ABSENT, FOREIGN, LEFT_OUT, NOT_EXCITED
-    from kinid.diagnosis.words import by_verdict, is_stand_in, verdict_words
+    from kinid.diagnosis.words import by_verdict, verdict_words
 
     shown = [e for e in by_verdict(result) if e.verdict in MARK]
     if shown:
@@ -88,7 +88,7 @@ def _effects(out: Console, result: Diagnosis) -> None:
             table.add_column(heading, justify="right")
         table.add_column("parameters (95 %)")
         for e in shown:
-            mark = STAND_IN_MARK if is_stand_in(e) else MARK[e.verdict]
+            mark = STAND_IN_MARK if e.stand_in else MARK[e.verdict]
             evidence = f"{e.evidence:.4g}" if isfinite(e.evidence) else "–"
             table.add_row(escape(e.id), f"{mark} {escape(verdict_words(e))}", evidence, f"{e.held_out_gain:.3g}",
                           escape(_numbers(e)))  # fmt: skip
@@ -102,11 +102,12 @@ def _effects(out: Console, result: Diagnosis) -> None:
 
 
 def _numbers(effect: EffectVerdict) -> str:
+    from kinid import effects
     from kinid.diagnosis.words import acting, one_sided
 
     shown = acting(effect.parameters)
     if len(shown) > MOST_NUMBERS:
-        return effect.says if effect.id == "mains-hum" else f"{len(shown)} parameters"
+        return effect.says if effects.get(effect.id).detector else f"{len(shown)} parameters"
     write = "{:.3g}".format
     return ", ".join(f"{name} {one_sided(p, write) or f'{write(p.value)} [{write(p.low)}, {write(p.high)}]'}"
                      f"{'' if p.unit == '1' else ' ' + p.unit}" for name, p in shown.items())  # fmt: skip

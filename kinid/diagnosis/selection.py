@@ -128,10 +128,10 @@ def look(state: State, settings: DiagnosisSettings, spare: Sequence[str] = ()) -
     ranked = sorted((c[0] for name, c in points.items() if name not in spare), key=lambda c: -c.predicted_gain)
     least = max(settings.min_significance**2 / 4, settings.promising_share * (ranked[0].predicted_gain if ranked else 0.0))
     promising = [c.effect.id for c in ranked if c.predicted_gain > least][: settings.refits]
-    tried = sorted(side_by_side(lambda name: refit(state, points[name]), promising), key=lambda t: t.evidence.left)
+    tried = sorted(side_by_side(lambda name: refit(state, points[name]), promising), key=_rank)
     # beside the right effect, friction at rest may have another form than beside the wrong ones
     tried[:REFORMED] = side_by_side(lambda t: reformed(state, t), tried[:REFORMED])
-    return Round(state, points, tuple(sorted(tried, key=lambda t: t.evidence.left)))
+    return Round(state, points, tuple(sorted(tried, key=_rank)))
 
 
 def choose(tried: Sequence[Refit], before: State, settings: DiagnosisSettings) -> Refit | None:
@@ -143,9 +143,14 @@ def choose(tried: Sequence[Refit], before: State, settings: DiagnosisSettings) -
     if len(able) < 2:
         return able[0] if able else None
     settled = [settled_refit(t, before) for t in able[:MAX_SETTLED]]
-    best = min(settled, key=lambda t: t.evidence.left)
+    best = min(settled, key=_rank)
     alike = [t for t in settled if same(best, t, best.state.error.sigma, settings)]
-    return min(alike, key=lambda t: (len(t.state.values), t.evidence.left))
+    return min(alike, key=lambda t: (len(t.state.values), *_rank(t)))
+
+
+def _rank(tried: Refit) -> tuple[float, float]:
+    """What a refit leaves; where several leave nothing but noise, what they gain."""
+    return tried.evidence.left, -tried.evidence.gain
 
 
 def settled_refit(tried: Refit, before: State) -> Refit:

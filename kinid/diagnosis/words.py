@@ -20,8 +20,6 @@ ORDER = (PRESENT, INDISTINGUISHABLE, NOT_EXCITED, ABSENT)
 SAME = 5e-3
 #: what is left beside noise is noise, too, where it is a smaller share of it
 NOISE_SHARE = 0.5
-#: how the verdict on an addition begins that takes off less than is left
-STAND_IN = "a stand-in"
 
 
 def headline(result: Diagnosis) -> str:
@@ -45,7 +43,7 @@ def headline(result: Diagnosis) -> str:
     unknown = "Something is missing that the catalogue does not hold"
     if not result.added:
         return f"{unknown}: {error}; {noise}."
-    told = {effect.id for effect in result.effects if is_stand_in(effect)}
+    told = {effect.id for effect in result.effects if effect.stand_in}
     follow = [name for name in real if name in told]
     help_ = with_rivals([name for name in real if name not in told], result.effects)
     said = []
@@ -68,14 +66,9 @@ def leftover(result: Diagnosis) -> str:
             f"{100 * left.share_of_reading:.2g} % of the reading, and remember themselves for {left.memory:.2g} s. {allowed}")
 
 
-def is_stand_in(effect: EffectVerdict) -> bool:
-    """Whether an addition takes off less than is left, so that it may only follow what the catalogue doesn't hold."""
-    return effect.verdict == INDISTINGUISHABLE and effect.says.startswith(STAND_IN)
-
-
 def verdict_words(effect: EffectVerdict) -> str:
     """The verdict as a reader has it, with what is as good."""
-    own = "stand-in" if is_stand_in(effect) else effect.verdict
+    own = "stand-in" if effect.stand_in else effect.verdict
     return own + (f", as good: {', '.join(effect.equivalent_to)}" if effect.equivalent_to else "")
 
 

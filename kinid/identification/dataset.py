@@ -64,7 +64,7 @@ def averaged_signals(signals: Signals, begin: NDArray[np.int64], end: NDArray[np
 
 def averaged(experiment: Experiment) -> tuple[Experiment, tuple[Signals, ...]]:
     """An experiment in means of neighbouring samples where it has more than identification needs, and its motion draws alike."""
-    signals, draws = experiment.signals, getattr(experiment, "motion_draws", ())
+    signals, draws = experiment.signals, experiment.motion_draws
     size = math.ceil(len(signals) / MAX_SAMPLES)
     rate = 1.0 / sample_period(signals)
     size = max(size, min(math.ceil(experiment.measured.size / MAX_READINGS), round(rate / DENSE)))
