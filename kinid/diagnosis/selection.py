@@ -145,7 +145,7 @@ def choose(tried: Sequence[Refit], before: State, settings: DiagnosisSettings) -
     settled = [settled_refit(t, before) for t in able[:MAX_SETTLED]]
     best = min(settled, key=_rank)
     alike = [t for t in settled if same(best, t, best.state.error.sigma, settings)]
-    return min(alike, key=lambda t: (len(t.state.values), *_rank(t)))
+    return min(alike, key=lambda t: (len(t.state.values), -t.evidence.gain))
 
 
 def _rank(tried: Refit) -> tuple[float, float]:
