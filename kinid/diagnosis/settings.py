@@ -29,7 +29,7 @@ class DiagnosisSettings:
 
     min_significance: float = 4.0
     min_share: float = 0.03
-    min_reading_share: float = 0.005
+    min_reading_share: float = 0.003
     min_explained: float = 0.01
     rival_significance: float = 2.0
     rival_share: float = 0.02

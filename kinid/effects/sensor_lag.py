@@ -30,8 +30,6 @@ class SensorLag(Effect):
     needs = ()
     null = {"time-constant": 0.0}
     grid = {"time-constant": (1e-3, 4e-3, 1.5e-2, 6e-2)}
-    # torques of drives come through a filter of some 25 Hz; wrist sensors are faster
-    calibration_tolerance = {"time-constant": 3e-4}
     admissible = {"time-constant": (0.0, 0.1)}  # slower than 1.6 Hz, a sensor is none of contact forces
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
@@ -39,8 +37,8 @@ class SensorLag(Effect):
         return (Parameter("time-constant", "T", "s", 0.002, 0.0, 1.0, scale=5e-4),)
 
     def calibration_sd(self, signals: Signals) -> Mapping[str, float]:
-        """That of a wrist sensor, or of a drive's torques."""
-        return {"time-constant": DRIVE_FILTER} if signals.layout.kind == "joints" else super().calibration_sd(signals)
+        """Torques of drives come through a filter of their own."""
+        return {"time-constant": DRIVE_FILTER} if signals.layout.kind == "joints" else {}
 
     def acquisition(self, s: Signals, p: Array) -> None:
         """Filter the readings."""

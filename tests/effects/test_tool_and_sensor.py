@@ -268,8 +268,8 @@ def test_compliance_is_found_without_bias_from_a_noisy_force() -> None:
     print("compliance: " + ", ".join(f"{v:.4g} ± {e:.2g}" for v, e in found) + f" m/N; truth {truth:g}")
     # the mean of six has a standard error of one over their root
     assert abs(values.mean() - truth) < 3.0 * errors.mean() / np.sqrt(6)
-    # calibration is open inside its tolerance (surface, bias, clock, filter of the sensor); 0.03 without that
-    assert errors.mean() < 0.055 * truth
+    # calibration is open inside its tolerance (surface, bias, clock); 0.03 without that
+    assert errors.mean() < 0.05 * truth
 
 
 def test_behind_a_linear_spring_compliance_and_stiffness_are_one_and_it_is_said() -> None:
