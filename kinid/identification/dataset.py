@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 #: samples that predictions are made at, at most; readings of all channels, at most, where samples are denser than `DENSE` [Hz]
-MAX_SAMPLES, MAX_READINGS, DENSE = 40_000, 20_000, 160.0
+MAX_SAMPLES, MAX_READINGS, DENSE = 40_000, 60_000, 160.0
 
 
 def sample_period(signals: Signals) -> float:
