@@ -229,7 +229,7 @@ def test_a_stand_in_is_said_to_be_one(found: Diagnosis, capsys: pytest.CaptureFi
     """On the page, on the terminal and in the first line; the other addition, which is none, still helps."""
     damping = found.effects[-1]
     follows = dataclasses.replace(damping, id="hysteresis", verdict="indistinguishable", equivalent_to=(), separate_by="",
-                                  says="a stand-in: it takes off less than it leaves")  # fmt: skip
+                                  says="it takes off less than it leaves", stand_in=True)  # fmt: skip
     steps = (*found.steps, dataclasses.replace(found.steps[-1], added="hysteresis"))
     result = dataclasses.replace(found, verdict="unexplained", added=("viscous-damping", "hysteresis"), steps=steps,
                                  effects=(damping, follows))  # fmt: skip
