@@ -158,12 +158,20 @@ class Model:
     def _slices(self) -> dict[Layout, list[slice]]:
         return {}
 
+    def place(self, name: str, layout: Layout) -> slice:
+        """Where an effect's parameters stand among those of the model."""
+        return self._places(layout)[self.names.index(name)]
+
     def _split(self, layout: Layout, values: Array) -> list[Array]:
-        """Values of each effect's parameters; where they stand is remembered, because predictions ask for it often."""
+        """Values of each effect's parameters."""
+        return [values[part] for part in self._places(layout)]
+
+    def _places(self, layout: Layout) -> list[slice]:
+        """Where the parameters of each effect stand; remembered, because predictions ask for it often."""
         if layout not in self._slices:
             ends = np.cumsum([0] + [len(effect.parameters(layout)) for effect in self.effects])
             self._slices[layout] = [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])]
-        return [values[part] for part in self._slices[layout]]
+        return self._slices[layout]
 
     def equation(self) -> str:
         """The model as equations, one line an effect."""

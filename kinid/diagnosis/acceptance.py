@@ -119,8 +119,9 @@ def refit(before: State, candidates: list[Candidate]) -> Refit:
     near = [values for values, cost in starts[:STARTS] if cost <= WORTH_A_START * starts[0][1]]
     best = _deepest(before, model, [*near, *fresh])
     effect = candidates[0].effect
-    values = dict(zip(model.parameters(before.problem.layout), best.values.tolist()))
-    own = {full.split(".", 1)[1]: value for full, value in values.items() if full.split(".", 1)[0] == effect.id}
+    layout = before.problem.layout
+    values = dict(zip(model.parameters(layout), best.values.tolist()))
+    own = dict(zip((p.name for p in effect.parameters(layout)), best.values[model.place(effect.id, layout)].tolist()))
     if effect.implausible(own, values, before.problem.experiment.signals):
         # along what the log leaves open a search may wander off: what counts is how well values do that can be
         within = search(before.problem, model, best.values, before.error, max_steps=REFIT_STEPS, possible=effect)

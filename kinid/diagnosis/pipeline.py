@@ -13,7 +13,7 @@ from kinid.identification.estimation import estimate, estimate_problem
 from kinid.identification.solver import State
 from kinid.model import Model
 
-#: a fit of its own that ends within this of where the way here led is the one that is told of
+#: a fit from nothing that ends within this of where the way here led is the one that is reported
 SAME_COST = 1.1
 
 
@@ -50,9 +50,9 @@ def run(model: Model, experiment: Experiment, settings: DiagnosisSettings, *, kn
         start = estimate(model, cleaned.experiment, known)
     selection = select(start, settings, [name for name in forced if name not in marked], progress)
     if selection.added and not selection.unsupported:
-        # what a fit of that model finds by itself is what is told of, unless the way here led further down
+        # what a fit of that model finds by itself is reported, unless the way here led further down
         last = selection.states[-1]
-        again = estimate_problem(last.model, start.problem)
+        again = selection.fits.get(last.model.names) or estimate_problem(last.model, start.problem)
         if again.cost_with(last.error) <= SAME_COST * last.cost_with(last.error):
             selection.states[-1] = again
     return Found(model, experiment, cleaned, plain, selection)

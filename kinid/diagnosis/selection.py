@@ -23,7 +23,7 @@ from kinid.model import Model
 
 Array = NDArray[np.float64]
 
-#: an error that is told of rises where its square is so many times the one before
+#: a reported error rises where its square is so many times the one before
 RISES = 1.01
 #: a value is no value that can be where it is so many standard errors away from one that can
 DOUBT = 2.0
@@ -51,7 +51,7 @@ class Selection:
         evidence: of each addition beside all others. alternatives: of each, those that fit as well.
         rounds: every look. unsupported: of names that were added because they were asked for, and that the log doesn't support,
             why.
-        pruned: names that later additions made needless.
+        pruned: names that later additions made needless. fits: of models by their names, from nothing.
     """
 
     states: list[State]
@@ -61,6 +61,7 @@ class Selection:
     rounds: list[Round] = field(default_factory=list)
     unsupported: dict[str, str] = field(default_factory=dict)
     pruned: set[str] = field(default_factory=set)
+    fits: dict[tuple[str, ...], State] = field(default_factory=dict)
 
 
 def implausible(state: State, before: State | None = None) -> str:
@@ -78,7 +79,7 @@ def _why(state: State, effect: Effect) -> str:
     values = dict(zip(named, state.values.tolist()))
     null = amplitudes(effect, layout, base_of(state.model))
     own: dict[str, float] = {}
-    begin = next((i for i, full in enumerate(named) if full.split(".", 1)[0] == effect.id), 0)
+    begin = state.model.place(effect.id, layout).start
     for i, p in enumerate(effect.parameters(layout)):
         value, room = float(state.values[begin + i]), DOUBT * float(state.standard_errors[begin + i])
         towards = null.get(i, p.nominal)
@@ -99,9 +100,9 @@ def acceptable(tried: Refit, before: State, settings: DiagnosisSettings) -> bool
 def _remarkable(tried: Refit) -> bool:
     """Whether any amplitude of a refitted effect is more than what every material and rig has."""
     layout, effect = tried.state.problem.layout, tried.effect
-    begin = next(i for i, full in enumerate(tried.state.model.parameters(layout)) if full.split(".", 1)[0] == effect.id)
+    values = tried.state.values[tried.state.model.place(effect.id, layout)]
     null, parameters = amplitudes(effect, layout, base_of(tried.state.model)), effect.parameters(layout)
-    return any(effect.remarkable(parameters[i], tried.state.values[begin + i] - at) for i, at in null.items())
+    return any(effect.remarkable(parameters[i], values[i] - at) for i, at in null.items())
 
 
 def worth_a_name(tried: Refit, before: State, start: State, settings: DiagnosisSettings) -> bool:
@@ -117,15 +118,15 @@ def worth_a_name(tried: Refit, before: State, start: State, settings: DiagnosisS
 
 
 def lowers_error(after: State, before: State) -> bool:
-    """Whether the error that is told of, held out and not weighed, doesn't rise."""
+    """Whether the reported error, held out and not weighed, doesn't rise."""
     rows = error_rows(before.problem.whole)
     return bool(np.mean(after.held_out[rows] ** 2) <= RISES * np.mean(before.held_out[rows] ** 2))
 
 
-def look(state: State, settings: DiagnosisSettings, spare: Sequence[str] = ()) -> Round:
+def look(state: State, settings: DiagnosisSettings) -> Round:
     """Screen the catalogue and refit what promises most."""
     points = screen_catalogue(state)
-    ranked = sorted((c[0] for name, c in points.items() if name not in spare), key=lambda c: -c.predicted_gain)
+    ranked = sorted((c[0] for c in points.values()), key=lambda c: -c.predicted_gain)
     least = max(settings.min_significance**2 / 4, settings.promising_share * (ranked[0].predicted_gain if ranked else 0.0))
     promising = [c.effect.id for c in ranked if c.predicted_gain > least][: settings.refits]
     tried = sorted(side_by_side(lambda name: refit(state, points[name]), promising), key=_rank)
@@ -158,10 +159,14 @@ def settled_refit(tried: Refit, before: State) -> Refit:
     return tried if tried.settled else _ended(tried, before, settle(tried.state))
 
 
-def deeper(tried: Refit, before: State) -> Refit:
-    """A settled refit, or where a fit of its model ends that knows nothing of the way here, whichever leaves less."""
-    return min(settled_refit(tried, before), _ended(tried, before, estimate_problem(tried.state.model, before.problem)),
-               key=lambda t: t.evidence.left)  # fmt: skip
+def deeper(tried: Refit, before: State, fits: dict[tuple[str, ...], State]) -> Refit:
+    """A settled refit, or where a fit of its model ends that knows nothing of the way here, whichever leaves less.
+
+    Such fits are kept in `fits`.
+    """
+    model = tried.state.model
+    fit = fits[model.names] = estimate_problem(model, before.problem)
+    return min(settled_refit(tried, before), _ended(tried, before, fit), key=lambda t: t.evidence.left)
 
 
 def _ended(tried: Refit, before: State, state: State) -> Refit:
@@ -200,12 +205,11 @@ def select(start: State, settings: DiagnosisSettings, forced: Sequence[str] = ()
         best = choose(worth, now.before, settings) if len(found.added) < settings.max_effects else None
         if best is None:
             break
-        best = deeper(best, now.before)
-        settled = best.state
-        if not lowers_error(settled, now.before):
+        best = deeper(best, now.before, found.fits)
+        if not lowers_error(best.state, now.before):
             found.pruned.add(best.effect.id)
             continue
-        _add(found, replace(best, state=settled))
+        _add(found, best)
         _prune(found, settings, keep={*forced, best.effect.id})
     _defend(found, settings, forced)
     _prune(found, settings, keep=set(forced))
@@ -258,7 +262,7 @@ def _defend(found: Selection, settings: DiagnosisSettings, forced: Sequence[str]
             now, less = found.rounds[0], found.rounds[0].before
         else:
             less = without(last, name)
-            now = look(less, settings, spare=())
+            now = look(less, settings)
         own = next((t for t in now.refits if t.effect.id == name), None)
         if own is None:
             own = Refit(next(e for e in last.model.effects if e.id == name), last, compare_states(less, last, less.error.sigma))

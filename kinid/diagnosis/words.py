@@ -43,9 +43,9 @@ def headline(result: Diagnosis) -> str:
     unknown = "Something is missing that the catalogue does not hold"
     if not result.added:
         return f"{unknown}: {error}; {noise}."
-    told = {effect.id for effect in result.effects if effect.stand_in}
-    follow = [name for name in real if name in told]
-    help_ = with_rivals([name for name in real if name not in told], result.effects)
+    stand_ins = {effect.id for effect in result.effects if effect.stand_in}
+    follow = [name for name in real if name in stand_ins]
+    help_ = with_rivals([name for name in real if name not in stand_ins], result.effects)
     said = []
     if help_:
         alone = len(help_) == 1

@@ -70,7 +70,8 @@ def initial_values(problem: Problem, model: Model, start: Array, error: ErrorMod
         for _ in range(2 if len(suggestions) > 1 else min(1, len(suggestions))):
             before = least
             for name, points in suggestions.items():
-                own = [i for i, full in enumerate(names) if full.split(".", 1)[0] == name]
+                place = model.place(name, problem.layout)
+                own = list(range(place.start, place.stop))
                 varied = [k for k, i in enumerate(own) if names[i] not in known]
                 for point in points:
                     trial = best.copy()

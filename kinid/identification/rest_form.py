@@ -57,7 +57,12 @@ def _under(state: State, rest: RestForm) -> tuple[State, float]:
     """The state under another form, and its squared held-out error in units of what this one leaves."""
     problem = state.problem.with_rest(rest)
     other = search(problem, state.model, state.values, state.error, shift=state.shift, max_steps=FORM_STEPS)
-    return other, float(np.sum((other.held_out / state.error.sigma) ** 2))
+    return other, _squares(other, state)
+
+
+def _squares(state: State, unit: State) -> float:
+    """Squared held-out error of a state in units of what another one leaves."""
+    return float(np.sum((state.held_out / unit.error.sigma) ** 2))
 
 
 def _forms(state: State) -> list[RestForm]:
@@ -89,7 +94,7 @@ def best_form(state: State) -> State:
     if not min(costs) < BETTER_FORM * left(np.zeros(state.residual.shape)):
         return state
     other, least = _under(state, forms[int(np.argmin(costs))])
-    return other if least < BETTER_FORM * float(np.sum((state.held_out / state.error.sigma) ** 2)) else state
+    return other if least < BETTER_FORM * _squares(state, state) else state
 
 
 def _refined(state: State, field: str) -> State:
@@ -112,7 +117,7 @@ def _refined(state: State, field: str) -> State:
         if not _noticed(state, np.log(new / value) * d.reshape(state.residual.shape) * state.error.sigma):
             break
         other, left = _under(state, dataclasses.replace(_rest(state), **{field: new}))
-        if left >= float(np.sum((state.held_out / state.error.sigma) ** 2)):
+        if left >= _squares(state, state):
             break
         state = other
     return state

@@ -205,9 +205,11 @@ class _Search:
         self.scale = np.array([p.scale for p in named.values()])
         self.low = np.array([p.low for p in named.values()])
         self.high = np.array([p.high for p in named.values()])
-        for i, (full, p) in enumerate(named.items()):
-            if possible is not None and full.split(".", 1)[0] == possible.id and (found := possible.possible(p)) is not None:
-                self.low[i], self.high[i] = max(self.low[i], found[0]), min(self.high[i], found[1])
+        if possible is not None:
+            begin = model.place(possible.id, problem.layout).start
+            for i, p in enumerate(possible.parameters(problem.layout), begin):
+                if (found := possible.possible(p)) is not None:
+                    self.low[i], self.high[i] = max(self.low[i], found[0]), min(self.high[i], found[1])
         held = held_parameters(model, problem)
         self.moving = np.isnan(held)
         room = 1e-6 * self.scale
