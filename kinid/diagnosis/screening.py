@@ -83,8 +83,7 @@ def _candidates(state: State, effect: Effect) -> Iterator[Candidate]:
     parameters = effect.parameters(layout)
     amplitude = amplitudes(effect, layout, base_of(model))
     larger = model + effect
-    place = larger.names.index(effect.id)
-    before = sum(len(e.parameters(layout)) for e in larger.effects[:place])
+    before = larger.place(effect.id, layout).start
     prior = effect.prior(layout)
     for at, moving in shape_points(effect, problem.experiment.signals, amplitude):
         null = np.array([amplitude[i] for i in moving])

@@ -67,7 +67,8 @@ def press_through(s: Signals, compliance: float, press: Callable[[Signals], None
         stale, last = last < np.inf and pace > SLOW and age >= aged, moved
     s.agreed = search.agree()
     # what friction needs of depth is where it begins: most searches agree on that, and the arm's own is the same for all
-    s.touch = depth if np.array_equal(s.depth > 0.0, depth > 0.0) else s.depth
+    if not s.rest.kept:
+        s.touch = depth if np.array_equal(s.depth > 0.0, depth > 0.0) else s.depth
 
 
 class _Newton:

@@ -191,12 +191,14 @@ class RestForm:
         share: of the bristles' length over which they are elastic. length: of a contact's bristles, unless an effect has one [m].
         joint: length of the bristles of a joint's friction, in stated ones (`effects._axes.BRISTLE`).
         joint_speed: above which a joint's friction is full [rad/s, m/s], in place of bristles; 0 for bristles.
+        kept: whether a contact's bristles stay bent, and turn, where the tool is outside, as of a tip that something sticks to.
     """
 
     share: float = ELASTIC
     length: float = BRISTLE
     joint: float = 1.0
     joint_speed: float = 0.0
+    kept: bool = False
 
 
 @dataclass(eq=False)
@@ -261,7 +263,7 @@ class Signals:
         none, pair, reading = self.zeros
         out = self.copy()
         out.compliance, out.exponent, out.bristle = 0.0, 1.0, self.rest.length
-        out.recalls, out.agreed, out.touch = (), None, None
+        out.recalls, out.agreed, out.touch = (), None, self.everywhere if self.rest.kept else None
         out.elastic, out.normal, out.mu, out.tangential, out.reading = none, none, pair, pair, reading
         return out
 
@@ -270,6 +272,11 @@ class Signals:
         """What all predictions begin with: (n,), (2, n), and (channels, n) of torques; forces are read in the end."""
         n = len(self)
         return np.zeros(n), np.zeros((2, n)), np.zeros((len(self.layout.channels), n if self.layout.kind == "joints" else 0))
+
+    @cached_property
+    def everywhere(self) -> Array:
+        """A depth that is inside the material all the time [m], (n,)."""
+        return np.ones(len(self))
 
     @cached_property
     def lasting(self) -> Array:

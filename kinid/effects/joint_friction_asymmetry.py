@@ -7,7 +7,7 @@ from typing import final
 
 import numpy as np
 
-from kinid.effects._axes import axes
+from kinid.effects._axes import axes, directions
 from kinid.effects._effect import Effect
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
@@ -15,38 +15,39 @@ from kinid.parameter import Parameter
 
 @final
 class JointFrictionAsymmetry(Effect):
-    """τ += a |q̇|: viscosity is b + a forwards and b − a backwards.
+    """τ += a |q̇| + d |u|: viscosity is b + a forwards and b − a backwards, dry friction c + d and c − d.
 
-    Dry friction that differs between the directions by a constant is a `joint-torque-offset` wherever the joint moves.
+    u is that of `joint-coulomb-friction`. Where a joint moves all the time, d is a `joint-torque-offset`.
     """
 
     id = "joint-friction-asymmetry"
-    title = "viscous friction that depends on the direction"
-    equation = "τ += a |q̇|"
+    title = "friction that depends on the direction"
+    equation = "τ += a |q̇| + d |u|"
     source = "A. Janot, M. Gautier, M. Brunot, Workshop on Nonlinear System Identification Benchmarks, 2019 (EMPS drive)"
-    signature = "torque that grows with speed, with one sign in both directions"
-    confusions = {"joint-torque-offset": "several speeds in both directions"}
+    signature = "torque that grows with speed, or stays, with one sign in both directions"
+    confusions = {"joint-torque-offset": "several speeds in both directions, and rests: an offset stays there"}
     excited_by = "several speeds in both directions"
     needs = ("joints",)
-    null = {"asymmetry": 0.0}
+    null = {"asymmetry": 0.0, "dry": 0.0}
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
-        """Half the difference of the viscosities of each joint."""
+        """Half the difference of the viscosities of each joint, and of its dry frictions."""
         return tuple(
-            Parameter(f"asymmetry{a.suffix}", "a", a.per("·s"), 0.0, -1e5 * a.size, 1e5 * a.size, scale=0.1 * a.size,
-                      linear=True)
-            for a in axes(layout)
+            Parameter(f"{name}{a.suffix}", symbol, unit, 0.0, -1e5 * a.size, 1e5 * a.size, scale=0.1 * a.size, linear=True)
+            for a in axes(layout) for name, symbol, unit in (("asymmetry", "a", a.per("·s")), ("dry", "d", a.torque))
         )  # fmt: skip
 
     def implausible(self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None) -> str:
-        """A viscosity that gives energy in one direction."""
+        """Friction that gives energy in one direction."""
+        whole = {"asymmetry": "joint-viscous-friction.viscous", "dry": "joint-coulomb-friction.coulomb"}
         for name, value in values.items():
-            both = model_values.get(f"joint-viscous-friction.viscous{name.removeprefix('asymmetry')}")
+            kind = name.split("[")[0]
+            both = model_values.get(whole[kind] + name.removeprefix(kind))
             if both is not None and abs(value) > both:
-                return f"{name} = {value:.3g} beside a viscosity of {both:.3g}: one direction would give energy"
+                return f"{name} = {value:.3g} beside {whole[kind].split('.')[1]} {both:.3g}: one direction would give energy"
         return super().implausible(values, model_values, signals)
 
     def joint(self, s: Signals, p: Array) -> None:
         """Add the torque."""
         assert s.joints is not None
-        s.reading = s.reading + p[:, None] * np.abs(s.joints.dq)
+        s.reading = s.reading + p[0::2, None] * np.abs(s.joints.dq) + p[1::2, None] * np.abs(directions(s))

@@ -49,7 +49,7 @@ class JointStribeckFriction(Effect):
             return ()
         unit = "rad" if any(a.position == "rad" for a in every) else "m"
         return (
-            *(Parameter(f"excess{a.suffix}", "Δ", a.torque, 0.3 * a.size, -1e4 * a.size, 1e4 * a.size, scale=0.1 * a.size,
+            *(Parameter(f"excess{a.suffix}", "Δ", a.torque, 0.3 * a.size, 0.0, 1e4 * a.size, scale=0.1 * a.size,
                         linear=True) for a in every),
             Parameter("speed", "v_s", f"{unit}/s", 0.05, 1e-5, 100.0, scale=0.01),
         )  # fmt: skip

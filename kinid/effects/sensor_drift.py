@@ -23,16 +23,21 @@ class SensorDrift(Effect):
     needs = ()
     null = {"drift": 0.0}
     turn = 2
-    unremarkable = {"drift[N/min]": 0.05, "drift[N·m/min]": 0.002}  # any sensor in any room
     # a strain gauge of 0.1 % of 1 kN a kelvin, warming up by 10 K a minute
     admissible = {"drift[N/min]": (-10.0, 10.0), "drift[N·m/min]": (-1.0, 1.0)}
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """One slope a channel."""
+        arm = 0.2 if layout.joints else 0.02  # sensors in joints carry a hundred times what one at a wrist does
+        scale = {"N": 0.1, "N·m": arm if layout.kind == "joints" else 0.005}
         return tuple(
-            Parameter(f"drift[{name}]", "d", f"{unit}/min", 0.0, scale=0.1 if unit == "N" else 0.005, linear=True)
+            Parameter(f"drift[{name}]", "d", f"{unit}/min", 0.0, scale=scale[unit], linear=True)
             for name, unit in zip(layout.channels, layout.units)
         )
+
+    def remarkable(self, parameter: Parameter, away: float) -> bool:
+        """Whether a slope is more than half of one that matters: any sensor in any room has so much."""
+        return not abs(away) <= 0.5 * parameter.scale
 
     def sensor(self, s: Signals, p: Array) -> None:
         """Add the ramps."""

@@ -25,7 +25,7 @@ class LackOfFit:
     """What is left.
 
     Attributes:
-        rms: of the residual. noise: what noise of readings and motion explains of it. excess: what they don't.
+        rms: of the residual, but where a material has let go of the tool. noise: what noise of readings and motion explains of it. excess: what they don't.
         tolerance: what may be left. reading: root mean square of the readings in contact or motion; all in `unit`.
         memory: for how long the residual remembers itself [s].
     """
@@ -62,7 +62,8 @@ def lack_of_fit(state: State, residual: Array, tolerance: float | None = None) -
     """
     experiment = state.problem.whole
     rows = error_rows(experiment)
-    counted = np.isfinite(residual).all(axis=0)
+    # where a material has let go of a tool that retracts, laws say nothing that counts
+    counted = np.isfinite(residual).all(axis=0) & ~experiment.let_go
     error = rms(residual[rows][:, counted])
     motion = float(np.mean(state.error.motion[rows])) if state.error.motion.size else 0.0
     single = np.mean(reading_noise(state.problem)[rows] ** 2)

@@ -53,8 +53,7 @@ def nuisances(model: Model, signals: Signals) -> tuple[Nuisance, ...]:
 def predict_with(nuisance: Nuisance, model: Model, values: Array, signals: Signals, near: Course | None = None) -> Array:
     """Readings with one tolerance of an open quantity, (channels, n)."""
     larger = model + nuisance.effect
-    place = larger.names.index(nuisance.effect.id)
-    before = sum(len(e.parameters(signals.layout)) for e in larger.effects[:place])
+    before = larger.place(nuisance.effect.id, signals.layout).start
     null = amplitudes(nuisance.effect, signals.layout, base_of(model))
     own = np.array([null.get(i, p.nominal) for i, p in enumerate(nuisance.effect.parameters(signals.layout))])
     own[nuisance.index] += nuisance.sd

@@ -32,9 +32,12 @@ def with_rest_form(state: State) -> State:
     Motion tells little of the force of friction that sticks: between P. R. Dahl's bristles (1968), which creep under any tremor,
     and L. Prandtl's (1928), which are elastic until they slip, a surface may be anything (P. Dupont et al., IEEE Trans. Autom.
     Control 47, 2002), and the stated length of the bristles is one of its order of magnitude. Drives turn around within some
-    hundredth of a degree, or over some speed where grease carries them. A contact's bristles that are far off are an effect.
+    hundredth of a degree, or over some speed where grease carries them. What bends bristles
+    before the touch is as open: most spring back in the air, a film that sticks to the tip doesn't. A contact's bristles that are far off are an effect.
     """
     best = best_form(state)
+    if _rest(best).kept != _rest(state).kept:
+        best = best_form(best)
     for field in REFINED:
         best = _refined(best, field)
     return best if best is state else relearn(best)
@@ -71,7 +74,8 @@ def _forms(state: State) -> list[RestForm]:
     if lasting:
         longer = _noticed(state, _change(state, dataclasses.replace(rest, length=LENGTHS[-1])))
         lengths = LENGTHS if longer else (rest.length,)
-        forms = [dataclasses.replace(rest, share=share, length=float(length)) for share in SHARES for length in lengths]
+        forms = [dataclasses.replace(rest, share=share, kept=not rest.kept) for share in SHARES]
+        forms += [dataclasses.replace(rest, share=share, length=float(length)) for share in SHARES for length in lengths]
     else:
         forms = [dataclasses.replace(rest, joint=joint, joint_speed=0.0) for joint in JOINTS]
         forms += [dataclasses.replace(rest, joint_speed=speed) for speed in SPEEDS]

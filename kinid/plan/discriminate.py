@@ -166,7 +166,7 @@ class Judge:
 
         def change(effect: Effect, own: Array) -> Array:
             larger = model + effect
-            before = sum(len(e.parameters(s.layout)) for e in larger.effects[: larger.names.index(effect.id)])
+            before = larger.place(effect.id, s.layout).start
             return stack(larger.predict(s, np.insert(values, before, own)) - predicted)
 
         places: dict[str, list[int]] = {}
