@@ -77,6 +77,32 @@ def gravity_torques(robot: Robot, q: Array) -> Array:
     return np.ascontiguousarray(np.stack([robot.from_tangent(rows) for rows in out]).transpose(0, 2, 1))
 
 
+def moment_torques(robot: Robot, q: Array) -> Array:
+    """Joint torques that hold the arm at rest per unit of each link's first moment m·c [kg·m] in its joint's frame.
+
+    Returns:
+        (3 N, N, n): of the first link along x, y and z, of the second, …; joints in the log's order.
+    """
+    model, data, configuration = robot.model, robot.model.createData(), robot.configuration(q)
+    still, links = np.zeros(model.nv), model.njoints - 1
+    moments = np.array([10 * link + k for link in range(links) for k in (1, 2, 3)])
+    out = np.empty((len(moments), len(q), model.nv))
+    for i, row in enumerate(configuration):
+        out[:, i] = pin.computeJointTorqueRegressor(model, data, row, still, still)[:, moments].T
+    return np.ascontiguousarray(np.stack([robot.from_tangent(rows) for rows in out]).transpose(0, 2, 1))
+
+
+def torque_slopes(robot: Robot, q: Array, dq: Array, ddq: Array) -> Array:
+    """Change of the torques of a motion per radian that each joint is elsewhere, (N, N, n): of the first joint's angle, …"""
+    model, data = robot.model, robot.model.createData()
+    configuration, v, a = robot.configuration(q), robot.tangent(dq), robot.tangent(ddq)
+    out = np.empty((model.nv, len(q), model.nv))
+    for i, row in enumerate(configuration):
+        out[:, i] = pin.computeRNEADerivatives(model, data, row, v[i], a[i])[0].T
+    torques = np.stack([robot.from_tangent(rows) for rows in out])  # (angle, n, joint)
+    return np.ascontiguousarray(robot.from_tangent(np.ascontiguousarray(torques.transpose(1, 2, 0))).transpose(2, 1, 0))
+
+
 def payload_wrenches(specific: Array, omega: Array, alpha: Array) -> Array:
     """Wrench at the origin of the sensor per unit of m and m·com, its inertia about that origin zero, (4, 6, n).
 

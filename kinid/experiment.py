@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.carried import gravity_torques, payload_torques, sensor_motion
+from kinid.carried import gravity_torques, moment_torques, payload_torques, torque_slopes, sensor_motion
 from kinid.clock import clock, forgotten
 from kinid.contact import ContactSeries, contact_series, force_noise
 from kinid.derivative import Differentiator
@@ -322,7 +323,9 @@ def from_joint_torques(
         rigid = inverse_dynamics(arm, q[rows], dq[rows], ddq[rows], None if carried is None else carried[rows])
         joints = dataclasses.replace(joints, rigid=_rows(rigid), known=True,
                                      payload=payload_torques(robot, q[rows], dq[rows], ddq[rows]),
-                                     gravity=gravity_torques(arm, q[rows]))  # fmt: skip
+                                     gravity=gravity_torques(arm, q[rows]),
+                                     moments=functools.partial(moment_torques, arm),
+                                     slopes=functools.partial(torque_slopes, arm))  # fmt: skip
         if carried is None and rig.tool is not None:
             joints = dataclasses.replace(joints, tool=(rig.tool.mass, rig.tool.mass * float(np.linalg.norm(rig.tool.com))))
         slides = [robot.is_prismatic(name) for name in robot.joint_names]

@@ -66,6 +66,7 @@ class Effect(ABC):
             those before the bracket; where channels differ in their unit it stands in brackets: "offset[N]", "offset[N·m]".
         admissible: parameter name, written alike → range that is physically possible, ends included. A search may go beyond it,
             within the parameter's own bounds: where the best value lies there, something else is missing.
+        generalises: effects that it is a more general form of: where one of them explains as much, it is no alternative.
         same_for_joints: name of the effect that is the same thing in a log of joint torques.
         turn: when it acts among the effects of one stage, whatever order a model names them in: lower turns first. Effects that
             share a turn and a stage act alike in either order. Elastic: what bends the base's spring, 1 what adds, 2 what scales,
@@ -95,6 +96,7 @@ class Effect(ABC):
     calibration_tolerance: ClassVar[Mapping[str, float]] = {}
     admissible: ClassVar[Mapping[str, tuple[float, float]]] = {}
     turn: ClassVar[int] = 0
+    generalises: ClassVar[tuple[str, ...]] = ()
     same_for_joints: ClassVar[str] = ""
 
     def for_log(self, signals: Signals) -> Effect:

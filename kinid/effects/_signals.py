@@ -109,6 +109,8 @@ class JointMotion:
         payload: torques per unit of a payload's parameters m, m·com (3) at the last link [N·m per unit], (4, N, n), or None.
         tool: mass [kg] and first moment about the payload's frame [kg·m] of the tool that the rig states; zeros without one.
         gravity: torques per unit of gravity along the axes of the base [N·m per m/s²], (3, N, n), or None.
+        moments: torques at rest per unit of each link's first moment, of positions (n, N) [N·m per kg·m], (3 N, N, n), or None.
+        slopes: change of the torques of a motion per radian of each joint, of q, q̇, q̈ (n, N) [N·m/rad], (N, N, n), or None.
     """
 
     q: Array
@@ -119,6 +121,8 @@ class JointMotion:
     payload: Array | None = None
     gravity: Array | None = None
     tool: tuple[float, float] = (0.0, 0.0)
+    moments: Callable[[Array], Array] | None = None
+    slopes: Callable[[Array, Array, Array], Array] | None = None
 
 
 @dataclass(frozen=True, eq=False)

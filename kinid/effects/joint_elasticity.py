@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 from typing import final
+
+import numpy as np
 
 from kinid.effects._axes import axes
 from kinid.effects._derived import derived, rates
@@ -13,18 +16,18 @@ from kinid.parameter import Parameter
 
 @final
 class JointElasticity(Effect):
-    """τ −= ε τ̈_r: a spring K between encoder and link, to first order in 1/K.
+    """τ −= ε τ̈_r + (∂τ_r/∂q) s τ_r: a spring K between encoder and link, to first order in 1/K.
 
     The encoder reads θ, the link is at q = θ − τ/K. Then τ = M q̈ = M θ̈ − (M/K) τ̈, with τ̈ that of the rigid-body torque
     τ_r: the fourth derivative of the position. ε = M/K = 1/ω₀² > 0, ω₀ the resonance of the link with the motor locked.
     With encoders on the links and torques of the motors, τ_m = τ_r + J q̈ + (J/K) τ̈_r: ε = −J/K < 0, J q̈ being
-    `rotor-inertia`. Each joint bends under its own torque alone; the slow sag under gravity, g′(q) τ/K, is left out.
+    `rotor-inertia`. Under gravity links sag by s τ_r, s = 1/K, which turns what lies beyond: the second term, of all joints.
     Of an axis without a robot the parameter is M²/K: τ −= (M²/K) d²q̈/dt². Derivatives are taken at 25 Hz.
     """
 
     id = "joint-elasticity"
     title = "elasticity of the joints"
-    equation = "τ −= ε d²τ_r/dt²"
+    equation = "τ −= ε d²τ_r/dt² + (∂τ_r/∂q) s τ_r"
     source = "M. W. Spong, J. Dyn. Syst. Meas. Control 109(4), 1987, to first order in 1/K"
     signature = "torque that goes with the fourth derivative of the position: only fast motion shows it"
     confusions = {
@@ -34,15 +37,17 @@ class JointElasticity(Effect):
     }
     excited_by = "motion at several frequencies, some near a third of the resonance"
     needs = ("joints",)
-    null = {"elasticity": 0.0}
-    admissible = {"elasticity[s²]": (-0.025, 0.025)}  # a joint whose link swings at less than 1 Hz is no drive
+    null = {"elasticity": 0.0, "sag": 0.0}
+    # a joint whose link swings at less than 1 Hz is no drive, nor is one softer than 500 N·m/rad that of an arm
+    admissible = {"elasticity[s²]": (-0.025, 0.025), "sag": (-0.002, 0.002)}
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
-        """Inverse of the squared resonance of each joint."""
+        """Inverse of the squared resonance of each joint, and of its stiffness."""
         if layout.joints:
             return tuple(
-                Parameter(f"elasticity{a.suffix}", "ε", "s²", 0.0, -1.0, 1.0, scale=1e-5, linear=True) for a in axes(layout)
-            )
+                Parameter(f"{name}{a.suffix}", symbol, unit, 0.0, -1.0, 1.0, scale=1e-5, linear=True)
+                for name, symbol, unit in (("elasticity", "ε", "s²"), ("sag", "s", "rad/(N·m)")) for a in axes(layout)
+            )  # fmt: skip
         return tuple(
             Parameter(f"elasticity{a.suffix}", "M²/K", a.per("·s⁴"), 0.0, -1e3 * a.size, 1e3 * a.size,
                       scale=1e-5 * a.size, linear=True)
@@ -54,4 +59,8 @@ class JointElasticity(Effect):
         assert s.joints is not None
         torque = s.joints.rigid if s.layout.joints else s.joints.ddq
         bend = derived("second derivative", lambda: rates(s, torque, 2), torque, s.dt)
-        s.reading = s.reading - p[:, None] * bend
+        s.reading = s.reading - p[: len(bend), None] * bend
+        sag, motion, slopes = p[len(bend) :], s.joints, s.joints.slopes
+        if slopes is not None and sag.any():
+            make = functools.partial(slopes, motion.q.T, motion.dq.T, motion.ddq.T)
+            s.reading -= np.einsum("j,jn,jin->in", sag, torque, derived("slopes of the torque", make, motion.q, motion.ddq))

@@ -10,6 +10,10 @@ from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
 
+#: zero of a joint's torque sensor, of a range of some 100 N·m [N·m]
+ARM = 0.05
+
+
 @final
 class JointTorqueOffset(Effect):
     """τ += τ₀: a constant for each joint, of its sensor or of a dry friction that differs between the directions."""
@@ -30,6 +34,10 @@ class JointTorqueOffset(Effect):
             Parameter(f"offset{a.suffix}", "τ₀", a.torque, 0.0, -1e4 * a.size, 1e4 * a.size, scale=0.1 * a.size, linear=True)
             for a in axes(layout)
         )
+
+    def remarkable(self, parameter: Parameter, away: float) -> bool:
+        """Whether the sensor of an arm's joint is off by more than any is, by 0.05 N·m; a drive's range isn't known."""
+        return "[" not in parameter.name or not abs(away) <= ARM
 
     def joint(self, s: Signals, p: Array) -> None:
         """Add the offset."""

@@ -11,8 +11,11 @@ from kinid.experiment import Experiment
 from kinid.identification.initial_guesses import initial_values, nominal_values
 from kinid.identification.problem import Problem
 from kinid.identification.rest_form import with_rest_form
-from kinid.identification.solver import State, first_error_model, solve
+from kinid.identification.solver import State, first_error_model, linear_parameters, solve
 from kinid.model import Model
+
+#: a fit from nothing under another form of friction at rest is kept where it comes to this share of the cost
+ANEW = 0.97
 
 
 def estimate(model: Model, experiment: Experiment, known: Mapping[str, float] | None = None) -> State:
@@ -34,4 +37,9 @@ def estimate_problem(model: Model, problem: Problem, known: Mapping[str, float] 
     named = model.parameters(problem.layout)
     given = {name: value for name, value in (known or {}).items() if name in named}
     values = np.array([given.get(name, value) for name, value in zip(named, values)])
-    return with_rest_form(solve(problem, model, initial_values(problem, model, values, error, frozenset(given))))
+    state = with_rest_form(solve(problem, model, initial_values(problem, model, values, error, frozenset(given))))
+    if state.problem is problem or linear_parameters(model, problem).all():
+        return state
+    # under the wrong form, what bends may have stood in for the right one, and may stay where it ended
+    anew = solve(state.problem, model, initial_values(state.problem, model, values, error, frozenset(given)))
+    return with_rest_form(anew) if anew.cost_with(state.error) < ANEW * state.cost_with(state.error) else state
