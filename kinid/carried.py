@@ -93,14 +93,20 @@ def moment_torques(robot: Robot, q: Array) -> Array:
 
 
 def torque_slopes(robot: Robot, q: Array, dq: Array, ddq: Array) -> Array:
-    """Change of the torques of a motion per radian that each joint is elsewhere, (N, N, n): of the first joint's angle, …"""
+    """Change of the torques of a motion where each joint is elsewhere, per radian, and where it accelerates, per rad/s².
+
+    Returns:
+        (2, N, N, n): of the first joint's angle on all torques, …; then of its acceleration, but on its own torque.
+    """
     model, data = robot.model, robot.model.createData()
     configuration, v, a = robot.configuration(q), robot.tangent(dq), robot.tangent(ddq)
-    out = np.empty((model.nv, len(q), model.nv))
+    out = np.empty((2, robot.joint_count, robot.joint_count, len(q)))
+    order = robot.order
+    at = np.ix_(order, order)
     for i, row in enumerate(configuration):
-        out[:, i] = pin.computeRNEADerivatives(model, data, row, v[i], a[i])[0].T
-    torques = np.stack([robot.from_tangent(rows) for rows in out])  # (angle, n, joint)
-    return np.ascontiguousarray(robot.from_tangent(np.ascontiguousarray(torques.transpose(1, 2, 0))).transpose(2, 1, 0))
+        slopes, _, masses = pin.computeRNEADerivatives(model, data, row, v[i], a[i])
+        out[0][..., i][at], out[1][..., i][at] = slopes.T, masses - np.diag(np.diag(masses))
+    return out
 
 
 def payload_wrenches(specific: Array, omega: Array, alpha: Array) -> Array:

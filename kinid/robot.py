@@ -261,15 +261,17 @@ class Robot:
 
     def tangent(self, values: Array) -> Array:
         """Joint velocities, accelerations or torques from the log's order to Pinocchio's, (n, nv)."""
-        return np.ascontiguousarray(np.atleast_2d(values)[:, self._order()])
+        return np.ascontiguousarray(np.atleast_2d(values)[:, self.order])
 
     def from_tangent(self, values: Array) -> Array:
         """From Pinocchio's order to the log's, (n, N)."""
         out = np.empty_like(values)
-        out[:, self._order()] = values
+        out[:, self.order] = values
         return out
 
-    def _order(self) -> list[int]:
+    @property
+    def order(self) -> list[int]:
+        """Column in a log of each of Pinocchio's joints, N."""
         return [self.joint_names.index(self.model.names[j]) for j in range(1, self.model.njoints)]
 
     def _limit(self, values: Array, unbounded: float) -> Array:

@@ -118,9 +118,10 @@ def worth_a_name(tried: Refit, before: State, start: State, settings: DiagnosisS
 
 
 def lowers_error(after: State, before: State) -> bool:
-    """Whether the reported error, held out and not weighed, doesn't rise."""
+    """Whether the reported error, held out, at the log's own rate and not weighed, doesn't rise."""
     rows = error_rows(before.problem.whole)
-    return bool(np.mean(after.held_out[rows] ** 2) <= RISES * np.mean(before.held_out[rows] ** 2))
+    old, new = (float(np.nanmean(held_out_residual(state)[rows] ** 2)) for state in (before, after))
+    return new <= RISES * old
 
 
 def look(state: State, settings: DiagnosisSettings) -> Round:

@@ -39,6 +39,11 @@ def axes(layout: Layout) -> tuple[Axis, ...]:
                  for suffix, slide in zip(suffixes, slides))  # fmt: skip
 
 
+def usual_offset(parameter: str) -> float:
+    """What sensors of a range of some 100 N·m in an arm's joints are off by [N·m]; none for a drive, whose range isn't known."""
+    return 0.05 if "[" in parameter else 0.0
+
+
 def directions(s: Signals) -> Array:
     """Which way each joint last moved, from −1 to 1, (N, n), in the form of `s.rest`: bristles, straight at first, or speed."""
     motion, rest = s.joints, s.rest

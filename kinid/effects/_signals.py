@@ -110,7 +110,8 @@ class JointMotion:
         tool: mass [kg] and first moment about the payload's frame [kg·m] of the tool that the rig states; zeros without one.
         gravity: torques per unit of gravity along the axes of the base [N·m per m/s²], (3, N, n), or None.
         moments: torques at rest per unit of each link's first moment, of positions (n, N) [N·m per kg·m], (3 N, N, n), or None.
-        slopes: change of the torques of a motion per radian of each joint, of q, q̇, q̈ (n, N) [N·m/rad], (N, N, n), or None.
+        slopes: change of the torques of a motion q, q̇, q̈ (n, N) per radian of each joint [N·m/rad], and per rad/s² of another
+            one [N·m·s²/rad], (2, N, N, n), or None.
     """
 
     q: Array

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from typing import final
 
 import numpy as np
@@ -16,18 +15,18 @@ from kinid.parameter import Parameter
 
 @final
 class JointElasticity(Effect):
-    """τ −= ε τ̈_r + (∂τ_r/∂q) s τ_r: a spring K between encoder and link, to first order in 1/K.
+    """τ −= ε τ̈_r + (∂τ_r/∂q) s τ_r + M′ s τ̈_r: a spring K between encoder and link, to first order in 1/K.
 
     The encoder reads θ, the link is at q = θ − τ/K. Then τ = M q̈ = M θ̈ − (M/K) τ̈, with τ̈ that of the rigid-body torque
     τ_r: the fourth derivative of the position. ε = M/K = 1/ω₀² > 0, ω₀ the resonance of the link with the motor locked.
     With encoders on the links and torques of the motors, τ_m = τ_r + J q̈ + (J/K) τ̈_r: ε = −J/K < 0, J q̈ being
-    `rotor-inertia`. Under gravity links sag by s τ_r, s = 1/K, which turns what lies beyond: the second term, of all joints.
+    `rotor-inertia`. Links sag by s τ_r, s = 1/K, which turns and pushes what lies beyond: the other terms, M′ being M without its diagonal.
     Of an axis without a robot the parameter is M²/K: τ −= (M²/K) d²q̈/dt². Derivatives are taken at 25 Hz.
     """
 
     id = "joint-elasticity"
     title = "elasticity of the joints"
-    equation = "τ −= ε d²τ_r/dt² + (∂τ_r/∂q) s τ_r"
+    equation = "τ −= ε d²τ_r/dt² + (∂τ_r/∂q) s τ_r + M′ s d²τ_r/dt²"
     source = "M. W. Spong, J. Dyn. Syst. Meas. Control 109(4), 1987, to first order in 1/K"
     signature = "torque that goes with the fourth derivative of the position: only fast motion shows it"
     confusions = {
@@ -44,10 +43,10 @@ class JointElasticity(Effect):
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Inverse of the squared resonance of each joint, and of its stiffness."""
         if layout.joints:
-            return tuple(
-                Parameter(f"{name}{a.suffix}", symbol, unit, 0.0, -1.0, 1.0, scale=1e-5, linear=True)
-                for name, symbol, unit in (("elasticity", "ε", "s²"), ("sag", "s", "rad/(N·m)")) for a in axes(layout)
-            )  # fmt: skip
+            local = (Parameter(f"elasticity{a.suffix}", "ε", "s²", 0.0, -1.0, 1.0, scale=1e-5, linear=True) for a in axes(layout))
+            # of each joint's spring, on the torques of all
+            sag = (Parameter(f"sag[{name}.all]", "s", "rad/N/m", 0.0, -1.0, 1.0, scale=1e-5, linear=True) for name in layout.joints)
+            return (*local, *sag)
         return tuple(
             Parameter(f"elasticity{a.suffix}", "M²/K", a.per("·s⁴"), 0.0, -1e3 * a.size, 1e3 * a.size,
                       scale=1e-5 * a.size, linear=True)
@@ -62,5 +61,8 @@ class JointElasticity(Effect):
         s.reading = s.reading - p[: len(bend), None] * bend
         sag, motion, slopes = p[len(bend) :], s.joints, s.joints.slopes
         if slopes is not None and sag.any():
-            make = functools.partial(slopes, motion.q.T, motion.dq.T, motion.ddq.T)
-            s.reading -= np.einsum("j,jn,jin->in", sag, torque, derived("slopes of the torque", make, motion.q, motion.ddq))
+            def make() -> Array:
+                turned, pushed = slopes(motion.q.T, motion.dq.T, motion.ddq.T)
+                return np.asarray(turned * torque[:, None] + pushed * bend[:, None])
+
+            s.reading -= np.tensordot(sag, derived("sag", make, torque, s.dt), axes=1)

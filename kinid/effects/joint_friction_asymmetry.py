@@ -7,7 +7,7 @@ from typing import final
 
 import numpy as np
 
-from kinid.effects._axes import axes, directions
+from kinid.effects._axes import axes, directions, usual_offset
 from kinid.effects._effect import Effect
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
@@ -36,6 +36,10 @@ class JointFrictionAsymmetry(Effect):
             Parameter(f"{name}{a.suffix}", symbol, unit, 0.0, -1e5 * a.size, 1e5 * a.size, scale=0.1 * a.size, linear=True)
             for a in axes(layout) for name, symbol, unit in (("asymmetry", "a", a.per("·s")), ("dry", "d", a.torque))
         )  # fmt: skip
+
+    def remarkable(self, parameter: Parameter, away: float) -> bool:
+        """Whether it is more than the offset of a sensor; viscosity is measured in the same torque, at 1 rad/s."""
+        return not abs(away) <= usual_offset(parameter.name)
 
     def implausible(self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None) -> str:
         """Friction that gives energy in one direction."""

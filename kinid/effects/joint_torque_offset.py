@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from typing import final
 
-from kinid.effects._axes import axes
+from kinid.effects._axes import axes, usual_offset
 from kinid.effects._effect import Effect
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
-
-
-#: zero of a joint's torque sensor, of a range of some 100 N·m [N·m]
-ARM = 0.05
 
 
 @final
@@ -36,8 +32,8 @@ class JointTorqueOffset(Effect):
         )
 
     def remarkable(self, parameter: Parameter, away: float) -> bool:
-        """Whether the sensor of an arm's joint is off by more than any is, by 0.05 N·m; a drive's range isn't known."""
-        return "[" not in parameter.name or not abs(away) <= ARM
+        """Whether the sensor of an arm's joint is off by more than any is."""
+        return not abs(away) <= usual_offset(parameter.name)
 
     def joint(self, s: Signals, p: Array) -> None:
         """Add the offset."""

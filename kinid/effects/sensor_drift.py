@@ -28,7 +28,7 @@ class SensorDrift(Effect):
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """One slope a channel."""
-        arm = 0.2 if layout.joints else 0.02  # sensors in joints carry a hundred times what one at a wrist does
+        arm = 0.5 if layout.joints else 0.02  # sensors in joints carry a hundred times what one at a wrist does
         scale = {"N": 0.1, "N·m": arm if layout.kind == "joints" else 0.005}
         return tuple(
             Parameter(f"drift[{name}]", "d", f"{unit}/min", 0.0, scale=scale[unit], linear=True)

@@ -25,7 +25,8 @@ class LackOfFit:
     """What is left.
 
     Attributes:
-        rms: of the residual, but where a material has let go of the tool. noise: what noise of readings and motion explains of it. excess: what they don't.
+        rms: of the residual. noise: what noise of readings and motion explains of it. excess: what they don't, but where a
+            material has let go of the tool, and no faster than what fits are made to.
         tolerance: what may be left. reading: root mean square of the readings in contact or motion; all in `unit`.
         memory: for how long the residual remembers itself [s].
     """
@@ -62,17 +63,25 @@ def lack_of_fit(state: State, residual: Array, tolerance: float | None = None) -
     """
     experiment = state.problem.whole
     rows = error_rows(experiment)
-    # where a material has let go of a tool that retracts, laws say nothing that counts
-    counted = np.isfinite(residual).all(axis=0) & ~experiment.let_go
+    counted = np.isfinite(residual).all(axis=0)
     error = rms(residual[rows][:, counted])
+    # where a material has let go of a tool that retracts, what a law says isn't held against it
+    firm = rms(residual[rows][:, counted & ~experiment.let_go])
     motion = float(np.mean(state.error.motion[rows])) if state.error.motion.size else 0.0
     single = np.mean(reading_noise(state.problem)[rows] ** 2)
     # a residual that is smaller than its noise proves the noise wrong
     noise = min(float(np.sqrt(single + motion)), error) if np.isfinite(error) else float(np.sqrt(single + motion))
     reading = reading_rms(experiment)
     allowed = max(TOLERANCE * reading, noise) if tolerance is None else tolerance
-    return LackOfFit(error, noise, float(np.sqrt(max(0.0, error**2 - noise**2))), allowed, reading, state.error.memory,
-                     error_unit(experiment))  # fmt: skip
+    excess = float(np.sqrt(max(0.0, min(firm**2 - noise**2, _slow(state, rows)))))
+    return LackOfFit(error, noise, excess, allowed, reading, state.error.memory, error_unit(experiment))
+
+
+def _slow(state: State, rows: Mask) -> float:
+    """Mean square of what is left beside noise in means of neighbours, which a fit is made to: the rest is faster than its laws."""
+    problem = state.problem
+    gone = problem.means(np.broadcast_to(problem.experiment.let_go, problem.experiment.measured.shape).astype(float))[0] > 0.0
+    return 0.0 if gone.all() else float(np.mean((state.held_out**2 - state.error.noise**2)[rows][:, ~gone]))
 
 
 def reading_rms(experiment: Experiment) -> float:
