@@ -133,7 +133,18 @@ def arm_motion(n: int = 2000) -> Signals:
     level = np.stack([(m1 + m2) * l1 * np.sin(q1) + hand, hand])
     gravity = np.stack([level, upright, 0.1 * upright * np.cos(q1)])
     frozen(payload, gravity)
-    joints = JointMotion(*frozen(np.stack([q1, q2]), np.stack([d1, d2]), np.stack([a1, a2]), rigid), True, payload, gravity)
+    # per unit of first moment of each link in its own axes, the third across the plane, which leans a little as above
+    far, near = np.stack([np.cos(q1 + q2), np.cos(q1 + q2)]), np.stack([np.cos(q1), np.zeros(n)])
+    side = np.stack([-np.sin(q1), np.zeros(n)]), np.stack([-np.sin(q1 + q2), -np.sin(q1 + q2)])
+    # an arm in a plane can't tell them from gravity: these change along the motion as those of an arm in space do
+    spread = 1.0 + 0.5 * np.sin(np.arange(1.0, 7.0)[:, None, None] * q2 + np.arange(6.0)[:, None, None])
+    moments = g * spread * np.stack([near, side[0], 0.1 * near, far, side[1], 0.1 * far * np.cos(q1)])
+    turned = -g * np.stack([np.stack([(m1 + m2) * l1 * np.sin(q1) + m2 * l2 * np.sin(q1 + q2), m2 * l2 * np.sin(q1 + q2)]),
+                            m2 * l2 * np.stack([np.sin(q1 + q2), np.sin(q1 + q2)])])  # fmt: skip
+    pushed = np.stack([np.stack([np.zeros(n), m12]), np.stack([m12, np.zeros(n)])])
+    frozen(moments, turned, pushed)
+    joints = JointMotion(*frozen(np.stack([q1, q2]), np.stack([d1, d2]), np.stack([a1, a2]), rigid), True, payload, gravity,
+                         moments=lambda _: moments, slopes=lambda *_: np.stack([turned, pushed]))  # fmt: skip
     return _joint_signals(Layout(("tau1", "tau2"), "joints", ("shoulder", "elbow")), t, dt, joints)
 
 

@@ -1,0 +1,46 @@
+"""Friction at rest: its form is chosen from the log, and what it is doesn't bend what is estimated."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from kinid.effects._signals import Layout, RestForm, Signals
+from kinid.experiment import Experiment
+from kinid.identification.estimation import estimate
+from kinid.model import Model
+
+NOISE = 0.02
+MODEL = Model("hooke", "coulomb-friction")
+VALUES = {"hooke.stiffness": 2000.0, "coulomb-friction.coefficient": 0.5}
+
+
+def touches(n: int = 8000) -> Signals:
+    """Twelve touches of a tool that trembles sideways by less than its bristles bend, in the air, too."""
+    t = np.linspace(0.0, 40.0, n)
+    dt = np.diff(t, prepend=t[0])
+    w = 2 * np.pi * 0.3
+    depth, rate = 2e-3 * np.sin(w * t), 2e-3 * w * np.cos(w * t)
+    sway = [(9e-5, 1.9, 0.3), (5e-5, 4.3, 1.0)], [(7e-5, 2.7, 0.0), (6e-5, 3.1, 2.0)]
+    slip = np.stack([sum(a * np.sin(k * t + p) for a, k, p in rows) for rows in sway])
+    slip_rate = np.stack([sum(a * k * np.cos(k * t + p) for a, k, p in rows) for rows in sway])
+    layout = Layout(("normal_force", "tangential_force1", "tangential_force2"), "contact")
+    return Signals(layout, t, dt, depth, rate, slip, slip_rate)
+
+
+@pytest.mark.parametrize("form", [RestForm(), RestForm(kept=True), RestForm(share=0.7, kept=True), RestForm(length=8e-5)])
+def test_the_form_of_friction_at_rest_is_found(form: RestForm) -> None:
+    signals = touches()
+    reading = MODEL.predict(dataclasses.replace(signals, rest=form), VALUES)
+    reading = reading + np.random.default_rng(5).normal(scale=NOISE, size=reading.shape)
+    every = np.ones(len(signals), np.bool_)
+    e = Experiment(signals, reading, every, np.full(3, NOISE), None, signals.depth > 0, np.arange(len(signals)))
+    state = estimate(MODEL, e)
+    found = state.problem.experiment.signals.rest
+    assert found.kept == form.kept
+    assert found.length == pytest.approx(form.length, rel=0.03)
+    friction = dict(zip(MODEL.parameters(signals.layout), state.values))["coulomb-friction.coefficient"]
+    assert friction == pytest.approx(0.5, rel=0.02)  # a form that isn't the true one is off by 10 % and more
+    assert np.sqrt(np.mean(state.residual**2)) < 1.1 * NOISE
