@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.carried import gravity_torques, moment_torques, payload_torques, torque_slopes, sensor_motion
+from kinid.carried import gravity_torques, moment_torques, payload_torques, sensor_motion, torque_slopes
 from kinid.clock import clock, forgotten
 from kinid.contact import ContactSeries, contact_series, force_noise
 from kinid.derivative import Differentiator

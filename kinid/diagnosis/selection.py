@@ -276,8 +276,9 @@ def _defend(found: Selection, settings: DiagnosisSettings, forced: Sequence[str]
             found.added[found.added.index(name)] = better.effect.id
             found.evidence[better.effect.id] = better.evidence
             own, name = better, better.effect.id
-        found.alternatives[name] = tuple(t.effect.id for t in now.refits if t.effect.id != name and t.effect.id not in found.added and name not in t.effect.generalises
-                                         and same(own, t, less.error.sigma, settings) and acceptable(t, less, settings))
+        rivals = [t for t in now.refits if t.effect.id not in {name, *found.added} and name not in t.effect.generalises]
+        found.alternatives[name] = tuple(t.effect.id for t in rivals if same(own, t, less.error.sigma, settings)
+                                         and acceptable(t, less, settings))
 
 
 def _preferred(other: Refit, held: Refit, before: State, settings: DiagnosisSettings) -> bool:

@@ -11,7 +11,6 @@ from kinid.effects._effect import Effect
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
-
 #: samples whose torques per first moment are kept at a time
 AT_ONCE = 50_000
 #: of an error of gravity [m/s²] and of a link's first moment [kg·m], what is usual
@@ -20,7 +19,7 @@ USUAL_GRAVITY, USUAL_MOMENT = 2.0, 0.5
 
 @final
 class GravityError(Effect):
-    """τ += G(q) Δg + S(q) Δh: gravity is g₀ + Δg in the base frame, where the rig states g₀, and link k's first moment is m·c + Δh_k.
+    """τ += G(q) Δg + S(q) Δh: gravity is g₀ + Δg where the rig states g₀, link k's first moment m·c + Δh_k.
 
     Inverse dynamics is linear in gravity, so that the torques of its error are G(q) Δg with G the arm's at rest under gravity of
     1 m/s² along each axis of the base; it is linear in the links' first moments alike. A base tilted by a small angle θ has

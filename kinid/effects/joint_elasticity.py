@@ -20,8 +20,8 @@ class JointElasticity(Effect):
     The encoder reads θ, the link is at q = θ − τ/K. Then τ = M q̈ = M θ̈ − (M/K) τ̈, with τ̈ that of the rigid-body torque
     τ_r: the fourth derivative of the position. ε = M/K = 1/ω₀² > 0, ω₀ the resonance of the link with the motor locked.
     With encoders on the links and torques of the motors, τ_m = τ_r + J q̈ + (J/K) τ̈_r: ε = −J/K < 0, J q̈ being
-    `rotor-inertia`. Links sag by s τ_r, s = 1/K, which turns and pushes what lies beyond: the other terms, M′ being M without its diagonal.
-    Of an axis without a robot the parameter is M²/K: τ −= (M²/K) d²q̈/dt². Derivatives are taken at 25 Hz.
+    `rotor-inertia`. Links sag by s τ_r, s = 1/K, which turns and pushes what lies beyond: the other terms, M′ being M
+    without its diagonal. Of an axis without a robot the parameter is M²/K: τ −= (M²/K) d²q̈/dt². Derivatives are taken at 25 Hz.
     """
 
     id = "joint-elasticity"
@@ -43,10 +43,10 @@ class JointElasticity(Effect):
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Inverse of the squared resonance of each joint, and of its stiffness."""
         if layout.joints:
-            local = (Parameter(f"elasticity{a.suffix}", "ε", "s²", 0.0, -1.0, 1.0, scale=1e-5, linear=True) for a in axes(layout))
-            # of each joint's spring, on the torques of all
-            sag = (Parameter(f"sag[{name}.all]", "s", "rad/N/m", 0.0, -1.0, 1.0, scale=1e-5, linear=True) for name in layout.joints)
-            return (*local, *sag)
+            # the sag of one joint's spring acts on the torques of all
+            named = [(f"elasticity{a.suffix}", "ε", "s²") for a in axes(layout)]
+            named += [(f"sag[{joint}.all]", "s", "rad/N/m") for joint in layout.joints]
+            return tuple(Parameter(*each, 0.0, -1.0, 1.0, scale=1e-5, linear=True) for each in named)
         return tuple(
             Parameter(f"elasticity{a.suffix}", "M²/K", a.per("·s⁴"), 0.0, -1e3 * a.size, 1e3 * a.size,
                       scale=1e-5 * a.size, linear=True)

@@ -78,7 +78,7 @@ def lack_of_fit(state: State, residual: Array, tolerance: float | None = None) -
 
 
 def _slow(state: State, rows: Mask) -> float:
-    """Mean square of what is left beside noise in means of neighbours, which a fit is made to: the rest is faster than its laws."""
+    """Mean square of what is left beside noise in means of neighbours, which fits are made to: the rest is faster."""
     problem = state.problem
     gone = problem.means(np.broadcast_to(problem.experiment.let_go, problem.experiment.measured.shape).astype(float))[0] > 0.0
     return 0.0 if gone.all() else float(np.mean((state.held_out**2 - state.error.noise**2)[rows][:, ~gone]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,8 +33,8 @@ def with_rest_form(state: State) -> State:
     Motion tells little of the force of friction that sticks: between P. R. Dahl's bristles (1968), which creep under any tremor,
     and L. Prandtl's (1928), which are elastic until they slip, a surface may be anything (P. Dupont et al., IEEE Trans. Autom.
     Control 47, 2002), and the stated length of the bristles is one of its order of magnitude. Drives turn around within some
-    hundredth of a degree, or over some speed where grease carries them. What bends bristles
-    before the touch is as open: most spring back in the air, a film that sticks to the tip doesn't. A contact's bristles that are far off are an effect.
+    hundredth of a degree, or over some speed where grease carries them. What bends bristles before the touch is as open: most
+    spring back in the air, a film that sticks to the tip doesn't. A contact's bristles that are far off are an effect.
     """
     best = best_form(state)
     if _rest(best).kept != _rest(state).kept:
@@ -45,6 +46,11 @@ def with_rest_form(state: State) -> State:
 
 def _rest(state: State) -> RestForm:
     return state.problem.experiment.signals.rest
+
+
+def _with(rest: RestForm, field: str, value: float) -> RestForm:
+    changed: dict[str, Any] = {field: value}
+    return dataclasses.replace(rest, **changed)
 
 
 def _change(state: State, rest: RestForm) -> Array:
@@ -109,7 +115,7 @@ def _refined(state: State, field: str) -> State:
         if value <= 0.0:
             break
         moved = MOVED if value * (1.0 + MOVED) <= high else -MOVED
-        ahead = dataclasses.replace(_rest(state), **{field: value * (1.0 + moved)})
+        ahead = _with(_rest(state), field, value * (1.0 + moved))
         d = (_change(state, ahead) / moved / state.error.sigma).ravel()
         taken = np.linalg.pinv(state.information, hermitian=True) @ (state.weighted.T @ d)
         power = float(d @ d - (state.weighted.T @ d) @ taken)
@@ -120,7 +126,7 @@ def _refined(state: State, field: str) -> State:
         new = float(np.clip(value * np.exp(step), low, high))
         if not _noticed(state, np.log(new / value) * d.reshape(state.residual.shape) * state.error.sigma):
             break
-        other, left = _under(state, dataclasses.replace(_rest(state), **{field: new}))
+        other, left = _under(state, _with(_rest(state), field, new))
         if left >= _squares(state, state):
             break
         state = other

@@ -250,7 +250,8 @@ def test_a_link_with_another_centre_of_mass_is_a_gravity_error(moving: Log) -> N
     wrong = Robot.load(LWR)
     change = np.array([0.01, -0.02, 0.03])
     wrong.model.inertias[3].lever = wrong.model.inertias[3].lever + change
-    named = {f"gravity-error.moment[{robot.joint_names[2]}.{axis}]": wrong.model.inertias[3].mass * d for axis, d in zip("xyz", change)}
+    mass, third = wrong.model.inertias[3].mass, robot.joint_names[2]
+    named = {f"gravity-error.moment[{third}.{axis}]": mass * d for axis, d in zip("xyz", change)}
     added = Model("rigid-body", "gravity-error").predict(e.signals, named) - e.signals.joints.rigid  # type: ignore[union-attr]
     for i in range(0, len(e.signals), 400):
         q = e.signals.joints.q[:, i]  # type: ignore[union-attr]
