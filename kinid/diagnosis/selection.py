@@ -16,7 +16,7 @@ from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.effects import Effect
 from kinid.identification.applicability import amplitudes, base_of
 from kinid.identification.estimation import estimate_problem
-from kinid.identification.lack_of_fit import error_rows, lack_of_fit
+from kinid.identification.lack_of_fit import error_rows, inside_tolerance, lack_of_fit
 from kinid.identification.solver import State
 from kinid.identification.whole import held_out_residual
 from kinid.model import Model
@@ -93,6 +93,8 @@ def acceptable(tried: Refit, before: State, settings: DiagnosisSettings) -> bool
     e = tried.evidence
     # what takes off most of the error leaves less that could speak against it
     needed = settings.min_significance * max(0.5, 1.0 - e.share)
+    if inside_tolerance(before):
+        needed = settings.adequate_significance
     return (e.significance > needed and e.share > settings.min_share and e.change > settings.min_reading_share
             and _remarkable(tried) and not implausible(tried.state, before))  # fmt: skip
 

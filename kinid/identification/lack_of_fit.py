@@ -77,6 +77,12 @@ def lack_of_fit(state: State, residual: Array, tolerance: float | None = None) -
     return LackOfFit(error, noise, excess, allowed, reading, state.error.memory, error_unit(experiment))
 
 
+def inside_tolerance(state: State) -> bool:
+    """Whether what a state leaves in means of neighbours is inside the usual tolerance."""
+    rows = error_rows(state.problem.whole)
+    return _slow(state, rows) <= (TOLERANCE * reading_rms(state.problem.whole)) ** 2
+
+
 def _slow(state: State, rows: Mask) -> float:
     """Mean square of what is left beside noise in means of neighbours, which fits are made to: the rest is faster."""
     problem = state.problem
