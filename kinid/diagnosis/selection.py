@@ -16,7 +16,7 @@ from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.effects import Effect
 from kinid.identification.applicability import amplitudes, base_of
 from kinid.identification.estimation import estimate_problem
-from kinid.identification.lack_of_fit import error_rows, inside_tolerance, lack_of_fit
+from kinid.identification.lack_of_fit import error_rows, inside_tolerance
 from kinid.identification.solver import State
 from kinid.identification.whole import held_out_residual
 from kinid.model import Model
@@ -91,10 +91,9 @@ def _why(state: State, effect: Effect) -> str:
 def acceptable(tried: Refit, before: State, settings: DiagnosisSettings) -> bool:
     """Whether a refit is beyond doubt, worth a name, and physically possible."""
     e = tried.evidence
+    needed = settings.adequate_significance if inside_tolerance(before) else settings.min_significance
     # what takes off most of the error leaves less that could speak against it
-    needed = settings.min_significance * max(0.5, 1.0 - e.share)
-    if inside_tolerance(before):
-        needed = settings.adequate_significance
+    needed *= max(0.5, 1.0 - e.share)
     return (e.significance > needed and e.share > settings.min_share and e.change > settings.min_reading_share
             and _remarkable(tried) and not implausible(tried.state, before))  # fmt: skip
 
@@ -105,18 +104,6 @@ def _remarkable(tried: Refit) -> bool:
     values = tried.state.values[tried.state.model.place(effect.id, layout)]
     null, parameters = amplitudes(effect, layout, base_of(tried.state.model)), effect.parameters(layout)
     return any(effect.remarkable(parameters[i], values[i] - at) for i, at in null.items())
-
-
-def worth_a_name(tried: Refit, before: State, start: State, settings: DiagnosisSettings) -> bool:
-    """Whether a further effect takes off a share of the error that the model had when it was asked about.
-
-    Where more is left than the tolerance, whatever helps is worth one.
-    """
-    if before is start or lack_of_fit(before, held_out_residual(before)).matters:
-        return True
-    weight = 1.0 / start.error.noise
-    old, new, first = (float(np.sum((state.held_out * weight) ** 2)) for state in (before, tried.state, start))
-    return old - new > settings.min_explained * (first - start.residual.size)
 
 
 def lowers_error(after: State, before: State) -> bool:
@@ -180,8 +167,7 @@ def _ended(tried: Refit, before: State, state: State) -> Refit:
 def same(one: Refit, other: Refit, sigma: Array, settings: DiagnosisSettings) -> bool:
     """Whether the log can't tell two refits of one state apart, with errors weighed by σ (channels, g)."""
     between = compare_states(other.state, one.state, sigma)
-    return (abs(between.gain) <= settings.rival_significance * between.error
-            or abs(between.gain) <= settings.rival_share * max(one.evidence.gain, other.evidence.gain))  # fmt: skip
+    return abs(between.gain) <= settings.rival_significance * between.error or abs(between.share) <= settings.rival_share
 
 
 def select(start: State, settings: DiagnosisSettings, forced: Sequence[str] = (),
@@ -204,7 +190,7 @@ def select(start: State, settings: DiagnosisSettings, forced: Sequence[str] = ()
         now = look(found.states[-1], settings)
         found.rounds.append(now)
         # what later additions made needless doesn't come back
-        worth = [t for t in now.refits if t.effect.id not in found.pruned and worth_a_name(t, now.before, start, settings)]
+        worth = [t for t in now.refits if t.effect.id not in found.pruned]
         best = choose(worth, now.before, settings) if len(found.added) < settings.max_effects else None
         if best is None:
             break

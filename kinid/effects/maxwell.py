@@ -17,7 +17,7 @@ class Maxwell(Effect):
     """N = F_e − y with τ ẏ = F_e − y and F_e = k δ: a spring k [N/m] behind a dashpot k τ [N·s/m]; it can't hold a load.
 
     The branch is driven by F_e, so that effects on the elastic force act on it too (quasi-linear, Fung 1981). F_e is
-    instantaneous; with a linear spring this is Ṅ + N/τ = k δ̇.
+    instantaneous; with a linear spring this is Ṅ + N/τ = k δ̇. A tool that retracts leaves what has flowed: nothing pulls.
     """
 
     id = "maxwell"
@@ -25,9 +25,8 @@ class Maxwell(Effect):
     equation = "N = F_e − y, τ ẏ = F_e − y, F_e = k δ"
     source = "J. C. Maxwell, Phil. Trans. R. Soc. 157, 1867"
     base = True
-    signature = "force that falls to nothing while depth is held, and pulls on the way out"
+    signature = "force that falls to nothing while depth is held, and ends early on the way out"
     confusions = {"zener": "a hold of several time constants: does a force remain?"}
-    pulls = True
     excited_by = "a fast approach, then a hold of several time constants"
     grid = {"time-constant": (0.02, 0.1, 0.5, 2.0, 10.0, 60.0)}
     # stable; slower than a day or faster than samples, a flow is none
@@ -48,4 +47,4 @@ class Maxwell(Effect):
         """Take off what has flowed."""
         flowed = np.empty(len(s))
         lowpass(s.elastic, s.lasting, p[1], flowed)
-        s.normal = s.normal - flowed * s.inside
+        s.normal = s.normal - np.minimum(flowed, s.elastic) * s.inside

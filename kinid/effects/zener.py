@@ -18,7 +18,7 @@ class Zener(Effect):
 
     N = k δ + k₁ (δ − y) with τ ẏ = δ − y. Written with the instantaneous force F_e = (1 + ρ) k δ the branch takes off
     ρ/(1 + ρ) of F_e, low-pass filtered, so that effects on the elastic force act on spring and branch alike (quasi-linear,
-    Fung 1981). k alone remains in the end.
+    Fung 1981). k alone remains in the end. A tool that retracts faster than the material recovers leaves it: nothing pulls.
     """
 
     id = "zener"
@@ -31,7 +31,6 @@ class Zener(Effect):
         "kelvin-voigt": "a hold after a fast approach: only this one goes on falling",
         "maxwell": "a hold of several time constants: does a force remain?",
     }
-    pulls = True
     excited_by = "a fast approach, then a hold of several time constants"
     grid = {"branch-ratio": (0.2, 1.0, 5.0), "time-constant": (0.02, 0.1, 0.4, 1.5, 6.0, 30.0)}
     # glass is a thousand times as stiff as the same polymer when it has relaxed (J. D. Ferry 1980, ch. 2)
@@ -53,4 +52,4 @@ class Zener(Effect):
         """Take off what has flowed in the branch."""
         flowed = np.empty(len(s))
         lowpass(s.elastic, s.lasting, p[2], flowed)
-        s.normal = s.normal - p[1] / (1.0 + p[1]) * flowed * s.inside
+        s.normal = s.normal - np.minimum(p[1] / (1.0 + p[1]) * flowed, s.elastic) * s.inside

@@ -226,104 +226,123 @@ class _Search:
         self.groups = parameter_groups(names, list(np.flatnonzero(self.moving)), problem.layout)
         self.weight = 1.0 / error.sigma
         self.here = model.course(problem.experiment.signals, self.x)
-        self.known, self.moved = known, False
-        self.columns = (nuisance_columns(problem, model, self.x, self.here, self.open_) if known is None
-                        else known[:, len(self.x) :])  # fmt: skip
+        self.moved = False
+        count = len(self.x) + len(self.open_)
+        #: weighted change of the means per scale of each parameter and per tolerance of each nuisance, and its products
+        self.jacobian = np.zeros((problem.target.size, count), order="F")
+        self.squares = np.zeros((count, count))
+        if known is not None:
+            np.multiply(known, self.weight.reshape(-1, 1), out=self.jacobian)
+            self.squares = self.jacobian.T @ self.jacobian
+        if known is None:
+            self.open_up()
         self.residual, self.cost = self.compare(self.here, self.x, self.shift)
         self.renewed = self.cost
+        if known is None:
+            self.differentiate()
+
+    def open_up(self) -> None:
+        """What nuisances do here."""
+        p = len(self.x)
+        columns = nuisance_columns(self.problem, self.model, self.x, self.here, self.open_)
+        np.multiply(columns, self.weight.reshape(-1, 1), out=self.jacobian[:, p:])
+        self.squares[p:, p:] = self.jacobian[:, p:].T @ self.jacobian[:, p:]
 
     def compare(self, course: Course, x: Array, shift: Array) -> tuple[Array, float]:
-        """Residual of the means, (channels, g), and cost."""
-        residual = self.problem.target - self.problem.means(course.reading)
+        """Weighted residual of the means, (channels · g,), and cost."""
+        residual = ((self.problem.target - self.problem.means(course.reading)) * self.weight).reshape(-1)
         if len(shift):
-            residual = residual - (self.columns @ shift).reshape(residual.shape)
+            residual -= self.jacobian[:, len(x) :] @ shift
         own = np.r_[np.zeros(len(x)) if not len(x) else x / self.scale, shift]
-        return residual, float(np.sum((residual * self.weight) ** 2) + own @ self.prior @ own)
+        return residual, float(residual @ residual + own @ self.prior @ own)
 
-    def differentiate(self, last: bool = False) -> Array:
-        """The jacobian here, (channels · g, p + k); nuisance columns are renewed in the end, and after long ways."""
-        p = len(self.x)
-        out = np.zeros((self.problem.target.size, p + len(self.open_)), order="F")
-        step = DIFFERENCE * np.where(self.x + DIFFERENCE * self.scale <= self.high, self.scale, -self.scale)
-        many = self.problem.shape[1]
-        for group in self.groups:
-            ahead, own = self.x.copy(), list(group.values())
-            ahead[own] += step[own]
-            moved = self.model.predict(self.problem.experiment.signals, ahead, self.here)
-            if ALL_CHANNELS in group:
-                j = group[ALL_CHANNELS]
-                self.problem.add_change(moved, self.here.reading, float(self.scale[j] / step[j]), out[:, j])
-                continue
-            change = np.empty(self.problem.target.size)
-            self.problem.add_change(moved, self.here.reading, 1.0, change)
-            for channel, j in group.items():
-                rows = slice(channel * many, (channel + 1) * many)
-                out[rows, j] = change[rows] * (self.scale[j] / step[j])
+    def differentiate(self, last: bool = False) -> None:
+        """The jacobian here; nuisances' part is renewed where a search has ended by itself, and after long ways."""
+        p, many = len(self.x), self.problem.shape[1]
         if len(self.open_) and (last or self.cost < FAR * self.renewed):
-            self.columns = nuisance_columns(self.problem, self.model, self.x, self.here, self.open_)
+            self.open_up()
             self.residual, self.cost = self.compare(self.here, self.x, self.shift)
             self.renewed = self.cost
-        out[:, p:] = self.columns
-        return out
+        own = self.jacobian[:, :p]
+        own[:] = 0.0
+        step = DIFFERENCE * np.where(self.x + DIFFERENCE * self.scale <= self.high, self.scale, -self.scale)
+        change = np.empty(self.problem.target.size)
+        for group in self.groups:
+            ahead, these = self.x.copy(), list(group.values())
+            ahead[these] += step[these]
+            moved = self.model.predict(self.problem.experiment.signals, ahead, self.here)
+            self.problem.add_change(moved, self.here.reading, 1.0, change)
+            change *= self.weight.reshape(-1)
+            for channel, j in group.items():
+                rows = slice(None) if channel == ALL_CHANNELS else slice(channel * many, (channel + 1) * many)
+                own[rows, j] = change[rows] * (self.scale[j] / step[j])
+        self.squares[:p] = own.T @ self.jacobian
+        self.squares[p:, :p] = self.squares[:p, p:].T
+        self.fresh = True
+
+    def correct(self, moved: Array, actual: Array) -> None:
+        """Make the parameters' part of the jacobian tell the last step's change (C. G. Broyden, Math. Comp. 19, 1965)."""
+        p = len(self.x)
+        v = np.r_[moved[:p] / (moved[:p] @ moved[:p]), np.zeros(len(moved) - p)]
+        missed = actual - self.jacobian @ moved
+        along = self.jacobian.T @ missed
+        self.squares += np.outer(along, v) + np.outer(v, along) + (missed @ missed) * np.outer(v, v)
+        for j in np.flatnonzero(v):
+            self.jacobian[:, j] += missed * v[j]
+        self.fresh = False
 
     def run(self, max_steps: int) -> State:
         """Search, and tell where it ended."""
-        fresh = True
-        jacobian = self.differentiate() if self.known is None else self.known
+        # a jacobian that came along belongs to this place
+        self.fresh = True
         damping, converged, taken = 1e-3, not self.moving.any() and not len(self.open_), 0
-        weight = self.weight.reshape(-1, 1)
-        squares = (jw := jacobian * weight).T @ jw
         while taken < max_steps and not converged:
             taken += 1
-            gradient, free = self.slope(jacobian, squares)
+            gradient, free = self.slope()
             before = self.cost
-            gain, moved, actual, expected = self.step(gradient, squares, free, damping)
+            gain, moved, actual, expected = self.step(gradient, free, damping)
             if gain <= 0.0:
-                if abs(expected) < CONVERGED and fresh:
+                if abs(expected) < CONVERGED and self.fresh:
                     converged = True
-                elif not fresh:
-                    jacobian, fresh = self.differentiate(), True
-                    squares = (jw := jacobian * weight).T @ jw
+                elif not self.fresh:
+                    self.differentiate()
                 elif damping > 1e6:
                     converged = True
                 else:
                     damping = max(damping, 1e-6) * 10.0
                 continue
-            if gain < CONVERGED + 1e-7 * before and fresh:
+            if gain < CONVERGED + 1e-7 * before and self.fresh:
                 converged = True
                 break
             damping = max(damping / 10.0, 1e-9) if gain > 0.5 * expected else damping * 3.0
-            if gain < 0.3 * expected or gain < max(1.0, 1e-4 * before):
-                jacobian, fresh = self.differentiate(), True
-                squares = (jw := jacobian * weight).T @ jw
-            else:  # C. G. Broyden, Math. Comp. 19, 1965
-                size = float(moved @ moved)
-                missed = (actual.ravel() - jacobian @ moved) / size
-                jacobian[:, moved != 0] += np.outer(missed, moved[moved != 0])
-                squares, fresh = (jw := jacobian * weight).T @ jw, False
+            if gain < 0.3 * expected or gain < max(1.0, 1e-4 * before) or not moved[: len(self.x)].any():
+                self.differentiate()
+            else:
+                self.correct(moved, actual)
         if self.moved:
-            jacobian = self.differentiate(last=True)
-            squares = (jw := jacobian * weight).T @ jw
-        free = self.slope(jacobian, squares)[1]
-        return State(self.problem, self.model, self.error, self.x, self.open_, self.shift, self.here, self.residual, jacobian,
-                     free, converged, taken)  # fmt: skip
+            self.differentiate(last=converged)
+        free = self.slope()[1]
+        sigma = self.error.sigma
+        residual, jacobian = self.residual.reshape(sigma.shape) * sigma, self.jacobian * sigma.reshape(-1, 1)
+        return State(self.problem, self.model, self.error, self.x, self.open_, self.shift, self.here, residual, jacobian, free,
+                     converged, taken)  # fmt: skip
 
-    def slope(self, jacobian: Array, squares: Array) -> tuple[Array, Mask]:
+    def slope(self) -> tuple[Array, Mask]:
         """Negative half gradient of the cost, and which directions no bound holds."""
         p = len(self.x)
         own = np.r_[np.zeros(p) if not p else self.x / self.scale, self.shift]
-        gradient = jacobian.T @ (self.residual * self.weight**2).ravel() - self.prior @ own
+        gradient = self.jacobian.T @ self.residual - self.prior @ own
         room = 1e-9 * self.scale
         pinned = ((self.x <= self.low + room) & (gradient[:p] < 0)) | ((self.x >= self.high - room) & (gradient[:p] > 0))
-        free = self.moving & ~pinned & (np.diag(squares)[:p] > 1e-12)
+        free = self.moving & ~pinned & (np.diag(self.squares)[:p] > 1e-12)
         far = (np.abs(self.shift) >= self.bound - 1e-9) & (gradient[p:] * self.shift > 0)
         return gradient, np.r_[free, ~far]
 
-    def step(self, gradient: Array, squares: Array, free: Mask, damping: float) -> tuple[float, Array, Array, float]:
-        """Try one step and take it if it helps: gain, step in scales, change of the means, and the gain that was expected."""
+    def step(self, gradient: Array, free: Mask, damping: float) -> tuple[float, Array, Array, float]:
+        """Try one step and take it if it helps: gain, step in scales, weighted change, and the gain that was expected."""
         p, f = len(self.x), np.flatnonzero(free)
-        information = squares + self.prior
-        h = information[np.ix_(f, f)] + damping * np.diag(np.diag(squares)[f])
+        information = self.squares + self.prior
+        h = information[np.ix_(f, f)] + damping * np.diag(np.diag(self.squares)[f])
         low = np.r_[(self.low - self.x) / self.scale, -self.bound - self.shift][f]
         high = np.r_[(self.high - self.x) / self.scale, self.bound - self.shift][f]
         step = np.zeros(len(gradient))
@@ -364,7 +383,7 @@ class _Search:
         if not np.isfinite(columns).all():
             return None
         inner = self.prior[np.ix_(self.linear, self.linear)]
-        gradient = columns.T @ (residual * self.weight).ravel() - inner @ (x / self.scale)[self.linear]
+        gradient = columns.T @ residual - inner @ (x / self.scale)[self.linear]
         gram = columns.T @ columns
         low, high = (self.low - x)[self.linear] / self.scale[self.linear], (self.high - x)[self.linear] / self.scale[self.linear]
         moved = x.copy()

@@ -556,8 +556,12 @@ def true_values(model: Model, layout: Layout) -> Array:
 QUICK = settings(max_examples=40, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 
 
+#: these bend what others predict: a tool that leaves what has flowed does so at a force that the whole law decides
+BENDING = frozenset({"load-dependent-friction", "relaxation", "hysteresis", "maxwell", "zener"})
+
+
 @QUICK
-@given(contact_models(without=frozenset({"load-dependent-friction", "relaxation", "hysteresis"})), st.integers(0, 99))
+@given(contact_models(without=BENDING), st.integers(0, 99))
 def test_any_model_is_affine_in_what_is_marked_linear(model: Model, seed: int) -> None:
     signals = examples()["hooke"].signals
     assert superposition_error(model, signals, true_values(model, signals.layout), seed) < 1e-9
