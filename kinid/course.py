@@ -166,7 +166,7 @@ def _let_go(s: Signals, _: Array) -> None:
 
 def _rub(s: Signals, _: Array) -> None:
     if s.mu.any():
-        s.tangential = s.tangential - s.mu * s.normal * _bristles(s)
+        s.tangential = s.tangential - s.mu * s.load * _bristles(s)
 
 
 def _bristles(s: Signals) -> Array:

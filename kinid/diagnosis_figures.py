@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.diagnosis.parts import phase_words, phases
 from kinid.diagnosis.result import Diagnosis
-from kinid.diagnosis.view import View
-from kinid.diagnosis.words import channel_words, sentence
 from kinid.plots import BLUE, INK, VERMILION
+from kinid.residuals.parts import phase_words, phases
+from kinid.residuals.view import View
+from kinid.residuals.words import channel_words, sentence
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure

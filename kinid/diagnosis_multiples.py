@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.diagnosis.localization import spectrum
-from kinid.diagnosis.parts import LEAST_SPREAD, STANDING, moving
 from kinid.diagnosis_figures import Shown, Titled, bars, compact, phase_bars, profile, rms, style
 from kinid.plots import INK
+from kinid.residuals.localization import spectrum
+from kinid.residuals.parts import LEAST_SPREAD, STANDING, moving
 
 Array = NDArray[np.float64]
 

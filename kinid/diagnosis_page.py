@@ -18,29 +18,17 @@ from kinid.diagnosis.result import (
     LEFT_OUT,
     NOT_EXCITED,
     PRESENT,
-    Cell,
     Diagnosis,
     EffectVerdict,
 )
-from kinid.diagnosis.words import (
-    acting,
-    by_verdict,
-    channel_words,
-    doubts,
-    headline,
-    leftover,
-    number,
-    one_sided,
-    percent,
-    rivalries,
-    sentence,
-    verdict_words,
-)
+from kinid.diagnosis.words import acting, by_verdict, doubts, headline, leftover, one_sided, rivalries, verdict_words
 from kinid.diagnosis_figures import Shown, ladder, loops, readings
 from kinid.diagnosis_multiples import multiples
 from kinid.identification.fit import FittedParameter
 from kinid.log import Provenance
 from kinid.plots import BLUE, INK, VERMILION, drawing, grid, key, page
+from kinid.residuals import Cell
+from kinid.residuals.words import channel_words, number, percent, sentence
 
 Array = NDArray[np.float64]
 

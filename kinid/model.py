@@ -64,7 +64,7 @@ class Model:
                 if bases and catalogue.get(effect.wants[0]).base:
                     beside, mend = f"beside {bases[0]}", f"start from {effect.wants[0]} instead of {bases[0]}"
                 raise InputError(f"effect '{effect.id}' {beside}", f"{' or '.join(effect.wants)} in the same model", mend)
-        object.__setattr__(self, "effects", tuple(flat))
+        object.__setattr__(self, "effects", tuple(effect.beside(names_seen) for effect in flat))
 
     def __add__(self, other: str | Effect | Model) -> Model:
         more = other.effects if isinstance(other, Model) else (other,)
@@ -82,6 +82,12 @@ class Model:
 
     def __contains__(self, name: object) -> bool:
         return name in self.names
+
+    def __getitem__(self, name: str) -> Effect:
+        """One of its effects, as it is in this model."""
+        if name not in self:
+            raise InputError(f"no effect '{name}' in {self}", f"one of {', '.join(self.names)}", "check the name")
+        return self.effects[self.names.index(name)]
 
     def __str__(self) -> str:
         return " + ".join(self.names) or "none"

@@ -15,7 +15,7 @@ class Parameter:
         symbol: how it stands in the effect's equation.
         unit: SI, "1" for none.
         nominal: a plausible value, from which a fit starts.
-        low, high: what is physically possible.
+        low, high: what is physically possible; the same where a model fixes it.
         scale: a change that matters, in the same unit; fits and conditioning are judged in it.
         linear: whether the prediction is affine in it, together with all other linear ones of a model.
     """
@@ -30,7 +30,12 @@ class Parameter:
     linear: bool = False
 
     def __post_init__(self) -> None:
-        if not self.low <= self.nominal <= self.high or not self.low < self.high:
+        if not self.low <= self.nominal <= self.high:
             raise ValueError(f"{self.name}: nominal {self.nominal} outside [{self.low}, {self.high}]")
         if not (self.scale > 0 and math.isfinite(self.scale)):
             raise ValueError(f"{self.name}: scale {self.scale} is not positive")
+
+    @property
+    def fixed(self) -> bool:
+        """Whether nothing is left to estimate."""
+        return self.low == self.high

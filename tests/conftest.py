@@ -22,9 +22,9 @@ settings.load_profile("repeatable")
 
 #: what is asked for and not reached: by test, and what stands in its way
 NOT_REACHED = {
-    "test_doubtful_logs.py::test_friction_that_turns_at_once": "noise of the motion at sharp reversals is underrated",
+    "friction_that_turns_at_once_is_within_the_catalogue[250.0-1e-06": "noise of the motion at sharp reversals is underrated",
+    "friction_that_turns_at_once_is_within_the_catalogue[500.0-1e-06": "noise of the motion at sharp reversals is underrated",
     "test_stiffness_and_damping_come_back": "rounding by half a newton is taken up by surface and bias",
-    "test_noise_of_the_slip_shakes_no_surface": "the form of friction at rest takes up bristles of twice the length",
     "test_measured.py::test_payload_and_bias_from_poses": "24 poses: cross-talk takes what a first moment does",
     "test_measured.py::test_the_arm_lacks_friction_and_offsets": "figures were of logged velocities and a band of 25 Hz",
     "test_measured.py::test_the_drive_ends_at_friction": "the estimate of the motion leaves 1.9 N where a band of 50 Hz left 1.7",

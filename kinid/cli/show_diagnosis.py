@@ -60,7 +60,8 @@ def show_diagnosis(result: Diagnosis) -> None:
 
 def _ladder(out: Console, result: Diagnosis) -> None:
     """A bar a rung, and the share that is explained by then; the noise is where no bar gets below."""
-    from kinid.diagnosis.words import SAME, percent
+    from kinid.diagnosis.words import SAME
+    from kinid.residuals.words import percent
 
     rungs = [("as asked" if step.added is None else f"+ {step.added}", step.held_out,
               "" if step.added is None else f"{percent(step.explained)} explained") for step in result.steps]  # fmt: skip

@@ -21,7 +21,7 @@ from kinid.effects import Effect
 from kinid.identification.initial_guesses import initial_values, nominal_values, project_linear
 from kinid.identification.nuisance import trusted
 from kinid.identification.rest_form import best_form, with_rest_form
-from kinid.identification.solver import State, linear_parameters, relearn, search
+from kinid.identification.solver import ROUGHLY, State, linear_parameters, relearn, search
 from kinid.model import Model
 
 Array = NDArray[np.float64]
@@ -124,7 +124,8 @@ def refit(before: State, candidates: list[Candidate]) -> Refit:
     own = dict(zip((p.name for p in effect.parameters(layout)), best.values[model.place(effect.id, layout)].tolist()))
     if effect.implausible(own, values, before.problem.experiment.signals):
         # along what the log leaves open a search may wander off: what counts is how well values do that can be
-        within = search(before.problem, model, best.values, before.error, max_steps=REFIT_STEPS, possible=effect)
+        within = search(before.problem, model, best.values, before.error, max_steps=REFIT_STEPS, possible=effect, like=before,
+                        ends=ROUGHLY)
         return Refit(effect, best.slim(), compare_states(before, within, before.error.sigma))
     return Refit(effect, best.slim(), compare_states(before, best, before.error.sigma))
 
@@ -139,11 +140,13 @@ def reformed(before: State, tried: Refit) -> Refit:
 
 def _deepest(before: State, model: Model, starts: list[Array]) -> State:
     """The deepest end of searches from several starts; only one that has come near the deepest in some steps is ended."""
-    begun = [search(before.problem, model, start, before.error, max_steps=FIRST_STEPS) for start in starts]
+    begun = [search(before.problem, model, start, before.error, max_steps=FIRST_STEPS, like=before, ends=ROUGHLY)
+             for start in starts]
     costs = [state.cost if np.isfinite(state.cost) else np.inf for state in begun]
     near = [state for state, cost in zip(begun, costs) if cost <= WORTH_AN_END * min(costs)] or begun
     ended = [state if state.converged else search(before.problem, model, state.values, before.error, shift=state.shift,
-                                                  known=state.jacobian, max_steps=REFIT_STEPS) for state in near]  # fmt: skip
+                                                  known=state.jacobian, max_steps=REFIT_STEPS, ends=ROUGHLY)
+             for state in near]  # fmt: skip
     return min(ended, key=lambda state: state.cost if np.isfinite(state.cost) else np.inf)
 
 
@@ -168,7 +171,7 @@ def without(state: State, name: str) -> State:
     """The state's model without an effect, refitted with the state's error model."""
     names = list(state.model.parameters(state.problem.layout))
     values = np.array([v for full, v in zip(names, state.values) if full.split(".", 1)[0] != name])
-    return search(state.problem, state.model - name, values, state.error, max_steps=REFIT_STEPS)
+    return search(state.problem, state.model - name, values, state.error, max_steps=REFIT_STEPS, like=state, ends=ROUGHLY)
 
 
 def settle(state: State) -> State:

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from kinid import effects
 from kinid.diagnosis.detectors import Mark
-from kinid.diagnosis.localization import where
 from kinid.diagnosis.pipeline import Found
 from kinid.diagnosis.result import ADEQUATE, MISSING, UNEXPLAINED, Diagnosis, EffectVerdict, Step
 from kinid.diagnosis.settings import DiagnosisSettings
@@ -21,6 +20,7 @@ from kinid.identification.lack_of_fit import LackOfFit, error_rows, error_unit, 
 from kinid.identification.nuisance import trusted
 from kinid.identification.solver import State, search
 from kinid.identification.whole import fold_predictions, whole_prediction
+from kinid.residuals.localization import where
 
 Array = NDArray[np.float64]
 

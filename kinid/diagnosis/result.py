@@ -12,6 +12,7 @@ from kinid.experiment import Experiment
 from kinid.identification.fit import Fit, FittedParameter
 from kinid.identification.lack_of_fit import LackOfFit
 from kinid.model import Model
+from kinid.residuals import Cell
 
 Array = NDArray[np.float64]
 
@@ -19,31 +20,6 @@ ADEQUATE, MISSING, UNEXPLAINED = "adequate", "missing", "unexplained"
 PRESENT, ABSENT, NOT_EXCITED, INDISTINGUISHABLE = "present", "absent", "not-excited", "indistinguishable"
 #: what is called not excited because it wasn't tried, or because it is of another kind of log
 LEFT_OUT, FOREIGN = "left-out", "foreign"
-
-
-@dataclass(frozen=True)
-class Cell:
-    """A part of the log that holds a share of the error.
-
-    Attributes:
-        channel: of the reading. by: what the log was divided by ("phase", "depth", "depth_rate", "loading", "slip", "frequency",
-            "place", "pose", "time"); phase: the phase, where it was divided by that, else "".
-        share: of the whole squared error beyond the noise, 0…1. rms: of the residual there, in `unit`.
-        says: in words.
-    """
-
-    channel: str
-    by: str
-    phase: str
-    share: float
-    rms: float
-    unit: str
-    says: str
-
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return {"channel": self.channel, "phase": self.phase, "share": self.share, "says": self.says, "by": self.by,
-                "rms": self.rms, "unit": self.unit}  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,13 @@ from kinid.identification.applicability import amplitudes, base_of, candidate_ef
 from kinid.identification.nuisance import trusted
 from kinid.identification.problem import ALL_CHANNELS, parameter_groups
 from kinid.identification.solver import State
+from kinid.model import Model
 
 Array = NDArray[np.float64]
 
 
+#: squared change of all weighted readings below which a parameter isn't seen
+UNSEEN = 1e-12
 #: readings that an effect of more than a handful of parameters needs for each of them
 READINGS = 20
 
@@ -80,9 +83,10 @@ def _candidates(state: State, effect: Effect) -> Iterator[Candidate]:
     # … beyond what the model's own parameters still gain where its search ended early
     ended = state.weighted.T @ (state.residual.reshape(-1) / sigma) - (state.prior @ placed)[state.free]
     given_up += float(ended @ np.linalg.pinv(state.information, hermitian=True) @ ended - gradient @ inverse @ gradient)
+    larger = model + effect
+    effect = larger[effect.id]
     parameters = effect.parameters(layout)
     amplitude = amplitudes(effect, layout, base_of(model))
-    larger = model + effect
     before = larger.place(effect.id, layout).start
     prior = effect.prior(layout)
     for at, moving in shape_points(effect, problem.experiment.signals, amplitude):
@@ -105,7 +109,8 @@ def _candidates(state: State, effect: Effect) -> Iterator[Candidate]:
             learnt = effect.prior(layout)
             assert learnt is not None
             h = h + learnt * per_unit
-        coefficient = np.linalg.solve(h, slope)
+        # along what changes nothing here, rounding alone would say where to begin
+        coefficient = np.where(np.diag(d.T @ d) > UNSEEN, np.linalg.solve(h, slope), 0.0)
         start = at.copy()
         for i, step, c in zip(moving, steps, coefficient):
             start[i] = float(np.clip(amplitude[i] + c * step, parameters[i].low, parameters[i].high))
@@ -122,18 +127,18 @@ def _candidates(state: State, effect: Effect) -> Iterator[Candidate]:
                         dict(zip(moving, size.tolist())))  # fmt: skip
 
 
-def _changes(state: State, larger: object, before: int, at: Array, moving: list[int], null: Array, steps: Array) -> Array | None:
+def _changes(state: State, larger: Model, before: int, at: Array, moving: list[int], null: Array, steps: Array) -> Array | None:
     """Change of the means per step of each amplitude, (channels · g, k); None where the law overflows."""
     problem, here = state.problem, state.course
     many = problem.shape[1]
     d = np.zeros((problem.target.size, len(moving)), order="F")
-    effect = larger.effects[next(i for i, e in enumerate(larger.effects) if e.id not in state.model)]  # type: ignore[attr-defined]
+    effect = next(e for e in larger.effects if e.id not in state.model)
     names = [effect.parameters(problem.layout)[i].name for i in moving]
     for group in parameter_groups(names, list(range(len(moving))), problem.layout):
         values, these = at.copy(), list(group.values())
         values[moving] = null
         values[[moving[j] for j in these]] += steps[these]
-        moved = larger.predict(problem.experiment.signals, np.insert(state.values, before, values), here)  # type: ignore[attr-defined]
+        moved = larger.predict(problem.experiment.signals, np.insert(state.values, before, values), here)
         if ALL_CHANNELS in group:
             problem.add_change(moved, here.reading, 1.0, d[:, group[ALL_CHANNELS]])
             continue

@@ -29,8 +29,8 @@ RISES = 1.01
 DOUBT = 2.0
 #: refits whose form of friction at rest is chosen anew
 REFORMED = 2
-#: refits that are settled to tell the best, at most
-MAX_SETTLED = 3
+#: refits that are settled to tell the best, and alternatives that an addition is held against, at most
+MAX_SETTLED, MAX_RIVALS = 3, 3
 
 
 @dataclass(eq=False)
@@ -103,7 +103,7 @@ def _remarkable(tried: Refit) -> bool:
     layout, effect = tried.state.problem.layout, tried.effect
     values = tried.state.values[tried.state.model.place(effect.id, layout)]
     null, parameters = amplitudes(effect, layout, base_of(tried.state.model)), effect.parameters(layout)
-    return any(effect.remarkable(parameters[i], values[i] - at) for i, at in null.items())
+    return any(abs(values[i] - at) > effect.usual(parameters[i]) for i, at in null.items())
 
 
 def lowers_error(after: State, before: State) -> bool:
@@ -135,6 +135,10 @@ def choose(tried: Sequence[Refit], before: State, settings: DiagnosisSettings) -
         return able[0] if able else None
     settled = [settled_refit(t, before) for t in able[:MAX_SETTLED]]
     best = min(settled, key=_rank)
+    # of two where one is a part of the other, the part comes first: the rest of it has to prove itself beside that
+    part = next((t for t in able if t.effect.id in best.effect.holds), None)
+    if part is not None:
+        return settled_refit(part, before)
     alike = [t for t in settled if same(best, t, best.state.error.sigma, settings)]
     return min(alike, key=lambda t: (len(t.state.values), -t.evidence.gain))
 
@@ -251,7 +255,7 @@ def _defend(found: Selection, settings: DiagnosisSettings, forced: Sequence[str]
             now, less = found.rounds[0], found.rounds[0].before
         else:
             less = without(last, name)
-            now = look(less, settings)
+            now = look(less, replace(settings, refits=MAX_RIVALS))
         own = next((t for t in now.refits if t.effect.id == name), None)
         if own is None:
             own = Refit(next(e for e in last.model.effects if e.id == name), last, compare_states(less, last, less.error.sigma))

@@ -118,7 +118,7 @@ def _unseen(found: Found, effect: Effect, points: Sequence[Candidate] | None, la
             and latest.evidence.significance > DOUBTFUL * settings.min_significance:
         much, sure = 100 * latest.evidence.share, latest.evidence.significance
         return NOT_EXCITED, f"it would take {much:.0f} % of the rest, {sure:.1f} standard errors: no proof, for or against"
-    hidden = _too_small_to_see(last, effect, points, settings)
+    hidden = _too_small_to_see(last, points, settings)
     if hidden:
         return NOT_EXCITED, f"one that matters ({hidden}) would hardly show in this log"
     tolerances = effect.calibration_sd(last.problem.experiment.signals)
@@ -128,11 +128,10 @@ def _unseen(found: Found, effect: Effect, points: Sequence[Candidate] | None, la
     return ABSENT, "one that matters would show in this log, and doesn't"
 
 
-def _too_small_to_see(state: State, effect: Effect, points: Sequence[Candidate], settings: DiagnosisSettings) -> str:
+def _too_small_to_see(state: State, points: Sequence[Candidate], settings: DiagnosisSettings) -> str:
     """Which amounts of an effect that matter would hide in what is left, in words; "" where none would."""
-    layout = state.problem.layout
-    parameters = effect.for_log(state.problem.experiment.signals).parameters(layout)
-    amplitude = amplitudes(effect.for_log(state.problem.experiment.signals), layout, base_of(state.model))
+    layout, effect = state.problem.layout, points[0].effect
+    parameters, amplitude = effect.parameters(layout), amplitudes(effect, layout, base_of(state.model))
     spacing = sample_period(state.problem.experiment.signals) * float(np.median(state.problem.count))
     inflation = max(1.0, state.error.memory / spacing)
     whole = float(np.sum((state.residual / state.error.sigma) ** 2))

@@ -6,7 +6,7 @@ import functools
 import itertools
 import math
 from abc import ABC
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import ClassVar, TypeVar
@@ -67,6 +67,7 @@ class Effect(ABC):
         admissible: parameter name, written alike → range that is physically possible, ends included. A search may go beyond it,
             within the parameter's own bounds: where the best value lies there, something else is missing.
         generalises: effects that it is a more general form of: where one of them explains as much, it is no alternative.
+        holds: effects that it holds already, so that they have nothing to add beside it.
         same_for_joints: name of the effect that is the same thing in a log of joint torques.
         turn: when it acts among the effects of one stage, whatever order a model names them in: lower turns first. Effects that
             share a turn and a stage act alike in either order. Elastic: what bends the base's spring, 1 what adds, 2 what scales,
@@ -97,10 +98,15 @@ class Effect(ABC):
     admissible: ClassVar[Mapping[str, tuple[float, float]]] = {}
     turn: ClassVar[int] = 0
     generalises: ClassVar[tuple[str, ...]] = ()
+    holds: ClassVar[tuple[str, ...]] = ()
     same_for_joints: ClassVar[str] = ""
 
     def for_log(self, signals: Signals) -> Effect:
         """The effect as this log needs it, where parameters depend on what a log visits; else itself, as one that was made so."""
+        return self
+
+    def beside(self, names: Collection[str]) -> Effect:
+        """The effect as a model of these effects needs it, where another one takes over a part of it; parameters keep places."""
         return self
 
     def prior(self, layout: Layout) -> Array | None:
@@ -160,9 +166,9 @@ class Effect(ABC):
         """How many of these standard deviations a fit may take it to beside a model that lacks the effect."""
         return 2.0
 
-    def remarkable(self, parameter: Parameter, away: float) -> bool:
-        """Whether a parameter so far from where it does nothing is more than what every material and rig has."""
-        return not abs(away) <= (_looked_up(self.unremarkable, parameter) or 0.0)
+    def usual(self, parameter: Parameter) -> float:
+        """How far from where it does nothing a parameter is in every material and every rig."""
+        return _looked_up(self.unremarkable, parameter) or 0.0
 
     def possible(self, parameter: Parameter) -> tuple[float, float] | None:
         """Range of a parameter's values that is physically possible, None where `admissible` says nothing of it."""

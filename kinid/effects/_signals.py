@@ -197,6 +197,7 @@ class RestForm:
         joint: length of the bristles of a joint's friction, in stated ones (`effects._axes.BRISTLE`).
         joint_speed: above which a joint's friction is full [rad/s, m/s], in place of bristles; 0 for bristles.
         kept: whether a contact's bristles stay bent, and turn, where the tool is outside, as of a tip that something sticks to.
+        anew: whether a material remembers nothing of the touch before, as where each touch is at a place of its own.
     """
 
     share: float = ELASTIC
@@ -204,6 +205,7 @@ class RestForm:
     joint: float = 1.0
     joint_speed: float = 0.0
     kept: bool = False
+    anew: bool = False
 
 
 @dataclass(eq=False)
@@ -218,7 +220,8 @@ class Signals:
         rest: form of dry friction at rest.
         measured: measured readings, (channels, n); no law is driven by them.
         compliance: of the arm along the normal, which the contact law is behind [m/N].
-        elastic: elastic force F_e [N], (n,). exponent: of its power law. normal: N [N], (n,).
+        elastic: elastic force F_e [N], (n,). exponent: of its power law. normal: N [N], (n,). pull: of bonds, which
+            is in N already [N], (n,).
         recalls: how laws that remember the path behind them do, for those that look through a compliance.
         agreed: behind a compliance: on the way, what was agreed on beside this prediction, None for nothing; in the end, here.
         beside: whether only what changes from there is asked for, and to a share of that.
@@ -245,6 +248,7 @@ class Signals:
     elastic: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
     exponent: float = 1.0
     normal: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
+    pull: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
     recalls: tuple[Callable[[], Recall], ...] = ()
     agreed: Agreement | None = None
     beside: bool = False
@@ -269,7 +273,7 @@ class Signals:
         out = self.copy()
         out.compliance, out.exponent, out.bristle = 0.0, 1.0, self.rest.length
         out.recalls, out.agreed, out.touch = (), None, self.everywhere if self.rest.kept else None
-        out.elastic, out.normal, out.mu, out.tangential, out.reading = none, none, pair, pair, reading
+        out.elastic, out.normal, out.pull, out.mu, out.tangential, out.reading = none, none, none, pair, pair, reading
         return out
 
     @cached_property
@@ -292,6 +296,13 @@ class Signals:
         return np.where((self.dt == 0.0) & (gone <= REMEMBERED), gone, self.dt)
 
     @property
+    def flowing(self) -> Array:
+        """The same for what flows in a material: where each touch begins anew, memory does [s], (n,)."""
+        if not self.rest.anew:
+            return self.lasting
+        return np.where(self.inside & ~np.r_[False, self.inside[:-1]], 0.0, self.lasting)
+
+    @property
     def runs(self) -> list[slice]:
         """The samples between two gaps, each piece by itself; memory begins anew in each."""
         edges = [*np.flatnonzero(self.dt == 0.0).tolist(), len(self)]
@@ -301,6 +312,11 @@ class Signals:
     def inside(self) -> NDArray[np.bool_]:
         """Whether the tip is in the material, (n,)."""
         return np.asarray(self.depth > 0.0)
+
+    @property
+    def load(self) -> Array:
+        """What presses the surfaces together, and makes them rub: N without the pull of bonds [N], (n,)."""
+        return self.normal + self.pull
 
     @property
     def penetration(self) -> Array:

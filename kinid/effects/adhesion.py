@@ -23,7 +23,7 @@ class Adhesion(Effect):
     retraction of r [m]. Outside the material a neck tears, g(x) = (1 − xᵖ)²: nothing jumps at pull-off, but what has a neck of
     large p tears late and fast. On touching anew everything begins again. Cases, within some per cent of the pull: a constant
     pull with a neck (p large), stress that ends at a distance (Dugdale, p near 1.3), and a soft sphere (JKR: F₀ with p large,
-    beside a base `hertz`).
+    beside a base `hertz`). What rubs is the surfaces' load, N without the pull (B. V. Derjaguin, Wear 128, 1988).
     """
 
     id = "adhesion"
@@ -63,7 +63,8 @@ class Adhesion(Effect):
         recalled_deepest(s.depth, s.dt, -length, keep, reach, before)
         most = np.maximum(before, s.penetration * reach[:, 0])
         pull = tack - force * np.expm1(np.minimum(s.depth - most, 0.0) / rise)
-        s.normal = s.normal - np.where(most > 0.0, pull * _left(s.depth, length, neck), 0.0)
+        s.pull = np.where(most > 0.0, pull * _left(s.depth, length, neck), 0.0)
+        s.normal = s.normal - s.pull
         if s.compliance > 0.0:
             depth = s.depth
 

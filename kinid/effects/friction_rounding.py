@@ -52,5 +52,5 @@ class FrictionRounding(Effect):
         v = s.slip_rate
         touching = s.inside if s.touch is None else s.touch > 0.0
         u = np.where(touching, v / np.sqrt(np.sum(v**2, axis=0) + p[0] ** 2), 0.0)
-        s.tangential = s.tangential - s.mu * s.normal * u
+        s.tangential = s.tangential - s.mu * s.load * u
         s.mu = s.zeros[1]

@@ -44,6 +44,7 @@ class GravityError(Effect):
     needs = ("joints",)
     null = {"error": 0.0, "moment": 0.0}
     calibration_tolerance = {"error": 0.034}  # a base that is level to 0.2°, times g
+    unremarkable = {"error": 0.068, "moment": 0.01}  # the same, and links whose description is a kilogram-centimetre off
     # twice g: it points the other way; the whole upper arm of a robot for 10 kg has some 4 kg·m
     admissible = {"error": (-20.0, 20.0), "moment": (-10.0, 10.0)}
     generalises = ("payload",)

@@ -37,9 +37,9 @@ class JointFrictionAsymmetry(Effect):
             for a in axes(layout) for name, symbol, unit in (("asymmetry", "a", a.per("·s")), ("dry", "d", a.torque))
         )  # fmt: skip
 
-    def remarkable(self, parameter: Parameter, away: float) -> bool:
-        """Whether it is more than the offset of a sensor; viscosity is measured in the same torque, at 1 rad/s."""
-        return not abs(away) <= usual_offset(parameter.name)
+    def usual(self, parameter: Parameter) -> float:
+        """The offset of a sensor; viscosity is measured in the same torque, at 1 rad/s."""
+        return usual_offset(parameter.name)
 
     def implausible(self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None) -> str:
         """Friction that gives energy in one direction."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from dataclasses import dataclass
 from typing import final
 
 from kinid.effects._axes import axes
@@ -9,19 +11,27 @@ from kinid.effects._effect import Effect
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
+#: effect that holds the torque of a spring at the encoder's zero, too
+OFFSET = "joint-torque-offset"
+
 
 @final
+@dataclass(frozen=True)
 class JointSpring(Effect):
-    """τ += k q: a balancer, a hose or a cable that pulls back in proportion to the angle; k < 0 where it pushes on.
+    """τ += k q + τ₀: a balancer, a hose or a cable that pulls back in proportion to the angle; k < 0 where it pushes on.
 
-    q counts from the encoder's zero. Of a spring that is at rest at q₀ the rest, −k q₀, is a constant, and nothing tells it
-    from the zero of the torque: `joint-torque-offset` holds both. With it in the model the spring rests at q₀ = −τ₀/k, as far
-    as the torque has no offset of its own.
+    q counts from the encoder's zero, where the spring pulls with τ₀: it is at rest at −τ₀/k. Nothing tells τ₀ from an offset of
+    the torque's zero: beside `joint-torque-offset`, which holds both, it is fixed at 0.
+
+    Args:
+        preloaded: whether τ₀ is open.
     """
+
+    preloaded: bool = True
 
     id = "joint-spring"
     title = "springs beside the joints"
-    equation = "τ += k q"
+    equation = "τ += k q + τ₀"
     source = "R. Hooke, De potentia restitutiva, 1678; of arms: J. L. Herder, Energy-free Systems, TU Delft, 2001 (balancers)"
     signature = "torque that follows the angle of its joint in a straight line, whatever the others do"
     confusions = {
@@ -32,17 +42,26 @@ class JointSpring(Effect):
     }
     excited_by = "a wide range of angles, with the other joints in several positions"
     needs = ("joints",)
-    null = {"rate": 0.0}
+    null = {"rate": 0.0, "preload": 0.0}
     admissible = {"rate": (-1e5, 1e5)}  # of either sign: a balancer pushes on beyond its dead centre
+    generalises = (OFFSET,)
+    holds = (OFFSET,)
+
+    def beside(self, names: Collection[str]) -> JointSpring:
+        """Without a torque at the encoder's zero where an offset holds it."""
+        return JointSpring(OFFSET not in names)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
-        """Spring rate of each joint."""
-        return tuple(
-            Parameter(f"rate{a.suffix}", "k", a.per(), 0.0, -1e6 * a.size, 1e6 * a.size, scale=0.1 * a.size, linear=True)
-            for a in axes(layout)
-        )
+        """Rate of the spring of each joint, and its torque at the encoder's zero."""
+        out = []
+        for a in axes(layout):
+            stiff, most, scale = 1e6 * a.size, 1e6 * a.size if self.preloaded else 0.0, 0.1 * a.size
+            out += [Parameter(f"rate{a.suffix}", "k", a.per(), 0.0, -stiff, stiff, scale=scale, linear=True),
+                    Parameter(f"preload{a.suffix}", "τ₀", a.torque, 0.0, -most, most, scale=scale, linear=True)]  # fmt: skip
+        return tuple(out)
 
     def joint(self, s: Signals, p: Array) -> None:
         """Add the torque."""
         assert s.joints is not None
-        s.reading = s.reading + p[:, None] * s.joints.q
+        rate, preload = p.reshape(-1, 2).T[:, :, None]
+        s.reading = s.reading + rate * s.joints.q + preload

@@ -32,7 +32,7 @@ class JointTorqueGain(Effect):
     excited_by = "gravity and acceleration that the robot's model knows"
     needs = ("joints",)
     null = {"gain": 0.0}
-    unremarkable = {"gain": 0.02}  # no calibration of an arm's torques is better
+    calibration_tolerance = {"gain": 0.01}  # no calibration of an arm's torques is better
     admissible = {"gain": (-0.995, 1e3)}  # a gain of 0 reads nothing; as a current in A, 1 N·m is some hundredths at least
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:

@@ -31,9 +31,9 @@ class JointTorqueOffset(Effect):
             for a in axes(layout)
         )
 
-    def remarkable(self, parameter: Parameter, away: float) -> bool:
-        """Whether the sensor of an arm's joint is off by more than any is."""
-        return not abs(away) <= usual_offset(parameter.name)
+    def usual(self, parameter: Parameter) -> float:
+        """What the sensor of an arm's joint is off by."""
+        return usual_offset(parameter.name)
 
     def joint(self, s: Signals, p: Array) -> None:
         """Add the offset."""

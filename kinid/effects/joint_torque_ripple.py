@@ -107,9 +107,12 @@ class JointTorqueRipple(Effect):
         return tuple(np.concatenate([trial[:, None], rest], axis=1).ravel() for trial in trials)
 
     def implausible(self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None) -> str:
-        """A ripple that is larger than the torque that it is part of, too."""
-        if signals is not None and signals.measured is not None:
+        """A ripple that is larger than the torque that it is part of, or one without a whole period in the travel, too."""
+        if signals is not None and signals.measured is not None and signals.joints is not None:
             for j, axis in enumerate(axes(signals.layout)):
+                order, travel = values.get(f"order{axis.suffix}", np.inf), float(np.ptp(signals.joints.q[j]))
+                if order * travel < 2.0 * np.pi:
+                    return f"a ripple with a period of {2.0 * np.pi / order:.3g} {axis.position} in a travel of {travel:.3g}"
                 end = f"{axis.suffix.strip('[]')}," if axis.suffix else ""
                 size = float(np.hypot(values.get(f"sine[{end}1]", 0.0), values.get(f"cosine[{end}1]", 0.0)))
                 most = float(np.nanmax(np.abs(signals.measured[j]), initial=0.0))
@@ -124,9 +127,7 @@ class JointTorqueRipple(Effect):
         reading = s.reading.copy()
         for (axis, _), (order, *waves) in zip(self._joints(s.layout), p.reshape(-1, 1 + 2 * len(HARMONICS))):
             j = places[axis.suffix]
-            for h, (sine, cosine) in zip(HARMONICS, zip(waves[::2], waves[1::2])):
-                angle = h * order * s.joints.q[j]
-                reading[j] = reading[j] + sine * np.sin(angle) + cosine * np.cos(angle)
+            reading[j] += np.asarray(waves) @ _waves(s.joints.q, j, order)
         s.reading = reading
 
     def _joints(self, layout: Layout) -> list[tuple[Axis, float]]:
@@ -135,6 +136,14 @@ class JointTorqueRipple(Effect):
             return [(axis, 100.0) for axis in axes(layout)]
         known = dict(self.orders)
         return [(axis, known[axis.suffix]) for axis in axes(layout) if axis.suffix in known]
+
+
+def _waves(q: Array, j: int, order: float) -> Array:
+    """Sine and cosine of each harmonic of a joint's angle, (2 · harmonics, n)."""
+    def make() -> Array:
+        return np.stack([wave(h * order * q[j]) for h in HARMONICS for wave in (np.sin, np.cos)])
+
+    return derived(f"waves of joint {j}", make, q, at=(float(order),))
 
 
 def _lines(s: Signals, j: int, axis: Axis) -> tuple[list[float], float]:

@@ -40,4 +40,4 @@ class LoadDependentFriction(Effect):
     def friction(self, s: Signals, p: Array) -> None:
         """Scale the coefficient."""
         # below a millinewton the coefficient stays what it is there: its power would be infinite at no load
-        s.mu = s.mu * np.power(np.maximum(s.normal, 1e-3), p[0])
+        s.mu = s.mu * np.power(np.maximum(s.load, 1e-3), p[0])

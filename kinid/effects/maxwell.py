@@ -46,5 +46,5 @@ class Maxwell(Effect):
     def normal(self, s: Signals, p: Array) -> None:
         """Take off what has flowed."""
         flowed = np.empty(len(s))
-        lowpass(s.elastic, s.lasting, p[1], flowed)
+        lowpass(s.elastic, s.flowing, p[1], flowed)
         s.normal = s.normal - np.minimum(flowed, s.elastic) * s.inside

@@ -93,6 +93,6 @@ class Relaxation(Effect):
         """Take off what has flowed."""
         flowed, total = np.empty(len(s)), np.zeros(len(s))
         for ratio, time_constant in p.reshape(-1, 2):
-            lowpass(s.elastic, s.lasting, time_constant, flowed)
+            lowpass(s.elastic, s.flowing, time_constant, flowed)
             total = total + ratio * flowed
         s.normal = s.normal - np.minimum(total, s.elastic) * s.inside

@@ -27,6 +27,7 @@ class RotorInertia(Effect):
     excited_by = "acceleration in several poses"
     needs = ("joints",)
     null = {"inertia": 0.0}
+    unremarkable = {"inertia[N·m·s²/rad]": 0.005}  # a payload about itself; rotors of arms have 20 times more
     admissible = {"inertia": (0.0, math.inf)}  # kinetic energy is positive
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:

@@ -35,9 +35,9 @@ class SensorDrift(Effect):
             for name, unit in zip(layout.channels, layout.units)
         )
 
-    def remarkable(self, parameter: Parameter, away: float) -> bool:
-        """Whether a slope is more than half of one that matters: any sensor in any room has so much."""
-        return not abs(away) <= 0.5 * parameter.scale
+    def usual(self, parameter: Parameter) -> float:
+        """Half of a slope that matters: any sensor in any room has so much."""
+        return 0.5 * parameter.scale
 
     def sensor(self, s: Signals, p: Array) -> None:
         """Add the ramps."""

@@ -51,5 +51,5 @@ class Zener(Effect):
     def normal(self, s: Signals, p: Array) -> None:
         """Take off what has flowed in the branch."""
         flowed = np.empty(len(s))
-        lowpass(s.elastic, s.lasting, p[2], flowed)
+        lowpass(s.elastic, s.flowing, p[2], flowed)
         s.normal = s.normal - np.minimum(p[1] / (1.0 + p[1]) * flowed, s.elastic) * s.inside

@@ -43,6 +43,8 @@ def why_inapplicable(effect: Effect, model: Model, base: str | None, layout: Lay
          "it acts on the whole wrench: record joints and the six channels of the sensor"),
         (layout.kind == "contact" and not slides and stages <= {"friction"}, "no tangential force was recorded"),
         (not torques and "normal" in effect.needs and base is None, "it acts on contact, and the model has no contact law"),
+        (any(effect.id in other.holds for other in model.effects),
+         f"{next((other.id for other in model.effects if effect.id in other.holds), '')} holds it already"),
         (bool(effect.wants) and not any(name in model for name in effect.wants),
          f"it acts on {' or '.join(effect.wants)}, which the model lacks"),
         (not effect.parameters(layout), "this log lacks the channels that it acts on"),
@@ -56,7 +58,7 @@ def amplitudes(effect: Effect, layout: Layout, base: str | None) -> dict[int, fl
     out = {}
     for i, p in enumerate(effect.parameters(layout)):
         key = p.name if p.name in null else p.name.split("[")[0]
-        if key in null:
+        if key in null and not p.fixed:
             out[i] = null[key]
     return out
 

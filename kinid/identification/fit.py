@@ -20,6 +20,7 @@ from kinid.identification import warnings as doubts
 from kinid.identification.covariance import covariance_of
 from kinid.identification.estimation import estimate
 from kinid.identification.lack_of_fit import LackOfFit, error_rows, error_unit, lack_of_fit, rms
+from kinid.identification.nuisance import with_calibration
 from kinid.identification.solver import State, shown_values
 from kinid.identification.whole import held_out_residual, train_residual
 from kinid.log import Log
@@ -103,8 +104,10 @@ class Fit:
         return self.solution.values
 
     def predict(self, experiment: Experiment | None = None) -> Array:
-        """Readings that the fitted model expects, (channels, n)."""
-        return self.model.predict((experiment or self.experiment).signals, self.values)
+        """Readings that the fitted model expects, with what was found of the rig's calibration, (channels, n)."""
+        signals = (experiment or self.experiment).signals
+        same_channels = signals.layout == self.experiment.layout
+        return with_calibration(self.model, self.values, self.state.open_ if same_channels else (), self.state.shift, signals)
 
     def equation(self) -> str:
         """The model as equations with its numbers."""
@@ -112,7 +115,7 @@ class Fit:
         for effect in self.model.effects:
             numbers = ", ".join(
                 f"{p.symbol}{_bracket(p.name)} = {self.parameters[f'{effect.id}.{p.name}'].value:.4g} {p.unit}".removesuffix(" 1")
-                for p in effect.parameters(self.experiment.layout)
+                for p in effect.parameters(self.experiment.layout) if not p.fixed
             )
             lines.append(f"{effect.id}: {effect.equation}" + (f"   with {numbers}" if numbers else ""))
         return "\n".join(lines)
@@ -202,6 +205,8 @@ def fit_of(state: State, experiment: Experiment, *, held_out: bool = True, train
     half = Z95 * solution.standard_errors
     fitted = {}
     for (name, p), v, h in zip(named.items(), solution.values, half):
+        if p.fixed:
+            continue
         low, high = (max(v - h, p.low), min(v + h, p.high)) if np.isfinite(h) else (-np.inf, np.inf)
         fitted[name] = FittedParameter(name, float(v), float(low), float(high), p.unit)
     return Fit(model, fitted, error, tuple(out), solution, experiment, state, left)
@@ -215,7 +220,8 @@ def _enough(state: State) -> bool:
 
 def _at_bound(state: State) -> Mask:
     named = state.model.parameters(state.problem.layout).values()
-    return np.array([v <= p.low + 1e-6 * p.scale or v >= p.high - 1e-6 * p.scale for p, v in zip(named, state.values)], np.bool_)
+    return np.array([not p.fixed and (v <= p.low + 1e-6 * p.scale or v >= p.high - 1e-6 * p.scale)
+                     for p, v in zip(named, state.values)], np.bool_)  # fmt: skip
 
 
 def _refuse_idle(model: Model, experiment: Experiment) -> None:

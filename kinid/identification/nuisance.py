@@ -6,6 +6,7 @@ the model hasn't got it, the fit takes along its first-order change of the readi
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,6 +59,15 @@ def predict_with(nuisance: Nuisance, model: Model, values: Array, signals: Signa
     own = np.array([null.get(i, p.nominal) for i, p in enumerate(nuisance.effect.parameters(signals.layout))])
     own[nuisance.index] += nuisance.sd
     return larger.predict(signals, np.insert(values, before, own), near)
+
+
+def with_calibration(model: Model, values: Array, open_: Sequence[Nuisance], shift: Array, signals: Signals) -> Array:
+    """Readings that a model expects with so many tolerances of each open quantity, as far as those are trusted, (channels, n)."""
+    here = model.course(signals, values)
+    out = here.reading.copy()
+    for nuisance, amount in zip(open_, trusted(shift)):
+        out += amount * (predict_with(nuisance, model, values, signals, here) - here.reading)
+    return out
 
 
 def nuisance_columns(problem: Problem, model: Model, values: Array, here: Course, open_: tuple[Nuisance, ...]) -> Array:

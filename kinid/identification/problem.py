@@ -69,7 +69,7 @@ class Problem:
         channels = len(experiment.measured)
         rate = MEAN_RATE if channels * span * MEAN_RATE < MANY_MEANS else 0.5 * MEAN_RATE
         rate = min(rate, TORQUE_RATE) if s.joints is not None else rate
-        size = max(1, int(1.0 / (rate * sample_period(s)) + 1e-6), math.ceil(experiment.measured.size / MAX_MEANS))
+        size = max(1, round(1.0 / (rate * sample_period(s))), math.ceil(experiment.measured.size / MAX_MEANS))
         size = max(1, min(size, len(s) // MIN_MEANS))
         begin, end = group_edges(s, experiment.valid, size)
         length = _block_length(span)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.effects._signals import RestForm
-from kinid.identification.solver import State, relearn, search
+from kinid.identification.solver import ROUGHLY, State, relearn, search
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ def with_rest_form(state: State) -> State:
     hundredth of a degree, or over some speed where grease carries them. What bends bristles before the touch is as open: most
     spring back in the air, a film that sticks to the tip doesn't. A contact's bristles that are far off are an effect.
     """
-    best = best_form(state)
+    best = _memory_form(best_form(state))
     if _rest(best).kept != _rest(state).kept:
         best = best_form(best)
     for field in REFINED:
@@ -65,7 +65,8 @@ def _noticed(state: State, change: Array) -> bool:
 def _under(state: State, rest: RestForm) -> tuple[State, float]:
     """The state under another form, and its squared held-out error in units of what this one leaves."""
     problem = state.problem.with_rest(rest)
-    other = search(problem, state.model, state.values, state.error, shift=state.shift, max_steps=FORM_STEPS)
+    other = search(problem, state.model, state.values, state.error, shift=state.shift, max_steps=FORM_STEPS, like=state,
+                   ends=ROUGHLY)
     return other, _squares(other, state)
 
 
@@ -105,6 +106,15 @@ def best_form(state: State) -> State:
         return state
     other, least = _under(state, forms[int(np.argmin(costs))])
     return other if least < BETTER_FORM * _squares(state, state) else state
+
+
+def _memory_form(state: State) -> State:
+    """The state, or that whose material remembers touches where this one's doesn't, and the other way about."""
+    other = dataclasses.replace(_rest(state), anew=not _rest(state).anew)
+    if not _noticed(state, _change(state, other)):
+        return state
+    tried, left = _under(state, other)
+    return tried if left < BETTER_FORM * _squares(state, state) else state
 
 
 def _refined(state: State, field: str) -> State:

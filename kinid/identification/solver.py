@@ -21,8 +21,9 @@ Mask = NDArray[np.bool_]
 
 #: precision of a prior that keeps directions that no reading sees from wandering, per squared scale of a parameter
 RIDGE = 1e-8
-#: a search ends where a step gains less than this, in units of a mean's error
-CONVERGED = 1e-2
+#: a search ends where a step gains less than this, in units of a mean's error, and than this share of what is left; where models
+#: are only compared, a rougher end does
+CONVERGED, ROUGHLY = (1e-2, 1e-7), (0.3, 1e-5)
 #: share of the common fit's information that holds a fold's directions which that fold doesn't see
 FOLD_RIDGE = 1e-3
 #: how often the error model is learnt anew from the residual of the fit
@@ -30,7 +31,7 @@ RELEARNED = 2
 #: a step is taken where it gains this share of what the linear view expects, at least
 FAITHFUL = 0.05
 #: a step that gains less than this share of what the linear view expects is made good along what enters linearly
-CURVED = 0.75
+CURVED = 0.5
 #: what nuisances do is looked at anew where a search has come to this share of the cost
 FAR = 0.7
 #: parameters are moved by this share of their scale to see what they do
@@ -169,10 +170,10 @@ def prior_precision(model: Model, problem: Problem, nuisance_count: int) -> Arra
 
 
 def held_parameters(model: Model, problem: Problem) -> Array:
-    """Parameters that are read off the samples (of a converter, of the end of a range), NaN for the free ones, (p,)."""
+    """Parameters that are read off the samples (of a converter, of the end of a range) or fixed, NaN for the free ones, (p,)."""
     out = []
     for effect in model.effects:
-        free = np.full(len(effect.parameters(problem.layout)), np.nan)
+        free = np.array([p.nominal if p.fixed else np.nan for p in effect.parameters(problem.layout)])
         marks = effect.marks(problem.whole.raw) if effect.detector else None
         out.append(free if marks is None else marks[1])
     return np.concatenate(out) if out else np.zeros(0)
@@ -199,7 +200,7 @@ class _Search:
     """One search; all quantities belong to its present place."""
 
     def __init__(self, problem: Problem, model: Model, start: Array, shift: Array | None, error: ErrorModel,
-                 possible: Effect | None, known: Array | None) -> None:  # fmt: skip
+                 possible: Effect | None, known: Array | None, like: State | None) -> None:  # fmt: skip
         self.problem, self.model, self.error = problem, model, error
         named = model.parameters(problem.layout)
         self.scale = np.array([p.scale for p in named.values()])
@@ -235,16 +236,21 @@ class _Search:
             np.multiply(known, self.weight.reshape(-1, 1), out=self.jacobian)
             self.squares = self.jacobian.T @ self.jacobian
         if known is None:
-            self.open_up()
+            self.open_up(like)
         self.residual, self.cost = self.compare(self.here, self.x, self.shift)
         self.renewed = self.cost
         if known is None:
             self.differentiate()
 
-    def open_up(self) -> None:
-        """What nuisances do here."""
+    def open_up(self, like: State | None = None) -> None:
+        """What nuisances do here, or to begin with, what they do to a state of a model that is nearly the same."""
         p = len(self.x)
-        columns = nuisance_columns(self.problem, self.model, self.x, self.here, self.open_)
+        there = {} if like is None else {(n.effect.id, n.index): j for j, n in enumerate(like.open_, len(like.values))}
+        places = [there.get((n.effect.id, n.index), -1) for n in self.open_]
+        if like is not None and -1 not in places:
+            columns = like.jacobian[:, places]
+        else:
+            columns = nuisance_columns(self.problem, self.model, self.x, self.here, self.open_)
         np.multiply(columns, self.weight.reshape(-1, 1), out=self.jacobian[:, p:])
         self.squares[p:, p:] = self.jacobian[:, p:].T @ self.jacobian[:, p:]
 
@@ -291,7 +297,7 @@ class _Search:
             self.jacobian[:, j] += missed * v[j]
         self.fresh = False
 
-    def run(self, max_steps: int) -> State:
+    def run(self, max_steps: int, ends: tuple[float, float]) -> State:
         """Search, and tell where it ended."""
         # a jacobian that came along belongs to this place
         self.fresh = True
@@ -302,7 +308,7 @@ class _Search:
             before = self.cost
             gain, moved, actual, expected = self.step(gradient, free, damping)
             if gain <= 0.0:
-                if abs(expected) < CONVERGED and self.fresh:
+                if abs(expected) < ends[0] and self.fresh:
                     converged = True
                 elif not self.fresh:
                     self.differentiate()
@@ -311,7 +317,7 @@ class _Search:
                 else:
                     damping = max(damping, 1e-6) * 10.0
                 continue
-            if gain < CONVERGED + 1e-7 * before and self.fresh:
+            if gain < ends[0] + ends[1] * before and self.fresh:
                 converged = True
                 break
             damping = max(damping / 10.0, 1e-9) if gain > 0.5 * expected else damping * 3.0
@@ -408,16 +414,18 @@ def solve_between(h: Array, g: Array, low: Array, high: Array) -> Array:
 
 
 def search(problem: Problem, model: Model, start: Array, error: ErrorModel, *, shift: Array | None = None,
-           known: Array | None = None, max_steps: int = 30, possible: Effect | None = None) -> State:  # fmt: skip
+           known: Array | None = None, max_steps: int = 30, possible: Effect | None = None, like: State | None = None,
+           ends: tuple[float, float] = CONVERGED) -> State:  # fmt: skip
     """Weighted least squares from a start, with a given error model.
 
     Args:
         problem, model: what is fitted to what. start: values (p,). error: that weighs. shift: of nuisances to begin at, (k,).
         known: the jacobian at the start, where another search ended there. max_steps: of the search.
-        possible: an effect whose values are held to those that can be.
+        possible: an effect whose values are held to those that can be. like: of a model that is nearly the same, whose nuisances'
+            columns do to begin with. ends: what a step must gain, absolutely and as a share, for the search to go on.
     """
     with np.errstate(all="ignore"):  # a step too far is taken back
-        return _Search(problem, model, start, shift, error, possible, known).run(max_steps)
+        return _Search(problem, model, start, shift, error, possible, known, like).run(max_steps, ends)
 
 
 def first_error_model(problem: Problem) -> ErrorModel:

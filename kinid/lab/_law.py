@@ -19,8 +19,9 @@ STIFFNESS, DAMPING, FRICTION, LAYER, LAYER_DEPTH = range(5)
 FIELDS = 5
 # memory
 (
-    _Y1, _Y2, _FE, _Z, _ZW, _DEPTH, _MOST, _BOND, _U1, _U2, _W1, _W2, _S1, _S2, _X1, _X2, _TOUCH, _EFFECTIVE, FORCE,
-) = range(19)  # fmt: skip
+    _Y1, _Y2, _FE, _Z, _ZW, _DEPTH, _MOST, _BOND, _U1, _U2, _W1, _W2, _S1, _S2, _X1, _X2, _TOUCH, _EFFECTIVE, _PULL,
+    FORCE,
+) = range(20)  # fmt: skip
 MEMORY = FORCE + 3
 
 _AHEAD = 0.02  # share of a bristle's length that is purely elastic (Dupont et al. 2002)
@@ -78,6 +79,7 @@ def _normal(depth: float, rate: float, t: float, dt: float, m: Array, new: Array
             if depth < 0.0:
                 gone = depth / p[PULL_LENGTH]
                 pull *= (1.0 - gone * gone) ** 2
+    new[_PULL] = pull
     elastic = 0.0
     if depth > 0.0:
         elastic = at[STIFFNESS] * (depth if p[EXPONENT] == 1.0 else depth ** p[EXPONENT])
@@ -162,7 +164,7 @@ def contact(x: Array, v: Array, t: float, dt: float, m: Array, new: Array, table
         w1, w2 = _AHEAD * length * d1, _AHEAD * length * d2
         u1, u2 = d1 + (u1 - d1) * e, d2 + (u2 - d2) * e
     new[_W1], new[_W2], new[_U1], new[_U2] = w1, w2, u1, u2
-    load = max(normal, 0.0)
+    load = max(normal + new[_PULL], 0.0)  # a bond doesn't take off what presses the surfaces together
     mu = at[FRICTION]
     if p[STRIBECK] != 0.0:
         mu += p[STRIBECK] * np.exp(-(v[0] * v[0] + v[1] * v[1]) / p[STRIBECK_SPEED] ** 2)

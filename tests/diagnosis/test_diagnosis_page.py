@@ -11,7 +11,6 @@ import pytest
 from numpy.typing import NDArray
 
 from kinid.cli.show_diagnosis import show_diagnosis
-from kinid.diagnosis.localization import where
 from kinid.diagnosis.result import Diagnosis, EffectVerdict, Step
 from kinid.diagnosis.words import headline, leftover, one_sided
 from kinid.diagnosis_figures import MOST_POINTS, Shown, decimate, loops, readings
@@ -24,6 +23,7 @@ from kinid.identification.lack_of_fit import lack_of_fit
 from kinid.identification.whole import held_out_residual
 from kinid.log import Provenance
 from kinid.model import Model
+from kinid.residuals.localization import where
 
 NOISE = 0.02
 SPITE = '<script>alert("x")</script> & [bold]'

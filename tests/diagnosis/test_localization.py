@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from kinid.diagnosis.localization import where
-from kinid.diagnosis.parts import phases
-from kinid.diagnosis.result import Cell
-from kinid.diagnosis.view import View
 from kinid.effects import JointMotion, Layout, SensorMotion, Signals
 from kinid.experiment import Experiment
+from kinid.residuals import Cell
+from kinid.residuals.localization import where
+from kinid.residuals.parts import phases
+from kinid.residuals.view import View
 
 Array = NDArray[np.float64]
 

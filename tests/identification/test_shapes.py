@@ -97,7 +97,7 @@ def test_a_stiffness_that_depends_on_the_place_is_found(name: str) -> None:
     print(f"{name}: {left / NOISE:.2f} of the noise")
     assert left < 0.5 * NOISE
     again = fit.model.predict(MOTION, {full: p.value for full, p in fit.parameters.items()})
-    np.testing.assert_allclose(again, fit.predict(), atol=1e-12)
+    np.testing.assert_allclose(again, fit.model.predict(fit.experiment.signals, fit.values), atol=1e-12)
 
 
 def test_a_thinned_log_keeps_its_clock_and_its_gaps() -> None:

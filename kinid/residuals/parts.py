@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.diagnosis.view import View
-from kinid.diagnosis.words import number, span
+from kinid.residuals.view import View
+from kinid.residuals.words import number, span
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

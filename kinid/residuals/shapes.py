@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.diagnosis.parts import STANDING, TURNING, Moving, runs
-from kinid.diagnosis.view import View
-from kinid.diagnosis.words import number
+from kinid.residuals.parts import STANDING, TURNING, Moving, runs
+from kinid.residuals.view import View
+from kinid.residuals.words import number
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -9,16 +9,17 @@ would hold if error were spread evenly within each phase, and blocks of half a s
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.diagnosis.parts import Moving, Part, moving, other_parts, phase_parts, phases
-from kinid.diagnosis.result import Cell
-from kinid.diagnosis.shapes import MAINS, NEAR, held_still, shape
-from kinid.diagnosis.view import View
-from kinid.diagnosis.words import channel_words, number, percent
 from kinid.experiment import Experiment
+from kinid.residuals.parts import Moving, Part, moving, other_parts, phase_parts, phases
+from kinid.residuals.shapes import MAINS, NEAR, held_still, shape
+from kinid.residuals.view import View
+from kinid.residuals.words import channel_words, number, percent
 
 Array = NDArray[np.float64]
 
@@ -36,6 +37,31 @@ CONSTANT = 0.8
 BANDS = (0.0, 0.5, 2.0, 5.0, 15.0, np.inf)
 #: a line holds this share of the whole error, and this multiple of what lies beside it
 LINE, STANDS_OUT = 0.02, 8.0
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A part of the log that holds a share of the error.
+
+    Attributes:
+        channel: of the reading. by: what the log was divided by ("phase", "depth", "depth_rate", "loading", "slip", "frequency",
+            "place", "pose", "time"); phase: the phase, where it was divided by that, else "".
+        share: of the whole squared error beyond the noise, 0…1. rms: of the residual there, in `unit`.
+        says: in words.
+    """
+
+    channel: str
+    by: str
+    phase: str
+    share: float
+    rms: float
+    unit: str
+    says: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"channel": self.channel, "phase": self.phase, "share": self.share, "says": self.says, "by": self.by,
+                "rms": self.rms, "unit": self.unit}  # fmt: skip
 
 
 def where(experiment: Experiment, residual: Array, sigma: Array, most: int = 8) -> tuple[Cell, ...]:
