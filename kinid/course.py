@@ -175,10 +175,10 @@ def _bristles(s: Signals) -> Array:
 
     def bend() -> Array:
         u = np.empty((2, len(s)))
-        bristles(s.slip_rate[0], s.slip_rate[1], s.dt, touch, s.bristle, u, s.rest.share)
+        bristles(s.slip_rate[0], s.slip_rate[1], s.dt, touch, s.bristle, u, s.rest.share, s.rest.tremor)
         return u
 
-    return derived("bristles", bend, s.slip_rate, touch, s.dt, at=(s.bristle, s.rest.share))
+    return derived("bristles", bend, s.slip_rate, touch, s.dt, at=(s.bristle, s.rest.share, s.rest.tremor))
 
 
 def _read(s: Signals, _: Array) -> None:

@@ -197,6 +197,7 @@ class RestForm:
         joint: length of the bristles of a joint's friction, in stated ones (`effects._axes.BRISTLE`).
         joint_speed: above which a joint's friction is full [rad/s, m/s], in place of bristles; 0 for bristles.
         kept: whether a contact's bristles stay bent, and turn, where the tool is outside, as of a tip that something sticks to.
+        tremor: mean speed of a contact's motion that is too fast to be seen, under which bent bristles creep back [m/s].
         anew: whether a material remembers nothing of the touch before, as where each touch is at a place of its own.
     """
 
@@ -205,6 +206,7 @@ class RestForm:
     joint: float = 1.0
     joint_speed: float = 0.0
     kept: bool = False
+    tremor: float = 0.0
     anew: bool = False
 
 

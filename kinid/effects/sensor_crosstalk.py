@@ -10,6 +10,9 @@ from kinid.effects._effect import Effect
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
+#: of an entry's size, what is usual, and what any calibration leaves
+USUAL, CALIBRATED = 0.05, 0.01
+
 
 @final
 class SensorCrosstalk(Effect):
@@ -44,6 +47,15 @@ class SensorCrosstalk(Effect):
         return tuple(
             Parameter(f"crosstalk[{pair}]", "c", unit, 0.0, -size, size, scale=0.01 * size) for pair, unit, size in pairs
         )
+
+    def prior(self, layout: Layout) -> Array | None:
+        """No entry is far beyond what data sheets state: few motions load a sensor along every direction alone."""
+        sizes = [USUAL * parameter.high for parameter in self.parameters(layout)]
+        return np.diag(1.0 / np.square(sizes)) if sizes else None
+
+    def usual(self, parameter: Parameter) -> float:
+        """What is left after calibration, as data sheets state it."""
+        return CALIBRATED * parameter.high
 
     def sensor(self, s: Signals, p: Array) -> None:
         """Mix the channels."""

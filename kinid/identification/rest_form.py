@@ -16,9 +16,11 @@ Array = NDArray[np.float64]
 #: forms that are tried: a contact's bristles, elastic over some share of a stated length that is one within a quarter; and a
 #: joint's bristles in stated lengths, or in their place speeds above which friction is full [rad/s, m/s]
 SHARES, LENGTHS = (0.02, 0.3, 0.7, 0.95), np.linspace(0.75e-4, 1.25e-4, 9)
+#: and speeds of what makes them creep back [m/s]
+TREMORS = (3e-5, 1e-4, 3e-4, 1e-3)
 JOINTS, SPEEDS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0), (5e-4, 0.001, 0.002, 0.004, 0.008, 0.016, 0.03, 0.06, 0.12)
 #: fields that are refined, with their ends
-REFINED = {"length": (0.75e-4, 1.25e-4), "joint": (0.1, 30.0), "joint_speed": (3e-4, 0.2)}
+REFINED = {"length": (0.75e-4, 1.25e-4), "tremor": (1e-6, 0.01), "joint": (0.1, 30.0), "joint_speed": (3e-4, 0.2)}
 #: steps of a search under another form, and refinements of one field
 FORM_STEPS, REFINEMENTS = 6, 3
 #: a form is another one where it changes readings by this share of their noise, and better where so much of the error is left
@@ -82,6 +84,7 @@ def _forms(state: State) -> list[RestForm]:
         longer = _noticed(state, _change(state, dataclasses.replace(rest, length=LENGTHS[-1])))
         lengths = LENGTHS if longer else (rest.length,)
         forms = [dataclasses.replace(rest, share=share, kept=not rest.kept) for share in SHARES]
+        forms += [dataclasses.replace(rest, tremor=tremor, share=share) for share in SHARES[:2] for tremor in TREMORS]
         forms += [dataclasses.replace(rest, share=share, length=float(length)) for share in SHARES for length in lengths]
     else:
         forms = [dataclasses.replace(rest, joint=joint, joint_speed=0.0) for joint in JOINTS]

@@ -41,7 +41,8 @@ def lowpass(x: Array, dt: Array, tau: float, out: Array) -> None:
 
 
 @njit(cache=True, nogil=True)
-def bristles(v1: Array, v2: Array, dt: Array, depth: Array, length: float, out: Array, elastic: float = ELASTIC) -> None:
+def bristles(v1: Array, v2: Array, dt: Array, depth: Array, length: float, out: Array, elastic: float = ELASTIC,
+             tremor: float = 0.0) -> None:  # fmt: skip
     """Deflection of bristles relative to their greatest, a vector of length ≤ 1 along the slip (Dahl 1968, in 2-D).
 
     u̇ = (v − |v| u) / ℓ, exact where the direction of slip is constant between samples (a step in which the slip turns back
@@ -52,7 +53,8 @@ def bristles(v1: Array, v2: Array, dt: Array, depth: Array, length: float, out: 
     Args:
         v1, v2: slip rates [m/s], (n,). dt: see above. depth: > 0 in contact, (n,); a flag does, too, but then a touch
             begins at the sample before.
-        length: ℓ [m]. out: (2, n). elastic: ε; 0 is Dahl's own.
+        length: ℓ [m]. out: (2, n). elastic: ε; 0 is Dahl's own. tremor: mean speed of what goes to and fro too fast to be
+            seen [m/s]: bristles creep back under it, u̇ = … − v_t u/ℓ.
     """
     u1, u2 = 0.0, 0.0
     w1, w2 = 0.0, 0.0
@@ -79,6 +81,9 @@ def bristles(v1: Array, v2: Array, dt: Array, depth: Array, length: float, out: 
                     u1 = e * u1 + (1.0 - e) * a
                     u2 = e * u2 + (1.0 - e) * b
                 begin = end
+            if tremor > 0.0:
+                e = np.exp(-tremor * step / length)
+                u1, u2, w1, w2 = e * u1, e * u2, e * w1, e * w2
         out[0, i] = (1.0 - elastic) * u1 + w1 / length
         out[1, i] = (1.0 - elastic) * u2 + w2 / length
 
