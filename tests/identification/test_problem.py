@@ -11,7 +11,7 @@ from scipy.signal import butter, sosfiltfilt
 
 import kinid
 from kinid.experiment import Experiment
-from kinid.identification.dataset import MAX_READINGS, MAX_SAMPLES, averaged
+from kinid.identification.dataset import MAX_DENSE, MAX_SAMPLES, averaged
 from kinid.identification.fit import all_channels
 from kinid.identification.problem import MANY_MEANS, MEAN_RATE, Problem
 
@@ -31,7 +31,7 @@ def _long(seconds: float, rate: float, channels: int = 1) -> Experiment:
 
 
 @pytest.mark.parametrize(("seconds", "rate", "channels", "many"), [
-    (20.0, 500.0, 3, 1), (80.0, 200.0, 3, 1), (60.0, 500.0, 1, 1), (60.0, 500.0, 3, 2), (60.0, 1000.0, 3, 3),
+    (20.0, 500.0, 3, 1), (80.0, 200.0, 3, 1), (60.0, 500.0, 1, 3), (60.0, 500.0, 3, 3), (60.0, 1000.0, 3, 6),
     (120.0, 500.0, 3, 3), (200.0, 250.0, 1, 2), (300.0, 1000.0, 1, 8),
 ])  # fmt: skip
 def test_long_logs_are_followed_in_means(seconds: float, rate: float, channels: int, many: int) -> None:
@@ -41,7 +41,7 @@ def test_long_logs_are_followed_in_means(seconds: float, rate: float, channels: 
     assert len(short.signals) == -(-len(whole.signals) // many)
     assert len(short.signals) <= MAX_SAMPLES
     needed = -(-len(whole.signals) // MAX_SAMPLES)
-    assert short.measured.size <= MAX_READINGS or rate / many >= 0.9 * 160.0 or many <= max(1, needed)
+    assert len(short.signals) <= MAX_DENSE or rate / many >= 0.9 * 160.0 or many <= max(1, needed)
     kept = len(whole.signals) // many * many
     mean = whole.measured[0, :kept].reshape(-1, many).mean(axis=1)
     np.testing.assert_allclose(short.measured[0, : len(mean)], mean, rtol=0, atol=1e-12)
