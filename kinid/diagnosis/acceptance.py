@@ -11,6 +11,7 @@ their gain is spread.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +22,7 @@ from kinid.effects import Effect
 from kinid.identification.initial_guesses import initial_values, nominal_values, project_linear
 from kinid.identification.nuisance import trusted
 from kinid.identification.rest_form import best_form, with_rest_form
-from kinid.identification.solver import ROUGHLY, State, linear_parameters, relearn, search
+from kinid.identification.solver import ROUGHLY, State, linear_parameters, parameter_bounds, relearn, search
 from kinid.model import Model
 
 Array = NDArray[np.float64]
@@ -124,10 +125,19 @@ def refit(before: State, candidates: list[Candidate]) -> Refit:
     own = dict(zip((p.name for p in effect.parameters(layout)), best.values[model.place(effect.id, layout)].tolist()))
     if effect.implausible(own, values, before.problem.experiment.signals):
         # along what the log leaves open a search may wander off: what counts is how well values do that can be
-        within = search(before.problem, model, best.values, before.error, max_steps=REFIT_STEPS, possible=effect, like=before,
-                        ends=ROUGHLY)
+        possible = [effect.possible(p) or (-np.inf, np.inf) for p in effect.parameters(layout)]
+        within = bounded(best, effect, possible, before)
         return Refit(effect, best.slim(), compare_states(before, within, before.error.sigma))
     return Refit(effect, best.slim(), compare_states(before, best, before.error.sigma))
+
+
+def bounded(state: State, effect: Effect, ranges: Sequence[tuple[float, float]], like: State) -> State:
+    """A state with an effect's parameters held to ranges, refitted with the error model of a state of nearly the same model."""
+    low, high = parameter_bounds(state.model, state.problem)
+    place = state.model.place(effect.id, state.problem.layout)
+    low[place], high[place] = np.maximum(low[place], [a for a, _ in ranges]), np.minimum(high[place], [b for _, b in ranges])
+    return search(state.problem, state.model, np.clip(state.values, low, high), like.error, max_steps=REFIT_STEPS,
+                  bounds=(low, high), like=like, ends=ROUGHLY)  # fmt: skip
 
 
 def reformed(before: State, tried: Refit) -> Refit:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid import effects
-from kinid.diagnosis.acceptance import Evidence, Refit, compare_states, refit, reformed, settle, without
+from kinid.diagnosis.acceptance import Evidence, Refit, bounded, compare_states, refit, reformed, settle, without
 from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.screening import Candidate, screen, screen_catalogue
 from kinid.diagnosis.settings import DiagnosisSettings
@@ -95,15 +95,21 @@ def acceptable(tried: Refit, before: State, settings: DiagnosisSettings) -> bool
     # what takes off most of the error leaves less that could speak against it
     needed *= max(0.5, 1.0 - e.share)
     return (e.significance > needed and e.share > settings.min_share and e.change > settings.min_reading_share
-            and _remarkable(tried) and not implausible(tried.state, before))  # fmt: skip
+            and not implausible(tried.state, before) and _remarkable(tried, settings))  # fmt: skip
 
 
-def _remarkable(tried: Refit) -> bool:
-    """Whether any amplitude of a refitted effect is more than what every material and rig has."""
-    layout, effect = tried.state.problem.layout, tried.effect
-    values = tried.state.values[tried.state.model.place(effect.id, layout)]
-    null, parameters = amplitudes(effect, layout, base_of(tried.state.model)), effect.parameters(layout)
-    return any(abs(values[i] - at) > effect.usual(parameters[i]) for i, at in null.items())
+def _remarkable(tried: Refit, settings: DiagnosisSettings) -> bool:
+    """Whether the log says more of a refitted effect than that it is as large as in every material and every rig."""
+    state, effect, layout = tried.state, tried.effect, tried.state.problem.layout
+    values, parameters = state.values[state.model.place(effect.id, layout)], effect.parameters(layout)
+    null = amplitudes(effect, layout, base_of(state.model))
+    usual = {i: effect.usual(parameters[i]) for i in null}
+    beyond = [i for i in null if abs(values[i] - null[i]) > usual[i]]
+    if not beyond or any(not usual[i] for i in beyond):
+        return bool(beyond)
+    ranges = [(null[i] - usual[i], null[i] + usual[i]) if i in null else (-np.inf, np.inf) for i in range(len(parameters))]
+    evidence = compare_states(bounded(state, effect, ranges, state), state, state.error.sigma)
+    return evidence.significance > settings.min_significance and evidence.share > settings.min_share
 
 
 def lowers_error(after: State, before: State) -> bool:

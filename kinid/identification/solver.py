@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.course import Course
-from kinid.effects import Effect
 from kinid.identification.dataset import sample_period
 from kinid.identification.error_model import ErrorModel, learn, motion_variance, reading_variance
 from kinid.identification.nuisance import Nuisance, nuisance_columns, nuisances
@@ -179,6 +178,12 @@ def held_parameters(model: Model, problem: Problem) -> Array:
     return np.concatenate(out) if out else np.zeros(0)
 
 
+def parameter_bounds(model: Model, problem: Problem) -> tuple[Array, Array]:
+    """Lowest and highest values of a model's parameters, each (p,)."""
+    named = model.parameters(problem.layout).values()
+    return np.array([p.low for p in named]), np.array([p.high for p in named])
+
+
 def linear_parameters(model: Model, problem: Problem) -> Mask:
     """Parameters that readings are affine in, all others held, (p,): not those of effects that bend what others predict."""
     return np.array([p.linear and effect.affine for effect in model.effects for p in effect.parameters(problem.layout)], np.bool_)
@@ -200,17 +205,11 @@ class _Search:
     """One search; all quantities belong to its present place."""
 
     def __init__(self, problem: Problem, model: Model, start: Array, shift: Array | None, error: ErrorModel,
-                 possible: Effect | None, known: Array | None, like: State | None) -> None:  # fmt: skip
+                 bounds: tuple[Array, Array] | None, known: Array | None, like: State | None) -> None:  # fmt: skip
         self.problem, self.model, self.error = problem, model, error
         named = model.parameters(problem.layout)
         self.scale = np.array([p.scale for p in named.values()])
-        self.low = np.array([p.low for p in named.values()])
-        self.high = np.array([p.high for p in named.values()])
-        if possible is not None:
-            begin = model.place(possible.id, problem.layout).start
-            for i, p in enumerate(possible.parameters(problem.layout), begin):
-                if (found := possible.possible(p)) is not None:
-                    self.low[i], self.high[i] = max(self.low[i], found[0]), min(self.high[i], found[1])
+        self.low, self.high = parameter_bounds(model, problem) if bounds is None else bounds
         held = held_parameters(model, problem)
         self.moving = np.isnan(held)
         room = 1e-6 * self.scale
@@ -414,18 +413,18 @@ def solve_between(h: Array, g: Array, low: Array, high: Array) -> Array:
 
 
 def search(problem: Problem, model: Model, start: Array, error: ErrorModel, *, shift: Array | None = None,
-           known: Array | None = None, max_steps: int = 30, possible: Effect | None = None, like: State | None = None,
+           known: Array | None = None, max_steps: int = 30, bounds: tuple[Array, Array] | None = None, like: State | None = None,
            ends: tuple[float, float] = CONVERGED) -> State:  # fmt: skip
     """Weighted least squares from a start, with a given error model.
 
     Args:
         problem, model: what is fitted to what. start: values (p,). error: that weighs. shift: of nuisances to begin at, (k,).
         known: the jacobian at the start, where another search ended there. max_steps: of the search.
-        possible: an effect whose values are held to those that can be. like: of a model that is nearly the same, whose nuisances'
-            columns do to begin with. ends: what a step must gain, absolutely and as a share, for the search to go on.
+        bounds: of the values, each (p,); those of the parameters if None. like: of a model that is nearly the same, whose
+            nuisances' columns do to begin with. ends: what a step must gain, absolutely and as a share, for the search to go on.
     """
     with np.errstate(all="ignore"):  # a step too far is taken back
-        return _Search(problem, model, start, shift, error, possible, known, like).run(max_steps, ends)
+        return _Search(problem, model, start, shift, error, bounds, known, like).run(max_steps, ends)
 
 
 def first_error_model(problem: Problem) -> ErrorModel:
