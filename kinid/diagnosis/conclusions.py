@@ -188,5 +188,6 @@ def _take(names: Sequence[str]) -> str:
 
 
 def _waits(name: str, rest: Sequence[str]) -> bool:
-    """Whether an effect acts on another one that isn't in the model yet."""
-    return bool(set(effects.get(name).wants) & (set(rest) - {name}))
+    """Whether an effect acts on another one, or holds another one, that isn't in the model yet."""
+    effect = effects.get(name)
+    return bool({*effect.wants, *effect.holds} & (set(rest) - {name}))

@@ -242,6 +242,8 @@ def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str]) -> Non
         if not removable(last.model, name):
             continue
         less = without(last, name)
+        if implausible(less, last):  # the others would have to stand in for it
+            continue
         evidence = compare_states(less, last, last.error.sigma)
         found.evidence[name] = evidence
         if evidence.significance < settings.min_significance or evidence.share < settings.min_share:
@@ -261,6 +263,8 @@ def _defend(found: Selection, settings: DiagnosisSettings, forced: Sequence[str]
             now, less = found.rounds[0], found.rounds[0].before
         else:
             less = without(last, name)
+            if implausible(less, last):
+                continue
             now = look(less, replace(settings, refits=MAX_RIVALS))
         own = next((t for t in now.refits if t.effect.id == name), None)
         if own is None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import final
 
-from kinid.effects._axes import axes
+import numpy as np
+
+from kinid.effects._axes import axes, usual_offset
 from kinid.effects._effect import Effect
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
@@ -59,6 +61,16 @@ class JointSpring(Effect):
             out += [Parameter(f"rate{a.suffix}", "k", a.per(), 0.0, -stiff, stiff, scale=scale, linear=True),
                     Parameter(f"preload{a.suffix}", "τ₀", a.torque, 0.0, -most, most, scale=scale, linear=True)]  # fmt: skip
         return tuple(out)
+
+    def implausible(self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None) -> str:
+        """A spring that is nowhere near its rest, too: what it pulls with is an offset."""
+        for j, axis in enumerate(axes(signals.layout) if signals is not None and signals.joints is not None else ()):
+            q = signals.joints.q[j]  # type: ignore[union-attr]
+            rate, preload = values.get(f"rate{axis.suffix}", 0.0), values.get(f"preload{axis.suffix}", 0.0)
+            middle, reach = 0.5 * float(q.min() + q.max()), 1.5 * float(np.ptp(q)) + (np.pi if axis.position == "rad" else 0.0)
+            if abs(rate * middle + preload) > abs(rate) * reach + usual_offset(f"preload{axis.suffix}"):
+                return f"a pull of {preload:.3g} {axis.torque} that {rate:.3g} {axis.per()} bring to rest far beyond the travel"
+        return super().implausible(values, model_values, signals)
 
     def joint(self, s: Signals, p: Array) -> None:
         """Add the torque."""
