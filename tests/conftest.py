@@ -30,7 +30,6 @@ NOT_REACHED = {
     "test_measured.py::test_the_drive_ends_at_friction": "the estimate of the motion leaves 1.9 N where a band of 50 Hz left 1.7",
     "test_silicone_remembers": "two cycles, held out: relaxation is 2.6 standard errors beyond a surface offset",
     "test_two_effects_that_help_only_together": "no pairs are tried",
-    "test_fit.py::test_lwr4plus_joint_friction_proves_itself": "smoothing logged accelerations costs joint 2 six percent",
     "test_fit.py::test_a_drive_needs_friction": "the estimate of the motion leaves 2.3 N where a band of 50 Hz left 2.2",
     "test_fit.py::test_detectors_read_their_values": "the interval of a stiffness behind a converter misses by 0.1 N/m",
     "test_writing.py::test_bag_and_table_get_the_same_verdict": "pieces between lost messages are smoothed each by itself",

@@ -97,5 +97,6 @@ def prediction_columns(result: Fit) -> dict[str, Any]:
     if force is not None and "normal_force" not in columns:
         from kinid.fit_plots import normal_of
 
-        columns |= {"normal_force": force, "normal_force_model": normal_of(result.experiment, predicted)}
+        # the contact's own force is without the sensor's bias
+        columns |= {"normal_force": force, "normal_force_model": normal_of(result.experiment, result.predict(calibrated=False))}
     return columns

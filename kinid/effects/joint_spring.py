@@ -62,6 +62,10 @@ class JointSpring(Effect):
                     Parameter(f"preload{a.suffix}", "τ₀", a.torque, 0.0, -most, most, scale=scale, linear=True)]  # fmt: skip
         return tuple(out)
 
+    def usual(self, parameter: Parameter) -> float:
+        """The offset of a sensor, and as much over a radian."""
+        return usual_offset(parameter.name)
+
     def implausible(self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None) -> str:
         """A spring that is nowhere near its rest, too: what it pulls with is an offset."""
         for j, axis in enumerate(axes(signals.layout) if signals is not None and signals.joints is not None else ()):

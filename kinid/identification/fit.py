@@ -103,11 +103,16 @@ class Fit:
         """Estimates in the model's order, (p,)."""
         return self.solution.values
 
-    def predict(self, experiment: Experiment | None = None) -> Array:
-        """Readings that the fitted model expects, with what was found of the rig's calibration, (channels, n)."""
+    def predict(self, experiment: Experiment | None = None, *, calibrated: bool = True) -> Array:
+        """Readings that the fitted model expects, (channels, n).
+
+        Args:
+            experiment: other signals than those of the fit. calibrated: with what was found of the rig's calibration.
+        """
         signals = (experiment or self.experiment).signals
-        same_channels = signals.layout == self.experiment.layout
-        return with_calibration(self.model, self.values, self.state.open_ if same_channels else (), self.state.shift, signals)
+        if not calibrated or signals.layout != self.experiment.layout:
+            return self.model.predict(signals, self.values)
+        return with_calibration(self.model, self.values, self.state.open_, self.state.shift, signals)
 
     def equation(self) -> str:
         """The model as equations with its numbers."""

@@ -20,7 +20,7 @@ SHARES, LENGTHS = (0.02, 0.3, 0.7, 0.95), np.linspace(0.75e-4, 1.25e-4, 9)
 TREMORS = (3e-5, 1e-4, 3e-4, 1e-3)
 JOINTS, SPEEDS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0), (5e-4, 0.001, 0.002, 0.004, 0.008, 0.016, 0.03, 0.06, 0.12)
 #: fields that are refined, with their ends
-REFINED = {"length": (0.75e-4, 1.25e-4), "tremor": (1e-6, 0.01), "joint": (0.1, 30.0), "joint_speed": (3e-4, 0.2)}
+REFINED = {"length": (0.75e-4, 1.25e-4), "tremor": (1e-6, 1e-3), "joint": (0.1, 30.0), "joint_speed": (3e-4, 0.2)}
 #: steps of a search under another form, and refinements of one field
 FORM_STEPS, REFINEMENTS = 6, 3
 #: a form is another one where it changes readings by this share of their noise, and better where so much of the error is left

@@ -54,7 +54,7 @@ def bristles(v1: Array, v2: Array, dt: Array, depth: Array, length: float, out: 
         v1, v2: slip rates [m/s], (n,). dt: see above. depth: > 0 in contact, (n,); a flag does, too, but then a touch
             begins at the sample before.
         length: ℓ [m]. out: (2, n). elastic: ε; 0 is Dahl's own. tremor: mean speed of what goes to and fro too fast to be
-            seen [m/s]: bristles creep back under it, u̇ = … − v_t u/ℓ.
+            seen [m/s]: bristles creep back under it, u̇ = (v − √(v² + v_t²) u) / ℓ.
     """
     u1, u2 = 0.0, 0.0
     w1, w2 = 0.0, 0.0
@@ -82,7 +82,8 @@ def bristles(v1: Array, v2: Array, dt: Array, depth: Array, length: float, out: 
                     u2 = e * u2 + (1.0 - e) * b
                 begin = end
             if tremor > 0.0:
-                e = np.exp(-tremor * step / length)
+                speed = 0.5 * np.hypot(v1[i - 1] + v1[i], v2[i - 1] + v2[i])
+                e = np.exp(-(np.hypot(speed, tremor) - speed) * step / length)
                 u1, u2, w1, w2 = e * u1, e * u2, e * w1, e * w2
         out[0, i] = (1.0 - elastic) * u1 + w1 / length
         out[1, i] = (1.0 - elastic) * u2 + w2 / length
