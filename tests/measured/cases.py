@@ -126,7 +126,10 @@ def _of_shape(scene: Scene, shape: Shape, size: float, natural: bool) -> Array |
     found = seen(scene, change)
     if not found > VISIBLE * raw or not raw > 0:
         return None
-    return np.asarray(scene.readings + (size / found) * whole)
+    whole *= size / found
+    if shape.most is not None and (np.abs(whole).max(axis=0) > shape.most).any():
+        return None
+    return np.asarray(scene.readings + whole)
 
 
 def _grown(scene: Scene, grown: Grown, size: float) -> Array | None:

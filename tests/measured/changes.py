@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,12 +22,14 @@ class Shape:
     Attributes:
         columns: all that an effect of this name could do to the readings, (m, n, k). weights: of the one that is injected, (m,).
         signed: whether each column may come with either sign. note: what was drawn, in words.
+        most: that any machine does to a channel, (k,); None for no limit.
     """
 
     columns: Array
     weights: Array
     signed: bool = True
     note: str = ""
+    most: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,9 +68,11 @@ def bias(scene: Scene, rng: np.random.Generator) -> Shape:
 
 
 def drift(scene: Scene, rng: np.random.Generator) -> Shape:
-    """A ramp on each channel."""
-    t = scene.log.t
-    return by_channel(scene, np.outer((t - t[0]) / (t[-1] - t[0]), np.ones(scene.readings.shape[1])), rng, signed=True)
+    """A ramp on each channel, of 10 N or 1 N·m a minute at most."""
+    t, k = scene.log.t, scene.readings.shape[1]
+    ramps = by_channel(scene, np.outer((t - t[0]) / (t[-1] - t[0]), np.ones(k)), rng, signed=True)
+    torques = np.arange(k) >= (0 if scene.source.family in ("arm", "leg") else 3)
+    return replace(ramps, most=np.where(torques, 1.0, 10.0) * (t[-1] - t[0]) / 60.0)
 
 
 def gain(scene: Scene, rng: np.random.Generator) -> Shape:

@@ -146,8 +146,8 @@ class Scene:
 
     @cached_property
     def dq(self) -> Array:
-        """Joint velocities (n, N), logged or derived."""
-        return self.rate(np.asarray(self.log.q)) if self.log.dq is None else np.asarray(self.log.dq)
+        """Joint velocities (n, N), logged or derived: what rubs doesn't see the noise of the log."""
+        return self.rate(np.asarray(self.log.q)) if self.log.dq is None else self.smooth(np.asarray(self.log.dq))
 
     @cached_property
     def ddq(self) -> Array:
