@@ -185,7 +185,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeyp
         raise RuntimeError("broken")
 
     monkeypatch.setattr(kinid, "diagnose", fails, raising=False)
-    assert main([str(tmp_path / "out.json"), "--sizes", "5", "--only", "drive-friction/sensor-d"]) == 0
+    assert main([str(tmp_path / "out.json"), "--sizes", "5", "--only", "drive-friction/saturation"]) == 0
     rows = [json.loads(line) for line in (tmp_path / "out.json").read_text().splitlines()]
     assert [row["kind"] for row in rows] == ["without", "case"]
     assert all("broken" in row["crash"] for row in rows)
