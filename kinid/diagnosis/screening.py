@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from kinid.effects import Effect
 from kinid.identification.applicability import amplitudes, base_of, candidate_effects, shape_points
+from kinid.identification.jacobian import changes
 from kinid.identification.nuisance import trusted
-from kinid.identification.problem import ALL_CHANNELS, parameter_groups
 from kinid.identification.solver import State
 from kinid.model import Model
 
@@ -95,8 +95,10 @@ def _candidates(state: State, effect: Effect) -> Iterator[Candidate]:
         scale = np.array([parameters[i].scale for i in moving])
         high = np.array([parameters[i].high for i in moving])
         steps = np.where(steps != 0.0, steps, np.where(null + scale <= high, scale, -scale))
-        d = _changes(state, larger, before, at, moving, null, steps)
-        if d is None:
+        at_null = np.array([amplitude.get(i, v) for i, v in enumerate(at)])
+        origin = np.insert(state.values, before, at_null)
+        d = changes(problem, larger, origin, [before + i for i in moving], steps, state.course)
+        if not np.isfinite(d).all():
             continue
         d /= sigma[:, None]
         dj = d.T @ jacobian
@@ -122,29 +124,4 @@ def _candidates(state: State, effect: Effect) -> Iterator[Candidate]:
         taken[keep] = inverse @ (gradient - dj.T @ used)
         theta = state.values + taken[:p] * state.scale
         size = np.sqrt(np.maximum(np.diag(gram), 0.0)) / np.abs(steps)
-        at_null = np.array([amplitude.get(i, v) for i, v in enumerate(at)])
-        yield Candidate(effect, gain, np.insert(theta, before, start), np.insert(state.values, before, at_null),
-                        dict(zip(moving, size.tolist())))  # fmt: skip
-
-
-def _changes(state: State, larger: Model, before: int, at: Array, moving: list[int], null: Array, steps: Array) -> Array | None:
-    """Change of the means per step of each amplitude, (channels · g, k); None where the law overflows."""
-    problem, here = state.problem, state.course
-    many = problem.shape[1]
-    d = np.zeros((problem.target.size, len(moving)), order="F")
-    effect = next(e for e in larger.effects if e.id not in state.model)
-    names = [effect.parameters(problem.layout)[i].name for i in moving]
-    for group in parameter_groups(names, list(range(len(moving))), problem.layout):
-        values, these = at.copy(), list(group.values())
-        values[moving] = null
-        values[[moving[j] for j in these]] += steps[these]
-        moved = larger.predict(problem.experiment.signals, np.insert(state.values, before, values), here)
-        if ALL_CHANNELS in group:
-            problem.add_change(moved, here.reading, 1.0, d[:, group[ALL_CHANNELS]])
-            continue
-        change = np.empty(problem.target.size)
-        problem.add_change(moved, here.reading, 1.0, change)
-        for channel, j in group.items():
-            rows = slice(channel * many, (channel + 1) * many)
-            d[rows, j] = change[rows]
-    return d if np.isfinite(d).all() else None
+        yield Candidate(effect, gain, np.insert(theta, before, start), origin, dict(zip(moving, size.tolist())))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +29,7 @@ class Axis:
         return f"{self.torque}{time}/{self.position}"
 
 
+@functools.cache
 def axes(layout: Layout) -> tuple[Axis, ...]:
     """The joints of a layout; none unless it is one of joint torques. A single axis without a robot needs no name."""
     if layout.kind != "joints":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import final
@@ -16,7 +17,9 @@ from kinid.parameter import Parameter
 
 #: a ripple and one harmonic
 HARMONICS = (1, 2)
-#: orders that are looked for: those that pass once at least over the travel, and no higher than this for each radian, or metre
+#: a ripple passes so often over the travel, at least: what does less is no more a ripple than a slope
+PERIODS = 1.5
+#: orders that are looked for: no higher than this for each radian, or metre
 HIGHEST = {"rad": 1000.0, "m": 2e4}
 #: bins of the angle for each turn of the highest order, and the most of them
 FINE, MOST_BINS = 4, 1 << 15
@@ -41,10 +44,12 @@ class JointTorqueRipple(Effect):
     Without a log all have.
 
     Attributes:
-        orders: joint → k that a search starts from; None without a log.
+        orders: joint → k that a search starts from; None without a log. lowest: of each of these joints, k that passes
+            `PERIODS` times over the travel; empty for no limit.
     """
 
     orders: tuple[tuple[str, float], ...] | None = None
+    lowest: tuple[float, ...] = ()
 
     id = "joint-torque-ripple"
     title = "ripple of the torque over the angle"
@@ -75,14 +80,17 @@ class JointTorqueRipple(Effect):
         if not shown:
             return self
         most = max(height for _, _, height in shown)
-        return JointTorqueRipple(tuple((suffix, order) for suffix, order, height in shown if height >= min(most, STANDS_OUT)))
+        shown = [(suffix, order, height) for suffix, order, height in shown if height >= min(most, STANDS_OUT)]
+        q = dict(zip((axis.suffix for axis in axes(signals.layout)), signals.joints.q))
+        return JointTorqueRipple(tuple((suffix, order) for suffix, order, _ in shown),
+                                 tuple(_lowest(q[suffix]) for suffix, _, _ in shown))  # fmt: skip
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Order, and sine and cosine of each harmonic, joint by joint."""
         out = []
-        for axis, order in self._joints(layout):
+        for (axis, order), low in zip(self._joints(layout), self.lowest or itertools.repeat(0.1)):
             unit, joint = ("1", "rad/m")[axis.position == "m"], axis.suffix.strip("[]")
-            out.append(Parameter(f"order{axis.suffix}", "k", unit, order, 0.1, 1e5, scale=0.01))
+            out.append(Parameter(f"order{axis.suffix}", "k", unit, max(order, low), low, 1e5, scale=0.01))
             out += [Parameter(f"{wave}[{joint},{h}]" if joint else f"{wave}[{h}]", symbol, axis.torque, 0.0, -1e3 * axis.size,
                               1e3 * axis.size, scale=0.05 * axis.size, linear=True)
                     for h in HARMONICS for wave, symbol in (("sine", "a"), ("cosine", "b"))]  # fmt: skip
@@ -103,15 +111,17 @@ class JointTorqueRipple(Effect):
                 trials += [np.full(len(joints), order) for order in self.grid["order"][:2]]  # too slow for a sweep to show
         if self.orders is not None:
             trials.insert(0, np.array([order for _, order in self.orders]))
+        if self.lowest:
+            trials = [np.maximum(trial, self.lowest) for trial in trials]
         rest = np.zeros((len(joints), 2 * len(HARMONICS)))
         return tuple(np.concatenate([trial[:, None], rest], axis=1).ravel() for trial in trials)
 
     def implausible(self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None) -> str:
-        """A ripple that is larger than the torque that it is part of, or one without a whole period in the travel, too."""
+        """A ripple that is larger than the torque that it is part of, or one that passes too seldom over the travel, too."""
         if signals is not None and signals.measured is not None and signals.joints is not None:
             for j, axis in enumerate(axes(signals.layout)):
                 order, travel = values.get(f"order{axis.suffix}", np.inf), float(np.ptp(signals.joints.q[j]))
-                if order * travel < 2.0 * np.pi:
+                if order < 0.999 * _lowest(signals.joints.q[j]):
                     return f"a ripple with a period of {2.0 * np.pi / order:.3g} {axis.position} in a travel of {travel:.3g}"
                 end = f"{axis.suffix.strip('[]')}," if axis.suffix else ""
                 size = float(np.hypot(values.get(f"sine[{end}1]", 0.0), values.get(f"cosine[{end}1]", 0.0)))
@@ -136,6 +146,11 @@ class JointTorqueRipple(Effect):
             return [(axis, 100.0) for axis in axes(layout)]
         known = dict(self.orders)
         return [(axis, known[axis.suffix]) for axis in axes(layout) if axis.suffix in known]
+
+
+def _lowest(q: Array) -> float:
+    """Order that passes `PERIODS` times over the travel of a joint."""
+    return float(2.0 * np.pi * PERIODS / max(1e-9, np.ptp(q)))
 
 
 def _waves(q: Array, j: int, order: float) -> Array:
@@ -168,17 +183,17 @@ def _searched(s: Signals, j: int, axis: Axis) -> tuple[list[float], float]:
     travel = float(np.ptp(q)) if len(q) > 100 else 0.0
     if not travel > 0.0:
         return [], 0.0
-    least, pace = 2.0 * np.pi / travel, np.abs(np.diff(motion.q[j]))
+    one, pace = 2.0 * np.pi / travel, np.abs(np.diff(motion.q[j]))
     moving = pace[pace > 0.1 * np.median(pace)]
     highest = min(HIGHEST[axis.position], np.pi / float(np.median(moving))) if len(moving) else 0.0
-    if highest < 2.0 * least:
+    if highest < PERIODS * one:
         return [], 0.0
-    many = int(min(MOST_BINS, max(256.0, FINE * highest / least)))
+    many = int(min(MOST_BINS, max(256.0, FINE * highest / one)))
     place = np.minimum(((q - q.min()) / travel * many).astype(np.int64), many - 1)
     binned = np.bincount(place, weights=y, minlength=many)
     power = np.abs(np.fft.rfft(binned, 4 * many)) ** 2  # finer than the travel resolves, so that no line falls between
-    order = np.arange(len(power)) * 2.0 * np.pi / travel / 4.0
-    use = (order >= least) & (order <= highest)
+    order = np.arange(len(power)) * one / 4.0
+    use = (order >= PERIODS * one) & (order <= highest)
     power, order = power[use], order[use]
     height = power / np.maximum(_beside(power), 1e-300)
     peaks = np.flatnonzero((height[1:-1] >= height[:-2]) & (height[1:-1] > height[2:])) + 1
@@ -186,10 +201,10 @@ def _searched(s: Signals, j: int, axis: Axis) -> tuple[list[float], float]:
     if not len(peaks):
         return [], 0.0
     out: list[float] = []
-    for _, k in sorted((_closer(q, y, float(trial), least) for trial in order[peaks]), key=lambda one: one[0]):
-        if all(abs(k - other) > 0.5 * least for other in out):
+    for _, k in sorted((_closer(q, y, float(trial), one) for trial in order[peaks]), key=lambda near: near[0]):
+        if all(abs(k - other) > 0.5 * one for other in out):
             out.append(k)
-    if 0.5 * out[0] >= least and _closer(q, y, 0.5 * out[0], least)[0] < HALVED * _closer(q, y, out[0], least)[0]:
+    if 0.5 * out[0] >= PERIODS * one and _closer(q, y, 0.5 * out[0], one)[0] < HALVED * _closer(q, y, out[0], one)[0]:
         out.insert(0, 0.5 * out[0])  # the line was a harmonic
     return out, float(height[peaks[0]])
 
@@ -223,8 +238,12 @@ def _beside(power: Array) -> Array:
     return out
 
 
-def _closer(q: Array, y: Array, order: float, least: float) -> tuple[float, float]:
-    """The order near one that leaves least of a torque, with its harmonic: what is left, and the order."""
+def _closer(q: Array, y: Array, order: float, one: float) -> tuple[float, float]:
+    """The order near another that leaves least of a torque, with its harmonic: what is left, and the order.
+
+    Args:
+        q, y: angle and torque, (n,). order: that is looked near. one: order that passes once over the travel.
+    """
     step = max(1, len(q) // MOST_FITTED)
     q, y = q[::step], y[::step]
 
@@ -233,7 +252,7 @@ def _closer(q: Array, y: Array, order: float, least: float) -> tuple[float, floa
         found = np.linalg.lstsq(waves.T @ waves, waves.T @ y, rcond=1e-10)[0]
         return float(y @ y - found @ (waves.T @ y))
 
-    for width in (0.25 * least, 0.06 * least, 0.015 * least):
+    for width in (0.25 * one, 0.06 * one, 0.015 * one):
         near = order + width * np.linspace(-1.0, 1.0, 9)
         order = float(near[int(np.argmin([left(k) for k in near]))])
     return left(order), order

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.identification.error_model import ErrorModel
+from kinid.identification.jacobian import changes
 from kinid.identification.problem import Problem
 from kinid.identification.solver import held_parameters, linear_parameters
 from kinid.model import Model
@@ -34,13 +35,9 @@ def project_linear(problem: Problem, model: Model, start: Array, error: ErrorMod
     squares = float(np.sum(residual**2))
     if not free or not np.isfinite(squares):
         return start, squares if np.isfinite(squares) else np.inf
-    columns = np.empty((residual.size, len(free)), order="F")
-    for k, i in enumerate(free):
-        ahead, step = start.copy(), max(abs(named[i].nominal), named[i].scale)
-        ahead[i] += step if ahead[i] + step <= named[i].high else -step
-        problem.add_change(model.predict(problem.experiment.signals, ahead, here), here.reading, 1.0 / (ahead[i] - start[i]),
-                           columns[:, k])  # fmt: skip
-        columns[:, k] *= weight.ravel()
+    sizes = np.array([max(abs(named[i].nominal), named[i].scale) for i in free])
+    steps = np.where(start[free] + sizes <= [named[i].high for i in free], sizes, -sizes)
+    columns = changes(problem, model, start, free, steps, here) / steps * weight.reshape(-1, 1)
     if not np.isfinite(columns).all():
         return start, squares
     size = np.linalg.norm(columns, axis=0)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -34,8 +33,6 @@ COARSE = 2.0
 MIN_MEANS = 400
 #: length of a block [s]: longer than readings' noise remembers; and the fewest blocks that a log is cut into
 BLOCK, MIN_BLOCKS = 0.5, 16
-#: in place of a channel's number: all of them
-ALL_CHANNELS = -1
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +46,7 @@ class Problem:
             error.
         begin, end: samples of each group that counts, (g,). block: number of the block of each, without holes, (g,).
         fold: which of two folds each lies in, (g,). whole_fold: and each sample of the whole, (n,).
+        columns: changes of the means per unit of a parameter that are the same for all models (`jacobian.changes`).
     """
 
     whole: Experiment
@@ -59,6 +57,7 @@ class Problem:
     block: NDArray[np.int64]
     fold: Mask
     whole_fold: Mask
+    columns: dict[object, Array] = field(default_factory=dict)
 
     @classmethod
     def build(cls, whole: Experiment) -> Problem:
@@ -89,7 +88,7 @@ class Problem:
         return dataclasses.replace(
             self, whole=dataclasses.replace(self.whole, signals=form(self.whole.signals)),
             experiment=dataclasses.replace(self.experiment, signals=form(self.experiment.signals)),
-            draws=tuple(form(draw) for draw in self.draws),
+            draws=tuple(form(draw) for draw in self.draws), columns={},
         )  # fmt: skip
 
     @property
@@ -168,29 +167,3 @@ def whole_blocks(experiment: Experiment) -> NDArray[np.int64]:
     """Number of the block that each sample of a log lies in, (n,)."""
     t = experiment.signals.t
     return np.asarray((t / _block_length(float(t[-1]) if len(t) else 0.0)).astype(np.int64))
-
-
-def parameter_groups(names: list[str], numbers: list[int], layout: Layout) -> list[Mapping[int, int]]:
-    """Parameters that are moved together because each changes another channel, each group as channel → number.
-
-    Of joint torques, a parameter with a joint or a channel in brackets changes that one alone, so that one prediction does for
-    many
-    (A. R. Curtis, M. J. D. Powell, J. K. Reid, J. Inst. Maths. Applics. 13, 1974). One that may change every channel is alone.
-
-    Args:
-        names: of the parameters. numbers: theirs. layout: of the log.
-    """
-    rows = {f"[{name}]": row for own in (layout.channels, layout.joints) for row, name in enumerate(own)}
-    alone: list[Mapping[int, int]] = []
-    groups: list[dict[int, int]] = []
-    for name, number in zip(names, numbers):
-        row = rows.get(name[name.find("[") :], ALL_CHANNELS) if layout.kind == "joints" and "[" in name else ALL_CHANNELS
-        if row == ALL_CHANNELS:
-            alone.append({ALL_CHANNELS: number})
-            continue
-        group = next((g for g in groups if row not in g), None)
-        if group is None:
-            groups.append({row: number})
-        else:
-            group[row] = number
-    return alone + list(groups)

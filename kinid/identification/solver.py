@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from kinid.course import Course
 from kinid.identification.dataset import sample_period
 from kinid.identification.error_model import ErrorModel, learn, motion_variance, reading_variance
+from kinid.identification.jacobian import changes
 from kinid.identification.nuisance import Nuisance, nuisance_columns, nuisances
-from kinid.identification.problem import ALL_CHANNELS, Problem, parameter_groups
+from kinid.identification.problem import Problem
 from kinid.model import Model
 
 Array = NDArray[np.float64]
@@ -222,8 +223,6 @@ class _Search:
         self.prior = prior_precision(model, problem, len(self.open_))
         linear = linear_parameters(model, problem)
         self.linear = np.flatnonzero(self.moving & linear) if (self.moving & ~linear).any() else np.zeros(0, np.int64)
-        names = [name for name, moves in zip(named, self.moving) if moves]
-        self.groups = parameter_groups(names, list(np.flatnonzero(self.moving)), problem.layout)
         self.weight = 1.0 / error.sigma
         self.here = model.course(problem.experiment.signals, self.x)
         self.moved = False
@@ -263,24 +262,16 @@ class _Search:
 
     def differentiate(self, last: bool = False) -> None:
         """The jacobian here; nuisances' part is renewed where a search has ended by itself, and after long ways."""
-        p, many = len(self.x), self.problem.shape[1]
+        p = len(self.x)
         if len(self.open_) and (last or self.cost < FAR * self.renewed):
             self.open_up()
             self.residual, self.cost = self.compare(self.here, self.x, self.shift)
             self.renewed = self.cost
-        own = self.jacobian[:, :p]
-        own[:] = 0.0
+        own, moving = self.jacobian[:, :p], np.flatnonzero(self.moving)
         step = DIFFERENCE * np.where(self.x + DIFFERENCE * self.scale <= self.high, self.scale, -self.scale)
-        change = np.empty(self.problem.target.size)
-        for group in self.groups:
-            ahead, these = self.x.copy(), list(group.values())
-            ahead[these] += step[these]
-            moved = self.model.predict(self.problem.experiment.signals, ahead, self.here)
-            self.problem.add_change(moved, self.here.reading, 1.0, change)
-            change *= self.weight.reshape(-1)
-            for channel, j in group.items():
-                rows = slice(None) if channel == ALL_CHANNELS else slice(channel * many, (channel + 1) * many)
-                own[rows, j] = change[rows] * (self.scale[j] / step[j])
+        found = changes(self.problem, self.model, self.x, moving, step[moving], self.here)
+        for j, change in zip(moving, found.T):
+            np.multiply(change, self.weight.reshape(-1) * (self.scale[j] / step[j]), out=own[:, j])
         self.squares[:p] = own.T @ self.jacobian
         self.squares[p:, :p] = self.squares[:p, p:].T
         self.fresh = True
@@ -371,19 +362,7 @@ class _Search:
 
     def project(self, x: Array, shift: Array, course: Course, residual: Array) -> tuple[Array, Course, Array, float] | None:
         """The place with all that enters linearly at its best (variable projection: G. H. Golub, V. Pereyra, 1973)."""
-        columns = np.empty((self.problem.target.size, len(self.linear)), order="F")
-        many = self.problem.shape[1]
-        names = list(self.model.parameters(self.problem.layout))
-        for group in parameter_groups([names[i] for i in self.linear], list(range(len(self.linear))), self.problem.layout):
-            ahead, own = x.copy(), [self.linear[j] for j in group.values()]
-            ahead[own] += self.scale[own]
-            moved = self.model.predict(self.problem.experiment.signals, ahead, course)
-            change = np.empty(self.problem.target.size)
-            self.problem.add_change(moved, course.reading, 1.0, change)
-            for channel, j in group.items():
-                rows = slice(None) if channel == ALL_CHANNELS else slice(channel * many, (channel + 1) * many)
-                columns[:, j] = 0.0
-                columns[rows, j] = change[rows]
+        columns = changes(self.problem, self.model, x, self.linear, self.scale[self.linear], course)
         columns *= self.weight.reshape(-1, 1)
         if not np.isfinite(columns).all():
             return None
