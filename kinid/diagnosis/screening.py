@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 #: squared change of all weighted readings below which a parameter isn't seen
 UNSEEN = 1e-12
-#: readings that an effect of more than a handful of parameters needs for each of them
+#: readings that an effect of more than a handful of parameters needs for each of them, unless it has a prior
 READINGS = 20
 
 
@@ -46,7 +46,8 @@ def screen_catalogue(state: State) -> dict[str, list[Candidate]]:
     """Every effect that can act in this log, its best point first."""
     out = {}
     for effect, why in candidate_effects(state.model, state.problem.layout):
-        many = len(effect.for_log(state.problem.experiment.signals).parameters(state.problem.layout)) * READINGS
+        own = effect.for_log(state.problem.experiment.signals)
+        many = 0 if own.prior(state.problem.layout) is not None else len(own.parameters(state.problem.layout)) * READINGS
         if not why and not effect.detector and many <= max(6 * READINGS, state.residual.size):
             points = screen(state, effect)
             if points:

@@ -17,7 +17,8 @@ class JointLoadFriction(Effect):
     """τ += c |τ_r| u: teeth and bearings rub in proportion to the torque τ_r that they transmit.
 
     τ_r is that of rigid-body inverse dynamics; u that of `joint-coulomb-friction`. Gears of an efficiency η lose
-    c = 1/η − 1 when they drive, and 1 − η when they are driven: c is a mean of both. An axis without a robot has no τ_r.
+    c = 1/η − 1 when they drive, and 1 − η when they are driven: c is a mean of both. Of an axis without a robot, all that the
+    other effects of the joint say is transmitted.
     """
 
     id = "joint-load-friction"
@@ -36,15 +37,15 @@ class JointLoadFriction(Effect):
     excited_by = "motion in both directions, in poses of different load"
     needs = ("joints",)
     null = {"load": 0.0}
+    turn = 1
     admissible = {"load": (0.0, 1.0)}  # friction takes energy; gears of an efficiency below one half lock
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
-        """Friction for each unit of torque, joint by joint; none without a robot."""
-        if not layout.joints:
-            return ()
+        """Friction for each unit of torque, joint by joint."""
         return tuple(Parameter(f"load{a.suffix}", "c", "1", 0.05, -1.0, 2.0, scale=0.01, linear=True) for a in axes(layout))
 
     def joint(self, s: Signals, p: Array) -> None:
         """Add the torque."""
-        if s.joints is not None and len(p):
-            s.reading = s.reading + p[:, None] * np.abs(s.joints.rigid) * directions(s)
+        assert s.joints is not None
+        load = s.joints.rigid if s.layout.joints else s.reading
+        s.reading = s.reading + p[:, None] * np.abs(load) * directions(s)

@@ -12,7 +12,7 @@ from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
 #: share of a tool's mass that its statement leaves open, and of its centre's place [m]
-WEIGHED, PLACED = 0.02, 1e-3
+WEIGHED, PLACED = 0.01, 5e-4
 
 
 @final

@@ -31,7 +31,7 @@ class ToolCom(Effect):
     excited_by = "free motion in several orientations"
     needs = ("wrench",)
     null = {"com": 0.0}
-    calibration_tolerance = {"com": 1e-3}  # drawn, or weighed in three orientations
+    calibration_tolerance = {"com": 5e-4}  # drawn, or weighed in three orientations
     admissible = {"com": (-0.5, 0.5)}  # inside a tool
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:

@@ -12,7 +12,7 @@ from kinid.effects._vectors import point_load
 from kinid.parameter import Parameter
 
 #: share of a tool's mass to which a rig states it: bolts, cables and paint are left out
-WEIGHED = 0.02
+WEIGHED = 0.01
 
 
 @final

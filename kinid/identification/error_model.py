@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 #: the same unit, what no other of one sensor is quieter than
 RESOLUTION, QUIETEST = 1e-4, 0.02
 #: share of a channel's own size that noise of static poses is taken to be at most
-STATIC_NOISE = 0.01
+STATIC_NOISE = 0.001
 #: share of a usual force that is open where a material has let go
 RELEASED = 0.1
 #: the motion's noise is averaged over so long [s]: draws are few

@@ -76,9 +76,9 @@ def changes(problem: Problem, model: Model, values: Array, numbers: Sequence[int
 def _additive(problem: Problem, model: Model, values: Array, numbers: Sequence[int]) -> list[object]:
     """What tells the column of each parameter, wherever else a model is, None where that depends on all of it, (k,).
 
-    Torques of joints add up: what is in proportion to a parameter follows from the motion and the effect's shapes alone.
+    Torques of an arm's joints add up: what is in proportion to a parameter follows from the motion and the effect's shapes alone.
     """
-    if problem.layout.kind != "joints" or model.stages - {Stage.JOINT}:
+    if not problem.layout.joints or model.stages - {Stage.JOINT}:
         return [None] * len(numbers)
     owner: list[object] = []
     for effect in model.effects:

@@ -9,7 +9,7 @@ measurements is greatest (the quotient of found and expected energy of the jerk,
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,8 @@ WORTH, SETTLED = 1.0, 0.01
 REMAINS = 10.0
 #: an intensity that was a single one must be worth so many times as much to vary: a verdict of the motion, not of a measurement
 AGAIN = 2.0
+#: a measurement that is so many standard deviations from what all others say is wrong
+WRONG = 5.0
 #: noise is put right where less than a share of it is found, by no more than another at a time, from so many degrees of freedom
 LOUD, QUIETER, ENOUGH = 0.7, 1e-2, 30.0
 #: where digits are lost, positions are held to this share of their size at best, and to this variance
@@ -52,6 +54,7 @@ class Axis:
         noise: variance of a position. jerk: intensity of each step, (n,).
         quieter: share of its variance that each kind of measurement may turn out to have, (c,).
         single: one intensity does for all steps.
+        stated: variances of the measurements before those that are wrong were found, (n, c).
     """
 
     tau: Array
@@ -61,6 +64,7 @@ class Axis:
     jerk: Array
     quieter: list[float]
     single: bool = False
+    stated: Array = field(default_factory=lambda: np.empty(0))
 
     @classmethod
     def of(cls, tau: Array, position: Array, variance: Array, noise: float, quieter: float) -> Axis:
@@ -99,10 +103,11 @@ class Axis:
         if n <= ORDER:
             return
         fits, work, out, factor = np.ones((c, 2)), np.empty((n, c, 2 + ORDER)), np.empty((n, 2)), np.empty(n)
-        begin = self.begin()
+        others, begin = np.zeros((n, c, 2)), self.begin()
+        self.stated = self.variance.copy()
 
         def score(jerk: Array) -> float:
-            return float(intensity.score(self.tau, self.value, self.variance, jerk, *begin, work, out, fits))
+            return float(intensity.score(self.tau, self.value, self.variance, jerk, *begin, work, out, fits, others))
 
         def grown(jerk: Array, factor: Array | float) -> Array:
             kept: Array = np.clip(jerk * np.clip(factor**HASTE, 1.0 / STRIDE, STRIDE), LEAST * self.noise, MOST * self.noise)
@@ -110,12 +115,15 @@ class Axis:
 
         for _ in range(CLIMBS):
             score(self.jerk)
+            self._doubt(others)
+            score(self.jerk)
             intensity.in_windows(out[:, 0], out[:, 1], WINDOW, factor)
             self.jerk = grown(self.jerk, factor)
             for kind, (found, expected) in enumerate(fits):
                 share = max(found / expected, self.quieter[kind], QUIETER) if expected > ENOUGH else 1.0
                 if share < LOUD:
                     self.variance[:, kind] *= share
+                    self.stated[:, kind] *= share
                     self.quieter[kind] = min(1.0, self.quieter[kind] / share)
         varied, worth = score(self.jerk), WORTH * (AGAIN if self.single else 1.0)
         fitted, single, plain = float(out[:, 1].sum()), np.full(n, np.exp(np.mean(np.log(self.jerk)))), -np.inf
@@ -132,6 +140,12 @@ class Axis:
             single = grown(single, float(out[:, 0].sum() / max(out[:, 1].sum(), 1e-300)))
             score(single)
         self.jerk, self.single = single, True
+
+    def _doubt(self, others: Array) -> None:
+        """Widen the variance of measurements that all others contradict, so far that they no longer do."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            off, whole = others[..., 0] ** 2, others[..., 1] - self.variance + self.stated
+            self.variance = np.where((off > WRONG**2 * whole) & (self.stated < np.inf), self.stated + off, self.stated)
 
     def sound(self) -> tuple[Array, Array, Array]:
         """What `smoothed` gives, of positions alone, or of noisier ones, where it is not a number.

@@ -64,7 +64,8 @@ def _spread(x: Array, tau: Array | None, moved: bool = False) -> dict[int, float
             difference = np.diff(difference)
             unit = comb(2 * order, order) ** 0.5
         elif order in ORDERS and len(x) > order:
-            difference, unit = _divided(t, x, order), 1.0
+            weights = divided_differences(t, order)
+            difference, unit = np.asarray(sum(w * x[i : i + weights.shape[1]] for i, w in enumerate(weights))), 1.0
         if order in ORDERS and len(difference) >= 5 and len(x) > order:
             size = np.abs(difference)
             if moved:  # what rests on one number tells nothing of noise
@@ -73,19 +74,16 @@ def _spread(x: Array, tau: Array | None, moved: bool = False) -> dict[int, float
     return out
 
 
-def _divided(t: Array, x: Array, order: int) -> Array:
-    """Divided differences over uneven times, of white noise of variance 1 their variance is 1, (n − order,)."""
-    m = len(x) - order
+def divided_differences(t: Array, order: int) -> Array:
+    """Weights of divided differences over uneven times (n,), of white noise of variance 1 their variance is 1, (order + 1, m)."""
+    m = len(t) - order
     at = [t[i : i + m] for i in range(order + 1)]
-    weights = []
+    weights = np.ones((order + 1, m))
     for i in range(order + 1):
-        product = np.ones(m)
         for j in range(order + 1):
             if j != i:
-                product *= at[i] - at[j]
-        weights.append(1.0 / product)
-    size = np.sqrt(sum(w * w for w in weights))
-    out: Array = sum(w * x[i : i + m] for i, w in enumerate(weights)) / size
+                weights[i] /= at[i] - at[j]
+    out: Array = weights / np.sqrt((weights**2).sum(axis=0))
     return out
 
 

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from kinid.kernels.state_space import ORDER
 from kinid.signal.axis import Axis
-from kinid.signal.noise import DIGITS, FLOOR, Positions, evenly, lattice, positions, white
+from kinid.signal.clock import time_steps
+from kinid.signal.noise import Positions, positions
 from kinid.signal.rates import Learnt, learn, together
 
 Array = NDArray[np.float64]
@@ -28,8 +29,8 @@ T = TypeVar("T")
 
 #: a pause longer than this many median sample times is a gap
 GAP_FACTOR = 5.0
-#: stamps are looked at that are this far from an even clock, in samples; noise that an even one takes off, on a logarithmic scale
-JITTER, EVEN = 1e-6, -0.4
+#: a sample that comes so shortly behind another one, in samples, repeats it
+REPEATED = 0.1
 #: from this many numbers on, axes are smoothed side by side
 WORTH_THREADS = 50_000
 
@@ -96,7 +97,7 @@ def smooth_motion(
     runs = list(_runs(t, value, pieces, GAP_FACTOR * unit))
     k = value.shape[1]
     everywhere = np.concatenate(runs) if runs else np.empty(0, np.int64)
-    steps = _clock(t, value, runs, unit)
+    steps = time_steps(t, value, runs, unit)
     ticks = np.concatenate(steps) if steps else np.empty(0)
     ticks[ticks == 0.0] = 1.0  # over a gap differences mean nothing, whatever it is
 
@@ -110,6 +111,7 @@ def smooth_motion(
             variance = known.variance[own].copy()
             if every > 1 and len(rows) > ORDER * every:
                 variance[np.arange(len(rows)) % every > 0] = np.inf
+            variance[1:][tau[1:] < REPEATED] = np.inf  # what the sample before has said already
             axis = Axis.of(tau, known.value[own], variance, known.noise**2, quieter)
             axis.climb()
             made.append((rows, axis))
@@ -143,28 +145,6 @@ def smooth_motion(
 
     _each(finish, range(k), value.size)
     return Smoothed(out[0], out[1], out[2], (sd[0], sd[1], sd[2]), facts, tuple(tracks))
-
-
-def _clock(t: Array, value: Array, runs: Sequence[Rows], unit: float) -> list[Array]:
-    """Steps of time of each run, in units of the median: as stamped, or even ones where positions are smoother over those.
-
-    A sampler that ticks evenly is often stamped when a message arrives: jitter of the stamps is then noise in the positions.
-    """
-    stamped = [np.diff(t[rows], prepend=t[rows[0]]) / unit for rows in runs]
-    if not runs:
-        return stamped
-    even = [evenly(t[rows], unit) for rows in runs]
-    longest = max(range(len(runs)), key=lambda i: len(runs[i]))
-    rows, scale = runs[longest], 1.0
-    if np.abs(stamped[longest] - even[longest]).max(initial=0.0) > JITTER:
-        gain = []
-        for column in value[rows].T:
-            least = FLOOR * float(np.ptp(column)) + DIGITS * float(np.abs(column).max()) + lattice(column) / 12**0.5 + 1e-100
-            gain.append(np.log(max(white(column, even[longest]), least) / max(white(column, stamped[longest]), least)))
-        if float(np.mean(gain)) < EVEN:
-            scale = float(stamped[longest].sum() / even[longest].sum())
-            return [tick * scale for tick in even]
-    return stamped
 
 
 def _with_rates(t: Array, value: Array, tracks: Sequence[Track], logged: Array, order: int, unit: float) -> list[Learnt]:

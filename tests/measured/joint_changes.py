@@ -22,8 +22,9 @@ def dry(scene: Scene, rng: np.random.Generator) -> Shape:
 
 
 def one_sided(scene: Scene, rng: np.random.Generator) -> Shape:
-    """More viscous friction one way than the other, and more dry friction: the latter is a constant."""
-    return by_channel(scene, np.abs(scene.dq), rng, signed=True)
+    """Viscous friction in one direction alone: half of it is the same both ways."""
+    way = rng.choice([-1.0, 1.0], scene.dq.shape[1])
+    return by_channel(scene, scene.dq + way * np.abs(scene.dq), rng, signed=False)
 
 
 def slow(scene: Scene, rng: np.random.Generator) -> Shape:
@@ -61,8 +62,9 @@ def ripple(scene: Scene, rng: np.random.Generator) -> Shape:
 
 def elastic(scene: Scene, rng: np.random.Generator) -> Shape:
     """Joints that wind up: the second derivative of the rigid torque (of an axis alone, of its acceleration)."""
-    torque = rigid(scene) if scene.source.family == "arm" else scene.smooth(scene.ddq, 10.0)
-    return by_channel(scene, -scene.rate(scene.rate(torque, 10.0), 10.0), rng, signed=False)
+    slow = min(25.0, scene.band)
+    torque = rigid(scene) if scene.source.family == "arm" else scene.smooth(scene.ddq, slow)
+    return by_channel(scene, -scene.rate(scene.rate(torque, slow), slow), rng, signed=False)
 
 
 def payload(scene: Scene, rng: np.random.Generator) -> Shape:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
+from scipy.signal import butter, sosfiltfilt, welch
 
 import kinid
 from measured.logs import Source
@@ -19,8 +19,8 @@ from measured.solver import Fitting
 Array = NDArray[np.float64]
 
 FORCES = ("normal_force", "tangential_force1", "tangential_force2")
-#: above this a motion that is differentiated here is noise [Hz]
-BAND = 15.0
+#: above this a motion that is differentiated here is noise [Hz], unless its spectrum stands so many times above its floor
+BAND, STANDS_OUT = 15.0, 30.0
 #: share of the unknowns' own directions that are no more than rounding
 RANK = 1e-9
 #: a channel holds nothing that is less than this share of the largest of the same unit
@@ -133,14 +133,29 @@ class Scene:
         """As recorded, (n, k)."""
         return readings(self.log)
 
-    def smooth(self, values: Array, band: float = BAND) -> Array:
+    @cached_property
+    def band(self) -> float:
+        """Frequency up to which what moves stands out of its noise in the spectrum [Hz]."""
+        moved = self.depth[:, None] if self.log.q is None else np.asarray(self.log.q)
+        rate = 1.0 / float(np.median(np.diff(self.log.t)))
+        if len(moved) < 1024:
+            return BAND
+        f, power = welch(np.diff(moved, axis=0), rate, nperseg=512, axis=0)
+        power = power / np.maximum(f, f[1])[:, None] ** 2  # of positions
+        floor = np.median(power[f > 0.35 * rate], axis=0)
+        out = [float(f[np.flatnonzero((row < STANDS_OUT * least) & (f > 1.0))[0]]) if least > 0 else BAND
+               for row, least in zip(power.T, floor)]  # fmt: skip
+        return float(np.clip(np.median(out), BAND, 0.2 * rate))
+
+    def smooth(self, values: Array, band: float | None = None) -> Array:
         """Without what is faster than the band, zero phase; all of it where samples are rarer than that."""
+        band = self.band if band is None else band
         rate = 1.0 / float(np.median(np.diff(self.log.t)))
         if 4.0 * band > rate or len(values) < 50:
             return values
         return np.asarray(sosfiltfilt(butter(2, 2 * band / rate, output="sos"), values, axis=0))
 
-    def rate(self, values: Array, band: float = BAND) -> Array:
+    def rate(self, values: Array, band: float | None = None) -> Array:
         """Derivative of what is slower than the band."""
         return np.asarray(np.gradient(self.smooth(values, band), self.log.t, axis=0))
 

@@ -1,0 +1,132 @@
+"""When positions were measured: as stamped, at an even clock, or where all axes together say that it was.
+
+A sampler that ticks evenly is often stamped when a message arrives; messages come late, or bring what the one before them brought.
+Each such error moves all axes along their motion at once, which nothing else does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solveh_banded
+from scipy.signal import savgol_filter
+
+from kinid.signal.noise import DIGITS, FLOOR, divided_differences, evenly, lattice, white
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+#: stamps are looked at that are this far from an even clock, in samples; noise that an even one takes off, on a logarithmic scale
+JITTER, EVEN = 1e-6, -0.4
+#: noise of the axes that times of their own take off: of two axes that move together, any noise can lose half of its variance
+OWN_TIMES = -0.7
+#: order of the differences that a smooth motion has next to none of; turns in which times, speeds and noise are found
+ORDER, TURNS = 4, 6
+#: samples of a window that tells speeds; fewest samples and least step of time, in samples
+WINDOW, FEWEST, LEAST_STEP = 15, 60, 0.02
+#: share of an axis' noise that is its own to begin with, and at least
+OWN, LEFT = 0.3, 1e-3
+#: errors of time that are smaller are none, in samples
+UNSEEN = 1e-3
+
+
+def time_steps(t: Array, value: Array, runs: Sequence[Rows], unit: float) -> list[Array]:
+    """Steps of time of each run, in units of the median one; the first of each is 0.
+
+    Args:
+        t: stamps [s], (n,). value: positions, (n, k). runs: rows without a gap. unit: median step [s].
+    """
+    stamped = [np.diff(t[rows], prepend=t[rows[0]]) / unit for rows in runs]
+    if not runs:
+        return stamped
+    even = [evenly(t[rows], unit) for rows in runs]
+    longest = max(range(len(runs)), key=lambda i: len(runs[i]))
+    rows, steps = runs[longest], stamped
+    if np.abs(stamped[longest] - even[longest]).max(initial=0.0) <= JITTER:
+        return stamped
+    if _quieter(value[rows], value[rows], stamped[longest], even[longest]) < EVEN:
+        scale = float(stamped[longest].sum() / even[longest].sum())
+        steps = [tick * scale for tick in even]
+    if value.shape[1] > 1 and len(rows) >= FEWEST:
+        late = _late(value[rows], steps[longest])
+        if late is not None:
+            return [_moved(tau, own) for tau, own in zip(steps, (_late(value[r], tau, ask=False) for r, tau in zip(runs, steps)))]
+    return steps
+
+
+def _moved(tau: Array, late: Array | None) -> Array:
+    """Steps of time where each sample is so much later than its stamp, in samples."""
+    if late is None:
+        return tau
+    steps = np.maximum(tau + np.diff(late, prepend=late[:1]), LEAST_STEP)
+    return np.r_[0.0, steps[1:]]
+
+
+def _quieter(before: Array, after: Array, tau: Array, other: Array) -> float:
+    """Logarithm of the noise of positions (n, k) at other times over that at these, the mean of all axes."""
+    gain = []
+    for x, y in zip(before.T, after.T):
+        least = FLOOR * float(np.ptp(x)) + DIGITS * float(np.abs(x).max()) + lattice(x) / 12**0.5 + 1e-100
+        gain.append(np.log(max(white(y, other), least) / max(white(x, tau), least)))
+    return float(np.mean(gain))
+
+
+def _late(x: Array, tau: Array, ask: bool = True) -> Array | None:
+    """How much later than its stamp each row was measured, in samples, (n,); None where that explains too little of the noise.
+
+    Positions less the way since their stamp, y = x − v δ, are to be smooth: δ minimises Σ |D (x − v δ)|²/s² + |δ|²/σ², D divided
+    differences, s the noise of each axis that is left, σ the size of δ.
+
+    Args:
+        x: positions (n, k). tau: steps of time. ask: whether it must explain most of the noise.
+    """
+    n, k = x.shape
+    if n < FEWEST:
+        return None
+    at = np.cumsum(tau)
+    noise = np.array([white(column, tau) for column in x.T])
+    moving = np.flatnonzero(noise > DIGITS * np.abs(x).max(axis=0))
+    if len(moving) < 2:
+        return None
+    x, noise = x[:, moving], noise[moving]
+    left, late = OWN * noise, np.zeros(n)
+    v = _speed(x, at, late)
+    size = float(np.median(noise / np.maximum(np.sqrt(np.mean(v**2, axis=0)), 1e-300)))
+    if size < UNSEEN:
+        return None
+    for turn in range(TURNS):
+        if turn:
+            v = _speed(x - late[:, None] * v, at, np.zeros(n))
+            size = max(UNSEEN, float(np.std(late)))
+        late = _least_squares(x, v, at, left, size)
+        y = x - late[:, None] * v
+        left = np.maximum([white(column, tau) for column in y.T], LEFT * noise)
+    if ask and not _quieter(x, y, tau, tau) < OWN_TIMES:
+        return None
+    return late
+
+
+def _speed(x: Array, at: Array, late: Array) -> Array:
+    """Speeds of rows (n, k), in positions a sample."""
+    window = min(WINDOW, (len(x) - 1) // 2 * 2 + 1)
+    way = savgol_filter(x, window, 3, deriv=1, axis=0)
+    steps = savgol_filter(at + late, window, 3, deriv=1)
+    return np.asarray(way / np.maximum(steps, LEAST_STEP)[:, None])
+
+
+def _least_squares(x: Array, v: Array, at: Array, noise: Array, size: float) -> Array:
+    """The δ of `_late`, (n,)."""
+    n = len(x)
+    weights = divided_differences(at, ORDER)  # (ORDER + 1, m)
+    m = weights.shape[1]
+    band, right = np.zeros((ORDER + 1, n)), np.zeros(n)
+    for column, speed, own in zip(x.T, v.T, noise):
+        curved = sum(w * column[i : i + m] for i, w in enumerate(weights))
+        for i, w in enumerate(weights):
+            right[i : i + m] += w * curved * speed[i : i + m] / own**2
+            for j in range(i, ORDER + 1):  # upper band: row ORDER is the diagonal
+                band[ORDER - (j - i), j : j + m] += w * weights[j] * speed[i : i + m] * speed[j : j + m] / own**2
+    band[ORDER] += 1.0 / size**2
+    return np.asarray(solveh_banded(band, right))
