@@ -28,6 +28,7 @@ MANY_KEPT = 1_000_000
 
 
 _LATEST: weakref.WeakKeyDictionary[Log, JointMotion] = weakref.WeakKeyDictionary()
+_LATEST_OWN: weakref.WeakKeyDictionary[Log, dict[str, Smoothed]] = weakref.WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,15 +133,23 @@ def warnings_of(made: Smoothed, names: list[str], period: float) -> list[str]:
 
 def own_motion(log: Log, differentiator: Differentiator | None) -> Iterator[tuple[str, str, Smoothed | Derivatives]]:
     """Depth and slips that a log holds, each with the name of its rate, smoothed by themselves or differentiated."""
+    kept = _LATEST_OWN.get(log)
+    if kept is None:
+        kept = {}
+        _LATEST_OWN.clear()
+        if log.t.size <= MANY_KEPT:
+            _LATEST_OWN[log] = kept
     for name, rate in (("depth", "depth_rate"), ("slip1", "slip_rate1"), ("slip2", "slip_rate2")):
         if name not in log.contact:
             continue
         column = np.ascontiguousarray(log.contact[name][:, None])
-        if differentiator is None:
-            logged = log.contact.get(rate)
-            yield name, rate, smooth_motion(log.t, column, log.pieces, None if logged is None else logged[:, None])
-        else:
+        if differentiator is not None:
             yield name, rate, differentiator(log.t, column, log.pieces)
+            continue
+        if name not in kept:
+            logged = log.contact.get(rate)
+            kept[name] = smooth_motion(log.t, column, log.pieces, None if logged is None else logged[:, None])
+        yield name, rate, kept[name]
 
 
 def _differentiated(log: Log, q: Array, differentiator: Differentiator) -> JointMotion:

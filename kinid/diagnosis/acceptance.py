@@ -11,7 +11,8 @@ their gain is spread.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,8 +20,11 @@ from numpy.typing import NDArray
 
 from kinid.diagnosis.screening import Candidate
 from kinid.effects import Effect
+from kinid.identification.applicability import amplitudes, base_of
+from kinid.identification.error_model import REWEIGHTED, unusual_blocks
 from kinid.identification.initial_guesses import initial_values, nominal_values, project_linear
 from kinid.identification.nuisance import trusted
+from kinid.identification.problem import Problem
 from kinid.identification.rest_form import best_form, with_rest_form
 from kinid.identification.solver import ROUGHLY, State, linear_parameters, parameter_bounds, relearn, search
 from kinid.model import Model
@@ -30,6 +34,8 @@ Array = NDArray[np.float64]
 #: steps of a refit; points of an effect's shapes that are tried, and searches from the best of them where they leave nearly as
 #: little
 REFIT_STEPS, POINTS, STARTS, WORTH_A_START = 20, 8, 2, 1.3
+#: blocks of a log in which one event doesn't count
+ENOUGH_BLOCKS = 40
 #: steps after which only those searches are ended that have come within this factor of the deepest
 FIRST_STEPS, WORTH_AN_END = 5, 1.15
 
@@ -63,14 +69,39 @@ def compare_states(before: State, after: State, sigma: Array) -> Evidence:
     change = old - new
     gain = before.problem.per_block(old**2 - new**2)
     chance = before.problem.per_block(new * change)
-    variance = float(np.sum(chance**2))
-    variance = max(variance, variance + 2.0 * float(np.sum(chance[1:] * chance[:-1])))
-    total = float(gain.sum()) + _prior_cost(before, after) - _prior_cost(after, before)
+    squares = before.problem.per_block(old**2)
+    given = _prior_cost(before, after) - _prior_cost(after, before)
+    total, error = float(gain.sum()) + given, _standard_error(chance)
+    if len(gain) >= ENOUGH_BLOCKS:
+        # one event in a log may be of another kind (a stop, a push, the end of a file) and has no veto
+        against = int(np.argmin(gain[1:] + gain[:-1]))
+        kept = np.ones(len(gain), np.bool_)
+        kept[against : against + 2] = False
+        without, less = float(gain[kept].sum()) + given, _standard_error(np.where(kept, chance, 0.0))
+        if without / less > total / error:
+            total, error, gain, squares = without, less, gain[kept], squares[kept]
     rms = np.sqrt(np.mean((change * sigma) ** 2, axis=1)) / before.problem.channel_rms
-    share = float(gain.sum() / max(1e-300, np.sum(old**2)))
+    share = float(gain.sum() / max(1e-300, squares.sum()))
     floor = np.mean((before.error.noise / sigma) ** 2, axis=1)
-    left = float(np.sum(np.log(np.maximum(np.mean(new**2, axis=1), floor))) * new.shape[1]) + _prior_cost(after, before)
-    return Evidence(total, 2.0 * float(np.sqrt(variance)) + 1e-12, left, share, float(rms.max()))
+    left = _misfit(before.problem, new**2, floor) + _prior_cost(after, before)
+    return Evidence(total, error, left, share, float(rms.max()))
+
+
+def _misfit(problem: Problem, squares: Array, floor: Array) -> float:
+    """Minus twice the logarithm of the likelihood of what is left (channels, g), each channel with a variance of its own, no less
+    than `floor`, and blocks that leave many times what others do weighed down as an error model does.
+    """
+    weight = np.ones_like(squares)
+    for _ in range(REWEIGHTED):
+        variance = np.maximum(np.mean(squares / weight, axis=1), floor)[:, None]
+        weight = unusual_blocks(problem, squares / variance)
+    return float(np.sum(np.log(variance * weight) + squares / (variance * weight)))
+
+
+def _standard_error(chance: Array) -> float:
+    """Of a gain, from what chance makes of it in each block, (blocks,)."""
+    variance = float(np.sum(chance**2))
+    return 2.0 * float(np.sqrt(max(variance, variance + 2.0 * float(np.sum(chance[1:] * chance[:-1]))))) + 1e-12
 
 
 def _beside(state: State, other: State) -> Array:
@@ -119,23 +150,47 @@ def refit(before: State, candidates: list[Candidate]) -> Refit:
     starts.sort(key=lambda start: start[1])
     near = [values for values, cost in starts[:STARTS] if cost <= WORTH_A_START * starts[0][1]]
     best = _deepest(before, model, [*near, *fresh])
-    effect = candidates[0].effect
-    layout = before.problem.layout
-    values = dict(zip(model.parameters(layout), best.values.tolist()))
-    own = dict(zip((p.name for p in effect.parameters(layout)), best.values[model.place(effect.id, layout)].tolist()))
-    if effect.implausible(own, values, before.problem.experiment.signals):
-        # along what the log leaves open a search may wander off: what counts is how well values do that can be
-        possible = [effect.possible(p) or (-np.inf, np.inf) for p in effect.parameters(layout)]
-        within = bounded(best, effect, possible, before)
-        return Refit(effect, best.slim(), compare_states(before, within, before.error.sigma))
-    return Refit(effect, best.slim(), compare_states(before, best, before.error.sigma))
+    # along what the log leaves open a search may wander off: what counts is how well values do that can be
+    best = within_possible(best, [candidates[0].effect.id])
+    return Refit(candidates[0].effect, best.slim(), compare_states(before, best, before.error.sigma))
 
 
-def bounded(state: State, effect: Effect, ranges: Sequence[tuple[float, float]], like: State) -> State:
-    """A state with an effect's parameters held to ranges, refitted with the error model of a state of nearly the same model."""
+def within_possible(state: State, names: Iterable[str]) -> State:
+    """The state, or where values of these effects can't be, its refit to those that can.
+
+    Values are held to their ranges; a joint or a channel whose values together can't be goes without the effect.
+    """
+    layout, signals = state.problem.layout, state.problem.experiment.signals
+    named = dict(zip(state.model.parameters(layout), state.values.tolist()))
+    ranges = {}
+    for effect in (state.model[name] for name in names):
+        parameters = effect.parameters(layout)
+        own = {p.name: named[f"{effect.id}.{p.name}"] for p in parameters}
+        if not effect.implausible(own, named, signals):
+            continue
+        null = {p.name: value for p, value in zip(parameters, state.values[state.model.place(effect.id, layout)])}
+        null |= {parameters[i].name: value for i, value in amplitudes(effect, layout, base_of(state.model)).items()}
+        possible = {p.name: effect.possible(p) or (-np.inf, np.inf) for p in parameters}
+        inside = {name: float(np.clip(value, *possible[name])) for name, value in own.items()}
+        for part in {_place(name) for name in own}:
+            alone = {name: inside[name] if _place(name) == part else null[name] for name in own}
+            if effect.implausible(alone, named | {f"{effect.id}.{k}": v for k, v in alone.items()}, signals):
+                possible |= {name: (null[name], null[name]) for name in own if _place(name) == part}
+        ranges[effect.id] = [possible[p.name] for p in parameters]
+    return bounded(state, ranges, state) if ranges else state
+
+
+def _place(name: str) -> str:
+    """Joint or channel of a parameter: what stands in brackets, before its number or axis."""
+    return re.split(r"[],.]", name.partition("[")[2])[0]
+
+
+def bounded(state: State, ranges: Mapping[str, Sequence[tuple[float, float]]], like: State) -> State:
+    """A state with effects' parameters held to ranges, refitted with the error model of a state of nearly the same model."""
     low, high = parameter_bounds(state.model, state.problem)
-    place = state.model.place(effect.id, state.problem.layout)
-    low[place], high[place] = np.maximum(low[place], [a for a, _ in ranges]), np.minimum(high[place], [b for _, b in ranges])
+    for name, own in ranges.items():
+        place = state.model.place(name, state.problem.layout)
+        low[place], high[place] = np.maximum(low[place], [a for a, _ in own]), np.minimum(high[place], [b for _, b in own])
     return search(state.problem, state.model, np.clip(state.values, low, high), like.error, max_steps=REFIT_STEPS,
                   bounds=(low, high), like=like, ends=ROUGHLY)  # fmt: skip
 

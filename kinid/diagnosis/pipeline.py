@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from kinid.diagnosis.acceptance import within_possible
 from kinid.diagnosis.detectors import Cleaned, detect
 from kinid.diagnosis.selection import Selection, select
 from kinid.diagnosis.settings import DiagnosisSettings
@@ -52,7 +53,7 @@ def run(model: Model, experiment: Experiment, settings: DiagnosisSettings, *, kn
     if selection.added and not selection.unsupported:
         # what a fit of that model finds by itself is reported, unless the way here led further down
         last = selection.states[-1]
-        again = selection.fits.get(last.model.names) or estimate_problem(last.model, start.problem)
+        again = selection.fits.get(last.model.names) or within_possible(estimate_problem(last.model, start.problem), selection.added)
         if again.cost_with(last.error) <= SAME_COST * last.cost_with(last.error):
             selection.states[-1] = again
     return Found(model, experiment, cleaned, plain, selection)

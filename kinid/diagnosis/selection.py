@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid import effects
-from kinid.diagnosis.acceptance import Evidence, Refit, bounded, compare_states, refit, reformed, settle, without
+from kinid.diagnosis.acceptance import Evidence, Refit, bounded, compare_states, refit, reformed, settle, within_possible, without
 from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.screening import Candidate, screen, screen_catalogue
 from kinid.diagnosis.settings import DiagnosisSettings
@@ -108,7 +108,7 @@ def _remarkable(tried: Refit, settings: DiagnosisSettings) -> bool:
     if not beyond or any(not usual[i] for i in beyond):
         return bool(beyond)
     ranges = [(null[i] - usual[i], null[i] + usual[i]) if i in null else (-np.inf, np.inf) for i in range(len(parameters))]
-    evidence = compare_states(bounded(state, effect, ranges, state), state, state.error.sigma)
+    evidence = compare_states(bounded(state, {effect.id: ranges}, state), state, state.error.sigma)
     return evidence.significance > settings.min_significance and evidence.share > settings.min_share
 
 
@@ -156,7 +156,7 @@ def _rank(tried: Refit) -> tuple[float, float]:
 
 def settled_refit(tried: Refit, before: State) -> Refit:
     """A refit with its own error model."""
-    return tried if tried.settled else _ended(tried, before, settle(tried.state))
+    return tried if tried.settled else _ended(tried, before, within_possible(settle(tried.state), [tried.effect.id]))
 
 
 def deeper(tried: Refit, before: State, fits: dict[tuple[str, ...], State]) -> Refit:
@@ -165,7 +165,7 @@ def deeper(tried: Refit, before: State, fits: dict[tuple[str, ...], State]) -> R
     Such fits are kept in `fits`.
     """
     model = tried.state.model
-    fit = fits[model.names] = estimate_problem(model, before.problem)
+    fit = fits[model.names] = within_possible(estimate_problem(model, before.problem), set(model.names) - {*before.model.names})
     return min(settled_refit(tried, before), _ended(tried, before, fit), key=lambda t: t.evidence.left)
 
 

@@ -9,6 +9,7 @@ J. Uncertainty Quantification 6, 2018). What calibration leaves open (c) are nui
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +31,8 @@ RESOLUTION, QUIETEST = 1e-4, 0.02
 STATIC_NOISE = 0.001
 #: share of a usual force that is open where a material has let go
 RELEASED = 0.1
+#: what is left in a block of time, in standard deviations, beyond which it weighs no more; and how often weights are found anew
+UNUSUAL, REWEIGHTED = 3.0, 4
 #: the motion's noise is averaged over so long [s]: draws are few
 SMOOTHED = 0.2
 
@@ -41,18 +44,20 @@ class ErrorModel:
     Attributes:
         reading: variance of the reading's own noise, (channels, g). motion: of the motion's, (channels, g).
         discrepancy: standard deviation of what is left beyond both, (channels,).
-        memory: time over which the residual remembers itself [s].
+        memory: time over which the residual remembers itself [s]. unusual: factor of the variance in blocks that leave many
+            times what others do, (channels, g).
     """
 
     reading: Array
     motion: Array
     discrepancy: Array
     memory: float
+    unusual: Array | float = 1.0
 
     @property
     def sigma(self) -> Array:
         """Standard deviation of each mean, (channels, g)."""
-        out: Array = np.sqrt(self.reading + self.motion + self.discrepancy[:, None] ** 2)
+        out: Array = np.sqrt((self.reading + self.motion + self.discrepancy[:, None] ** 2) * self.unusual)
         return out
 
     @property
@@ -149,6 +154,17 @@ def learn(problem: Problem, model: Model, values: Array, residual: Array, fixed:
     """The error model that a residual (channels, g) tells of; `fixed` is the motion's variance where it is known already."""
     reading = reading_variance(problem)
     motion = motion_variance(problem, model, values) if fixed is None else fixed
-    left = discrepancy(residual, reading + motion)
-    sigma = np.sqrt(reading + motion + left[:, None] ** 2)
-    return ErrorModel(reading, motion, left, memory_of(problem, residual / sigma))
+    unusual = np.ones(problem.shape)
+    for _ in range(REWEIGHTED):
+        left = discrepancy(residual / np.sqrt(unusual), reading + motion)
+        squares = residual**2 / (reading + motion + left[:, None] ** 2)
+        unusual = unusual_blocks(problem, squares)
+    made = ErrorModel(reading, motion, left, 0.0, unusual)
+    return dataclasses.replace(made, memory=memory_of(problem, residual / made.sigma))
+
+
+def unusual_blocks(problem: Problem, squares: Array) -> Array:
+    """How many times the variance is in blocks whose squares (channels, g), in units of it, are many, at least 1, (channels, g)."""
+    many = np.bincount(problem.block)
+    means = np.stack([(np.bincount(problem.block, row) / many)[problem.block] for row in squares])
+    return np.maximum(1.0, means / UNUSUAL**2)

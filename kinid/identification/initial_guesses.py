@@ -13,6 +13,8 @@ from kinid.model import Model
 
 Array = NDArray[np.float64]
 
+#: change of all weighted readings, as a length, below which a step of a parameter isn't seen
+UNSEEN = 1e-4
 #: a start must leave less than this share of the squares of the one before to be taken
 BETTER = 0.98
 
@@ -41,7 +43,8 @@ def project_linear(problem: Problem, model: Model, start: Array, error: ErrorMod
     if not np.isfinite(columns).all():
         return start, squares
     size = np.linalg.norm(columns, axis=0)
-    size[size == 0] = 1.0
+    columns[:, size * np.abs(steps) < UNSEEN] = 0.0
+    size[size * np.abs(steps) < UNSEEN] = 1.0
     step = np.linalg.lstsq(columns / size, residual.ravel(), rcond=1e-8)[0] / size
     low, high = np.array([named[i].low for i in free]), np.array([named[i].high for i in free])
     for share in (1.0, 0.5, 0.25):

@@ -9,10 +9,12 @@ measurements is greatest (the quotient of found and expected energy of the jerk,
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from kinid.kernels import fixed_interval, intensity
 from kinid.kernels.state_space import ORDER
@@ -35,8 +37,8 @@ WORTH, SETTLED = 1.0, 0.01
 REMAINS = 10.0
 #: an intensity that was a single one must be worth so many times as much to vary: a verdict of the motion, not of a measurement
 AGAIN = 2.0
-#: a measurement that is so many standard deviations from what all others say is wrong
-WRONG = 5.0
+#: a measurement that is so many standard deviations from what all others say is wrong, unless one of so many neighbours is, too
+WRONG, NEAR = 5.0, 3
 #: noise is put right where less than a share of it is found, by no more than another at a time, from so many degrees of freedom
 LOUD, QUIETER, ENOUGH = 0.7, 1e-2, 30.0
 #: where digits are lost, positions are held to this share of their size at best, and to this variance
@@ -114,8 +116,7 @@ class Axis:
             return kept
 
         for _ in range(CLIMBS):
-            score(self.jerk)
-            self._doubt(others)
+            self._doubt(others, score)
             score(self.jerk)
             intensity.in_windows(out[:, 0], out[:, 1], WINDOW, factor)
             self.jerk = grown(self.jerk, factor)
@@ -141,11 +142,23 @@ class Axis:
             score(single)
         self.jerk, self.single = single, True
 
-    def _doubt(self, others: Array) -> None:
-        """Widen the variance of measurements that all others contradict, so far that they no longer do."""
-        with np.errstate(invalid="ignore", divide="ignore"):
-            off, whole = others[..., 0] ** 2, others[..., 1] - self.variance + self.stated
-            self.variance = np.where((off > WRONG**2 * whole) & (self.stated < np.inf), self.stated + off, self.stated)
+    def _doubt(self, others: Array, score: Callable[[Array], float]) -> None:
+        """Widen the variance of measurements that stand alone against all others; where a motion turns, neighbours stand out, too."""
+        def standing() -> tuple[Array, Array]:
+            with np.errstate(invalid="ignore", divide="ignore"):
+                off, whole = others[..., 0] ** 2, others[..., 1] - self.variance + self.stated
+                return off, np.where(self.stated < np.inf, off / whole, 0.0)
+
+        self.variance = self.stated.copy()
+        score(self.jerk)
+        off, far = standing()
+        alone = (far > WRONG**2) & (far == maximum_filter1d(far, 2 * NEAR + 1, axis=0))
+        if not alone.any():
+            return
+        self.variance = np.where(alone, self.stated + off, self.stated)
+        score(self.jerk)
+        near = maximum_filter1d(np.where(alone, 0.0, standing()[1]), 2 * NEAR + 1, axis=0)
+        self.variance = np.where(alone & (near < WRONG**2), self.variance, self.stated)
 
     def sound(self) -> tuple[Array, Array, Array]:
         """What `smoothed` gives, of positions alone, or of noisier ones, where it is not a number.
