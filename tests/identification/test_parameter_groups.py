@@ -82,12 +82,12 @@ def test_sensitivities_are_as_if_each_were_moved_alone(experiment: Experiment, m
     """Of a model's own parameters, and of a candidate's."""
     layout = experiment.layout
     values = np.array([0.3 * p.scale + p.nominal for p in MODEL.parameters(layout).values()])
-    problem = Problem.build(experiment)
-    error = first_error_model(problem)
-    state = search(problem, RIGID, np.zeros(0), error)
     effect = effects.get("joint-viscous-friction")
 
     def found() -> tuple[Array, Array]:
+        problem = Problem.build(experiment)
+        error = first_error_model(problem)
+        state = search(problem, RIGID, np.zeros(0), error)
         return search(problem, MODEL, values, error, max_steps=0).jacobian, screen(state, effect)[0].start
 
     many, predict = [], kinid.Model.predict
