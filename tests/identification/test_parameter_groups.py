@@ -97,7 +97,7 @@ def test_sensitivities_are_as_if_each_were_moved_alone(experiment: Experiment, m
     monkeypatch.setattr(jacobian, "parameter_groups", one_by_one)
     slow = found()
     print(f"{saved} predictions, {len(many) - saved} one by one")
-    assert len(many) - saved > 2 * saved  # 32 parameters, 11 of which change every torque
+    assert len(many) - saved > 1.5 * saved  # 32 parameters, 11 of which change every torque, and what both need besides
     for a, b in zip(fast, slow):
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9 * np.abs(b).max())
 
