@@ -13,9 +13,8 @@ from kinid.kernels.state_space import LEAST, ORDER, model, moved, updated
 
 Array = NDArray[np.float64]
 
-#: innovations of more standard deviations are of a sample that is wrong, more often than of a motion that changed, and are passed
-#: over: a change shows in those that follow, too (F. R. Hampel et al., Robust Statistics, 1986)
-FARTHEST = 5.0
+#: squared innovations count to so many times their variance
+MOST = 1e12
 #: log-likelihoods so far below the greatest are all alike
 UNLIKELY = -40.0
 RARE = np.exp(UNLIKELY)
@@ -32,7 +31,7 @@ def bank(tau: Array, y: Array, noise: Array, levels: Array, start: Array, spread
     m = levels.shape[0]
     x, p = np.empty((ORDER, m)), np.empty((ORDER, ORDER, m))
     gain, move, added = np.empty((ORDER, m)), np.empty(ORDER), np.empty((ORDER, ORDER))
-    f, e, taken = np.empty(m), np.empty(m), np.empty(m)
+    f, e = np.empty(m), np.empty(m)
     for j in range(m):
         x[:, j] = start
         p[:, :, j] = spread
@@ -64,11 +63,9 @@ def bank(tau: Array, y: Array, noise: Array, levels: Array, start: Array, spread
         for j in range(m):
             f[j] = 1.0 / (max(p[0, 0, j], 0.0) + r + LEAST)
             e[j] = z - x[0, j]
-            out[t, j] = 0.5 * (np.log(f[j]) - min(e[j] * e[j] * f[j], FARTHEST**2))
-            taken[j] = 1.0 if e[j] * e[j] * f[j] < FARTHEST**2 else 0.0
         for i in range(ORDER):
             for j in range(m):
-                gain[i, j] = p[0, i, j] * f[j] * taken[j]
+                gain[i, j] = p[0, i, j] * f[j]
                 x[i, j] += gain[i, j] * e[j]
         for i in range(1, ORDER):
             for b in range(i, ORDER):
@@ -77,8 +74,9 @@ def bank(tau: Array, y: Array, noise: Array, levels: Array, start: Array, spread
                     p[b, i, j] = p[i, b, j]
         for i in range(ORDER):
             for j in range(m):
-                if taken[j] > 0.0:
-                    p[0, i, j] = p[i, 0, j] = r * gain[i, j]
+                p[0, i, j] = p[i, 0, j] = r * gain[i, j]
+        for j in range(m):
+            out[t, j] = 0.5 * (np.log(f[j]) - min(e[j] * e[j] * f[j], MOST))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -126,8 +124,8 @@ def local_level(loglik: NDArray[np.float32], switch: float, out: Array) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def score(tau: Array, z: Array, noise: Array, drive: Array, start: Array, spread: Array, work: Array, out: Array, fits: Array,
-          others: Array) -> float:  # fmt: skip
+def score(tau: Array, z: Array, noise: Array, drive: Array, start: Array, spread: Array, work: Array, out: Array, fits: Array
+          ) -> float:  # fmt: skip
     """Log-likelihood, and what it says of the intensity at each sample and of the noise of each kind of measurement.
 
     With r and N of the disturbance smoother (de Jong 1989; Durbin & Koopman 2012, 4.5) the derivative of the log-likelihood
@@ -140,7 +138,6 @@ def score(tau: Array, z: Array, noise: Array, drive: Array, start: Array, spread
         start, spread: before the first sample, (d,) and (d, d). work: (n, c, 2 + d), to write into.
         out: energy found and expected, in units of a degree of freedom, (n, 2).
         fits: for each kind of measurement the same two sums of its noise, (c, 2).
-        others: of each measurement, how far it is from what all others say, and the variance of that with its own, (n, c, 2).
     """
     n, kinds = z.shape
     x, p = start.copy(), spread.copy()
@@ -175,7 +172,6 @@ def score(tau: Array, z: Array, noise: Array, drive: Array, start: Array, spread
             for i in range(ORDER):
                 twice += work[k, c, 2 + i] * through[i]
             u, d = e * f - along, f + twice
-            others[k, c, 0], others[k, c, 1] = u / d, 1.0 / d
             fits[c, 0] += noise[k, c] * u * u
             fits[c, 1] += noise[k, c] * d
             # r ← (1 − K H)ᵀ r + Hᵀ e f; N ← (1 − K H)ᵀ N (1 − K H) + Hᵀ H f: only what stands beside H changes

@@ -9,12 +9,10 @@ measurements is greatest (the quotient of found and expected energy of the jerk,
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d
 
 from kinid.kernels import fixed_interval, intensity
 from kinid.kernels.state_space import ORDER
@@ -37,8 +35,6 @@ WORTH, SETTLED = 1.0, 0.01
 REMAINS = 10.0
 #: an intensity that was a single one must be worth so many times as much to vary: a verdict of the motion, not of a measurement
 AGAIN = 2.0
-#: a measurement that is so many standard deviations from what all others say is wrong, unless one of so many neighbours is, too
-WRONG, NEAR = 5.0, 3
 #: noise is put right where less than a share of it is found, by no more than another at a time, from so many degrees of freedom
 LOUD, QUIETER, ENOUGH = 0.7, 1e-2, 30.0
 #: where digits are lost, positions are held to this share of their size at best, and to this variance
@@ -56,7 +52,6 @@ class Axis:
         noise: variance of a position. jerk: intensity of each step, (n,).
         quieter: share of its variance that each kind of measurement may turn out to have, (c,).
         single: one intensity does for all steps.
-        stated: variances of the measurements before those that are wrong were found, (n, c).
     """
 
     tau: Array
@@ -66,7 +61,6 @@ class Axis:
     jerk: Array
     quieter: list[float]
     single: bool = False
-    stated: Array = field(default_factory=lambda: np.empty(0))
 
     @classmethod
     def of(cls, tau: Array, position: Array, variance: Array, noise: float, quieter: float) -> Axis:
@@ -105,18 +99,16 @@ class Axis:
         if n <= ORDER:
             return
         fits, work, out, factor = np.ones((c, 2)), np.empty((n, c, 2 + ORDER)), np.empty((n, 2)), np.empty(n)
-        others, begin = np.zeros((n, c, 2)), self.begin()
-        self.stated = self.variance.copy()
+        begin = self.begin()
 
         def score(jerk: Array) -> float:
-            return float(intensity.score(self.tau, self.value, self.variance, jerk, *begin, work, out, fits, others))
+            return float(intensity.score(self.tau, self.value, self.variance, jerk, *begin, work, out, fits))
 
         def grown(jerk: Array, factor: Array | float) -> Array:
             kept: Array = np.clip(jerk * np.clip(factor**HASTE, 1.0 / STRIDE, STRIDE), LEAST * self.noise, MOST * self.noise)
             return kept
 
         for _ in range(CLIMBS):
-            self._doubt(others, score)
             score(self.jerk)
             intensity.in_windows(out[:, 0], out[:, 1], WINDOW, factor)
             self.jerk = grown(self.jerk, factor)
@@ -124,7 +116,6 @@ class Axis:
                 share = max(found / expected, self.quieter[kind], QUIETER) if expected > ENOUGH else 1.0
                 if share < LOUD:
                     self.variance[:, kind] *= share
-                    self.stated[:, kind] *= share
                     self.quieter[kind] = min(1.0, self.quieter[kind] / share)
         varied, worth = score(self.jerk), WORTH * (AGAIN if self.single else 1.0)
         fitted, single, plain = float(out[:, 1].sum()), np.full(n, np.exp(np.mean(np.log(self.jerk)))), -np.inf
@@ -141,24 +132,6 @@ class Axis:
             single = grown(single, float(out[:, 0].sum() / max(out[:, 1].sum(), 1e-300)))
             score(single)
         self.jerk, self.single = single, True
-
-    def _doubt(self, others: Array, score: Callable[[Array], float]) -> None:
-        """Widen the variance of measurements that stand alone against all others; where a motion turns, neighbours stand out, too."""
-        def standing() -> tuple[Array, Array]:
-            with np.errstate(invalid="ignore", divide="ignore"):
-                off, whole = others[..., 0] ** 2, others[..., 1] - self.variance + self.stated
-                return off, np.where(self.stated < np.inf, off / whole, 0.0)
-
-        self.variance = self.stated.copy()
-        score(self.jerk)
-        off, far = standing()
-        alone = (far > WRONG**2) & (far == maximum_filter1d(far, 2 * NEAR + 1, axis=0))
-        if not alone.any():
-            return
-        self.variance = np.where(alone, self.stated + off, self.stated)
-        score(self.jerk)
-        near = maximum_filter1d(np.where(alone, 0.0, standing()[1]), 2 * NEAR + 1, axis=0)
-        self.variance = np.where(alone & (near < WRONG**2), self.variance, self.stated)
 
     def sound(self) -> tuple[Array, Array, Array]:
         """What `smoothed` gives, of positions alone, or of noisier ones, where it is not a number.

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 from scipy.signal import savgol_filter
 
-from kinid.signal.noise import DIGITS, FLOOR, divided_differences, evenly, lattice, white
+from kinid.signal.noise import DIGITS, FLOOR, ROBUST, divided_differences, evenly, lattice, white
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -28,6 +28,8 @@ ORDER, TURNS = 4, 6
 WINDOW, FEWEST, LEAST_STEP = 15, 60, 0.02
 #: share of an axis' noise that is its own to begin with, and at least
 OWN, LEFT = 0.3, 1e-3
+#: degrees of freedom of Student's distribution of errors of time: most are small, few are a whole message
+TAIL = 4.0
 #: errors of time that are smaller are none, in samples
 UNSEEN = 1e-3
 
@@ -60,24 +62,40 @@ def _moved(tau: Array, late: Array | None) -> Array:
     """Steps of time where each sample is so much later than its stamp, in samples."""
     if late is None:
         return tau
-    steps = np.maximum(tau + np.diff(late, prepend=late[:1]), LEAST_STEP)
-    return np.r_[0.0, steps[1:]]
+    least = LEAST_STEP * np.arange(len(tau))
+    return np.diff(np.maximum.accumulate(np.cumsum(tau) + late - least) + least, prepend=late[0])
 
 
 def _quieter(before: Array, after: Array, tau: Array, other: Array) -> float:
     """Logarithm of the noise of positions (n, k) at other times over that at these, the mean of all axes."""
-    gain = []
-    for x, y in zip(before.T, after.T):
-        least = FLOOR * float(np.ptp(x)) + DIGITS * float(np.abs(x).max()) + lattice(x) / 12**0.5 + 1e-100
-        gain.append(np.log(max(white(y, other), least) / max(white(x, tau), least)))
+    gain = [np.log(max(white(y, other), least) / max(white(x, tau), least))
+            for x, y, least in zip(before.T, after.T, _least(before))]  # fmt: skip
     return float(np.mean(gain))
+
+
+def _rarely_quieter(before: Array, after: Array, at: Array) -> float:
+    """The same of the one difference in twenty that is the largest: where few stamps are wrong, by much."""
+    weights = divided_differences(at, ORDER)
+
+    def size(x: Array) -> Array:
+        differences = sum(w[:, None] * x[i : i + weights.shape[1]] for i, w in enumerate(weights))
+        out: Array = np.maximum(0.5 * np.quantile(np.abs(differences), FEW, axis=0), _least(before))
+        return out
+
+    return float(np.mean(np.log(size(after) / size(before))))
+
+
+def _least(x: Array) -> Array:
+    """Least noise that positions (n, k) have, (k,)."""
+    return np.array([FLOOR * np.ptp(row) + DIGITS * np.abs(row).max() + lattice(row) / 12**0.5 + 1e-100 for row in x.T])
 
 
 def _late(x: Array, tau: Array, ask: bool = True) -> Array | None:
     """How much later than its stamp each row was measured, in samples, (n,); None where that explains too little of the noise.
 
-    Positions less the way since their stamp, y = x − v δ, are to be smooth: δ minimises Σ |D (x − v δ)|²/s² + |δ|²/σ², D divided
-    differences, s the noise of each axis that is left, σ the size of δ.
+    Positions less the way since their stamp, y = x − v δ, are to be smooth: δ minimises Σ |D (x − v δ)|²/s² + Σ δ²/σ², D divided
+    differences, s the noise of each axis that is left, σ² = (ν σ₀² + δ²)/(ν + 1) with the usual size σ₀ of δ,
+    as Student's distribution has it (K. L. Lange et al., J. Am. Stat. Assoc. 84, 1989).
 
     Args:
         x: positions (n, k). tau: steps of time. ask: whether it must explain most of the noise.
@@ -85,39 +103,27 @@ def _late(x: Array, tau: Array, ask: bool = True) -> Array | None:
     n, k = x.shape
     if n < FEWEST:
         return None
-    at = np.cumsum(tau)
-    noise = np.array([white(column, tau) for column in x.T])
-    moving = np.flatnonzero(noise > DIGITS * np.abs(x).max(axis=0))
-    if len(moving) < 2:
-        return None
-    x, noise = x[:, moving], noise[moving]
-    left, late = OWN * noise, np.zeros(n)
+    at, least = np.cumsum(tau), _least(x)
+    noise = np.maximum([white(column, tau) for column in x.T], least)
+    left, late = np.maximum(OWN * noise, least), np.zeros(n)
     v = _speed(x, at, late)
-    size = float(np.median(noise / np.maximum(np.sqrt(np.mean(v**2, axis=0)), 1e-300)))
-    if size < UNSEEN:
+    size = np.full(n, np.median(noise / np.maximum(np.sqrt(np.mean(v**2, axis=0)), 1e-300)))
+    if size[0] < UNSEEN:
         return None
     for turn in range(TURNS):
-        if turn:
+        if turn:  # few are far off: what all share they have from their stamps
             v = _speed(x - late[:, None] * v, at, np.zeros(n))
-            size = max(UNSEEN, float(np.std(late)))
-        late = _least_squares(x, v, at, left, size)
+            usual = max(UNSEEN, ROBUST * float(np.median(np.abs(late))))
+            size = np.sqrt((TAIL * usual**2 + late**2) / (TAIL + 1.0))
+        try:
+            late = _least_squares(x, v, at, left, size)
+        except np.linalg.LinAlgError:  # numbers that differ too much in size
+            return None
         y = x - late[:, None] * v
-        left = np.maximum([white(column, tau) for column in y.T], LEFT * noise)
-    if ask and not _quieter(x, y, tau, tau) < OWN_TIMES and not _rarely_quieter(x, y, at) < OWN_TIMES:
+        left = np.maximum.reduce([[white(column, tau) for column in y.T], LEFT * noise, least])
+    if ask and min(_quieter(x, y, tau, tau), _rarely_quieter(x, y, at)) > OWN_TIMES:
         return None
     return late
-
-
-def _rarely_quieter(before: Array, after: Array, at: Array) -> float:
-    """As `_quieter`, of the one difference in twenty that is the largest: where few stamps are wrong, by much."""
-    weights = divided_differences(at, ORDER)
-
-    def size(x: Array) -> Array:
-        differences = sum(w[:, None] * x[i : i + weights.shape[1]] for i, w in enumerate(weights))
-        out: Array = np.quantile(np.abs(differences), FEW, axis=0)
-        return out
-
-    return float(np.mean(np.log(np.maximum(size(after), 1e-300) / np.maximum(size(before), 1e-300))))
 
 
 def _speed(x: Array, at: Array, late: Array) -> Array:
@@ -128,7 +134,7 @@ def _speed(x: Array, at: Array, late: Array) -> Array:
     return np.asarray(way / np.maximum(steps, LEAST_STEP)[:, None])
 
 
-def _least_squares(x: Array, v: Array, at: Array, noise: Array, size: float) -> Array:
+def _least_squares(x: Array, v: Array, at: Array, noise: Array, size: Array) -> Array:
     """The δ of `_late`, (n,)."""
     n = len(x)
     weights = divided_differences(at, ORDER)  # (ORDER + 1, m)

@@ -7,6 +7,7 @@ from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 Array = NDArray[np.float64]
 
@@ -28,6 +29,8 @@ WHOLE = 0.98
 FEWEST = 3
 #: from so many gaps on a step is believed that no two neighbours are apart, found by so many descents
 MANY, DESCENTS = 12, 8
+#: an axis has moved on that is so many times its noise from a repeated position; a position is off by so many times that
+MOVED_ON, ALONE = 6.0, 8.0
 #: the edge of a step is known to within this share of it: no lattice is even
 EDGE = 0.03
 
@@ -146,3 +149,40 @@ def positions(x: Array, tau: Array | None = None, every: int = 1) -> Positions:
     variance[edges] = step**2 * (1.0 / (12.0 * many**2) + np.where(many > 1, EDGE**2, 0.0))
     # dithered by more than a step, positions hold white noise as well
     return Positions(value, np.maximum(variance, noise**2 if noise > step else 0.0), noise, step, least)
+
+
+def wrong(x: Array, tau: Array, noise: float, step: float) -> NDArray[np.bool_]:
+    """Positions (n,) that stand alone, or repeat the one before them while the axis moves on, (n,).
+
+    Differences of order four show a single position that is off as their own weights. Where the motion itself turns at once, what
+    is left beside that is more than noise.
+
+    Args:
+        x: positions. tau: steps of time before them. noise: of a position. step: of the lattice that they lie on, or 0.
+    """
+    out, size = np.zeros(len(x), np.bool_), max(noise, step)
+    same = np.diff(x, prepend=np.nan) == 0.0
+    ends = np.flatnonzero(same & ~np.r_[same[1:], True])  # the last of each run that repeats, where the log goes on
+    begins = np.flatnonzero(same & ~np.r_[False, same[:-1]])[: len(ends)]
+    moved_on = np.abs(x[ends + 1] - x[ends]) > MOVED_ON * size
+    for begin, end in zip(begins[moved_on], ends[moved_on]):
+        out[begin : end + 1] = True
+    order = 4
+    kept = np.flatnonzero(~out)
+    if len(kept) <= 2 * order or not size > 0.0:
+        return out
+    weights = divided_differences(np.cumsum(tau)[kept], order)
+    m = weights.shape[1]
+    x = x[kept]
+    differences = sum(w * x[i : i + m] for i, w in enumerate(weights))
+    seen, amount, energy = np.zeros(len(x)), np.zeros(len(x)), np.zeros(len(x))
+    for i, w in enumerate(weights):
+        seen[i : i + m] += w * w
+        amount[i : i + m] += w * differences
+        energy[i : i + m] += differences**2
+    explained = amount**2 / np.maximum(seen, 1e-300)
+    alone = (explained > ALONE**2 * size**2) & (energy - explained < 5 * (3.0 * size) ** 2)
+    alone[:order] = alone[-order:] = False
+    alone &= explained == maximum_filter1d(explained, 2 * order + 1)
+    out[kept[alone]] = True
+    return out

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from kinid.kernels.state_space import ORDER
 from kinid.signal.axis import Axis
 from kinid.signal.clock import time_steps
-from kinid.signal.noise import Positions, positions
+from kinid.signal.noise import Positions, positions, wrong
 from kinid.signal.rates import Learnt, learn, together
 
 Array = NDArray[np.float64]
@@ -112,6 +112,7 @@ def smooth_motion(
             if every > 1 and len(rows) > ORDER * every:
                 variance[np.arange(len(rows)) % every > 0] = np.inf
             variance[1:][tau[1:] < REPEATED] = np.inf  # what the sample before has said already
+            variance[wrong(value[rows, j], np.where(tau > 0.0, tau, 1.0), known.noise, known.step)] = np.inf
             axis = Axis.of(tau, known.value[own], variance, known.noise**2, quieter)
             axis.climb()
             made.append((rows, axis))

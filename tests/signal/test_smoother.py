@@ -186,3 +186,35 @@ def test_a_long_piece_is_smoothed_as_a_short_one_is() -> None:
     foretold, own = state[:-1] @ np.triu([[1, 1, 1 / 2, 1 / 6], [0, 1, 1, 1 / 2], [0, 0, 1, 1], [0, 0, 0, 1]]).T, sd[1:]
     assert (np.abs(np.diff(sd[:, 0])) < 0.5 * own[:, 0]).all()
     assert (np.abs(state[1:, 0] - foretold[:, 0]) < 3.0 * own[:, 0] + 1e-6).all()
+
+
+def test_stamps_that_are_off_are_errors_of_time(swing: Callable[..., Any]) -> None:
+    """A message that comes late, and one that brings what the one before it brought, move all axes along their motion."""
+    rng = np.random.default_rng(5)
+    truth = np.arange(4000) / 250.0
+    made = swing(np.zeros(5), seed=2, size=0.6, speed=3.0)
+    held = np.where(rng.uniform(size=len(truth)) < 0.1, np.r_[truth[:1], truth[:-1]], truth)
+    stamps = np.maximum.accumulate(truth + 4e-4 * rng.standard_normal(len(truth)) * (truth > 0)) + 1e-9 * np.arange(len(truth))
+    q = made(held)[0] + 1e-6 * rng.standard_normal((len(truth), 5))
+    smoothed = smooth_motion(stamps, q, [slice(0, len(q))])
+    error = (smoothed.second - made(held)[2])[100:-100]
+    scale = np.sqrt(np.mean(made(truth)[2] ** 2))
+    assert np.sqrt(np.mean(error**2)) < 0.3 * scale  # 3 mrad of false steps, twice differentiated at 250 Hz, are 200 rad/s²
+
+
+@pytest.mark.parametrize("lattice", [0.0, 1e-4])
+def test_a_position_that_stands_alone_is_passed_over(lattice: float) -> None:
+    """Repeated or off, of one axis whose stamps are right; not where the axis itself turns at once."""
+    rng = np.random.default_rng(6)
+    t = np.arange(5000) / 500.0
+    truth = 0.4 * np.sin(2.0 * t) + 0.1 * np.sin(7.0 * t)
+    x = truth + (2e-6 if not lattice else 2e-5) * rng.standard_normal(len(t))
+    x = np.round(x / lattice) * lattice if lattice else x
+    bad = 50 + np.flatnonzero(rng.uniform(size=len(t) - 100) < 0.01)
+    off = x.copy()
+    off[bad] = np.where(rng.uniform(size=len(bad)) < 0.5, off[bad - 1], off[bad] + 0.02)
+    right, found = (smooth_motion(t, y[:, None], [slice(0, len(t))]).second[100:-100, 0] for y in (x, off))
+    assert np.std(found - right) < 0.2 * np.std(right)
+    kink = 0.7310537 * np.abs(t - 5.0003) + 0.1 * np.sin(t)
+    turned = smooth_motion(t, kink[:, None], [slice(0, len(t))])
+    np.testing.assert_allclose(turned.value[:, 0], kink, atol=2e-5)
