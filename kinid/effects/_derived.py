@@ -42,7 +42,7 @@ def _forget(key: tuple[object, ...]) -> None:
     _made.pop(key, None)
 
 
-def rates(s: Signals, x: Array, order: int) -> Array:
-    """First or second time derivative of rows (k, n), by local polynomials of the default bandwidth; 0 where unknown."""
-    made = Differentiator()(s.t, np.ascontiguousarray(x.T), s.runs)
+def rates(s: Signals, x: Array, order: int, bandwidth: float = 25.0) -> Array:
+    """First or second time derivative of rows (k, n), by local polynomials of a bandwidth [Hz]; 0 where unknown."""
+    made = Differentiator(bandwidth)(s.t, np.ascontiguousarray(x.T), s.runs)
     return np.nan_to_num((made.first if order == 1 else made.second).T)

@@ -161,13 +161,15 @@ class Scene:
 
     @cached_property
     def dq(self) -> Array:
-        """Joint velocities (n, N), logged or derived: what rubs doesn't see the noise of the log."""
-        return self.rate(np.asarray(self.log.q)) if self.log.dq is None else self.smooth(np.asarray(self.log.dq))
+        """Joint velocities (n, N): what rubs doesn't see the noise of the log. Where accelerations were logged, both were made
+        from positions by filters that are off where a log begins and ends."""
+        made = self.log.dq is None or self.log.ddq is not None
+        return self.rate(np.asarray(self.log.q)) if made else self.smooth(np.asarray(self.log.dq))
 
     @cached_property
     def ddq(self) -> Array:
-        """Joint accelerations (n, N), logged or derived."""
-        return self.rate(self.dq) if self.log.ddq is None else np.asarray(self.log.ddq)
+        """Joint accelerations (n, N)."""
+        return self.rate(self.dq)
 
     @cached_property
     def turn(self) -> Array:
