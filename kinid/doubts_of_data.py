@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 from numpy.typing import NDArray
 
 from kinid.clock import gaps_in_contact
+from kinid.errors import InputError
 from kinid.experiment import Experiment
 
 Array = NDArray[np.float64]
@@ -32,6 +35,8 @@ TURN_TANGENTIAL = "tangential_force1 and tangential_force2 = { scale = -1 } in [
 TURN_DEPTH = "depth = { scale = -1 } in [columns] of the rig turns it"
 #: a direction of slip turns where each of its components varies by this much
 TURNS = 0.2
+#: a reading that is so many times what this share of all stay within is none
+BEYOND, USUAL = 1e3, 0.999
 #: of slip faster than this [m/s], correlation of tangential force and slip rate beyond which the force drives the slip
 SLIPPING, DRIVES = 1e-3, 0.5
 
@@ -92,6 +97,33 @@ def doubts_of(experiment: Experiment) -> list[str]:
         out.append(f"{np.median(steps):.3g} s between samples: is the time in another unit? Say so in [columns] of the rig: "
                    't = { unit = "ms" }')  # fmt: skip
     return out
+
+
+def refuse_outliers(experiment: Experiment) -> None:
+    """A reading beyond all measure: nothing else would count beside it."""
+    for name, unit, row in zip(experiment.layout.channels, experiment.layout.units, experiment.measured):
+        size = np.where(experiment.valid, np.abs(row), 0.0)
+        usual, i = float(np.quantile(size[experiment.valid], USUAL)), int(size.argmax())
+        if usual > 0.0 and size[i] > BEYOND * usual:
+            at = experiment.signals.t[i]
+            raise InputError(f"a {name} of {row[i]:.3g} {unit}, {at:.4g} s after the first sample, where 99.9 % stay within "
+                             f"{usual:.3g} {unit}", "readings of one kind", "leave out what no sensor has read")  # fmt: skip
+
+
+def refuse_signs(experiment: Experiment, needs: Collection[str]) -> None:
+    """Forces and depths whose sign is turned, of those that a model needs."""
+    lowest = turned(experiment) if "normal" in needs else None
+    if lowest is not None:
+        raise InputError(f"a normal force that falls to {lowest:.3g} N as the tool goes deeper",
+                         "one that is positive where the material pushes the tool out", TURN)  # fmt: skip
+    along = drives(experiment) if "slip" in needs else None
+    if along is not None:
+        raise InputError(f"a tangential force that points along the slip, by {along:.3g} N",
+                         "what the surface does to the tool, against the slip", TURN_TANGENTIAL)  # fmt: skip
+    outside = turned_depth(experiment) if "normal" in needs else None
+    if outside is not None:
+        raise InputError(f"a force of {outside:.3g} N where the depth is negative, and next to none inside",
+                         "a depth that is positive inside the material", TURN_DEPTH)  # fmt: skip
 
 
 def turned(experiment: Experiment) -> float | None:

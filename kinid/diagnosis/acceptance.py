@@ -1,12 +1,9 @@
 """Refit, accept, prune: nonlinear refits of what promises most, and the paired held-out gain that decides about them.
 
-Blocks of time that a fit has not seen are predicted by two models. With residuals r before and after, weighed by what is left
-before
-the addition, block b gains d = Σ(r² − r'²) = |δ|² + 2 Σ r' δ, where δ = r − r' is what the addition changes. It is the second
-term that
+Blocks of time that a fit has not seen are predicted by two models. With residuals r before and r' after, weighed by what is left
+before, block b gains d = Σ(r² − r'²) = |δ|² + 2 Σ r' δ, where δ = r − r' is what the addition changes. It is the second term that
 chance makes: its sum over blocks has the standard error 2 √Σ(Σ_b r' δ)², memory within a block included, and between neighbours
-(W. K. Newey, K. D. West, Econometrica 55, 1987). Effects that act rarely are judged by what they leave there, not by how unevenly
-their gain is spread.
+(W. K. Newey, K. D. West, Econometrica 55, 1987). What acts rarely is judged by what it leaves, not by how its gain is spread.
 """
 
 from __future__ import annotations

@@ -17,9 +17,8 @@ from kinid.diagnosis.words import SAME, with_rivals
 from kinid.identification.applicability import base_of
 from kinid.identification.fit import Fit, fit_model, fit_of
 from kinid.identification.lack_of_fit import LackOfFit, error_rows, error_unit, lack_of_fit, rms
-from kinid.identification.nuisance import trusted
 from kinid.identification.solver import State, search
-from kinid.identification.whole import fold_predictions, whole_prediction
+from kinid.identification.whole import held_out_residual, train_residual
 from kinid.residuals.localization import where
 
 Array = NDArray[np.float64]
@@ -58,16 +57,10 @@ class Conclusions:
 
     def held_out(self, state: State, marks: Sequence[Mark]) -> Array:
         """Residual of each fold from parameters of the other one, at the log's own rate, (channels, n)."""
-        out = self.whole.measured.copy()
-        for part, predicted in fold_predictions(state):
-            out[:, part] -= self._marked(predicted, marks)[:, part]
-        out[:, ~self.whole.valid] = np.nan
-        return out
+        return held_out_residual(state, self.whole, lambda predicted: self._marked(predicted, marks))
 
     def _train(self, state: State, marks: Sequence[Mark]) -> Array:
-        out = self.whole.measured - self._marked(whole_prediction(state, state.values, trusted(state.shift)), marks)
-        out[:, ~self.whole.valid] = np.nan
-        return out
+        return train_residual(state, self.whole, lambda predicted: self._marked(predicted, marks))
 
     def _marked(self, predicted: Array, marks: Sequence[Mark]) -> Array:
         """Predictions (channels, n) with what detectors found in the samples."""

@@ -10,9 +10,10 @@ from threadpoolctl import threadpool_limits
 from kinid.contact import ContactSeries
 from kinid.diagnosis.conclusions import Conclusions
 from kinid.diagnosis.pipeline import run
-from kinid.diagnosis.refusals import one_by_one, refuse_idle, refuse_log, refuse_names, refuse_outliers, refuse_signs
+from kinid.diagnosis.refusals import one_by_one, refuse_idle, refuse_log, refuse_names
 from kinid.diagnosis.result import Diagnosis
 from kinid.diagnosis.settings import DiagnosisSettings
+from kinid.doubts_of_data import refuse_outliers, refuse_signs
 from kinid.errors import InputError
 from kinid.experiment import Experiment
 from kinid.identification.fit import Fit, all_channels, check_excitation
@@ -76,7 +77,7 @@ def diagnose(
     refuse_log(experiment, model)
     refuse_outliers(experiment)
     warnings = check_excitation(model, experiment)
-    refuse_signs(experiment, model)
+    refuse_signs(experiment, model.needs)
     # many small products: threads of a linear-algebra library would only wait for each other
     with threadpool_limits(1, user_api="blas"):
         found = run(model, experiment, settings, known=known, forced=add, progress=progress)

@@ -53,7 +53,8 @@ def run(model: Model, experiment: Experiment, settings: DiagnosisSettings, *, kn
     if selection.added and not selection.unsupported:
         # what a fit of that model finds by itself is reported, unless the way here led further down
         last = selection.states[-1]
-        again = selection.fits.get(last.model.names) or within_possible(estimate_problem(last.model, start.problem), selection.added)
+        again = selection.fits.get(last.model.names)
+        again = again or within_possible(estimate_problem(last.model, start.problem), selection.added)
         if again.cost_with(last.error) <= SAME_COST * last.cost_with(last.error):
             selection.states[-1] = again
     return Found(model, experiment, cleaned, plain, selection)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from kinid import effects
-from kinid.doubts_of_data import DEEPEST, DEPTH_UNIT, TURN, TURN_DEPTH, TURN_TANGENTIAL, drives, turned, turned_depth
+from kinid.doubts_of_data import DEEPEST, DEPTH_UNIT
 from kinid.errors import InputError
 from kinid.experiment import Experiment
 from kinid.identification.applicability import candidate_effects
@@ -15,8 +15,6 @@ from kinid.model import TOGETHER, Model
 
 #: a log must last so long [s], and hold so many blocks of half a second that count
 SHORTEST, FEWEST_BLOCKS = 4.0, 8
-#: a reading that is so many times what this share of all stay within is none
-BEYOND, USUAL = 1e3, 0.999
 
 
 def one_by_one(add: Sequence[str], model: Model) -> list[str]:
@@ -64,30 +62,3 @@ def refuse_log(experiment: Experiment, model: Model) -> None:
     deep = float(s.depth[experiment.valid].max()) if "normal" in model.needs and s.layout.kind == "contact" else 0.0
     if deep > DEEPEST:
         raise InputError(f"depths of up to {deep:.3g} m", "metres inside the material", f"say so {DEPTH_UNIT}")
-
-
-def refuse_outliers(experiment: Experiment) -> None:
-    """A reading beyond all measure: nothing else would count beside it."""
-    for name, unit, row in zip(experiment.layout.channels, experiment.layout.units, experiment.measured):
-        size = np.where(experiment.valid, np.abs(row), 0.0)
-        usual, i = float(np.quantile(size[experiment.valid], USUAL)), int(size.argmax())
-        if usual > 0.0 and size[i] > BEYOND * usual:
-            at = experiment.signals.t[i]
-            raise InputError(f"a {name} of {row[i]:.3g} {unit}, {at:.4g} s after the first sample, where 99.9 % stay within "
-                             f"{usual:.3g} {unit}", "readings of one kind", "leave out what no sensor has read")  # fmt: skip
-
-
-def refuse_signs(experiment: Experiment, model: Model) -> None:
-    """Forces and depths whose sign is turned."""
-    lowest = turned(experiment) if "normal" in model.needs else None
-    if lowest is not None:
-        raise InputError(f"a normal force that falls to {lowest:.3g} N as the tool goes deeper",
-                         "one that is positive where the material pushes the tool out", TURN)  # fmt: skip
-    along = drives(experiment) if "slip" in model.needs else None
-    if along is not None:
-        raise InputError(f"a tangential force that points along the slip, by {along:.3g} N",
-                         "what the surface does to the tool, against the slip", TURN_TANGENTIAL)  # fmt: skip
-    outside = turned_depth(experiment) if "normal" in model.needs else None
-    if outside is not None:
-        raise InputError(f"a force of {outside:.3g} N where the depth is negative, and next to none inside",
-                         "a depth that is positive inside the material", TURN_DEPTH)  # fmt: skip

@@ -13,7 +13,6 @@ from kinid.identification.applicability import amplitudes, base_of, candidate_ef
 from kinid.identification.jacobian import changes
 from kinid.identification.nuisance import trusted
 from kinid.identification.solver import State
-from kinid.model import Model
 
 Array = NDArray[np.float64]
 

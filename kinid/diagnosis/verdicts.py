@@ -132,12 +132,10 @@ def _too_small_to_see(state: State, points: Sequence[Candidate], settings: Diagn
     """Which amounts of an effect that matter would hide in what is left, in words; "" where none would."""
     layout, effect = state.problem.layout, points[0].effect
     parameters, amplitude = effect.parameters(layout), amplitudes(effect, layout, base_of(state.model))
-    spacing = sample_period(state.problem.experiment.signals) * float(np.median(state.problem.count))
-    inflation = max(1.0, state.error.memory / spacing)
     whole = float(np.sum((state.residual / state.error.sigma) ** 2))
     rows = error_rows(state.problem.whole)
     matters = np.mean((settings.min_reading_share * state.problem.channel_rms[rows, None] / state.error.sigma[rows]) ** 2)
-    least = max((2.0 * settings.min_significance) ** 2 * inflation, settings.min_share * whole,
+    least = max((2.0 * settings.min_significance) ** 2 * state.inflation, settings.min_share * whole,
                 float(matters) * state.residual.shape[1])  # fmt: skip
     # large steps of what has a grid of its own say how far it could go, not whether a small one shows
     weak: list[int] = []

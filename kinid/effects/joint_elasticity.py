@@ -13,7 +13,6 @@ from kinid.effects._effect import Effect
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
-
 #: bandwidths that derivatives may have [Hz], and samples that tell which of them a log bears
 BANDS, ENOUGH = (25.0, 12.0, 6.0), 200
 

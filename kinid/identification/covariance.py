@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.identification.dataset import sample_period
 from kinid.identification.solver import State, held_parameters
 
 Array = NDArray[np.float64]
@@ -60,7 +59,7 @@ def covariance_of(state: State) -> Covariance:
     open_ = (np.abs(vector[:, lost]) > TAKES_PART).any(axis=1)
     inverse = (vector[:, ~lost] / eigenvalue[~lost]) @ vector[:, ~lost].T / np.outer(size, size)
     spread = inverse @ _meat(state, jacobian[:, own], prior) @ inverse
-    floor = inverse * _inflation(state)
+    floor = inverse * state.inflation
     with np.errstate(divide="ignore", invalid="ignore"):
         widen = np.sqrt(np.maximum(1.0, np.diag(floor) / np.maximum(np.diag(spread), 1e-300)))
     spread = spread * np.outer(widen, widen)
@@ -92,9 +91,3 @@ def _meat(state: State, jacobian: Array, prior: Array) -> Array:
     widen = np.maximum(np.diag(near), np.diag(own)) / np.maximum(np.diag(own), 1e-300)
     out: Array = small * own * np.sqrt(np.outer(widen, widen)) + prior
     return out
-
-
-def _inflation(state: State) -> float:
-    """How much more a mean over neighbours varies than with white errors: the residual's memory over the means' spacing."""
-    spacing = sample_period(state.problem.experiment.signals) * float(np.median(state.problem.count))
-    return max(1.0, state.error.memory / spacing)

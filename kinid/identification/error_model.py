@@ -1,10 +1,9 @@
 """The error of a reading: its own noise, the motion's noise carried through the model, and what no effect so far explains.
 
 σ² = (a) noise and resolution of the reading + (b) noise of the motion estimate, carried through the model by draws + (d) the
-discrepancy: per channel, with a size and a memory that are learnt from the residual (M. C. Kennedy, A. O'Hagan, J. R. Stat.
-    Soc. B
-63, 2001). It is learnt after the parameters, so that it can't take from the effects what they explain (M. Gu, L. Wang, SIAM/ASA
-J. Uncertainty Quantification 6, 2018). What calibration leaves open (c) are nuisance parameters of the fit.
+discrepancy: per channel, with a size and a memory that are learnt from the residual (M. C. Kennedy, A. O'Hagan,
+J. R. Stat. Soc. B 63, 2001). It is learnt after the parameters, so that it can't take from the effects what they explain
+(M. Gu, L. Wang, SIAM/ASA J. Uncertainty Quantification 6, 2018). What calibration leaves open (c) are nuisance parameters.
 """
 
 from __future__ import annotations
@@ -109,7 +108,7 @@ def motion_variance(problem: Problem, model: Model, values: Array) -> Array:
     here = problem.predict(model, values)
     for draw in problem.draws:
         total += (problem.means(model.predict(draw, values)) - here) ** 2 / len(problem.draws)
-    width = max(1, round(SMOOTHED / (sample_period(problem.experiment.signals) * float(np.median(problem.count)))))
+    width = max(1, round(SMOOTHED / problem.spacing))
     out: Array = uniform_filter1d(total, width, axis=1)
     return out
 
@@ -137,8 +136,7 @@ def discrepancy(residual: Array, known: Array) -> Array:
 
 def memory_of(problem: Problem, whitened: Array) -> float:
     """Integrated autocorrelation time of a whitened residual (channels, g) [s], over lags up to a block."""
-    spacing = sample_period(problem.experiment.signals) * float(np.median(problem.count))
-    power = float(np.sum(whitened**2))
+    spacing, power = problem.spacing, float(np.sum(whitened**2))
     if power <= 0 or whitened.shape[1] < 16:
         return spacing
     total = 1.0
@@ -164,7 +162,7 @@ def learn(problem: Problem, model: Model, values: Array, residual: Array, fixed:
 
 
 def unusual_blocks(problem: Problem, squares: Array) -> Array:
-    """How many times the variance is in blocks whose squares (channels, g), in units of it, are many, at least 1, (channels, g)."""
+    """How many times the variance is in blocks of many squares (channels, g), in units of it, at least 1, (channels, g)."""
     many = np.bincount(problem.block)
     means = np.stack([(np.bincount(problem.block, row) / many)[problem.block] for row in squares])
     return np.maximum(1.0, means / UNUSUAL**2)

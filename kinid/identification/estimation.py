@@ -10,8 +10,8 @@ from kinid.effects._signals import RestForm
 from kinid.experiment import Experiment
 from kinid.identification.initial_guesses import initial_values, nominal_values
 from kinid.identification.problem import Problem
-from kinid.identification.rest_form import with_rest_form
-from kinid.identification.solver import State, first_error_model, linear_parameters, solve
+from kinid.identification.rest_form import best_form, with_rest_form
+from kinid.identification.solver import State, first_error_model, linear_parameters, search, solve
 from kinid.model import Model
 
 #: a fit from nothing under another form of friction at rest is kept where it comes to this share of the cost
@@ -37,7 +37,10 @@ def estimate_problem(model: Model, problem: Problem, known: Mapping[str, float] 
     named = model.parameters(problem.layout)
     given = {name: value for name, value in (known or {}).items() if name in named}
     values = np.array([given.get(name, value) for name, value in zip(named, values)])
-    state = with_rest_form(solve(problem, model, initial_values(problem, model, values, error, frozenset(given))))
+    start = initial_values(problem, model, values, error, frozenset(given))
+    # before a search has bent anything to make up for a wrong one
+    begun = best_form(search(problem, model, start, error, max_steps=0))
+    state = with_rest_form(solve(begun.problem, model, begun.values))
     if state.problem is problem or linear_parameters(model, problem).all():
         return state
     # under the wrong form, what bends may have stood in for the right one, and may stay where it ended

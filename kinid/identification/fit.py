@@ -189,8 +189,7 @@ def fit_of(state: State, experiment: Experiment, *, held_out: bool = True, train
     residual = train_residual(state)
     if train is not None:
         whole = experiment.valid & ~train
-        full = dataclasses.replace(state, problem=dataclasses.replace(state.problem, whole=experiment))
-        residual = train_residual(full)
+        residual = train_residual(state, experiment)
         unseen = rms(residual[rows][:, whole])
     elif held_out and _enough(state):
         unseen = rms(held_out_residual(state)[rows][:, experiment.valid])

@@ -30,7 +30,7 @@ def project_linear(problem: Problem, model: Model, start: Array, error: ErrorMod
     """A start with all parameters that enter nearly linearly at their best, inside bounds, and its weighted squares."""
     named = list(model.parameters(problem.layout).values())
     held = ~np.isnan(held_parameters(model, problem))
-    free = list(np.flatnonzero(linear_parameters(model, problem) & ~held))
+    free = [int(i) for i in np.flatnonzero(linear_parameters(model, problem) & ~held)]
     weight = 1.0 / error.sigma
     here = model.course(problem.experiment.signals, start)
     residual = (problem.target - problem.means(here.reading)) * weight

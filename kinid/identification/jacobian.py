@@ -23,8 +23,8 @@ MOST_KEPT = 64_000_000
 def parameter_groups(names: Sequence[str], layout: Layout) -> list[Mapping[int, int]]:
     """Parameters that are moved together because each changes another channel, each group as channel → place in `names`.
 
-    Of joint torques, a parameter with a joint or a channel in brackets changes that one alone, so that one prediction does for
-    many (A. R. Curtis, M. J. D. Powell, J. K. Reid, J. Inst. Maths. Applics. 13, 1974). One that may change every channel is alone.
+    Of joint torques, a parameter with a joint or a channel in brackets changes that one alone, so that one prediction does
+    for many (A. R. Curtis, M. J. D. Powell, J. K. Reid, J. Inst. Maths. Applics. 13, 1974). Others are alone.
     """
     rows = {f"[{name}]": row for own in (layout.channels, layout.joints) for row, name in enumerate(own)}
     alone: list[Mapping[int, int]] = []
@@ -42,7 +42,8 @@ def parameter_groups(names: Sequence[str], layout: Layout) -> list[Mapping[int, 
     return alone + list(groups)
 
 
-def changes(problem: Problem, model: Model, values: Array, numbers: Sequence[int], steps: Array, here: Course) -> Array:
+def changes(problem: Problem, model: Model, values: Array, numbers: Sequence[int] | NDArray[np.int64], steps: Array,
+            here: Course) -> Array:  # fmt: skip
     """Change of the means for a step of each of some parameters alone, (channels · g, k).
 
     Args:
@@ -55,8 +56,7 @@ def changes(problem: Problem, model: Model, values: Array, numbers: Sequence[int
     keys = _additive(problem, model, values, numbers)
     scratch = np.empty(problem.target.size)
     for group in parameter_groups([names[i] for i in numbers], problem.layout):
-        known = {channel: problem.columns.get(keys[k]) for channel, k in group.items()}
-        if any(column is None for column in known.values()):
+        if not all(keys[k] in problem.columns for k in group.values()):
             ahead = values.copy()
             for k in group.values():
                 ahead[numbers[k]] += steps[k]
@@ -69,11 +69,11 @@ def changes(problem: Problem, model: Model, values: Array, numbers: Sequence[int
             continue
         for channel, k in group.items():
             rows = slice(None) if channel == ALL_CHANNELS else slice(channel * many, (channel + 1) * many)
-            np.multiply(known[channel], steps[k], out=out[rows, k])
+            np.multiply(problem.columns[keys[k]], steps[k], out=out[rows, k])
     return out
 
 
-def _additive(problem: Problem, model: Model, values: Array, numbers: Sequence[int]) -> list[object]:
+def _additive(problem: Problem, model: Model, values: Array, numbers: Sequence[int] | NDArray[np.int64]) -> list[object]:
     """What tells the column of each parameter, wherever else a model is, None where that depends on all of it, (k,).
 
     Torques of an arm's joints add up: what is in proportion to a parameter follows from the motion and the effect's shapes alone.

@@ -107,6 +107,11 @@ class Problem:
         return (self.end - self.begin).astype(float)
 
     @cached_property
+    def spacing(self) -> float:
+        """Usual time between means [s]."""
+        return sample_period(self.experiment.signals) * float(np.median(self.count))
+
+    @cached_property
     def _mean_weight(self) -> Array:
         return np.ascontiguousarray(np.broadcast_to(1.0 / self.count, self.shape))
 
@@ -125,7 +130,8 @@ class Problem:
     def rounding(self) -> Array:
         """Variance of rounding by a converter so coarse that neighbours share it, (channels,); 0 for others."""
         steps = np.array([lattice(row) for row in self.whole.raw])
-        coarse = (steps > 0) & (steps > COARSE * _white(self.whole))
+        white = [white_noise(row[self.whole.valid]) for row in self.whole.raw]
+        coarse = (steps > 0) & (steps > COARSE * np.array(white))
         return np.where(coarse, steps**2 / 12.0, 0.0)
 
     def means(self, readings: Array) -> Array:
@@ -151,11 +157,6 @@ class Problem:
     def per_block(self, values: Array) -> Array:
         """Sums of (channels, g) over channels and the groups of each block, (blocks,)."""
         return np.asarray(np.bincount(self.block, values.sum(axis=0)), dtype=np.float64)
-
-
-def _white(experiment: Experiment) -> Array:
-    """White noise of each channel's readings, seen in their differences, (channels,)."""
-    return np.array([white_noise(row[experiment.valid]) for row in experiment.raw])
 
 
 def _block_length(span: float) -> float:

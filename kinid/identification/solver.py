@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.course import Course
-from kinid.identification.dataset import sample_period
 from kinid.identification.error_model import ErrorModel, learn, motion_variance, reading_variance
 from kinid.identification.jacobian import changes
 from kinid.identification.nuisance import Nuisance, nuisance_columns, nuisances
@@ -34,6 +33,8 @@ FAITHFUL = 0.05
 CURVED = 0.5
 #: what nuisances do is looked at anew where a search has come to this share of the cost
 FAR = 0.7
+#: discrepancy before anything is known of it, as a share of a channel's size
+FIRST_SHARE = 0.02
 #: parameters are moved by this share of their scale to see what they do
 DIFFERENCE = 1e-2
 
@@ -106,11 +107,8 @@ class State:
         prior = self.prior[np.ix_(f, f)]
         placed = np.r_[np.zeros(p), self.shift][f]
         bound = np.array([n.bound for n in self.open_])
-        low, high = np.r_[np.zeros(p), -bound], np.r_[np.zeros(p), bound]
-        named = list(self.model.parameters(self.problem.layout).values())
-        low[:p] = [(q.low - x) / q.scale for q, x in zip(named, self.values)]
-        high[:p] = [(q.high - x) / q.scale for q, x in zip(named, self.values)]
-        low[p:], high[p:] = low[p:] - self.shift, high[p:] - self.shift
+        ends = parameter_bounds(self.model, self.problem)
+        low, high = (np.r_[(end - self.values) / self.scale, side * bound - self.shift] for end, side in zip(ends, (-1.0, 1.0)))
         out = []
         for seen in (fold, ~fold):
             step = np.zeros(p + len(self.shift))
@@ -131,15 +129,19 @@ class State:
             out[:, ~seen] -= change[:, ~seen]
         return out
 
+    @property
+    def inflation(self) -> float:
+        """How much more a mean over neighbours varies than with white errors: the residual's memory over the means' spacing."""
+        return max(1.0, self.error.memory / self.problem.spacing)
+
     @cached_property
     def standard_errors(self) -> Array:
         """Rough standard error of each parameter, from the information and the residual's memory, infinite where held, (p,)."""
         out = np.full(len(self.values), np.inf)
         p = np.flatnonzero(self.free[: len(self.values)])
-        spacing = sample_period(self.problem.experiment.signals) * float(np.median(self.problem.count))
         size = np.sqrt(np.diag(self.information))
         inverse = np.linalg.pinv(self.information / np.outer(size, size), rcond=1e-12, hermitian=True) / np.outer(size, size)
-        variance = np.diag(inverse)[: len(p)] * max(1.0, self.error.memory / spacing)
+        variance = np.diag(inverse)[: len(p)] * self.inflation
         out[p] = np.sqrt(np.maximum(variance, 0.0)) * self.scale[p]
         return out
 
@@ -156,15 +158,11 @@ def prior_precision(model: Model, problem: Problem, nuisance_count: int) -> Arra
     p = len(named)
     out = np.zeros((p + nuisance_count, p + nuisance_count))
     out[np.arange(p), np.arange(p)] = RIDGE
-    begin = 0
     scale = np.array([q.scale for q in named.values()])
     for effect in model.effects:
-        size = len(effect.parameters(problem.layout))
-        own = effect.prior(problem.layout)
+        own, at = effect.prior(problem.layout), model.place(effect.id, problem.layout)
         if own is not None:
-            at = slice(begin, begin + size)
             out[at, at] += own * np.outer(scale[at], scale[at])
-        begin += size
     out[np.arange(p, p + nuisance_count), np.arange(p, p + nuisance_count)] = 1.0
     return out
 
@@ -192,13 +190,12 @@ def linear_parameters(model: Model, problem: Problem) -> Mask:
 
 def shown_values(state: State) -> Array:
     """Values as a reader has them, (p,): of a converter, what the samples show, where the search leaves it out."""
-    values, begin = state.values.copy(), 0
+    values = state.values.copy()
     for effect in state.model.effects:
-        size = len(effect.parameters(state.problem.layout))
         marks = effect.marks(state.problem.whole.raw) if effect.detector else None
         if marks is not None:
-            values[begin : begin + size] = np.where(np.isnan(marks[1]), values[begin : begin + size], marks[0])
-        begin += size
+            at = state.model.place(effect.id, state.problem.layout)
+            values[at] = np.where(np.isnan(marks[1]), values[at], marks[0])
     return values
 
 
@@ -407,8 +404,15 @@ def search(problem: Problem, model: Model, start: Array, error: ErrorModel, *, s
 
 
 def first_error_model(problem: Problem) -> ErrorModel:
-    """Before anything is fitted: channels weigh by the readings' own noise and a share of their size."""
-    return ErrorModel(reading_variance(problem), np.zeros(problem.shape), 0.02 * problem.channel_rms, 0.0)
+    """Before anything is fitted: channels weigh by the readings' own noise and a share of their size.
+
+    That of the largest of their unit where they are parts of one vector: what is wrong with a small part must not bend what
+    explains the large one.
+    """
+    size, units = problem.channel_rms.copy(), np.array(problem.layout.units)
+    for unit in set(units.tolist()) if problem.layout.kind != "joints" else ():
+        size[units == unit] = size[units == unit].max()
+    return ErrorModel(reading_variance(problem), np.zeros(problem.shape), FIRST_SHARE * size, 0.0)
 
 
 def solve(problem: Problem, model: Model, start: Array, *, max_steps: int = 60) -> State:

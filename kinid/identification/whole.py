@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.experiment import Experiment
 from kinid.identification.nuisance import trusted
 from kinid.identification.solver import State
 
 Array = NDArray[np.float64]
+Reader = Callable[[Array], Array]
 
 
 def whole_prediction(state: State, values: Array, shift: Array) -> Array:
@@ -25,27 +27,24 @@ def whole_prediction(state: State, values: Array, shift: Array) -> Array:
     return out
 
 
-def train_residual(state: State) -> Array:
-    """Measured less predicted, (channels, n); NaN where a sample doesn't count."""
-    return _counted(state, state.problem.whole.measured - whole_prediction(state, state.values, trusted(state.shift)))
+def train_residual(state: State, whole: Experiment | None = None, read: Reader = lambda predicted: predicted) -> Array:
+    """Measured less predicted, (channels, n); NaN where a sample doesn't count.
+
+    Args:
+        whole: the log where that is another one than the problem's. read: predictions as they were read.
+    """
+    whole = whole or state.problem.whole
+    residual = whole.measured - read(whole_prediction(state, state.values, trusted(state.shift)))
+    residual[:, ~whole.valid] = np.nan
+    return residual
 
 
-def fold_predictions(state: State) -> Iterator[tuple[NDArray[np.bool_], Array]]:
-    """For each fold, its samples (n,) and what parameters of the other one expect of the whole log, (channels, n)."""
-    fold, p = state.problem.whole_fold, len(state.values)
+def held_out_residual(state: State, whole: Experiment | None = None, read: Reader = lambda predicted: predicted) -> Array:
+    """The same with each fold predicted from parameters of the other one, (channels, n)."""
+    whole = whole or state.problem.whole
+    out, fold, p = whole.measured.copy(), state.problem.whole_fold, len(state.values)
     for seen, step in zip((fold, ~fold), state.fold_steps):
         values = state.values + step[:p] * state.scale if p else state.values
-        yield ~seen, whole_prediction(state, values, trusted(state.shift + step[p:]))
-
-
-def held_out_residual(state: State) -> Array:
-    """The residual with each fold predicted from parameters of the other one, (channels, n)."""
-    out = state.problem.whole.measured.copy()
-    for part, predicted in fold_predictions(state):
-        out[:, part] -= predicted[:, part]
-    return _counted(state, out)
-
-
-def _counted(state: State, residual: Array) -> Array:
-    residual[:, ~state.problem.whole.valid] = np.nan
-    return residual
+        out[:, ~seen] -= read(whole_prediction(state, values, trusted(state.shift + step[p:])))[:, ~seen]
+    out[:, ~whole.valid] = np.nan
+    return out

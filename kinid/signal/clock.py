@@ -1,7 +1,7 @@
 """When positions were measured: as stamped, at an even clock, or where all axes together say that it was.
 
-A sampler that ticks evenly is often stamped when a message arrives; messages come late, or bring what the one before them brought.
-Each such error moves all axes along their motion at once, which nothing else does.
+A sampler that ticks evenly is often stamped when a message arrives; messages come late, or bring what the one before
+brought. Each such error moves all axes along their motion at once, which nothing else does.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ def _late(x: Array, tau: Array, ask: bool = True) -> Array | None:
         except np.linalg.LinAlgError:  # numbers that differ too much in size
             return None
         y = x - late[:, None] * v
-        left = np.maximum.reduce([[white(column, tau) for column in y.T], LEFT * noise, least])
+        left = np.maximum(np.maximum([white(column, tau) for column in y.T], LEFT * noise), least)
     if ask and min(_quieter(x, y, tau, tau), _rarely_quieter(x, y, at)) > OWN_TIMES:
         return None
     return late

@@ -31,6 +31,8 @@ FEWEST = 3
 MANY, DESCENTS = 12, 8
 #: an axis has moved on that is so many times its noise from a repeated position; a position is off by so many times that
 MOVED_ON, ALONE = 6.0, 8.0
+#: … and so many times the step that follows
+CAUGHT_UP = 1.5
 #: the edge of a step is known to within this share of it: no lattice is even
 EDGE = 0.03
 
@@ -164,7 +166,9 @@ def wrong(x: Array, tau: Array, noise: float, step: float) -> NDArray[np.bool_]:
     same = np.diff(x, prepend=np.nan) == 0.0
     ends = np.flatnonzero(same & ~np.r_[same[1:], True])  # the last of each run that repeats, where the log goes on
     begins = np.flatnonzero(same & ~np.r_[False, same[:-1]])[: len(ends)]
-    moved_on = np.abs(x[ends + 1] - x[ends]) > MOVED_ON * size
+    step_after, next_step = np.abs(x[ends + 1] - x[ends]), np.abs(np.diff(x, append=np.nan)[ends + 1])
+    # a hold ends with a step that those after it are as long as
+    moved_on = (step_after > MOVED_ON * size) & (step_after > CAUGHT_UP * next_step)
     for begin, end in zip(begins[moved_on], ends[moved_on]):
         out[begin : end + 1] = True
     order = 4
