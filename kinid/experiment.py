@@ -101,13 +101,14 @@ class Experiment:
 
     @cached_property
     def let_go(self) -> NDArray[np.bool_]:
-        """Samples in which a tool retracts inside a material that has let it go already: no force is left, (n,)."""
+        """Samples in which a tool retracts inside a material that has let it go: no more force is left than outside, (n,)."""
         force = self.normal_force
         if force is None:
             return np.zeros(len(self.signals), np.bool_)
-        quiet = float(np.hypot.reduce(self.noise[:3]))
+        quiet, outside = float(np.hypot.reduce(self.noise[:3])), self.valid & (self.signals.depth < 0)
+        bias = float(np.median(force[outside])) if outside.any() else 0.0
         with np.errstate(invalid="ignore"):
-            return np.asarray((self.signals.depth > 0) & (self.signals.depth_rate < 0) & (np.abs(force) < LET_GO * quiet))
+            return np.asarray((self.signals.depth > 0) & (self.signals.depth_rate < 0) & (np.abs(force - bias) < LET_GO * quiet))
 
     def in_band(self, readings: Array) -> Array:
         """Readings (channels, n) without what lies above the band; zero-phase, piece by piece (Gustafsson 1996)."""

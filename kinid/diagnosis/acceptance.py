@@ -28,8 +28,7 @@ from kinid.model import Model
 
 Array = NDArray[np.float64]
 
-#: steps of a refit; points of an effect's shapes that are tried, and searches from the best of them where they leave nearly as
-#: little
+#: steps of a refit; points of an effect's shapes that are tried, searches from the best of them where they leave nearly as little
 REFIT_STEPS, POINTS, STARTS, WORTH_A_START = 20, 8, 2, 1.3
 #: blocks of a log in which one event doesn't count
 ENOUGH_BLOCKS = 40

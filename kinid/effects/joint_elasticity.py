@@ -68,7 +68,8 @@ class JointElasticity(Effect):
                 total += float((a @ b) ** 2 / max(1e-300, (a @ a) * (b @ b)))
             return total
 
-        return JointElasticity(max(BANDS, key=seen))
+        best = max(BANDS, key=seen)
+        return self if best == self.bandwidth else JointElasticity(best)
 
     def _bend(self, s: Signals, torque: Array, bandwidth: float) -> Array:
         """Second derivative of the torques, (N, n)."""

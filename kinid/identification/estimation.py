@@ -33,15 +33,15 @@ def estimate_problem(model: Model, problem: Problem, known: Mapping[str, float] 
     problem = problem.with_rest(RestForm())  # the form is chosen anew, the same way for all who ask
     model = model.for_log(problem.experiment.signals)
     error = first_error_model(problem)
-    values = nominal_values(model, problem)
-    named = model.parameters(problem.layout)
+    nominal, named = nominal_values(model, problem), model.parameters(problem.layout)
     given = {name: value for name, value in (known or {}).items() if name in named}
-    values = np.array([given.get(name, value) for name, value in zip(named, values)])
-    start = initial_values(problem, model, values, error, frozenset(given))
-    # before a search has bent anything to make up for a wrong one
-    begun = best_form(search(problem, model, start, error, max_steps=0))
-    state = with_rest_form(solve(begun.problem, model, begun.values))
-    if state.problem is problem or linear_parameters(model, problem).all():
+    values = np.array([given.get(name, value) for name, value in zip(named, nominal)])
+    # before a search has bent anything to make up for a wrong one, and the same from wherever it starts
+    fresh = initial_values(problem, model, nominal, error)
+    begun = best_form(search(problem, model, fresh, error, max_steps=0))
+    start = initial_values(problem, model, values, error, frozenset(given)) if given else begun.values
+    state = with_rest_form(solve(begun.problem, model, start))
+    if state.problem is begun.problem or linear_parameters(model, problem).all():
         return state
     # under the wrong form, what bends may have stood in for the right one, and may stay where it ended
     anew = solve(state.problem, model, initial_values(state.problem, model, values, error, frozenset(given)))

@@ -20,7 +20,8 @@ SHARES, LENGTHS = (0.02, 0.3, 0.7, 0.95), np.linspace(0.75e-4, 1.25e-4, 9)
 TREMORS = (3e-5, 1e-4, 3e-4, 1e-3)
 JOINTS, SPEEDS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0), (5e-4, 0.001, 0.002, 0.004, 0.008, 0.016, 0.03, 0.06, 0.12)
 #: fields that are refined, with their ends
-REFINED = {"length": (0.75e-4, 1.25e-4), "tremor": (1e-6, 1e-3), "joint": (0.1, 30.0), "joint_speed": (3e-4, 0.2)}
+REFINED = {"length": (0.75e-4, 1.25e-4), "share": (0.02, 0.95), "tremor": (1e-6, 1e-3), "joint": (0.1, 30.0),
+           "joint_speed": (3e-4, 0.2)}  # fmt: skip
 #: steps of a search under another form, and refinements of one field
 FORM_STEPS, REFINEMENTS = 6, 3
 #: a form is another one where it changes readings by this share of their noise, and better where so much of the error is left
@@ -73,7 +74,7 @@ def _under(state: State, rest: RestForm) -> tuple[State, float]:
 
 
 def _squares(state: State, unit: State) -> float:
-    """Squared held-out error of a state in units of what another one leaves."""
+    """Squared held-out error of a state in units of another one."""
     return float(np.sum((state.held_out / unit.error.sigma) ** 2))
 
 

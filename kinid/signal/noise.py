@@ -31,7 +31,7 @@ FEWEST = 3
 MANY, DESCENTS = 12, 8
 #: an axis has moved on that is so many times its noise from a repeated position; a position is off by so many times that
 MOVED_ON, ALONE = 6.0, 8.0
-#: … and so many times the step that follows
+#: … and so many times the steps before and after
 CAUGHT_UP = 1.5
 #: the edge of a step is known to within this share of it: no lattice is even
 EDGE = 0.03
@@ -153,22 +153,23 @@ def positions(x: Array, tau: Array | None = None, every: int = 1) -> Positions:
     return Positions(value, np.maximum(variance, noise**2 if noise > step else 0.0), noise, step, least)
 
 
-def wrong(x: Array, tau: Array, noise: float, step: float) -> NDArray[np.bool_]:
+def wrong(x: Array, tau: Array, noise: float, grid: float) -> NDArray[np.bool_]:
     """Positions (n,) that stand alone, or repeat the one before them while the axis moves on, (n,).
 
     Differences of order four show a single position that is off as their own weights. Where the motion itself turns at once, what
     is left beside that is more than noise.
 
     Args:
-        x: positions. tau: steps of time before them. noise: of a position. step: of the lattice that they lie on, or 0.
+        x: positions. tau: steps of time before them. noise: of a position. grid: step of the lattice that they lie on, or 0.
     """
-    out, size = np.zeros(len(x), np.bool_), max(noise, step)
+    out, size = np.zeros(len(x), np.bool_), max(noise, grid)
     same = np.diff(x, prepend=np.nan) == 0.0
     ends = np.flatnonzero(same & ~np.r_[same[1:], True])  # the last of each run that repeats, where the log goes on
     begins = np.flatnonzero(same & ~np.r_[False, same[:-1]])[: len(ends)]
-    step_after, next_step = np.abs(x[ends + 1] - x[ends]), np.abs(np.diff(x, append=np.nan)[ends + 1])
-    # a hold ends with a step that those after it are as long as
-    moved_on = (step_after > MOVED_ON * size) & (step_after > CAUGHT_UP * next_step)
+    step = np.abs(np.diff(x, append=np.nan))
+    # a hold ends with a step that those after it are as long as, and a leap there and back is one of the sensor
+    around = np.maximum(step[ends + 1], step[np.maximum(begins - 2, 0)])
+    moved_on = (step[ends] > MOVED_ON * size) & (step[ends] > CAUGHT_UP * around)
     for begin, end in zip(begins[moved_on], ends[moved_on]):
         out[begin : end + 1] = True
     order = 4
