@@ -66,9 +66,9 @@ class Selection:
 
 def implausible(state: State, before: State | None = None) -> str:
     """Why the values of a state are none that a material or a machine has, in words; "" where they are possible."""
-    known = set()
-    if before is not None:
-        known = {effect.id for effect in before.model.effects if _why(before, effect)}
+    if not np.isfinite(state.cost):
+        return "what they predict is no number"
+    known = set() if before is None else {effect.id for effect in before.model.effects if _why(before, effect)}
     return next((why for effect in state.model.effects if effect.id not in known and (why := _why(state, effect))), "")
 
 

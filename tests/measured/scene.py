@@ -138,7 +138,7 @@ class Scene:
         """Frequency up to which what moves stands out of its noise in the spectrum [Hz]."""
         moved = self.depth[:, None] if self.log.q is None else np.asarray(self.log.q)
         rate = 1.0 / float(np.median(np.diff(self.log.t)))
-        if len(moved) < 1024:
+        if len(moved) < 1024 or 0.2 * rate < BAND:
             return BAND
         f, power = welch(np.diff(moved, axis=0), rate, nperseg=512, axis=0)
         power = power / np.maximum(f, f[1])[:, None] ** 2  # of positions
