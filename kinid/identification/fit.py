@@ -104,12 +104,12 @@ class Fit:
         return self.solution.values
 
     def predict(self, experiment: Experiment | None = None, *, calibrated: bool = True) -> Array:
-        """Readings that the fitted model expects, (channels, n).
+        """Readings that the fitted model expects, under the form of friction at rest that was found, (channels, n).
 
         Args:
             experiment: other signals than those of the fit. calibrated: with what was found of the rig's calibration.
         """
-        signals = (experiment or self.experiment).signals
+        signals = dataclasses.replace((experiment or self.experiment).signals, rest=self.state.problem.whole.signals.rest)
         if not calibrated or signals.layout != self.experiment.layout:
             return self.model.predict(signals, self.values)
         return with_calibration(self.model, self.values, self.state.open_, self.state.shift, signals)
