@@ -8,6 +8,7 @@ DATA is what a world's `generate.py --seed S --out DATA` wrote. Figures are prin
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import time
 import traceback
@@ -31,6 +32,8 @@ def ask(job: tuple[Path, Row, bool]) -> Row:
     try:
         rig = kinid.Rig.load(folder / "rig.toml")
         log = kinid.read(next(p for p in folder.iterdir() if p.stem == stem), rig)
+        if without_dq:
+            log = dataclasses.replace(log, dq=None)
         began = time.perf_counter()
         found = kinid.diagnose(log, rig, model=kinid.Model(*case["model"].split(",")))
         out |= {
@@ -39,12 +42,19 @@ def ask(job: tuple[Path, Row, bool]) -> Row:
             "tolerance": found.left.tolerance, "verdicts": {e.id: e.verdict for e in found.effects},
             "alternatives": {e.id: list(e.equivalent_to) for e in found.effects if e.equivalent_to},
         }  # fmt: skip
-        if case["group"] in ("single", "pair"):
+        if case["group"] in ("single", "pair", "none"):
             true = kinid.diagnose(log, rig, model=kinid.Model(*case["true_model"].split(",")), max_effects=0)
-            out["true"] = true.steps[0].held_out
+            out |= {"true": true.steps[0].held_out, "intervals": _intervals(true.fit.to_dict()["parameters"], case)}
     except Exception:
         out["crash"] = traceback.format_exc()[-600:]
     return out
+
+
+def _intervals(parameters: dict[str, Row], case: Row) -> dict[str, list[float]]:
+    """True value, and ends of the interval, of those parameters whose value is known and whose interval has ends."""
+    known = case.get("values") or {}
+    return {name: [float(known[name]), p["low"], p["high"]] for name, p in parameters.items()
+            if name in known and p["low"] is not None and p["high"] is not None}  # fmt: skip
 
 
 def right(row: Row, name: str) -> bool:
@@ -83,7 +93,9 @@ def figures(rows: list[Row]) -> dict[str, list[float]]:
             count("outside: unexplained, nothing false present", row["verdict"] == "unexplained" and not false)
         if row["group"] == "unexcited":
             count("not excited: called absent", any(verdicts.get(name) == "absent" for name in hidden))
-        if row.get("true"):
+        for value, low, high in row.get("intervals", {}).values():
+            count("intervals that hold the true value", low <= value <= high)
+        if row.get("true") and row["group"] != "none":
             ratios.append(row["after"] / row["true"])
     out["names that aren't there, per log"] = [float(np.sum(extra)), len(extra)]
     if ratios:
