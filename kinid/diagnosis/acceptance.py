@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 
 #: steps of a refit; points of an effect's shapes that are tried, searches from the best of them where they leave nearly as little
 REFIT_STEPS, POINTS, STARTS, WORTH_A_START = 20, 8, 2, 1.3
+#: a value is no value that can be where it is so many standard errors away from one that can
+DOUBT = 2.0
 #: blocks of a log in which one event doesn't count
 ENOUGH_BLOCKS = 40
 #: steps after which only those searches are ended that have come within this factor of the deepest
@@ -132,8 +134,7 @@ class Refit:
 def refit(before: State, candidates: list[Candidate]) -> Refit:
     """The best refit of an effect from its best points, with the error model of the state before.
 
-    Points are ranked once more with everything that enters linearly at its best: shapes that are far from the null change
-    readings differently from what the screening's small steps say.
+    Points are ranked once more with all that enters linearly at its best: the screening's steps are small.
     """
     model = before.model + candidates[0].effect
     with np.errstate(all="ignore"):
@@ -157,13 +158,11 @@ def within_possible(state: State, names: Iterable[str]) -> State:
     Values are held to their ranges; a joint or a channel whose values together can't be goes without the effect.
     """
     layout, signals = state.problem.layout, state.problem.experiment.signals
-    named = dict(zip(state.model.parameters(layout), state.values.tolist()))
     ranges = {}
     for effect in (state.model[name] for name in names):
-        parameters = effect.parameters(layout)
-        own = {p.name: named[f"{effect.id}.{p.name}"] for p in parameters}
-        if not effect.implausible(own, named, signals):
+        if not why_not(state, effect):
             continue
+        parameters, (own, named) = effect.parameters(layout), _nearest_null(state, effect)
         null = {p.name: value for p, value in zip(parameters, state.values[state.model.place(effect.id, layout)])}
         null |= {parameters[i].name: value for i, value in amplitudes(effect, layout, base_of(state.model)).items()}
         possible = {p.name: effect.possible(p) or (-np.inf, np.inf) for p in parameters}
@@ -174,6 +173,24 @@ def within_possible(state: State, names: Iterable[str]) -> State:
                 possible |= {name: (null[name], null[name]) for name in own if _place(name) == part}
         ranges[effect.id] = [possible[p.name] for p in parameters]
     return bounded(state, ranges, state) if ranges else state
+
+
+def why_not(state: State, effect: Effect) -> str:
+    """Why the values of an effect are none that a material or a machine has, in words; "" where they may be possible."""
+    return effect.implausible(*_nearest_null(state, effect), state.problem.experiment.signals)
+
+
+def _nearest_null(state: State, effect: Effect) -> tuple[dict[str, float], dict[str, float]]:
+    """Values of an effect, each moved towards where it does nothing by two of its standard errors, and all with them, by name."""
+    layout = state.problem.layout
+    values = dict(zip(state.model.parameters(layout), state.values.tolist()))
+    null, begin = amplitudes(effect, layout, base_of(state.model)), state.model.place(effect.id, layout).start
+    own: dict[str, float] = {}
+    for i, p in enumerate(effect.parameters(layout)):
+        value, room = float(state.values[begin + i]), DOUBT * float(state.standard_errors[begin + i])
+        towards = null.get(i, p.nominal)
+        own[p.name] = towards if not room < abs(value - towards) else value + room * (1.0 if towards > value else -1.0)
+    return own, values | {f"{effect.id}.{name}": value for name, value in own.items()}
 
 
 def _place(name: str) -> str:

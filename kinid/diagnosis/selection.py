@@ -9,11 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid import effects
-from kinid.diagnosis.acceptance import Evidence, Refit, bounded, compare_states, refit, reformed, settle, within_possible, without
+from kinid.diagnosis.acceptance import (
+    Evidence,
+    Refit,
+    bounded,
+    compare_states,
+    refit,
+    reformed,
+    settle,
+    why_not,
+    within_possible,
+    without,
+)  # fmt: skip
 from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.screening import Candidate, screen, screen_catalogue
 from kinid.diagnosis.settings import DiagnosisSettings
-from kinid.effects import Effect
 from kinid.identification.applicability import amplitudes, base_of
 from kinid.identification.estimation import estimate_problem
 from kinid.identification.lack_of_fit import error_rows, inside_tolerance
@@ -25,8 +35,6 @@ Array = NDArray[np.float64]
 
 #: a reported error rises where its square is so many times the one before
 RISES = 1.01
-#: a value is no value that can be where it is so many standard errors away from one that can
-DOUBT = 2.0
 #: refits whose form of friction at rest is chosen anew
 REFORMED = 2
 #: refits that are settled to tell the best, and alternatives that an addition is held against, at most
@@ -68,24 +76,8 @@ def implausible(state: State, before: State | None = None) -> str:
     """Why the values of a state are none that a material or a machine has, in words; "" where they are possible."""
     if not np.isfinite(state.cost):
         return "what they predict is no number"
-    known = set() if before is None else {effect.id for effect in before.model.effects if _why(before, effect)}
-    return next((why for effect in state.model.effects if effect.id not in known and (why := _why(state, effect))), "")
-
-
-def _why(state: State, effect: Effect) -> str:
-    """The same of one effect, each value moved towards where it does nothing by two of its standard errors."""
-    layout = state.problem.layout
-    named = state.model.parameters(layout)
-    values = dict(zip(named, state.values.tolist()))
-    null = amplitudes(effect, layout, base_of(state.model))
-    own: dict[str, float] = {}
-    begin = state.model.place(effect.id, layout).start
-    for i, p in enumerate(effect.parameters(layout)):
-        value, room = float(state.values[begin + i]), DOUBT * float(state.standard_errors[begin + i])
-        towards = null.get(i, p.nominal)
-        own[p.name] = towards if not room < abs(value - towards) else value + room * (1.0 if towards > value else -1.0)
-    values |= {f"{effect.id}.{name}": value for name, value in own.items()}
-    return effect.implausible(own, values, state.problem.experiment.signals)
+    known = set() if before is None else {effect.id for effect in before.model.effects if why_not(before, effect)}
+    return next((why for effect in state.model.effects if effect.id not in known and (why := why_not(state, effect))), "")
 
 
 def acceptable(tried: Refit, before: State, settings: DiagnosisSettings) -> bool:
