@@ -9,18 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid import effects
-from kinid.diagnosis.acceptance import (
-    Evidence,
-    Refit,
-    bounded,
-    compare_states,
-    refit,
-    reformed,
-    settle,
-    why_not,
-    within_possible,
-    without,
-)  # fmt: skip
+from kinid.diagnosis import acceptance
+from kinid.diagnosis.acceptance import Evidence, Refit, compare_states, refit, settle, within_possible, without
 from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.screening import Candidate, screen, screen_catalogue
 from kinid.diagnosis.settings import DiagnosisSettings
@@ -76,8 +66,9 @@ def implausible(state: State, before: State | None = None) -> str:
     """Why the values of a state are none that a material or a machine has, in words; "" where they are possible."""
     if not np.isfinite(state.cost):
         return "what they predict is no number"
-    known = set() if before is None else {effect.id for effect in before.model.effects if why_not(before, effect)}
-    return next((why for effect in state.model.effects if effect.id not in known and (why := why_not(state, effect))), "")
+    known = set() if before is None else {effect.id for effect in before.model.effects if acceptance.why_not(before, effect)}
+    new = [effect for effect in state.model.effects if effect.id not in known]
+    return next((why for effect in new if (why := acceptance.why_not(state, effect))), "")
 
 
 def acceptable(tried: Refit, before: State, settings: DiagnosisSettings) -> bool:
@@ -100,7 +91,7 @@ def _remarkable(tried: Refit, settings: DiagnosisSettings) -> bool:
     if not beyond or any(not usual[i] for i in beyond):
         return bool(beyond)
     ranges = [(null[i] - usual[i], null[i] + usual[i]) if i in null else (-np.inf, np.inf) for i in range(len(parameters))]
-    evidence = compare_states(bounded(state, {effect.id: ranges}, state), state, state.error.sigma)
+    evidence = compare_states(acceptance.bounded(state, {effect.id: ranges}, state), state, state.error.sigma)
     return evidence.significance > settings.min_significance and evidence.share > settings.min_share
 
 
@@ -119,7 +110,7 @@ def look(state: State, settings: DiagnosisSettings) -> Round:
     promising = [c.effect.id for c in ranked if c.predicted_gain > least][: settings.refits]
     tried = sorted(side_by_side(lambda name: refit(state, points[name]), promising), key=_rank)
     # beside the right effect, friction at rest may have another form than beside the wrong ones
-    tried[:REFORMED] = side_by_side(lambda t: reformed(state, t), tried[:REFORMED])
+    tried[:REFORMED] = side_by_side(lambda t: acceptance.reformed(state, t), tried[:REFORMED])
     return Round(state, points, tuple(sorted(tried, key=_rank)))
 
 
