@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid import effects
-from kinid.diagnosis.detectors import Mark
+from kinid.diagnosis.detectors import Mark, marked
 from kinid.diagnosis.pipeline import Found
 from kinid.diagnosis.result import ADEQUATE, MISSING, UNEXPLAINED, Diagnosis, EffectVerdict, Step
 from kinid.diagnosis.settings import DiagnosisSettings
@@ -57,16 +57,10 @@ class Conclusions:
 
     def held_out(self, state: State, marks: Sequence[Mark]) -> Array:
         """Residual of each fold from parameters of the other one, at the log's own rate, (channels, n)."""
-        return held_out_residual(state, self.whole, lambda predicted: self._marked(predicted, marks))
+        return held_out_residual(state, self.whole, lambda predicted: marked(predicted, marks, self.whole))
 
     def _train(self, state: State, marks: Sequence[Mark]) -> Array:
-        return train_residual(state, self.whole, lambda predicted: self._marked(predicted, marks))
-
-    def _marked(self, predicted: Array, marks: Sequence[Mark]) -> Array:
-        """Predictions (channels, n) with what detectors found in the samples."""
-        for mark in marks:
-            predicted = mark.apply(predicted, self.whole)
-        return predicted
+        return train_residual(state, self.whole, lambda predicted: marked(predicted, marks, self.whole))
 
     def _error(self, residual: Array) -> float:
         return rms(residual[self.rows][:, self.whole.valid])
@@ -94,9 +88,8 @@ class Conclusions:
     def _partial(self, start: State, last: State, names: list[str]) -> State:
         """The model with some of the additions, from the values of all."""
         model = last.model
-        for name in last.model.names:
-            if name not in start.model and name not in names:
-                model = model - name
+        for name in [name for name in last.model.names if name not in start.model and name not in names]:
+            model = model - name
         full = last.model.parameters(last.problem.layout)
         values = np.array([v for key, v in zip(full, last.values) if key.split(".", 1)[0] in model])
         return search(last.problem, model, values, start.error)
@@ -137,9 +130,9 @@ class Conclusions:
         """Adequate, missing or unexplained, and why, in words."""
         idle = self.found.selection.unsupported
         added = [step.added for step in steps if step.added and step.added not in idle]
-        allowed = f"{left.tolerance:.2g} {left.unit} may be"
+        allowed, take = f"{left.tolerance:.2g} {left.unit} may be", "takes" if len(added) == 1 else "take"
         remains = f"{left.excess:.2g} {left.unit} are left beside noise, {100 * left.share_of_reading:.2g} % of the reading"
-        helped = f"{' and '.join(with_rivals(added, told))} {_take(added)} off {100 * steps[-1].explained:.0f} % of the error"
+        helped = f"{' and '.join(with_rivals(added, told))} {take} off {100 * steps[-1].explained:.0f} % of the error"
         inside = "what is left is noise" if left.excess < 0.5 * left.noise else f"{remains}; {allowed}"
         if left.matters:
             verdict = UNEXPLAINED
@@ -174,10 +167,6 @@ class Conclusions:
         if len(self.found.selection.added) >= self.settings.max_effects > 0:
             out.append("no more effects were asked for: --max-effects allows more")
         return out
-
-
-def _take(names: Sequence[str]) -> str:
-    return "takes" if len(names) == 1 else "take"
 
 
 def _waits(name: str, rest: Sequence[str]) -> bool:

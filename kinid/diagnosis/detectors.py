@@ -6,6 +6,7 @@ They are looked for first: a clipped or humming reading would be taken for physi
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,6 +71,13 @@ def detect(experiment: Experiment, names: tuple[str, ...], motion: Array | None 
         marks.append(Mark(dataclasses.replace(effect, **found.form), found.values, found.says, found))
         experiment = _without(experiment, samples, found)
     return Cleaned(experiment, tuple(marks))
+
+
+def marked(predicted: Array, marks: Sequence[Mark], experiment: Experiment) -> Array:
+    """Predictions (channels, n) with what was found in the samples."""
+    for mark in marks:
+        predicted = mark.apply(predicted, experiment)
+    return predicted
 
 
 def _samples(experiment: Experiment, expected: Array | None) -> Samples:

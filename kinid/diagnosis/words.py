@@ -9,6 +9,7 @@ import numpy as np
 
 from kinid import effects as catalogue
 from kinid.diagnosis.result import ABSENT, ADEQUATE, INDISTINGUISHABLE, MISSING, NOT_EXCITED, PRESENT, Diagnosis, EffectVerdict
+from kinid.identification.warnings import listed
 
 if TYPE_CHECKING:
     from kinid.identification.fit import FittedParameter
@@ -94,12 +95,6 @@ def acting(parameters: Mapping[str, FittedParameter]) -> dict[str, FittedParamet
         return not catalogue.get(effect).detector or p.value != catalogue.get(effect).null.get(name.split("[")[0])
 
     return {name: p for name, p in parameters.items() if acts(p)}
-
-
-def listed(names: Iterable[str]) -> str:
-    """Names as a sentence lists them."""
-    names = list(names)
-    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1] if names else ""
 
 
 def by_verdict(result: Diagnosis) -> list[EffectVerdict]:

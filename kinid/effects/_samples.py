@@ -60,6 +60,7 @@ class Detection:
         form: fields of the effect that the samples tell, such as the frequency of a line.
         keep: samples that still count, (n,); None: all. removed: what to take off raw readings, (channels, n); None: nothing.
         noise: standard deviation of the white noise of each channel from then on, (channels,); None: as before.
+        relative: the samples don't tell it alone, but beside what the model expects.
     """
 
     values: Array
@@ -69,6 +70,7 @@ class Detection:
     keep: Mask | None = None
     removed: Array | None = None
     noise: Array | None = None
+    relative: bool = False
 
 
 def lattice(values: Array) -> float:

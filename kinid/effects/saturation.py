@@ -136,7 +136,7 @@ class Saturation(Effect):
         # flat tops have no noise: a channel's own shows beside them
         noise = np.maximum(samples.noise, samples.white(raw, samples.valid & keep))
         reached = tuple(np.flatnonzero(hit).tolist())
-        return Detection(limits, says, form={"reached": reached}, keep=keep, noise=noise)
+        return Detection(limits, says, form={"reached": reached}, keep=keep, noise=noise, relative=not exact.any())
 
     def unseen(self, rate: float) -> str:
         """A load within the range says nothing of its end."""

@@ -191,7 +191,7 @@ def fit_of(state: State, experiment: Experiment, *, held_out: bool = True, train
         whole = experiment.valid & ~train
         residual = train_residual(state, experiment)
         unseen = rms(residual[rows][:, whole])
-    elif held_out and _enough(state):
+    elif held_out and min(np.bincount(state.problem.fold, minlength=2)) * len(rows) > 2 * len(state.values):
         unseen = rms(held_out_residual(state)[rows][:, experiment.valid])
     else:
         unseen = float("nan")
@@ -214,12 +214,6 @@ def fit_of(state: State, experiment: Experiment, *, held_out: bool = True, train
         low, high = (max(v - h, p.low), min(v + h, p.high)) if np.isfinite(h) else (-np.inf, np.inf)
         fitted[name] = FittedParameter(name, float(v), float(low), float(high), p.unit)
     return Fit(model, fitted, error, tuple(out), solution, experiment, state, left)
-
-
-def _enough(state: State) -> bool:
-    """Whether each fold has readings enough to be fitted alone."""
-    fold, channels = state.problem.fold, state.problem.shape[0]
-    return min(int(fold.sum()), int((~fold).sum())) * channels > 2 * len(state.values)
 
 
 def _at_bound(state: State) -> Mask:
@@ -400,4 +394,4 @@ def full_name(name: str, named: Iterable[str], model: Model, what: str = "parame
 
 
 def _bracket(name: str) -> str:
-    return f"[{name.split('[', 1)[1]}" if "[" in name else ""
+    return name[name.index("[") :] if "[" in name else ""

@@ -112,9 +112,10 @@ def stand_ins(names: Sequence[str], covariance: Array) -> list[list[str]]:
     return out
 
 
-def listed(names: Sequence[str]) -> str:
+def listed(names: Iterable[str]) -> str:
     """Names as in "a, b and c"."""
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+    *most, last = list(names) or [""]
+    return f"{', '.join(most)} and {last}" if most else last
 
 
 def _are(names: Sequence[str]) -> str:
