@@ -47,6 +47,20 @@ def test_a_material_is_recovered_from_raw_joints_and_wrench(touch: ContactSeries
     assert facts["parameters"]["kelvin-voigt.stiffness"]["unit"] == "N/m"
 
 
+def test_slip_alone_says_where_a_material_is_stiffer() -> None:
+    """A tester that pokes at places and records no tangential force."""
+    t = np.arange(6000) / 200.0
+    slip = 5e-3 * np.floor(t / 3.0) / 9.0
+    depth = 1e-3 * np.sin(2 * np.pi * t / 1.5)
+    stiffness = 1000.0 * (1.0 + 0.4 * np.sin(2 * np.pi * slip / 5e-3))
+    force = stiffness * np.maximum(depth, 0.0) + np.random.default_rng(2).normal(scale=0.005, size=len(t))
+    log = kinid.Log(t=t, contact={"depth": depth, "slip1": slip, "slip2": 0.0 * slip, "normal_force": force})
+    fit = kinid.Model("hooke", "stiffness-inhomogeneity").fit(log)
+    assert fit.experiment.layout.channels == ("normal_force",)
+    plain = kinid.Model("hooke").fit(log)
+    assert fit.error.train < 0.2 * plain.error.train
+
+
 def test_a_model_without_friction_says_nothing_of_tangential_forces(touch: ContactSeries) -> None:
     assert Model("kelvin-voigt").fit(touch).experiment.layout.channels == ("normal_force",)
 

@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from kinid.contact import ContactSeries, contact_series
 from kinid.doubts_of_data import doubts_of
+from kinid.effects import Stage
 from kinid.errors import InputError, near
 from kinid.estimators.batch import Solution
 from kinid.experiment import Experiment, from_contact, from_joint_torques, from_wrench
@@ -323,6 +324,9 @@ def contact_channels(model: Model, touch: ContactSeries) -> tuple[str, ...]:
         return ("normal_force",)
     known = [i for i in (1, 2) if np.isfinite(getattr(touch, f"slip_rate{i}")).any()
              and np.isfinite(getattr(touch, f"tangential_force{i}")).any()]  # fmt: skip
+    slides = np.isfinite([touch.slip_rate1, touch.slip_rate2]).any()
+    if not known and slides and Stage.FRICTION not in model.stages:
+        return ("normal_force",)  # where the tool is says what differs from place to place
     if not known:
         raise InputError(f"no slip or tangential force in {touch.provenance.source} for {model}",
                          "slip1, slip2, tangential_force1, tangential_force2", "leave friction out, or log them")  # fmt: skip

@@ -65,7 +65,9 @@ def changes(problem: Problem, model: Model, values: Array, numbers: Sequence[int
                 rows = slice(None) if channel == ALL_CHANNELS else slice(channel * many, (channel + 1) * many)
                 out[rows, k] = scratch[rows]
                 if keys[k] is not None:
-                    _keep(problem, keys[k], scratch[rows] / steps[k])
+                    if (len(problem.columns) + 1) * scratch[rows].nbytes > MOST_KEPT:
+                        problem.columns.clear()
+                    problem.columns[keys[k]] = scratch[rows] / steps[k]
             continue
         for channel, k in group.items():
             rows = slice(None) if channel == ALL_CHANNELS else slice(channel * many, (channel + 1) * many)
@@ -86,9 +88,3 @@ def _additive(problem: Problem, model: Model, values: Array, numbers: Sequence[i
         shapes = tuple(float(v) for v, p in zip(values[place], parameters) if not p.linear)
         owner += [(effect, shapes, p.name) if p.linear else None for p in parameters]
     return [owner[i] for i in numbers]
-
-
-def _keep(problem: Problem, key: object, column: Array) -> None:
-    if (len(problem.columns) + 1) * column.nbytes > MOST_KEPT:
-        problem.columns.clear()
-    problem.columns[key] = column
