@@ -138,9 +138,8 @@ def refit(before: State, candidates: list[Candidate]) -> Refit:
     """
     model = before.model + candidates[0].effect
     with np.errstate(all="ignore"):
-        starts = [project_linear(before.problem, before.model + c.effect, _nearest(before, before.model + c.effect, c),
-        before.error)
-                  for c in candidates[:POINTS]]  # fmt: skip
+        larger = [(before.model + c.effect, c) for c in candidates[:POINTS]]
+        starts = [project_linear(before.problem, each, _nearest(before, each, c), before.error) for each, c in larger]
         # and one that knows nothing of where the smaller model ended: a power law may have bent far to stand in for a layer
         bent = not linear_parameters(before.model, before.problem).all()
         fresh = [initial_values(before.problem, model, nominal_values(model, before.problem), before.error)] if bent else []

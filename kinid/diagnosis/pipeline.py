@@ -39,35 +39,39 @@ class Found:
 
 
 def run(model: Model, experiment: Experiment, settings: DiagnosisSettings, *, known: Mapping[str, float] | None = None,
-        forced: Sequence[str] = (), passed: Sequence[str] = (), progress: Callable[[str], None] = lambda _: None) -> Found:
+        forced: Sequence[str] = (), progress: Callable[[str], None] = lambda _: None) -> Found:  # fmt: skip
     """All stages.
 
     Args:
         model: that is asked about. experiment: at the log's own rate. settings: what decides.
-        known: starting values by full name. forced: effects to add whatever the evidence says. passed: marks not to look for.
+        known: starting values by full name. forced: effects to add whatever the evidence says. progress: told what is being done.
     """
+    def found_beside(passed: Sequence[str]) -> Found:
+        """All but marks of these names."""
+        progress("looking for marks in the samples")
+        cleaned = detect(experiment, (*model.names, *passed), model.predict(experiment.signals, plain.values))
+        marks = {mark.effect.id for mark in cleaned.marks}
+        start = estimate(model, cleaned.experiment, known) if marks else plain
+        selection = select(start, settings, [name for name in forced if name not in marks], progress)
+        if selection.added and not selection.unsupported:
+            # what a fit of that model finds by itself is reported, unless the way here led further down
+            last = selection.states[-1]
+            again = selection.fits.get(last.model.names)
+            again = again or within_possible(estimate_problem(last.model, start.problem), selection.added)
+            if again.cost_with(last.error) <= SAME_COST * last.cost_with(last.error):
+                selection.states[-1] = again
+        return Found(model, experiment, cleaned, plain, selection)
+
     progress("fitting the model")
     plain = estimate(model, experiment, known)
-    progress("looking for marks in the samples")
-    cleaned = detect(experiment, (*model.names, *passed), model.predict(experiment.signals, plain.values))
-    marks = {mark.effect.id for mark in cleaned.marks}
-    start = estimate(model, cleaned.experiment, known) if marks else plain
-    selection = select(start, settings, [name for name in forced if name not in marks], progress)
-    if selection.added and not selection.unsupported:
-        # what a fit of that model finds by itself is reported, unless the way here led further down
-        last = selection.states[-1]
-        again = selection.fits.get(last.model.names)
-        again = again or within_possible(estimate_problem(last.model, start.problem), selection.added)
-        if again.cost_with(last.error) <= SAME_COST * last.cost_with(last.error):
-            selection.states[-1] = again
-    doubtful = [mark.effect.id for mark in cleaned.marks if mark.found.relative]
-    if doubtful and _needless(selection.states[-1], cleaned, experiment):
-        return run(model, experiment, settings, known=known, forced=forced, progress=progress, passed=[*passed, *doubtful])
-    return Found(model, experiment, cleaned, plain, selection)
+    found = found_beside(())
+    doubtful = [mark.effect.id for mark in found.cleaned.marks if mark.found.relative]
+    return found_beside(doubtful) if doubtful and _needless(found) else found
 
 
-def _needless(last: State, cleaned: Cleaned, whole: Experiment) -> bool:
+def _needless(found: Found) -> bool:
     """Whether a fit of what was found to all samples does as well without marks, which some model alone seemed to show."""
-    free, rows = estimate(last.model, whole), error_rows(whole)
-    left = held_out_residual(last, whole, lambda predicted: marked(predicted, cleaned.marks, whole))
+    last, whole, rows = found.selection.states[-1], found.whole, error_rows(found.whole)
+    free = estimate(last.model, whole) if found.selection.added else found.plain
+    left = held_out_residual(last, whole, lambda predicted: marked(predicted, found.cleaned.marks, whole))
     return bool(np.nanmean(held_out_residual(free)[rows] ** 2) < SAME_COST * np.nanmean(left[rows] ** 2))

@@ -109,8 +109,7 @@ def motion_variance(problem: Problem, model: Model, values: Array) -> Array:
     for draw in problem.draws:
         total += (problem.means(model.predict(draw, values)) - here) ** 2 / len(problem.draws)
     width = max(1, round(SMOOTHED / problem.spacing))
-    out: Array = uniform_filter1d(total, width, axis=1)
-    return out
+    return np.asarray(uniform_filter1d(total, width, axis=1))
 
 
 def discrepancy(residual: Array, known: Array) -> Array:
@@ -130,8 +129,7 @@ def discrepancy(residual: Array, known: Array) -> Array:
             middle = 0.5 * (low + high)
             low, high = (middle, high) if np.mean(r / (v + middle)) > 1.0 else (low, middle)
         square[channel] = high
-    out: Array = np.sqrt(square)
-    return out
+    return np.asarray(np.sqrt(square))
 
 
 def memory_of(problem: Problem, whitened: Array) -> float:

@@ -187,12 +187,11 @@ def fit_of(state: State, experiment: Experiment, *, held_out: bool = True, train
     """
     model, rows, out = state.model, error_rows(experiment), list(warnings)
     named = model.parameters(experiment.layout)
-    residual = train_residual(state)
+    residual = train_residual(state, experiment)
+    least = state.problem.shape[0] * min(np.bincount(state.problem.fold, minlength=2))
     if train is not None:
-        whole = experiment.valid & ~train
-        residual = train_residual(state, experiment)
-        unseen = rms(residual[rows][:, whole])
-    elif held_out and min(np.bincount(state.problem.fold, minlength=2)) * len(rows) > 2 * len(state.values):
+        unseen = rms(residual[rows][:, experiment.valid & ~train])
+    elif held_out and least > 2 * len(state.values):  # each fold has readings enough to be fitted alone
         unseen = rms(held_out_residual(state)[rows][:, experiment.valid])
     else:
         unseen = float("nan")

@@ -56,22 +56,22 @@ def changes(problem: Problem, model: Model, values: Array, numbers: Sequence[int
     keys = _additive(problem, model, values, numbers)
     scratch = np.empty(problem.target.size)
     for group in parameter_groups([names[i] for i in numbers], problem.layout):
-        if not all(keys[k] in problem.columns for k in group.values()):
+        known = all(keys[k] in problem.columns for k in group.values())
+        if not known:
             ahead = values.copy()
             for k in group.values():
                 ahead[numbers[k]] += steps[k]
             problem.add_change(model.predict(problem.experiment.signals, ahead, here), here.reading, 1.0, scratch)
-            for channel, k in group.items():
-                rows = slice(None) if channel == ALL_CHANNELS else slice(channel * many, (channel + 1) * many)
-                out[rows, k] = scratch[rows]
-                if keys[k] is not None:
-                    if (len(problem.columns) + 1) * scratch[rows].nbytes > MOST_KEPT:
-                        problem.columns.clear()
-                    problem.columns[keys[k]] = scratch[rows] / steps[k]
-            continue
         for channel, k in group.items():
             rows = slice(None) if channel == ALL_CHANNELS else slice(channel * many, (channel + 1) * many)
-            np.multiply(problem.columns[keys[k]], steps[k], out=out[rows, k])
+            if known:
+                np.multiply(problem.columns[keys[k]], steps[k], out=out[rows, k])
+                continue
+            out[rows, k] = scratch[rows]
+            if keys[k] is not None:
+                if (len(problem.columns) + 1) * scratch[rows].nbytes > MOST_KEPT:
+                    problem.columns.clear()
+                problem.columns[keys[k]] = scratch[rows] / steps[k]
     return out
 
 

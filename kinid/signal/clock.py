@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 from scipy.signal import savgol_filter
 
-from kinid.signal.noise import DIGITS, FLOOR, ROBUST, divided_differences, evenly, lattice, white
+from kinid.signal.noise import DIGITS, FLOOR, ROBUST, divided_differences, evenly, lattice, weighted_differences, white
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -78,8 +78,8 @@ def _rarely_quieter(before: Array, after: Array, at: Array) -> float:
     weights = divided_differences(at, ORDER)
 
     def size(x: Array) -> Array:
-        differences = sum(w[:, None] * x[i : i + weights.shape[1]] for i, w in enumerate(weights))
-        out: Array = np.maximum(0.5 * np.quantile(np.abs(differences), FEW, axis=0), _least(before))
+        largest = np.quantile(np.abs(weighted_differences(x, weights)), FEW, axis=0)
+        out: Array = np.maximum(0.5 * largest, _least(before))
         return out
 
     return float(np.mean(np.log(size(after) / size(before))))
@@ -141,7 +141,7 @@ def _least_squares(x: Array, v: Array, at: Array, noise: Array, size: Array) -> 
     m = weights.shape[1]
     band, right = np.zeros((ORDER + 1, n)), np.zeros(n)
     for column, speed, own in zip(x.T, v.T, noise):
-        curved = sum(w * column[i : i + m] for i, w in enumerate(weights))
+        curved = weighted_differences(column, weights)
         for i, w in enumerate(weights):
             right[i : i + m] += w * curved * speed[i : i + m] / own**2
             for j in range(i, ORDER + 1):  # upper band: row ORDER is the diagonal

@@ -29,10 +29,10 @@ WHOLE = 0.98
 FEWEST = 3
 #: from so many gaps on a step is believed that no two neighbours are apart, found by so many descents
 MANY, DESCENTS = 12, 8
-#: an axis has moved on that is so many times its noise from a repeated position; a position is off by so many times that
-MOVED_ON, ALONE = 6.0, 8.0
-#: … and so many times the steps before and after
-CAUGHT_UP = 1.5
+#: an axis has moved on from a repeated position by so many times its noise, and so many times the steps before and after
+MOVED_ON, CAUGHT_UP = 6.0, 1.5
+#: a position that stands alone is off by so many times the noise
+ALONE = 8.0
 #: the edge of a step is known to within this share of it: no lattice is even
 EDGE = 0.03
 
@@ -69,8 +69,7 @@ def _spread(x: Array, tau: Array | None, moved: bool = False) -> dict[int, float
             difference = np.diff(difference)
             unit = comb(2 * order, order) ** 0.5
         elif order in ORDERS and len(x) > order:
-            weights = divided_differences(t, order)
-            difference, unit = np.asarray(sum(w * x[i : i + weights.shape[1]] for i, w in enumerate(weights))), 1.0
+            difference, unit = weighted_differences(x, divided_differences(t, order)), 1.0
         if order in ORDERS and len(difference) >= 5 and len(x) > order:
             size = np.abs(difference)
             if moved:  # what rests on one number tells nothing of noise
@@ -90,6 +89,12 @@ def divided_differences(t: Array, order: int) -> Array:
                 weights[i] /= at[i] - at[j]
     out: Array = weights / np.sqrt((weights**2).sum(axis=0))
     return out
+
+
+def weighted_differences(x: Array, weights: Array) -> Array:
+    """Differences of positions (n,), or of rows of them (n, k), with weights of `divided_differences`, (m,) or (m, k)."""
+    m = weights.shape[1]
+    return np.asarray(sum((w * x[i : i + m].T).T for i, w in enumerate(weights)))
 
 
 def lattice(x: Array) -> float:
@@ -179,7 +184,7 @@ def wrong(x: Array, tau: Array, noise: float, grid: float) -> NDArray[np.bool_]:
     weights = divided_differences(np.cumsum(tau)[kept], order)
     m = weights.shape[1]
     x = x[kept]
-    differences = sum(w * x[i : i + m] for i, w in enumerate(weights))
+    differences = weighted_differences(x, weights)
     seen, amount, energy = np.zeros(len(x)), np.zeros(len(x)), np.zeros(len(x))
     for i, w in enumerate(weights):
         seen[i : i + m] += w * w
