@@ -46,7 +46,7 @@ def diagnose(
         tolerance: error that may be left, in the readings' unit [N, or N·m for joint torques]; default: 2 % of the readings' root
             mean square in contact or motion, or the noise where that is more.
         settings: what decides.
-        progress: told what is being done.
+        progress: called with each stage, in words.
 
     Raises:
         InputError: a log too short to hold any of it out, an unknown name, an effect that the model has already, or data that

@@ -44,7 +44,7 @@ def run(model: Model, experiment: Experiment, settings: DiagnosisSettings, *, kn
 
     Args:
         model: that is asked about. experiment: at the log's own rate. settings: what decides.
-        known: starting values by full name. forced: effects to add whatever the evidence says. progress: told what is being done.
+        known: starting values by full name. forced: effects to add whatever the evidence says. progress: called at each stage.
     """
     def found_beside(passed: Sequence[str]) -> Found:
         """All but marks of these names."""

@@ -169,7 +169,7 @@ def select(start: State, settings: DiagnosisSettings, forced: Sequence[str] = ()
 
     Args:
         start: the model that was asked about, fitted. forced: effects to add whatever the evidence says.
-        progress: told what is being done.
+        progress: called with each stage, in words.
     """
     found = Selection([start])
     for name in forced:

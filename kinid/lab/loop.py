@@ -245,7 +245,7 @@ class Loop:
         Args:
             q0: joints to begin with, (N,). positions: (n, 3) [m]. rotations: (n, 3, 3). material: touched.
             dq0: speeds to begin with; default: rest. controlled: False lets the arm go.
-            t0: the material's time at the beginning [s]. progress: told the share that is done, 0…1, now and then.
+            t0: the material's time at the beginning [s]. progress: called with the share that is done, 0…1, now and then.
 
         Raises:
             KinidError: the loop diverged.

@@ -123,7 +123,7 @@ class Setup:
         """Check, run the loop, and read the sensors.
 
         Args:
-            progress: told the share of the loop that is done, 0…1, now and then.
+            progress: called with the share of the loop that is done, 0…1, now and then.
 
         Raises:
             InputError: see `check`.
