@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 
 from kinid.effects import Effect, Signals, Stage
 from kinid.effects._deflection import press_through
@@ -69,6 +70,7 @@ class Route:
             after = [*friction, *([chain(_rub)] if friction else []), *acting(Stage.FRAME), chain(_read)]
             after += acting(Stage.TOOL) if kind == "wrench" else []
         after += acting(Stage.SENSOR)
+        after += [chain(_smooth)] if kind == "joints" else []
         after += [chain(_as_read), *converter, chain(_as_true)] if converter else []
         return cls((*before, *law, *after), range(len(before), len(before) + len(law)))
 
@@ -191,6 +193,14 @@ def _read(s: Signals, _: Array) -> None:
         assert sensor is not None
         s.reading = np.empty((6, len(s)))
         contact_wrench(s.tangential, s.normal, sensor.to_contact, sensor.tip, sensor.load, s.reading)
+
+
+def _smooth(s: Signals, _: Array) -> None:
+    """Torques as a filter without delay leaves them; near enough to a Gaussian, whatever its order is."""
+    if s.rest.smoothing > 0.0:
+        width = s.rest.smoothing / float(np.median(s.dt[s.dt > 0.0]))
+        smooth = [gaussian_filter1d(s.reading[:, run], width, axis=1, mode="nearest") for run in s.runs]
+        s.reading = np.concatenate(smooth, axis=1)
 
 
 def _as_read(s: Signals, _: Array) -> None:

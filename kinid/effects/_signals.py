@@ -199,6 +199,7 @@ class RestForm:
         kept: whether a contact's bristles stay bent, and turn, where the tool is outside, as of a tip that something sticks to.
         tremor: mean speed of a contact's motion that is too fast to be seen, under which bent bristles creep back [m/s].
         anew: whether a material remembers nothing of the touch before, as where each touch is at a place of its own.
+        smoothing: standard deviation of what torques were smoothed with afterwards, forwards and backwards [s]; 0 for none.
     """
 
     share: float = ELASTIC
@@ -208,6 +209,7 @@ class RestForm:
     kept: bool = False
     tremor: float = 0.0
     anew: bool = False
+    smoothing: float = 0.0
 
 
 @dataclass(eq=False)

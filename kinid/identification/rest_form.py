@@ -19,9 +19,11 @@ SHARES, LENGTHS = (0.02, 0.3, 0.7, 0.95), np.linspace(0.75e-4, 1.25e-4, 9)
 #: and speeds of what makes them creep back [m/s]
 TREMORS = (3e-5, 1e-4, 3e-4, 1e-3)
 JOINTS, SPEEDS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0), (5e-4, 0.001, 0.002, 0.004, 0.008, 0.016, 0.03, 0.06, 0.12)
+#: and what torques were smoothed with [s]
+SMOOTHINGS = (0.025, 0.01, 0.004)
 #: fields that are refined, with their ends
 REFINED = {"length": (0.75e-4, 1.25e-4), "share": (0.02, 0.95), "tremor": (1e-6, 1e-3), "joint": (0.1, 30.0),
-           "joint_speed": (3e-4, 0.2)}  # fmt: skip
+           "joint_speed": (3e-4, 0.2), "smoothing": (1e-3, 0.1)}  # fmt: skip
 #: steps of a search under another form, and refinements of one field
 FORM_STEPS, REFINEMENTS = 6, 3
 #: a form is another one where it changes readings by this share of their noise, and better where so much of the error is left
@@ -40,7 +42,7 @@ def with_rest_form(state: State) -> State:
     spring back in the air, a film that sticks to the tip doesn't. A contact's bristles that are far off are an effect.
     """
     best = _memory_form(best_form(state))
-    if _rest(best).kept != _rest(state).kept:
+    if (_rest(best).kept, _rest(best).smoothing) != (_rest(state).kept, _rest(state).smoothing):
         best = best_form(best)
     for field in REFINED:
         best = _refined(best, field)
@@ -88,7 +90,8 @@ def _forms(state: State) -> list[RestForm]:
         forms += [dataclasses.replace(rest, tremor=tremor, share=share) for share in SHARES[:2] for tremor in TREMORS]
         forms += [dataclasses.replace(rest, share=share, length=float(length)) for share in SHARES for length in lengths]
     else:
-        forms = [dataclasses.replace(rest, joint=joint, joint_speed=0.0) for joint in JOINTS]
+        forms = [dataclasses.replace(rest, smoothing=smoothing) for smoothing in SMOOTHINGS]
+        forms += [dataclasses.replace(rest, joint=joint, joint_speed=0.0) for joint in JOINTS]
         forms += [dataclasses.replace(rest, joint_speed=speed) for speed in SPEEDS]
     return [form for form in forms if form != rest]
 
@@ -96,7 +99,7 @@ def _forms(state: State) -> list[RestForm]:
 def best_form(state: State) -> State:
     """The state, or that under the form whose error is least in the linear view, where its held-out error is clearly less."""
     forms = _forms(state)
-    if not forms or not _noticed(state, _change(state, forms[-1])):
+    if not any(_noticed(state, _change(state, form)) for form in (*forms[:1], *forms[-1:])):
         return state
     inverse = np.linalg.pinv(state.information, hermitian=True)
 

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfiltfilt
 
+import kinid
 from kinid.effects._signals import Layout, RestForm, Signals
 from kinid.experiment import Experiment
 from kinid.identification.estimation import estimate
@@ -44,3 +48,24 @@ def test_the_form_of_friction_at_rest_is_found(form: RestForm) -> None:
     friction = dict(zip(MODEL.parameters(signals.layout), state.values))["coulomb-friction.coefficient"]
     assert friction == pytest.approx(0.5, rel=0.02)  # a form that isn't the true one is off by 10 % and more
     assert np.sqrt(np.mean(state.residual**2)) < 1.1 * NOISE
+
+
+@pytest.mark.parametrize("order", [None, 1, 2])
+def test_torques_filtered_without_delay_are_those_of_a_model_that_is(swing: Callable[..., Any], order: int | None) -> None:
+    """By a Butterworth of 8 Hz, forwards and backwards, or not at all: friction and inertia come back, and no elasticity."""
+    t = np.arange(8000) / 200.0
+    q, dq, ddq = swing(np.zeros(1), seed=4, size=2.0, speed=6.0)(t)
+    torque = (0.7 * ddq + 1.2 * np.tanh(dq / 2e-3) + 0.4 * dq)[:, 0]
+    if order is not None:
+        torque = sosfiltfilt(butter(order, 2 * 8.0 / 200.0, output="sos"), torque)
+    torque = torque + 0.02 * np.random.default_rng(6).standard_normal(len(t))
+    log = kinid.Log(t, q=q, dq=dq, ddq=ddq, tau=torque[:, None])
+    model = Model("rigid-body", "joint-coulomb-friction", "joint-viscous-friction")
+    fit = model.fit(log, kinid.Rig())
+    smoothing = fit.state.problem.experiment.signals.rest.smoothing
+    assert (smoothing > 0.0) == (order is not None)
+    # a Gaussian is no Butterworth: it leaves 0.033 N·m at most where torques as they are expected leave 0.2
+    assert fit.error.train < (1.05 if order is None else 1.8) * 0.02
+    assert fit["coulomb"].value == pytest.approx(1.2, rel=0.06)
+    assert fit["viscous"].value == pytest.approx(0.4, rel=0.03)
+    assert fit["inertia"].value == pytest.approx(0.7, rel=0.01)
