@@ -16,11 +16,9 @@ Array = NDArray[np.float64]
 #: forms that are tried: a contact's bristles, elastic over some share of a stated length that is one within a quarter; and a
 #: joint's bristles in stated lengths, or in their place speeds above which friction is full [rad/s, m/s]
 SHARES, LENGTHS = (0.02, 0.3, 0.7, 0.95), np.linspace(0.75e-4, 1.25e-4, 9)
-#: and speeds of what makes them creep back [m/s]
-TREMORS = (3e-5, 1e-4, 3e-4, 1e-3)
+#: and speeds of what makes them creep back [m/s], and what torques were smoothed with [s]
+TREMORS, SMOOTHINGS = (3e-5, 1e-4, 3e-4, 1e-3), (0.025, 0.01, 0.004)
 JOINTS, SPEEDS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0), (5e-4, 0.001, 0.002, 0.004, 0.008, 0.016, 0.03, 0.06, 0.12)
-#: and what torques were smoothed with [s]
-SMOOTHINGS = (0.025, 0.01, 0.004)
 #: fields that are refined, with their ends
 REFINED = {"length": (0.75e-4, 1.25e-4), "share": (0.02, 0.95), "tremor": (1e-6, 1e-3), "joint": (0.1, 30.0),
            "joint_speed": (3e-4, 0.2), "smoothing": (1e-3, 0.1)}  # fmt: skip
@@ -132,8 +130,7 @@ def _refined(state: State, field: str) -> State:
         if value <= 0.0:
             break
         moved = MOVED if value * (1.0 + MOVED) <= high else -MOVED
-        ahead = _with(_rest(state), field, value * (1.0 + moved))
-        d = (_change(state, ahead) / moved / state.error.sigma).ravel()
+        d = (_change(state, _with(_rest(state), field, value * (1.0 + moved))) / moved / state.error.sigma).ravel()
         taken = np.linalg.pinv(state.information, hermitian=True) @ (state.weighted.T @ d)
         power = float(d @ d - (state.weighted.T @ d) @ taken)
         if not power > 0.0:
