@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,12 +124,24 @@ def _prior_cost(state: State, other: State) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Refit:
-    """An effect refitted beside a model, and the evidence for it; `settled` where the error model is its own already."""
+    """An effect refitted beside a model: the states without and with it, and the evidence for the second."""
 
     effect: Effect
+    before: State
     state: State
     evidence: Evidence
-    settled: bool = False
+
+    def ended(self, state: State) -> Refit:
+        """The same where another search of its model ended, which may leave less."""
+        left = compare_states(self.before, state, self.before.error.sigma).left
+        return replace(self, state=state, evidence=replace(self.evidence, left=left))
+
+    @cached_property
+    def settled(self) -> Refit:
+        """The same with its own error model."""
+        out = self.ended(within_possible(settle(self.state), [self.effect.id]))
+        out.__dict__["settled"] = out
+        return out
 
 
 def refit(before: State, candidates: list[Candidate]) -> Refit:
@@ -148,7 +161,7 @@ def refit(before: State, candidates: list[Candidate]) -> Refit:
     best = _deepest(before, model, [*near, *fresh])
     # along what the log leaves open a search may wander off: what counts is how well values do that can be
     best = within_possible(best, [candidates[0].effect.id])
-    return Refit(candidates[0].effect, best.slim(), compare_states(before, best, before.error.sigma))
+    return Refit(candidates[0].effect, before, best.slim(), compare_states(before, best, before.error.sigma))
 
 
 def within_possible(state: State, names: Iterable[str]) -> State:
@@ -207,12 +220,12 @@ def bounded(state: State, ranges: Mapping[str, Sequence[tuple[float, float]]], l
                   bounds=(low, high), like=like, ends=ROUGHLY)  # fmt: skip
 
 
-def reformed(before: State, tried: Refit) -> Refit:
+def reformed(tried: Refit) -> Refit:
     """A refit under the form of friction at rest that is best beside it."""
     state = best_form(tried.state)
     if state is tried.state:
         return tried
-    return replace(tried, state=state.slim(), evidence=compare_states(before, state, before.error.sigma))
+    return replace(tried, state=state.slim(), evidence=compare_states(tried.before, state, tried.before.error.sigma))
 
 
 def _deepest(before: State, model: Model, starts: list[Array]) -> State:

@@ -17,6 +17,7 @@ from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.identification.applicability import amplitudes, base_of
 from kinid.identification.estimation import estimate_problem
 from kinid.identification.lack_of_fit import error_rows, inside_tolerance
+from kinid.identification.nuisance import MAX_SHIFT
 from kinid.identification.solver import State
 from kinid.identification.whole import held_out_residual
 from kinid.model import Model
@@ -85,8 +86,8 @@ def _remarkable(tried: Refit, settings: DiagnosisSettings) -> bool:
     """Whether the log says more of a refitted effect than that it is as large as in every material and every rig."""
     state, effect, layout = tried.state, tried.effect, tried.state.problem.layout
     values, parameters = state.values[state.model.place(effect.id, layout)], effect.parameters(layout)
-    null = amplitudes(effect, layout, base_of(state.model))
-    usual = {i: effect.usual(parameters[i]) for i in null}
+    null, open_ = amplitudes(effect, layout, base_of(state.model)), effect.calibration_sd(state.problem.experiment.signals)
+    usual = {i: max(effect.usual(parameters[i]), MAX_SHIFT * open_.get(parameters[i].name, 0.0)) for i in null}
     beyond = [i for i in null if abs(values[i] - null[i]) > usual[i]]
     if not beyond or any(not usual[i] for i in beyond):
         return bool(beyond)
@@ -110,7 +111,7 @@ def look(state: State, settings: DiagnosisSettings) -> Round:
     promising = [c.effect.id for c in ranked if c.predicted_gain > least][: settings.refits]
     tried = sorted(side_by_side(lambda name: refit(state, points[name]), promising), key=_rank)
     # beside the right effect, friction at rest may have another form than beside the wrong ones
-    tried[:REFORMED] = side_by_side(lambda t: acceptance.reformed(state, t), tried[:REFORMED])
+    tried[:REFORMED] = side_by_side(acceptance.reformed, tried[:REFORMED])
     return Round(state, points, tuple(sorted(tried, key=_rank)))
 
 
@@ -122,12 +123,12 @@ def choose(tried: Sequence[Refit], before: State, settings: DiagnosisSettings) -
     able = [t for t in tried if acceptable(t, before, settings)]
     if len(able) < 2:
         return able[0] if able else None
-    settled = [settled_refit(t, before) for t in able[:MAX_SETTLED]]
+    settled = side_by_side(lambda t: t.settled, able[:MAX_SETTLED])
     best = min(settled, key=_rank)
     # of two where one is a part of the other, the part comes first: the rest of it has to prove itself beside that
     part = next((t for t in able if t.effect.id in best.effect.holds), None)
     if part is not None:
-        return settled_refit(part, before)
+        return part.settled
     alike = [t for t in settled if same(best, t, best.state.error.sigma, settings)]
     return min(alike, key=lambda t: (len(t.state.values), -t.evidence.gain))
 
@@ -137,24 +138,14 @@ def _rank(tried: Refit) -> tuple[float, float]:
     return tried.evidence.left, -tried.evidence.gain
 
 
-def settled_refit(tried: Refit, before: State) -> Refit:
-    """A refit with its own error model."""
-    return tried if tried.settled else _ended(tried, before, within_possible(settle(tried.state), [tried.effect.id]))
-
-
-def deeper(tried: Refit, before: State, fits: dict[tuple[str, ...], State]) -> Refit:
+def deeper(tried: Refit, fits: dict[tuple[str, ...], State]) -> Refit:
     """A settled refit, or where a fit of its model ends that knows nothing of the way here, whichever leaves less.
 
     Such fits are kept in `fits`.
     """
-    model = tried.state.model
+    model, before = tried.state.model, tried.before
     fit = fits[model.names] = within_possible(estimate_problem(model, before.problem), set(model.names) - {*before.model.names})
-    return min(settled_refit(tried, before), _ended(tried, before, fit), key=lambda t: t.evidence.left)
-
-
-def _ended(tried: Refit, before: State, state: State) -> Refit:
-    left = compare_states(before, state, before.error.sigma).left
-    return replace(tried, state=state, evidence=replace(tried.evidence, left=left), settled=True)
+    return min(tried.settled, tried.ended(fit), key=lambda t: t.evidence.left)
 
 
 def same(one: Refit, other: Refit, sigma: Array, settings: DiagnosisSettings) -> bool:
@@ -187,14 +178,14 @@ def select(start: State, settings: DiagnosisSettings, forced: Sequence[str] = ()
         best = choose(worth, now.before, settings) if len(found.added) < settings.max_effects else None
         if best is None:
             break
-        best = deeper(best, now.before, found.fits)
+        best = deeper(best, found.fits)
         if not lowers_error(best.state, now.before):
             found.pruned.add(best.effect.id)
             continue
         _add(found, best)
         _prune(found, settings, keep={*forced, best.effect.id})
     _defend(found, settings, forced)
-    _prune(found, settings, keep=set(forced))
+    _prune(found, settings, keep=set(forced), last=True)
     return found
 
 
@@ -218,18 +209,22 @@ def _unsupported(evidence: Evidence, state: State, before: State, settings: Diag
     return f"helps only with a value that no material or machine has: {why}" if why else ""
 
 
-def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str]) -> None:
-    """Take back earlier additions that the later ones made needless."""
+def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: bool = False) -> None:
+    """Take back additions that the others made needless; at last, inside the tolerance, those that take off less than they leave.
+
+    There, what no material's and no sensor's form is exact to would pass for an effect.
+    """
     for name in [n for n in found.added if n not in keep]:
-        last = found.states[-1]
-        if not removable(last.model, name):
+        best = found.states[-1]
+        if not removable(best.model, name):
             continue
-        less = without(last, name)
-        if implausible(less, last):  # the others would have to stand in for it
+        less = without(best, name)
+        if implausible(less, best):  # the others would have to stand in for it
             continue
-        evidence = compare_states(less, last, last.error.sigma)
+        evidence = compare_states(less, best, best.error.sigma)
         found.evidence[name] = evidence
-        if evidence.significance < settings.min_significance or evidence.share < settings.min_share:
+        least = settings.adequate_share if last and inside_tolerance(less) else settings.min_share
+        if evidence.significance < settings.min_significance or evidence.share < least:
             found.alternatives.pop(name, None)
             found.pruned.add(name)
             found.added.remove(name)
@@ -251,13 +246,13 @@ def _defend(found: Selection, settings: DiagnosisSettings, forced: Sequence[str]
             now = look(less, replace(settings, refits=MAX_RIVALS))
         own = next((t for t in now.refits if t.effect.id == name), None)
         if own is None:
-            own = Refit(next(e for e in last.model.effects if e.id == name), last, compare_states(less, last, less.error.sigma))
+            own = Refit(last.model[name], less, last, compare_states(less, last, less.error.sigma))
         found.evidence[name] = own.evidence
         if name in forced:
             continue
         better = choose([t for t in now.refits if t.effect.id not in found.added or t.effect.id == name], less, settings)
         if better is not None and better.effect.id != name and _preferred(better, own, less, settings):
-            found.states[-1] = settled_refit(better, less).state
+            found.states[-1] = better.settled.state
             found.added[found.added.index(name)] = better.effect.id
             found.evidence[better.effect.id] = better.evidence
             own, name = better, better.effect.id

@@ -30,6 +30,7 @@ class SensorLag(Effect):
     needs = ()
     null = {"time-constant": 0.0}
     grid = {"time-constant": (1e-3, 4e-3, 1.5e-2, 6e-2)}
+    unremarkable = {"time-constant": 3.2e-3}  # sensors come with filters of 50 Hz and faster
     admissible = {"time-constant": (0.0, 0.1)}  # slower than 1.6 Hz, a sensor is none of contact forces
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:

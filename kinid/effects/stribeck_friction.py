@@ -27,6 +27,7 @@ class StribeckFriction(Effect):
     wants = ("coulomb-friction",)
     null = {"coefficient": 0.0}
     grid = {"speed": (1e-3, 3e-3, 1e-2, 3e-2, 0.1)}
+    unremarkable = {"coefficient": 0.02}  # coefficients are told to two digits
     # friction fades with speed, it doesn't grow (that is viscous); hydrodynamic films form within 1 m/s
     admissible = {"coefficient": (0.0, 4.0), "speed": (1e-5, 1.0)}
 
