@@ -116,8 +116,9 @@ def _unseen(found: Found, effect: Effect, points: Sequence[Candidate] | None, la
         return NOT_EXCITED, "it changes nothing in this log"
     tried = found.selection.evidence.get(effect.id) if latest is None else latest.evidence
     if tried is not None and tried.share > settings.min_share and tried.significance > DOUBTFUL * settings.min_significance:
-        proof = "no proof, for or against" if tried.significance < settings.min_significance else "too little, or impossibly much"
-        return NOT_EXCITED, f"it would take {100 * tried.share:.0f} % of the rest, {tried.significance:.1f} standard errors: {proof}"
+        much, sure = 100 * tried.share, tried.significance
+        proof = "no proof, for or against" if sure < settings.min_significance else "too little, or impossibly much"
+        return NOT_EXCITED, f"it would take {much:.0f} % of the rest, {sure:.1f} standard errors: {proof}"
     hidden = _too_small_to_see(last, points, settings)
     if hidden:
         return NOT_EXCITED, f"one that matters ({hidden}) would hardly show in this log"
