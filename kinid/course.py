@@ -198,8 +198,9 @@ def _read(s: Signals, _: Array) -> None:
 def _smooth(s: Signals, _: Array) -> None:
     """Torques as a filter without delay leaves them; near enough to a Gaussian, whatever its order is."""
     if s.rest.smoothing > 0.0:
-        width = s.rest.smoothing / float(np.median(s.dt[s.dt > 0.0]))
-        smooth = [gaussian_filter1d(s.reading[:, run], width, axis=1, mode="nearest") for run in s.runs]
+        period = derived("period", lambda: np.array(np.median(s.dt[s.dt > 0.0])), s.dt)
+        width = s.rest.smoothing / float(period)
+        smooth = [gaussian_filter1d(s.reading[:, run], width, axis=1, mode="nearest", truncate=3.0) for run in s.runs]
         s.reading = np.concatenate(smooth, axis=1)
 
 

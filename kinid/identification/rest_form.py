@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,12 +23,12 @@ JOINTS, SPEEDS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0), (5e-4, 0.001, 0.002, 0.004, 0
 #: fields that are refined, with their ends
 REFINED = {"length": (0.75e-4, 1.25e-4), "share": (0.02, 0.95), "tremor": (1e-6, 1e-3), "joint": (0.1, 30.0),
            "joint_speed": (3e-4, 0.2), "smoothing": (1e-3, 0.1)}  # fmt: skip
-#: steps of a search under another form, and refinements of one field
+#: steps of a search under another form, and refinements of a form
 FORM_STEPS, REFINEMENTS = 6, 3
 #: a form is another one where it changes readings by this share of their noise, and better where so much of the error is left
 UNNOTICED, BETTER_FORM = 0.1, 0.97
 #: a field is moved by this share to see what it does, and by a step of so many e-folds at most
-MOVED, FARTHEST = 0.03, 0.7
+MOVED, FARTHEST, UNSEEN = 0.03, 0.7, 1e-6
 
 
 def with_rest_form(state: State) -> State:
@@ -42,8 +43,7 @@ def with_rest_form(state: State) -> State:
     best = _memory_form(best_form(state))
     if (_rest(best).kept, _rest(best).smoothing) != (_rest(state).kept, _rest(state).smoothing):
         best = best_form(best)
-    for field in REFINED:
-        best = _refined(best, field)
+    best = _refined(best)
     return best if best is state else relearn(best)
 
 
@@ -51,8 +51,8 @@ def _rest(state: State) -> RestForm:
     return state.problem.experiment.signals.rest
 
 
-def _with(rest: RestForm, field: str, value: float) -> RestForm:
-    changed: dict[str, Any] = {field: value}
+def _with(rest: RestForm, fields: Sequence[str], values: Iterable[float]) -> RestForm:
+    changed: dict[str, Any] = dict(zip(fields, map(float, values)))
     return dataclasses.replace(rest, **changed)
 
 
@@ -122,25 +122,21 @@ def _memory_form(state: State) -> State:
     return tried if left < BETTER_FORM * _squares(state, state) else state
 
 
-def _refined(state: State, field: str) -> State:
-    """The state with one field of its form at its best, by Gauss-Newton steps of its logarithm beside all parameters."""
-    low, high = REFINED[field]
+def _refined(state: State) -> State:
+    """The state with its form at its best, by Gauss-Newton steps of logarithms beside all parameters."""
     for _ in range(REFINEMENTS):
-        value = getattr(_rest(state), field)
-        if value <= 0.0:
+        rest, sigma = _rest(state), state.error.sigma
+        fields = [field for field in REFINED if getattr(rest, field) > 0.0]
+        values, ends = np.array([getattr(rest, field) for field in fields]), np.array([REFINED[field] for field in fields])
+        moved = np.where(values * (1.0 + MOVED) <= ends[:, 1], MOVED, -MOVED)
+        d = np.stack([(_change(state, _with(rest, [field], [value])) / step / sigma).ravel()
+                      for field, value, step in zip(fields, values * (1.0 + moved), moved)], axis=1)  # fmt: skip
+        own = d - state.weighted @ (np.linalg.pinv(state.information, hermitian=True) @ (state.weighted.T @ d))
+        step = np.linalg.lstsq(own, (state.residual / sigma).ravel(), rcond=UNSEEN)[0]
+        new = np.clip(values * np.exp(np.clip(step, -FARTHEST, FARTHEST)), *ends.T)
+        if not _noticed(state, (d @ np.log(new / values)).reshape(sigma.shape) * sigma):
             break
-        moved = MOVED if value * (1.0 + MOVED) <= high else -MOVED
-        d = (_change(state, _with(_rest(state), field, value * (1.0 + moved))) / moved / state.error.sigma).ravel()
-        taken = np.linalg.pinv(state.information, hermitian=True) @ (state.weighted.T @ d)
-        power = float(d @ d - (state.weighted.T @ d) @ taken)
-        if not power > 0.0:
-            break
-        own = d - state.weighted @ taken
-        step = float(np.clip(own @ (state.residual / state.error.sigma).ravel() / power, -FARTHEST, FARTHEST))
-        new = float(np.clip(value * np.exp(step), low, high))
-        if not _noticed(state, np.log(new / value) * d.reshape(state.residual.shape) * state.error.sigma):
-            break
-        other, left = _under(state, _with(_rest(state), field, new))
+        other, left = _under(state, _with(rest, fields, new))
         if left >= _squares(state, state):
             break
         state = other
