@@ -30,6 +30,8 @@ RISES = 1.01
 REFORMED = 2
 #: refits that are settled to tell the best, and alternatives that an addition is held against, at most
 MAX_SETTLED, MAX_RIVALS = 3, 3
+#: what gains less than this share of what the best does is no rival of it
+RIVALS = 0.5
 
 
 @dataclass(eq=False)
@@ -121,6 +123,7 @@ def choose(tried: Sequence[Refit], before: State, settings: DiagnosisSettings) -
     The best are compared by their settled states: what a channel weighs beside the right effect it doesn't beside the wrong ones.
     """
     able = [t for t in tried if acceptable(t, before, settings)]
+    able = [t for t in able if t.evidence.gain > RIVALS * max(a.evidence.gain for a in able)]
     if len(able) < 2:
         return able[0] if able else None
     settled = side_by_side(lambda t: t.settled, able[:MAX_SETTLED])
@@ -243,7 +246,7 @@ def _defend(found: Selection, settings: DiagnosisSettings, forced: Sequence[str]
             less = without(last, name)
             if implausible(less, last):
                 continue
-            now = look(less, replace(settings, refits=MAX_RIVALS))
+            now = look(less, replace(settings, refits=MAX_RIVALS, promising_share=RIVALS))
         own = next((t for t in now.refits if t.effect.id == name), None)
         if own is None:
             own = Refit(last.model[name], less, last, compare_states(less, last, less.error.sigma))
