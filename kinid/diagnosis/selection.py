@@ -77,9 +77,8 @@ def implausible(state: State, before: State | None = None) -> str:
 def acceptable(tried: Refit, before: State, settings: DiagnosisSettings) -> bool:
     """Whether a refit is beyond doubt, worth a name, and physically possible."""
     e = tried.evidence
-    needed = settings.adequate_significance if inside_tolerance(before) else settings.min_significance
     # what takes off most of the error leaves less that could speak against it
-    needed *= max(0.5, 1.0 - e.share)
+    needed = settings.min_significance * max(0.5, 1.0 - e.share)
     return (e.significance > needed and e.share > settings.min_share and e.change > settings.min_reading_share
             and not implausible(tried.state, before) and _remarkable(tried, settings))  # fmt: skip
 

@@ -11,9 +11,8 @@ class DiagnosisSettings:
 
     Attributes:
         min_significance: held-out gain over its standard error [1]; an effect is accepted above it.
-        adequate_significance: the same where what is left is inside the tolerance already: small errors of calibration and slow
-            drifts, which no model holds, pass for effects there [1].
-        adequate_share: of the squared error that is left inside the tolerance, what each addition must take off in the end [1].
+        adequate_share: of the squared error that is left inside the tolerance, what each addition must take off in the end:
+            small errors of calibration and forms that nothing is exact to pass for effects there [1].
         min_share: of the squared error that is left, what an effect must take off [1].
         min_reading_share: root mean square of an effect's change of the readings over that of the readings [1]; less than this
             no sensor's linearity bears out.
@@ -28,7 +27,6 @@ class DiagnosisSettings:
     """
 
     min_significance: float = 4.0
-    adequate_significance: float = 8.0
     adequate_share: float = 0.5
     min_share: float = 0.03
     min_reading_share: float = 0.003
