@@ -28,10 +28,8 @@ Array = NDArray[np.float64]
 RISES = 1.01
 #: refits whose form of friction at rest is chosen anew
 REFORMED = 2
-#: refits that are settled to tell the best, and alternatives that an addition is held against, at most
-MAX_SETTLED, MAX_RIVALS = 3, 3
-#: what gains less than this share of what the best does is no rival of it
-RIVALS = 0.5
+#: rivals of the best refit: so many at most, each of which gains this share of what the best does at least
+MAX_RIVALS, RIVAL_SHARE = 3, 0.5
 
 
 @dataclass(eq=False)
@@ -122,10 +120,10 @@ def choose(tried: Sequence[Refit], before: State, settings: DiagnosisSettings) -
     The best are compared by their settled states: what a channel weighs beside the right effect it doesn't beside the wrong ones.
     """
     able = [t for t in tried if acceptable(t, before, settings)]
-    able = [t for t in able if t.evidence.gain > RIVALS * max(a.evidence.gain for a in able)]
+    able = [t for t in able if t.evidence.gain > RIVAL_SHARE * max(a.evidence.gain for a in able)]
     if len(able) < 2:
         return able[0] if able else None
-    settled = side_by_side(lambda t: t.settled, able[:MAX_SETTLED])
+    settled = side_by_side(lambda t: t.settled, able[:MAX_RIVALS])
     best = min(settled, key=_rank)
     # of two where one is a part of the other, the part comes first: the rest of it has to prove itself beside that
     part = next((t for t in able if t.effect.id in best.effect.holds), None)
@@ -212,10 +210,7 @@ def _unsupported(evidence: Evidence, state: State, before: State, settings: Diag
 
 
 def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: bool = False) -> None:
-    """Take back additions that the others made needless; at last, inside the tolerance, those that take off less than they leave.
-
-    There, what no material's and no sensor's form is exact to would pass for an effect.
-    """
+    """Take back additions that others made needless; at last, inside the tolerance, those that take off less than they leave."""
     for name in [n for n in found.added if n not in keep]:
         best = found.states[-1]
         if not removable(best.model, name):
@@ -245,7 +240,7 @@ def _defend(found: Selection, settings: DiagnosisSettings, forced: Sequence[str]
             less = without(last, name)
             if implausible(less, last):
                 continue
-            now = look(less, replace(settings, refits=MAX_RIVALS, promising_share=RIVALS))
+            now = look(less, replace(settings, refits=MAX_RIVALS, promising_share=RIVAL_SHARE))
         own = next((t for t in now.refits if t.effect.id == name), None)
         if own is None:
             own = Refit(last.model[name], less, last, compare_states(less, last, less.error.sigma))

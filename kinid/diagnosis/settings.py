@@ -11,8 +11,7 @@ class DiagnosisSettings:
 
     Attributes:
         min_significance: held-out gain over its standard error [1]; an effect is accepted above it.
-        adequate_share: of the squared error that is left inside the tolerance, what each addition must take off in the end:
-            small errors of calibration and forms that nothing is exact to pass for effects there [1].
+        adequate_share: of an error inside the tolerance, what an addition must take off: no form of a material is exact [1].
         min_share: of the squared error that is left, what an effect must take off [1].
         min_reading_share: root mean square of an effect's change of the readings over that of the readings [1]; less than this
             no sensor's linearity bears out.

@@ -52,9 +52,8 @@ def verdicts(found: Found, parameters: dict[str, FittedParameter], gains: dict[s
         name = effect.id
         if name in known:
             continue
-        refit = tried.get(name)
-        evidence = refit.evidence.significance if refit is not None and name in groups else 0.0
         if name in groups:
+            evidence = tried[name].evidence.significance if name in tried else 0.0
             others.append(EffectVerdict(
                 name, INDISTINGUISHABLE, evidence, groups[name], gains.get(name, 0.0), {}, _separate(name, groups[name], found),
                 f"fits as well as {', '.join(groups[name])}: this log can't tell them apart"))  # fmt: skip
