@@ -26,10 +26,8 @@ Array = NDArray[np.float64]
 
 #: a reported error rises where its square is so many times the one before
 RISES = 1.01
-#: refits whose form of friction at rest is chosen anew
-REFORMED = 2
-#: rivals of the best refit: so many at most, each of which gains this share of what the best does at least
-MAX_RIVALS, RIVAL_SHARE = 3, 0.5
+#: refits whose form of friction at rest is chosen anew; rivals of the best, each of which gains this share of what that does
+REFORMED, MAX_RIVALS, RIVAL_SHARE = 2, 3, 0.5
 
 
 @dataclass(eq=False)
@@ -210,7 +208,7 @@ def _unsupported(evidence: Evidence, state: State, before: State, settings: Diag
 
 
 def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: bool = False) -> None:
-    """Take back additions that others made needless; at last, inside the tolerance, those that take off less than they leave."""
+    """Take back additions that others made needless; last, inside the tolerance, doubtful ones that take less than they leave."""
     for name in [n for n in found.added if n not in keep]:
         best = found.states[-1]
         if not removable(best.model, name):
@@ -220,7 +218,8 @@ def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: 
             continue
         evidence = compare_states(less, best, best.error.sigma)
         found.evidence[name] = evidence
-        least = settings.adequate_share if last and inside_tolerance(less) else settings.min_share
+        sure = evidence.significance > settings.beyond_doubt
+        least = settings.adequate_share if last and not sure and inside_tolerance(less) else settings.min_share
         if evidence.significance < settings.min_significance or evidence.share < least:
             found.alternatives.pop(name, None)
             found.pruned.add(name)

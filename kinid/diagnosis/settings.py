@@ -11,7 +11,8 @@ class DiagnosisSettings:
 
     Attributes:
         min_significance: held-out gain over its standard error [1]; an effect is accepted above it.
-        adequate_share: of an error inside the tolerance, what an addition must take off: no form of a material is exact [1].
+        adequate_share: of an error inside the tolerance, what an addition must take off: no form of a material is exact [1];
+        beyond_doubt: or how significant it must be, however small it is [1].
         min_share: of the squared error that is left, what an effect must take off [1].
         min_reading_share: root mean square of an effect's change of the readings over that of the readings [1]; less than this
             no sensor's linearity bears out.
@@ -27,6 +28,7 @@ class DiagnosisSettings:
 
     min_significance: float = 4.0
     adequate_share: float = 0.5
+    beyond_doubt: float = 20.0
     min_share: float = 0.03
     min_reading_share: float = 0.003
     rival_significance: float = 2.0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -51,7 +50,7 @@ def _rest(state: State) -> RestForm:
     return state.problem.experiment.signals.rest
 
 
-def _with(rest: RestForm, fields: Sequence[str], values: Iterable[float]) -> RestForm:
+def _with(rest: RestForm, fields: list[str], values: Array) -> RestForm:
     changed: dict[str, Any] = dict(zip(fields, map(float, values)))
     return dataclasses.replace(rest, **changed)
 
@@ -129,7 +128,7 @@ def _refined(state: State) -> State:
         fields = [field for field in REFINED if getattr(rest, field) > 0.0]
         values, ends = np.array([getattr(rest, field) for field in fields]), np.array([REFINED[field] for field in fields])
         moved = np.where(values * (1.0 + MOVED) <= ends[:, 1], MOVED, -MOVED)
-        d = np.stack([(_change(state, _with(rest, [field], [value])) / step / sigma).ravel()
+        d = np.stack([(_change(state, _with(rest, [field], np.array([value]))) / step / sigma).ravel()
                       for field, value, step in zip(fields, values * (1.0 + moved), moved)], axis=1)  # fmt: skip
         own = d - state.weighted @ (np.linalg.pinv(state.information, hermitian=True) @ (state.weighted.T @ d))
         step = np.linalg.lstsq(own, (state.residual / sigma).ravel(), rcond=UNSEEN)[0]
