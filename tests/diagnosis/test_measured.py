@@ -50,7 +50,7 @@ def of_contact(found: Diagnosis) -> list[str]:
 @pytest.fixture(scope="module")
 def arms(real_data: Path) -> list[Diagnosis]:
     """An arm in free motion, recorded twice with the same machine; the model begins with its published inertia alone."""
-    return [ask(*lwr4plus(number)(real_data), "rigid-body", page=f"lwr4plus-motion-{number}") for number in (1, 2)]
+    return [ask(*lwr4plus(number)(real_data), "rigid-body", most=3, page=f"lwr4plus-motion-{number}") for number in (1, 2)]
 
 
 def test_the_arm_lacks_friction_and_offsets(arms: list[Diagnosis]) -> None:
@@ -211,7 +211,7 @@ def planted(real_data: Path) -> dict[tuple[str, str], Case]:
 def test_what_was_planted_is_named_first(planted: dict[tuple[str, str], Case], source: str, effect: str) -> None:
     """And the error falls to that of the true model at least; what else such a log holds may be named after it."""
     case = planted[source, effect]
-    found = ask(case.log, case.rig, *case.model, most=4)
+    found = ask(case.log, case.rig, *case.model, most=2)
     first = found.added[0]
     if source == "med14-poses" and effect in ("sensor-gain", "tool-mass"):
         # at rest in the air a gain and a mass do the same: one is named, and the other as its equal

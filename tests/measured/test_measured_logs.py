@@ -164,13 +164,9 @@ def reached(rows: list[dict[str, Any]], bars: dict[str, float | None]) -> None:
 
 
 def test_the_diagnosis_of_a_few(real_data: Path) -> None:
-    """Ten cases at five times what is left, and the transfer between both recordings of an arm."""
-    rows = study("diagnosis", SEED, (5.0,), ",".join(f"{key}/" for key in FEW), real=real_data)
-    way = ways(real_data, "lwr4plus-motion-1")[1]
-    said = ask("diagnosis", *way.learnt, way.model)
-    before, after = moved(way, said.added)
-    rows.append({"kind": "transfer", "added": list(said.added), "before": before, "after": after})
-    reached(rows, SMALL)
+    """Eight cases at five times what is left; an arm's take minutes, and are left to the whole study."""
+    keys = ",".join(f"{key}/" for key in FEW if not key.startswith("lwr"))
+    reached(study("diagnosis", SEED, (5.0,), keys, real=real_data), SMALL)
 
 
 def test_the_baseline_answers(small: list[Case]) -> None:
