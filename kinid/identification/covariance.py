@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.identification.solver import State, held_parameters
+from kinid.kinds_of_motion import kinds_of_motion
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -77,17 +78,28 @@ def covariance_of(state: State) -> Covariance:
 
 
 def _meat(state: State, jacobian: Array, prior: Array) -> Array:
-    """Squared scores over blocks, those of neighbours included as far as that widens, and the nuisances' priors."""
+    """Squared scores over blocks of time, neighbours included, or over kinds of motion, whichever is wider, and priors.
+
+    A law of another form errs alike wherever the tool does the same, however often it does so (A. C. Cameron, J. B. Gelbach,
+    D. L. Miller, J. Bus. Econ. Stat. 29, 2011: clusters of several kinds).
+    """
     problem = state.problem
     score = jacobian * (state.residual / state.error.sigma).reshape(-1, 1)
     per_group = score.reshape(*problem.shape, -1).sum(axis=0)
-    blocks = int(problem.block.max()) + 1 if len(problem.block) else 0
-    total = np.stack([np.bincount(problem.block, column, blocks) for column in per_group.T], axis=1)
-    total -= total.mean(axis=0)
-    own = total.T @ total
+    total = _summed(per_group, problem.block)
+    own, blocks = total.T @ total, len(total)
     cross = total[1:].T @ total[:-1]
-    near = own + 0.5 * (cross + cross.T)
+    s = problem.experiment.signals
+    alike = _summed(per_group, kinds_of_motion(*(np.stack([problem.mean_at(v) for v in rows])
+                                                 for rows in ([s.depth], [s.depth_rate], s.slip_rate))))  # fmt: skip
+    widest = np.maximum(np.diag(own + 0.5 * (cross + cross.T)), np.sum(alike**2, axis=0) * len(alike) / max(1, len(alike) - 1))
     small = blocks / max(1, blocks - jacobian.shape[1]) if blocks > jacobian.shape[1] else 2.0
-    widen = np.maximum(np.diag(near), np.diag(own)) / np.maximum(np.diag(own), 1e-300)
+    widen = np.maximum(widest, np.diag(own)) / np.maximum(np.diag(own), 1e-300)
     out: Array = small * own * np.sqrt(np.outer(widen, widen)) + prior
     return out
+
+
+def _summed(scores: Array, cluster: NDArray[np.int64]) -> Array:
+    """Scores (g, p) summed over clusters about their mean, (clusters, p)."""
+    total = np.stack([np.bincount(cluster, column) for column in scores.T], axis=1)
+    return np.asarray(total - total.mean(axis=0))

@@ -128,24 +128,13 @@ class Fit:
 
     def to_dict(self) -> dict[str, Any]:
         """The facts as `kinid fit --json` writes them."""
-        return {
-            "model": list(self.model.names),
-            "parameters": {name: p.to_dict() for name, p in self.parameters.items()},
-            "error": self.error.to_dict(),
-            "warnings": list(self.warnings),
-        }  # fmt: skip
+        return {"model": list(self.model.names), "parameters": {name: p.to_dict() for name, p in self.parameters.items()},
+                "error": self.error.to_dict(), "warnings": list(self.warnings)}  # fmt: skip
 
 
-def fit_model(
-    model: Model,
-    data: ContactSeries | Log | Experiment,
-    rig: Rig | None = None,
-    *,
-    channels: Sequence[str] | None = None,
-    train: Mask | None = None,
-    start: Mapping[str, float] | None = None,
-    held_out: bool = True,
-) -> Fit:
+def fit_model(model: Model, data: ContactSeries | Log | Experiment, rig: Rig | None = None, *,
+              channels: Sequence[str] | None = None, train: Mask | None = None, start: Mapping[str, float] | None = None,
+              held_out: bool = True) -> Fit:  # fmt: skip
     """Estimate a model's parameters.
 
     Args:
@@ -252,11 +241,8 @@ def experiment_for(
         if data.source is not None and not channels and _asks_for_more(model, *data.source):
             return experiment_for(model, *data.source)
         if model.needs_log:
-            raise InputError(
-                f"contact-frame quantities for {model}, which acts on the whole wrench or on joint torques",
-                "the log itself with its rig",
-                "call fit(log, rig)",
-            )
+            raise InputError(f"contact-frame quantities for {model}, which acts on the whole wrench or on joint torques",
+                             "the log itself with its rig", "call fit(log, rig)")  # fmt: skip
         for name in channels or ():
             if name not in CONTACT_FORCES:
                 raise InputError(f"channel '{name}'", f"one of {', '.join(CONTACT_FORCES)}", near(name, CONTACT_FORCES))
