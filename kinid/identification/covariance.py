@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
-from kinid.identification.solver import State, held_parameters
+from kinid.identification.solver import FOLD_RIDGE, State, held_parameters
 from kinid.kinds_of_motion import kinds_of_motion
 
 Array = NDArray[np.float64]
@@ -60,9 +61,9 @@ def covariance_of(state: State) -> Covariance:
     open_ = (np.abs(vector[:, lost]) > TAKES_PART).any(axis=1)
     inverse = (vector[:, ~lost] / eigenvalue[~lost]) @ vector[:, ~lost].T / np.outer(size, size)
     spread = inverse @ _meat(state, jacobian[:, own], prior) @ inverse
-    floor = inverse * state.inflation
+    floor = np.maximum(np.diag(inverse) * state.inflation, _unlike(state, jacobian[:, own], information, np.diag(spread)))
     with np.errstate(divide="ignore", invalid="ignore"):
-        widen = np.sqrt(np.maximum(1.0, np.diag(floor) / np.maximum(np.diag(spread), 1e-300)))
+        widen = np.sqrt(np.maximum(1.0, floor / np.maximum(np.diag(spread), 1e-300)))
     spread = spread * np.outer(widen, widen)
     matrix, unidentified = np.zeros((p, p)), unseen.copy()
     at = own[own < p]
@@ -78,28 +79,41 @@ def covariance_of(state: State) -> Covariance:
 
 
 def _meat(state: State, jacobian: Array, prior: Array) -> Array:
-    """Squared scores over blocks of time, neighbours included, or over kinds of motion, whichever is wider, and priors.
-
-    A law of another form errs alike wherever the tool does the same, however often it does so (A. C. Cameron, J. B. Gelbach,
-    D. L. Miller, J. Bus. Econ. Stat. 29, 2011: clusters of several kinds).
-    """
+    """Squared scores over blocks, those of neighbours included as far as that widens, and the nuisances' priors."""
     problem = state.problem
     score = jacobian * (state.residual / state.error.sigma).reshape(-1, 1)
     per_group = score.reshape(*problem.shape, -1).sum(axis=0)
-    total = _summed(per_group, problem.block)
-    own, blocks = total.T @ total, len(total)
+    blocks = int(problem.block.max()) + 1 if len(problem.block) else 0
+    total = np.stack([np.bincount(problem.block, column, blocks) for column in per_group.T], axis=1)
+    total -= total.mean(axis=0)
+    own = total.T @ total
     cross = total[1:].T @ total[:-1]
-    s = problem.experiment.signals
-    alike = _summed(per_group, kinds_of_motion(*(np.stack([problem.mean_at(v) for v in rows])
-                                                 for rows in ([s.depth], [s.depth_rate], s.slip_rate))))  # fmt: skip
-    widest = np.maximum(np.diag(own + 0.5 * (cross + cross.T)), np.sum(alike**2, axis=0) * len(alike) / max(1, len(alike) - 1))
+    near = own + 0.5 * (cross + cross.T)
     small = blocks / max(1, blocks - jacobian.shape[1]) if blocks > jacobian.shape[1] else 2.0
-    widen = np.maximum(widest, np.diag(own)) / np.maximum(np.diag(own), 1e-300)
+    widen = np.maximum(np.diag(near), np.diag(own)) / np.maximum(np.diag(own), 1e-300)
     out: Array = small * own * np.sqrt(np.outer(widen, widen)) + prior
     return out
 
 
-def _summed(scores: Array, cluster: NDArray[np.int64]) -> Array:
-    """Scores (g, p) summed over clusters about their mean, (clusters, p)."""
-    total = np.stack([np.bincount(cluster, column) for column in scores.T], axis=1)
-    return np.asarray(total - total.mean(axis=0))
+def _unlike(state: State, jacobian: Array, information: Array, chance: Array) -> Array:
+    """Variance of parameters (p,) from what a kind of motion leaves out, where that is beyond chance, given theirs from time.
+
+    A law of another form errs alike wherever the tool does the same, however often it does so. Each third of the depths, each
+    way in or out and along the tangents is left out in turn (M. H. Quenouille, J. W. Tukey: jackknife over clusters; A. C.
+    Cameron, J. B. Gelbach, D. L. Miller, J. Bus. Econ. Stat. 29, 2011: clusters of several kinds).
+    """
+    problem, out = state.problem, np.zeros(len(chance))
+    score = jacobian * (state.residual / state.error.sigma).reshape(-1, 1)
+    rows, scores = jacobian.reshape(*problem.shape, -1), score.reshape(*problem.shape, -1)
+    ridge = FOLD_RIDGE * np.diag(np.diag(information))
+    s = problem.experiment.signals
+    for kind in kinds_of_motion(problem.mean_at(s.depth), *map(problem.mean_at, (s.depth_rate, *s.slip_rate))):
+        total = np.zeros(len(chance))
+        for number in range(count := int(kind.max(initial=0)) + 1):
+            j = rows[:, kind == number].reshape(-1, len(chance))
+            total += np.linalg.solve(information - j.T @ j + ridge, scores[:, kind == number].sum(axis=(0, 1))) ** 2
+        if count > 1:
+            surprising = chi2.ppf(0.95, count - 1) / (count - 1)
+            total *= (count - 1) / count
+            out = np.maximum(out, np.where(total > surprising * chance, total, 0.0))
+    return out
