@@ -22,17 +22,9 @@ from kinid.model import Model
 from kinid.rig import Rig
 
 
-def diagnose(
-    data: Fit | ContactSeries | Log,
-    rig: Rig | None = None,
-    *,
-    model: Model | None = None,
-    add: Sequence[str] = (),
-    max_effects: int | None = None,
-    tolerance: float | None = None,
-    settings: DiagnosisSettings | None = None,
-    progress: Callable[[str], None] = lambda _: None,
-) -> Diagnosis:
+def diagnose(data: Fit | ContactSeries | Log, rig: Rig | None = None, *, model: Model | None = None, add: Sequence[str] = (),
+             max_effects: int | None = None, tolerance: float | None = None, settings: DiagnosisSettings | None = None,
+             progress: Callable[[str], None] = lambda _: None) -> Diagnosis:  # fmt: skip
     """Compare a model with the measurement, and say which effects it lacks.
 
     Where the log behind a fit has joints and the whole wrench, all six channels are looked at, not only the contact forces that

@@ -66,9 +66,8 @@ def _figure(value: float) -> float | None:
     return value if np.isfinite(value) else None
 
 
-def compare(
-    models: Sequence[Model], data: ContactSeries | Log | Experiment, rig: Rig | None = None, *, reference: str | None = None
-) -> Comparison:
+def compare(models: Sequence[Model], data: ContactSeries | Log | Experiment, rig: Rig | None = None, *,
+            reference: str | None = None) -> Comparison:  # fmt: skip
     """Fit every model to the same samples of the same channels and hold it against those that it has not seen.
 
     Args:
@@ -102,5 +101,4 @@ def compare(
         gap = per_block - results[chosen][1]
         spread = float(gap.std(ddof=1) / np.sqrt(len(gap))) if len(gap) > 1 else float("nan")
         rows.append(Row(rank, fit, error, float(gap.mean()), spread))
-    floor = results[0][2].error.noise_floor
-    return Comparison(tuple(rows), names[chosen], error_unit(experiment), floor)
+    return Comparison(tuple(rows), names[chosen], error_unit(experiment), results[0][2].error.noise_floor)

@@ -21,8 +21,9 @@ Mask = NDArray[np.bool_]
 
 #: change of all weighted readings per scale of a parameter, as a length, below which it isn't seen
 UNSEEN = 1e-4
-#: eigenvalue of the normalised information below which a direction isn't identified, and share of it that takes part
-OPEN_DIRECTION, TAKES_PART = 1e-10, 0.1
+#: eigenvalue of the normalised information below which a direction isn't identified, and share of it that takes part; chance
+#: with which a kind of motion that is left out moves a parameter no further by noise alone
+OPEN_DIRECTION, TAKES_PART, SURE = 1e-10, 0.1, 0.99
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,22 +99,20 @@ def _meat(state: State, jacobian: Array, prior: Array) -> Array:
 def _unlike(state: State, jacobian: Array, information: Array, chance: Array) -> Array:
     """Variance of parameters (p,) from what a kind of motion leaves out, where that is beyond chance, given theirs from time.
 
-    A law of another form errs alike wherever the tool does the same, however often it does so. Each third of the depths, each
-    way in or out and along the tangents is left out in turn (M. H. Quenouille, J. W. Tukey: jackknife over clusters; A. C.
-    Cameron, J. B. Gelbach, D. L. Miller, J. Bus. Econ. Stat. 29, 2011: clusters of several kinds).
+    A law of another form errs alike wherever the tool does the same, however often it does so: a jackknife over clusters of
+    several kinds (A. C. Cameron, J. B. Gelbach, D. L. Miller, J. Bus. Econ. Stat. 29, 2011).
     """
-    problem, out = state.problem, np.zeros(len(chance))
-    score = jacobian * (state.residual / state.error.sigma).reshape(-1, 1)
-    rows, scores = jacobian.reshape(*problem.shape, -1), score.reshape(*problem.shape, -1)
+    problem, s, out = state.problem, state.problem.experiment.signals, np.zeros(len(chance))
+    rows = jacobian.reshape(*problem.shape, -1)
+    scores = rows * (state.residual / state.error.sigma)[:, :, None]
     ridge = FOLD_RIDGE * np.diag(np.diag(information))
-    s = problem.experiment.signals
     for kind in kinds_of_motion(problem.mean_at(s.depth), *map(problem.mean_at, (s.depth_rate, *s.slip_rate))):
         total = np.zeros(len(chance))
         for number in range(count := int(kind.max(initial=0)) + 1):
             j = rows[:, kind == number].reshape(-1, len(chance))
             total += np.linalg.solve(information - j.T @ j + ridge, scores[:, kind == number].sum(axis=(0, 1))) ** 2
         if count > 1:
-            surprising = chi2.ppf(0.95, count - 1) / (count - 1)
+            surprising = chi2.ppf(SURE, count - 1) / (count - 1)
             total *= (count - 1) / count
             out = np.maximum(out, np.where(total > surprising * chance, total, 0.0))
     return out

@@ -231,9 +231,8 @@ def _refuse_idle(model: Model, experiment: Experiment) -> None:
                          "add one, e.g. --model kelvin-voigt,coulomb-friction")  # fmt: skip
 
 
-def experiment_for(
-    model: Model, data: ContactSeries | Log | Experiment, rig: Rig | None, channels: Sequence[str] | None = None
-) -> Experiment:
+def experiment_for(model: Model, data: ContactSeries | Log | Experiment, rig: Rig | None,
+                   channels: Sequence[str] | None = None) -> Experiment:  # fmt: skip
     """Signals and readings that this model speaks about."""
     if isinstance(data, Experiment):
         return data
