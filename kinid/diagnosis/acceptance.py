@@ -46,14 +46,15 @@ class Evidence:
     Attributes:
         gain: in units of what is left before (weighted squares, prior included). error: its standard error. left: minus twice the
             logarithm of the likelihood of what the second state leaves, each channel with a variance of its own.
-        share: of the squared held-out error that goes. change: root mean square of the change of the readings over that of the
-            readings, in the channels where it is largest.
+        share: of the squared held-out error that goes; beyond: of what is beyond noise. change: root mean square of the change of
+            the readings over that of the readings, in the channels where it is largest.
     """
 
     gain: float
     error: float
     left: float
     share: float
+    beyond: float
     change: float
 
     @property
@@ -81,9 +82,10 @@ def compare_states(before: State, after: State, sigma: Array) -> Evidence:
             total, error, gain, squares = without, less, gain[kept], squares[kept]
     rms = np.sqrt(np.mean((change * sigma) ** 2, axis=1)) / before.problem.channel_rms
     share = float(gain.sum() / max(1e-300, squares.sum()))
-    floor = np.mean((before.error.noise / sigma) ** 2, axis=1)
-    left = _misfit(before.problem, new**2, floor) + _prior_cost(after, before)
-    return Evidence(total, error, left, share, float(rms.max()))
+    noise = (before.error.noise / sigma) ** 2
+    beyond = float(gain.sum() / max(1e-300, squares.sum() - noise.sum()))
+    left = _misfit(before.problem, new**2, np.mean(noise, axis=1)) + _prior_cost(after, before)
+    return Evidence(total, error, left, share, beyond, float(rms.max()))
 
 
 def _misfit(problem: Problem, squares: Array, floor: Array) -> float:

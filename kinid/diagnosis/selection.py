@@ -218,9 +218,10 @@ def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: 
             continue
         evidence = compare_states(less, best, best.error.sigma)
         found.evidence[name] = evidence
-        sure = evidence.significance > settings.beyond_doubt
-        least = settings.adequate_share if last and not sure and inside_tolerance(less) else settings.min_share
-        if evidence.significance < settings.min_significance or evidence.share < least:
+        least = settings.min_significance
+        if last and inside_tolerance(less):
+            least = settings.beyond_doubt if evidence.beyond < settings.adequate_share else 2.0 * settings.min_significance
+        if evidence.significance < least or evidence.share < settings.min_share:
             found.alternatives.pop(name, None)
             found.pruned.add(name)
             found.added.remove(name)
