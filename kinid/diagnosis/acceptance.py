@@ -81,9 +81,8 @@ def compare_states(before: State, after: State, sigma: Array) -> Evidence:
         if without / less > total / error:
             total, error, gain, squares = without, less, gain[kept], squares[kept]
     rms = np.sqrt(np.mean((change * sigma) ** 2, axis=1)) / before.problem.channel_rms
-    share = float(gain.sum() / max(1e-300, squares.sum()))
     noise = (before.error.noise / sigma) ** 2
-    beyond = float(gain.sum() / max(1e-300, squares.sum() - noise.sum()))
+    share, beyond = (float(gain.sum() / max(1e-300, all_)) for all_ in (squares.sum(), squares.sum() - noise.sum()))
     left = _misfit(before.problem, new**2, np.mean(noise, axis=1)) + _prior_cost(after, before)
     return Evidence(total, error, left, share, beyond, float(rms.max()))
 
@@ -153,8 +152,7 @@ def refit(before: State, candidates: list[Candidate]) -> Refit:
     """
     model = before.model + candidates[0].effect
     with np.errstate(all="ignore"):
-        larger = [(before.model + c.effect, c) for c in candidates[:POINTS]]
-        starts = [project_linear(before.problem, each, _nearest(before, each, c), before.error) for each, c in larger]
+        starts = [project_linear(before.problem, model, _nearest(before, model, c), before.error) for c in candidates[:POINTS]]
         # and one that knows nothing of where the smaller model ended: a power law may have bent far to stand in for a layer
         bent = not linear_parameters(before.model, before.problem).all()
         fresh = [initial_values(before.problem, model, nominal_values(model, before.problem), before.error)] if bent else []

@@ -216,8 +216,7 @@ def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: 
         less = without(best, name)
         if implausible(less, best):  # the others would have to stand in for it
             continue
-        evidence = compare_states(less, best, best.error.sigma)
-        found.evidence[name] = evidence
+        found.evidence[name] = evidence = compare_states(less, best, best.error.sigma)
         least = settings.min_significance
         if last and inside_tolerance(less):
             least = settings.beyond_doubt if evidence.beyond < settings.adequate_share else 2.0 * settings.min_significance
