@@ -208,7 +208,7 @@ def _unsupported(evidence: Evidence, state: State, before: State, settings: Diag
 
 
 def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: bool = False) -> None:
-    """Take back additions that others made needless; last, inside the tolerance, doubtful ones that take less than they leave."""
+    """Take back additions that others made needless; last, inside the tolerance, doubtful ones that take little."""
     for name in [n for n in found.added if n not in keep]:
         best = found.states[-1]
         if not removable(best.model, name):
@@ -219,7 +219,7 @@ def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: 
         found.evidence[name] = evidence = compare_states(less, best, best.error.sigma)
         least = settings.min_significance
         if last and inside_tolerance(less):
-            least = settings.beyond_doubt if evidence.beyond < settings.adequate_share else 2.0 * settings.min_significance
+            least = max(least, settings.beyond_doubt * (1.0 - evidence.beyond))
         if evidence.significance < least or evidence.share < settings.min_share:
             found.alternatives.pop(name, None)
             found.pruned.add(name)

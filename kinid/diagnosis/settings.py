@@ -11,8 +11,8 @@ class DiagnosisSettings:
 
     Attributes:
         min_significance: held-out gain over its standard error [1]; an effect is accepted above it.
-        beyond_doubt, adequate_share: inside the tolerance, the significance of an addition must be twice that, or, where it takes
-            off less than this share of what is left beyond noise, the former: no form of a material is exact [1].
+        beyond_doubt: inside the tolerance, times the share of what is beyond noise that an addition leaves, the significance that
+            it must have: no form of a material is exact [1].
         min_share: of the squared error that is left, what an effect must take off [1].
         min_reading_share: root mean square of an effect's change of the readings over that of the readings [1]; less than this
             no sensor's linearity bears out.
@@ -27,7 +27,6 @@ class DiagnosisSettings:
     """
 
     min_significance: float = 4.0
-    adequate_share: float = 0.5
     beyond_doubt: float = 20.0
     min_share: float = 0.03
     min_reading_share: float = 0.003

@@ -31,7 +31,7 @@ class LoadDependentFriction(Effect):
     affine = False  # the tangential force is a power of the normal one
     grid = {"exponent": (-0.5, -0.25, 0.25, 0.5)}
     turn = 1
-    unremarkable = {"exponent": 0.05}  # nothing rubs in proportion to its load better than that
+    unremarkable = {"exponent": 0.03}  # nothing rubs in proportion to its load better than that
     admissible = {"exponent": (-0.9, 1.0)}  # T grows with the load: −1/3 Hertzian, 0 Amontons (Archard 1957)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:

@@ -47,7 +47,7 @@ class Relaxation(Effect):
     null = {"ratio": 0.0}
     affine = False  # a tool that leaves does so at a force that all parameters of the law decide
     grid = {"time-constant": (0.02, 0.1, 0.4, 1.5, 6.0, 30.0)}
-    unremarkable = {"ratio": 0.02}  # no soft material holds all of a force
+    unremarkable = {"ratio": 0.015}  # no soft material holds all of a force
     # a share of the force, of either branch alone and of all together (`implausible`)
     admissible = {"ratio": (0.0, 1.0), "time-constant": (1e-4, 1e5)}
 
