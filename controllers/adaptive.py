@@ -18,7 +18,7 @@ from kinid.controllers.state import ArmState, Target
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
-    from kinid.property_map import PropertyMap as Map
+    from kinid.mapping.property_map import PropertyMap as Map
 
 Array = NDArray[np.float64]
 
@@ -75,8 +75,8 @@ class AdaptiveImpedance:
 
     Args:
         base: the impedance whose normal stiffness is replaced; its other gains stay.
-        surface: the map, or a measured one (`kinid.property_map.PropertyMap`) on a plane, whose unknown places then count as
-            its hardest known: there the arm is softest. schedule: see there.
+        surface: the map, or a measured one (`kinid.mapping.property_map.PropertyMap`) on a plane, whose unknown places then count
+            as its hardest known: there the arm is softest. schedule: see there.
 
     Attributes:
         plane: where the map lies.

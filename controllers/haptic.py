@@ -22,7 +22,7 @@ from kinid.controllers.state import ArmState
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
-    from kinid.property_map import PropertyMap as Map
+    from kinid.mapping.property_map import PropertyMap as Map
 
 Array = NDArray[np.float64]
 
@@ -162,8 +162,8 @@ class HapticRendering:
     spring's gains; see `kinid.controllers.passivity`.
 
     Args:
-        materials: the map, or a measured one (`kinid.property_map.PropertyMap`), whose unknown places are then rendered as its
-            softest known; see `Measured` for another choice. settings: see `HapticSettings`.
+        materials: the map, or a measured one (`kinid.mapping.property_map.PropertyMap`), whose unknown places are then rendered
+            as its softest known; see `Measured` for another choice. settings: see `HapticSettings`.
 
     Attributes:
         law, surface: that are rendered: those of the settings, else the map's.

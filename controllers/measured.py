@@ -12,8 +12,8 @@ from kinid.controllers._given import closest
 from kinid.controllers.mesh_surface import MeshSurface
 from kinid.controllers.properties import Plane, Properties, Touchable
 from kinid.errors import InputError
-from kinid.property_map import PropertyMap as Map
-from kinid.surface import Mesh
+from kinid.mapping.property_map import PropertyMap as Map
+from kinid.robotics.surface import Mesh
 
 Array = NDArray[np.float64]
 Unknown = Literal["softest", "hardest", "refuse"]
@@ -35,7 +35,7 @@ class Measured:
     expects the hardest.
 
     Args:
-        grown: the map. method: of interpolation, see `kinid.property_map`. unknown: places that no probe reaches are the
+        grown: the map. method: of interpolation, see `kinid.mapping.property_map`. unknown: places that no probe reaches are the
             softest or the hardest known, or refused.
 
     Attributes:
@@ -48,7 +48,7 @@ class Measured:
 
     def __init__(self, grown: Map, method: str = "gp", unknown: Unknown = "softest") -> None:
         if not isinstance(grown, Map):
-            raise InputError(f"a map {str(grown)[:40]!r}", "what PropertyMap.read(path) gives", "use kinid.property_map")
+            raise InputError(f"a map {str(grown)[:40]!r}", "what PropertyMap.read(path) gives", "use kinid.mapping.property_map")
         if unknown not in get_args(Unknown):
             ways = get_args(Unknown)
             raise InputError(f"unknown {unknown!r}", f"one of {', '.join(ways)}", closest(unknown, ways))

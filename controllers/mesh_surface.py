@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from kinid.controllers.properties import Foot, Tracker
 from kinid.kernels.mesh import MeshTree
-from kinid.surface import Mesh
+from kinid.robotics.surface import Mesh
 
 Array = NDArray[np.float64]
 

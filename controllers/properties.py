@@ -51,7 +51,7 @@ def checked_map(surface: Any, unknown: Any = "softest") -> PropertyMap:
     """Itself; of a measured map what controllers read, `kinid.controllers.Measured`.
 
     Args:
-        surface: see `PropertyMap`, or what `kinid.property_map.PropertyMap.read` gives. unknown: see `Measured`.
+        surface: see `PropertyMap`, or what `kinid.mapping.property_map.PropertyMap.read` gives. unknown: see `Measured`.
 
     Raises:
         InputError: nothing that knows the material at a place.
@@ -59,7 +59,7 @@ def checked_map(surface: Any, unknown: Any = "softest") -> PropertyMap:
     if not isinstance(surface, type) and callable(getattr(surface, "properties", None)):
         known: PropertyMap = surface
         return known
-    from kinid import property_map  # heavy, and seldom needed
+    from kinid.mapping import property_map  # heavy, and seldom needed
 
     if isinstance(surface, property_map.PropertyMap):
         from kinid.controllers.measured import Measured

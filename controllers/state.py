@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kinid.controllers._given import numbers
 from kinid.errors import InputError
-from kinid.robot import Robot
+from kinid.robotics.robot import Robot
 
 Array = NDArray[np.float64]
 

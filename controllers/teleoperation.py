@@ -59,7 +59,7 @@ class Environment:
         """The material of a map at a place [m], linearised at a depth [m] by its secant.
 
         Args:
-            surface: also a measured `kinid.property_map.PropertyMap`. x, y: along both tangents [m]. depth: > 0.
+            surface: also a measured `kinid.mapping.property_map.PropertyMap`. x, y: along both tangents [m]. depth: > 0.
 
         Raises:
             InputError: no map, a place without usable properties, or a depth that isn't positive.

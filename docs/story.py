@@ -25,8 +25,8 @@ def story(folder: Path, out: Path) -> None:
     """Put a demo's pages together."""
     from PIL import Image
 
-    from kinid.property_map import PropertyMap
-    from kinid.property_map_plots import misfit_figure
+    from kinid.mapping.map_page import misfit_figure
+    from kinid.mapping.property_map import PropertyMap
 
     draw: Any = runpy.run_path(str(Path(__file__).parent.parent / "notebooks" / "execute.py"))
 

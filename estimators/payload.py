@@ -17,8 +17,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from kinid.data.rig import ToolSpec
 from kinid.errors import InputError
-from kinid.rig import ToolSpec
 
 __all__ = ["NAMES", "Payload", "Value", "fit_payload"]
 

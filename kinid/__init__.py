@@ -9,32 +9,32 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from kinid.contact import ContactSeries, contact_series, tip_motion
-    from kinid.derivative import Differentiator
+    from kinid.contact.registration import find_surface
+    from kinid.contact.series import ContactSeries, contact_series, tip_motion
+    from kinid.data.log import Log
+    from kinid.data.rig import Rig
     from kinid.diagnosis import Diagnosis, diagnose
     from kinid.errors import InputError, KinidError
-    from kinid.inverse_dynamics import JointTorques, joint_torques
-    from kinid.log import Log
-    from kinid.model import Model
-    from kinid.reading import read
-    from kinid.rig import Rig
-    from kinid.robot import Robot
-    from kinid.touch import find_surface
+    from kinid.modeling.model import Model
+    from kinid.robotics.inverse_dynamics import JointTorques, joint_torques
+    from kinid.robotics.reading import read
+    from kinid.robotics.robot import Robot
+    from kinid.signal.derivative import Differentiator
 
 __version__ = "0.1.0"
 
 _HOME = {
-    "ContactSeries": "contact", "contact_series": "contact", "tip_motion": "contact",
-    "Differentiator": "derivative",
+    "ContactSeries": "contact.series", "contact_series": "contact.series", "tip_motion": "contact.series",
+    "Differentiator": "signal.derivative",
     "Diagnosis": "diagnosis", "diagnose": "diagnosis",
     "InputError": "errors", "KinidError": "errors",
-    "JointTorques": "inverse_dynamics", "joint_torques": "inverse_dynamics",
-    "Log": "log",
-    "Model": "model",
-    "read": "reading",
-    "Rig": "rig",
-    "Robot": "robot",
-    "find_surface": "touch",
+    "JointTorques": "robotics.inverse_dynamics", "joint_torques": "robotics.inverse_dynamics",
+    "Log": "data.log",
+    "Model": "identification.fit",
+    "read": "robotics.reading",
+    "Rig": "data.rig",
+    "Robot": "robotics.robot",
+    "find_surface": "contact.registration",
 }  # fmt: skip
 
 __all__ = [

@@ -47,7 +47,7 @@ def compare(
     if json_file is not None:
         write_text(json_file, json.dumps(result.to_dict(), indent=2) + "\n")
     if plot is not None:
-        from kinid.fit_plots import comparison_page
+        from kinid.reports.fit_plots import comparison_page
 
         write_text(plot, comparison_page(result, title=log.name))
     from kinid.cli.show import show_comparison, written

@@ -45,7 +45,7 @@ def hidden(incomplete: str) -> list[tuple[str, str]]:
 
 def method(incomplete: str) -> list[tuple[str, str]]:
     """Ways to guess between probes."""
-    from kinid.interpolation import METHODS
+    from kinid.mapping.interpolation import METHODS
 
     return [(name, "") for name in METHODS if name.startswith(incomplete)]
 
@@ -53,8 +53,8 @@ def method(incomplete: str) -> list[tuple[str, str]]:
 def mapped(context: typer.Context, incomplete: str) -> list[tuple[str, str]]:
     """What the map that was typed before can be coloured by; without one, nothing."""
     from kinid.errors import KinidError
-    from kinid.property_map import PropertyMap
-    from kinid.viewer_scene import layers_of
+    from kinid.mapping.property_map import PropertyMap
+    from kinid.viewer.scene import layers_of
 
     # words before an option that still lacks its value are left unparsed
     given = context.params.get("target") or context.params.get("grown") or next(iter(context.args), "")

@@ -11,8 +11,8 @@ import typer
 from kinid.errors import InputError, near
 
 if TYPE_CHECKING:
-    from kinid.log import Log
-    from kinid.rig import Rig
+    from kinid.data.log import Log
+    from kinid.data.rig import Rig
 
 EXAMPLES = """Examples:
 
@@ -55,7 +55,7 @@ def contact(
     """
     if bias not in ("auto", "none"):
         raise InputError(f"--bias {bias}", "auto or none", near(bias, ("auto", "none")))
-    from kinid.derivative import Differentiator
+    from kinid.signal.derivative import Differentiator
     from kinid.writers import check_outputs, check_table_name, write_table, write_text
 
     if out is not None:
@@ -65,18 +65,18 @@ def contact(
     differentiator = None if bandwidth is None else Differentiator(bandwidth)
     found = None
     if find_surface:
-        from kinid.touch import find_surface as find
+        from kinid.contact.registration import find_surface as find
 
         found = find([the_log], the_rig, robot=robot, differentiator=differentiator)
         the_rig = found.rig
-    from kinid.analysis import analyse
+    from kinid.contact.analysis import analyse
 
     result = analyse(the_log, the_rig, robot=robot, bias="auto" if bias == "auto" else "none",
                      differentiator=differentiator, trust_wrench=trust_wrench)  # fmt: skip
     compensated = None
     if compensate is not None:
-        from kinid.coupling import compensate as take_out
-        from kinid.coupling import load_fit
+        from kinid.calibration.coupling import compensate as take_out
+        from kinid.calibration.coupling import load_fit
 
         if result.contact is None:
             raise InputError("a rig without [surface]", "contact-frame quantities to compensate", "add [surface]")
@@ -85,7 +85,7 @@ def contact(
     if out is not None:
         write_table(out, result.columns(), result.provenance.to_dict())
     if plot is not None:
-        from kinid.plots import analysis_page
+        from kinid.reports.plots import analysis_page
 
         write_text(plot, analysis_page(result, title=log.name))
     if json_file is not None:
@@ -111,8 +111,8 @@ def load(log: Path, rig: Path | None) -> tuple[Rig, Log, Any]:
 
     A log that says everything itself (depth and force of a material tester, one drive) needs no rig.
     """
-    from kinid.reading import read
-    from kinid.rig import Rig
+    from kinid.data.rig import Rig
+    from kinid.robotics.reading import read
 
     if rig is None and not rig_path(log, rig).is_file():
         plain = Rig()
@@ -128,7 +128,7 @@ def load(log: Path, rig: Path | None) -> tuple[Rig, Log, Any]:
     the_rig = Rig.load(rig_path(log, rig))
     robot = None
     if the_rig.robot is not None:
-        from kinid.robot import Robot
+        from kinid.robotics.robot import Robot
 
         robot = Robot.load(the_rig)
     return the_rig, read(log, the_rig, robot=robot), robot

@@ -132,7 +132,7 @@ def _explore(tell: _Teller, out: Path, log: Path, seed: int) -> str:
             tell.run("lab", MATERIAL, "--hide", HIDDEN, "--seed", seed, "--no-mcap", "-o", out)
     with tell.step("From joint angles and a wrench to depth, slip and forces in the frame of the surface"):
         tell.run("contact", log, "-o", out / "contact.parquet", "--plot", out / "contact.html")
-    from kinid.rig import Rig
+    from kinid.data.rig import Rig
 
     return MODEL if Rig.load(out / "rig.toml").sensor.bias is not None else f"{MODEL},sensor-bias"
 

@@ -12,10 +12,10 @@ import typer
 from kinid.cli import complete
 
 if TYPE_CHECKING:
+    from kinid.data.log import Log
+    from kinid.data.rig import Rig
     from kinid.diagnosis import Diagnosis
-    from kinid.log import Log
-    from kinid.model import Model
-    from kinid.rig import Rig
+    from kinid.modeling.model import Model
 
 EXAMPLES = """Examples:
 
@@ -87,7 +87,7 @@ def diagnose(
 
         write_table(out, prediction_columns(result.fit))
     if report is not None:
-        from kinid.diagnosis_page import diagnosis_page
+        from kinid.reports.diagnosis_page import diagnosis_page
 
         provenance = the_log.provenance.then("rig", file=str(rig_path(log, rig) or "none")).then(
             "diagnose", model=str(chosen), on=datetime.datetime.now().astimezone().isoformat(timespec="seconds")
@@ -115,7 +115,7 @@ def explained(name: str) -> None:
     from kinid import effects
     from kinid.cli.show import console
     from kinid.effects import Layout
-    from kinid.model import TOGETHER
+    from kinid.modeling.model import TOGETHER
 
     out = console()
     if name == "all":

@@ -12,10 +12,10 @@ from kinid.cli import complete
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
+    from kinid.data.log import Log
+    from kinid.data.rig import Rig
     from kinid.identification.fit import Fit
-    from kinid.log import Log
-    from kinid.model import Model
-    from kinid.rig import Rig
+    from kinid.modeling.model import Model
 
 EXAMPLES = """Examples:
 
@@ -56,11 +56,11 @@ def fit(
     if out is not None:
         write_table(out, prediction_columns(result))
     if plot is not None:
-        from kinid.fit_plots import fit_page
+        from kinid.reports.fit_plots import fit_page
 
         write_text(plot, fit_page(result, title=f"{log.name}: {chosen}"))
+    from kinid.calibration.coupling import alike
     from kinid.cli.show import show_fit, written
-    from kinid.coupling import alike
 
     show_fit(result)
     for line in alike(result):  # what is open stands among the fit's own doubts
@@ -70,7 +70,7 @@ def fit(
 
 def parse_model(text: str) -> Model:
     """A model from names separated by commas."""
-    from kinid.model import Model
+    from kinid.modeling.model import Model
 
     names = [name.strip() for name in text.split(",") if name.strip()]
     if not names:
@@ -95,7 +95,7 @@ def prediction_columns(result: Fit) -> dict[str, Any]:
         columns[f"{name}_model"] = predicted[i]
     force = result.experiment.normal_force
     if force is not None and "normal_force" not in columns:
-        from kinid.fit_plots import normal_of
+        from kinid.reports.fit_plots import normal_of
 
         # the contact's own force is without the sensor's bias
         columns |= {"normal_force": force, "normal_force_model": normal_of(result.experiment, result.predict(calibrated=False))}

@@ -212,8 +212,8 @@ def _prepared(asked: Asked, experiment: str | None) -> Setup:
 def _planned(base: Setup, asked: Asked, trajectory: Path, rig: Path | None) -> Setup:
     """The set-up that carries a trajectory out on its rig's surface."""
     from kinid.cli.show import console
+    from kinid.data.rig import Rig
     from kinid.lab.planned import doubts, planned
-    from kinid.rig import Rig
 
     beside = trajectory.parent / "rig.toml"
     if rig is None and beside.is_file():

@@ -13,7 +13,7 @@ from kinid.cli import complete
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
-    from kinid.property_map import PropertyMap
+    from kinid.mapping.property_map import PropertyMap
 
 EXAMPLES = """Examples:
 
@@ -56,11 +56,11 @@ def map_(
     anew: Annotated[bool, typer.Option("--anew", help="Don't go on with a map that is there.")] = False,
 ) -> None:
     """Logs of touches to a map of stiffness, damping … over the surface, with covariance; started again, it goes on."""
-    from kinid.interpolation import METHODS
-    from kinid.property_map import PropertyMap
-    from kinid.property_probes import Prober, build, expected, logs_in
-    from kinid.rig import Rig
-    from kinid.surface import Mesh
+    from kinid.data.rig import Rig
+    from kinid.mapping.interpolation import METHODS
+    from kinid.mapping.probes import Prober, build, expected, logs_in
+    from kinid.mapping.property_map import PropertyMap
+    from kinid.robotics.surface import Mesh
     from kinid.writers import check_outputs, write_text
 
     if method not in METHODS:
@@ -103,15 +103,15 @@ def map_(
         raise InputError(f"no probe in {len(found)} logs ({why})", "a touch that carries the model",
                          "look at one with kinid contact")  # fmt: skip
     if plot is not None:
-        from kinid.property_map_plots import map_page
+        from kinid.mapping.map_page import map_page
 
         write_text(plot, map_page(grown, out.name, method))
     facts = _facts(grown, len(grown) - (len(start) if start is not None else 0), skipped)
     _show(facts)
     worlds: list[Path] = []
     if export is not None:
-        from kinid.worlds import CELLS, FRICTION, cells_of
-        from kinid.worlds import export as to_worlds
+        from kinid.mapping.export import CELLS, FRICTION, cells_of
+        from kinid.mapping.export import export as to_worlds
 
         worlds = to_worlds(grown, export, CELLS if cell is None else cells_of(grown, cell), method)
         if not _tells(grown, "friction"):

@@ -12,7 +12,7 @@ from kinid.cli import complete
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
-    from kinid.vision_map import Sighted
+    from kinid.mapping.picture_map import Sighted
 
 EXAMPLES = """Examples:
 
@@ -43,10 +43,10 @@ def picture(
     plot: Annotated[Path | None, typer.Option(help="The predicted map: one offline HTML file.")] = None,
 ) -> None:
     """Learns what values look like, says how well that holds for places left out, and predicts a map; strangers stay unknown."""
-    from kinid.property_map import PropertyMap
-    from kinid.surface import Plane
-    from kinid.vision import Picture
-    from kinid.vision_map import Sighted
+    from kinid.mapping.picture_map import Sighted
+    from kinid.mapping.property_map import PropertyMap
+    from kinid.mapping.vision import Picture
+    from kinid.robotics.surface import Plane
     from kinid.writers import check_outputs, write_text
 
     if not 2 <= cells <= 60:
@@ -73,7 +73,7 @@ def picture(
     if json_file is not None:
         write_text(json_file, json.dumps(facts, indent=2, ensure_ascii=False) + "\n")
     if plot is not None and len(predicted):
-        from kinid.property_map_plots import map_page
+        from kinid.mapping.map_page import map_page
 
         write_text(plot, map_page(predicted, (onto or image).name, "nearest"))
     _show(sighted, facts)

@@ -24,9 +24,9 @@ from kinid.cli.plan_arguments import (
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
-    from kinid.plan import Law, Planner, Trajectory
-    from kinid.plan.information import Interval
-    from kinid.rig import Rig
+    from kinid.data.rig import Rig
+    from kinid.planning import Law, Planner, Trajectory
+    from kinid.planning.information import Interval
 
 app = typer.Typer(
     help="Robot trajectories within all limits: pokes, slides, and the motion that tells most about a model.",
@@ -89,9 +89,9 @@ def poke(
         o.refuse(("at",), "with --polygon", "a polygon where its corners say")
     if polygon is None and grid is None:
         o.refuse(("spacing",), "without a campaign", "--grid or --polygon beside it")
-    from kinid.plan import Multisine, Poke, shortest_tour, within
-    from kinid.plan import grid as lattice
-    from kinid.plan.touches import tour_length
+    from kinid.planning import Multisine, Poke, shortest_tour, within
+    from kinid.planning import grid as lattice
+    from kinid.planning.touches import tour_length
 
     moved: Any = Multisine(depth, sines_of(sines), duration) if signal is None else signal_of(signal)
     planner = _planner(o)
@@ -129,8 +129,8 @@ def slide(
 ) -> None:  # fmt: skip
     """Approach, hold, slide along a polyline, retract and return."""
     _check(o)
-    from kinid.plan import Slide
-    from kinid.plan import four_paths as crossing
+    from kinid.planning import Slide
+    from kinid.planning import four_paths as crossing
 
     if (through is None) == (four_paths is None):
         raise InputError("--through and --four-paths" if through else "neither --through nor --four-paths", "one of them",
@@ -165,8 +165,8 @@ def excite(
 ) -> None:  # fmt: skip
     """The motion that tells most about a model's parameters, and the 95 % intervals to expect before anything moves."""
     _check(o)
-    from kinid.model import Model
-    from kinid.plan.excite import NOISE, Bounds, check_asked, optimise
+    from kinid.modeling.model import Model
+    from kinid.planning.excite import NOISE, Bounds, check_asked, optimise
 
     chosen, values = _model(o)
     check_asked(sines, criterion, NOISE if noise is None else noise)
@@ -177,8 +177,8 @@ def excite(
         return
     assert isinstance(chosen, Model)
     o.refuse(("start",), "with a contact law", "--at, where it is poked")
-    from kinid.plan import Poke
-    from kinid.plan.ideal import efficiency, ideal_information
+    from kinid.planning import Poke
+    from kinid.planning.ideal import efficiency, ideal_information
 
     planner = _planner(o)
     law = planner.law
@@ -224,11 +224,11 @@ def _excite_free(o: Options, model: Any, values: dict[str, float], criterion: st
 
     import kinid.urdf
     from kinid.cli.show import console
-    from kinid.plan import Limits
-    from kinid.plan.excite import Bounds
-    from kinid.plan.free_motion import excite_free
-    from kinid.rig import Rig
-    from kinid.robot import Robot
+    from kinid.data.rig import Rig
+    from kinid.planning import Limits
+    from kinid.planning.excite import Bounds
+    from kinid.planning.free_motion import excite_free
+    from kinid.robotics.robot import Robot
 
     the_rig = Rig.load(o.rig)
     robot = Robot.load(the_rig)
@@ -262,7 +262,7 @@ def discriminate_(
     from rich.table import Table
 
     from kinid.cli.show import console
-    from kinid.plan.discriminate import discriminate
+    from kinid.planning.discriminate import discriminate
 
     chosen, values = _model(o)
     planner = _planner(o, expecting=False)
@@ -286,9 +286,9 @@ def discriminate_(
 def _planner(o: Options, *, expecting: bool = True) -> Planner:
     """What plans for these options; with the force to expect of their model, or without."""
     import kinid.urdf
-    from kinid.plan import Guard, Law, Limits, Planner, Protocol
-    from kinid.plan.setpoint import Pace
-    from kinid.rig import Rig
+    from kinid.data.rig import Rig
+    from kinid.planning import Guard, Law, Limits, Planner, Protocol
+    from kinid.planning.setpoint import Pace
 
     the_rig = Rig.load(o.rig)
     law: Law | None = None
@@ -319,7 +319,7 @@ def _model(o: Options) -> tuple[Any, dict[str, float]]:
 
     model, values = o.model, dict[str, float]()
     if o.fit is not None:
-        from kinid.coupling import load_fit
+        from kinid.calibration.coupling import load_fit
 
         named, values = load_fit(o.fit)
         if model is None:
@@ -356,15 +356,15 @@ def _finish(o: Options, motion: Trajectory, rig: Rig, facts: dict[str, Any]) -> 
         summary = {**facts, "motion": _summary(motion), "remarks": told}
         write_text(o.json, json.dumps(summary, indent=2, default=str) + "\n")
     if o.plot is not None:
-        from kinid.plan.figures import plan_page
+        from kinid.planning.figures import plan_page
 
         write_text(o.plot, plan_page(motion, title=o.out.name))
     if o.preview is not None:
-        from kinid.plan.preview import preview_page
+        from kinid.planning.preview import preview_page
 
         write_text(o.preview, preview_page(motion, rig, title=o.out.name))
     if o.mcap is not None:
-        from kinid.plan.ros import write_joint_trajectory
+        from kinid.planning.ros import write_joint_trajectory
 
         write_joint_trajectory(motion, o.mcap)
     table = Table(title=f"{len(motion)} samples over {motion.duration:.2f} s")

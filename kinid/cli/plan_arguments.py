@@ -16,7 +16,7 @@ from kinid.cli import complete
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
-    from kinid.plan import Sampled
+    from kinid.planning import Sampled
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,8 +98,8 @@ def signal_of(path: Path) -> Sampled:
     """A user's signal: the columns t and depth of a table."""
     import numpy as np
 
-    from kinid.plan import Sampled
-    from kinid.plan.trajectory import read_columns
+    from kinid.planning import Sampled
+    from kinid.planning.trajectory import read_columns
 
     table = read_columns(path)
     if "t" not in table or "depth" not in table:

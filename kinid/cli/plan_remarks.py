@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from kinid.cli.plan_arguments import Options
 
 if TYPE_CHECKING:
-    from kinid.plan import Trajectory
+    from kinid.planning import Trajectory
 
 #: a speed is reached from this share of it
 REACHED = 0.95
@@ -29,8 +29,8 @@ def _assumed(motion: Trajectory, given: set[str]) -> list[str]:
     law = motion.provenance.get("law")
     if law is None:
         return []
-    from kinid.model import Model
-    from kinid.plan import Law
+    from kinid.modeling.model import Model
+    from kinid.planning import Law
 
     expected = Law(Model(*law["model"]))
     units = {name: p.unit for name, p in expected.model.parameters(expected.layout()).items()}

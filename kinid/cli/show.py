@@ -11,11 +11,11 @@ from rich.markup import escape
 from rich.table import Table
 
 if TYPE_CHECKING:
-    from kinid.analysis import Analysis
+    from kinid.contact.analysis import Analysis
+    from kinid.contact.registration import FoundSurface
+    from kinid.data.log import Log
     from kinid.identification.compare import Comparison
     from kinid.identification.fit import Fit
-    from kinid.log import Log
-    from kinid.touch import FoundSurface
 
 
 #: a log without a touch that stays so far from the surface [m] was probably not meant
@@ -30,7 +30,7 @@ def console() -> Console:
 
 def show_analysis(result: Analysis, log: Log) -> None:
     """Samples and contact, ranges of all quantities, joint torques."""
-    from kinid.analysis import UNITS
+    from kinid.contact.analysis import UNITS
 
     out, facts = console(), result.summary()
     rate = f"{1 / log.period:.5g} Hz" if log.period > 0 and len(log) > 1 else "one sample"

@@ -44,11 +44,11 @@ def view(
     browser: Annotated[bool, typer.Option("--open/--no-open", help="Open the browser.")] = True,
 ) -> None:
     """The arm moving through a log, or the surface coloured by a property, while it grows; to this machine only."""
-    from kinid.interpolation import METHODS
-    from kinid.viewer import View
-    from kinid.viewer import record as recorded
-    from kinid.viewer_page import page
-    from kinid.viewer_server import ViewServer
+    from kinid.mapping.interpolation import METHODS
+    from kinid.viewer.page import page
+    from kinid.viewer.server import ViewServer
+    from kinid.viewer.viewer import View
+    from kinid.viewer.viewer import record as recorded
     from kinid.writers import check_outputs, write_text
 
     if method not in METHODS:

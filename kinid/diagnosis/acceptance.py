@@ -25,7 +25,7 @@ from kinid.identification.nuisance import trusted
 from kinid.identification.problem import Problem
 from kinid.identification.rest_form import best_form, with_rest_form
 from kinid.identification.solver import ROUGHLY, State, linear_parameters, parameter_bounds, relearn, search
-from kinid.model import Model
+from kinid.modeling.model import Model
 
 Array = NDArray[np.float64]
 

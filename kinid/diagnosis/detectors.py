@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from kinid import effects
 from kinid.effects import Detection, Effect, Samples
-from kinid.experiment import Experiment
 from kinid.identification.dataset import sample_period
+from kinid.modeling.experiment import Experiment
 
 Array = NDArray[np.float64]
 

@@ -7,19 +7,19 @@ from collections.abc import Callable, Sequence
 
 from threadpoolctl import threadpool_limits
 
-from kinid.contact import ContactSeries
+from kinid.contact.series import ContactSeries
+from kinid.data.log import Log
+from kinid.data.rig import Rig
 from kinid.diagnosis.conclusions import Conclusions
 from kinid.diagnosis.pipeline import run
 from kinid.diagnosis.refusals import one_by_one, refuse_idle, refuse_log, refuse_names
 from kinid.diagnosis.result import Diagnosis
 from kinid.diagnosis.settings import DiagnosisSettings
-from kinid.doubts_of_data import refuse_outliers, refuse_signs
 from kinid.errors import InputError
-from kinid.experiment import Experiment
 from kinid.identification.fit import Fit, all_channels, check_excitation
-from kinid.log import Log
-from kinid.model import Model
-from kinid.rig import Rig
+from kinid.modeling.data_warnings import refuse_outliers, refuse_signs
+from kinid.modeling.experiment import Experiment
+from kinid.modeling.model import Model
 
 
 def diagnose(data: Fit | ContactSeries | Log, rig: Rig | None = None, *, model: Model | None = None, add: Sequence[str] = (),

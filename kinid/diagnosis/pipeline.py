@@ -11,12 +11,12 @@ from kinid.diagnosis.acceptance import within_possible
 from kinid.diagnosis.detectors import Cleaned, detect, marked
 from kinid.diagnosis.selection import Selection, select
 from kinid.diagnosis.settings import DiagnosisSettings
-from kinid.experiment import Experiment
 from kinid.identification.estimation import estimate, estimate_problem
 from kinid.identification.lack_of_fit import error_rows
 from kinid.identification.solver import State
 from kinid.identification.whole import held_out_residual
-from kinid.model import Model
+from kinid.modeling.experiment import Experiment
+from kinid.modeling.model import Model
 
 #: a fit from nothing that ends within this of where the way here led is the one that is reported; so is one without marks
 SAME_COST = 1.1

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from kinid import effects
-from kinid.doubts_of_data import DEEPEST, DEPTH_UNIT
 from kinid.errors import InputError
-from kinid.experiment import Experiment
 from kinid.identification.applicability import candidate_effects
-from kinid.model import TOGETHER, Model
+from kinid.modeling.data_warnings import DEEPEST, DEPTH_UNIT
+from kinid.modeling.experiment import Experiment
+from kinid.modeling.model import TOGETHER, Model
 
 #: a log must last so long [s], and hold so many blocks of half a second that count
 SHORTEST, FEWEST_BLOCKS = 4.0, 8

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.experiment import Experiment
 from kinid.identification.fit import Fit, FittedParameter
 from kinid.identification.lack_of_fit import LackOfFit
-from kinid.model import Model
+from kinid.modeling.experiment import Experiment
+from kinid.modeling.model import Model
 from kinid.residuals import Cell
 
 Array = NDArray[np.float64]

@@ -20,7 +20,7 @@ from kinid.identification.lack_of_fit import error_rows, inside_tolerance
 from kinid.identification.nuisance import MAX_SHIFT
 from kinid.identification.solver import State
 from kinid.identification.whole import held_out_residual
-from kinid.model import Model
+from kinid.modeling.model import Model
 
 Array = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from kinid.derivative import Differentiator
 from kinid.effects._signals import Array, Signals
+from kinid.signal.derivative import Differentiator
 
 #: results of one name and the same arrays that are kept, the latest: a search moves one parameter at a time
 LATEST = 4

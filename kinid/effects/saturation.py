@@ -11,7 +11,7 @@ from kinid.effects._effect import Effect
 from kinid.effects._samples import QUIETEST, Detection, Mask, Samples, lattice
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
-from kinid.white_noise import GAIN, ROBUST, white_noise
+from kinid.signal.white_noise import GAIN, ROBUST, white_noise
 
 #: so many samples at the very same largest value are a flat top
 FLAT = 5

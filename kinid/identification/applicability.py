@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kinid import effects as catalogue
 from kinid.effects import Effect, Layout, Signals
-from kinid.model import Model
+from kinid.modeling.model import Model
 
 Array = NDArray[np.float64]
 

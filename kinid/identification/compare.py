@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.contact import ContactSeries
+from kinid.contact.series import ContactSeries
+from kinid.data.log import Log
+from kinid.data.rig import Rig
 from kinid.errors import InputError
-from kinid.experiment import Experiment
 from kinid.identification.fit import Fit, experiment_for, fit_model
 from kinid.identification.lack_of_fit import error_rows, error_unit
 from kinid.identification.problem import whole_blocks
 from kinid.identification.whole import held_out_residual
-from kinid.log import Log
-from kinid.model import Model
-from kinid.rig import Rig
+from kinid.modeling.experiment import Experiment
+from kinid.modeling.model import Model
 
 Array = NDArray[np.float64]
 

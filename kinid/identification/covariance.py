@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from kinid.contact.kinds_of_motion import kinds_of_motion
 from kinid.identification.solver import FOLD_RIDGE, State, held_parameters
-from kinid.kinds_of_motion import kinds_of_motion
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.effects import Signals
-from kinid.experiment import Experiment
+from kinid.modeling.experiment import Experiment
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

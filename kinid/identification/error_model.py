@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from kinid.experiment import Experiment
 from kinid.identification.dataset import sample_period
 from kinid.identification.problem import Problem
-from kinid.model import Model
-from kinid.motion import STATIC_PERIOD
+from kinid.modeling.experiment import Experiment
+from kinid.modeling.model import Model
+from kinid.robotics.motion import STATIC_PERIOD
 
 Array = NDArray[np.float64]
 

@@ -7,12 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from kinid.effects._signals import RestForm
-from kinid.experiment import Experiment
 from kinid.identification.initial_guesses import initial_values, nominal_values
 from kinid.identification.problem import Problem
 from kinid.identification.rest_form import best_form, with_rest_form
 from kinid.identification.solver import State, first_error_model, linear_parameters, search, solve
-from kinid.model import Model
+from kinid.modeling.experiment import Experiment
+from kinid.modeling.model import Model
 
 #: a fit from nothing under another form of friction at rest is kept where it comes to this share of the cost
 ANEW = 0.97

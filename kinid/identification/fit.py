@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from kinid.contact import ContactSeries, contact_series
-from kinid.doubts_of_data import doubts_of
+from kinid.contact.series import ContactSeries, contact_series
+from kinid.data.log import Log
+from kinid.data.rig import Rig
 from kinid.effects import Stage
 from kinid.errors import InputError, near
 from kinid.estimators.batch import Solution
-from kinid.experiment import Experiment, from_contact, from_joint_torques, from_wrench
 from kinid.identification import warnings as doubts
 from kinid.identification.covariance import covariance_of
 from kinid.identification.estimation import estimate
@@ -24,9 +24,9 @@ from kinid.identification.lack_of_fit import LackOfFit, error_rows, error_unit, 
 from kinid.identification.nuisance import with_calibration
 from kinid.identification.solver import State, shown_values
 from kinid.identification.whole import held_out_residual, train_residual
-from kinid.log import Log
-from kinid.model import Model
-from kinid.rig import Rig
+from kinid.modeling.data_warnings import doubts_of
+from kinid.modeling.experiment import Experiment, from_contact, from_joint_torques, from_wrench
+from kinid.modeling.model import Model
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -164,6 +164,9 @@ def fit_model(model: Model, data: ContactSeries | Log | Experiment, rig: Rig | N
     with threadpool_limits(1, user_api="blas"):  # many small products: threads would only wait for each other
         state = estimate(model, told, known)
         return fit_of(state, experiment, held_out=held_out, train=train, warnings=warnings, known=known)
+
+
+Model.fitter = fit_model  # `model.fit(…)` reads well, and models stand on the floor below
 
 
 def fit_of(state: State, experiment: Experiment, *, held_out: bool = True, train: Mask | None = None,

@@ -9,7 +9,7 @@ from kinid.identification.error_model import ErrorModel
 from kinid.identification.jacobian import changes
 from kinid.identification.problem import Problem
 from kinid.identification.solver import held_parameters, linear_parameters
-from kinid.model import Model
+from kinid.modeling.model import Model
 
 Array = NDArray[np.float64]
 

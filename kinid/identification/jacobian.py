@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.course import Course
 from kinid.effects import Layout, Stage
 from kinid.identification.problem import Problem
-from kinid.model import Model
+from kinid.modeling.forward import Course
+from kinid.modeling.model import Model
 
 Array = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.experiment import Experiment
 from kinid.identification.error_model import reading_noise
 from kinid.identification.solver import State
+from kinid.modeling.experiment import Experiment
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.course import Course
 from kinid.effects import Effect, Signals
 from kinid.identification.applicability import amplitudes, base_of, candidate_effects
 from kinid.identification.problem import Problem
-from kinid.model import Model
+from kinid.modeling.forward import Course
+from kinid.modeling.model import Model
 
 Array = NDArray[np.float64]
 

@@ -10,15 +10,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.course import Course
 from kinid.effects import Layout, Signals
 from kinid.effects._samples import lattice
 from kinid.effects._signals import RestForm
-from kinid.experiment import Experiment
 from kinid.identification.dataset import averaged, group_edges, hold_out_folds, sample_period
 from kinid.kernels.averages import weighted_changes, weighted_sums
-from kinid.model import Model
-from kinid.white_noise import white_noise
+from kinid.modeling.experiment import Experiment
+from kinid.modeling.forward import Course
+from kinid.modeling.model import Model
+from kinid.signal.white_noise import white_noise
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -8,12 +8,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.course import Course
 from kinid.identification.error_model import ErrorModel, learn, motion_variance, reading_variance
 from kinid.identification.jacobian import changes
 from kinid.identification.nuisance import Nuisance, nuisance_columns, nuisances
 from kinid.identification.problem import Problem
-from kinid.model import Model
+from kinid.modeling.forward import Course
+from kinid.modeling.model import Model
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.experiment import Experiment
 from kinid.identification.nuisance import trusted
 from kinid.identification.solver import State
+from kinid.modeling.experiment import Experiment
 
 Array = NDArray[np.float64]
 Reader = Callable[[Array], Array]

@@ -29,7 +29,7 @@ def dynamics(
 
     Args:
         q, dq: positions and velocities, in the chain's order, (N,).
-        turns, shifts, prismatic: the chain, see `kinid.robot.Chain`.
+        turns, shifts, prismatic: the chain, see `kinid.robotics.robot.Chain`.
         mass: of each link [kg], (N,). com: (N, 3) [m]. inertia: about the com, row-major (N, 9) [kg·m²]; both in the axes
             that turn with the joint, whose third is the joint's own.
         gravity: in base axes [m/s²], (3,). work: scratch, (N, WORK_COLUMNS).

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from kinid.controllers import cartesian
+from kinid.data.rig import ToolSpec
 from kinid.errors import InputError
 from kinid.kernels import dynamics as kernel
-from kinid.rig import ToolSpec
-from kinid.robot import Robot
+from kinid.robotics.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ class Arm:
     """A serial arm with its tool, packed for `kinid.kernels.dynamics.dynamics`; N joints in the chain's order.
 
     Attributes:
-        turns, shifts, prismatic: the chain to the tip, see `kinid.robot.Chain`.
+        turns, shifts, prismatic: the chain to the tip, see `kinid.robotics.robot.Chain`.
         mass [kg], com [m], inertia [kg·m²]: of each link, (N,), (N, 3), (N, 9). gravity: base axes [m/s²], (3,).
         columns: for each joint its column in a log, (N,).
     """

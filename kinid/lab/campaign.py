@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.controllers._given import closest
+from kinid.data.rig import Rig
 from kinid.errors import InputError
 from kinid.lab.arm import Gains
 from kinid.lab.campaign_page import Overview
@@ -27,7 +28,6 @@ from kinid.lab.places import Grid
 from kinid.lab.protocol import Poke, Slide, five_phases
 from kinid.lab.setup import Setup
 from kinid.lab.writing import write_experiment, write_rig
-from kinid.rig import Rig
 from kinid.writers import make_folder, write_text
 
 Array = NDArray[np.float64]

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.data.rig import Rig
 from kinid.errors import KinidError
 from kinid.lab.places import Grid
-from kinid.plots import BLUE, finish, page
-from kinid.rig import Rig
-from kinid.robot import Robot
+from kinid.reports.plots import BLUE, finish, page
+from kinid.robotics.robot import Robot
 from kinid.writers import write_text
 
 if TYPE_CHECKING:
@@ -56,8 +56,8 @@ class Overview:
 
     def add(self, index: int) -> None:
         """Look at a poke that is done; now and then write the page."""
-        from kinid.contact import contact_series
-        from kinid.reading import read
+        from kinid.contact.series import contact_series
+        from kinid.robotics.reading import read
 
         path = self.folder / f"{self.grid.name(index)}.parquet"
         try:

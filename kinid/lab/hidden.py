@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.controllers._given import closest
+from kinid.data.rig import ToolSpec
 from kinid.errors import InputError
 from kinid.lab.materials import SURFACE, Field, Patch
 from kinid.lab.setup import Setup, together
-from kinid.rig import ToolSpec
 
 Array = NDArray[np.float64]
 Truth = dict[str, object]

@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.contact import contact_series
+from kinid.contact.series import contact_series
+from kinid.data.rig import Rig
 from kinid.errors import InputError
 from kinid.lab.experiments import Vector, prepare
 from kinid.lab.feasible import check_gains
 from kinid.lab.protocol import Script
 from kinid.lab.setup import LOG_EVERY, Result, Setup
-from kinid.plan.following import SetPoints, set_points
-from kinid.plan.limits import JERK, Limits
-from kinid.plan.trajectory import Trajectory, read_trajectory
-from kinid.rig import Rig
-from kinid.robot import Robot
+from kinid.planning.following import SetPoints, set_points
+from kinid.planning.limits import JERK, Limits
+from kinid.planning.trajectory import Trajectory, read_trajectory
+from kinid.robotics.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -102,7 +102,7 @@ def planned(path: Path, rig: Rig | None = None, *, base: Setup | None = None, po
     """The set-up that carries a trajectory out, and whether set-points go ahead of it by the forces that the plan expects.
 
     Args:
-        path: Parquet, CSV or NPZ, as `kinid.plan.read_trajectory` reads it.
+        path: Parquet, CSV or NPZ, as `kinid.planning.read_trajectory` reads it.
         rig: that it was planned for: its surface and tool are touched and carried; default: the laboratory's.
         base: what is touched, gains, sensor and seed; default: as for a poke. point, normal: of the surface instead.
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from kinid.errors import InputError
 from kinid.lab.arm import joints_along
-from kinid.robot import Robot
+from kinid.robotics.robot import Robot
 
 Array = NDArray[np.float64]
 

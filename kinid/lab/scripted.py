@@ -14,12 +14,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from kinid.data.log import Log
+from kinid.data.rig import Rig
 from kinid.errors import KinidError
-from kinid.inverse_dynamics import inverse_dynamics
-from kinid.log import Log
-from kinid.rig import Rig
-from kinid.robot import Robot
-from kinid.wrench import tool_load
+from kinid.robotics.inverse_dynamics import inverse_dynamics
+from kinid.robotics.robot import Robot
+from kinid.robotics.wrench import tool_load
 from kinid.writers import write_table, write_text
 
 Array = NDArray[np.float64]

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from kinid.data.rig import ToolSpec
 from kinid.lab.loop import Motion
-from kinid.rig import ToolSpec
-from kinid.robot import Robot
-from kinid.wrench import tool_load
+from kinid.robotics.robot import Robot
+from kinid.robotics.wrench import tool_load
 
 Array = NDArray[np.float64]
 

@@ -10,15 +10,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.data.log import Log, Provenance
+from kinid.data.rig import Rig, ToolSpec, surface_axes
 from kinid.lab import sensors
 from kinid.lab.arm import Arm, Gains, Joints, lwr4plus_joints
 from kinid.lab.feasible import check
 from kinid.lab.loop import Loop, Motion
 from kinid.lab.materials import Material
 from kinid.lab.protocol import Script
-from kinid.log import Log, Provenance
-from kinid.rig import Rig, ToolSpec, surface_axes
-from kinid.robot import Robot
+from kinid.robotics.robot import Robot
 
 Array = NDArray[np.float64]
 

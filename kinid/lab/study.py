@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.contact import ContactSeries, contact_series
-from kinid.derivative import Differentiator
+from kinid.contact.series import ContactSeries, contact_series
 from kinid.identification.fit import FittedParameter, fit_model
 from kinid.lab.experiments import prepare
-from kinid.model import Model
+from kinid.modeling.model import Model
+from kinid.signal.derivative import Differentiator
 from kinid.writers import make_folder, write_text
 
 #: stiffness [N/m], damping [N·s/m], friction [1]

@@ -32,7 +32,7 @@ from kinid.lab import materials
 from kinid.lab.experiments import SILICONE_POKE, prepare
 from kinid.lab.materials import Material
 from kinid.lab.protocol import five_phases
-from kinid.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, page
+from kinid.reports.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, page
 from kinid.writers import make_folder, write_text
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def believed_of(path: Path, x: float, y: float) -> Environment:
         InputError: no map there, or a place that it doesn't know.
     """
     from kinid.controllers.measured import Measured
-    from kinid.property_map import PropertyMap
+    from kinid.mapping.property_map import PropertyMap
 
     return Environment.at(Measured(PropertyMap.read(path), unknown="refuse"), x, y, SILICONE_POKE.depth)
 
@@ -109,9 +109,9 @@ def poked(material: str, seed: int, place: tuple[float, float] = (0.0, 0.0)) -> 
     Raises:
         InputError: no such material, or a place beside it.
     """
-    from kinid.contact import contact_series
+    from kinid.contact.series import contact_series
     from kinid.identification.fit import fit_model
-    from kinid.model import Model
+    from kinid.modeling.model import Model
 
     setup = prepare("poke", material=material, seed=seed).replace(script=five_phases(SILICONE_POKE, place=place))
     touch = contact_series(setup.run().log, setup.rig)

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from kinid.data.log import Log
+from kinid.data.rig import WRENCH
 from kinid.errors import MissingDependencyError
 from kinid.lab.folder import digest, digests
 from kinid.lab.setup import LOG_EVERY, Result, Setup
-from kinid.log import Log
-from kinid.rig import WRENCH
 from kinid.writers import make_folder, replacing, write_table, write_text
 
 Array = NDArray[np.float64]

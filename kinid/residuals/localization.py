@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.experiment import Experiment
+from kinid.modeling.experiment import Experiment
 from kinid.residuals.parts import Moving, Part, moving, other_parts, phase_parts, phases
 from kinid.residuals.shapes import MAINS, NEAR, held_still, shape
 from kinid.residuals.view import View

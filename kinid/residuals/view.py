@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.experiment import Experiment
+from kinid.modeling.experiment import Experiment
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -24,9 +24,9 @@ import pytest
 from numpy.typing import NDArray
 
 import kinid
+from kinid.data.rig import Rig
 from kinid.kernels import chain as kernel
-from kinid.rig import Rig
-from kinid.robot import Robot
+from kinid.robotics.robot import Robot
 from kinid.writers import write_table
 
 Array = NDArray[np.float64]
@@ -295,7 +295,8 @@ def test_a_long_log_from_parquet_to_parquet(
 
 MEMORY = """
 import sys
-import kinid, kinid.contact, kinid.inverse_dynamics, kinid.readers.parquet, kinid.kernels.local_polynomial, pyarrow.parquet
+import kinid, kinid.contact.series, kinid.robotics.inverse_dynamics, kinid.data.readers.parquet
+import kinid.kernels.local_polynomial, pyarrow.parquet
 from pathlib import Path
 from kinid.writers import write_table
 log, out = Path(sys.argv[1]), Path(sys.argv[2])

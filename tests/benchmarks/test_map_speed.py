@@ -14,11 +14,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
 
-from kinid import viewer_scene as scenes
-from kinid.interpolation import PlaneGround
-from kinid.interpolation_gp import GaussianProcess, interpolator
-from kinid.property_map import Probe, Property, PropertyMap
-from kinid.surface import Plane
+from kinid.mapping.interpolation import PlaneGround
+from kinid.mapping.interpolation.gaussian_process import GaussianProcess, interpolator
+from kinid.mapping.property_map import Probe, Property, PropertyMap
+from kinid.robotics.surface import Plane
+from kinid.viewer import scene as scenes
 
 Array = NDArray[np.float64]
 Surface = tuple[Array, Array, float, Array, Array]

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 import kinid
-from kinid.plan import Law, Multisine, Planner, Poke, grid, shortest_tour
-from kinid.plan.excite import Bounds, optimise
+from kinid.planning import Law, Multisine, Planner, Poke, grid, shortest_tour
+from kinid.planning.excite import Bounds, optimise
 
 TABLES: dict[str, Any] = {
     "robot": {"model": "lwr4plus"}, "tool": {"mass": 0.24, "com": (0.0, 0.0, 0.049)},

@@ -11,10 +11,10 @@ import time
 import numpy as np
 import pytest
 
+from kinid.contact.online import OnlineContact, OnlineEstimator
+from kinid.data.rig import Rig
 from kinid.estimators import Constant, HuntCrossleyKalman, KelvinVoigt, RecursiveLeastSquares, Scheduled, SingleStage, TwoStage
 from kinid.lab.scripted import RIG, scripted_poke
-from kinid.online import OnlineContact, OnlineEstimator
-from kinid.rig import Rig
 
 N = 100_000
 TRUTH = np.array([1.0, 2.0, 3.0, 4.0])

@@ -13,8 +13,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from kinid.data.rig import CONTACT
 from kinid.lab.scripted import RIG, Scripted
-from kinid.rig import CONTACT
 
 Run = Callable[..., tuple[int, str, str]]
 Refused = Callable[..., None]

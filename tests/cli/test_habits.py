@@ -18,8 +18,8 @@ import typer
 
 from kinid.cli import app, complete
 from kinid.effects import catalogue
-from kinid.property_map import Probe, Property, PropertyMap
-from kinid.surface import Plane
+from kinid.mapping.property_map import Probe, Property, PropertyMap
+from kinid.robotics.surface import Plane
 
 Run = Callable[..., tuple[int, str, str]]
 

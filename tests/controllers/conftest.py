@@ -13,8 +13,8 @@ import pytest
 from numpy.typing import NDArray
 
 from kinid.controllers import ArmState
-from kinid.rig import Rig
-from kinid.robot import Robot
+from kinid.data.rig import Rig
+from kinid.robotics.robot import Robot
 
 Array = NDArray[np.float64]
 LIMIT = np.array([176.0, 176.0, 100.0, 100.0, 100.0, 38.0, 38.0])

@@ -26,9 +26,9 @@ from kinid.controllers import (
     sampled_radius,
 )
 from kinid.controllers.cartesian import NULL_TIME
+from kinid.data.rig import Rig
 from kinid.errors import InputError
-from kinid.rig import Rig
-from kinid.robot import Robot
+from kinid.robotics.robot import Robot
 
 Array = NDArray[np.float64]
 seeds = st.integers(0, 10_000)

@@ -24,9 +24,9 @@ from kinid.controllers import (
 )
 from kinid.controllers.measured import fixed_exponent
 from kinid.errors import InputError
-from kinid.property_map import Probe, Property, PropertyMap
-from kinid.surface import Mesh
-from kinid.surface import Plane as Surface
+from kinid.mapping.property_map import Probe, Property, PropertyMap
+from kinid.robotics.surface import Mesh
+from kinid.robotics.surface import Plane as Surface
 
 AXES = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 POINT = np.array([0.5, 0.1, 0.2])

@@ -24,7 +24,7 @@ from kinid.controllers import (
     Uniform,
 )
 from kinid.controllers.passivity import Passivity
-from kinid.surface import Mesh
+from kinid.robotics.surface import Mesh
 
 Array = NDArray[np.float64]
 PERIOD = 1e-3

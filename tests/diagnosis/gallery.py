@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 from kinid.diagnosis import Diagnosis
-from kinid.diagnosis_page import diagnosis_page
+from kinid.reports.diagnosis_page import diagnosis_page
 from kinid.writers import write_text
 
 

@@ -11,18 +11,18 @@ import pytest
 from numpy.typing import NDArray
 
 from kinid.cli.show_diagnosis import show_diagnosis
+from kinid.data.log import Provenance
 from kinid.diagnosis.result import Diagnosis, EffectVerdict, Step
 from kinid.diagnosis.words import headline, leftover, one_sided
-from kinid.diagnosis_figures import MOST_POINTS, Shown, decimate, loops, readings
-from kinid.diagnosis_multiples import multiples
-from kinid.diagnosis_page import diagnosis_page
 from kinid.effects import Layout, Signals
-from kinid.experiment import Experiment
 from kinid.identification.fit import FittedParameter, fit_model
 from kinid.identification.lack_of_fit import lack_of_fit
 from kinid.identification.whole import held_out_residual
-from kinid.log import Provenance
-from kinid.model import Model
+from kinid.modeling.experiment import Experiment
+from kinid.modeling.model import Model
+from kinid.reports.diagnosis_figures import MOST_POINTS, Shown, decimate, loops, readings
+from kinid.reports.diagnosis_multiples import multiples
+from kinid.reports.diagnosis_page import diagnosis_page
 from kinid.residuals.localization import where
 
 NOISE = 0.02

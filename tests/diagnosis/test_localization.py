@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from kinid.effects import JointMotion, Layout, SensorMotion, Signals
-from kinid.experiment import Experiment
+from kinid.modeling.experiment import Experiment
 from kinid.residuals import Cell
 from kinid.residuals.localization import where
 from kinid.residuals.parts import phases

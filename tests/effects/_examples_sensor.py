@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from kinid.data.rig import WRENCH
 from kinid.effects import Effect, JointMotion, Layout, SensorMotion, Signals
 from kinid.effects.joint_torque_ripple import JointTorqueRipple
-from kinid.rig import WRENCH
 
 Array = NDArray[np.float64]
 G = np.array([0.0, 0.0, -9.81])

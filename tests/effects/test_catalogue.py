@@ -17,12 +17,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from kinid.course import Route
 from kinid.effects import Effect, Layout, Signals, Stage, catalogue, get
 from kinid.effects._signals import REMEMBERED
 from kinid.errors import InputError
 from kinid.estimators.batch import solve
-from kinid.model import Model
+from kinid.modeling.forward import Route
+from kinid.modeling.model import Model
 from kinid.parameter import Parameter
 
 Array = NDArray[np.float64]

@@ -20,7 +20,7 @@ from kinid.effects.relaxation import Relaxation
 from kinid.effects.stiffness_inhomogeneity import StiffnessInhomogeneity
 from kinid.errors import InputError
 from kinid.kernels import memory
-from kinid.model import Model
+from kinid.modeling.model import Model
 
 Array = NDArray[np.float64]
 CHANNELS = ("normal_force", "tangential_force1", "tangential_force2")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from kinid.diagnosis.detectors import detect
 from kinid.effects import AsRead, Detection, Layout, Samples, Signals, catalogue, get
-from kinid.experiment import Experiment
+from kinid.modeling.experiment import Experiment
 
 Array = NDArray[np.float64]
 

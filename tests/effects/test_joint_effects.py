@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from scipy.signal import decimate
 
 import kinid
-from kinid.derivative import Differentiator
+from kinid.data.log import Log
+from kinid.data.rig import Rig
 from kinid.effects import JointMotion, Layout, Signals, get
 from kinid.effects._axes import BRISTLE
 from kinid.effects.joint_torque_ripple import JointTorqueRipple
-from kinid.experiment import Experiment, from_joint_torques
-from kinid.log import Log
-from kinid.model import Model
-from kinid.rig import Rig
-from kinid.robot import Robot
+from kinid.modeling.experiment import Experiment, from_joint_torques
+from kinid.modeling.model import Model
+from kinid.robotics.robot import Robot
+from kinid.signal.derivative import Differentiator
 
 Array = NDArray[np.float64]
 LWR = Rig.parse({"robot": {"model": "lwr4plus"}})

@@ -16,16 +16,16 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 import kinid
-from kinid.contact import contact_series
-from kinid.derivative import Differentiator
+from kinid.contact.series import contact_series
+from kinid.data.log import Log
+from kinid.data.rig import WRENCH, Rig
 from kinid.effects import Layout, Signals
 from kinid.effects.mains_hum import MainsHum
 from kinid.effects.saturation import Saturation
-from kinid.experiment import Experiment, from_wrench
-from kinid.log import Log
-from kinid.model import Model
-from kinid.rig import WRENCH, Rig
-from kinid.robot import Robot
+from kinid.modeling.experiment import Experiment, from_wrench
+from kinid.modeling.model import Model
+from kinid.robotics.robot import Robot
+from kinid.signal.derivative import Differentiator
 
 Array = NDArray[np.float64]
 POSE = np.deg2rad([0.0, -40.0, 0.0, 85.0, 0.0, -55.0, 0.0])

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from kinid.effects import Layout, Signals
 from kinid.errors import InputError
 from kinid.estimators.batch import autoregression, solve
-from kinid.model import Model
+from kinid.modeling.model import Model
 from kinid.parameter import Parameter
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from kinid.effects import Layout, Signals
 from kinid.errors import InputError
 from kinid.estimators.batch import solve
 from kinid.estimators.power_law import fit_power_law
-from kinid.model import Model
+from kinid.modeling.model import Model
 
 T = np.arange(4000) * 1e-3
 DEPTH = 2.5e-3 + 3e-3 * np.sin(2 * np.pi * 0.9 * T) + 1.5e-3 * np.sin(2 * np.pi * 4 * T)

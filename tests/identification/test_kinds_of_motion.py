@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import kinid
-from kinid.kinds_of_motion import kinds_of_motion
+from kinid.contact.kinds_of_motion import kinds_of_motion
 
 #: 95 % of 30 are 28.5; as many as 7 misses have a chance of 1 in 5000 then. Blocks of time alone hold half of the values
 LOGS, FEWEST = 30, 23

@@ -46,8 +46,8 @@ def joints(swing: Callable[..., Any]) -> Case:
     rng, t = np.random.default_rng(8), np.arange(6000) / 200.0
     q, dq, ddq = swing(np.deg2rad([0.0, -40.0, 0.0, 85.0, 0.0, -55.0, 0.0]), seed=3, size=0.5, speed=3.0)(t)
     rig = kinid.Rig.parse({"robot": {"model": "lwr4plus"}})
-    from kinid.inverse_dynamics import inverse_dynamics
-    from kinid.robot import Robot
+    from kinid.robotics.inverse_dynamics import inverse_dynamics
+    from kinid.robotics.robot import Robot
 
     tau = inverse_dynamics(Robot.load(rig), q, dq, ddq) + 0.4 * np.tanh(20.0 * dq) + 0.2 * dq
     log = kinid.Log(t, q=q, dq=dq, ddq=ddq, tau=tau + 0.02 * rng.standard_normal(q.shape))

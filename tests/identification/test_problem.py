@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 import kinid
-from kinid.experiment import Experiment
 from kinid.identification.dataset import MAX_DENSE, MAX_SAMPLES, averaged
 from kinid.identification.fit import all_channels
 from kinid.identification.problem import MANY_MEANS, MEAN_RATE, Problem
+from kinid.modeling.experiment import Experiment
 
 Array = NDArray[np.float64]
 

@@ -12,9 +12,9 @@ from scipy.signal import butter, sosfiltfilt
 
 import kinid
 from kinid.effects._signals import Layout, RestForm, Signals
-from kinid.experiment import Experiment
 from kinid.identification.estimation import estimate
-from kinid.model import Model
+from kinid.modeling.experiment import Experiment
+from kinid.modeling.model import Model
 
 NOISE = 0.02
 MODEL = Model("hooke", "coulomb-friction")

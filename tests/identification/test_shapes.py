@@ -9,9 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from kinid.effects import Layout, Signals
-from kinid.experiment import Experiment
 from kinid.identification.fit import Fit, fit_model
-from kinid.model import Model
+from kinid.modeling.experiment import Experiment
+from kinid.modeling.model import Model
 
 Array = NDArray[np.float64]
 NOISE = 0.03

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import kinid
-from kinid.experiment import from_contact
 from kinid.identification.initial_guesses import project_linear
 from kinid.identification.problem import Problem
 from kinid.identification.solver import first_error_model, search, solve_between
+from kinid.modeling.experiment import from_contact
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ import pytest
 from numpy.typing import NDArray
 
 import kinid
-from kinid.motion import joint_motion
+from kinid.robotics.motion import joint_motion
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import kinid.urdf
 from kinid.kernels import chain as kernel
-from kinid.robot import Robot
+from kinid.robotics.robot import Robot
 
 Array = NDArray[np.float64]
 

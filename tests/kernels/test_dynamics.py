@@ -8,10 +8,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from kinid.data.rig import Rig, ToolSpec
 from kinid.kernels import dynamics as kernel
 from kinid.lab.arm import Arm
-from kinid.rig import Rig, ToolSpec
-from kinid.robot import Robot
+from kinid.robotics.robot import Robot
 
 TOOL = ToolSpec(mass=0.7, com=(0.01, -0.02, 0.06), inertia=(2e-3, 1.5e-3, 1e-3, 1e-4, -2e-4, 3e-4))
 # rounding only: torques reach 1e2, and Pinocchio works in other axes

@@ -9,14 +9,14 @@ import pytest
 from numpy.typing import NDArray
 
 import kinid
-from kinid.contact import ContactSeries
-from kinid.derivative import Differentiator
+from kinid.contact.series import ContactSeries
 from kinid.identification.fit import FittedParameter, fit_model
 from kinid.lab.experiments import prepare
 from kinid.lab.loop import Motion
 from kinid.lab.materials import Material
 from kinid.lab.setup import LOG_EVERY
-from kinid.model import Model
+from kinid.modeling.model import Model
+from kinid.signal.derivative import Differentiator
 
 Array = NDArray[np.float64]
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import kinid
+from kinid.data.rig import ToolSpec
 from kinid.errors import InputError
 from kinid.lab.arm import Gains, Joints, design_damping, lwr4plus_joints, spectral_radius
 from kinid.lab.experiments import EXPERIMENTS, SILICONE_POKE, prepare
@@ -15,7 +16,6 @@ from kinid.lab.feasible import _growth, asked_forces
 from kinid.lab.loop import Loop
 from kinid.lab.materials import MOULD, Material
 from kinid.lab.protocol import Poke, Slide, five_phases
-from kinid.rig import ToolSpec
 
 
 @pytest.mark.parametrize(

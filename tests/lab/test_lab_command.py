@@ -15,8 +15,8 @@ from typer.testing import CliRunner
 
 from kinid.cli.lab import lab
 from kinid.errors import InputError
-from kinid.property_map import Probe, Property, PropertyMap
-from kinid.surface import Plane
+from kinid.mapping.property_map import Probe, Property, PropertyMap
+from kinid.robotics.surface import Plane
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kinid
+from kinid.data.rig import Rig, ToolSpec
 from kinid.errors import InputError
 from kinid.lab import _law as law
 from kinid.lab import experiments, materials
@@ -20,8 +21,7 @@ from kinid.lab.loop import Loop
 from kinid.lab.materials import Material
 from kinid.lab.protocol import Poke, five_phases
 from kinid.lab.setup import ELBOW_UP, Result, Setup
-from kinid.rig import Rig, ToolSpec
-from kinid.robot import Robot
+from kinid.robotics.robot import Robot
 
 
 @cache

@@ -10,13 +10,13 @@ import pytest
 
 import kinid.urdf
 from kinid.controllers.impedance import impedance_torque
+from kinid.data.rig import Rig, ToolSpec
 from kinid.lab.arm import Arm, Gains, Joints, design_damping, joints_along
 from kinid.lab.loop import Loop, twists
 from kinid.lab.materials import Material
 from kinid.lab.protocol import Poke, five_phases
 from kinid.lab.setup import ELBOW_UP
-from kinid.rig import Rig, ToolSpec
-from kinid.robot import Robot
+from kinid.robotics.robot import Robot
 
 TOOL = ToolSpec(mass=0.24, com=(0.0, 0.0, 0.049), inertia=(2e-4, 2e-4, 1e-4, 0.0, 0.0, 0.0))
 MATERIAL = Material(stiffness=900.0, damping=12.0)

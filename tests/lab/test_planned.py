@@ -15,16 +15,16 @@ from typer.testing import CliRunner
 import kinid
 from kinid.cli.lab import lab
 from kinid.cli.plan import app as plan_app
-from kinid.derivative import Differentiator
+from kinid.data.rig import Rig
 from kinid.errors import InputError
 from kinid.identification.fit import fit_model
 from kinid.lab.arm import Gains
 from kinid.lab.experiments import prepare
 from kinid.lab.planned import doubts, planned
 from kinid.lab.writing import write_rig
-from kinid.model import Model
-from kinid.plan.trajectory import read_trajectory
-from kinid.rig import Rig
+from kinid.modeling.model import Model
+from kinid.planning.trajectory import read_trajectory
+from kinid.signal.derivative import Differentiator
 from kinid.writers import write_table
 
 VALUES = ["--value", "stiffness=732", "--value", "damping=9.9"]

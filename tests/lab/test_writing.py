@@ -10,6 +10,7 @@ import pytest
 from pyarrow import parquet
 
 import kinid
+from kinid.data.rig import Rig, StreamsSpec
 from kinid.identification.fit import fit_model
 from kinid.lab.experiments import prepare
 from kinid.lab.hidden import PLANTS, hide
@@ -17,9 +18,8 @@ from kinid.lab.protocol import Poke, five_phases
 from kinid.lab.sensors import StreamSpec
 from kinid.lab.setup import Result
 from kinid.lab.writing import EPOCH, write_experiment, write_rig
-from kinid.model import Model
-from kinid.rig import Rig, StreamsSpec
-from kinid.robot import Robot
+from kinid.modeling.model import Model
+from kinid.robotics.robot import Robot
 
 SHORT = five_phases(Poke(0.003, ((0.001, 2.0),), 0.6), free=0.4, hold=0.1, approach=0.6, height=0.008, tilt=0.1)
 

@@ -18,13 +18,13 @@ import numpy as np
 import pytest
 from headless import CHROMIUM, complaints, needs_chromium
 
-from kinid import viewer_scene as scenes
 from kinid.errors import InputError
-from kinid.property_map import Probe, Property, PropertyMap
-from kinid.surface import Plane
-from kinid.viewer import View, record
-from kinid.viewer_page import page
-from kinid.viewer_server import ViewServer
+from kinid.mapping.property_map import Probe, Property, PropertyMap
+from kinid.robotics.surface import Plane
+from kinid.viewer import scene as scenes
+from kinid.viewer.page import page
+from kinid.viewer.server import ViewServer
+from kinid.viewer.viewer import View, record
 
 
 @pytest.fixture(scope="module")
@@ -182,8 +182,8 @@ PROBE = """
     out.errors = kinid.errors; out.ready = kinid.ready === true; out.probes = kinid.shown;
     out.legend = [document.getElementById("low").textContent, document.getElementById("high").textContent,
                   document.getElementById("unit").textContent, !document.getElementById("legend").hidden];
-    kinid.viewer.render();
-    const gl = kinid.viewer.renderer.domElement, flat = document.createElement("canvas");
+    kinid.viewer.viewer.render();
+    const gl = kinid.viewer.viewer.renderer.domElement, flat = document.createElement("canvas");
     flat.width = gl.width; flat.height = gl.height;
     const pen = flat.getContext("2d"); pen.drawImage(gl, 0, 0);
     const d = pen.getImageData(0, 0, flat.width, flat.height).data;
@@ -201,8 +201,8 @@ PROBE = """
       const begun = performance.now();
       kinid.apply({map: base});
       out.update = (out.update || 0) + (performance.now() - begun) / 20;
-      kinid.viewer.render();
-      const context = kinid.viewer.renderer.getContext();
+      kinid.viewer.viewer.render();
+      const context = kinid.viewer.viewer.renderer.getContext();
       context.readPixels(0, 0, 1, 1, context.RGBA, context.UNSIGNED_BYTE, buffer);  // waits until it is drawn
     }
     out.rate = 20 / ((performance.now() - start) / 1000);
@@ -290,9 +290,9 @@ FRAMED = """
     await wait(300);
     out.errors = kinid.errors;
     const inside = () => {
-      kinid.viewer.set_3d_pane_size();
-      kinid.viewer.render();
-      const ends = everything(view.of).map(p => p.clone().project(kinid.viewer.camera));
+      kinid.viewer.viewer.set_3d_pane_size();
+      kinid.viewer.viewer.render();
+      const ends = everything(view.of).map(p => p.clone().project(kinid.viewer.viewer.camera));
       return Math.max(...ends.map(p => Math.max(Math.abs(p.x), Math.abs(p.y))));
     };
     const box = e => e.getBoundingClientRect();
@@ -316,10 +316,10 @@ FRAMED = """
 @pytest.fixture(scope="module")
 def touched(tmp_path_factory):
     """A folder with one poke of the virtual arm, its rig, and the map of it."""
+    from kinid.data.rig import Rig
     from kinid.lab.experiments import prepare
     from kinid.lab.writing import write_experiment
-    from kinid.property_probes import Prober, build, logs_in
-    from kinid.rig import Rig
+    from kinid.mapping.probes import Prober, build, logs_in
 
     folder = tmp_path_factory.mktemp("touched")
     write_experiment(folder, prepare("poke", seed=0).run(), {}, mcap=False)

@@ -1,0 +1,1 @@
+"""What a rig states of its own instruments, estimated from logs."""

@@ -1,0 +1,143 @@
+"""Coupling between the axes: estimated as effects of a model, told apart as far as the log allows, and taken out again.
+
+What a sensor's cross-talk, a turned sensor, a tilted surface and a material that pulls sideways do to a pure poke looks
+alike. They are fitted together; `told_apart` says which of them the log separates.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.contact.series import ContactSeries, contact_series
+from kinid.data.log import Log
+from kinid.data.rig import Rig
+from kinid.errors import InputError
+from kinid.identification.fit import Fit
+from kinid.modeling.experiment import from_contact, from_wrench
+from kinid.modeling.model import Model
+
+Array = NDArray[np.float64]
+
+#: effects that carry force or motion from one axis into another
+COUPLING = ("coupled-stiffness", "surface-tilt", "sensor-crosstalk", "sensor-misalignment")
+FORCES = ("tangential_force1", "tangential_force2", "normal_force")
+#: parameters whose estimates are correlated more than this can't be told apart by the log
+ALIKE = 0.98
+
+
+def told_apart(fit: Fit) -> list[str]:
+    """Which coupling parameters this log separates, one line each for those that it doesn't; empty when all are."""
+    open_ = [name for name, is_open in zip(fit.parameters, fit.solution.unidentified)
+             if is_open and name.split(".")[0] in COUPLING]  # fmt: skip
+    return [f"{name} is open: this log doesn't excite it, or not apart from the others" for name in open_] + alike(fit)
+
+
+def alike(fit: Fit) -> list[str]:
+    """Pairs of parameters of different coupling effects whose estimates hang on each other, one line each."""
+    names, covariance = list(fit.parameters), fit.solution.covariance
+    mine = [i for i, name in enumerate(names) if name.split(".")[0] in COUPLING]
+    out = []
+    for k, i in enumerate(mine):
+        for j in mine[k + 1 :]:
+            if names[i].split(".")[0] == names[j].split(".")[0]:
+                continue
+            both = covariance[i, i] * covariance[j, j]
+            if np.isfinite(both) and both > 0 and abs(covariance[i, j]) > ALIKE * np.sqrt(both):
+                out.append(f"{names[i]} and {names[j]} can't be told apart by this log")
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class Compensated:
+    """Contact quantities with the estimated coupling taken out, and lateral force before and after [N rms in contact]."""
+
+    touch: ContactSeries
+    effects: tuple[str, ...]
+    before: float
+    after: float
+
+    def line(self) -> str:
+        """What a reader wants to know of it."""
+        return (f"coupling taken out ({', '.join(self.effects)}): lateral force in contact {self.before:.4g} N rms before, "
+                f"{self.after:.4g} N after")  # fmt: skip
+
+
+def load_fit(path: Path) -> tuple[Model, dict[str, float]]:
+    """Model and values from what `kinid fit --json` wrote.
+
+    Raises:
+        InputError: no such file, or not a fit.
+    """
+    try:
+        facts = json.loads(path.read_text(encoding="utf-8"))
+        model = Model(*facts["model"])
+        values = {str(name): float(p["value"]) for name, p in facts["parameters"].items()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{path}, which is no fit ({error.__class__.__name__})", "what kinid fit --json wrote",
+                         "run kinid fit LOG --model … --json FIT.json") from None  # fmt: skip
+    return model, values
+
+
+def compensate(touch: ContactSeries, log: Log, rig: Rig, model: Model, values: Mapping[str, float]) -> Compensated:
+    """Take out of contact forces what the coupling effects of a fitted model put there.
+
+    Args:
+        touch: contact quantities of the log. log, rig: where they came from.
+        model, values: the fit; it must hold a coupling effect.
+
+    Raises:
+        InputError: no coupling effect in the model.
+    """
+    there = tuple(name for name in model.names if name in COUPLING)
+    if not there:
+        raise InputError(f"a fit of {model} without a coupling effect", f"one of {', '.join(COUPLING)} in it",
+                         "fit with --model kelvin-voigt,surface-tilt,… and pass that fit")  # fmt: skip
+    done = {"effects": list(there)}
+    if model.needs_log:
+        # taken out of the wrench itself, before bias and tool are: both look different to a sensor that couples
+        experiment = from_wrench(log, rig, bias="auto")
+        wrench = np.array(log.wrench)
+        wrench[experiment.rows] -= _contribution(model, values, experiment.signals).T
+        out = contact_series(log.replace(wrench=wrench), rig)
+        out = dataclasses.replace(out, provenance=out.provenance.then("coupling taken out of the wrench", **done))
+    else:
+        experiment = from_contact(touch, FORCES)
+        force = _contribution(model, values, experiment.signals)
+        changed: dict[str, Any] = {name: np.array(getattr(touch, name)) for name in FORCES}
+        for axis, name in enumerate(FORCES):
+            changed[name][experiment.rows] -= force[axis]
+        provenance = touch.provenance.then("coupling taken out", **done)
+        out = dataclasses.replace(touch, provenance=provenance, **changed)
+    return Compensated(out, there, _lateral(touch, touch), _lateral(out, touch))
+
+
+def _contribution(model: Model, values: Mapping[str, float], signals: Any) -> Array:
+    """Readings with the coupling less readings without it."""
+    named = model.parameters(signals.layout)
+    base = next((effect.id for effect in model.effects if effect.base), None)
+    full = {name: values.get(name, p.nominal) for name, p in named.items()}
+    without = dict(full)
+    for effect in model.effects:
+        if effect.id in COUPLING:
+            for name, p in named.items():
+                owner, _, parameter = name.partition(".")
+                if owner == effect.id:
+                    without[name] = effect.null_for(base).get(parameter.split("[")[0], p.nominal)
+    difference: Array = model.predict(signals, full) - model.predict(signals, without)
+    return difference
+
+
+def _lateral(touch: ContactSeries, reference: ContactSeries) -> float:
+    """Root mean square of the tangential force where the reference is in contact [N]."""
+    inside = reference.in_contact & np.isfinite(touch.tangential_force1)
+    if not inside.any():
+        return 0.0
+    return float(np.sqrt(np.mean(touch.tangential_force1[inside] ** 2 + touch.tangential_force2[inside] ** 2)))

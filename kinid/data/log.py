@@ -1,0 +1,197 @@
+"""Raw samples on one clock: frozen arrays, a validity mask, and a provenance that says what was done to them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.data.rig import CONTACT
+from kinid.errors import InputError
+from kinid.signal.derivative import GAP_FACTOR
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Step:
+    """One thing that was done to the samples on their way: its name, and the figures a reader would ask for."""
+
+    name: str
+    facts: Mapping[str, Any]
+
+    def __str__(self) -> str:
+        return f"{self.name}: " + ", ".join(f"{k} {_short(v)}" for k, v in self.facts.items())
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where samples came from and, in order, what was done to them."""
+
+    source: str
+    steps: tuple[Step, ...] = ()
+
+    def then(self, name: str, **facts: Any) -> Provenance:
+        """The same provenance with one more step."""
+        return Provenance(self.source, (*self.steps, Step(name, facts)))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the steps found to doubt, a sentence each."""
+        return tuple(dict.fromkeys(warning for step in self.steps for warning in step.facts.get("warnings", ())))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain types, for JSON."""
+        return {"source": self.source, "steps": [{"name": s.name, **s.facts} for s in self.steps]}
+
+
+def frozen(values: Any, dtype: Any = np.float64) -> NDArray[Any]:
+    """A read-only array; the caller's own array stays writeable where it had to be copied or viewed."""
+    array = np.asarray(values, dtype=dtype).view()
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """Raw samples on one clock, in SI units.
+
+    Attributes:
+        t: time [s], strictly increasing, (n,).
+        q: joint positions [rad or m], (n, N); `dq`, `ddq` their derivatives, `q_cmd` commanded ones.
+        tau: joint torques, link side [N·m or N], (n, N).
+        wrench: fx fy fz tx ty tz [N, N·m], sensor frame at its origin, as loads on the tool, (n, 6).
+        contact: contact quantities that the log itself holds (a material tester), each (n,).
+        phase: name of the protocol phase of each sample, (n,) of text.
+        valid: False where any quantity of the sample is not a finite number, (n,).
+        provenance: source and processing steps.
+
+    Raises:
+        InputError: no samples, lengths that differ, or time that is not finite and strictly increasing.
+    """
+
+    t: Array
+    q: Array | None = None
+    dq: Array | None = None
+    ddq: Array | None = None
+    tau: Array | None = None
+    q_cmd: Array | None = None
+    wrench: Array | None = None
+    contact: Mapping[str, Array] = field(default_factory=dict)
+    phase: NDArray[np.str_] | None = None
+    provenance: Provenance = Provenance("memory")
+
+    def __post_init__(self) -> None:
+        where = self.provenance.source
+        object.__setattr__(self, "t", frozen(self.t))
+        n = self.t.shape[0] if self.t.ndim == 1 else 0
+        if n == 0:
+            raise InputError(f"no samples in {where}", "at least one row of data", "check the file, record again")
+        _check_time(self.t, where)
+        for name in ("q", "dq", "ddq", "tau", "q_cmd", "wrench"):
+            values = getattr(self, name)
+            if values is None:
+                continue
+            array = frozen(values)
+            if array.ndim != 2 or array.shape[0] != n or (name == "wrench" and array.shape[1] != 6):
+                shape = f"({n}, 6)" if name == "wrench" else f"({n}, N)"
+                raise InputError(f"{name} of shape {array.shape} in {where}", f"shape {shape}", "check its columns")
+            if self.q is not None and name not in ("q", "wrench") and array.shape[1] != np.shape(self.q)[1]:
+                raise InputError(
+                    f"{array.shape[1]} columns of {name} beside {np.shape(self.q)[1]} of q in {where}",
+                    "one column a joint", "check [columns] and the log's names")  # fmt: skip
+            object.__setattr__(self, name, array)
+        contact = {}
+        for name, values in self.contact.items():
+            if name not in CONTACT or np.shape(values) != (n,):
+                raise InputError(f"contact quantity '{name}' of shape {np.shape(values)} in {where}",
+                                 f"one of {', '.join(CONTACT)}, of shape ({n},)", "check [columns]")  # fmt: skip
+            contact[name] = frozen(values)
+        object.__setattr__(self, "contact", contact)
+        if self.phase is not None:
+            phase = frozen(self.phase, dtype=np.str_)
+            if phase.shape != (n,):
+                raise InputError(f"phase of shape {phase.shape} in {where}", f"shape ({n},)", "check its column")
+            object.__setattr__(self, "phase", phase)
+
+    def __len__(self) -> int:
+        return int(self.t.shape[0])
+
+    @property
+    def joint_count(self) -> int:
+        """Number of joints in the log; 0 for a log without joints."""
+        for values in (self.q, self.dq, self.tau):
+            if values is not None:
+                return int(values.shape[1])
+        return 0
+
+    @cached_property
+    def valid(self) -> Mask:
+        """False where a sample holds a value that is not a finite number, (n,)."""
+        mask = np.ones(len(self), dtype=np.bool_)
+        for values in (self.q, self.dq, self.ddq, self.tau, self.q_cmd, self.wrench):
+            if values is not None:
+                mask &= _finite(values)
+        for values in self.contact.values():
+            mask &= np.isfinite(values)
+        mask.setflags(write=False)
+        return mask
+
+    @cached_property
+    def labelled_free(self) -> NDArray[np.int64]:
+        """Rows of the phase "free"; none where the log has no phases."""
+        rows: NDArray[np.int64] = np.empty(0, dtype=np.int64) if self.phase is None else np.flatnonzero(self.phase == "free")
+        return rows
+
+    @cached_property
+    def period(self) -> float:
+        """Median time between samples [s]; infinite for a single sample."""
+        return float(np.median(np.diff(self.t))) if len(self) > 1 else float("inf")
+
+    @cached_property
+    def pieces(self) -> tuple[slice, ...]:
+        """Runs of samples without a gap in time. Invalid joint positions are in no run, or single ones within it."""
+        usable = np.arange(len(self)) if self.q is None else np.flatnonzero(_finite(self.q))
+        breaks = np.flatnonzero(np.diff(self.t[usable]) > GAP_FACTOR * self.period) + 1
+        return tuple(slice(int(run[0]), int(run[-1]) + 1) for run in np.split(usable, breaks) if len(run))
+
+    def replace(self, step: str | None = None, facts: Mapping[str, Any] | None = None, **changes: Any) -> Log:
+        """A copy with other arrays and, if `step` is named, one more provenance step."""
+        provenance = self.provenance.then(step, **(facts or {})) if step else self.provenance
+        return dataclasses.replace(self, provenance=provenance, **changes)
+
+
+def _finite(values: Array) -> Mask:
+    """Rows whose entries are all finite numbers: exactly then their sum is, which needs no table of flags."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        finite: Mask = np.isfinite(values @ np.ones(values.shape[1]))  # faster than a sum over few columns
+    return finite
+
+
+def _check_time(t: Array, where: str) -> None:
+    if not np.isfinite(t).all():
+        row = int(np.flatnonzero(~np.isfinite(t))[0])
+        raise InputError(f"time that is not a number in row {row + 1} of {where}", "a finite time in every row",
+                         "remove the rows without a time")  # fmt: skip
+    steps = np.diff(t)
+    if (steps <= 0).any():
+        row = int(np.flatnonzero(steps <= 0)[0]) + 1
+        verb = "repeats" if steps[row - 1] == 0 else "runs backwards"
+        count = int((steps <= 0).sum())
+        raise InputError(
+            f"time that {verb} in row {row + 1} of {where} ({float(t[row - 1])} then {float(t[row])}; {count} such rows)",
+            "time that increases from row to row", "sort the rows by time and drop the doubled ones")  # fmt: skip
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_short(v) for v in value) + "]"
+    return str(value)

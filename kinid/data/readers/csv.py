@@ -1,0 +1,201 @@
+"""Tables of text, with or without a header: separated by commas, semicolons, tabs or white space."""
+
+from __future__ import annotations
+
+import csv
+import io
+import mmap
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kinid.data.log import Log
+from kinid.data.readers._columns import Arrays, Table, to_log
+from kinid.data.readers._guard import readable
+from kinid.data.rig import Rig
+from kinid.errors import InputError
+
+SUFFIXES: tuple[str, ...] = (".csv", ".txt", ".tsv", ".dat")
+
+_SNIFFED = 1 << 16  # bytes at the start that the layout is told from
+_PIECE = 1 << 22  # bytes that are searched at once
+_SPACE = " "
+_COMMENT = ("#", "%")
+_ABSENT = ["", "nan", "NaN", "NAN", "Nan", "-nan", "-NaN"]
+_NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)([eE][-+]?\d+)?$")
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """How a text is laid out: `start` of its first row of data [bytes], and how its cells are told apart."""
+
+    start: int
+    delimiter: str
+    names: tuple[str, ...] | None
+    width: int
+    decimal: str
+
+
+def read(path: Path, rig: Rig, joints: Sequence[str] | None = None) -> Log:
+    """Read a table of text; a comment may be its header (`# t q1 …`), empty cells and `nan` are absent."""
+    with readable(path, "text"), path.open("rb") as file:
+        text = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    layout = _sniff(text, path)
+
+    def load(groups: Sequence[Sequence[int]]) -> Iterator[Arrays]:
+        from kinid.data.readers._arrow import to_numpy
+
+        columns = _parse(text, layout, sorted({i for group in groups for i in group}), path)
+        last = {i: g for g, group in enumerate(groups) for i in group}
+        for g, group in enumerate(groups):
+            with readable(path, "text in UTF-8"):
+                arrays = [to_numpy(columns.pop(i) if last[i] == g else columns[i]) for i in group]
+            yield arrays
+
+    return to_log(Table(str(path), "text", layout.names, layout.width, frozenset(), load), rig, joints)
+
+
+def _sniff(text: mmap.mmap, path: Path) -> _Layout:
+    """The layout, from the first lines.
+
+    Raises:
+        InputError: no text, or no row of data.
+    """
+    head = text[:_SNIFFED]
+    if b"\x00" in head:
+        raise InputError(f"{path}, which is no text in UTF-8", "a table of text", "export it as CSV in UTF-8")
+    lines: list[tuple[int, str]] = []
+    position, comment = 0, None
+    raw = head.splitlines(keepends=True)
+    for line in raw[:-1] if len(head) < len(text) and len(raw) > 1 else raw:
+        start, position = position, position + len(line)
+        shown = line.decode("utf-8-sig" if start == 0 else "utf-8", errors="replace").strip("\r\n")
+        if shown.lstrip().startswith(_COMMENT):
+            comment = comment if lines else shown.lstrip().lstrip("".join(_COMMENT)).strip()
+        elif shown.strip():
+            lines.append((start, shown))
+        if len(lines) == 40:
+            break
+    if not lines:
+        raise InputError(f"no rows in {path}", "a table with samples", "record or export it again")
+    delimiter = _delimiter([shown for _, shown in lines])
+    rows = [_cells(shown, delimiter) for _, shown in lines]
+    decimal = "," if delimiter != "," and _decimal_comma(rows) else "."
+    if any(_NUMBER.match(cell) for cell in rows[0]):
+        names = None
+        if comment is not None:
+            named = _cells(comment, delimiter) if delimiter in comment else comment.split()
+            fits = len(named) == len(rows[0]) and not any(_NUMBER.match(name) for name in named)
+            names = tuple(named) if fits else None
+        bom = 3 if head.startswith(b"\xef\xbb\xbf") and lines[0][0] == 0 else 0
+        return _Layout(lines[0][0] + bom, delimiter, names, len(rows[0]), decimal)
+    if len(lines) == 1:
+        raise InputError(f"a header and no row of data in {path}", "a table with samples",
+                         "record or export it again")  # fmt: skip
+    return _Layout(lines[1][0], delimiter, tuple(rows[0]), len(rows[0]), decimal)
+
+
+def _delimiter(lines: Sequence[str]) -> str:
+    """The sign that splits all lines into equally many cells; white space when there is none."""
+    for sign in (";", "\t", ","):
+        rows = [_cells(line, sign) for line in lines]
+        widths = {len(row) for row in rows}
+        if len(widths) == 1 and widths != {1}:
+            # tabs as padding leave a column that is empty everywhere
+            if sign == "\t" and any(not any(row[i] for row in rows) for i in range(len(rows[0]))):
+                continue
+            return sign
+    most = max((";", "\t", ","), key=lambda sign: sum(sign in line for line in lines))
+    # a row that is cut off or too long must not turn a comma-separated table into one of white space
+    ragged = sum(most in line for line in lines) > len(lines) / 2 and most != "\t"
+    return most if ragged else _SPACE
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    if delimiter == _SPACE:
+        return [cell.strip('"') for cell in line.split()]
+    row = next(csv.reader(io.StringIO(line), delimiter=delimiter, skipinitialspace=True))
+    return [cell.strip() for cell in row]
+
+
+def _decimal_comma(rows: Sequence[Sequence[str]]) -> bool:
+    numbers = [cell for row in rows for cell in row if _NUMBER.match(cell)]
+    return any("," in cell for cell in numbers) and not any("." in cell for cell in numbers)
+
+
+def _parse(text: mmap.mmap, layout: _Layout, wanted: Sequence[int], path: Path) -> dict[int, Any]:
+    """Arrow columns by position.
+
+    Raises:
+        InputError: rows of differing length.
+    """
+    import pyarrow as pa
+    import pyarrow.csv
+
+    noted = _has_comments(text, layout.start)
+    # nothing to clean: Arrow parses the mapped file itself, without a copy
+    data = pa.py_buffer(text)[layout.start :] if not noted and layout.delimiter != _SPACE else None
+    if data is None:
+        data = pa.py_buffer(_cleaned(text[layout.start :], noted, layout.delimiter == _SPACE))
+    keys = [str(i) for i in range(layout.width)]
+    convert = pyarrow.csv.ConvertOptions(include_columns=[keys[i] for i in wanted], null_values=_ABSENT,
+                                         decimal_point=layout.decimal)  # fmt: skip
+    for threads in (True, False):
+        try:
+            table = pyarrow.csv.read_csv(
+                pa.BufferReader(data),
+                read_options=pyarrow.csv.ReadOptions(column_names=keys, use_threads=threads),
+                parse_options=pyarrow.csv.ParseOptions(delimiter=layout.delimiter),
+                convert_options=convert,
+            )
+            return {i: table.column(keys[i]) for i in wanted}
+        except pa.ArrowInvalid as error:
+            if threads:
+                continue  # only a parse in one thread knows the number of the row
+            raise _ragged(str(error), path) from None
+    raise AssertionError("unreachable")
+
+
+def _has_comments(text: mmap.mmap, start: int) -> bool:
+    """Whether a line behind `start` is a comment; piece by piece, since a search in bytes is faster than in a map."""
+    for at in range(start, len(text), _PIECE):
+        piece = text[at : at + _PIECE + 1]
+        if any(sign in piece and b"\n" + sign in piece for sign in (b"#", b"%")):
+            return True
+    return False
+
+
+def _ragged(said: str, path: Path) -> InputError:
+    found = re.search(r"(?:Row #(\d+): )?Expected (\d+) columns, got (\d+)", said)
+    if not found:
+        return InputError(f"{path}, which can't be read as text ({said[:120]})", "a table",
+                          "export it as CSV in UTF-8")  # fmt: skip
+    row = f"row {found[1]} of " if found[1] else "a row of "
+    return InputError(f"{found[3]} cells in {row}{path}", f"{found[2]} cells in each row",
+                      "mend that row, or remove it if the file was cut off there")  # fmt: skip
+
+
+def _cleaned(data: bytes, noted: bool, spaced: bool) -> bytes:
+    """The text without comments, and with single spaces between cells and none around a row."""
+    if noted:
+        data = re.sub(rb"(?m)^[#%].*\n?", b"", data)
+    return _squeezed(data) if spaced else data
+
+
+def _squeezed(data: bytes) -> bytes:
+    """Cells with one space between them; piece by piece, so that the work stays in the processor's cache."""
+    pieces, last = [], True
+    for at in range(0, len(data), _PIECE):
+        signs = np.frombuffer(data, dtype=np.uint8, count=min(_PIECE, len(data) - at), offset=at)
+        blank = (signs == ord(" ")) | (signs == ord("\t"))
+        ends = blank | (signs == ord("\n"))
+        keep = ~blank
+        keep[0] |= not last
+        keep[1:] |= ~ends[:-1]  # the first of several blanks, but none at the start of a row
+        pieces.append(np.where(blank, np.uint8(ord(" ")), signs)[keep].tobytes())
+        last = bool(ends[-1])
+    return b"".join(pieces).replace(b" \r\n", b"\n").replace(b" \n", b"\n").rstrip(b" ")

@@ -1,0 +1,120 @@
+"""MCAP: JointState and WrenchStamped messages as ROS 1, ROS 2 (CDR) or JSON."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from kinid.data.log import Log
+from kinid.data.readers._bag import KINDS, Topic, to_log
+from kinid.data.readers._guard import readable
+from kinid.data.rig import Rig
+from kinid.errors import MissingDependencyError
+
+SUFFIXES: tuple[str, ...] = (".mcap",)
+
+_DAMAGED = "repair or copy it again: 'mcap recover' rescues what a cut-off file still holds"
+_TYPES = {"joints": "sensor_msgs/msg/JointState", "wrench": "geometry_msgs/msg/WrenchStamped", "text": "std_msgs/msg/String"}
+
+
+def read(path: Path, rig: Rig, joints: Sequence[str] | None = None) -> Log:
+    """Read the JointState and WrenchStamped topics of an MCAP file; JSON messages have the same fields."""
+    try:
+        import mcap.reader
+    except ImportError:
+        raise MissingDependencyError("mcap", "bags") from None
+    with path.open("rb") as stream:
+        with readable(path, "MCAP", _DAMAGED):
+            reader = mcap.reader.make_reader(stream, validate_crcs=True)
+        return to_log(_Bag(path, reader), rig, joints)
+
+
+class _Bag:
+    """An open file as `_bag` wants it."""
+
+    def __init__(self, path: Path, reader: Any) -> None:
+        self.source, self._path, self._reader = str(path), path, reader
+        with readable(path, "MCAP", _DAMAGED):
+            channels, schemas, counts = self._contents()
+            samples = self._first_json(channels)
+        self._decoders: dict[int, Callable[[bytes], Any]] = {}
+        found: dict[str, Topic] = {}
+        for key, channel in channels.items():
+            schema = schemas.get(channel.schema_id)
+            name = schema.name if schema else ""
+            kind = KINDS.get(name.replace(".", "/").split("/")[-1]) or _kind_of(samples.get(channel.topic))
+            decoder = _decoder(channel.message_encoding, kind) if kind else None
+            if decoder is None:
+                kind = None
+            else:
+                self._decoders[key] = decoder
+            shown = name or channel.message_encoding
+            before = found.get(channel.topic, Topic(channel.topic, shown, None, 0))
+            count = before.count + counts[key]
+            found[channel.topic] = Topic(channel.topic, shown, kind or before.kind, count)
+        self.topics = list(found.values())
+
+    def _contents(self) -> tuple[dict[int, Any], dict[int, Any], Counter[int]]:
+        """Channels, schemas and numbers of messages, from the summary, or from all messages without one."""
+        summary = self._reader.get_summary()
+        if summary is not None and summary.statistics is not None and summary.channels:
+            counts = Counter(dict(summary.statistics.channel_message_counts))
+            return dict(summary.channels), dict(summary.schemas), counts
+        channels, schemas, counts = {}, {}, Counter()
+        for schema, channel, _ in self._reader.iter_messages():
+            channels[channel.id] = channel
+            counts[channel.id] += 1
+            if schema is not None:
+                schemas[schema.id] = schema
+        return channels, schemas, counts
+
+    def _first_json(self, channels: dict[int, Any]) -> dict[str, Any]:
+        """The first message of each JSON topic: its fields tell what it is when its schema's name doesn't."""
+        topics = {c.topic for c in channels.values() if c.message_encoding == "json"}
+        first: dict[str, Any] = {}
+        for topic in topics:
+            for _, channel, message in self._reader.iter_messages(topics=[topic]):
+                if channel.message_encoding == "json":
+                    first[topic] = _parse(message.data)
+                break
+        return first
+
+    def messages(self, names: Sequence[str]) -> Iterator[tuple[str, int, Any]]:
+        with readable(self._path, "MCAP", _DAMAGED):
+            for _, channel, message in self._reader.iter_messages(topics=list(names)):
+                decode = self._decoders.get(channel.id)
+                if decode is not None:
+                    yield channel.topic, message.log_time, decode(message.data)
+
+
+def _parse(data: bytes) -> Any:
+    return json.loads(data, object_hook=lambda fields: SimpleNamespace(**fields))
+
+
+def _kind_of(message: Any) -> str | None:
+    """What a JSON message is by its fields."""
+    if message is None:
+        return None
+    wrench = getattr(message, "wrench", message)
+    if hasattr(wrench, "force") and hasattr(wrench, "torque"):
+        return "wrench"
+    return "joints" if hasattr(message, "name") and hasattr(message, "position") else None
+
+
+def _decoder(encoding: str, kind: str) -> Callable[[bytes], Any] | None:
+    """From bytes to a message; None for an encoding that is not read."""
+    if encoding == "json":
+        return _parse
+    if encoding not in ("cdr", "ros1"):
+        return None
+    try:
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise MissingDependencyError("rosbags", "bags") from None
+    store = get_typestore(Stores.ROS1_NOETIC if encoding == "ros1" else Stores.ROS2_HUMBLE)
+    decode = store.deserialize_ros1 if encoding == "ros1" else store.deserialize_cdr
+    return lambda data: decode(data, _TYPES[kind])

@@ -1,0 +1,412 @@
+"""A Gaussian process over a plane whose probes have each their own noise, and whose smoothness the data choose.
+
+Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006: regression §2.2, marginal likelihood §5.4.1, leaving
+out in closed form §5.4.2. Covariances are Matérn's with ν = 1/2, 3/2 or 5/2. Where probes part into zones with a sharp step
+between them, and the evidence says so too, zones share only a part of their covariance, and near a border a guess is a
+mixture of both sides.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.errors import InputError, near
+from kinid.mapping.interpolation import METHODS, Biharmonic, Guess, Interpolator, Nearest, PlaneGround, on_plane
+from kinid.mapping.interpolation.local_bias import misfit, shared_error, spread_over
+from kinid.mapping.interpolation.segments import belonging, candidates, neighbours, scaled
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+SMOOTHNESS = (0.5, 1.5, 2.5)
+#: lengths and sizes are learnt from so many probes at most, spread evenly; more hardly change them
+LEARN_FROM = 150
+#: queries are answered in blocks of this size, which stay in a processor's cache
+BLOCK = 512
+#: shares of covariance between zones that are tried
+ACROSS = (0.0, 0.5)
+#: where the process knows no more than this share of its prior, the place is unknown
+IGNORANCE = 0.9
+
+
+@dataclass(frozen=True)
+class Covariance:
+    """Matérn: smoothness ν, length [m], size (standard deviation of the property), nugget (what no neighbour shares)."""
+
+    smoothness: float
+    length: float
+    size: float
+    nugget: float
+
+    def correlation(self, distance: NDArray[np.floating], room: NDArray[np.floating] | None = None) -> NDArray[np.floating]:
+        """Of places a distance apart [m], in its precision and in its place; `room` of the same shape saves making some.
+
+        ν = 1/2: e⁻ʳ; 3/2: (1 + r) e⁻ʳ; 5/2: (1 + r + r²/3) e⁻ʳ, with r = √(2ν) distance / length.
+        """
+        r, e = distance, np.empty_like(distance) if room is None else room
+        kind = r.dtype.type
+        r *= kind(np.sqrt(2 * self.smoothness) / self.length)
+        np.negative(r, out=e)
+        np.exp(e, out=e)
+        if self.smoothness == 0.5:
+            r[...] = e
+            return r
+        if self.smoothness == 2.5:
+            r += kind(1.5)  # 1 + r + r²/3 = ((r + 3/2)² + 3/4) / 3
+            r *= r
+            r += kind(0.75)
+            e *= kind(1 / 3)
+        else:
+            r += kind(1.0)
+        r *= e
+        return r
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class GaussianProcess(Interpolator):
+    """Fitted to n probes; make it with `fit`, enlarge it with `added`.
+
+    Attributes:
+        ground: places. values: (n,). noise: standard deviation of each (n,). covariance: what was learnt. mean: of the prior.
+        factor: lower Cholesky factor of all probes' covariance, (n, n). weights: its solution for the values, (n,).
+        zones: of the probes, (n,). across: share of the covariance that zones have in common; 1 without edges.
+        step: a larger difference between neighbours (of logarithms, where all values are positive) parts zones.
+        shared: the part of each probe's error that its neighbours make too, (n,); it isn't in `noise`, but in what is stated.
+    """
+
+    ground: PlaneGround
+    values: Array
+    noise: Array
+    covariance: Covariance
+    mean: float
+    factor: Array
+    weights: Array
+    zones: Index
+    across: float = 1.0
+    step: float = float("inf")
+    shared: Array | None = None
+
+    @classmethod
+    def fit(
+        cls, ground: PlaneGround, values: Array, noise: Array | None = None, smoothness: float | None = None, edges: bool = True
+    ) -> GaussianProcess:
+        """Learn smoothness (unless given), length, size and nugget by the marginal likelihood, and edges.
+
+        Args:
+            ground: places. values: (n,). noise: standard deviations (n,), infinite ones count for nothing.
+            smoothness: one of `SMOOTHNESS`. edges: look for zones with sharp steps between them.
+        """
+        values = np.asarray(values, dtype=float)
+        noise = np.zeros(len(values)) if noise is None else np.asarray(noise, dtype=float)
+        spread = float(np.std(values)) or max(abs(float(values[0])), 1.0)
+        noise = np.clip(np.where(np.isfinite(noise), noise, 1e3 * spread), 0.0, 1e3 * spread)
+        shared = shared_error(ground.places, values, noise, neighbours(ground.places))
+        found, evidence = cls._fitted(ground, values, noise, spread, smoothness, edges)
+        if shared.any():
+            other, better = cls._fitted(ground, values, np.sqrt(noise**2 - shared**2), spread, smoothness, edges)
+            # errors that are large explain any step, also one that all around agree on: what neighbours tell of each other counts
+            if better > evidence or np.mean(other.left_out**2) < np.mean(found.left_out**2):
+                return replace(other, shared=shared)
+        return found
+
+    @classmethod
+    def _fitted(
+        cls, ground: PlaneGround, values: Array, noise: Array, spread: float, smoothness: float | None, edges: bool
+    ) -> tuple[GaussianProcess, float]:
+        """As `fit`, with errors that are each a probe's own; and its evidence."""
+        trust = 1.0 / (noise**2 + spread**2)
+        mean = float(trust @ values / trust.sum())
+        kinds = (smoothness,) if smoothness else SMOOTHNESS
+        one = np.zeros(len(values), dtype=np.int64)
+        best = (*_learn(ground, values - mean, noise, spread, kinds, one, 1.0), one, 1.0, float("inf"))
+        for limit, zones in candidates(ground.places, values, noise) if edges else []:
+            for across in ACROSS:
+                kind = (best[0].smoothness,)
+                learnt, evidence = _learn(ground, values - mean, noise, spread, kind, zones, across, best[0])
+                if evidence > best[1]:
+                    best = (learnt, evidence, zones, across, limit)
+        learnt, evidence, zones, across, step = best
+        return cls._built(ground, values, noise, learnt, mean, zones, across, step), evidence
+
+    @classmethod
+    def _built(
+        cls, ground: PlaneGround, values: Array, noise: Array, learnt: Covariance, mean: float, zones: Index, across: float,
+        step: float = float("inf"),
+    ) -> GaussianProcess:  # fmt: skip
+        from scipy.linalg import cho_solve, cholesky
+
+        system = learnt.size**2 * learnt.correlation(_distance(ground.places, ground.places))
+        if across < 1.0:
+            system[zones[:, None] != zones] *= across
+        system[np.diag_indices_from(system)] += _diagonal(noise, learnt)
+        factor = cholesky(system, lower=True, overwrite_a=True, check_finite=False)
+        weights = cho_solve((factor, True), values - mean, check_finite=False)
+        return cls(ground, values, noise, learnt, mean, factor, weights, zones, across, step)
+
+    def added(self, place: Array, value: float, noise: float) -> GaussianProcess:
+        """With one more probe, without learning anew: a row of the factor."""
+        from scipy.linalg import cho_solve, solve_triangular
+
+        place = np.asarray(place, dtype=float).reshape(1, 2)
+        distance = _distance(place, self.ground.places)
+        zone = self._zone_of(distance[0], value)
+        row = self.covariance.size**2 * self.covariance.correlation(distance)[0]
+        row[self.zones != zone] *= self.across
+        side = solve_triangular(self.factor, row, lower=True, check_finite=False)
+        noises = np.append(self.noise, noise)
+        corner = self.covariance.size**2 + _diagonal(noises[-1:], self.covariance)[0] - side @ side
+        n = len(row)
+        factor = np.zeros((n + 1, n + 1))
+        factor[:n, :n], factor[n, :n] = self.factor, side
+        factor[n, n] = np.sqrt(max(float(corner), 1e-12 * self.covariance.size**2))
+        values = np.append(self.values, value)
+        weights = cho_solve((factor, True), values - self.mean, check_finite=False)
+        ground = replace(self.ground, places=np.vstack([self.ground.places, place]))
+        zones = np.append(self.zones, zone)
+        shared = None if self.shared is None else np.append(self.shared, 0.0)
+        return replace(self, ground=ground, values=values, noise=noises, factor=factor, weights=weights, zones=zones,
+                       shared=shared)  # fmt: skip
+
+    def _zone_of(self, distance: Array, value: float) -> int:
+        """Zone of a new probe: that of the neighbour whose value is nearest to it, or a new one beyond the step."""
+        if self.across >= 1.0:
+            return int(self.zones[0])
+        near = np.argsort(distance)[:6]
+        values, _ = scaled(np.append(self.values, value), np.append(self.noise, 0.0))
+        step = np.abs(values[near] - values[-1])
+        return int(self.zones[near[step.argmin()]]) if step.min() <= self.step else int(self.zones.max()) + 1
+
+    def at(self, queries: NDArray[Any], sd: bool = True) -> Guess:
+        """Mean and standard deviation of the property itself (no probe's noise), (m,) each.
+
+        Where probes side by side deviate from the mean to one side by more than chance, that is in the standard deviation.
+        Many queries are answered in single precision: the standard deviation is good to 0.1 % of the prior's there.
+        """
+        q = on_plane(queries)
+        if self.across >= 1.0:
+            mean, variance = self._of_zone(q, None, sd)
+        else:
+            mean, variance = self._mixture(q, sd)
+        known = self.ground.known(q)
+        deviation = np.sqrt(variance)
+        if sd and self.across >= 1.0:
+            known &= deviation <= IGNORANCE * self.covariance.size
+        if sd:
+            deviation = np.hypot(deviation, spread_over(self.ground.places, self._off, q))
+        return Guess(np.where(known, mean, np.nan), np.where(known, deviation, np.nan), known)
+
+    @cached_property
+    def misfit(self) -> Array:
+        """What the mean may be off by at each probe, as the residuals around it say, (n,)."""
+        own = _diagonal(self.noise, self.covariance)
+        # the covariance of the property times the weights is the guess, so that its diagonal times them is what is left
+        return misfit(self.ground.places, own * self.weights, np.sqrt(own), self.ground.spacing)
+
+    @property
+    def _off(self) -> Array:
+        """What the mean may be off by at each probe beyond chance, (n,)."""
+        return self.misfit if self.shared is None else np.hypot(self.misfit, self.shared)
+
+    def _mixture(self, q: Array, sd: bool) -> tuple[Array, Array]:
+        """Mean and variance over the two zones that a query may lie in."""
+        zones, share = belonging(q, self.ground.places, self.zones, self.ground.spacing)
+        means, variances = np.zeros((len(q), 2)), np.zeros((len(q), 2))
+        for side in (0, 1):
+            asked = share[:, side] > 0.01
+            for zone in np.unique(zones[asked, side]):
+                rows = np.flatnonzero(asked & (zones[:, side] == zone))
+                means[rows, side], variances[rows, side] = self._of_zone(q[rows], int(zone), sd)
+        share = np.where(share > 0.01, share, 0.0)
+        share /= share.sum(axis=1, keepdims=True)
+        mean = np.sum(share * means, axis=1)
+        return mean, np.sum(share * (variances + (means - mean[:, None]) ** 2), axis=1)
+
+    def _of_zone(self, q: Array, zone: int | None, sd: bool) -> tuple[Array, Array]:
+        """Mean and variance at places (m, 2) that lie in a zone; of no zone where there are no edges."""
+        mean, variance = np.empty(len(q)), np.full(len(q), np.nan)
+        many = len(q) * len(self.values) > 1_000_000
+        kind: type[np.floating] = np.float32 if many else np.float64
+        centre = self.ground.places.mean(axis=0)
+        places, asked = (self.ground.places - centre).astype(kind), (q - centre).astype(kind)
+        prior = self.covariance.size**2
+        shared = np.ones(len(places)) if zone is None else np.where(self.zones == zone, 1.0, self.across)
+        weights = (self.weights * prior * shared).astype(kind)
+        inverse = None
+        if sd:
+            from scipy.linalg import solve_triangular
+            from scipy.linalg.blas import dtrmm, strmm
+
+            inverse = solve_triangular(self.factor, np.eye(len(self.values)), lower=True, check_finite=False)
+            inverse = np.asfortranarray(inverse * (self.covariance.size * shared), dtype=kind)
+            product = strmm if many else dtrmm
+        room = np.empty((2, min(BLOCK, max(len(q), 1)), len(places)), dtype=kind)
+        for a in range(0, len(q), BLOCK):
+            rows = slice(a, min(a + BLOCK, len(q)))
+            size = rows.stop - a
+            k = self.covariance.correlation(_distance(asked[rows], places, room[0, :size], room[1, :size]), room[1, :size])
+            mean[rows] = k @ weights
+            if inverse is not None:
+                told = product(1.0, inverse, k.T, lower=1, overwrite_b=1)  # in place: k's rows are its columns
+                variance[rows] = prior * np.maximum(1.0 - np.einsum("ij,ij->i", told.T, told.T), 0.0)
+        return mean + self.mean, variance
+
+    @property
+    def left_out(self) -> Array:
+        """Value less what the others say of its place, (n,): of the zone that they say it is in."""
+        return self.values - self._left_out_guess[0]
+
+    @property
+    def left_out_sd(self) -> Array:
+        """Standard deviation that the others state for each value, with its own noise, (n,)."""
+        own = np.sqrt(self._left_out_guess[1])
+        return np.asarray(own if self.shared is None else np.hypot(own, self.shared))
+
+    @cached_property
+    def _left_out_guess(self) -> tuple[Array, Array]:
+        """Mean and variance of each value by the others, with its own noise, (n,) each."""
+        from scipy.linalg import solve_triangular
+
+        inverse = solve_triangular(self.factor, np.eye(len(self.values)), lower=True, check_finite=False)
+        inverse = inverse.T @ inverse
+        own = np.diag(inverse)
+        if self.across >= 1.0:
+            return self.values - self.weights / own, 1.0 / own
+        # left out, a probe's zone is no longer known: it is mixed from those of its neighbours
+        n, prior = len(self.values), self.covariance.size**2
+        correlation = self.covariance.correlation(_distance(self.ground.places, self.ground.places))
+        spacing, noise = self.ground.spacing, _diagonal(self.noise, self.covariance)
+        mean, variance = np.empty(n), np.empty(n)
+        for i in range(n):
+            others = np.arange(n) != i
+            zones, share = belonging(self.ground.places[i : i + 1], self.ground.places[others], self.zones[others], spacing)
+            means, variances = np.zeros(2), np.zeros(2)
+            for side in (0, 1):
+                row = prior * correlation[i] * np.where(self.zones == zones[0, side], 1.0, self.across)
+                row[i] = 0.0
+                # the inverse without row and column i (Schur complement)
+                told = inverse @ row - inverse[:, i] * (inverse[i] @ row) / own[i]
+                means[side] = told[others] @ (self.values - self.mean)[others]
+                variances[side] = max(prior - float(told @ row), 1e-12 * prior) + noise[i]
+            mean[i] = share[0] @ means
+            variance[i] = share[0] @ (variances + (means - mean[i]) ** 2)
+        return mean + self.mean, variance
+
+
+def _diagonal(noise: Array, learnt: Covariance) -> Array:
+    """What probes don't share, and what keeps the factor from rounding."""
+    return np.asarray(noise**2 + learnt.nugget**2 + 1e-9 * learnt.size**2)
+
+
+def _distance(
+    a: NDArray[np.floating], b: NDArray[np.floating], out: NDArray[np.floating] | None = None,
+    room: NDArray[np.floating] | None = None,
+) -> NDArray[np.floating]:  # fmt: skip
+    """Between places, (m, n)."""
+    out = np.subtract(a[:, 0, None], np.ascontiguousarray(b[:, 0]), out=out)
+    room = np.subtract(a[:, 1, None], np.ascontiguousarray(b[:, 1]), out=room)
+    out *= out
+    room *= room
+    out += room
+    return np.asarray(np.sqrt(out, out=out))
+
+
+def _learn(
+    ground: PlaneGround, values: Array, noise: Array, spread: float, kinds: tuple[float, ...], zones: Index, across: float,
+    near: Covariance | None = None,
+) -> tuple[Covariance, float]:  # fmt: skip
+    """The covariance with the largest marginal likelihood on at most `LEARN_FROM` probes, searched for from `near` on.
+
+    With it the logarithm of that likelihood, less what choosing each zone costs: ln n, as in Schwarz' criterion.
+    """
+    from scipy.optimize import minimize
+
+    n = len(values)
+    if n < 4:
+        return Covariance(1.5, max(ground.spacing, 1e-6), spread, 1e-3 * spread), 0.0
+    chosen = np.arange(n)
+    if n > LEARN_FROM:
+        chosen = np.sort(np.random.default_rng(0).choice(n, LEARN_FROM, replace=False))
+    places, y, variance = ground.places[chosen], values[chosen], noise[chosen] ** 2
+    distance = _distance(places, places)
+    shared = np.where(zones[chosen][:, None] == zones[chosen], 1.0, across)
+    longest = 3.0 * max(float(distance.max()), 1e-9)
+    shortest = max(0.2 * ground.spacing, 1e-4 * longest)
+    bounds = [(np.log(shortest), np.log(longest)), (np.log(1e-2 * spread), np.log(1e2 * spread)),
+              (np.log(1e-4 * spread), np.log(2 * spread))]  # fmt: skip
+    start = np.array([np.log(np.clip(3 * ground.spacing, shortest, longest)), np.log(spread), np.log(0.03 * spread)])
+    if near is not None:
+        start = np.log(np.clip([near.length, near.size, near.nugget], *np.exp(np.array(bounds).T)))
+    best: tuple[float, Covariance] | None = None
+    for kind in kinds:
+        found = minimize(_evidence, start, args=(kind, distance, y, variance, shared), jac=True, bounds=bounds, method="L-BFGS-B",
+                         options={"maxiter": 25, "ftol": 1e-6})  # fmt: skip
+        learnt = Covariance(kind, *(float(v) for v in np.exp(found.x)))
+        if best is None or found.fun < best[0]:
+            best = (float(found.fun), learnt)
+        start = found.x
+    assert best is not None
+    cost = len(np.unique(zones)) * np.log(len(y)) if across < 1.0 else 0.0
+    return best[1], -best[0] - cost
+
+
+def _evidence(
+    logs: Array, kind: float, distance: Array, y: Array, variance: Array, shared: Array | float = 1.0
+) -> tuple[float, Array]:
+    """Negative log marginal likelihood, and its derivative by the logarithms of length, size and nugget."""
+    from scipy.linalg import LinAlgError, cholesky
+    from scipy.linalg.lapack import dpotri
+
+    length, size, nugget = np.exp(logs)
+    r = distance * (np.sqrt(2 * kind) / length)
+    e = np.exp(-r)
+    if kind == 0.5:
+        shape, slope = e, r * e
+    elif kind == 1.5:
+        shape, slope = (1 + r) * e, r * r * e
+    else:
+        shape, slope = (1 + r + r * r / 3) * e, r * r * (1 + r) / 3 * e
+    shape, slope = shape * shared, slope * shared
+    system = size**2 * shape
+    system[np.diag_indices_from(system)] += variance + nugget**2 + 1e-9 * size**2
+    try:
+        factor = cholesky(system, lower=True, check_finite=False)
+    except LinAlgError:
+        return 1e25, np.zeros(3)
+    inverse = dpotri(factor, lower=1)[0]
+    inverse = np.tril(inverse) + np.tril(inverse, -1).T
+    a = inverse @ y
+    value = 0.5 * y @ a + np.log(np.diag(factor)).sum()
+    inner = np.outer(a, a) - inverse
+    by_length = -0.5 * size**2 * np.sum(inner * slope)
+    by_size = -np.sum(inner * (size**2 * shape))
+    by_nugget = -(nugget**2) * np.trace(inner)
+    return float(value), np.array([by_length, by_size, by_nugget])
+
+
+def interpolator(method: str, ground: PlaneGround, values: Array, noise: Array | None = None) -> Interpolator:
+    """One of `METHODS` for values (n,) with standard deviations `noise` (n,) at the places of a ground.
+
+    Raises:
+        InputError: no such method, or values that don't go with the places.
+    """
+    values = np.asarray(values, dtype=float)
+    if values.shape != (len(ground.places),) or not np.isfinite(values).all():
+        raise InputError(f"values of shape {values.shape} for {len(ground.places)} places", "a number for each place",
+                         "leave out places without a value")  # fmt: skip
+    if method == "nearest":
+        return Nearest(ground, values)
+    if method == "biharmonic":
+        return Biharmonic(ground, values, noise)
+    if method == "triangles":
+        from kinid.mapping.interpolation.triangles import Triangles
+
+        return Triangles(ground, values, np.zeros(len(values)) if noise is None else np.asarray(noise, dtype=float))
+    if method == "gp":
+        return GaussianProcess.fit(ground, values, noise)
+    raise InputError(f"method '{method}'", f"one of {', '.join(METHODS)}", near(method, METHODS))

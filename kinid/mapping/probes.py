@@ -1,0 +1,258 @@
+"""Logs to probes of a property map: each touch of a log becomes one probe, with its place on the surface."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.contact.series import ContactSeries, contact_series, tip_motion
+from kinid.data.log import Log
+from kinid.data.rig import Rig
+from kinid.errors import InputError, KinidError
+from kinid.identification.fit import Fit
+from kinid.mapping.boundaries import paths
+from kinid.mapping.property_map import Probe, Property, PropertyMap
+from kinid.modeling.model import Model
+from kinid.robotics.reading import read
+from kinid.robotics.robot import Robot
+from kinid.robotics.surface import Mesh, Plane
+from kinid.robotics.surface import load as load_surface
+
+Array = NDArray[np.float64]
+
+#: a touch that is interrupted for less is one touch; a shorter one is a knock [s]
+JOINED, SHORTEST = 0.1, 0.2
+#: a slide further than this is cut into pieces, each a probe: one estimate would be of no place [m]
+FAR = 0.02
+#: neighbouring bins of a slide share their errors: so many count as one
+SHARED = 3.0
+#: what touches are fitted with unless the user says more
+MODEL = ("kelvin-voigt",)
+#: files of logs in a folder
+LOG_SUFFIXES = (".parquet", ".csv", ".npz", ".mcap", ".bag")
+
+
+def logs_in(paths: Sequence[Path]) -> list[Path]:
+    """The logs that files and folders name, in order; of a campaign's folder its pokes and slides.
+
+    Raises:
+        InputError: a folder without logs, or nothing there.
+    """
+    out: list[Path] = []
+    for path in paths:
+        if not path.is_dir():
+            if not path.is_file():
+                raise InputError(f"no log at {path}", "a log, or a folder of logs", "correct the name")
+            out.append(path)
+            continue
+        found = sorted((*path.glob("poke_*.parquet"), *path.glob("slide_*.parquet")))
+        if not found and not (path / "campaign.json").is_file():
+            found = sorted(f for f in path.iterdir() if f.suffix.lower() in LOG_SUFFIXES and not f.name.startswith("."))
+        if not found and not (path / "campaign.json").is_file():
+            raise InputError(f"no logs in {path}", f"files ending in {', '.join(LOG_SUFFIXES)}", "name another folder")
+        out += found
+    return list(dict.fromkeys(out))
+
+
+def expected(paths: Sequence[Path]) -> int | None:
+    """How many logs there will be when running campaigns are done; None when nobody says."""
+    total = 0
+    for path in paths:
+        manifest = path / "campaign.json"
+        if manifest.is_file():
+            try:
+                facts = json.loads(manifest.read_text(encoding="utf-8"))
+                total += int(facts["rows"]) * int(facts["columns"])
+            except (OSError, ValueError, KeyError, TypeError):
+                return None
+        elif path.is_dir():
+            return None
+        else:
+            total += 1
+    return total
+
+
+def touches(touch: ContactSeries) -> list[tuple[int, int]]:
+    """Rows [begin, end) of each touch, short gaps bridged and knocks left out."""
+    flag = touch.in_contact.copy()
+    edges = np.diff(flag.astype(np.int8), prepend=0, append=0)
+    starts, ends = np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist()
+    spans: list[tuple[int, int]] = []
+    for a, b in zip(starts, ends):
+        if spans and touch.t[a] - touch.t[spans[-1][1] - 1] < JOINED:
+            spans[-1] = (spans[-1][0], b)
+        else:
+            spans.append((a, b))
+    return [(a, b) for a, b in spans if touch.t[b - 1] - touch.t[a] >= SHORTEST]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Prober:
+    """Turns logs of one rig into probes.
+
+    Attributes:
+        rig: what measured. model: effects to fit. robot, surface: the rig's. along: length of the pieces that slides further
+            than `FAR` are cut into [m]; 0 for none.
+    """
+
+    rig: Rig
+    model: Model
+    robot: Robot
+    surface: Plane | Mesh
+    along: float = 0.002
+
+    @classmethod
+    def of(cls, rig: Rig, model: Sequence[str] | None = None, along: float = 0.002) -> Prober:
+        """For a rig; default model: `MODEL`.
+
+        Raises:
+            InputError: no robot or no surface in the rig, no such effect, or pieces of slides without a length.
+        """
+        if not (along == 0 or 5e-4 <= along <= FAR):
+            raise InputError(f"pieces of slides of {along} m", f"0.0005 to {FAR} m, or 0 for none", "correct it")
+        surface = load_surface(rig)
+        if not isinstance(surface, Plane | Mesh):
+            raise InputError("a rig without [surface]", "the surface that is mapped",
+                             "add [surface] with point and normal, or a mesh")  # fmt: skip
+        return cls(rig, Model(*(model or MODEL)), Robot.load(rig), surface, along)
+
+    @property
+    def name(self) -> str:
+        """Of the model."""
+        return str(self.model)
+
+    def probes(self, path: Path) -> tuple[tuple[Property, ...], list[Probe]]:
+        """Of a log in a file: its properties, and a probe for each touch.
+
+        Raises:
+            InputError: a log that can't carry the model.
+        """
+        log = read(path, self.rig, robot=self.robot)
+        return self.of_log(log, str(path))
+
+    def of_log(self, log: Log, source: str) -> tuple[tuple[Property, ...], list[Probe]]:
+        """The same of a log in memory."""
+        touch = contact_series(log, self.rig, robot=self.robot)
+        spans = touches(touch)
+        if not spans:
+            raise InputError(f"no touch of {SHORTEST} s in {source}", "a log in which the tool touches the surface",
+                             "leave it out, or look at it with kinid contact")  # fmt: skip
+        position = tip_motion(log, self.rig, robot=self.robot).position
+        properties: tuple[Property, ...] = ()
+        out: list[Probe] = []
+        for i, (a, b) in enumerate(spans):
+            low = 0 if i == 0 else (spans[i - 1][1] + a) // 2
+            high = len(touch) if i == len(spans) - 1 else (b + spans[i + 1][0]) // 2
+            part = _cut(touch, low, high) if len(spans) > 1 else touch
+            fit = self.model.fit(part, held_out=False)
+            properties = tuple(Property(_short(name, fit), p.unit) for name, p in fit.parameters.items())
+            name = source if len(spans) == 1 else f"{source}#{i}"
+            pieces = self._pieces(part, [p.name for p in properties], name)
+            if pieces:
+                out += pieces
+                continue
+            inside = slice(a, b)
+            # the deeper, the more a place says about the estimate
+            weight = np.maximum(np.nan_to_num(touch.depth[inside]), 0.0) + 1e-9
+            mean = np.average(np.nan_to_num(position[inside], nan=0.0), axis=0, weights=weight)
+            place = self.surface.locate(mean[None]).closest[0]
+            out.append(Probe(place, fit.values.copy(), fit.solution.covariance.copy(), fit.error.train, fit.error.noise_floor,
+                             name))  # fmt: skip
+        return properties, out
+
+    def _pieces(self, touch: ContactSeries, names: Sequence[str], source: str) -> list[Probe]:
+        """A probe for each piece of a long slide: force over depth as stiffness, tangential over normal force as friction.
+
+        Passes over the same place are taken together. What a steady slide doesn't tell, as damping, is left open.
+        """
+        if not (self.along and isinstance(self.surface, Plane)):
+            return []
+        inside = touch.in_contact
+        if not inside.any() or np.hypot(np.ptp(touch.slip1[inside]), np.ptp(touch.slip2[inside])) < FAR:
+            return []
+        try:
+            ways = [way for way in paths(touch) if np.ptp(way.x) >= 0.25 * FAR]
+        except InputError:
+            return []
+        flat = np.concatenate([way.origin + way.x[:, None] * way.direction for way in ways])
+        felt = np.concatenate([way.felt for way in ways], axis=1)
+        cell = np.unique(np.round(flat / self.along).astype(int), axis=0, return_inverse=True)[1].ravel()
+        out: list[Probe] = []
+        for k in range(int(cell.max()) + 1):
+            rows = cell == k
+            if rows.sum() < 3:
+                continue
+            told = dict(zip(("stiffness", "friction"), felt[:, rows].mean(axis=1)))
+            error = dict(zip(told, felt[:, rows].std(axis=1, ddof=1) / np.sqrt(max(rows.sum() / SHARED, 1.0))))
+            values = np.array([told.get(name, np.nan) for name in names])
+            variance = np.array([error[name] ** 2 if name in error else np.inf for name in names])
+            covariance = np.where(np.eye(len(names)) > 0, variance, 0.0)
+            place = self.surface.point + flat[rows].mean(axis=0) @ self.surface.axes[:2]
+            out.append(Probe(place, np.nan_to_num(values), covariance, source=f"{source}#piece{k}" if "#" not in source
+                             else f"{source}.piece{k}"))  # fmt: skip
+        return out
+
+
+def build(
+    paths: Sequence[Path], prober: Prober, start: PropertyMap | None = None, skipped: Callable[[Path, str], None] | None = None
+) -> Iterator[PropertyMap]:
+    """The map as it grows, log by log; logs that `start` holds already are passed over.
+
+    Args:
+        paths: of logs. prober: fits them. start: a map to go on with. skipped: told of logs that can't be used, and why;
+            without it, such a log ends it.
+
+    Raises:
+        InputError: as `Prober.probes`; or a start that has another surface, model or properties.
+    """
+    if start is not None and (start.model != prober.name or not same_surface(start.surface, prober.surface)):
+        raise InputError(f"a map of {start.model}, perhaps on another surface", f"a map of {prober.name} on the rig's surface",
+                         "write to another file")  # fmt: skip
+    grown = start
+    there = set() if start is None else {p.source.split("#")[0] for p in start.probes}
+    for path in paths:
+        if str(path) in there:
+            continue
+        try:
+            properties, probes = prober.probes(path)
+            empty = PropertyMap(prober.surface, properties, (), prober.name) if grown is None else grown
+            grown = empty.added(*probes)
+        except KinidError as error:
+            if skipped is None:
+                raise
+            skipped(path, str(error))
+            continue
+        yield grown
+
+
+def same_surface(a: Plane | Mesh, b: Plane | Mesh) -> bool:
+    """Whether two surfaces are one."""
+    if isinstance(a, Plane) and isinstance(b, Plane):
+        return np.array_equal(a.point, b.point) and np.allclose(a.axes, b.axes, atol=1e-12)
+    return (
+        isinstance(a, Mesh)
+        and isinstance(b, Mesh)
+        and np.array_equal(a.vertices, b.vertices)
+        and np.array_equal(a.faces, b.faces)
+    )
+
+
+def _short(name: str, fit: Fit) -> str:
+    """A parameter's name without its effect where that is clear; of friction's coefficient "friction"."""
+    if name == "coulomb-friction.coefficient":
+        return "friction"
+    own = name.split(".", 1)[1]
+    return own if sum(other.split(".", 1)[1] == own for other in fit.parameters) == 1 else name
+
+
+def _cut(touch: ContactSeries, low: int, high: int) -> ContactSeries:
+    """Rows of a contact series."""
+    rows = {f.name: value[..., low:high] for f in dataclasses.fields(touch)
+            if isinstance(value := getattr(touch, f.name), np.ndarray) and f.name != "bias"}  # fmt: skip
+    # without its source, which is of the whole log
+    return dataclasses.replace(touch, **rows, source=None)  # type: ignore[arg-type]

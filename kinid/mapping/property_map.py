@@ -1,0 +1,333 @@
+"""A map of properties over a surface: estimates with covariance where it was probed, guesses with uncertainty between.
+
+A map grows probe by probe. On disk it is one Parquet file with a row a probe, always whole: whoever reads it while it grows
+sees the map as it was after some probe. The surface, a mesh included, is in the file.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.errors import InputError, near
+from kinid.mapping.interpolation import MESH_METHODS, METHODS, Guess, Interpolator, PlaneGround
+from kinid.mapping.interpolation.gaussian_process import interpolator
+from kinid.robotics.surface import Mesh, Plane
+from kinid.writers import replacing
+
+Array = NDArray[np.float64]
+
+VERSION = 1
+#: of entries of a covariance, relative
+TOLERANCE = 1e-6
+#: standard errors to either side that hold 95 %
+WITHIN = 1.96
+
+
+@dataclass(frozen=True)
+class Property:
+    """What is mapped: name, as "stiffness", and unit."""
+
+    name: str
+    unit: str
+
+
+@dataclass(frozen=True, eq=False)
+class Probe:
+    """Estimates at one place.
+
+    Attributes:
+        place: on the surface, base frame [m], (3,). values: (p,). covariance: (p, p), infinite where a property is open.
+        residual, noise: what the model left, and what noise alone would have left [N]. source: where it came from.
+    """
+
+    place: Array
+    values: Array
+    covariance: Array
+    residual: float = float("nan")
+    noise: float = float("nan")
+    source: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class PropertyMap:
+    """Probes on a plane or a mesh; nothing in it is a guess until it is asked for one.
+
+    Attributes:
+        surface: `Plane` or `Mesh`. properties: what is mapped. probes: in the order they came. model: that was fitted.
+    """
+
+    surface: Plane | Mesh
+    properties: tuple[Property, ...]
+    probes: tuple[Probe, ...] = ()
+    model: str = ""
+
+    def __post_init__(self) -> None:
+        names = [p.name for p in self.properties]
+        if not names or len(set(names)) != len(names):
+            raise InputError(f"properties {names}", "one at least, each once", "name them apart")
+        for probe in self.probes:
+            self._check(probe)
+
+    def __len__(self) -> int:
+        return len(self.probes)
+
+    def _check(self, probe: Probe) -> None:
+        p = len(self.properties)
+        if np.shape(probe.place) != (3,) or not np.isfinite(probe.place).all():
+            raise InputError(f"a probe at {probe.place}", "three finite coordinates in the base frame [m]", "leave it out")
+        if np.shape(probe.values) != (p,) or np.shape(probe.covariance) != (p, p):
+            raise InputError(f"a probe with values {np.shape(probe.values)} and covariance {np.shape(probe.covariance)}",
+                             f"({p},) and ({p}, {p}) for {', '.join(q.name for q in self.properties)}",
+                             "map logs of one kind together")  # fmt: skip
+        for item, value, variance in zip(self.properties, probe.values, np.diag(probe.covariance)):
+            _check_estimate(item, float(value), float(variance), probe.source)
+        told = np.isfinite(np.diag(probe.covariance))
+        cov, sd = np.asarray(probe.covariance)[np.ix_(told, told)], np.sqrt(np.diag(probe.covariance)[told])
+        most = np.outer(sd, sd)  # of each entry; rounding is relative to it
+        bounded, symmetric = np.abs(cov) <= (1 + TOLERANCE) * most, np.abs(cov - cov.T) <= TOLERANCE * most
+        if not (bounded.all() and symmetric.all()):
+            raise InputError(f"a covariance that is none{_of(probe.source)}",
+                             "a finite, symmetric one with correlations within ±1", "leave the probe out")  # fmt: skip
+
+    def added(self, *probes: Probe) -> PropertyMap:
+        """The map with more probes.
+
+        Raises:
+            InputError: no finite place; values that are no numbers though they are told; a covariance that is none; a stiffness
+                that is surely negative.
+        """
+        for probe in probes:
+            self._check(probe)
+        made = object.__new__(PropertyMap)  # the others were checked when they came
+        made.__dict__.update(self.__dict__, probes=(*self.probes, *probes))
+        return made
+
+    @property
+    def places(self) -> Array:
+        """Of the probes, base frame [m], (n, 3)."""
+        return np.array([p.place for p in self.probes]).reshape(-1, 3)
+
+    def values(self, name: str) -> Array:
+        """Of one property, (n,); NaN where a probe left it open."""
+        k = self.index(name)
+        values = np.array([p.values[k] for p in self.probes])
+        return np.where(np.isfinite(self.deviations(name)), values, np.nan)
+
+    def deviations(self, name: str) -> Array:
+        """Standard errors of one property, (n,)."""
+        k = self.index(name)
+        return np.asarray(np.sqrt(np.array([max(float(p.covariance[k, k]), 0.0) for p in self.probes])))
+
+    @property
+    def misfit(self) -> Array:
+        """What the model left at each probe over what noise leaves, (n,): far above 1 the model fails there."""
+        return np.array([p.residual / p.noise if p.noise > 0 else np.nan for p in self.probes])
+
+    def index(self, name: str) -> int:
+        """Which property has this name.
+
+        Raises:
+            InputError: none.
+        """
+        names = [p.name for p in self.properties]
+        if name not in names:
+            raise InputError(f"property '{name}'", f"one of {', '.join(names)}", near(name, names))
+        return names.index(name)
+
+    def flat(self, points: Array) -> Array:
+        """Points of a plane, (m, 3), along its tangents from its point [m], (m, 2)."""
+        if not isinstance(self.surface, Plane):
+            raise InputError("a mesh", "a plane, to lay it flat", "ask at the mesh's vertices")
+        return np.asarray((np.asarray(points).reshape(-1, 3) - self.surface.point) @ self.surface.axes[:2].T)
+
+    def raised(self, flat: Array) -> Array:
+        """The points of a plane (m, 3) with coordinates along its tangents (m, 2) [m]."""
+        assert isinstance(self.surface, Plane)
+        return np.asarray(self.surface.point + np.asarray(flat) @ self.surface.axes[:2])
+
+    def interpolator(self, name: str, method: str = "gp") -> Interpolator:
+        """One property between the probes; queries are (m, 2) along a plane's tangents, or vertex numbers of a mesh.
+
+        Raises:
+            InputError: no probe that tells this property.
+        """
+        values, noise = self.values(name), self.deviations(name)
+        tells = np.isfinite(values)
+        if not tells.any():
+            raise InputError(f"no probe that tells {name}", "one at least", "map logs that excite it")
+        if isinstance(self.surface, Plane):
+            return interpolator(method, PlaneGround(self.flat(self.places)[tells]), values[tells], noise[tells])
+        from kinid.mapping.interpolation.mesh import MeshGround, on_mesh
+
+        return on_mesh(method, MeshGround(self.surface, self.places[tells]), values[tells], noise[tells])
+
+    def grid(self, cells: int = 100, margin: float = 0.5) -> tuple[Array, Array]:
+        """Ticks along both tangents of a plane [m] that span the probes and `margin` of their spacing around them.
+
+        Args:
+            cells: along the longer side.
+        """
+        flat = self.flat(self.places)
+        edge = margin * PlaneGround(flat).spacing
+        low, high = flat.min(axis=0) - edge, flat.max(axis=0) + edge
+        step = float((high - low).max()) / cells
+        counts = np.maximum(2, np.round((high - low) / step).astype(int) + 1)
+        return np.linspace(low[0], high[0], counts[0]), np.linspace(low[1], high[1], counts[1])
+
+    def over_grid(self, name: str, ticks: tuple[Array, Array], method: str = "gp") -> Guess:
+        """One property over a grid on a plane; fields have shape (len(ticks[0]), len(ticks[1]))."""
+        x, y = np.meshgrid(*ticks, indexing="ij")
+        guess = self.interpolator(name, method).at(np.column_stack([x.ravel(), y.ravel()]))
+        return Guess(guess.mean.reshape(x.shape), guess.sd.reshape(x.shape), guess.known.reshape(x.shape))
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """Ways to interpolate on this surface."""
+        return METHODS if isinstance(self.surface, Plane) else MESH_METHODS
+
+    def held_out(self, name: str) -> dict[str, float]:
+        """Root mean square error of each method where each probe is left out in turn, by its name."""
+        return {method: self.interpolator(name, method).left_out_error for method in self.methods}
+
+    def write(self, path: Path) -> None:
+        """As Parquet, whole or not at all; a file that is there is replaced in one step.
+
+        Raises:
+            InputError: a name that doesn't end in .parquet, or a folder that can't be written to.
+        """
+        if path.suffix.lower() != ".parquet":
+            raise InputError(f"map '{path.name}'", "a name ending in .parquet", "rename it")
+        import pyarrow as pa
+        from pyarrow import parquet
+
+        names = [p.name for p in self.properties]
+        columns: dict[str, Any] = {"source": pa.array([p.source for p in self.probes], pa.string())}
+        places = self.places
+        columns |= {axis: places[:, i] for i, axis in enumerate("xyz")}
+        if isinstance(self.surface, Plane) and len(self.probes):
+            flat = self.flat(places)
+            columns |= {"along1": flat[:, 0], "along2": flat[:, 1]}
+        values = np.array([p.values for p in self.probes]).reshape(-1, len(names))
+        covariances = np.array([p.covariance for p in self.probes]).reshape(-1, len(names), len(names))
+        for i, name in enumerate(names):
+            columns[name] = values[:, i]
+            columns |= {f"cov.{name}.{names[j]}": covariances[:, i, j] for j in range(i, len(names))}
+        columns["residual"] = np.array([p.residual for p in self.probes], dtype=float)
+        columns["noise"] = np.array([p.noise for p in self.probes], dtype=float)
+        table = pa.table(
+            {name: pa.array(column) if isinstance(column, np.ndarray) else column for name, column in columns.items()}
+        )
+        about = {"kind": "property map", "version": VERSION, "model": self.model, "surface": _surface_to_dict(self.surface),
+                 "properties": [{"name": p.name, "unit": p.unit} for p in self.properties]}  # fmt: skip
+        table = table.replace_schema_metadata({"kinid": json.dumps(about)})
+        with replacing(path) as temporary:
+            parquet.write_table(table, temporary, compression="snappy")
+
+    @classmethod
+    def read(cls, path: Path) -> PropertyMap:
+        """A map from its file.
+
+        Raises:
+            InputError: no map there.
+        """
+        import pyarrow as pa
+        from pyarrow import parquet
+
+        try:
+            # opened once: a map that is replaced between two looks at its name would be half old and half new.
+            # No thread of Arrow's may let go of a Python object after this: at exit that ends the process by an abort
+            with pa.OSFile(str(path)) as file:
+                table = parquet.ParquetFile(file).read(use_threads=False)
+        except (OSError, pa.ArrowInvalid) as error:
+            raise InputError(
+                f"no readable map at {path} ({str(error)[:80]})", "a Parquet file of kinid map", "make it anew"
+            ) from None
+        try:
+            about = json.loads((table.schema.metadata or {})[b"kinid"])
+            if about["kind"] != "property map" or about["version"] != VERSION:
+                raise KeyError("kind")
+            properties = tuple(Property(str(p["name"]), str(p["unit"])) for p in about["properties"])
+            surface = _surface_from_dict(about["surface"])
+            names, n = [p.name for p in properties], table.num_rows
+            column = {name: table[name].to_numpy() for name in table.column_names if name != "source"}
+            covariances = np.empty((n, len(names), len(names)))
+            for i, a in enumerate(names):
+                for j in range(i, len(names)):
+                    covariances[:, i, j] = covariances[:, j, i] = column[f"cov.{a}.{names[j]}"]
+            places = np.column_stack([column[axis] for axis in "xyz"])
+            values = np.column_stack([column[name] for name in names])
+            rows = zip(
+                places, values, covariances, column["residual"].tolist(), column["noise"].tolist(), table["source"].to_pylist()
+            )
+            return cls(surface, properties, tuple(Probe(*row) for row in rows), str(about["model"]))
+        except (KeyError, ValueError, TypeError) as error:
+            raise InputError(f"{path}, which is no property map ({str(error)[:80]})", "a Parquet file of kinid map",
+                             "make it with kinid map") from None  # fmt: skip
+
+    def without(self, sources: Sequence[str]) -> PropertyMap:
+        """The map without the probes of some sources."""
+        gone = set(sources)
+        return replace(self, probes=tuple(p for p in self.probes if p.source not in gone))
+
+
+def _check_estimate(item: Property, value: float, variance: float, source: str) -> None:
+    """Refuse what is no estimate; one whose variance is infinite is left open, and its value says nothing."""
+    if not variance >= 0.0:
+        raise InputError(f"{item.name} with variance {variance}{_of(source)}", "0 or more, infinite where it is left open",
+                         "leave the probe out")  # fmt: skip
+    if not np.isfinite(variance):
+        return
+    if not np.isfinite(value):
+        raise InputError(f"{item.name} {value}{_of(source)}", "a finite value, or an infinite variance where it is left open",
+                         "leave the probe out")  # fmt: skip
+    half = WITHIN * np.sqrt(variance)
+    if item.name.rsplit(".", 1)[-1] == "stiffness" and value + half < 0.0:
+        raise InputError(f"a stiffness of {value:.4g} ± {half:.2g} {item.unit}{_of(source)}",
+                         "one whose interval reaches positive values",
+                         "check the surface's normal and the sign of the force")  # fmt: skip
+
+
+def _of(source: str) -> str:
+    return f" of the probe {source}" if source else ""
+
+
+def is_map(path: Path) -> bool:
+    """Whether a Parquet file says that it is a property map."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    try:
+        with pa.OSFile(str(path)) as file:
+            metadata = parquet.read_schema(file).metadata or {}
+        return bool(json.loads(metadata.get(b"kinid", b"{}")).get("kind") == "property map")
+    except Exception:  # whatever is wrong with it, it is no map
+        return False
+
+
+def _surface_to_dict(surface: Plane | Mesh) -> dict[str, Any]:
+    if isinstance(surface, Plane):
+        return {"point": surface.point.tolist(), "axes": surface.axes.tolist()}
+    tangent = None if surface.tangent is None else surface.tangent.tolist()
+    return {"vertices": _packed(surface.vertices, "<f8"), "faces": _packed(surface.faces, "<i8"),
+            "edge_radius": surface.edge_radius, "tangent": tangent, "source": surface.source}  # fmt: skip
+
+
+def _surface_from_dict(facts: dict[str, Any]) -> Plane | Mesh:
+    if "axes" in facts:
+        return Plane(np.array(facts["point"], dtype=float), np.array(facts["axes"], dtype=float))
+    vertices = np.frombuffer(base64.b64decode(facts["vertices"]), "<f8").reshape(-1, 3)
+    faces = np.frombuffer(base64.b64decode(facts["faces"]), "<i8").reshape(-1, 3)
+    tangent = None if facts["tangent"] is None else np.array(facts["tangent"], dtype=float)
+    return Mesh(vertices, faces, float(facts["edge_radius"]), tangent, str(facts["source"]))
+
+
+def _packed(values: NDArray[Any], kind: str) -> str:
+    return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")

@@ -1,0 +1,130 @@
+"""What an arm carries: the motion of its force/torque sensor, the load of the tool there, and the torques that hold a payload."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from kinid.data.rig import Rig, ToolSpec
+from kinid.effects import SensorMotion
+from kinid.robotics.motion import JointMotion
+from kinid.robotics.robot import Kinematics, Robot
+from kinid.robotics.surface import Plane, Surface
+from kinid.robotics.wrench import tool_load
+
+Array = NDArray[np.float64]
+
+#: samples whose poses are held at a time: all of a long log would need as much memory as everything else together
+AT_ONCE = 32_768
+
+
+def sensor_motion(robot: Robot, rig: Rig, motion: JointMotion, rows: NDArray[np.int64], surface: Surface | None) -> SensorMotion:
+    """Motion of the sensor at these rows, and the load of the rig's tool there.
+
+    Contact axes are the surface's where the tip is; without a surface, the base's.
+    """
+    tool, n = rig.tool or ToolSpec(mass=0.0), len(rows)
+    out = SensorMotion(
+        to_contact=np.empty((n, 3, 3)), tip=robot.tip_in_sensor() if robot.tip_frame is not None else np.zeros(3),
+        specific=np.empty((3, n)), omega=np.empty((3, n)), alpha=np.empty((3, n)), load=np.empty((6, n)),
+        mass=tool.mass, com=np.asarray(tool.com),
+    )  # fmt: skip
+    for begin in range(0, n, AT_ONCE):
+        at, part = slice(begin, begin + AT_ONCE), rows[begin : begin + AT_ONCE]
+        sensor = robot.kinematics(robot.sensor_frame or "", motion.q[part], motion.dq[part], motion.ddq[part])
+        axes: Array = np.eye(3)
+        if isinstance(surface, Plane):
+            axes = surface.axes
+        elif surface is not None:
+            axes = surface.locate(robot.kinematics(robot.tip_frame or "", motion.q[part]).position).axes
+        out.to_contact[at] = axes @ sensor.rotation
+        out.specific[:, at], out.omega[:, at], out.alpha[:, at] = _in_sensor(sensor, robot.gravity)
+        out.load[:, at] = tool_load(tool, sensor, robot.gravity).T
+    return out
+
+
+def payload_torques(robot: Robot, q: Array, dq: Array, ddq: Array) -> Array:
+    """Joint torques per unit of a payload's m [kg] and m·com [kg·m], (4, N, n), in the log's order of joints.
+
+    The payload is fixed to the sensor frame (without one, to the tip's, else to the last frame of the model), and its com
+    is given there; its inertia about the origin of that frame is zero. By Newton-Euler its wrench is linear in these four,
+    and so are the torques −Jᵀ w that hold it.
+    """
+    model = robot.model
+    name = robot.sensor_frame or robot.tip_frame or model.frames[model.nframes - 1].name
+    motion = robot.kinematics(name, q, dq, ddq)
+    wrench = payload_wrenches(*_in_sensor(motion, robot.gravity))
+    frame, data = model.getFrameId(name, robot.frame(name).type), model.createData()
+    configuration = robot.configuration(q)
+    out = np.empty((len(q), 4, model.nv))
+    for i in range(len(q)):
+        jacobian = pin.computeFrameJacobian(model, data, configuration[i], frame, pin.LOCAL)
+        out[i] = -wrench[:, :, i] @ jacobian
+    order = [robot.from_tangent(np.ascontiguousarray(out[:, k])) for k in range(4)]
+    return np.ascontiguousarray(np.stack(order).transpose(0, 2, 1))
+
+
+def gravity_torques(robot: Robot, q: Array) -> Array:
+    """Joint torques that hold the arm per unit of gravity along each axis of its base, (3, N, n), in the log's order."""
+    data, configuration = robot.model.createData(), robot.configuration(q)
+    out = np.empty((3, len(q), robot.model.nv))
+    for axis in range(3):
+        model = pin.Model(robot.model)
+        model.gravity = pin.Motion(np.eye(3)[axis], np.zeros(3))
+        for i, row in enumerate(configuration):
+            out[axis, i] = pin.computeGeneralizedGravity(model, data, row)
+    return np.ascontiguousarray(np.stack([robot.from_tangent(rows) for rows in out]).transpose(0, 2, 1))
+
+
+def moment_torques(robot: Robot, q: Array) -> Array:
+    """Joint torques that hold the arm at rest per unit of each link's first moment m·c [kg·m] in its joint's frame.
+
+    Returns:
+        (3 N, N, n): of the first link along x, y and z, of the second, …; joints in the log's order.
+    """
+    model, data, configuration = robot.model, robot.model.createData(), robot.configuration(q)
+    still, links = np.zeros(model.nv), model.njoints - 1
+    moments = np.array([10 * link + k for link in range(links) for k in (1, 2, 3)])
+    out = np.empty((len(moments), len(q), model.nv))
+    for i, row in enumerate(configuration):
+        out[:, i] = pin.computeJointTorqueRegressor(model, data, row, still, still)[:, moments].T
+    return np.ascontiguousarray(np.stack([robot.from_tangent(rows) for rows in out]).transpose(0, 2, 1))
+
+
+def torque_slopes(robot: Robot, q: Array, dq: Array, ddq: Array) -> Array:
+    """Change of the torques of a motion where each joint is elsewhere, per radian, and where it accelerates, per rad/s².
+
+    Returns:
+        (2, N, N, n): of the first joint's angle on all torques, …; then of its acceleration, but on its own torque.
+    """
+    model, data = robot.model, robot.model.createData()
+    configuration, v, a = robot.configuration(q), robot.tangent(dq), robot.tangent(ddq)
+    out = np.empty((2, robot.joint_count, robot.joint_count, len(q)))
+    order = robot.order
+    at = np.ix_(order, order)
+    for i, row in enumerate(configuration):
+        slopes, _, masses = pin.computeRNEADerivatives(model, data, row, v[i], a[i])
+        out[0][..., i][at], out[1][..., i][at] = slopes.T, masses - np.diag(np.diag(masses))
+    return out
+
+
+def payload_wrenches(specific: Array, omega: Array, alpha: Array) -> Array:
+    """Wrench at the origin of the sensor per unit of m and m·com, its inertia about that origin zero, (4, 6, n).
+
+    f = m (g − a) − α × h − ω × (ω × h), τ = h × (g − a); arguments as in `SensorMotion`, (3, n).
+    """
+    out = np.zeros((4, 6, specific.shape[1]))
+    out[0, :3] = specific
+    for k, h in enumerate(np.eye(3)[:, :, None]):
+        turned = np.cross(omega, np.broadcast_to(h, omega.shape), axis=0)
+        out[k + 1, :3] = -np.cross(alpha, np.broadcast_to(h, alpha.shape), axis=0) - np.cross(omega, turned, axis=0)
+        out[k + 1, 3:] = np.cross(np.broadcast_to(h, specific.shape), specific, axis=0)
+    return out
+
+
+def _in_sensor(motion: Kinematics, gravity: Array) -> tuple[Array, Array, Array]:
+    """Specific force g − a, angular velocity and acceleration in the frame's own axes, each (3, n)."""
+    into = [np.einsum("nji,nj->in", motion.rotation, vector)
+            for vector in (gravity - motion.acceleration, motion.angular_velocity, motion.angular_acceleration)]  # fmt: skip
+    return into[0], into[1], into[2]

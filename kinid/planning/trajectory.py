@@ -1,0 +1,183 @@
+"""A planned motion of a robot: joints, tip, phases and expected force over time, and how it is kept on disk."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.data.log import frozen
+from kinid.errors import InputError
+from kinid.writers import write_table
+
+Array = NDArray[np.float64]
+
+KIND, VERSION = "trajectory", 1
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Samples at an even rate; arrays are read-only. Joints are in the order of `joint_names`, which is the log's.
+
+    Attributes:
+        t: [s], (n,). phase: free, approach, hold, poke, slide, retract, rest, (n,).
+        q, dq, ddq: joints, their velocities and accelerations, (n, N).
+        tip: base frame [m], (n, 3). place: slip1, slip2, depth [m] where there is a surface, (n, 3), or None.
+        force: expected of the material on the tool, base axes [N], (n, 3). normal_force: along the normal [N], (n,);
+            both NaN where no model was given and the tip is in the material.
+        force_limit: the motion stops and retracts where the measured normal force passes this [N], (n,); infinite: no guard.
+        touch: number of the touch that a sample belongs to, from 0, (n,).
+        joint_names: (N,). provenance: what was asked for, limits and how much of each is used.
+    """
+
+    t: Array
+    phase: NDArray[np.str_]
+    q: Array
+    dq: Array
+    ddq: Array
+    tip: Array
+    joint_names: tuple[str, ...]
+    place: Array | None = None
+    force: Array | None = None
+    normal_force: Array | None = None
+    force_limit: Array | None = None
+    touch: NDArray[np.int64] | None = None
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        n, joints = len(self.t), len(self.joint_names)
+        shapes = {"t": (n,), "q": (n, joints), "dq": (n, joints), "ddq": (n, joints), "tip": (n, 3), "place": (n, 3),
+                  "force": (n, 3), "normal_force": (n,), "force_limit": (n,)}  # fmt: skip
+        for name, shape in shapes.items():
+            value = getattr(self, name)
+            if value is None:
+                continue
+            if np.shape(value) != shape:
+                raise ValueError(f"{name} of shape {np.shape(value)}, not {shape}")
+            object.__setattr__(self, name, frozen(value))
+        if len(self.phase) != n:
+            raise ValueError(f"{len(self.phase)} phases for {n} samples")
+        for name in ("phase", "touch"):
+            if getattr(self, name) is not None:
+                values = np.array(getattr(self, name))
+                values.setflags(write=False)
+                object.__setattr__(self, name, values)
+        if n < 2 or not (np.diff(self.t) > 0).all():
+            raise ValueError("a trajectory has two samples or more, at rising times")
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def duration(self) -> float:
+        """[s]"""
+        return float(self.t[-1] - self.t[0])
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """The table: t, phase, q1…, dq1…, ddq1…, tip_x tip_y tip_z, and what else is known."""
+        out: dict[str, NDArray[Any]] = {"t": self.t, "phase": self.phase}
+        for name in ("q", "dq", "ddq"):
+            out |= {f"{name}{j + 1}": getattr(self, name)[:, j] for j in range(len(self.joint_names))}
+        out |= {f"tip_{axis}": self.tip[:, i] for i, axis in enumerate("xyz")}
+        if self.place is not None:
+            out |= {name: self.place[:, i] for i, name in enumerate(("slip1", "slip2", "depth"))}
+        if self.force is not None:
+            out |= {f"expected_force_{axis}": self.force[:, i] for i, axis in enumerate("xyz")}
+        if self.normal_force is not None:
+            out["expected_normal_force"] = self.normal_force
+        if self.force_limit is not None:
+            out["force_limit"] = self.force_limit
+        if self.touch is not None:
+            out["touch"] = self.touch
+        return out
+
+    def write(self, path: Path) -> None:
+        """Write as Parquet (with provenance), CSV or NPZ, whole or not at all."""
+        facts = {"kind": KIND, "version": VERSION, "joint_names": list(self.joint_names), **self.provenance}
+        write_table(path, self.columns(), facts)
+
+
+def read_trajectory(path: Path, joint_names: tuple[str, ...] | None = None) -> Trajectory:
+    """A trajectory from a table that `Trajectory.write`, or anyone, wrote: t and q1…qN at least.
+
+    Velocities and accelerations that are absent are those of a spline of fifth degree through the positions.
+
+    Args:
+        path: Parquet, CSV or NPZ. joint_names: of its joints, where the file doesn't say.
+
+    Raises:
+        InputError: not a table, or not a trajectory.
+    """
+    table, facts = _table(path)
+    count = 0
+    while f"q{count + 1}" in table:
+        count += 1
+    if "t" not in table or not count:
+        raise InputError(f"{path} with the columns {', '.join(list(table)[:8]) or 'none'}", "a trajectory: t, q1…qN",
+                         "name a file that kinid plan wrote")  # fmt: skip
+    names = tuple(facts.get("joint_names") or joint_names or (f"joint_{j + 1}" for j in range(count)))
+    if len(names) != count:
+        raise InputError(f"{count} joints in {path}", f"{len(names)}: {', '.join(names)}",
+                         "choose the rig that it was planned for")  # fmt: skip
+
+    def block(*columns: str) -> Array | None:
+        if any(name not in table for name in columns):
+            return None
+        return np.stack([np.asarray(table[name], dtype=float) for name in columns], axis=1)
+
+    t, q = np.asarray(table["t"], dtype=float), block(*(f"q{j + 1}" for j in range(count)))
+    assert q is not None
+    if len(t) < 6 or not np.isfinite(q).all() or not (np.diff(t) > 0).all():
+        raise InputError(f"{path} with {len(t)} samples, times that don't rise, or joints that are no numbers",
+                         "at least 6 samples at rising times", "repair the table")  # fmt: skip
+    dq, ddq = (block(*(f"{name}{j + 1}" for j in range(count))) for name in ("dq", "ddq"))
+    if dq is None or ddq is None:
+        from scipy.interpolate import make_interp_spline
+
+        spline = make_interp_spline(t, q, k=5)
+        dq, ddq = spline(t, 1), spline(t, 2)
+    single = {name: np.asarray(table[name], dtype=float) if name in table else None
+              for name in ("expected_normal_force", "force_limit")}  # fmt: skip
+    tip = block("tip_x", "tip_y", "tip_z")
+    return Trajectory(
+        t, np.asarray(table.get("phase", np.full(len(t), "motion")), dtype=np.str_), q, dq, ddq,
+        np.full((len(t), 3), np.nan) if tip is None else tip, names, block("slip1", "slip2", "depth"),
+        block("expected_force_x", "expected_force_y", "expected_force_z"), single["expected_normal_force"],
+        single["force_limit"], np.asarray(table["touch"], dtype=np.int64) if "touch" in table else None,
+        {k: v for k, v in facts.items() if k not in ("kind", "version", "joint_names")},
+    )  # fmt: skip
+
+
+def read_columns(path: Path) -> dict[str, NDArray[Any]]:
+    """The columns of a Parquet, CSV or NPZ table."""
+    return _table(path)[0]
+
+
+def _table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """Columns of a file, and its provenance."""
+    if not path.is_file():
+        raise InputError(f"no file {path}", "a table as Parquet, CSV or NPZ", "check its name")
+    suffix = path.suffix.lower()
+    try:
+        if suffix == ".npz":
+            with np.load(path, allow_pickle=False) as file:
+                return dict(file), {}
+        if suffix not in (".parquet", ".csv"):
+            raise InputError(f"table '{path.name}'", "a name ending in .parquet, .csv or .npz", "convert it")
+        if suffix == ".csv":
+            from pyarrow import csv
+
+            table = csv.read_csv(path)
+        else:
+            from pyarrow import parquet
+
+            table = parquet.read_table(path)
+        facts = json.loads((table.schema.metadata or {}).get(b"kinid", b"{}"))
+        return {name: table[name].to_numpy() for name in table.column_names}, facts
+    except (OSError, ValueError) as error:  # pyarrow's errors are of both kinds
+        raise InputError(f"{path} that can't be read ({str(error)[:80]})", "a table", "write it again") from None

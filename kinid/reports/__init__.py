@@ -1,0 +1,1 @@
+"""Figures and pages: one HTML file each, readable without a network."""

@@ -1,0 +1,268 @@
+"""Pictures of results: one HTML file each, self-contained, readable without a network.
+
+Colours are those of Okabe and Ito (2008), which colour-blind readers can tell apart.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import html
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.contact.analysis import Analysis
+from kinid.contact.series import ContactSeries
+from kinid.robotics.inverse_dynamics import JointTorques
+from kinid.robotics.motion import TipMotion
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+Array = NDArray[np.float64]
+
+BLUE, VERMILION, GREEN, ORANGE, GREY = "#0072B2", "#D55E00", "#009E73", "#E69F00", "#6b7280"
+AXES = (BLUE, VERMILION, GREEN)
+#: what was measured, in every picture that holds it against a model
+INK = "#4b5563"
+#: name, colour and dash ("solid" or "dashed") of a line, for a key
+Entry = tuple[str, str, str]
+
+#: more points than this in a line can't be told apart on a screen
+MOST_POINTS = 6000
+
+_STYLE = """
+:root{color-scheme:light}
+body{font:16px/1.5 system-ui,sans-serif;color:#1f2937;background:#fff;margin:0 auto;max-width:1100px;padding:1rem}
+h1{font-size:1.5rem;margin:.2rem 0}h2{font-size:1.15rem;margin:1.6rem 0 .2rem}
+p.facts{color:#4b5563;margin:.2rem 0}
+table{border-collapse:collapse;margin:.6rem 0;font-variant-numeric:tabular-nums}
+td,th{padding:.2rem .8rem .2rem 0;text-align:right;border-bottom:1px solid #e5e7eb}
+td:first-child,th:first-child{text-align:left}
+.scroll{overflow-x:auto}
+details{margin:1.5rem 0;color:#4b5563}code{font-size:.85rem;overflow-wrap:anywhere}
+pre{white-space:pre-wrap;background:#f6f7f9;padding:.6rem .8rem;border-radius:.4rem;font-size:.9rem;margin:.4rem 0}
+figure{margin:.3rem 0;min-width:0;max-width:100%}
+figcaption{font-size:.9rem;font-weight:600;margin:.2rem 0}
+.grid{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,330px),1fr));gap:.4rem 1.2rem}
+.grid.wide{grid-template-columns:repeat(auto-fill,minmax(min(100%,480px),1fr))}
+.grid.wide>figure:only-child{grid-column:1/-1}
+.key{margin:.4rem 0}.key span{display:inline-block;margin-right:1.2rem}.key i{display:inline-block;width:1.6rem;height:0;
+border-top:3px solid;vertical-align:middle;margin-right:.35rem}
+@media (max-width:600px){body{padding:.6rem}td,th{padding-right:.55rem;font-size:.85rem}}
+@media print{@page{margin:12mm}body{max-width:none;padding:0;font-size:10.5pt}
+figure,li,tr{break-inside:avoid}h2,h3,.key,.facts{break-after:avoid}.scroll{overflow:visible}
+td,th{font-size:8pt;padding-right:.4rem}.grid,.grid.wide{grid-template-columns:1fr 1fr}
+*{print-color-adjust:exact;-webkit-print-color-adjust:exact}}
+"""
+
+#: figures are drawn while the page is read, before it has its final width; a finger that strokes one scrolls the page; and for
+#: printing each is fitted to its column, and what is folded away is shown
+_FIT = """<script>
+(function(){
+  var all=function(f){document.querySelectorAll('.js-plotly-plot').forEach(f)},finger=matchMedia('(pointer:coarse)').matches;
+  addEventListener('load',function(){all(function(p){Plotly.Plots.resize(p);if(finger)Plotly.relayout(p,{dragmode:false})})});
+  addEventListener('beforeprint',function(){
+    document.querySelectorAll('details').forEach(function(d){d.open=true});
+    all(function(p){var half=p.closest('.grid');Plotly.relayout(p,{width:half?335:690,autosize:false})});
+  });
+  addEventListener('afterprint',function(){all(function(p){Plotly.relayout(p,{width:null,autosize:true})})});
+})();
+</script>"""
+
+
+def analysis_page(result: Analysis, title: str) -> str:
+    """The contact frame or the tip's motion, and joint torques, as one HTML page."""
+    figures: list[tuple[str, Figure | str]] = []
+    if result.contact is not None:
+        figures += contact_figures(result.contact)
+    if result.tip is not None:
+        figures.append(("Motion of the tip, base frame", tip_figure(result.tip)))
+    if result.torques is not None:
+        names = key((("measured", INK, "solid"), ("inverse dynamics", VERMILION, "solid"), ("residual", BLUE, "solid")))
+        figures.append(("Joint torques: measured, and inverse dynamics", names + drawing(torque_figure(result.torques))))
+    facts = result.summary()
+    body = []
+    if result.contact is not None:
+        body.append(f"<p class=facts>{facts['samples']} samples, {facts['invalid_samples']} invalid; in contact "
+                    f"{100 * facts['in_contact']:.1f} % of the time, {facts['touches']} touches.</p>")  # fmt: skip
+    if result.torques is not None:
+        rows = "".join(
+            f"<tr><td>{html.escape(name)}</td><td>{row['measured_rms']:.3f}</td><td>{row['residual_rms']:.3f}</td></tr>"
+            for name, row in facts["joint_torques"].items()
+        )
+        body.append("<div class=scroll><table><tr><th>joint</th><th>measured rms [N·m]</th><th>residual rms [N·m]</th></tr>"
+                    f"{rows}</table></div>")  # fmt: skip
+    steps = "".join(f"<li><code>{html.escape(str(step))}</code></li>" for step in result.provenance.steps)
+    tail = f"<details><summary>Provenance of {html.escape(result.provenance.source)}</summary><ol>{steps}</ol></details>"
+    return page(title, "".join(body), figures, tail)
+
+
+def page(title: str, head: str, figures: Sequence[tuple[str, Figure | str]], tail: str = "", style: str = "") -> str:
+    """One self-contained HTML page of titled figures, or of HTML with figures in it; `style` is added to the house's."""
+    from plotly.offline import get_plotlyjs
+
+    parts = [f"<section><h2>{html.escape(name)}</h2>{figure if isinstance(figure, str) else drawing(figure)}</section>"
+             for name, figure in figures]  # fmt: skip
+    return (
+        "<!doctype html><html lang=en><head><meta charset=utf-8>"
+        '<meta name=viewport content="width=device-width,initial-scale=1">'
+        # an empty icon: the page asks nobody for one
+        f'<link rel=icon href="data:,"><title>{html.escape(title)} – kinid</title><style>{_STYLE}{style}</style>'
+        f"<script>{get_plotlyjs()}</script></head><body><h1>{html.escape(title)}</h1>{head}{''.join(parts)}{tail}{_FIT}"
+        "</body></html>\n"
+    )
+
+
+def drawing(figure: Figure, caption: str = "") -> str:
+    """A figure as part of a page, as wide as its place."""
+    # named by what it shows: the same page each time
+    name = hashlib.sha256(f"{caption}{figure.to_json()}".encode()).hexdigest()[:12]
+    drawn = figure.to_html(full_html=False, include_plotlyjs=False, div_id=f"figure-{name}",
+                           config={"displaylogo": False, "responsive": True, "displayModeBar": False})  # fmt: skip
+    return f"<figure>{f'<figcaption>{html.escape(caption)}</figcaption>' if caption else ''}{drawn}</figure>"
+
+
+def grid(figures: Iterable[tuple[str, Figure]], *, wide: bool = False) -> str:
+    """Captioned figures side by side, as many as the page is wide."""
+    inside = "".join(drawing(figure, caption) for caption, figure in figures)
+    return f'<div class="grid{" wide" if wide else ""}">{inside}</div>' if inside else ""
+
+
+def key(entries: Iterable[Entry]) -> str:
+    """Which colour is which, as text that wraps on a narrow screen; once for many pictures."""
+    spans = (f'<span><i style="border-color:{colour};border-top-style:{dash}"></i>{html.escape(name)}</span>'
+             for name, colour, dash in entries)  # fmt: skip
+    return f"<p class=key>{''.join(spans)}</p>"
+
+
+def contact_figures(touch: ContactSeries) -> list[tuple[str, Figure | str]]:
+    """Contact-frame quantities over time, each in a row with the axis that names it, and force over depth."""
+    from plotly.subplots import make_subplots
+
+    keep = thin(len(touch.t), touch.depth, touch.normal_force)
+    t = touch.t[keep] - touch.t[0]
+    rows: list[tuple[str, list[tuple[str, Array]]]] = [
+        ("depth [mm]", [("depth", 1e3 * touch.depth[keep])]),
+        ("depth rate [mm/s]", [("depth rate", 1e3 * touch.depth_rate[keep])]),
+        ("slip [mm]", [("along tangent 1", 1e3 * touch.slip1[keep]), ("along tangent 2", 1e3 * touch.slip2[keep])]),
+        ("normal force [N]", [("normal", touch.normal_force[keep])]),
+        (
+            "tangential force [N]",
+            [("tangent 1", touch.tangential_force1[keep]), ("tangent 2", touch.tangential_force2[keep])],
+        ),
+    ]
+    rows = [(label, [line for line in lines if np.isfinite(line[1]).any()]) for label, lines in rows]
+    rows = [row for row in rows if row[1]]
+    time = make_subplots(rows=len(rows), cols=1, shared_xaxes=True, vertical_spacing=0.025)
+    for i, (label, lines) in enumerate(rows, start=1):
+        for (name, values), colour in zip(lines, AXES):
+            line(time, t, values, name, colour, i, legend=False)
+        time.update_yaxes(title_text=label, row=i, col=1)
+    # one shape a touch over the whole height, added at once: adding them one by one takes seconds
+    time.update_layout(shapes=[
+        {"type": "rect", "xref": "x", "yref": "paper", "x0": a, "x1": b, "y0": 0, "y1": 1, "fillcolor": ORANGE, "opacity": 0.1,
+         "line": {"width": 0}, "layer": "below"} for a, b in _runs(touch.in_contact, touch.t - touch.t[0])])  # fmt: skip
+    time.update_xaxes(title_text="time [s]", row=len(rows), col=1)
+    finish(time, 170 * len(rows) + 60)
+    pairs = any(len(lines) > 1 for _, lines in rows)
+    names = key((f"along tangent {i}", AXES[i - 1], "solid") for i in (1, 2)) if pairs else ""
+    figures: list[tuple[str, Figure | str]] = [("Contact frame over time (shaded: in contact)", names + drawing(time))]
+    inside = touch.in_contact & np.isfinite(touch.normal_force)
+    if inside.any():
+        figures.append(("Force over depth, in contact", _loop(touch, inside)))
+    return figures
+
+
+def _loop(touch: ContactSeries, inside: NDArray[np.bool_]) -> Figure:
+    import plotly.graph_objects as go
+
+    names = np.full(len(touch), "contact") if touch.phase is None else touch.phase
+    figure = go.Figure()
+    palette = (BLUE, VERMILION, GREEN, ORANGE, "#CC79A7", "#000000", GREY)
+    order = list(dict.fromkeys(names[inside].tolist()))
+    for i, name in enumerate(order):
+        rows = np.flatnonzero(inside & (names == name))
+        rows = rows[:: 1 + len(rows) // MOST_POINTS]
+        figure.add_scatter(x=1e3 * touch.depth[rows], y=touch.normal_force[rows], mode="markers", name=str(name),
+                           marker={"size": 3, "color": palette[i % len(palette)]})  # fmt: skip
+    figure.update_xaxes(title_text="depth [mm]")
+    figure.update_yaxes(title_text="normal force [N]")
+    finish(figure, 420)
+    figure.update_layout(hovermode="closest", legend={"itemsizing": "constant"})  # marks in the legend that can be seen
+    return figure
+
+
+def tip_figure(tip: TipMotion) -> Figure:
+    """Position, velocity and force of the tip in base axes."""
+    from plotly.subplots import make_subplots
+
+    rows = [("position [m]", tip.position), ("velocity [m/s]", tip.velocity)]
+    if tip.force is not None:
+        rows.append(("force [N]", tip.force))
+    keep = thin(len(tip.t), tip.position[:, 0], tip.velocity[:, 2])
+    figure = make_subplots(rows=len(rows), cols=1, shared_xaxes=True, vertical_spacing=0.04)
+    for i, (label, values) in enumerate(rows, start=1):
+        for axis in range(3):
+            line(figure, tip.t[keep] - tip.t[0], values[keep, axis], "xyz"[axis], AXES[axis], i, legend=i == 1)
+        figure.update_yaxes(title_text=label, row=i, col=1)
+    figure.update_xaxes(title_text="time [s]", row=len(rows), col=1)
+    finish(figure, 230 * len(rows) + 60)
+    return figure
+
+
+def torque_figure(torques: JointTorques) -> Figure:
+    """Measured and predicted torque of each joint, and what is left."""
+    from plotly.subplots import make_subplots
+
+    count = torques.measured.shape[1]
+    titles = [f"{html.escape(name)}: residual rms {rms:.2f} N·m" for name, rms in zip(torques.joint_names, torques.rms)]
+    figure = make_subplots(rows=count, cols=1, shared_xaxes=True, vertical_spacing=0.3 / (count + 4), subplot_titles=titles)
+    keep = thin(len(torques.t), *torques.residual.T[:3])
+    t = torques.t[keep] - torques.t[0]
+    for j in range(count):
+        for values, name, colour in (
+            (torques.measured, "measured", INK), (torques.predicted, "inverse dynamics", VERMILION),
+            (torques.residual, "residual", BLUE),
+        ):  # fmt: skip
+            line(figure, t, values[keep, j], name, colour, j + 1, legend=False)
+        figure.update_yaxes(title_text="[N·m]", row=j + 1, col=1)
+    figure.update_xaxes(title_text="time [s]", row=count, col=1)
+    finish(figure, 190 * count + 60)
+    return figure
+
+
+def thin(n: int, *shapes: Array) -> NDArray[np.int64]:
+    """Rows to draw of n: all, or the extremes of each stretch, so that no peak gets lost."""
+    if n <= MOST_POINTS:
+        return np.arange(n)
+    stretches = np.linspace(0, n, MOST_POINTS // (2 * len(shapes)) + 1).astype(np.int64)
+    rows = {0, n - 1}
+    for shape in shapes:
+        filled = np.where(np.isfinite(shape), shape, 0.0)
+        for a, b in zip(stretches[:-1], stretches[1:]):
+            rows |= {int(a + filled[a:b].argmin()), int(a + filled[a:b].argmax())}
+    return np.array(sorted(rows))
+
+
+def line(figure: Figure, x: Array, y: Array, name: str, colour: str, row: int, legend: bool = True) -> None:
+    """A line over time in one row of a figure."""
+    figure.add_scatter(x=x, y=y, name=name, legendgroup=name, showlegend=legend, mode="lines",
+                       line={"color": colour, "width": 1.4}, row=row, col=1)  # fmt: skip
+
+
+def _runs(flag: NDArray[np.bool_], t: Array, most: int = 60) -> list[tuple[float, float]]:
+    """Spans of time in which a flag is up; the longest ones where there are too many to shade."""
+    edges = np.diff(flag.astype(np.int8), prepend=0, append=0)
+    spans = list(zip(t[np.flatnonzero(edges == 1)].tolist(), t[np.flatnonzero(edges == -1) - 1].tolist()))
+    return sorted(spans, key=lambda span: span[0] - span[1])[:most]
+
+
+def finish(figure: Any, height: int) -> None:
+    """House style of a figure, of this height [px]."""
+    figure.update_layout(
+        template="plotly_white", height=height, margin={"l": 70, "r": 20, "t": 40, "b": 50},
+        legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0}, hovermode="x unified",
+    )  # fmt: skip

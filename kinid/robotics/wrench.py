@@ -1,0 +1,168 @@
+"""The sensor's reading turned into the load on the tool: axes, bias, cross-talk; and the tool's own load, predicted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.data.log import Log
+from kinid.data.rig import Rig, ToolSpec
+from kinid.errors import InputError
+from kinid.robotics.motion import JointMotion
+from kinid.robotics.robot import Kinematics, Robot
+
+Array = NDArray[np.float64]
+Bias = Literal["auto", "none"] | Sequence[float]
+
+#: samples of free motion that make a bias, at least and at most: more change the median by less than the noise
+FEWEST_FREE, MOST_FREE = 20, 20_000
+#: how much better a wrong reading must explain gravity before it is called one (ratio of residual sums of squares)
+SUSPICION = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """How a raw wrench is read: true = inverse_crosstalk · (raw − bias), in sensor axes."""
+
+    wrench: Array  # (n, 6) sensor axes; only the axes are settled, bias and cross-talk are not removed yet
+    inverse_crosstalk: Array  # (6, 6)
+    bias: Array  # (6,)
+    facts: dict[str, Any]
+
+    def packed(self) -> Array:
+        """For the kernel: inverse cross-talk row-major, then the bias, (42,)."""
+        return np.concatenate([self.inverse_crosstalk.ravel(), self.bias])
+
+    def true(self) -> Array:
+        """The load on the tool as the sensor would read it without faults, (n, 6)."""
+        with np.errstate(invalid="ignore"):  # an infinite sample becomes NaN; it is marked invalid already
+            out: Array = (self.wrench - self.bias) @ self.inverse_crosstalk.T
+        return out
+
+
+def tool_load(tool: ToolSpec, motion: Kinematics, gravity: Array) -> Array:
+    """What gravity and inertia put on the sensor, in sensor axes about its origin, (n, 6) [N, N·m].
+
+    Newton-Euler of one rigid body: f = m (g − a_com), τ = com × f − (I α + ω × I ω), with a_com = a + α × c + ω × (ω × c).
+    """
+    turn = np.swapaxes(motion.rotation, 1, 2)  # base to sensor
+    com, inertia = np.asarray(tool.com), tool.inertia_matrix
+    omega = np.einsum("nij,nj->ni", turn, motion.angular_velocity)
+    alpha = np.einsum("nij,nj->ni", turn, motion.angular_acceleration)
+    a = np.einsum("nij,nj->ni", turn, motion.acceleration - gravity)
+    a_com = a + np.cross(alpha, com) + np.cross(omega, np.cross(omega, com))
+    force = -tool.mass * a_com
+    torque = np.cross(com, force) - alpha @ inertia.T - np.cross(omega, omega @ inertia.T)
+    return np.concatenate([force, torque], axis=1)
+
+
+def read_wrench(
+    log: Log, rig: Rig, robot: Robot, motion: JointMotion, free: NDArray[np.int64], bias: Bias, trust: bool
+) -> Reading:
+    """Settle axes, sign, cross-talk and bias of a log's wrench.
+
+    Args:
+        log: with a wrench.
+        rig: says what is known of the sensor and the tool.
+        robot: with a sensor frame.
+        motion: of the joints.
+        free: rows in free motion.
+        bias: "auto" takes the rig's, else the median of free motion; "none" leaves it; or six numbers [N, N·m].
+        trust: don't ask whether gravity contradicts the wrench's axes and sign.
+
+    Raises:
+        InputError: no sensor frame, or a wrench that gravity in free motion contradicts.
+    """
+    if log.wrench is None or robot.sensor_frame is None:
+        raise InputError(f"a wrench without the frame it is measured in ({robot.name} has no 'ft_sensor')",
+                         "the sensor's frame", "name it in [robot] sensor_frame")  # fmt: skip
+    wrench = np.asarray(log.wrench)
+    if rig.sensor.wrench_frame == "base":
+        rotation = robot.kinematics(robot.sensor_frame, motion.q).rotation
+        wrench = np.concatenate([np.einsum("nji,nj->ni", rotation, wrench[:, i : i + 3]) for i in (0, 3)], axis=1)
+    crosstalk = np.eye(6) if rig.sensor.crosstalk is None else np.asarray(rig.sensor.crosstalk)
+    inverse = np.linalg.inv(crosstalk)
+    offset, origin = _given_bias(bias, rig)
+    usable = free[log.valid[free] & np.isfinite(motion.ddq[free].sum(axis=1))]
+    usable = usable[:: 1 + len(usable) // MOST_FREE]
+    facts: dict[str, Any] = {"free_samples_used": len(usable)}
+    if len(usable) >= FEWEST_FREE:
+        kinematics = robot.kinematics(robot.sensor_frame, motion.q[usable], motion.dq[usable], motion.ddq[usable])
+        load = tool_load(rig.tool or ToolSpec(mass=0.0), kinematics, robot.gravity)
+        if rig.tool is not None and rig.tool.mass > 0 and not trust:
+            force = ((wrench[usable] - offset) @ inverse.T)[:, :3]
+            refuse_contradicted(force, load[:, :3], kinematics.rotation,
+                                rig.tool.mass * float(np.linalg.norm(robot.gravity)),
+                                rig.sensor.wrench_frame, log.provenance.source)  # fmt: skip
+        if not origin:
+            offset, origin = np.median(wrench[usable] - load @ crosstalk.T, axis=0), "median of free motion"
+    origin = origin or "none: no free motion to learn it from"
+    facts |= {"bias_from": origin, "bias": [float(b) for b in offset], "wrench_frame": rig.sensor.wrench_frame,
+              "crosstalk": "rig" if rig.sensor.crosstalk is not None else "none"}  # fmt: skip
+    return Reading(wrench, inverse, offset, facts)
+
+
+def _given_bias(bias: Bias, rig: Rig) -> tuple[Array, str]:
+    """The bias that the caller or the rig names, and which of them; zeros and no name where it is to be learned."""
+    if not isinstance(bias, str):
+        offset = np.asarray(bias, dtype=float)
+        if offset.shape != (6,) or not np.isfinite(offset).all():
+            raise InputError(f"a bias of {list(np.ravel(offset))}", "six finite numbers fx fy fz tx ty tz", "correct it")
+        return offset, "given"
+    if bias not in ("auto", "none"):
+        raise InputError(f"bias '{bias}'", "'auto', 'none' or six numbers", "choose one of them")
+    if bias == "auto" and rig.sensor.bias is not None:
+        return np.asarray(rig.sensor.bias), "rig"
+    return np.zeros(6), "none" if bias == "none" else ""
+
+
+def refuse_contradicted(force: Array, weight: Array, rotation: Array, scale: float, frame: str, where: str) -> None:
+    """Ask gravity whether the wrench has the sign and the axes of the log format.
+
+    Four readings are tried on free motion: as it is, with the opposite sign, in the other axes, and both. With turning in
+    the data each may have a bias of its own; without, gravity alone must tell, so that more contrast is asked for.
+
+    Args:
+        force: measured, sensor axes [N], (n, 3). weight: the tool's load predicted there, (n, 3).
+        rotation: sensor to base, (n, 3, 3). scale: weight of the tool [N].
+        frame: the axes the rig says the log has. where: the log's name.
+
+    Raises:
+        InputError: another reading explains free motion more than ten times better.
+    """
+    # the rig's word on the axes has been followed: a wrench in others has been turned once too little or too often
+    other, way = ("sensor", "nji,nj->ni") if frame == "base" else ("base", "nij,nj->ni")
+    turned = np.einsum(way, rotation, weight)
+    readings = {"with the opposite sign": -weight, f"as axes of the {other}": turned,
+                f"as axes of the {other} with the opposite sign": -turned}  # fmt: skip
+    spread = float(np.sqrt(np.mean(np.sum((weight - weight.mean(axis=0)) ** 2, axis=1))))
+    # turning tells, whatever the bias: it is a constant
+    errors = {name: _spread(force - load) for name, load in readings.items()}
+    present = _spread(force - weight)
+    if spread < 0.02 * scale or min(errors.values()) >= SUSPICION * present:
+        if spread > 0.2 * scale:
+            return
+        # the little turning that there may be must not speak against a reading
+        errors = {name: float(np.sum((force - load).mean(axis=0) ** 2))
+                  for name, load in readings.items() if errors[name] <= 1.1 * present}  # fmt: skip
+        present = float(np.sum((force - weight).mean(axis=0) ** 2))
+        if not errors or present < (1.5 * scale) ** 2 or min(errors.values()) >= SUSPICION * present:
+            return
+    best = min(errors, key=lambda name: errors[name])
+    same = [name for name, error in errors.items() if error < 1.2 * errors[best] + 1e-12]
+    remedies = ["turn the sign with [columns] wrench = { scale = -1 }"] if any("sign" in name for name in same) else []
+    remedies += [f'say [sensor] wrench_frame = "{other}"'] if any("axes" in name for name in same) else []
+    raise InputError(
+        f"a wrench in {where} that gravity in free motion explains {present / max(errors[best], 1e-12):.3g} times "
+        f"better {' or '.join(same)}",
+        f"loads on the tool in {frame} axes: at rest in the air a tool reads m·Rᵀ·g",
+        f"{' or '.join(remedies)}; a base that is tilted or hung needs [robot] gravity; --trust-wrench passes it as it is",
+    )
+
+
+def _spread(residual: Array) -> float:
+    return float(np.mean(np.sum((residual - residual.mean(axis=0)) ** 2, axis=1)))

@@ -1,0 +1,1 @@
+"""Maps, logs and campaigns in the browser of this machine."""

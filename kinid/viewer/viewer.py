@@ -1,0 +1,221 @@
+"""The viewer: a map, a log or a running campaign in the browser of this machine, or recorded in one HTML file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from kinid.data.rig import Rig
+from kinid.errors import InputError, KinidError, near
+from kinid.mapping.probes import Prober, build, logs_in, same_surface
+from kinid.mapping.property_map import PropertyMap, is_map
+from kinid.modeling.model import Model
+from kinid.robotics.reading import read
+from kinid.robotics.robot import Robot
+from kinid.robotics.surface import Mesh, Plane
+from kinid.robotics.surface import load as load_surface
+from kinid.viewer import scene as scenes
+from kinid.viewer.page import page
+
+
+@dataclass(eq=False)
+class View:
+    """What is looked at, and how it changes: `scene()` is all of it, `changed()` what is new since it was last asked.
+
+    Attributes:
+        target: a map, a log, or a folder of logs. rig: default beside the target. shown: property. method: between probes.
+        model: that predicts the forces of a log, and that is fitted to the touches of a folder.
+    """
+
+    target: Path
+    rig: Path | None = None
+    shown: str | None = None
+    method: str = "gp"
+    model: str | None = None
+
+    def __post_init__(self) -> None:
+        if not self.target.exists():
+            raise InputError(f"nothing at {self.target}", "a map, a log, or a campaign's folder", "correct the name")
+        self._map: PropertyMap | None = None
+        self._stamp: tuple[int, int] | None = None
+        self._shown_log: Path | None = None
+        self._bad: set[str] = set()
+        self._kind = "folder" if self.target.is_dir() else "map" if is_map(self.target) else "log"
+        self._check_options()
+        self._rig: Rig | None = None
+        self._robot: Robot | None = None
+        self._prober: Prober | None = None
+        rig = self.rig or (self.target if self._kind == "folder" else self.target.parent) / "rig.toml"
+        if self._kind != "map" or self.rig is not None:
+            self._rig = Rig.load(rig)
+            if self._rig.robot is None:
+                raise InputError(f"no [robot] in {rig}", "a robot to show", 'add [robot] with model = "lwr4plus" or your URDF')
+            self._robot = Robot.load(self._rig)
+        else:
+            self._find_arm()
+        if self._kind == "folder":
+            assert self._rig is not None
+            self._prober = Prober.of(self._rig, self._effects)
+        self._update()
+
+    def _find_arm(self) -> None:
+        """The arm that a map was made with, where its last log and the rig beside that still tell: else there is none."""
+        self._map = PropertyMap.read(self.target)
+        log = self._log()
+        if log is None:
+            return
+        try:
+            rig = Rig.load(log.parent / "rig.toml")
+            surface = load_surface(rig)
+            if rig.robot is None or not isinstance(surface, Plane | Mesh) or not same_surface(surface, self._map.surface):
+                return
+            self._rig, self._robot = rig, Robot.load(rig)
+            self._moving(log)
+        except KinidError:
+            self._rig = self._robot = self._shown_log = None
+
+    @property
+    def _effects(self) -> list[str] | None:
+        return None if self.model is None else [part.strip() for part in self.model.split(",") if part.strip()]
+
+    def _check_options(self) -> None:
+        """Refuse what says nothing about the target, and effects that nobody knows."""
+        if self._kind == "map" and self.model is not None:
+            raise InputError(f"--model {self.model} for a map, which is fitted already", "a log or a folder of logs",
+                             "leave --model out, or map the logs anew with kinid map --model")  # fmt: skip
+        if self._kind == "log" and self.shown is not None:
+            raise InputError(f"--property {self.shown} for a log, which has no properties", "a map or a folder of logs",
+                             "leave --property out, or map the log with kinid map")  # fmt: skip
+        if self.model is not None:
+            effects = self._effects
+            if not effects:
+                raise InputError(
+                    "--model without an effect", "names of effects, separated by commas", "name one, as kelvin-voigt"
+                )
+            Model(*effects)
+
+    def _check_shown(self) -> None:
+        """Refuse a property that the map doesn't hold; before the first probe of a campaign that isn't known."""
+        if self.shown is None or self._map is None or not len(self._map):
+            return
+        layers = scenes.layers_of(self._map)
+        if self.shown not in layers:
+            raise InputError(f"property '{self.shown}'", f"one of {', '.join(layers)}", near(self.shown, layers))
+
+    @property
+    def live(self) -> bool:
+        """Whether it may change: a map and a campaign grow, and so does a log that is still being written."""
+        return True
+
+    def scene(self) -> dict[str, Any]:
+        """Everything."""
+        out: dict[str, Any] = {"title": scenes.title_of(self.target), "play": self._kind == "log"}
+        log = None
+        if self._rig is not None and self._robot is not None:
+            log = self._log()
+            out["robot"] = scenes.robot_scene(self._rig, self._robot)
+            out |= {"ground": {"centre": [0.3, 0.0, -2e-3], "size": 0.9}, "patch": scenes.patch_scene(self._rig)}
+            if log is not None:
+                out |= self._moving(log)
+        out |= self._mapped()
+        if self._kind == "map":
+            # what is looked at is the map: the arm is a view beside it
+            out["views"] = [*out["views"][1:], *out["views"][:1]] if "robot" in out else out["views"]
+            out["play"] = False
+        return {name: part for name, part in out.items() if part is not None}
+
+    def _mapped(self) -> dict[str, Any]:
+        """The map with what stands around it, and the views of all that is shown."""
+        grown = self._map if self._map is not None and len(self._map) else None
+        out: dict[str, Any] = {"views": scenes.views(grown, self._robot is not None, self._shown_log is not None)}
+        if grown is None:
+            return out
+        out["map"] = scenes.map_scene(grown, shown=self.shown, method=self.method)
+        out["axes"] = scenes.axes_scene(grown)
+        if self._robot is None:
+            out["ground"] = scenes.ground_scene(grown)
+        patch = scenes.map_patch(grown, out["ground"]["centre"][2] if self._robot is None else 0.0)
+        return out if patch is None else out | {"patch": patch}
+
+    def facts(self) -> dict[str, Any]:
+        """What is shown, in the words of JSON: the kind of target, the map's model, probes and colours, the log that moves."""
+        out: dict[str, Any] = {"target": str(self.target), "kind": self._kind, "method": self.method,
+                               "log": None if self._shown_log is None else str(self._shown_log)}  # fmt: skip
+        if self._map is not None and len(self._map):
+            layers = scenes.layers_of(self._map)
+            out |= {"model": self._map.model, "probes": len(self._map), "colours": layers, "shown": self.shown or layers[0]}
+        return out
+
+    def changed(self) -> dict[str, Any] | None:
+        """What is new; None when nothing is."""
+        had = (None if self._map is None else len(self._map), self._shown_log)
+        if not self._update():
+            return None
+        if self._kind == "log":
+            try:
+                return self._moving(self.target) | {"follow": True}
+            except KinidError:  # in the middle of being written: the next look finds it whole
+                self._stamp = None
+                return None
+        out: dict[str, Any] = {}
+        if self._map is not None and len(self._map) and (len(self._map) != had[0] or self._kind == "map"):
+            out |= self._mapped()
+        log = self._log() if self._robot is not None else None
+        if log is not None and log != had[1]:
+            out |= self._moving(log) | {"play": True}
+        return {name: part for name, part in out.items() if part is not None} or None
+
+    def _moving(self, path: Path) -> dict[str, Any]:
+        assert self._rig is not None
+        assert self._robot is not None
+        log = read(path, self._rig, robot=self._robot)
+        if log.q is None:
+            raise InputError(f"no joint positions in {path}", "q1…qN, to show the arm with", "view the map of it instead")
+        self._shown_log = path
+        motion = scenes.motion_scene(log, self._rig, self._robot, self.model)
+        return {"motion": motion, "facts": f"{path.name}: {len(log)} samples, {log.t[-1] - log.t[0]:.1f} s"}
+
+    def _log(self) -> Path | None:
+        if self._kind == "log":
+            return self.target
+        if self._kind == "map":
+            sources = [Path(probe.source.split("#")[0]) for probe in self._map.probes[-1:]] if self._map is not None else []
+            return next((path for path in sources if path.is_file()), None)
+        found = [path for path in logs_in([self.target]) if str(path) not in self._bad] if self._kind == "folder" else []
+        return found[-1] if found else None
+
+    def _update(self) -> bool:
+        """Read what has changed on disk; whether anything has."""
+        if self._kind in ("map", "log"):
+            try:
+                state = self.target.stat()
+            except OSError:  # between being removed and being written anew
+                return False
+            stamp = (state.st_mtime_ns, state.st_size)
+            if stamp == self._stamp:
+                return False
+            self._stamp = stamp
+            if self._kind == "map":
+                self._map = PropertyMap.read(self.target)
+                self._check_shown()
+            return True
+        if self._kind == "folder":
+            assert self._prober is not None
+            before = 0 if self._map is None else len(self._map)
+            todo = [path for path in logs_in([self.target]) if str(path) not in self._bad]
+            # a few at a time, so that the picture grows while a long campaign is read
+            known = set() if self._map is None else {p.source.split("#")[0] for p in self._map.probes}
+            fresh = [path for path in todo if str(path) not in known][:25]
+            for grown in build(fresh, self._prober, self._map, lambda path, _: self._bad.add(str(path))):
+                self._map = grown
+            self._check_shown()
+            return (0 if self._map is None else len(self._map)) > before
+        return False
+
+
+def record(view: View) -> str:
+    """The view as one self-contained HTML text, all of a folder's logs in it."""
+    while view.live and view._kind == "folder" and view._update():
+        pass
+    return page(view.scene())

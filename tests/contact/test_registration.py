@@ -1,0 +1,88 @@
+"""A plane found by touching it: recovered within its own intervals, and refused when touches leave it open."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from kinid.contact.registration import find_surface
+from kinid.data.log import Log
+from kinid.data.rig import Rig, surface_axes
+from kinid.errors import InputError
+from kinid.lab.scripted import follow
+from kinid.robotics.robot import Robot
+from kinid.robotics.wrench import tool_load
+
+RIG = """
+[robot]
+model = "lwr4plus"
+[tool]
+mass = 0.24
+com = [0.0, 0.0, 0.049]
+"""
+POINT, NORMAL = (
+    np.array([0.56, 0.01, 0.12]),
+    np.array([0.06, -0.09, 1.0]) / np.linalg.norm([0.06, -0.09, 1.0]),
+)
+RATE = 250.0
+CORNERS = ((-0.03, -0.03), (0.03, -0.03), (0.03, 0.03), (-0.03, 0.03), (0.0, 0.0))
+
+
+def touching(corners: tuple[tuple[float, float], ...], seed: int, exponent: float = 1.3) -> Log:
+    """The tip goes straight down at each corner, 4 mm into a material with a power law, and up again."""
+    rig = Rig.parse_text(RIG)
+    robot = Robot.load(rig)
+    rng = np.random.default_rng(seed)
+    path = [np.full((int(0.5 * RATE), 3), [*corners[0], 0.02])]
+    for x, y in corners:
+        u = np.linspace(0, 1, int(1.2 * RATE))
+        height = 0.02 - 0.024 * np.sin(np.pi * u) ** 2
+        path.append(np.column_stack([np.full_like(u, x), np.full_like(u, y), height]))
+    s = np.concatenate(path)
+    # moves between corners are smooth enough at 20 mm height for a log: the tip glides there
+    for axis in (0, 1, 0, 1, 0, 1):
+        s[:, axis] = np.convolve(np.pad(s[:, axis], 12, mode="edge"), np.ones(25) / 25, mode="valid")
+    axes = surface_axes(tuple(NORMAL))
+    q = follow(robot, POINT + s @ axes, np.zeros((len(s), 2)))
+    t = np.arange(len(s)) / RATE
+    dq = np.gradient(q, t, axis=0)
+    tip = robot.kinematics("tool_tip", q, dq)
+    depth = np.maximum(-(tip.position - POINT) @ NORMAL, 0.0)
+    force = (2000.0 * (depth / 0.004) ** exponent * 0.004)[:, None] * NORMAL
+    sensor = robot.kinematics("ft_sensor", q, dq, np.gradient(dq, t, axis=0))
+    wrench = tool_load(rig.tool, sensor, robot.gravity)  # type: ignore[arg-type]
+    local = np.einsum("nji,nj->ni", sensor.rotation, force)
+    wrench += np.concatenate([local, np.cross(robot.tip_in_sensor(), local)], axis=1)
+    bias = [0.4, -0.3, 1.0, 0.01, 0.0, 0.0]
+    wrench += bias + rng.normal(scale=[0.015, 0.015, 0.029, 5e-4, 6e-4, 3e-4], size=wrench.shape)
+    return Log(t, q=q, wrench=wrench)
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.3, 1.5])
+def test_a_tilted_plane_is_found_by_five_touches(exponent: float) -> None:
+    found = find_surface([touching(CORNERS, seed=3, exponent=exponent)], Rig.parse_text(RIG))
+    assert len(found.onsets) == len(CORNERS)
+    height = (found.plane.point - POINT) @ NORMAL
+    tilt = np.degrees(np.arccos(np.clip(found.plane.normal @ NORMAL, -1, 1)))
+    print(f"exponent {exponent}: height off by {1e3 * height:+.3f} mm, tilt by {tilt:.3f}°")
+    # onsets are sampled every 0.1 to 0.3 mm of travel at this speed; the force law is not the extrapolation's
+    assert abs(height) < 0.15e-3
+    assert tilt < 0.2
+
+
+def test_the_plane_lies_within_its_interval() -> None:
+    inside = 0
+    for seed in range(10):
+        found = find_surface([touching(CORNERS, seed=seed, exponent=1.0)], Rig.parse_text(RIG))
+        low, high = found.offset_interval
+        inside += low <= (POINT - found.plane.point) @ found.plane.normal <= high
+    # a 95 % interval misses more than 3 of 10 with a probability of 0.001
+    assert inside >= 7
+
+
+def test_two_touches_and_touches_in_a_line_are_refused() -> None:
+    with pytest.raises(InputError, match="2 touches"):
+        find_surface([touching(CORNERS[:2], seed=0)], Rig.parse_text(RIG))
+    line = ((-0.03, 0.0), (0.0, 0.0), (0.03, 0.0))
+    with pytest.raises(InputError):
+        find_surface([touching(line, seed=0)], Rig.parse_text(RIG))
