@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from kinid.contact.series import ContactSeries, contact_series
 from kinid.data.log import Log
 from kinid.data.rig import Rig
+from kinid.effects import catalogue
 from kinid.errors import InputError
 from kinid.identification.fit import Fit
 from kinid.modeling.experiment import from_contact, from_wrench
@@ -27,7 +28,7 @@ from kinid.modeling.model import Model
 Array = NDArray[np.float64]
 
 #: effects that carry force or motion from one axis into another
-COUPLING = ("coupled-stiffness", "surface-tilt", "sensor-crosstalk", "sensor-misalignment")
+COUPLING = tuple(name for name, effect in catalogue().items() if effect.couples)
 FORCES = ("tangential_force1", "tangential_force2", "normal_force")
 #: parameters whose estimates are correlated more than this can't be told apart by the log
 ALIKE = 0.98

@@ -114,8 +114,7 @@ def explained(name: str) -> None:
     """What an effect is, what it looks like, what it is mistaken for, and what shows it; of "all", each in a line."""
     from kinid import effects
     from kinid.cli.show import console
-    from kinid.effects import Layout
-    from kinid.modeling.model import TOGETHER
+    from kinid.effects import TOGETHER, Layout
 
     out = console()
     if name == "all":

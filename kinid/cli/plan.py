@@ -170,7 +170,7 @@ def excite(
 
     chosen, values = _model(o)
     check_asked(sines, criterion, NOISE if noise is None else noise)
-    if not any(effect.base for effect in chosen.effects if effect.id != "rigid-body"):
+    if chosen.contact_law is None:
         o.refuse(("force", "max_depth", "min_depth", "max_speed", "noise", "at", "hold"), "in the air",
                "a contact law in the model, or options of a motion in the air")  # fmt: skip
         _excite_free(o, chosen, values, criterion, duration, bandwidth, sines, start)

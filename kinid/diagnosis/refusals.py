@@ -11,7 +11,7 @@ from kinid.errors import InputError
 from kinid.identification.applicability import candidate_effects
 from kinid.modeling.data_warnings import DEEPEST, DEPTH_UNIT
 from kinid.modeling.experiment import Experiment
-from kinid.modeling.model import TOGETHER, Model
+from kinid.modeling.model import Model
 
 #: a log must last so long [s], and hold so many blocks of half a second that count
 SHORTEST, FEWEST_BLOCKS = 4.0, 8
@@ -19,7 +19,8 @@ SHORTEST, FEWEST_BLOCKS = 4.0, 8
 
 def one_by_one(add: Sequence[str], model: Model) -> list[str]:
     """Names of effects to add, for those that stand for several what the model lacks of them."""
-    return [part for name in add for part in TOGETHER.get(name, (name,)) if name not in TOGETHER or part not in model]
+    together = effects.TOGETHER
+    return [part for name in add for part in together.get(name, (name,)) if name not in together or part not in model]
 
 
 def refuse_names(add: Sequence[str], model: Model, max_effects: int) -> None:

@@ -12,8 +12,17 @@ from kinid.effects._signals import AsRead, JointMotion, Layout, SensorMotion, Si
 from kinid.errors import InputError, near
 
 __all__ = [
+    "TOGETHER",
     "AsRead", "Detection", "Effect", "JointMotion", "Layout", "Samples", "SensorMotion", "Signals", "Stage", "catalogue", "get",
 ]  # fmt: skip
+
+
+#: names that stand for several effects
+TOGETHER = {
+    "dahl-friction": ("coulomb-friction", "presliding"),
+    "lugre-friction": ("coulomb-friction", "stribeck-friction", "presliding", "viscous-friction"),
+    "none": (),
+}
 
 
 @cache

@@ -61,6 +61,10 @@ class Effect(ABC):
             bends what others predict (a power of the normal force, a clipped reading).
         pulls: whether the law pulls at a tool that retracts, as a linear dashpot does and no material that lets go.
         reaches: whether its force acts outside the material, too.
+        couples: whether it carries force or motion from one axis into another.
+        constant: whether it is one constant a channel, which a fit estimates along where a model lacks it.
+        recursive: name of the estimator in `kinid.estimators` that follows its parameters sample by sample.
+        map_names: parameter name → what a map calls it.
         unremarkable: parameter name → distance from its null that every material and every rig has; names as below.
         calibration_tolerance: parameter name → standard deviation within which every rig's calibration leaves it open. Names are
             those before the bracket; where channels differ in their unit it stands in brackets: "offset[N]", "offset[N·m]".
@@ -93,6 +97,10 @@ class Effect(ABC):
     affine: ClassVar[bool] = True
     pulls: ClassVar[bool] = False
     reaches: ClassVar[bool] = False
+    couples: ClassVar[bool] = False
+    constant: ClassVar[bool] = False
+    recursive: ClassVar[str] = ""
+    map_names: ClassVar[Mapping[str, str]] = {}
     unremarkable: ClassVar[Mapping[str, float]] = {}
     calibration_tolerance: ClassVar[Mapping[str, float]] = {}
     admissible: ClassVar[Mapping[str, tuple[float, float]]] = {}

@@ -23,6 +23,8 @@ class CoulombFriction(Effect):
     source = "C. A. Coulomb, Théorie des machines simples, 1785; bristles: P. R. Dahl, 1968"
     signature = "a step in the tangential force where the slip reverses, as high as the normal force is large"
     excited_by = "slip, best in both directions"
+    map_names = {"coefficient": "friction"}
+    recursive = "Friction"
     needs = ("normal", "slip")
     null = {"coefficient": 0.0}
     admissible = {"coefficient": (0.0, 4.0)}  # friction takes energy; rubber on clean glass reaches 4 (Persson 2001)

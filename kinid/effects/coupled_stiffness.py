@@ -35,6 +35,7 @@ class CoupledStiffness(Effect):
         "presliding": "pokes without slip",
     }
     excited_by = "pokes with small slips along both tangents, in and out at several speeds"
+    couples = True
     needs = ("normal", "slip")
     null = {f"{kind}-{i}{j}": 0.0 for kind in ("stiffness", "damping") for i in _AXES for j in _AXES if (i, j) != ("n", "n")}
     # a contact gives no energy: its own force along a tangent is against the motion

@@ -20,6 +20,7 @@ class Hooke(Effect):
     base = True
     signature = "force proportional to depth, the same in and out"
     excited_by = "two depths"
+    recursive = "KelvinVoigt"
     admissible = {"stiffness": (0.0, 1e8)}  # stable, and no stiffer than a steel ball on steel at kilonewtons (Hertz)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:

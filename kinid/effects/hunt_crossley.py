@@ -22,6 +22,7 @@ class HuntCrossley(Effect):
     signature = "a loop over depth that closes at zero force and widens with force and speed"
     confusions = {"kelvin-voigt": "a wide range of depths, in and out at several speeds"}
     excited_by = "several depths at several speeds"
+    recursive = "SingleStage"
     grid = {"exponent": (1.0, 1.3, 1.6, 2.1)}
     # stable, gives no energy; exponents from a skin that softens (Sneddon 1965: 1 and more) to densifying foam
     admissible = {"stiffness": (0.0, 1e12), "damping": (0.0, 1e12), "exponent": (0.8, 3.5)}

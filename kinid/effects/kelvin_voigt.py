@@ -22,6 +22,7 @@ class KelvinVoigt(Effect):
     confusions = {"hunt-crossley": "a wide range of depths, in and out at several speeds"}
     pulls = True
     excited_by = "two depths at two speeds"
+    recursive = "KelvinVoigt"
     # stable, no stiffer than steel on steel; a dashpot gives no energy
     admissible = {"stiffness": (0.0, 1e8), "damping": (0.0, 1e6)}
 

@@ -32,6 +32,7 @@ class SensorCrosstalk(Effect):
         "tip-offset": "loads along several directions",
     }
     excited_by = "loads along every direction, one at a time"
+    couples = True
     needs = ()
     null = {"crosstalk": 0.0}
     turn = 1

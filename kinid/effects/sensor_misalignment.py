@@ -30,6 +30,7 @@ class SensorMisalignment(Effect):
         "tool-com": "contact: a centre of mass has no part in it",
     }
     excited_by = "loads along two directions"
+    couples = True
     needs = ()
     null = {"rotation": 0.0}
     calibration_tolerance = {"rotation": 3.5e-3}  # 0.2°: dowels and flanges

@@ -30,6 +30,7 @@ class SurfaceTilt(Effect):
         "coupled-stiffness": "slide: a tilt changes the depth along the way",
     }
     excited_by = "pokes and slides along both tangents"
+    couples = True
     needs = ("normal", "slip")
     null = {"slope1": 0.0, "slope2": 0.0}
     grid = {"slope1": (-0.05, 0.0, 0.05), "slope2": (-0.05, 0.0, 0.05)}

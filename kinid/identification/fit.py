@@ -120,7 +120,8 @@ class Fit:
         lines = []
         for effect in self.model.effects:
             numbers = ", ".join(
-                f"{p.symbol}{_bracket(p.name)} = {self.parameters[f'{effect.id}.{p.name}'].value:.4g} {p.unit}".removesuffix(" 1")
+                f"{p.symbol}{p.name.removeprefix(p.name.partition('[')[0])} = "
+                f"{self.parameters[f'{effect.id}.{p.name}'].value:.4g} {p.unit}".removesuffix(" 1")
                 for p in effect.parameters(self.experiment.layout) if not p.fixed
             )
             lines.append(f"{effect.id}: {effect.equation}" + (f"   with {numbers}" if numbers else ""))
@@ -382,7 +383,3 @@ def full_name(name: str, named: Iterable[str], model: Model, what: str = "parame
         raise InputError(f"{what}'{name}', which {len(ends)} effects have", f"one of {', '.join(ends)}", "say which")
     shown = named if "." in name else [full.split(".", 1)[1] for full in named]
     raise InputError(f"{what}'{name}'", f"a parameter of {model}", near(name, shown))
-
-
-def _bracket(name: str) -> str:
-    return name[name.index("[") :] if "[" in name else ""

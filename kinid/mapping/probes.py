@@ -243,10 +243,10 @@ def same_surface(a: Plane | Mesh, b: Plane | Mesh) -> bool:
 
 
 def _short(name: str, fit: Fit) -> str:
-    """A parameter's name without its effect where that is clear; of friction's coefficient "friction"."""
-    if name == "coulomb-friction.coefficient":
-        return "friction"
-    own = name.split(".", 1)[1]
+    """What maps call a parameter; else its name, without its effect where that is clear."""
+    effect, own = name.split(".", 1)
+    if own in fit.model[effect].map_names:
+        return fit.model[effect].map_names[own]
     return own if sum(other.split(".", 1)[1] == own for other in fit.parameters) == 1 else name
 
 

@@ -24,14 +24,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: names that stand for several effects
-TOGETHER = {
-    "dahl-friction": ("coulomb-friction", "presliding"),
-    "lugre-friction": ("coulomb-friction", "stribeck-friction", "presliding", "viscous-friction"),
-    "none": (),
-}
-
-
 @dataclass(frozen=True)
 class Model:
     """An ordered set of effects; `model + "relaxation"` is the model with one more.
@@ -50,7 +42,7 @@ class Model:
     def __init__(self, *effects: str | Effect) -> None:
         flat: list[Effect] = []
         for effect in effects:
-            names = TOGETHER.get(effect, (effect,)) if isinstance(effect, str) else (effect,)
+            names = catalogue.TOGETHER.get(effect, (effect,)) if isinstance(effect, str) else (effect,)
             flat += [catalogue.get(item) if isinstance(item, str) else item for item in names]
         bases = [effect.id for effect in flat if effect.base]
         if len(bases) > 1:
@@ -116,9 +108,14 @@ class Model:
         return bool(self.needs & {"wrench", "joints"}) or any(not effect.parameters(one) for effect in self.effects)
 
     @property
+    def contact_law(self) -> Effect | None:
+        """The base that says what a material answers to a depth, None without one."""
+        return next((effect for effect in self.effects if effect.base and "normal" in effect.needs), None)
+
+    @property
     def pulls(self) -> bool:
         """Whether it pulls at a tool that retracts and no adhesion is meant: a material that lets go says nothing to it then."""
-        return any(effect.pulls for effect in self.effects) and "adhesion" not in self
+        return any(effect.pulls for effect in self.effects) and not any(effect.reaches for effect in self.effects)
 
     @property
     def acts_on_reading(self) -> bool:

@@ -301,7 +301,7 @@ def expected_law(model: Model, values: dict[str, float]) -> Law | None:
 
     Effects of tool, sensor and joints have no part in it.
     """
-    if not any(effect.base and effect.id != "rigid-body" for effect in model.effects):
+    if model.contact_law is None:
         return None
     known = catalogue()
     kept: list[str] = []

@@ -146,7 +146,7 @@ class Design:
         if experiment.layout.kind == "wrench":
             noise = np.asarray(self.rig.sensor.noise) if self.rig.sensor.noise is not None else WRENCH_NOISE
             noise = np.maximum(noise, 1e-9)
-            if "sensor-bias" not in self.model:  # a fit estimates one constant a channel along
+            if not any(effect.constant for effect in self.model.effects):  # a fit estimates one constant a channel along
                 constants = len(found)
                 steady = np.broadcast_to((noise[:, None] * np.eye(constants))[:, None, :], (constants, len(t), constants))
                 found = np.concatenate([found, steady], axis=2)
@@ -180,7 +180,7 @@ def excite_free(rig: Rig, model: Model, values: dict[str, float] | None = None, 
     Raises:
         InputError: a model with contact, no posture free to swing about, or parameters that no free motion tells.
     """
-    if any(effect.base for effect in model.effects if effect.id != "rigid-body") or not model.effects:
+    if model.contact_law is not None or not model.effects:
         raise InputError(f"{model} for free motion", "effects of tool, sensor or joints", "plan contact laws by pokes")
     robot = Robot.load(rig)
     limits = limits or Limits.of(robot, kinid.urdf.path(robot.name, rig.folder))

@@ -8,12 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid import estimators
 from kinid.contact.loops import Loop, loops
 from kinid.estimators.estimate import Track
 from kinid.estimators.forgetting import Constant
-from kinid.estimators.friction import Friction
-from kinid.estimators.hunt_crossley import SingleStage
-from kinid.estimators.kelvin_voigt import KelvinVoigt
 from kinid.identification.compare import Comparison
 from kinid.identification.fit import Fit
 from kinid.modeling.experiment import Experiment
@@ -77,13 +75,15 @@ def recursive_tracks(fit: Fit) -> dict[str, Track]:
         return out
     force = experiment.measured[channels.index("normal_force")]
     forgetting = Constant(1.0 - min(0.02, float(np.median(np.diff(signals.t))) / MEMORY))
-    estimator = {"hooke": KelvinVoigt, "kelvin-voigt": KelvinVoigt, "hunt-crossley": SingleStage}.get(fit.model.names[0])
-    if estimator is not None:
-        touching = experiment.in_contact & (signals.depth > 0)
-        run = estimator(forgetting=forgetting).run
-        out[fit.model.names[0]] = run(signals.depth, signals.depth_rate, force, in_contact=touching)
-    if "coulomb-friction" in fit.model and "tangential_force2" in channels:
-        out["friction"] = Friction(forgetting=forgetting).run(force, signals.slip_rate.T, experiment.measured[-2:].T)
+    for effect in fit.model.effects:
+        if not effect.recursive or not (effect.base or "tangential_force2" in channels):
+            continue
+        run = getattr(estimators, effect.recursive)(forgetting=forgetting).run
+        if effect.base:
+            touching = experiment.in_contact & (signals.depth > 0)
+            out[effect.id] = run(signals.depth, signals.depth_rate, force, in_contact=touching)
+        else:
+            out["friction"] = run(force, signals.slip_rate.T, experiment.measured[-2:].T)
     return out
 
 
