@@ -33,8 +33,8 @@ Array = NDArray[np.float64]
 REFIT_STEPS, POINTS, STARTS, WORTH_A_START = 20, 8, 2, 1.3
 #: a value is no value that can be where it is so many standard errors away from one that can
 DOUBT = 2.0
-#: blocks of a log in which one event doesn't count
-ENOUGH_BLOCKS = 40
+#: share of its square that noise is known to; blocks of a log in which one event doesn't count
+KNOWN, ENOUGH_BLOCKS = 0.1, 40
 #: steps after which only those searches are ended that have come within this factor of the deepest
 FIRST_STEPS, WORTH_AN_END = 5, 1.15
 
@@ -82,7 +82,8 @@ def compare_states(before: State, after: State, sigma: Array) -> Evidence:
             total, error, gain, squares = without, less, gain[kept], squares[kept]
     rms = np.sqrt(np.mean((change * sigma) ** 2, axis=1)) / before.problem.channel_rms
     noise = (before.error.noise / sigma) ** 2
-    share, beyond = (float(gain.sum() / max(1e-300, all_)) for all_ in (squares.sum(), squares.sum() - noise.sum()))
+    share = float(gain.sum() / max(1e-300, squares.sum()))
+    beyond = share / max(KNOWN, 1.0 - float(noise.sum() / max(1e-300, squares.sum())))
     left = _misfit(before.problem, new**2, np.mean(noise, axis=1)) + _prior_cost(after, before)
     return Evidence(total, error, left, share, beyond, float(rms.max()))
 
