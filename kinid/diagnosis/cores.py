@@ -26,12 +26,8 @@ def side_by_side(do: Callable[[In], Out], items: Sequence[In]) -> list[Out]:
         with np.errstate(all="ignore"):  # a shape that doesn't suit the log may overflow: it is passed over
             return do(item)
 
-    def beside(item: In) -> Out:
-        _here.busy = True
-        return quietly(item)
-
     cores = min(os.cpu_count() or 1, MOST_CORES)
     if cores < 2 or len(items) < 2 or getattr(_here, "busy", False):
         return [quietly(item) for item in items]
-    with ThreadPoolExecutor(min(cores, len(items))) as pool:
-        return list(pool.map(beside, items))
+    with ThreadPoolExecutor(min(cores, len(items)), initializer=lambda: setattr(_here, "busy", True)) as pool:
+        return list(pool.map(quietly, items))

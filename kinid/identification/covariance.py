@@ -114,7 +114,6 @@ def _unlike(state: State, jacobian: Array, information: Array, chance: Array) ->
             rest = np.linalg.inv(information - j.T @ j + ridge)
             total += (rest @ scores[:, kind == number].sum(axis=(0, 1))) ** 2
             expected += (np.diag(rest) / alone - 1.0) * chance
-        if count > 1:
-            surprising = chi2.ppf(SURE, count - 1) / (count - 1)
-            out = np.maximum(out, np.where(total > surprising * expected, total * (count - 1) / count, 0.0))
+        beyond = total > chi2.ppf(SURE, count - 1) / (count - 1) * expected
+        out = np.maximum(out, np.where(beyond, total * (count - 1) / count, 0.0))
     return out

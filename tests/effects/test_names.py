@@ -18,6 +18,8 @@ ALLOWED = {
     "kinid/mapping/probes.py": "the default law of a map",
     "kinid/viewer/scene.py": "the default law of a view",
 }
+#: folders that may, and links to folders that are looked at by their own names
+ELSEWHERE = {("kinid", part) for part in ("effects", "lab", "controllers", "estimators", "urdf")}
 #: names of effects that are quantities or modules, too
 QUANTITIES = {"payload"}
 
@@ -26,9 +28,8 @@ def _sources() -> Iterator[Path]:
     for folder in ("kinid", "controllers", "estimators"):
         for path in sorted((ROOT / folder).rglob("*.py")):
             relative = path.relative_to(ROOT)
-            if relative.parts[:2] not in {("kinid", "effects"), ("kinid", "lab")} and str(relative) not in ALLOWED:
-                if relative.parts[:2] not in {("kinid", part) for part in ("controllers", "estimators", "urdf")}:
-                    yield path
+            if relative.parts[:2] not in ELSEWHERE and str(relative) not in ALLOWED:
+                yield path
 
 
 def _strings(tree: ast.AST) -> Iterator[ast.Constant]:
