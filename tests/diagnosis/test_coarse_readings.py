@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -28,7 +28,7 @@ def rounded(tester: Tester, force: Array, step: float = STEP) -> kinid.Log:
     return kinid.Log(t=log.t, contact={**log.contact, "normal_force": read}, phase=log.phase)
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=3, deadline=None, phases=(Phase.explicit, Phase.generate))
 @given(st.floats(0.15, 0.6))
 def test_stiffness_and_damping_come_back_through_a_converter(tester: Tester, step: float) -> None:
     model = kinid.Model("kelvin-voigt")

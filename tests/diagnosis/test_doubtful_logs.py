@@ -234,7 +234,7 @@ def test_a_bias_beyond_what_calibration_is_trusted_to_is_told_beside_what_was_ad
         assert "0.04" in found["sensor-bias"].says
 
 
-@pytest.mark.parametrize("size", [0.1, 0.2, 0.4])
+@pytest.mark.parametrize("size", [0.1, 0.4])
 def test_what_is_left_that_looks_like_an_effect_does_not_leave_it_absent(size: float) -> None:
     """A pull at a tool that leaves, only within 0.8 mm of the surface: not the catalogue's adhesion, but no proof of none."""
     t, depth, speed = motion()
