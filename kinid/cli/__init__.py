@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import sys
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -13,6 +15,8 @@ from kinid.cli import map as map_command
 from kinid.cli.once import Once
 from kinid.errors import KinidError
 
+#: names folders of effects, as kinid.effects reads it
+VARIABLE = "KINID_EFFECTS"
 #: exit code of a command that the user stopped
 STOPPED = 130
 
@@ -37,8 +41,13 @@ def _root(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
     ] = False,
+    effects: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="FOLDER", help="Effects of your own, one a file; may stand behind the command, and more than once."),
+    ] = None,
 ) -> None:
-    pass
+    if effects:  # processes that are begun inherit it
+        os.environ[VARIABLE] = os.pathsep.join([str(folder.absolute()) for folder in effects])
 
 
 #: each command with the line that the list of commands shows of it
@@ -63,10 +72,27 @@ for command in (*app.registered_commands, *plan.app.registered_commands):
     command.epilog = "\b\n" + "\n".join([*lines[:1], *(f"  {line}" for line in lines[1:])])
 
 
+def _folders_first(words: list[str]) -> list[str]:
+    """Command-line words, folders of effects before the command: `plan discriminate` has names of effects under that option."""
+    first: list[str] = []
+    rest: list[str] = []
+    i = 0
+    while i < len(words):
+        option, equals, value = words[i].partition("=")
+        value = value if equals else "".join(words[i + 1 : i + 2])
+        if option == "--effects" and (os.sep in value or Path(value).is_dir()):
+            first += [option, value]
+            i += 1 if equals else 2
+        else:
+            rest.append(words[i])
+            i += 1
+    return first + rest
+
+
 def main() -> None:
     """Run the command line; bad input ends in one line on stderr and exit code 2."""
     try:
-        code = app(prog_name="kinid", standalone_mode=False)
+        code = app(_folders_first(sys.argv[1:]), prog_name="kinid", standalone_mode=False)
     except KinidError as error:
         _say(str(error))
         code = 2

@@ -1,4 +1,6 @@
-"""The catalogue of effects: every file of this folder whose name has no leading underscore holds one effect."""
+"""The catalogue of effects: every file of this folder whose name has no leading underscore holds one effect, and so does every
+such file of a user's own folders.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ import pkgutil
 from functools import cache
 
 from kinid.effects._effect import Effect, Stage
+from kinid.effects._foreign import foreign_effects, only_effect
 from kinid.effects._samples import Detection, Samples
 from kinid.effects._signals import AsRead, JointMotion, Layout, SensorMotion, Signals
 from kinid.errors import InputError, near
@@ -27,19 +30,20 @@ TOGETHER = {
 
 @cache
 def catalogue() -> dict[str, type[Effect]]:
-    """All effects by name, found by scanning the folder."""
+    """All effects by name: the files of this folder, of the folders that `KINID_EFFECTS` names, and those of installed packages.
+
+    Raises:
+        InputError: a file of another folder, or a package, that holds no effect, several, or one whose name is taken.
+    """
     found: dict[str, type[Effect]] = {}
     for module in pkgutil.iter_modules(__path__):
-        if module.name.startswith("_"):
-            continue
-        loaded = importlib.import_module(f"{__name__}.{module.name}")
-        classes = [value for value in vars(loaded).values()
-                   if isinstance(value, type) and issubclass(value, Effect) and value.__module__ == loaded.__name__]  # fmt: skip
-        if len(classes) != 1:
-            raise ImportError(f"{loaded.__name__} holds {len(classes)} effects, one file holds one")
-        effect = classes[0]
-        if effect.id != module.name.replace("_", "-"):
-            raise ImportError(f"{loaded.__name__} holds '{effect.id}': file and effect have one name")
+        if not module.name.startswith("_"):
+            effect = only_effect(importlib.import_module(f"{__name__}.{module.name}"), module.name)
+            found[effect.id] = effect
+    for effect in foreign_effects():
+        if effect.id in found:
+            where = effect.__module__
+            raise InputError(f"a second effect '{effect.id}', in {where}", "a name of its own", "rename the file and its id")
         found[effect.id] = effect
     return found
 

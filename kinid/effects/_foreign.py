@@ -1,0 +1,75 @@
+"""Effects that live outside this package: in folders of a user's own, and in installed packages."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import sys
+from collections.abc import Iterator
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
+
+from kinid.effects._effect import Effect
+from kinid.errors import InputError
+
+#: the environment variable that names folders of effects, written like PATH; processes that are begun inherit it
+VARIABLE = "KINID_EFFECTS"
+#: packages offer effects under this group: name = "package.module:Class"
+GROUP = "kinid.effects"
+
+
+def foreign_effects() -> Iterator[type[Effect]]:
+    """Effects of the folders that `KINID_EFFECTS` names, file by file, then those of installed packages.
+
+    Raises:
+        InputError: a folder that isn't there, a file that can't be imported or doesn't hold one effect of its own name, an entry
+            point that is no effect.
+    """
+    for folder in filter(None, os.environ.get(VARIABLE, "").split(os.pathsep)):
+        if not Path(folder).is_dir():
+            raise InputError(f"no folder {folder}", "a folder of effects, one a file", f"check --effects, or {VARIABLE}")
+        for path in sorted(Path(folder).glob("[!_.]*.py")):
+            yield load_effect(path)
+    for point in entry_points(group=GROUP):
+        effect = point.load()
+        if not (isinstance(effect, type) and issubclass(effect, Effect)):
+            raise InputError(f"entry point '{point.name}' of {GROUP}", "a class of kinid.effects.Effect", "mend its package")
+        yield effect
+
+
+def load_effect(path: Path) -> type[Effect]:
+    """The one effect that a file holds.
+
+    Raises:
+        InputError: it can't be imported, or see `only_effect`.
+    """
+    name = f"kinid_effects_{path.stem}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # dataclasses look their module up
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        del sys.modules[name]
+        line = f"{type(error).__name__}: {error}"
+        raise InputError(f"{path} can't be imported ({line})", "a Python file that holds one effect", "mend the file") from error
+    return only_effect(module, path.stem)
+
+
+def only_effect(module: ModuleType, file_name: str) -> type[Effect]:
+    """The one effect of a module, which has the name of its file.
+
+    Raises:
+        InputError: it holds none or several, or one whose `id` isn't the file's name.
+    """
+    classes = [value for value in vars(module).values()
+               if isinstance(value, type) and issubclass(value, Effect) and value.__module__ == module.__name__]  # fmt: skip
+    if len(classes) != 1:
+        raise InputError(f"{len(classes)} effects in {module.__file__}", "one class of kinid.effects.Effect", "one a file")
+    found, expected = getattr(classes[0], "id", ""), file_name.replace("_", "-")
+    if found != expected:
+        raise InputError(f"effect '{found}' in {module.__file__}", f'id = "{expected}"', "file and effect have one name")
+    return classes[0]
