@@ -27,7 +27,7 @@ class DiagnosisSettings:
     """
 
     min_significance: float = 4.0
-    beyond_doubt: float = 20.0
+    beyond_doubt: float = 30.0
     min_share: float = 0.03
     min_reading_share: float = 0.003
     rival_significance: float = 2.0
