@@ -106,14 +106,12 @@ def _unlike(state: State, jacobian: Array, information: Array, chance: Array) ->
     rows = jacobian.reshape(*problem.shape, -1)
     scores = rows * (state.residual / state.error.sigma)[:, :, None]
     ridge = FOLD_RIDGE * np.diag(np.diag(information))
-    alone = np.diag(np.linalg.inv(information + ridge))
     for kind in kinds_of_motion(problem.mean_at(s.depth), *map(problem.mean_at, (s.depth_rate, *s.slip_rate))):
-        total, expected = np.zeros(len(chance)), np.zeros(len(chance))
-        for number in range(count := int(kind.max(initial=0)) + 1):
+        total = np.zeros(len(chance))
+        for number in range(count := int(kind.max()) + 1):
             j = rows[:, kind == number].reshape(-1, len(chance))
-            rest = np.linalg.inv(information - j.T @ j + ridge)
-            total += (rest @ scores[:, kind == number].sum(axis=(0, 1))) ** 2
-            expected += (np.diag(rest) / alone - 1.0) * chance
-        beyond = total > chi2.ppf(SURE, count - 1) / (count - 1) * expected
-        out = np.maximum(out, np.where(beyond, total * (count - 1) / count, 0.0))
+            total += np.linalg.solve(information - j.T @ j + ridge, scores[:, kind == number].sum(axis=(0, 1))) ** 2
+        surprising = chi2.ppf(SURE, count - 1) / (count - 1)
+        total *= (count - 1) / count
+        out = np.maximum(out, np.where(total > surprising * chance, total, 0.0))
     return out
