@@ -1,4 +1,4 @@
-"""Covariance of estimates whose errors remember: a sandwich over blocks of time, never tighter than the memory allows.
+"""Covariance of estimates whose errors remember: a sandwich over blocks of time, no tighter than memory or kinds of motion allow.
 
 V = H⁻¹ M H⁻¹ with the information H and M the sum over blocks of squared scores, neighbours included (W. K. Newey, K. D. West,
 Econometrica 55, 1987; small samples: J. G. MacKinnon, H. White, J. Econometrics 29, 1985). Nuisances count with their prior in
@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from kinid.contact.kinds_of_motion import kinds_of_motion
 from kinid.identification.solver import FOLD_RIDGE, State, held_parameters
@@ -21,9 +20,8 @@ Mask = NDArray[np.bool_]
 
 #: change of all weighted readings per scale of a parameter, as a length, below which it isn't seen
 UNSEEN = 1e-4
-#: eigenvalue of the normalised information below which a direction isn't identified, and share of it that takes part; chance
-#: with which a kind of motion that is left out moves a parameter no further by noise alone
-OPEN_DIRECTION, TAKES_PART, SURE = 1e-10, 0.1, 0.99
+#: eigenvalue of the normalised information below which a direction isn't identified, and share of it that takes part
+OPEN_DIRECTION, TAKES_PART = 1e-10, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +60,7 @@ def covariance_of(state: State) -> Covariance:
     open_ = (np.abs(vector[:, lost]) > TAKES_PART).any(axis=1)
     inverse = (vector[:, ~lost] / eigenvalue[~lost]) @ vector[:, ~lost].T / np.outer(size, size)
     spread = inverse @ _meat(state, jacobian[:, own], prior) @ inverse
-    floor = np.maximum(np.diag(inverse) * state.inflation, _unlike(state, jacobian[:, own], information, np.diag(spread)))
+    floor = np.maximum(np.diag(inverse) * state.inflation, _unlike(state, jacobian[:, own], information))
     with np.errstate(divide="ignore", invalid="ignore"):
         widen = np.sqrt(np.maximum(1.0, floor / np.maximum(np.diag(spread), 1e-300)))
     spread = spread * np.outer(widen, widen)
@@ -96,22 +94,23 @@ def _meat(state: State, jacobian: Array, prior: Array) -> Array:
     return out
 
 
-def _unlike(state: State, jacobian: Array, information: Array, chance: Array) -> Array:
-    """Variance of parameters (p,) from what a kind of motion leaves out, where that is beyond chance, given theirs from time.
+def _unlike(state: State, jacobian: Array, information: Array) -> Array:
+    """Variance of parameters (p,) from clusters of one kind of motion, the largest of several ways to cluster.
 
-    A law of another form errs alike wherever the tool does the same, however often it does so: a jackknife over clusters of
-    several kinds (A. C. Cameron, J. B. Gelbach, D. L. Miller, J. Bus. Econ. Stat. 29, 2011).
+    A law of another form errs alike wherever the tool does the same, however often it does so: a sandwich over clusters of
+    several kinds (A. C. Cameron, J. B. Gelbach, D. L. Miller, J. Bus. Econ. Stat. 29, 2011), right for few clusters that weigh
+    unlike (R. M. Bell, D. F. McCaffrey, Survey Methodology 28, 2002).
     """
-    problem, s, out = state.problem, state.problem.experiment.signals, np.zeros(len(chance))
+    problem, s, out = state.problem, state.problem.experiment.signals, np.zeros(len(information))
     rows = jacobian.reshape(*problem.shape, -1)
     scores = rows * (state.residual / state.error.sigma)[:, :, None]
-    ridge = FOLD_RIDGE * np.diag(np.diag(information))
+    root = np.linalg.inv(np.linalg.cholesky(information + FOLD_RIDGE * np.diag(np.diag(information))))
     for kind in kinds_of_motion(problem.mean_at(s.depth), *map(problem.mean_at, (s.depth_rate, *s.slip_rate))):
-        total = np.zeros(len(chance))
-        for number in range(count := int(kind.max()) + 1):
-            j = rows[:, kind == number].reshape(-1, len(chance))
-            total += np.linalg.solve(information - j.T @ j + ridge, scores[:, kind == number].sum(axis=(0, 1))) ** 2
-        surprising = chi2.ppf(SURE, count - 1) / (count - 1)
-        total *= (count - 1) / count
-        out = np.maximum(out, np.where(total > surprising * chance, total, 0.0))
+        moved = np.zeros(len(information))
+        for number in range(int(kind.max()) + 1):
+            j = rows[:, kind == number].reshape(-1, len(information)) @ root.T
+            share, vector = np.linalg.eigh(j.T @ j)
+            own = vector.T @ root @ scores[:, kind == number].sum(axis=(0, 1))
+            moved += (root.T @ vector @ (own / np.sqrt(np.maximum(1.0 - share, FOLD_RIDGE)))) ** 2
+        out = np.maximum(out, moved)
     return out

@@ -7,7 +7,6 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.stats import binom
 
 import kinid
 from kinid.contact.series import ContactSeries
@@ -70,7 +69,6 @@ def _estimates(name: str, seed: int) -> list[FittedParameter]:
 def _study(seeds: range) -> Array:
     """Errors in standard errors, (materials, parameters, seeds); each estimate near enough, no interval an alibi."""
     out = np.empty((len(PUBLISHED), len(NAMES), len(seeds)))
-    wide = 0
     print(f"\nthe first of {len(seeds)} seeds, and of how many the 95 % interval covers the truth")
     print("material        parameter     published       true  estimated   95 % from         to  cover")
     for i, (name, published) in enumerate(PUBLISHED.items()):
@@ -80,16 +78,13 @@ def _study(seeds: range) -> Array:
             for k, (p, known) in enumerate(zip(found, truth)):
                 half = (p.high - p.low) / 2
                 assert abs(p.value / known - 1.0) < WITHIN[k]
-                assert half > 0.0
-                wide += half > WITHIN[k] * known
+                assert 0.0 < half < WITHIN[k] * known
                 out[i, k, j] = (p.value - known) / (half / 1.96)
             rows = rows or found
         for k, p in enumerate(rows):
             covered = (np.abs(out[i, k]) < 1.96).sum()
             print(f"{name:15} {NAMES[k]:11} {published[k]:11.4g} {truth[k]:10.4g} {p.value:10.5g}  {p.low:10.5g} {p.high:10.5g}  "
                   f"{covered} of {len(seeds)}")  # fmt: skip
-    # by chance alone, 1 % of intervals are widened by what looks like a law that errs alike in one kind of motion
-    assert wide <= binom.ppf(0.999, out.size, 0.01)
     print(f"in all {100 * (np.abs(out) < 1.96).mean():.1f} %")
     return out
 

@@ -28,7 +28,7 @@ WHOLE: dict[str, float | None] = {"named at 2": None, "named at 5": None, "false
 
 #: logs and effects of the small study: each family, and what is read off samples, filters, clocks and laws
 FEW = ("drive-friction/sensor-lag", "drive-friction/joint-coulomb-friction", "drive-friction/quantization",
-       "lwr4plus-motion-1/rotor-inertia", "ur10e-motion-joint-1/sensor-drift",
+       "lwr4plus-motion-1/payload", "ur10e-motion-joint-1/sensor-drift",
        "silicone-d5mm_hard/viscous-damping", "silicone-d5mm_hard/hysteresis",
        "med14-poses/tool-mass", "med14-poses/sensor-misalignment")  # fmt: skip
 SEED = 1

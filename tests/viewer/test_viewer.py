@@ -182,8 +182,8 @@ PROBE = """
     out.errors = kinid.errors; out.ready = kinid.ready === true; out.probes = kinid.shown;
     out.legend = [document.getElementById("low").textContent, document.getElementById("high").textContent,
                   document.getElementById("unit").textContent, !document.getElementById("legend").hidden];
-    kinid.viewer.viewer.render();
-    const gl = kinid.viewer.viewer.renderer.domElement, flat = document.createElement("canvas");
+    kinid.viewer.render();
+    const gl = kinid.viewer.renderer.domElement, flat = document.createElement("canvas");
     flat.width = gl.width; flat.height = gl.height;
     const pen = flat.getContext("2d"); pen.drawImage(gl, 0, 0);
     const d = pen.getImageData(0, 0, flat.width, flat.height).data;
@@ -201,8 +201,8 @@ PROBE = """
       const begun = performance.now();
       kinid.apply({map: base});
       out.update = (out.update || 0) + (performance.now() - begun) / 20;
-      kinid.viewer.viewer.render();
-      const context = kinid.viewer.viewer.renderer.getContext();
+      kinid.viewer.render();
+      const context = kinid.viewer.renderer.getContext();
       context.readPixels(0, 0, 1, 1, context.RGBA, context.UNSIGNED_BYTE, buffer);  // waits until it is drawn
     }
     out.rate = 20 / ((performance.now() - start) / 1000);
@@ -290,9 +290,9 @@ FRAMED = """
     await wait(300);
     out.errors = kinid.errors;
     const inside = () => {
-      kinid.viewer.viewer.set_3d_pane_size();
-      kinid.viewer.viewer.render();
-      const ends = everything(view.of).map(p => p.clone().project(kinid.viewer.viewer.camera));
+      kinid.viewer.set_3d_pane_size();
+      kinid.viewer.render();
+      const ends = everything(view.of).map(p => p.clone().project(kinid.viewer.camera));
       return Math.max(...ends.map(p => Math.max(Math.abs(p.x), Math.abs(p.y))));
     };
     const box = e => e.getBoundingClientRect();
