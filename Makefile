@@ -21,6 +21,7 @@ slow: $(TEST)/.ready
 	$(TEST)/bin/pytest -n $(WORKERS) -m slow
 
 lint: $(TEST)/.ready
+	$(TEST)/bin/ruff format --check --quiet .
 	$(TEST)/bin/ruff check .
 	$(TEST)/bin/lint-imports
 

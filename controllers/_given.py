@@ -48,6 +48,9 @@ def numbers(value: object, shape: tuple[int, ...], what: str, mend: str = "check
     if shape and out.shape != shape:
         raise InputError(f"{what} of shape {out.shape}", f"finite numbers of shape {shape}", mend)
     if not np.isfinite(out).all():
-        raise InputError(f"{what} with {int((~np.isfinite(out)).sum())} values that aren't finite",
-                         f"finite numbers of shape {shape}", mend)  # fmt: skip
+        raise InputError(
+            f"{what} with {int((~np.isfinite(out)).sum())} values that aren't finite",
+            f"finite numbers of shape {shape}",
+            mend,
+        )
     return out

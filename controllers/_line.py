@@ -20,17 +20,33 @@ def run(p: Array, delay: int, method: int, path: Array, moved: bool, out: Array)
     """Simulate as many periods as `path` has.
 
     Args:
-        p: mass, damping of the master; damping, stiffness of the hand; mass, damping of the slave; stiffness, damping of
-            its coupling; K, B of the environment; K, B that the map believes; most damping; capacity of the tank; period.
-        delay: one-way, in periods. method: 0 direct, 1 impedance, 2 direct with observer and damper, 3 direct behind a tank.
+        p: mass, damping of the master; damping, stiffness of the hand; mass, damping of the slave; stiffness, damping
+            of its coupling; K, B of the environment; K, B that the map believes; most damping; capacity of the tank;
+            period.
+        delay: one-way, in periods. method: 0 direct, 1 impedance, 2 direct with observer and damper, 3 direct behind a
+            tank.
         path: the intended place of the hand, (n,) [m]; where `moved`, the master's own, in contact that never opens.
-        out: (7, n): master, slave [m], force felt [N], force of the environment [N], energy taken up at the master's port
-            [J], added damping [N·s/m], share of the force that is rendered. The force is that of the period, its mean over
-            it where `moved`.
+        out: (7, n): master, slave [m], force felt [N], force of the environment [N], energy taken up at the master's
+            port [J], added damping [N·s/m], share of the force that is rendered. The force is that of the period, its
+            mean over it where `moved`.
     """
     mass, b_m, b_h, k_h, m_s, b_s, k_c, b_c, k_e, b_e, k_b, b_b, most, capacity, period = (
-        p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14],
-    )  # fmt: skip
+        p[0],
+        p[1],
+        p[2],
+        p[3],
+        p[4],
+        p[5],
+        p[6],
+        p[7],
+        p[8],
+        p[9],
+        p[10],
+        p[11],
+        p[12],
+        p[13],
+        p[14],
+    )
     n, h = path.shape[0], period / FINE
     forces = np.zeros(n)
     x_m, v_m = path[0], 0.0

@@ -27,8 +27,9 @@ Array = NDArray[np.float64]
 class Schedule:
     """How the arm's stiffness along the normal follows the environment's.
 
-    Arm and environment are springs in series: a set-point a depth δ below the surface gives f = δ K_r K_e / (K_r + K_e). For
-    the same κ = f/δ everywhere the arm needs K_r = κ K_e / (K_e − κ): soft on a hard material, stiff on a soft one.
+    Arm and environment are springs in series: a set-point a depth δ below the surface gives f = δ K_r K_e / (K_r +
+    K_e). For the same κ = f/δ everywhere the arm needs K_r = κ K_e / (K_e − κ): soft on a hard material, stiff on a
+    soft one.
 
     Args:
         series: κ [N/m]. least, most: bounds of K_r [N/m]; a material softer than κ gets the greatest.
@@ -52,10 +53,15 @@ class Schedule:
     def __post_init__(self) -> None:
         check_period(self.period)
         if not (is_number(self.least) and is_number(self.most) and 0.0 < self.least <= self.most <= GREATEST_STIFFNESS):
-            raise InputError(f"a stiffness between {self.least} and {self.most} N/m",
-                             f"0 < least ≤ most ≤ {GREATEST_STIFFNESS:g}", "a negative stiffness is unstable")  # fmt: skip
+            raise InputError(
+                f"a stiffness between {self.least} and {self.most} N/m",
+                f"0 < least ≤ most ≤ {GREATEST_STIFFNESS:g}",
+                "a negative stiffness is unstable",
+            )
         if not isinstance(self.plane, Plane | None):
-            raise InputError(f"plane {self.plane!r}", "Plane(point, axes)", "a mesh has no normal of its own to stiffen along")
+            raise InputError(
+                f"plane {self.plane!r}", "Plane(point, axes)", "a mesh has no normal of its own to stiffen along"
+            )
         for name in ("series", "depth", "tank"):
             if not is_positive(getattr(self, name)):
                 raise InputError(f"{name} {getattr(self, name)}", "a positive number", "see the docstring of Schedule")
@@ -70,13 +76,13 @@ class Schedule:
 class AdaptiveImpedance:
     """`Impedance` with the normal stiffness of a schedule: `command(state)` once a period. It remembers its stiffness.
 
-    A spring that stiffens while it is stretched gains ½ ΔK e² from nowhere. That energy comes from a tank which only damping
-    fills (F. Ferraguti, C. Secchi, C. Fantuzzi, ICRA 2013); with an empty tank the stiffness waits.
+    A spring that stiffens while it is stretched gains ½ ΔK e² from nowhere. That energy comes from a tank which only
+    damping fills (F. Ferraguti, C. Secchi, C. Fantuzzi, ICRA 2013); with an empty tank the stiffness waits.
 
     Args:
         base: the impedance whose normal stiffness is replaced; its other gains stay.
-        surface: the map, or a measured one (`kinid.mapping.property_map.PropertyMap`) on a plane, whose unknown places then count
-            as its hardest known: there the arm is softest. schedule: see there.
+        surface: the map, or a measured one (`kinid.mapping.property_map.PropertyMap`) on a plane, whose unknown places
+            then count as its hardest known: there the arm is softest. schedule: see there.
 
     Attributes:
         plane: where the map lies.
@@ -97,8 +103,11 @@ class AdaptiveImpedance:
         translation = base.gains.translation
         self._along = np.array(np.broadcast_to(translation, 3), dtype=float)
         if isinstance(translation, tuple) and not np.allclose(base.gains.axes.T, self.plane.axes):
-            raise InputError("three stiffnesses along axes that aren't the surface's", "axes whose columns are tangent1, "
-                             "tangent2, normal", "set Gains(axes=plane.axes.T)")  # fmt: skip
+            raise InputError(
+                "three stiffnesses along axes that aren't the surface's",
+                "axes whose columns are tangent1, tangent2, normal",
+                "set Gains(axes=plane.axes.T)",
+            )
         self.reset()
 
     def reset(self) -> None:

@@ -1,4 +1,6 @@
-"""Controllers of an arm's tip: impedance, with the arm's own inertia or with a decoupled one, and wrenches through Jᵀ."""
+"""Controllers of an arm's tip: impedance, with the arm's own inertia or with a decoupled one, and wrenches through
+Jᵀ.
+"""
 
 from __future__ import annotations
 
@@ -38,8 +40,8 @@ class Gains:
         axes: columns are the stiffness' axes in the base frame, (3, 3); default: the base's.
         ratio: damping ratio of each mode of stiffness and task-space inertia, 0 … 2.
         damping: a constant matrix instead, base axes, (6, 6) [N·s/m, N·s, N·m·s/rad].
-        null_damping: of motions that leave the tip where it is [N·m·s/rad]; default: by the arm's masses, so that none lasts
-            longer than `NULL_TIME`.
+        null_damping: of motions that leave the tip where it is [N·m·s/rad]; default: by the arm's masses, so that none
+            lasts longer than `NULL_TIME`.
 
     Raises:
         InputError: a stiffness or damping that is negative, too great, not symmetric or not finite.
@@ -56,22 +58,34 @@ class Gains:
         for name in ("translation", "rotation"):
             values = np.atleast_1d(numbers(getattr(self, name), (), f"{name} stiffness", "give one number, or three"))
             if values.shape not in ((1,), (3,)) or (values < 0).any():
-                raise InputError(f"{name} stiffness {getattr(self, name)}", "one number or three, none negative",
-                                 "a negative stiffness pushes away from the target: unstable")  # fmt: skip
+                raise InputError(
+                    f"{name} stiffness {getattr(self, name)}",
+                    "one number or three, none negative",
+                    "a negative stiffness pushes away from the target: unstable",
+                )
             # a single number in a list is one number; lists and arrays become what they mean
             object.__setattr__(self, name, float(values[0]) if len(values) == 1 else tuple(values.tolist()))
         if np.max(self.translation) > GREATEST_STIFFNESS:
-            raise InputError(f"translational stiffness {self.translation} N/m", f"at most {GREATEST_STIFFNESS:g} N/m",
-                             "choose a softer spring")  # fmt: skip
+            raise InputError(
+                f"translational stiffness {self.translation} N/m",
+                f"at most {GREATEST_STIFFNESS:g} N/m",
+                "choose a softer spring",
+            )
         for name, most in (("ratio", 2.0), ("null_damping", np.inf)):
             value = getattr(self, name)
             if not (is_number(value) and 0 <= value <= most) and not (name == "null_damping" and value is None):
-                raise InputError(f"{name} {value}", "a number that isn't negative" + (" nor above 2" if most == 2.0 else ""),
-                                 "negative damping gives energy: unstable")  # fmt: skip
+                raise InputError(
+                    f"{name} {value}",
+                    "a number that isn't negative" + (" nor above 2" if most == 2.0 else ""),
+                    "negative damping gives energy: unstable",
+                )
         axes = numbers(self.axes, (3, 3), "axes of the stiffness", "give a rotation")
         if np.abs(axes @ axes.T - np.eye(3)).max() > 1e-6 or np.linalg.det(axes) < 0:
-            raise InputError("axes of the stiffness that aren't orthonormal and right-handed", "a rotation (3, 3)",
-                             "normalise its columns, and turn one that is mirrored")  # fmt: skip
+            raise InputError(
+                "axes of the stiffness that aren't orthonormal and right-handed",
+                "a rotation (3, 3)",
+                "normalise its columns, and turn one that is mirrored",
+            )
         if self.damping is not None:
             check_dissipative(self.damping, "damping")
             object.__setattr__(self, "damping", np.ascontiguousarray(self.damping, dtype=float))
@@ -94,14 +108,18 @@ def check_dissipative(matrix: Array, name: str) -> None:
     values = numbers(matrix, (6, 6), name, "give linear rows first, then angular")
     scale = max(float(np.abs(values).max()), 1e-300)
     if np.abs(values - values.T).max() > 1e-9 * scale or np.linalg.eigvalsh(values).min() < -1e-9 * scale:
-        raise InputError(f"a {name} matrix that can give energy", "a symmetric one without negative eigenvalues",
-                         "an active gain is unstable")  # fmt: skip
+        raise InputError(
+            f"a {name} matrix that can give energy",
+            "a symmetric one without negative eigenvalues",
+            "an active gain is unstable",
+        )
 
 
 def design_damping(stiffness: Array, inertia: Array, ratio: float) -> Array:
     """Damping that gives every mode of K and Λ the ratio ζ, by double diagonalisation, (6, 6).
 
-    With Λ = Q Qᵀ and K = Q diag(k) Qᵀ it is 2 ζ Q diag(√k) Qᵀ (A. Albu-Schäffer, C. Ott, U. Frese, G. Hirzinger, ICRA 2003).
+    With Λ = Q Qᵀ and K = Q diag(k) Qᵀ it is 2 ζ Q diag(√k) Qᵀ (A. Albu-Schäffer, C. Ott, U. Frese, G. Hirzinger, ICRA
+    2003).
     """
     values, vectors = eigh(stiffness, inertia)
     q = inertia @ vectors  # the inverse of vectorsᵀ, since vectorsᵀ Λ vectors = 1
@@ -126,7 +144,8 @@ def sampled_radius(stiffness: Array, damping: Array, inertia: Array, period: flo
 
 @dataclass(frozen=True, eq=False)
 class Impedance:
-    """Geometric impedance about a target; the tip keeps the arm's own, coupled inertia. See `kinid.controllers.impedance`.
+    """Geometric impedance about a target; the tip keeps the arm's own, coupled inertia. See
+    `kinid.controllers.impedance`.
 
     Args:
         gains: stiffness and damping. target: where the tip shall be; `toward` gives the controller with the next one.
@@ -143,7 +162,9 @@ class Impedance:
     def __post_init__(self) -> None:
         for name, kind in (("gains", Gains), ("target", Target)):
             if not isinstance(getattr(self, name), kind):
-                raise InputError(f"{name} {str(getattr(self, name))[:40]!r}", f"{kind.__name__}(…)", "see its docstring")
+                raise InputError(
+                    f"{name} {str(getattr(self, name))[:40]!r}", f"{kind.__name__}(…)", "see its docstring"
+                )
         object.__setattr__(self, "torque_limit", checked_limit(self.torque_limit))
 
     def toward(self, target: Target) -> Self:
@@ -172,15 +193,27 @@ class Impedance:
         """Joint torques clipped to limits, (N,) both."""
         out, target = np.empty(len(state.dq)), self.target
         impedance_torque(
-            state.rotation, state.position, state.jacobian, state.dq, state.gravity, short_of_half_a_turn(target.rotation, state),
-            target.position, target.velocity, self.gains.stiffness(), self.damping(state), self.null_damping(state), limit, out,
-        )  # fmt: skip
+            state.rotation,
+            state.position,
+            state.jacobian,
+            state.dq,
+            state.gravity,
+            short_of_half_a_turn(target.rotation, state),
+            target.position,
+            target.velocity,
+            self.gains.stiffness(),
+            self.damping(state),
+            self.null_damping(state),
+            limit,
+            out,
+        )
         return out
 
     def check(self, state: ArmState, period: float) -> None:
         """Refuse gains that are unstable about a state when the controller runs once a period [s].
 
-        All joint motions count: a null-space damping in numbers is the first to fail where the state's masses hold no rotors.
+        All joint motions count: a null-space damping in numbers is the first to fail where the state's masses hold no
+        rotors.
 
         Raises:
             InputError: the sampled loop has an eigenvalue outside the unit circle; which gain is to blame.
@@ -189,7 +222,9 @@ class Impedance:
         radius = self._radius(state, period)
         if radius > STEADY:
             cause, mend = self._blame(state, period)
-            raise InputError(f"{cause}, whose sampled loop grows by {radius:.4g} a period of {period:g} s", "at most 1", mend)
+            raise InputError(
+                f"{cause}, whose sampled loop grows by {radius:.4g} a period of {period:g} s", "at most 1", mend
+            )
 
     def _blame(self, state: ArmState, period: float) -> tuple[str, str]:
         """The gain without which the loop would be stable, and what to do about it."""
@@ -200,12 +235,16 @@ class Impedance:
             return other._radius(state, period) <= STEADY
 
         if gains.null_damping and steady(null_damping=0.0):
-            return (f"a null-space damping of {gains.null_damping:g} N·m·s/rad that is too strong for the arm's masses",
-                    "lower null_damping, leave it out, or state the rotors' inertias (ArmState.of)")  # fmt: skip
+            return (
+                f"a null-space damping of {gains.null_damping:g} N·m·s/rad that is too strong for the arm's masses",
+                "lower null_damping, leave it out, or state the rotors' inertias (ArmState.of)",
+            )
         if gains.damping is None and steady(ratio=0.7):
             high = gains.ratio > 0.7
-            return (f"a damping ratio of {gains.ratio:g} that is too {'high' if high else 'low'}",
-                    f"{'lower' if high else 'raise'} it towards 0.7")  # fmt: skip
+            return (
+                f"a damping ratio of {gains.ratio:g} that is too {'high' if high else 'low'}",
+                f"{'lower' if high else 'raise'} it towards 0.7",
+            )
         return "gains", "less stiffness, another damping, or a shorter period"
 
     def null_damping(self, state: ArmState) -> float:
@@ -225,12 +264,13 @@ class Impedance:
 
 @dataclass(frozen=True, eq=False)
 class DecoupledImpedance(Impedance):
-    """The same impedance around a shaped, decoupled inertia: a wrench along one axis accelerates the tip along it alone.
+    """The same impedance around a shaped, decoupled inertia: a wrench along one axis accelerates the tip along it
+    alone.
 
-    τ = b + Jᵀ [Λ (ẍ_d + Λ_d⁻¹ (w + f) − J̇ q̇) − f] + Nᵀ τ₀ with w the impedance's wrench and f the measured wrench of the
-    environment, so that Λ_d (ẍ − ẍ_d) = w + f; Nᵀ = I − Jᵀ Λ J M⁻¹ is dynamically consistent (O. Khatib, 1987; C. Ott,
-    Cartesian Impedance Control, 2008, ch. 3). It needs the wrench and the arm's masses, and isn't passive where they are
-    wrong.
+    τ = b + Jᵀ [Λ (ẍ_d + Λ_d⁻¹ (w + f) − J̇ q̇) − f] + Nᵀ τ₀ with w the impedance's wrench and f the measured wrench of
+    the environment, so that Λ_d (ẍ − ẍ_d) = w + f; Nᵀ = I − Jᵀ Λ J M⁻¹ is dynamically consistent (O. Khatib, 1987; C.
+    Ott, Cartesian Impedance Control, 2008, ch. 3). It needs the wrench and the arm's masses, and isn't passive where
+    they are wrong.
 
     Args:
         inertia: Λ_d, base axes, (6, 6) [kg, kg·m, kg·m²]; None is the diagonal of the arm's own at each state.
@@ -243,7 +283,9 @@ class DecoupledImpedance(Impedance):
         if self.inertia is not None:
             check_dissipative(self.inertia, "inertia")
             if np.linalg.eigvalsh(self.inertia).min() <= 0:
-                raise InputError("an inertia of zero along some direction", "a positive one", "give each axis some mass")
+                raise InputError(
+                    "an inertia of zero along some direction", "a positive one", "give each axis some mass"
+                )
 
     def shaped_inertia(self, state: ArmState) -> Array:
         """Λ_d at a state, (6, 6)."""
@@ -259,7 +301,9 @@ class DecoupledImpedance(Impedance):
         tip = sampled_radius(self.gains.stiffness(), self.damping(state), self.shaped_inertia(state), period)
         j = state.jacobian
         idle = np.eye(len(state.dq)) - j.T @ state.task_inertia() @ np.linalg.solve(state.mass, j.T).T
-        rest = np.linalg.eigvals(np.eye(len(idle)) - period * self.null_damping(state) * np.linalg.solve(state.mass, idle))
+        rest = np.linalg.eigvals(
+            np.eye(len(idle)) - period * self.null_damping(state) * np.linalg.solve(state.mass, idle)
+        )
         return max(tip, float(np.abs(rest).max()))
 
     def _torque(self, state: ArmState, limit: Array) -> Array:
@@ -267,9 +311,20 @@ class DecoupledImpedance(Impedance):
         own, target, wrench = state.task_inertia(), self.target, np.empty(6)
         # an arm that is the tip itself turns the kernel's torques into the impedance's wrench
         impedance_torque(
-            state.rotation, state.position, np.eye(6), state.twist, np.zeros(6), short_of_half_a_turn(target.rotation, state),
-            target.position, target.velocity, self.gains.stiffness(), self.damping(state), 0.0, np.full(6, np.inf), wrench,
-        )  # fmt: skip
+            state.rotation,
+            state.position,
+            np.eye(6),
+            state.twist,
+            np.zeros(6),
+            short_of_half_a_turn(target.rotation, state),
+            target.position,
+            target.velocity,
+            self.gains.stiffness(),
+            self.damping(state),
+            0.0,
+            np.full(6, np.inf),
+            wrench,
+        )
         acceleration = target.acceleration + np.linalg.solve(self.shaped_inertia(state), wrench + state.wrench)
         tip = own @ (acceleration - state.drift) - state.wrench
         null = -self.null_damping(state) * state.dq
@@ -283,7 +338,8 @@ class JacobianTranspose:
     """Renders a wrench at the tip by τ = g + Jᵀ w − d P q̇, clipped to the limits; no inertia is compensated.
 
     Args:
-        wrench: that the tip puts on the hand or the environment, at the tip, force then moment, base axes, (6,) [N, N·m].
+        wrench: that the tip puts on the hand or the environment, at the tip, force then moment, base axes, (6,) [N,
+            N·m].
         torque_limit: [N·m], (N,). null_damping: [N·m·s/rad].
 
     Raises:
@@ -304,18 +360,32 @@ class JacobianTranspose:
         """Joint torques [N·m], (N,)."""
         out, zero = np.empty(len(state.dq)), np.zeros((6, 6))
         impedance_torque(
-            state.rotation, state.position, state.jacobian, state.dq, state.gravity + state.jacobian.T @ self.wrench,
-            state.rotation, state.position, np.zeros(6), zero, zero, self.null_damping, per_joint(self.torque_limit, state), out,
-        )  # fmt: skip
+            state.rotation,
+            state.position,
+            state.jacobian,
+            state.dq,
+            state.gravity + state.jacobian.T @ self.wrench,
+            state.rotation,
+            state.position,
+            np.zeros(6),
+            zero,
+            zero,
+            self.null_damping,
+            per_joint(self.torque_limit, state),
+            out,
+        )
         return out
 
     def saturates(self, state: ArmState) -> bool:
         """Whether a joint can't give its share of the wrench, so that another wrench comes out."""
-        return bool((np.abs(state.gravity + state.jacobian.T @ self.wrench) > per_joint(self.torque_limit, state)).any())
+        return bool(
+            (np.abs(state.gravity + state.jacobian.T @ self.wrench) > per_joint(self.torque_limit, state)).any()
+        )
 
 
 def short_of_half_a_turn(rotation: Array, state: ArmState) -> Array:
-    """A target's rotation; where it is half a turn from the tip's, `ASIDE` less: any way round is as short, and one is chosen.
+    """A target's rotation; where it is half a turn from the tip's, `ASIDE` less: any way round is as short, and one is
+    chosen.
 
     Exactly there the spring's moment about the axis of the turn vanishes; the tip would stay turned over, at rest.
     """
@@ -335,7 +405,9 @@ def checked_limit(limit: Array) -> Array:
     except (TypeError, ValueError):
         values = np.full(1, np.nan)
     if values.ndim != 1 or not (values > 0).all():
-        raise InputError(f"torque limits {values}", "one positive number a joint [N·m]", "take them from the robot's data sheet")
+        raise InputError(
+            f"torque limits {values}", "one positive number a joint [N·m]", "take them from the robot's data sheet"
+        )
     return values
 
 
@@ -347,6 +419,9 @@ def per_joint(limit: Array, state: ArmState) -> Array:
     """
     joints = len(state.gravity)
     if len(limit) not in (1, joints):
-        raise InputError(f"{len(limit)} torque limits for {joints} joints", "one for all, or one a joint [N·m]",
-                         "take them from the robot's data sheet")  # fmt: skip
+        raise InputError(
+            f"{len(limit)} torque limits for {joints} joints",
+            "one for all, or one a joint [N·m]",
+            "take them from the robot's data sheet",
+        )
     return np.ascontiguousarray(np.broadcast_to(limit, joints))

@@ -2,8 +2,8 @@
 
 The proxy is the place where the device would be if the surface were hard (C. Zilles, K. Salisbury, A constraint-based
 god-object method for haptic display, IROS 1995): on a plane, the device's foot; on a mesh see
-`kinid.controllers.mesh_surface`. Friction holds it back: while the spring between proxy and device pulls less than μ f_n the
-proxy sticks, else it follows on the cone (W. S. Harwin, N. Melder, EuroHaptics 2002).
+`kinid.controllers.mesh_surface`. Friction holds it back: while the spring between proxy and device pulls less than μ
+f_n the proxy sticks, else it follows on the cone (W. S. Harwin, N. Melder, EuroHaptics 2002).
 """
 
 from __future__ import annotations
@@ -67,9 +67,11 @@ class Rendered(NamedTuple):
     """One period of rendering, base axes.
 
     force: on the device and the hand, (3,) [N]. proxy: (3,) [m]. depth: of the device below the surface [m], ≥ 0.
-    sliding: whether the proxy follows on the friction cone. Of the passivity controllers, along the normal and along the
-    surface: added_damping [N·s/m], share of the law's force that is rendered, and energy [J]. An observer's energy is what
-    the material took up in this touch; negative is a debt, older ones included, that is being paid. A tank's is what it holds.
+    sliding: whether the proxy follows on the friction cone. Of the passivity controllers, along the normal and along
+        the
+    surface: added_damping [N·s/m], share of the law's force that is rendered, and energy [J]. An observer's energy is
+    what the material took up in this touch; negative is a debt, older ones included, that is being paid. A tank's is
+    what it holds.
     limited: whether the law asked for more than the device's mass bears at this period, and was softened.
     """
 
@@ -104,8 +106,9 @@ class HapticSettings:
         shear: spring between device and proxy along the surface [N/m]; 0 renders no friction.
         period: of the loop [s]. force_limit: of the device [N]; the force is shortened to it.
         passivity: what keeps the rendered material from giving energy.
-        mass: m, the least that moves with the device along any direction [kg]: laws are softened to the `most_damping` and
-            `most_stiffness` that it bears, and `Rendered.limited` says when. Default: 50 g, a stylus; a heavier one bears more.
+        mass: m, the least that moves with the device along any direction [kg]: laws are softened to the `most_damping`
+            and `most_stiffness` that it bears, and `Rendered.limited` says when. Default: 50 g, a stylus; a heavier one
+            bears more.
 
     Raises:
         InputError: a number outside its range, or a shear spring that such a mass doesn't bear.
@@ -128,14 +131,21 @@ class HapticSettings:
         if self.surface is not None and (isinstance(self.surface, type) or not isinstance(self.surface, Touchable)):
             raise InputError(f"surface {self.surface!r}", "a plane or a mesh", "use Plane() or MeshSurface(mesh)")
         if not (is_number(self.shear) and self.shear >= 0):
-            raise InputError(f"shear {self.shear}", "a finite number that isn't negative", "a negative one gives energy")
+            raise InputError(
+                f"shear {self.shear}", "a finite number that isn't negative", "a negative one gives energy"
+            )
         if not is_positive(self.force_limit, or_infinite=True):
-            raise InputError(f"force_limit {self.force_limit}", "a positive number [N]", "take it from the device's data sheet")
+            raise InputError(
+                f"force_limit {self.force_limit}", "a positive number [N]", "take it from the device's data sheet"
+            )
         if not is_positive(self.mass):
             raise InputError(f"mass {self.mass}", "a positive number [kg]", "weigh what moves with the device")
         if self.shear > self.most_stiffness:
-            raise InputError(f"a shear spring of {self.shear:g} N/m on {self.mass:g} kg at a period of {self.period:g} s",
-                             f"at most {self.most_stiffness:g} N/m", "lower shear, or state the device's mass")  # fmt: skip
+            raise InputError(
+                f"a shear spring of {self.shear:g} N/m on {self.mass:g} kg at a period of {self.period:g} s",
+                f"at most {self.most_stiffness:g} N/m",
+                "lower shear, or state the device's mass",
+            )
 
     @property
     def most_damping(self) -> float:
@@ -146,8 +156,8 @@ class HapticSettings:
     def most_stiffness(self) -> float:
         """A tenth of m/T², but no more than the passivity controller can make up for [N/m].
 
-        A spring held for T is a damper of −K T/2. At a tenth of m/T² it gives half of a touch's energy at most, ½ π ω T with
-        ω² = K/m, before the controller knows; and that can pay while K T/2 is well below its own damping.
+        A spring held for T is a damper of −K T/2. At a tenth of m/T² it gives half of a touch's energy at most, ½ π ω T
+        with ω² = K/m, before the controller knows; and that can pay while K T/2 is well below its own damping.
         """
         paid = getattr(self.passivity, "most_damping", 0.0) or np.inf
         return float(min(SPRING * self.mass / self.period**2, paid / self.period))
@@ -156,14 +166,14 @@ class HapticSettings:
 class HapticRendering:
     """Renders a map at a fixed rate: `command(position, velocity)` once a period. It remembers proxy and energy.
 
-    A held force lags by half a period and gives energy (J. E. Colgate, J. M. Brown, ICRA 1994: passive if the device's own
-    damping b > K T/2 + B), and so does a map whose stiffness changes below a finger that moves along it. Passivity
+    A held force lags by half a period and gives energy (J. E. Colgate, J. M. Brown, ICRA 1994: passive if the device's
+    own damping b > K T/2 + B), and so does a map whose stiffness changes below a finger that moves along it. Passivity
     controllers see to both, one along the normal and one along the surface, so that friction's losses don't excuse a
     spring's gains; see `kinid.controllers.passivity`.
 
     Args:
-        materials: the map, or a measured one (`kinid.mapping.property_map.PropertyMap`), whose unknown places are then rendered
-            as its softest known; see `Measured` for another choice. settings: see `HapticSettings`.
+        materials: the map, or a measured one (`kinid.mapping.property_map.PropertyMap`), whose unknown places are then
+            rendered as its softest known; see `Measured` for another choice. settings: see `HapticSettings`.
 
     Attributes:
         law, surface: that are rendered: those of the settings, else the map's.
@@ -233,7 +243,10 @@ class HapticRendering:
             drag = float(np.sqrt(dragging @ dragging))
             share_t, extra_t = self._across.settle(float(dragging @ slip), drag, float(slip @ slip))
             # the friction cone is that of the normal force that is rendered
-            extra, share = (min(extra_n, room), min(extra_t, self.settings.most_damping)), (share_n, min(share_t, share_n))
+            extra, share = (
+                (min(extra_n, room), min(extra_t, self.settings.most_damping)),
+                (share_n, min(share_t, share_n)),
+            )
             pressing = share[0] * pressing + extra[0] * rate * out
             dragging = share[1] * dragging - extra[1] * slip
         pressing, dragging = self._limited(pressing, dragging)
@@ -242,7 +255,9 @@ class HapticRendering:
         return Rendered(pressing + dragging, proxy, foot.depth, sliding, extra, share, energy, limited)
 
     def _borne(self, depth: float, rate: float, material: Properties) -> tuple[float, float, bool]:
-        """The law's force, softened to what the device's mass bears [N]; damping that may still be added; whether softened."""
+        """The law's force, softened to what the device's mass bears [N]; damping that may still be added; whether
+        softened.
+        """
         s = self.settings
         wanted, still = self.law.force(depth, rate, material), self.law.force(depth, 0.0, material)
         spring, damper = min(still, s.most_stiffness * depth), s.most_damping * abs(rate)

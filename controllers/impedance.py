@@ -1,14 +1,15 @@
 """Geometric Cartesian impedance: a spring on SE(3), a damper on the twist's error, gravity held, null space damped.
 
 The spring is a potential of the tip's pose, written without coordinates of the rotation. With Δ = p_d − p and
-E = R_d Rᵀ, the rotation that is left to do, in base axes, and with K = [[K_t, K_c], [K_cᵀ, K_r]] in base axes at the tip,
+E = R_d Rᵀ, the rotation that is left to do, in base axes, and with K = [[K_t, K_c], [K_cᵀ, K_r]] in base axes at the
+tip,
 
     V = ½ Δᵀ K_t Δ + tr(G (I − E)) + Δᵀ K_c a,    G = ½ tr(K_r) I − K_r,    a = ½ (E − Eᵀ)^∨
 
 (E. D. Fasse, J. F. Broenink, IEEE Trans. Robotics and Automation 13, 1997: translational, rotational and coupling
-potential). V is smooth on all of SE(3): there is no jump at half a turn as with the logarithm, and no sign of a quaternion
-to keep. Near the set-point V = ½ eᵀ K e with e = (Δ, rotation vector). The wrench is V's exact gradient (the moment is
-2 (η − ε×) K_r ε in the quaternion (η, ε) of E), so that a set-point at rest never gives energy.
+potential). V is smooth on all of SE(3): there is no jump at half a turn as with the logarithm, and no sign of a
+quaternion to keep. Near the set-point V = ½ eᵀ K e with e = (Δ, rotation vector). The wrench is V's exact gradient (the
+moment is 2 (η − ε×) K_r ε in the quaternion (η, ε) of E), so that a set-point at rest never gives energy.
 """
 
 from __future__ import annotations
@@ -25,15 +26,25 @@ RANK = 1e-10
 
 @njit(cache=True)
 def impedance_torque(
-    rotation: Array, position: Array, jacobian: Array, dq: Array, gravity_torque: Array, rotation_d: Array,
-    position_d: Array, velocity_d: Array, stiffness: Array, damping: Array, null_damping: float, torque_limit: Array,
+    rotation: Array,
+    position: Array,
+    jacobian: Array,
+    dq: Array,
+    gravity_torque: Array,
+    rotation_d: Array,
+    position_d: Array,
+    velocity_d: Array,
+    stiffness: Array,
+    damping: Array,
+    null_damping: float,
+    torque_limit: Array,
     out: Array,
-) -> None:  # fmt: skip
+) -> None:
     """τ = clip(g + Jᵀ (−∂V + D (ẋ_d − J q̇)) − d P q̇); nothing is allocated.
 
-    P = I − Jᵀ (J Jᵀ + λ)⁻¹ J is symmetric and positive semi-definite, whatever λ: null-space damping never gives energy. It
-    is not the dynamically consistent projector: it may accelerate the tip a little, against which the spring works.
-    Saturation clips each joint on its own; a clipped torque is no gradient any more.
+    P = I − Jᵀ (J Jᵀ + λ)⁻¹ J is symmetric and positive semi-definite, whatever λ: null-space damping never gives
+    energy. It is not the dynamically consistent projector: it may accelerate the tip a little, against which the spring
+    works. Saturation clips each joint on its own; a clipped torque is no gradient any more.
 
     Args:
         rotation, position: of the tip, (3, 3), (3,) [m]. jacobian: rows linear, angular, base axes, at the tip, (6, N).
@@ -99,10 +110,15 @@ def impedance_torque(
         m0, m1, m2 = m0 + null_damping * s3, m1 + null_damping * s4, m2 + null_damping * s5
     for j in range(n):
         torque = (
-            gravity_torque[j] - null_damping * dq[j]
-            + jacobian[0, j] * f0 + jacobian[1, j] * f1 + jacobian[2, j] * f2
-            + jacobian[3, j] * m0 + jacobian[4, j] * m1 + jacobian[5, j] * m2
-        )  # fmt: skip
+            gravity_torque[j]
+            - null_damping * dq[j]
+            + jacobian[0, j] * f0
+            + jacobian[1, j] * f1
+            + jacobian[2, j] * f2
+            + jacobian[3, j] * m0
+            + jacobian[4, j] * m1
+            + jacobian[5, j] * m2
+        )
         out[j] = min(max(torque, -torque_limit[j]), torque_limit[j])
 
 
@@ -124,7 +140,13 @@ def _task_part(
     a33, a44, a55 = _dot(j, 3, 3), _dot(j, 4, 4), _dot(j, 5, 5)
     small = RANK * (a00 + a11 + a22 + a33 + a44 + a55) + 1e-300
     d0 = a00 + small
-    l10, l20, l30, l40, l50 = _dot(j, 1, 0) / d0, _dot(j, 2, 0) / d0, _dot(j, 3, 0) / d0, _dot(j, 4, 0) / d0, _dot(j, 5, 0) / d0
+    l10, l20, l30, l40, l50 = (
+        _dot(j, 1, 0) / d0,
+        _dot(j, 2, 0) / d0,
+        _dot(j, 3, 0) / d0,
+        _dot(j, 4, 0) / d0,
+        _dot(j, 5, 0) / d0,
+    )
     d1 = a11 + small - l10 * l10 * d0
     l21 = (_dot(j, 2, 1) - l20 * l10 * d0) / d1
     l31 = (_dot(j, 3, 1) - l30 * l10 * d0) / d1
@@ -152,9 +174,7 @@ def _task_part(
     return v0 / d0 - l10 * x1 - l20 * x2 - l30 * x3 - l40 * x4 - l50 * y5, x1, x2, x3, x4, y5
 
 
-def potential(
-    rotation: Array, position: Array, rotation_d: Array, position_d: Array, stiffness: Array
-) -> float:
+def potential(rotation: Array, position: Array, rotation_d: Array, position_d: Array, stiffness: Array) -> float:
     """The spring's energy V [J], see the module; arguments as in `impedance_torque`."""
     delta, left = position_d - position, rotation_d @ rotation.T
     k_r = stiffness[3:, 3:]

@@ -29,14 +29,14 @@ ROLES = {"stiffness": 0.0, "damping": 0.0, "exponent": 1.0, "friction": 0.0}
 class Measured:
     """What `kinid map` wrote, for `HapticRendering`, `AdaptiveImpedance` and `Environment.at`.
 
-    Between probes a guess is interpolated, and kept within what the probes found; the table is bilinear on a plane, and has an
-    entry for each vertex of a mesh. Where the map knows nothing the material is, property by property, the least or the most
-    that it knows anywhere: a device that renders the softest is safe, and so is an arm, which softens on what is hard, that
-    expects the hardest.
+    Between probes a guess is interpolated, and kept within what the probes found; the table is bilinear on a plane, and
+    has an entry for each vertex of a mesh. Where the map knows nothing the material is, property by property, the least
+    or the most that it knows anywhere: a device that renders the softest is safe, and so is an arm, which softens on
+    what is hard, that expects the hardest.
 
     Args:
-        grown: the map. method: of interpolation, see `kinid.mapping.property_map`. unknown: places that no probe reaches are the
-            softest or the hardest known, or refused.
+        grown: the map. method: of interpolation, see `kinid.mapping.property_map`. unknown: places that no probe
+            reaches are the softest or the hardest known, or refused.
 
     Attributes:
         surface: where the map lies, for `HapticSettings`. plane: the same for `Schedule`; None on a mesh.
@@ -48,14 +48,17 @@ class Measured:
 
     def __init__(self, grown: Map, method: str = "gp", unknown: Unknown = "softest") -> None:
         if not isinstance(grown, Map):
-            raise InputError(f"a map {str(grown)[:40]!r}", "what PropertyMap.read(path) gives", "use kinid.mapping.property_map")
+            raise InputError(
+                f"a map {str(grown)[:40]!r}", "what PropertyMap.read(path) gives", "use kinid.mapping.property_map"
+            )
         if unknown not in get_args(Unknown):
             ways = get_args(Unknown)
             raise InputError(f"unknown {unknown!r}", f"one of {', '.join(ways)}", closest(unknown, ways))
         told = {p.name: p.unit for p in grown.properties if np.isfinite(grown.values(p.name)).any()}
         if "stiffness" not in told:
-            raise InputError(f"a map of {', '.join(told) or 'nothing'}", "one that holds stiffness",
-                             "map with a model that has one")  # fmt: skip
+            raise InputError(
+                f"a map of {', '.join(told) or 'nothing'}", "one that holds stiffness", "map with a model that has one"
+            )
         self.unknown: Unknown = unknown
         self.absent = tuple(role for role in ROLES if role not in told)
         self.surface: Touchable
@@ -69,7 +72,9 @@ class Measured:
         self._table, self._known = self._tabled(grown, method, told)
 
     def _tabled(self, grown: Map, method: str, told: dict[str, str]) -> tuple[Array, NDArray[np.bool_]]:
-        """The table, (nx, ny, roles) or (vertices, roles), and where it is known; its last entries are those of nowhere."""
+        """The table, (nx, ny, roles) or (vertices, roles), and where it is known; its last entries are those of
+        nowhere.
+        """
         columns, known = [], np.ones(1, dtype=np.bool_)
         for role in told.keys() & ROLES.keys():
             if self.plane is None:
@@ -119,8 +124,11 @@ class Measured:
             InputError: an unknown place, where those are refused.
         """
         if self.unknown == "refuse" and not self.knows(x, y):
-            raise InputError(f"a place ({x:g}, {y:g}) m that the map doesn't know", "a place near a probe",
-                             'poke there, or fill it: Measured(map, unknown="softest")')  # fmt: skip
+            raise InputError(
+                f"a place ({x:g}, {y:g}) m that the map doesn't know",
+                "a place near a probe",
+                'poke there, or fill it: Measured(map, unknown="softest")',
+            )
         if self.plane is None:
             return Properties(*self._table[int(x)].tolist())
         cell, t = self._cell(x, y), self._table

@@ -1,9 +1,10 @@
 """A triangle mesh to be felt: the proxy that stays on the side from which the device came.
 
-The closest point of the surface won't do: pressed through a thin wall, or past the middle of an edge, a device would be let
-out on the other side. The god-object (C. Zilles, K. Salisbury, A constraint-based god-object method for haptic display,
-IROS 1995) is moved instead: straight towards the device, stopped by each face that it would cross from outside, and from
-there along the face, or the edge or corner of those that stop it, to where it is nearest to the device.
+The closest point of the surface won't do: pressed through a thin wall, or past the middle of an edge, a device would be
+let out on the other side. The god-object (C. Zilles, K. Salisbury, A constraint-based god-object method for haptic
+display, IROS 1995) is moved instead: straight towards the device, stopped by each face that it would cross from
+outside, and from there along the face, or the edge or corner of those that stop it, to where it is nearest to the
+device.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ class MeshSurface:
     """A mesh that is rendered, and how its places are found on a map.
 
     Args:
-        mesh: in the base frame. place: of a point (3,) of the surface on the map, x and y [m]; default: the base's x and y.
+        mesh: in the base frame. place: of a point (3,) of the surface on the map, x and y [m]; default: the base's x
+            and y.
     """
 
     mesh: Mesh
@@ -121,7 +123,9 @@ def _follow(at: Array, goal: Array, tree: MeshTree, normal: Array) -> bool:
 
 @njit(cache=True, error_model="numpy")
 def _allowed(way: Array, planes: Array, count: int, best: Array, side: Array) -> None:
-    """The way (3,) nearest to the wanted one that goes against no plane: the projection on a cone, by trying its faces."""
+    """The way (3,) nearest to the wanted one that goes against no plane: the projection on a cone, by trying its
+    faces.
+    """
     least = np.inf
     best[:] = 0.0  # the corner itself
     least = way[0] ** 2 + way[1] ** 2 + way[2] ** 2
@@ -158,7 +162,8 @@ def _better(side: Array, way: Array, planes: Array, count: int, least: float, be
 
 @njit(cache=True, error_model="numpy")
 def _first_hit(at: Array, way: Array, tree: MeshTree, nodes: NDArray[np.int64]) -> tuple[int, float]:
-    """The first face that the segment from `at` along `way` crosses from outside, and the share of the way; −1 for none.
+    """The first face that the segment from `at` along `way` crosses from outside, and the share of the way; −1 for
+    none.
 
     (T. Möller, B. Trumbore, Fast, minimum storage ray-triangle intersection, J. Graphics Tools 2, 1997.)
     """
@@ -172,8 +177,14 @@ def _first_hit(at: Array, way: Array, tree: MeshTree, nodes: NDArray[np.int64]) 
         top -= 1
         node = nodes[top]
         box = tree.box[node]
-        if (box[0] > high0 + SKIN or box[3] < low0 - SKIN or box[1] > high1 + SKIN or box[4] < low1 - SKIN
-                or box[2] > high2 + SKIN or box[5] < low2 - SKIN):  # fmt: skip
+        if (
+            box[0] > high0 + SKIN
+            or box[3] < low0 - SKIN
+            or box[1] > high1 + SKIN
+            or box[4] < low1 - SKIN
+            or box[2] > high2 + SKIN
+            or box[5] < low2 - SKIN
+        ):
             continue
         if node < leaves:
             nodes[top], nodes[top + 1] = 2 * node, 2 * node + 1
@@ -205,9 +216,9 @@ def _within(x: float, y: float, z: float, tri: Array, n: Array) -> bool:
         b = (a + 1) % 3
         ex, ey, ez = tri[b, 0] - tri[a, 0], tri[b, 1] - tri[a, 1], tri[b, 2] - tri[a, 2]
         px, py, pz = x - tri[a, 0], y - tri[a, 1], z - tri[a, 2]
-        inward = (
-            n[0] * (ey * pz - ez * py) + n[1] * (ez * px - ex * pz) + n[2] * (ex * py - ey * px)
-        ) / np.sqrt(ex * ex + ey * ey + ez * ez)
+        inward = (n[0] * (ey * pz - ez * py) + n[1] * (ez * px - ex * pz) + n[2] * (ex * py - ey * px)) / np.sqrt(
+            ex * ex + ey * ey + ez * ez
+        )
         if inward < -SKIN:
             return False
     return True

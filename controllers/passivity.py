@@ -1,15 +1,16 @@
 """Time-domain passivity: no port gives more energy than it took up, whatever made its force.
 
-Two ways to see to that, with one ledger: the work of a held force over a period is exact, force times displacement, known
-one period later (J.-H. Ryu, C. Preusche, B. Hannaford, G. Hirzinger, IEEE Trans. Control Systems Technology 13, 2005).
+Two ways to see to that, with one ledger: the work of a held force over a period is exact, force times displacement,
+known one period later (J.-H. Ryu, C. Preusche, B. Hannaford, G. Hirzinger, IEEE Trans. Control Systems Technology 13,
+2005).
 
 - An *observer* counts what the port took up and gave; where it gave too much a damper pays (B. Hannaford, J.-H. Ryu,
   Time-domain passivity control of haptic interfaces, IEEE Trans. Robotics and Automation 18, 2002). The force is
   followed in full, damping is added.
 - A *tank* holds what the port took up, at most its capacity; a force that would give more than there is shrinks to what
   the tank affords, and a damper fills the tank when it runs low (M. Franken, S. Stramigioli, S. Misra, C. Secchi, A.
-  Macchelli, Bilateral telemanipulation with time delays: a two-layer approach, IEEE Trans. Robotics 27, 2011). There is no
-  debt: force is missing where energy is.
+  Macchelli, Bilateral telemanipulation with time delays: a two-layer approach, IEEE Trans. Robotics 27, 2011). There is
+  no debt: force is missing where energy is.
 """
 
 from __future__ import annotations
@@ -46,14 +47,16 @@ def pay(energy: float, speed_squared: float, period: float, most: float) -> floa
 def afford(energy: float, power: float, size: float, speed_squared: float, period: float, most: float) -> float:
     """Share of a force, 0…1, that a tank affords over the next period; never more than it holds.
 
-    What it holds is to last for `LASTS` periods at least: a force that was cut off only where the tank is empty would go on
-    and off with its level. At rest a force costs nothing, whatever the level. An empty tank affords no force along the
-    motion, and against it none that could turn the motion round within the period and give energy then: at most a damper's.
+    What it holds is to last for `LASTS` periods at least: a force that was cut off only where the tank is empty would
+    go on and off with its level. At rest a force costs nothing, whatever the level. An empty tank affords no force
+    along the motion, and against it none that could turn the motion round within the period and give energy then: at
+    most a damper's.
 
     Args:
-        energy: in the tank [J]. power: that the force is about to give [W]; negative where it takes. size: of the force [N].
-        speed_squared: [m²/s²]. period: [s]. most: greatest damping that a force against the motion acts like where the tank
-            is empty [N·s/m]; see `pay`.
+        energy: in the tank [J]. power: that the force is about to give [W]; negative where it takes. size: of the force
+            [N].
+        speed_squared: [m²/s²]. period: [s]. most: greatest damping that a force against the motion acts like where the
+            tank is empty [N·s/m]; see `pay`.
     """
     most_power = max(energy, 0.0) / (LASTS * period)
     if abs(power) <= most_power:
@@ -89,7 +92,9 @@ def check_period(period: float) -> None:
 
 
 class Ledger(ABC):
-    """A port's account: it is told each period's work, and says what of the next force may be rendered. It remembers."""
+    """A port's account: it is told each period's work, and says what of the next force may be rendered. It
+    remembers.
+    """
 
     energy: float  #: [J]; of an observer what the port took up, of a tank what it holds
 
@@ -124,8 +129,8 @@ class Observer(Passivity):
     """Observe the energy and pay debts by damping.
 
     Args:
-        most_damping: the controller's greatest [N·s/m], below 2 m/T of the device; 0 switches it off. It holds as long as
-            that can pay what a touch owes, at most `most_damping` · speed · way.
+        most_damping: the controller's greatest [N·s/m], below 2 m/T of the device; 0 switches it off. It holds as long
+            as that can pay what a touch owes, at most `most_damping` · speed · way.
 
     Raises:
         InputError: a damping that is negative or not finite.
@@ -135,8 +140,11 @@ class Observer(Passivity):
 
     def __post_init__(self) -> None:
         if not (is_number(self.most_damping) and self.most_damping >= 0):
-            raise InputError(f"most_damping {self.most_damping}", "a finite number that isn't negative",
-                             "a negative one gives energy")  # fmt: skip
+            raise InputError(
+                f"most_damping {self.most_damping}",
+                "a finite number that isn't negative",
+                "a negative one gives energy",
+            )
 
     def open(self, period: float) -> Ledger:
         """See the class."""
@@ -148,9 +156,10 @@ class EnergyTank(Passivity):
     """Hold what the port took up, and give no more.
 
     Args:
-        capacity: of the tank [J]. About what a material stores when it is pressed, K δ²/2, renders a spring without loss.
-        most_damping: of the damper that fills it when it is below half its filling; where it is empty, a force against the
-            motion acts at most like such a damper, too [N·s/m]. Below m/T of the device.
+        capacity: of the tank [J]. About what a material stores when it is pressed, K δ²/2, renders a spring without
+            loss.
+        most_damping: of the damper that fills it when it is below half its filling; where it is empty, a force against
+            the motion acts at most like such a damper, too [N·s/m]. Below m/T of the device.
         filling: that it begins with [J], and that it keeps at most when a touch ends: what a material may give in all
             beyond what was put into it. A millijoule lifts a device of 100 g by a millimetre.
 
@@ -164,12 +173,19 @@ class EnergyTank(Passivity):
 
     def __post_init__(self) -> None:
         if not (is_number(self.capacity) and self.capacity > 0):
-            raise InputError(f"a tank of {self.capacity} J", "a positive capacity", "K δ²/2 of the deepest touch is a good one")
+            raise InputError(
+                f"a tank of {self.capacity} J", "a positive capacity", "K δ²/2 of the deepest touch is a good one"
+            )
         if not (is_number(self.most_damping) and self.most_damping > 0):
-            raise InputError(f"most_damping {self.most_damping}", "a positive number [N·s/m]", "below m/T of the device")
+            raise InputError(
+                f"most_damping {self.most_damping}", "a positive number [N·s/m]", "below m/T of the device"
+            )
         if not (is_number(self.filling) and 0 < self.filling <= self.capacity):
-            raise InputError(f"a filling of {self.filling} J", f"a positive energy up to the capacity, {self.capacity:g} J",
-                             "what the material may give beyond what was put into it")  # fmt: skip
+            raise InputError(
+                f"a filling of {self.filling} J",
+                f"a positive energy up to the capacity, {self.capacity:g} J",
+                "what the material may give beyond what was put into it",
+            )
 
     def open(self, period: float) -> Ledger:
         """See the class."""

@@ -34,9 +34,11 @@ class Properties(NamedTuple):
         """
         for name, value in self._asdict().items():
             if not (is_number(value) and value >= 0) or (name == "exponent" and value == 0):
-                raise InputError(f"{name} {value} in {where}", "a finite number that isn't negative"
-                                 + (" nor zero" if name == "exponent" else ""),
-                                 "leave places that weren't measured out of the path, or fill them")  # fmt: skip
+                raise InputError(
+                    f"{name} {value} in {where}",
+                    "a finite number that isn't negative" + (" nor zero" if name == "exponent" else ""),
+                    "leave places that weren't measured out of the path, or fill them",
+                )
         return self
 
 
@@ -51,7 +53,8 @@ def checked_map(surface: Any, unknown: Any = "softest") -> PropertyMap:
     """Itself; of a measured map what controllers read, `kinid.controllers.Measured`.
 
     Args:
-        surface: see `PropertyMap`, or what `kinid.mapping.property_map.PropertyMap.read` gives. unknown: see `Measured`.
+        surface: see `PropertyMap`, or what `kinid.mapping.property_map.PropertyMap.read` gives. unknown: see
+            `Measured`.
 
     Raises:
         InputError: nothing that knows the material at a place.
@@ -65,8 +68,11 @@ def checked_map(surface: Any, unknown: Any = "softest") -> PropertyMap:
         from kinid.controllers.measured import Measured
 
         return Measured(surface, unknown=unknown)
-    raise InputError(f"a map {str(surface)[:40]!r}", "an object with properties(x, y), or a measured PropertyMap",
-                     "use Uniform(Properties(…)) or PropertyMap.read(path)")  # fmt: skip
+    raise InputError(
+        f"a map {str(surface)[:40]!r}",
+        "an object with properties(x, y), or a measured PropertyMap",
+        "use Uniform(Properties(…)) or PropertyMap.read(path)",
+    )
 
 
 def material_at(surface: PropertyMap, x: float, y: float) -> Properties:
@@ -77,8 +83,11 @@ def material_at(surface: PropertyMap, x: float, y: float) -> Properties:
     """
     material: object = surface.properties(x, y)
     if not isinstance(material, Properties):
-        raise InputError(f"{str(material)[:40]} of the map at ({x:g}, {y:g}) m", "Properties(stiffness, damping, …)",
-                         "let properties(x, y) return Properties")  # fmt: skip
+        raise InputError(
+            f"{str(material)[:40]} of the map at ({x:g}, {y:g}) m",
+            "Properties(stiffness, damping, …)",
+            "let properties(x, y) return Properties",
+        )
     return material.checked(f"the map at ({x:g}, {y:g}) m")
 
 
@@ -90,7 +99,9 @@ class Uniform:
 
     def __post_init__(self) -> None:
         if not isinstance(self.material, Properties):
-            raise InputError(f"a material {str(self.material)[:40]!r}", "Properties(stiffness, damping, …)", "name them apart")
+            raise InputError(
+                f"a material {str(self.material)[:40]!r}", "Properties(stiffness, damping, …)", "name them apart"
+            )
         self.material.checked("the material")
 
     def properties(self, x: float, y: float) -> Properties:
@@ -140,8 +151,11 @@ class Plane:
         point = numbers(self.point, (3,), "a surface point", "give it in the base frame")
         axes = numbers(self.axes, (3, 3), "surface axes", "take them from Rig.axes")
         if np.abs(axes @ axes.T - np.eye(3)).max() > 1e-6 or np.linalg.det(axes) < 0:
-            raise InputError("surface axes that aren't orthonormal", "rows tangent1, tangent2, normal, right-handed",
-                             "take them from Rig.axes")  # fmt: skip
+            raise InputError(
+                "surface axes that aren't orthonormal",
+                "rows tangent1, tangent2, normal, right-handed",
+                "take them from Rig.axes",
+            )
         object.__setattr__(self, "point", point)
         object.__setattr__(self, "axes", axes)
 

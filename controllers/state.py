@@ -43,10 +43,21 @@ class ArmState:
 
     def __post_init__(self) -> None:
         n = np.size(self.dq)
-        shapes = {"dq": (n,), "rotation": (3, 3), "position": (3,), "jacobian": (6, n), "drift": (6,), "mass": (n, n),
-                  "bias": (n,), "gravity": (n,), "wrench": (6,)}  # fmt: skip
+        shapes = {
+            "dq": (n,),
+            "rotation": (3, 3),
+            "position": (3,),
+            "jacobian": (6, n),
+            "drift": (6,),
+            "mass": (n, n),
+            "bias": (n,),
+            "gravity": (n,),
+            "wrench": (6,),
+        }
         for name, shape in shapes.items():
-            values = numbers(getattr(self, name), shape, f"a state's {name}", "check what the arm or its driver reports")
+            values = numbers(
+                getattr(self, name), shape, f"a state's {name}", "check what the arm or its driver reports"
+            )
             object.__setattr__(self, name, values)
 
     @classmethod
@@ -68,7 +79,11 @@ class ArmState:
             raise InputError(f"{robot.name} without a tip frame", "the point to control", "name [robot] tip_frame")
         n = robot.joint_count
         q = numbers(q, (n,), f"joint positions of {robot.name}", "give one state at a time")
-        dq = np.zeros(n) if dq is None else numbers(dq, (n,), f"joint velocities of {robot.name}", "give one state at a time")
+        dq = (
+            np.zeros(n)
+            if dq is None
+            else numbers(dq, (n,), f"joint velocities of {robot.name}", "give one state at a time")
+        )
         drives = np.zeros(n) if rotor is None else np.asarray(rotor, dtype=float)
         if drives.shape not in ((), (n,)) or not (np.isfinite(drives).all() and (drives >= 0).all()):
             raise InputError(f"rotor inertias {rotor}", f"one number that isn't negative, or {n}", "give them in kg·m²")
@@ -87,9 +102,16 @@ class ArmState:
         in_order = robot.from_tangent
         mass = in_order(np.ascontiguousarray(in_order(mass).T))
         return cls(
-            dq, rotation, position, in_order(jacobian), drift, mass + np.diag(np.broadcast_to(drives, n)),
-            in_order(bias[None, :])[0], in_order(gravity[None, :])[0], np.zeros(6) if wrench is None else wrench,
-        )  # fmt: skip
+            dq,
+            rotation,
+            position,
+            in_order(jacobian),
+            drift,
+            mass + np.diag(np.broadcast_to(drives, n)),
+            in_order(bias[None, :])[0],
+            in_order(gravity[None, :])[0],
+            np.zeros(6) if wrench is None else wrench,
+        )
 
     @property
     def twist(self) -> Array:
@@ -105,10 +127,10 @@ class ArmState:
     def task_inertia(self) -> Array:
         """Λ = (J M⁻¹ Jᵀ)⁻¹, what the tip weighs, base axes, (6, 6) (O. Khatib, IEEE J. Robotics Automation 3, 1987).
 
-        Near a singular pose Λ grows beyond bounds, and torques with it; there it is damped, (J M⁻¹ Jᵀ + λ)⁻¹ with a λ that
-        sets in gently as the least mobility falls below ε, λ = ε (1 − least/ε)² (Y. Nakamura, H. Hanafusa, J. Dynamic
-        Systems, Measurement and Control 108, 1986). Along what the tip can do this changes next to nothing; along what it
-        can't, a controller asks for less than it would need. `singular` says so.
+        Near a singular pose Λ grows beyond bounds, and torques with it; there it is damped, (J M⁻¹ Jᵀ + λ)⁻¹ with a λ
+        that sets in gently as the least mobility falls below ε, λ = ε (1 − least/ε)² (Y. Nakamura, H. Hanafusa, J.
+        Dynamic Systems, Measurement and Control 108, 1986). Along what the tip can do this changes next to nothing;
+        along what it can't, a controller asks for less than it would need. `singular` says so.
         """
         values, vectors = np.linalg.eigh(self._mobility())
         edge = DAMPED * values[-1]

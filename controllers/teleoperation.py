@@ -7,8 +7,8 @@
 
 With v = ẋ and impedances Z = force / velocity, the environment Z_e = B + K/s; master, hand and arm
 Z_m = m s + b + k/s; the slave behind its coupling reaches V_s = G e^{−sT} V_m,
-G = (b_c s + k_c) / (m_s s² + (b_s + b_c + B) s + k_c + K). The operator feels Z_t = Z_e G e^{−2sT} directly and Ẑ_e from the
-map. Transparency is Z_t = Z_e (D. A. Lawrence, IEEE Trans. Robotics and Automation 9, 1993).
+G = (b_c s + k_c) / (m_s s² + (b_s + b_c + B) s + k_c + K). The operator feels Z_t = Z_e G e^{−2sT} directly and Ẑ_e
+from the map. Transparency is Z_t = Z_e (D. A. Lawrence, IEEE Trans. Robotics and Automation 9, 1993).
 Delays here are one-way: direct reflection comes back after twice the delay.
 """
 
@@ -59,7 +59,8 @@ class Environment:
         """The material of a map at a place [m], linearised at a depth [m] by its secant.
 
         Args:
-            surface: also a measured `kinid.mapping.property_map.PropertyMap`. x, y: along both tangents [m]. depth: > 0.
+            surface: also a measured `kinid.mapping.property_map.PropertyMap`. x, y: along both tangents [m]. depth: >
+                0.
 
         Raises:
             InputError: no map, a place without usable properties, or a depth that isn't positive.
@@ -84,8 +85,9 @@ class Teleoperator:
 
     Args:
         master_mass [kg], master_damping [N·s/m]: of the device.
-        hand_mass [kg], hand_damping [N·s/m], hand_stiffness [N/m]: of the arm that holds it, towards its intended place.
-        slave_mass, slave_damping: of the robot's tip. coupling_stiffness, coupling_damping: of its impedance controller.
+        hand_mass [kg], hand_damping [N·s/m], hand_stiffness [N/m]: of the arm that holds it, towards its intended
+        place. slave_mass, slave_damping: of the robot's tip. coupling_stiffness, coupling_damping: of its impedance
+        controller.
         delay: one-way [s]. period: of both controllers [s].
         most_damping: the passivity controllers' greatest [N·s/m]. tank: capacity of the energy tank [J].
 
@@ -110,24 +112,47 @@ class Teleoperator:
 
     def __post_init__(self) -> None:
         check_period(self.period)
-        _not_negative(self, "master_damping", "hand_mass", "hand_damping", "hand_stiffness", "slave_damping",
-                      "coupling_stiffness", "coupling_damping", "delay", "most_damping")  # fmt: skip
+        _not_negative(
+            self,
+            "master_damping",
+            "hand_mass",
+            "hand_damping",
+            "hand_stiffness",
+            "slave_damping",
+            "coupling_stiffness",
+            "coupling_damping",
+            "delay",
+            "most_damping",
+        )
         for name, unit in (("master_mass", "mass [kg]"), ("slave_mass", "mass [kg]"), ("tank", "energy [J]")):
             if not (is_number(getattr(self, name)) and getattr(self, name) > 0):
-                raise InputError(f"{name} {getattr(self, name)}", f"a positive {unit}", "see the docstring of Teleoperator")
+                raise InputError(
+                    f"{name} {getattr(self, name)}", f"a positive {unit}", "see the docstring of Teleoperator"
+                )
         if self.delay > 0 and self.master_damping + self.hand_damping == 0:
-            raise InputError("a master and a hand without damping on a delayed line", "some damping",
-                             "nothing would take out the energy that the delay gives")  # fmt: skip
+            raise InputError(
+                "a master and a hand without damping on a delayed line",
+                "some damping",
+                "nothing would take out the energy that the delay gives",
+            )
         if self.coupling_stiffness == 0 or self.coupling_damping + self.slave_damping == 0:
-            raise InputError("a slave that its coupling can't hold", "coupling stiffness and damping above 0", "raise both")
+            raise InputError(
+                "a slave that its coupling can't hold", "coupling stiffness and damping above 0", "raise both"
+            )
         if self.most_damping * self.period > self.moving_mass:
-            raise InputError(f"most_damping {self.most_damping} N·s/m at a period of {self.period} s",
-                             f"at most {self.moving_mass / self.period:.3g}: mass by period", "lower it")  # fmt: skip
+            raise InputError(
+                f"most_damping {self.most_damping} N·s/m at a period of {self.period} s",
+                f"at most {self.moving_mass / self.period:.3g}: mass by period",
+                "lower it",
+            )
         # semi-implicit integration at the controllers' period: c h + k h²/2 < 2 m
         h = self.period
         if self.coupling_damping * h + 0.5 * self.coupling_stiffness * h**2 > self.slave_mass:
-            raise InputError("a coupling too strong for the slave's mass at this period", "c T + k T²/2 ≤ m",
-                             "a shorter period, or a weaker coupling")  # fmt: skip
+            raise InputError(
+                "a coupling too strong for the slave's mass at this period",
+                "c T + k T²/2 ≤ m",
+                "a shorter period, or a weaker coupling",
+            )
 
     @property
     def moving_mass(self) -> float:
@@ -144,7 +169,9 @@ class Teleoperator:
         s = 2j * np.pi * frequency
         top = self.coupling_damping * s + self.coupling_stiffness
         damping = self.slave_damping + self.coupling_damping + environment.damping
-        return np.asarray(top / (self.slave_mass * s**2 + damping * s + self.coupling_stiffness + environment.stiffness))
+        return np.asarray(
+            top / (self.slave_mass * s**2 + damping * s + self.coupling_stiffness + environment.stiffness)
+        )
 
     def transmitted(
         self, environment: Environment, frequency: Array, method: str, believed: Environment | None = None
@@ -203,21 +230,26 @@ class Motion(NamedTuple):
 
 
 def simulate(
-    teleoperator: Teleoperator, environment: Environment, method: str = "direct", believed: Environment | None = None,
-    depth: float = 0.01, duration: float = 12.0,
-) -> Motion:  # fmt: skip
+    teleoperator: Teleoperator,
+    environment: Environment,
+    method: str = "direct",
+    believed: Environment | None = None,
+    depth: float = 0.01,
+    duration: float = 12.0,
+) -> Motion:
     """The operator pushes from 5 mm above the surface to an intended depth [m] in one second, and holds.
 
-    Contact is unilateral on both sides: an unstable line ends in a hammering limit cycle. `stable` compares the master's
-    movement over the last quarter with `REST` of the intended way.
+    Contact is unilateral on both sides: an unstable line ends in a hammering limit cycle. `stable` compares the
+    master's movement over the last quarter with `REST` of the intended way.
 
     Raises:
         InputError: an unknown method, a depth that isn't positive, or a duration shorter than ten round trips and 4 s.
     """
     shortest = max(4.0, 20 * teleoperator.delay)
     if not (is_number(depth) and depth > 0 and is_number(duration) and duration >= shortest):
-        raise InputError(f"depth {depth} m and duration {duration} s", f"depth > 0, duration ≥ {shortest:g} s",
-                         "push in, and wait")  # fmt: skip
+        raise InputError(
+            f"depth {depth} m and duration {duration} s", f"depth > 0, duration ≥ {shortest:g} s", "push in, and wait"
+        )
     n = round(duration / teleoperator.period)
     t = np.arange(n, dtype=np.float64) * teleoperator.period
     s = np.minimum(t, 1.0)
@@ -229,9 +261,12 @@ def simulate(
 
 
 def measured_impedance(
-    teleoperator: Teleoperator, environment: Environment, frequency: Sequence[float], method: str,
+    teleoperator: Teleoperator,
+    environment: Environment,
+    frequency: Sequence[float],
+    method: str,
     believed: Environment | None = None,
-) -> Complex:  # fmt: skip
+) -> Complex:
     """Z_t from simulations in which the master is moved as a sine, one frequency at a time, in lasting contact, (n,).
 
     A passivity controller's answer is that of its first harmonic. Frequencies are rounded to whole periods of samples.
@@ -294,10 +329,13 @@ def transparency_error(transmitted: Complex, environment: Complex) -> float:
 
 
 def study(
-    environment: Environment | None = None, believed: Environment | None = None,
-    delays: Sequence[float] = (0.05, 0.1, 0.2, 0.4), methods: Sequence[str] = METHODS,
-    teleoperator: Teleoperator | None = None, points: int = 24,
-) -> Study:  # fmt: skip
+    environment: Environment | None = None,
+    believed: Environment | None = None,
+    delays: Sequence[float] = (0.05, 0.1, 0.2, 0.4),
+    methods: Sequence[str] = METHODS,
+    teleoperator: Teleoperator | None = None,
+    points: int = 24,
+) -> Study:
     """Each delay with each method: stability in contact, and transmitted against true impedance over `BAND`.
 
     Args:
@@ -309,7 +347,9 @@ def study(
     """
     environment, teleoperator = environment or Environment(), teleoperator or Teleoperator()
     if not len(delays) or points < 2:
-        raise InputError(f"{len(delays)} delays and {points} frequencies", "at least one delay, two frequencies", "give some")
+        raise InputError(
+            f"{len(delays)} delays and {points} frequencies", "at least one delay, two frequencies", "give some"
+        )
     for method in methods:
         _method(method)
     cases = [dataclasses.replace(teleoperator, delay=delay) for delay in delays]  # all checked before any runs
@@ -319,8 +359,11 @@ def study(
     for case in cases:
         for method in methods:
             linear = method in LINEAR
-            z_t = (case.transmitted(environment, frequency, method, believed) if linear
-                   else measured_impedance(case, environment, list(frequency), method, believed))  # fmt: skip
+            z_t = (
+                case.transmitted(environment, frequency, method, believed)
+                if linear
+                else measured_impedance(case, environment, list(frequency), method, believed)
+            )
             motion = simulate(case, environment, method, believed)
             nyquist = case.is_stable(environment, method, believed) if linear else None
             rows.append(Row(case.delay, method, motion.stable, nyquist, transparency_error(z_t, truth)))
@@ -329,18 +372,43 @@ def study(
 
 
 def _run(
-    teleoperator: Teleoperator, environment: Environment, method: str, believed: Environment | None, path: Array, moved: bool
+    teleoperator: Teleoperator,
+    environment: Environment,
+    method: str,
+    believed: Environment | None,
+    path: Array,
+    moved: bool,
 ) -> Array:
     from kinid.controllers import _line
 
     believed, o = believed or environment, teleoperator
     out = np.empty((7, len(path)))
     _line.run(
-        np.array([o.moving_mass, o.master_damping, o.hand_damping, o.hand_stiffness, o.slave_mass, o.slave_damping,
-                  o.coupling_stiffness, o.coupling_damping, environment.stiffness, environment.damping,
-                  believed.stiffness, believed.damping, o.most_damping, o.tank, o.period]),
-        round(o.delay / o.period), METHODS.index(_method(method)), np.ascontiguousarray(path), moved, out,
-    )  # fmt: skip
+        np.array(
+            [
+                o.moving_mass,
+                o.master_damping,
+                o.hand_damping,
+                o.hand_stiffness,
+                o.slave_mass,
+                o.slave_damping,
+                o.coupling_stiffness,
+                o.coupling_damping,
+                environment.stiffness,
+                environment.damping,
+                believed.stiffness,
+                believed.damping,
+                o.most_damping,
+                o.tank,
+                o.period,
+            ]
+        ),
+        round(o.delay / o.period),
+        METHODS.index(_method(method)),
+        np.ascontiguousarray(path),
+        moved,
+        out,
+    )
     return out
 
 
@@ -354,5 +422,6 @@ def _not_negative(thing: object, *names: str) -> None:
     for name in names:
         value = getattr(thing, name)
         if not (is_number(value) and value >= 0):
-            raise InputError(f"{name} {value}", "a finite number that isn't negative",
-                             "a negative gain gives energy: unstable")  # fmt: skip
+            raise InputError(
+                f"{name} {value}", "a finite number that isn't negative", "a negative gain gives energy: unstable"
+            )

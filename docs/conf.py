@@ -1,6 +1,8 @@
-"""The site: concepts, commands, and the reference from the docstrings. `make docs` builds it; it asks the network for nothing.
+"""The site: concepts, commands, and the reference from the docstrings. `make docs` builds it; it asks the network for
+nothing.
 
-Docstrings are plain text with `code` in single backticks; what reStructuredText would take for its own marks is escaped.
+Docstrings are plain text with `code` in single backticks; what reStructuredText would take for its own marks is
+escaped.
 """
 
 from __future__ import annotations
@@ -83,9 +85,17 @@ def signature(
     _app: Any, _what: str, _name: str, _object: Any, _options: Any, arguments: str | None, returned: str | None
 ) -> tuple[str | None, str | None]:
     """Arrays by the name that the sources give them."""
-    short = [None if text is None else re.sub(r"(?:~?numpy\.)?ndarray\[tuple\[(?:~?typing\.)?Any, \.\.\.\], "
-                                              r"(?:~?numpy\.)?dtype\[(?:~?numpy\.|~?typing\.)?(\w+?)_?\]\]", r"NDArray[\1]", text)
-             for text in (arguments, returned)]  # fmt: skip
+    short = [
+        None
+        if text is None
+        else re.sub(
+            r"(?:~?numpy\.)?ndarray\[tuple\[(?:~?typing\.)?Any, \.\.\.\], "
+            r"(?:~?numpy\.)?dtype\[(?:~?numpy\.|~?typing\.)?(\w+?)_?\]\]",
+            r"NDArray[\1]",
+            text,
+        )
+        for text in (arguments, returned)
+    ]
     return short[0], short[1]
 
 
@@ -104,9 +114,11 @@ def catalogue() -> str:
     out = ["## The catalogue", f"{len(effects())} effects, in the order of their names."]
     for name, effect in sorted(effects().items()):
         rivals = "; ".join(f"`{rival}` ({how})" for rival, how in effect.confusions.items()) or "nothing"
-        out.append(f"### {name}\n\n{effect.title[0].upper() + effect.title[1:]}.\n\n```text\n{effect.equation}\n```\n\n"
-                   f"- In a residual: {effect.signature}\n- Seen with: {effect.excited_by}\n- Mistaken for: {rivals}\n"
-                   f"- Source: {effect.source}\n")  # fmt: skip
+        out.append(
+            f"### {name}\n\n{effect.title[0].upper() + effect.title[1:]}.\n\n```text\n{effect.equation}\n```\n\n"
+            f"- In a residual: {effect.signature}\n- Seen with: {effect.excited_by}\n- Mistaken for: {rivals}\n"
+            f"- Source: {effect.source}\n"
+        )
     return "\n\n".join(out)
 
 

@@ -1,6 +1,8 @@
-"""The picture at the top of README.md, made of what a demo wrote: `make story`, or `python docs/story.py OUT.png [DEMO-FOLDER]`.
+"""The picture at the top of README.md, made of what a demo wrote: `make story`, or `python docs/story.py OUT.png
+[DEMO-FOLDER]`.
 
-Left the demo's recorded scene of its map, right the head of its report, below both the map and where on it the model fails.
+Left the demo's recorded scene of its map, right the head of its report, below both the map and where on it the model
+fails.
 """
 
 from __future__ import annotations
@@ -38,8 +40,10 @@ def story(folder: Path, out: Path) -> None:
     arm = arm.resize((LEFT, round(LEFT * arm.height / arm.width)), Image.Resampling.LANCZOS)
     report = picture((folder / "report.html").read_text(encoding="utf-8"), RIGHT, HEAD)
     grown = PropertyMap.read(folder / "map.parquet")
-    maps = [_page(_stiffness(grown), f"Map of a mould from {len(grown)} pokes", RIGHT // 2, HEIGHT - HEAD),
-            _page(misfit_figure(grown), "Where on it the model fails", RIGHT // 2, HEIGHT - HEAD)]  # fmt: skip
+    maps = [
+        _page(_stiffness(grown), f"Map of a mould from {len(grown)} pokes", RIGHT // 2, HEIGHT - HEAD),
+        _page(misfit_figure(grown), "Where on it the model fails", RIGHT // 2, HEIGHT - HEAD),
+    ]
     whole = Image.new("RGB", (LEFT + RIGHT, HEIGHT), "white")
     whole.paste(arm.crop((0, max(0, arm.height - HEIGHT), LEFT, arm.height)), (0, 0))
     whole.paste(report, (LEFT, 0))
@@ -53,8 +57,15 @@ def _stiffness(grown: Any) -> Any:
 
     ticks = grown.grid(140)
     mean = grown.over_grid("stiffness", ticks, "gp").mean
-    figure = Figure(Heatmap(x=1e3 * ticks[0], y=1e3 * ticks[1], z=mean.T, colorscale="Viridis",
-                            colorbar={"title": {"text": "stiffness<br>[N/m]"}}))  # fmt: skip
+    figure = Figure(
+        Heatmap(
+            x=1e3 * ticks[0],
+            y=1e3 * ticks[1],
+            z=mean.T,
+            colorscale="Viridis",
+            colorbar={"title": {"text": "stiffness<br>[N/m]"}},
+        )
+    )
     at = 1e3 * grown.flat(grown.places)
     figure.add_scatter(x=at[:, 0], y=at[:, 1], mode="markers", marker={"size": 4, "color": "white"}, showlegend=False)
     figure.update_xaxes(title_text="along tangent 1 [mm]", constrain="domain")
@@ -63,8 +74,13 @@ def _stiffness(grown: Any) -> Any:
 
 
 def _page(figure: Any, title: str, width: int, height: int) -> str:
-    figure.update_layout(width=width, height=height, title={"text": title, "x": 0.02, "font": {"size": 16}},
-                         margin={"t": 40, "l": 50, "r": 10, "b": 50}, font={"size": 11})  # fmt: skip
+    figure.update_layout(
+        width=width,
+        height=height,
+        title={"text": title, "x": 0.02, "font": {"size": 16}},
+        margin={"t": 40, "l": 50, "r": 10, "b": 50},
+        font={"size": 11},
+    )
     figure.update_traces(colorbar_thickness=12, selector={"type": "heatmap"})
     drawn: str = figure.to_html(include_plotlyjs=True, config={"displayModeBar": False})
     return drawn.replace("<body>", '<body style="margin:0">')
@@ -75,6 +91,13 @@ if __name__ == "__main__":
         story(Path(sys.argv[2]), Path(sys.argv[1]))
     else:
         with tempfile.TemporaryDirectory() as temporary:
-            command = [sys.executable, "-c", "from kinid.cli import main; main()", "demo", "-o", f"{temporary}/kinid-demo"]
+            command = [
+                sys.executable,
+                "-c",
+                "from kinid.cli import main; main()",
+                "demo",
+                "-o",
+                f"{temporary}/kinid-demo",
+            ]
             subprocess.run(command, check=True)
             story(Path(temporary, "kinid-demo"), Path(sys.argv[1]))

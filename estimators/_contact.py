@@ -1,4 +1,6 @@
-"""What all estimators of a contact law share: a sample is depth, depth rate, normal force, and whether there is contact."""
+"""What all estimators of a contact law share: a sample is depth, depth rate, normal force, and whether there is
+contact.
+"""
 
 from __future__ import annotations
 
@@ -20,9 +22,13 @@ class ContactEstimator(ABC):
     """Settings of an estimator that learns a contact law, from a log or sample by sample."""
 
     def run(
-        self, depth: Array, depth_rate: Array, normal_force: Array, t: Array | None = None,
+        self,
+        depth: Array,
+        depth_rate: Array,
+        normal_force: Array,
+        t: Array | None = None,
         in_contact: Mask | None = None,
-    ) -> Track:  # fmt: skip
+    ) -> Track:
         """All samples of a log; `conditions` of the track say where approximations hold, if the estimator rests on any.
 
         Args:
@@ -66,9 +72,18 @@ class ContactMachine(Machine):
         """See `Machine`."""
         room = self.room
         self.kernels[0](
-            self.shape, room.state, *columns, self.pace(t), room.settings, room.limit, room.window, room.length,
-            room.threshold, room.scratch, out,
-        )  # fmt: skip
+            self.shape,
+            room.state,
+            *columns,
+            self.pace(t),
+            room.settings,
+            room.limit,
+            room.window,
+            room.length,
+            room.threshold,
+            room.scratch,
+            out,
+        )
 
     @property
     def once(self) -> Callable[..., None]:

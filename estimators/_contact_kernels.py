@@ -64,8 +64,9 @@ def enter(p: int, k: int, x: float, v: float, f: float, contact: bool, law: Any,
 
 
 @inlined
-def write_law(p: int, u: Any, d: Any, a: float, b: float, n: float, log_r: float, factor: float,
-              values: Any, variances: Any) -> None:  # fmt: skip
+def write_law(
+    p: int, u: Any, d: Any, a: float, b: float, n: float, log_r: float, factor: float, values: Any, variances: Any
+) -> None:
     """K, B, n and their variances from ln(K rⁿ), B/K, n, to first order; `factor` scales the covariance."""
     k = exp(a - n * log_r)
     values[0], values[1], values[2] = k, b * k, n
@@ -79,9 +80,21 @@ def write_law(p: int, u: Any, d: Any, a: float, b: float, n: float, log_r: float
 
 @jit
 def single_stage(
-    shape: Any, state: Any, depth: Any, rate: Any, force: Any, contact: Any, factors: Any, law: Any, limit: Any,
-    window: Any, length: int, threshold: float, scratch: Any, out: Any,
-) -> None:  # fmt: skip
+    shape: Any,
+    state: Any,
+    depth: Any,
+    rate: Any,
+    force: Any,
+    contact: Any,
+    factors: Any,
+    law: Any,
+    limit: Any,
+    window: Any,
+    length: int,
+    threshold: float,
+    scratch: Any,
+    out: Any,
+) -> None:
     """One regression, ln f = ln(K rⁿ) + (B/K) ẋ + n ln(x/r) (Haddadi & Hashtrudi-Zaad 2008, 2012)."""
     p = len(shape)
     theta, d, u, own, tally = parts(p, state)
@@ -118,10 +131,23 @@ def single_stage(
 
 @jit
 def two_stage(
-    shape: Any, state: Any, depth: Any, rate: Any, force: Any, contact: Any, factors: Any, law: Any, limit: Any,
-    window: Any, length: int, threshold: float, scratch: Any, out: Any,
-) -> None:  # fmt: skip
-    """Fit f = K xⁿ + B xⁿ ẋ with the last n, then ln f − ln(K + B ẋ) = n ln x with the last K, B (Diolaiti et al. 2005).
+    shape: Any,
+    state: Any,
+    depth: Any,
+    rate: Any,
+    force: Any,
+    contact: Any,
+    factors: Any,
+    law: Any,
+    limit: Any,
+    window: Any,
+    length: int,
+    threshold: float,
+    scratch: Any,
+    out: Any,
+) -> None:
+    """Fit f = K xⁿ + B xⁿ ẋ with the last n, then ln f − ln(K + B ẋ) = n ln x with the last K, B (Diolaiti et al.
+    2005).
 
     Inside, K and B stand for K rⁿ and B rⁿ; `state` is that of both, then that of n. Covariances are those of each
     stage, given the other's values.
@@ -144,9 +170,7 @@ def two_stage(
             stiff = theta[0] + theta[1] * v
             if stiff > 0.0 and tally[3] > q:
                 phi[0] = position
-                learn(
-                    1, exponent, d2, u2, own2, tally2, phi, math.log(f / stiff), factor, limit[q:], False, work, gain
-                )
+                learn(1, exponent, d2, u2, own2, tally2, phi, math.log(f / stiff), factor, limit[q:], False, work, gain)
             phi[0], phi[1], phi[2] = 1.0, v, position
         loud = False
         if code in (VALID, BELOW_NOISE):
@@ -169,9 +193,21 @@ def single_stage_once(t: float, shape: Any, store: Any) -> None:
     room = carve(shape, store)
     x = room.inputs
     single_stage(
-        shape, room.state, x[:1], x[1:2], x[2:3], x[3:], room.factor, room.settings, room.limit, room.window, room.length,
-        room.threshold, room.scratch, room.out,
-    )  # fmt: skip
+        shape,
+        room.state,
+        x[:1],
+        x[1:2],
+        x[2:3],
+        x[3:],
+        room.factor,
+        room.settings,
+        room.limit,
+        room.window,
+        room.length,
+        room.threshold,
+        room.scratch,
+        room.out,
+    )
     close(room.record, room.state[-1])
 
 
@@ -181,7 +217,19 @@ def two_stage_once(t: float, shape: Any, store: Any) -> None:
     room = carve(shape, store)
     x = room.inputs
     two_stage(
-        shape, room.state, x[:1], x[1:2], x[2:3], x[3:], room.factor, room.settings, room.limit, room.window, room.length,
-        room.threshold, room.scratch, room.out,
-    )  # fmt: skip
+        shape,
+        room.state,
+        x[:1],
+        x[1:2],
+        x[2:3],
+        x[3:],
+        room.factor,
+        room.settings,
+        room.limit,
+        room.window,
+        room.length,
+        room.threshold,
+        room.scratch,
+        room.out,
+    )
     close(room.record, room.state[-1])

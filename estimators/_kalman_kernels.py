@@ -1,8 +1,8 @@
 """Kernel of the Kalman filters of Hunt-Crossley contact with unknown surface.
 
-`state` of a bank of m filters: theta, d, U, diagonal of P and tally of each (see `_kernels`) | logarithms of the members'
-probabilities (m) | watch (6) = last normalised innovation ν, weighted sums of ν νʹ (νʹ the one before), of ν², of weights,
-time of the last sample, number of samples used.
+`state` of a bank of m filters: theta, d, U, diagonal of P and tally of each (see `_kernels`) | logarithms of the
+members' probabilities (m) | watch (6) = last normalised innovation ν, weighted sums of ν νʹ (νʹ the one before), of ν²,
+of weights, time of the last sample, number of samples used.
 `settings` = noise ε [N], ln r, limit of f/ε, sample time, memory of the watch in samples, walk (4), fading (2).
 """
 
@@ -88,14 +88,28 @@ def confine(p: int, s: Any, u: Any, d: Any, i: int, low: float, high: float) -> 
     variance = covariance(p, u, d, i, i)
     if move != 0.0:
         for j in range(p):
-            s[j] += move * (covariance(p, u, d, i, j) / variance if j != i and variance > 0.0 else 1.0 if j == i else 0.0)
+            s[j] += move * (
+                covariance(p, u, d, i, j) / variance if j != i and variance > 0.0 else 1.0 if j == i else 0.0
+            )
 
 
 @jit
 def kalman(
-    shape: Any, state: Any, depth: Any, rate: Any, force: Any, contact: Any, times: Any, settings: Any, limit: Any,
-    window: Any, length: int, threshold: float, scratch: Any, out: Any,
-) -> None:  # fmt: skip
+    shape: Any,
+    state: Any,
+    depth: Any,
+    rate: Any,
+    force: Any,
+    contact: Any,
+    times: Any,
+    settings: Any,
+    limit: Any,
+    window: Any,
+    length: int,
+    threshold: float,
+    scratch: Any,
+    out: Any,
+) -> None:
     """A bank of extended Kalman filters of x = r c (f/(1 + b ẋ))^m − r z, one for each range of m.
 
     Each member's state is [c, b, m, z] with K = (r c)^(−1/m), b = B/K, n = 1/m, a force unit of 1 N. `times` holds the
@@ -139,11 +153,17 @@ def kalman(
                 damped = max(1.0 + s[1] * v, 0.2)
                 predicted = damped * (max(x + s[3], 0.0) / s[0]) ** (1.0 / s[2])
                 error = x + s[3] - s[0] * exp(s[2] * math.log(f / damped))
-                # slopes at the predicted force, whose error is independent of this sample's; at the measured one at first
+                # slopes at the predicted force, whose error is independent of this sample's; at the measured one at
+                # first
                 clean = predicted if abs(f - predicted) < 5.0 * noise else f
                 power = exp(s[2] * math.log(clean / damped))
                 there = s[0] * power
-                phi[0], phi[1], phi[2], phi[3] = power, -s[2] * there * v / damped, there * math.log(clean / damped), -1.0
+                phi[0], phi[1], phi[2], phi[3] = (
+                    power,
+                    -s[2] * there * v / damped,
+                    there * math.log(clean / damped),
+                    -1.0,
+                )
                 # force noise as depth; with c still unknown it may be larger than c says
                 sigma = noise / clean * s[2] * power * (s[0] + math.sqrt(covariance(p, u, d, 0, 0)))
                 total = sigma * sigma + quadratic(p, u, d, phi)
@@ -221,7 +241,19 @@ def kalman_once(t: float, shape: Any, store: Any) -> None:
     x = room.inputs
     room.factor[0] = t
     kalman(
-        shape, room.state, x[:1], x[1:2], x[2:3], x[3:], room.factor, room.settings, room.limit, room.window, room.length,
-        room.threshold, room.scratch, room.out,
-    )  # fmt: skip
+        shape,
+        room.state,
+        x[:1],
+        x[1:2],
+        x[2:3],
+        x[3:],
+        room.factor,
+        room.settings,
+        room.limit,
+        room.window,
+        room.length,
+        room.threshold,
+        room.scratch,
+        room.out,
+    )
     close(room.record, room.state[-1])

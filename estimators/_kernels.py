@@ -3,12 +3,13 @@
 U is upper triangular with a unit diagonal and d ≥ 0, so the covariance stays symmetric and positive semi-definite
 whatever rounding does (Bierman 1977, *Factorization Methods for Discrete Sequential Estimation*, ch. V). The number of
 parameters `p` is a constant wherever it is the length of a tuple; LLVM then unrolls every loop, and a sample with four
-parameters costs about 100 cycles. A single sample online is a batch of one: there is no second implementation. What ends
-in `_once` is that batch of one, with all it needs in one array (see `_store`).
+parameters costs about 100 cycles. A single sample online is a batch of one: there is no second implementation. What
+ends in `_once` is that batch of one, with all it needs in one array (see `_store`).
 
-`state` of p parameters, one float64 array: theta (p) | d (p) | U (p·p) | diagonal of P (p) | tally (4) = weighted sum of
-squared residuals, sum of weights, sum of squared weights, number of updates.
-`window` of excitation: gram (blocks, p, p), scale (p), cursor (5) = block, samples in it, full blocks, value, fixed scale.
+`state` of p parameters, one float64 array: theta (p) | d (p) | U (p·p) | diagonal of P (p) | tally (4) = weighted sum
+of squared residuals, sum of weights, sum of squared weights, number of updates.
+`window` of excitation: gram (blocks, p, p), scale (p), cursor (5) = block, samples in it, full blocks, value, fixed
+scale.
 """
 
 from __future__ import annotations
@@ -135,9 +136,20 @@ def parts(p: int, state: Any) -> Any:
 
 @inlined
 def learn(
-    p: int, theta: Any, d: Any, u: Any, own: Any, tally: Any, phi: Any, y: float, factor: float,
-    limit: Any, directional: bool, work: Any, gain: Any,
-) -> float:  # fmt: skip
+    p: int,
+    theta: Any,
+    d: Any,
+    u: Any,
+    own: Any,
+    tally: Any,
+    phi: Any,
+    y: float,
+    factor: float,
+    limit: Any,
+    directional: bool,
+    work: Any,
+    gain: Any,
+) -> float:
     """One sample of recursive least squares; returns the innovation y − φᵀθ.
 
     Exponential: P⁻¹ ← β P⁻¹ + φφᵀ. Directional (Kulhavý 1987, Automatica 23(5):589-600): P⁻¹ ← P⁻¹ + ε φφᵀ with
@@ -288,7 +300,8 @@ def excitation(shape: Any, rows: Any, window: Any, length: int, scratch: Any, va
         values[k] = cursor[3]
 
 
-# --- what every kernel says of a sample --------------------------------------------------------------------------------
+# --- what every kernel says of a sample
+# --------------------------------------------------------------------------------
 
 
 @inlined
@@ -305,9 +318,19 @@ def judge(updates: float, least: int, excitation: float, threshold: float, slow:
 
 @inlined
 def conclude(
-    shape: Any, k: int, code: int, tally: Any, slow: bool, loud: bool, phi: Any, window: Any, length: int,
-    threshold: float, scratch: Any, out: Any,
-) -> None:  # fmt: skip
+    shape: Any,
+    k: int,
+    code: int,
+    tally: Any,
+    slow: bool,
+    loud: bool,
+    phi: Any,
+    window: Any,
+    length: int,
+    threshold: float,
+    scratch: Any,
+    out: Any,
+) -> None:
     """Excitation with the row φ of sample k, which is 0 where it was not used, and the status that follows."""
     p = len(shape)
     gram, scale, cursor = window
@@ -331,9 +354,20 @@ def close(record: Any, updates: float) -> None:
 
 @jit
 def least_squares(
-    shape: Any, state: Any, rows: Any, outputs: Any, factors: Any, codes: Any, limit: Any, directional: bool,
-    window: Any, length: int, threshold: float, scratch: Any, out: Any,
-) -> None:  # fmt: skip
+    shape: Any,
+    state: Any,
+    rows: Any,
+    outputs: Any,
+    factors: Any,
+    codes: Any,
+    limit: Any,
+    directional: bool,
+    window: Any,
+    length: int,
+    threshold: float,
+    scratch: Any,
+    out: Any,
+) -> None:
     """All samples; `shape` is any tuple of p floats; `factors` and `codes` hold n values or one for all."""
     p = len(shape)
     theta, d, u, own, tally = parts(p, state)
@@ -401,9 +435,20 @@ def row_once(shape: Any, room: Any) -> None:
     p = len(shape)
     own = room.inputs[len(room.inputs) - p - 2 :]
     least_squares(
-        shape, room.state, own[:p].reshape(1, p), own[p : p + 1], room.factor, own[p + 1 :], room.limit,
-        room.settings[0] > 0.0, room.window, room.length, room.threshold, room.scratch, room.out,
-    )  # fmt: skip
+        shape,
+        room.state,
+        own[:p].reshape(1, p),
+        own[p : p + 1],
+        room.factor,
+        own[p + 1 :],
+        room.limit,
+        room.settings[0] > 0.0,
+        room.window,
+        room.length,
+        room.threshold,
+        room.scratch,
+        room.out,
+    )
     close(room.record, room.state[-1])
 
 
@@ -430,5 +475,7 @@ def friction_once(t: float, shape: Any, store: Any) -> None:
     axes = (end - 1) // 2
     slip, force = room.inputs[1 : 1 + axes].reshape(1, axes), room.inputs[1 + axes : end].reshape(1, axes)
     own = room.inputs[end:]
-    friction_rows(room.inputs[:1], slip, force, room.settings[1], room.settings[2], own[:2].reshape(1, 2), own[2:3], own[3:])
+    friction_rows(
+        room.inputs[:1], slip, force, room.settings[1], room.settings[2], own[:2].reshape(1, 2), own[2:3], own[3:]
+    )
     row_once(shape, room)

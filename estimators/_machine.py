@@ -36,9 +36,14 @@ class Out(NamedTuple):
         theta, variance, a, b, c = np.split(np.empty((2 * p + 3) * n), n * np.cumsum([p, p, 1, 1]))
         shape = (n, p)
         return cls(
-            theta.reshape(shape), variance.reshape(shape), a, b, c, np.empty(n, np.int8),
+            theta.reshape(shape),
+            variance.reshape(shape),
+            a,
+            b,
+            c,
+            np.empty(n, np.int8),
             np.empty((n, conditions), np.bool_),
-        )  # fmt: skip
+        )
 
 
 class Memory(NamedTuple):
@@ -94,10 +99,18 @@ class Machine(ABC):
     """
 
     def __init__(
-        self, names: tuple[str, ...], memory: Memory, forgetting: Forgetting, excitation: Excitation | None,
-        columns: tuple[tuple[int, ...], ...], *, flags: int = 0, spare: int = 0, settings: tuple[float, ...] = (),
+        self,
+        names: tuple[str, ...],
+        memory: Memory,
+        forgetting: Forgetting,
+        excitation: Excitation | None,
+        columns: tuple[tuple[int, ...], ...],
+        *,
+        flags: int = 0,
+        spare: int = 0,
+        settings: tuple[float, ...] = (),
         conditions: tuple[str, ...] = (),
-    ) -> None:  # fmt: skip
+    ) -> None:
         p = len(names)
         self.names, self.columns, self.flags = names, columns, flags
         self.conditions, self.forgetting = conditions, forgetting
@@ -105,10 +118,17 @@ class Machine(ABC):
         #: β if it is the same for all samples
         self.constant = forgetting.beta if isinstance(forgetting, Constant) else None
         self.store = _store.build(
-            p, memory.state, memory.limit, (excitation or Excitation()).memory(p), excitation.length if excitation else 0,
-            excitation.threshold if excitation else -1.0, self.constant or math.nan,
-            sum(self.widths) + spare, settings, len(conditions),
-        )  # fmt: skip
+            p,
+            memory.state,
+            memory.limit,
+            (excitation or Excitation()).memory(p),
+            excitation.length if excitation else 0,
+            excitation.threshold if excitation else -1.0,
+            self.constant or math.nan,
+            sum(self.widths) + spare,
+            settings,
+            len(conditions),
+        )
         #: views of the store, which the kernels for logs work on too
         self.room = _store.carve(self.shape, self.store)
         #: what an estimate is a copy of
@@ -156,9 +176,17 @@ class Machine(ABC):
         record[_store.SKIPPED] += np.count_nonzero(out.statuses == Status.NOT_FINITE)
         conditions = {name: out.conditions[:, i] for i, name in enumerate(self.conditions)}
         return Track(
-            self.names, out.thetas, out.variances, out.innovations, out.noises, out.excitations, out.statuses,
-            self.estimate(), conditions, t,
-        )  # fmt: skip
+            self.names,
+            out.thetas,
+            out.variances,
+            out.innovations,
+            out.noises,
+            out.excitations,
+            out.statuses,
+            self.estimate(),
+            conditions,
+            t,
+        )
 
 
 class Online:
@@ -219,7 +247,7 @@ class Online:
                 f"a sample of shapes {[np.shape(value) for value in sample]}",
                 f"{[column.shape[1:] for column in self._columns]}",
                 "pass the values of one sample, in the order of run()",
-            ) from None  # fmt: skip
+            ) from None
         machine = self.machine
         if machine.constant is None:
             machine.room.factor[0] = machine.forgetting.at(None if t is None else now)
@@ -249,9 +277,10 @@ class Online:
         shapes = [array.shape[1:] for array in arrays]
         if shapes != list(self.machine.columns):
             raise InputError(
-                f"columns whose rows have shapes {shapes}", f"{list(self.machine.columns)}",
+                f"columns whose rows have shapes {shapes}",
+                f"{list(self.machine.columns)}",
                 "pass them in the order of run()",
-            )  # fmt: skip
+            )
         if time is not None:
             self._checked(time[0])
             self._last = float(time[-1])
@@ -282,7 +311,9 @@ def ready(machine: Machine) -> Callable[[float, tuple[float, ...], Array], None]
 def late(t: Any, last: float) -> InputError:
     """What to say of a time that can't follow the last one."""
     found = f"a sample at t = {t} s" + (f" after one at t = {last} s" if math.isfinite(last) else "")
-    return InputError(found, "finite, growing time", "sort the samples and drop repeated ones, or reset() where a new log begins")
+    return InputError(
+        found, "finite, growing time", "sort the samples and drop repeated ones, or reset() where a new log begins"
+    )
 
 
 def factor(covariance: Array) -> tuple[Array, Array]:

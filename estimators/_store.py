@@ -4,8 +4,8 @@ Arguments are what a call of compiled code costs: some 20 ns for an array, 100 n
 
     record | state | conditions | inputs | settings | limit | gram | scale | cursor | scratch | head
 
-`record` of p parameters: values (p) | variances (p) | innovation | noise variance | excitation | status | updates | skipped.
-Record and state are what an `Estimate` is made of, and so stand first. `head` says how long the parts are.
+`record` of p parameters: values (p) | variances (p) | innovation | noise variance | excitation | status | updates |
+skipped. Record and state are what an `Estimate` is made of, and so stand first. `head` says how long the parts are.
 """
 
 from __future__ import annotations
@@ -41,15 +41,33 @@ class Store(NamedTuple):
     out: Any
 
 
-def build(p: int, state: Array, limit: Array, window: tuple[Array, Array, Array], length: int, threshold: float,
-          factor: float, inputs: int, settings: tuple[float, ...], conditions: int) -> Array:  # fmt: skip
+def build(
+    p: int,
+    state: Array,
+    limit: Array,
+    window: tuple[Array, Array, Array],
+    length: int,
+    threshold: float,
+    factor: float,
+    inputs: int,
+    settings: tuple[float, ...],
+    conditions: int,
+) -> Array:
     """A store with its parts filled in."""
     blocks = len(window[0])
     head = (length, threshold, factor, len(state), conditions, inputs, len(settings), blocks)
-    return np.concatenate([
-        np.zeros(2 * p + PLACES), state, np.zeros(conditions + inputs), settings, limit, *map(np.ravel, window),
-        np.zeros((p + 3) * p), head,
-    ])  # fmt: skip
+    return np.concatenate(
+        [
+            np.zeros(2 * p + PLACES),
+            state,
+            np.zeros(conditions + inputs),
+            settings,
+            limit,
+            *map(np.ravel, window),
+            np.zeros((p + 3) * p),
+            head,
+        ]
+    )
 
 
 def carve(shape: Any, store: Any) -> Store:
@@ -69,15 +87,29 @@ def carve(shape: Any, store: Any) -> Store:
     factor = len(store) + FACTOR
     record = store[:end_record]
     out = (
-        record[:p].reshape(1, p), record[p : 2 * p].reshape(1, p), record[2 * p : 2 * p + 1],
-        record[2 * p + 1 : 2 * p + 2], record[2 * p + 2 : 2 * p + 3], record[2 * p + 3 : 2 * p + 4],
+        record[:p].reshape(1, p),
+        record[p : 2 * p].reshape(1, p),
+        record[2 * p : 2 * p + 1],
+        record[2 * p + 1 : 2 * p + 2],
+        record[2 * p + 2 : 2 * p + 3],
+        record[2 * p + 3 : 2 * p + 4],
         store[end_state:end_conditions].reshape(1, conditions),
-    )  # fmt: skip
+    )
     window = (
-        store[end_limit:end_gram].reshape(blocks, p, p), store[end_gram:end_scale], store[end_scale:end_cursor],
-    )  # fmt: skip
+        store[end_limit:end_gram].reshape(blocks, p, p),
+        store[end_gram:end_scale],
+        store[end_scale:end_cursor],
+    )
     return Store(
-        record, store[end_record:end_state], store[end_conditions:end_inputs], store[end_inputs:end_settings],
-        store[end_settings:end_limit], store[factor : factor + 1], window, int(store[LENGTH]),
-        store[THRESHOLD], store[end_cursor:end_scratch].reshape(p + 3, p), out,
-    )  # fmt: skip
+        record,
+        store[end_record:end_state],
+        store[end_conditions:end_inputs],
+        store[end_inputs:end_settings],
+        store[end_settings:end_limit],
+        store[factor : factor + 1],
+        window,
+        int(store[LENGTH]),
+        store[THRESHOLD],
+        store[end_cursor:end_scratch].reshape(p + 3, p),
+        out,
+    )

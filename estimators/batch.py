@@ -1,9 +1,9 @@
 """Offline fits: weighted nonlinear least squares, the linear part solved exactly at every step (variable projection).
 
-Golub & Pereyra 1973: for given nonlinear parameters α the best linear ones follow from a linear least-squares problem, so
-that only α is searched for. Residuals of contact models are autocorrelated; the covariance of the estimates knows it
-through a model of the residual (sandwich form, White 1980): autoregressive (Box & Jenkins 1970), with a random walk beside
-it where one shows (`kinid.estimators.wander`).
+Golub & Pereyra 1973: for given nonlinear parameters α the best linear ones follow from a linear least-squares problem,
+so that only α is searched for. Residuals of contact models are autocorrelated; the covariance of the estimates knows it
+through a model of the residual (sandwich form, White 1980): autoregressive (Box & Jenkins 1970), with a random walk
+beside it where one shows (`kinid.estimators.wander`).
 """
 
 from __future__ import annotations
@@ -96,8 +96,11 @@ def solve(
     """
     work = _Work.build(predict, measured, parameters, mask, sigma)
     if work.y.size <= len(parameters):
-        raise InputError(f"{work.y.size} usable readings for {len(parameters)} parameters", "more readings than parameters",
-                         "record a longer log, or use a smaller model")  # fmt: skip
+        raise InputError(
+            f"{work.y.size} usable readings for {len(parameters)} parameters",
+            "more readings than parameters",
+            "record a longer log, or use a smaller model",
+        )
     best: tuple[float, Array, Array, bool] | None = None
     tried: list[Array] = []
     for start in [*([np.array([p.nominal for p in parameters])] if nominal or not len(starts) else []), *starts]:
@@ -115,8 +118,17 @@ def solve(
     at_bound = (values <= low + 1e-9 * span) | (values >= high - 1e-9 * span)
     if not covariance:
         empty = np.full((len(values), len(values)), np.nan)
-        return Solution(values, empty, np.zeros(len(values), np.bool_), at_bound, residual, float("nan"), (),
-                        work.evaluations, best[3])  # fmt: skip
+        return Solution(
+            values,
+            empty,
+            np.zeros(len(values), np.bool_),
+            at_bound,
+            residual,
+            float("nan"),
+            (),
+            work.evaluations,
+            best[3],
+        )
     # Where a law has a kink (contact begins), its derivative at a point says nothing: what counts is how much readings
     # change over the interval itself. Steps and standard errors are brought into agreement, from wide steps downwards.
     step = 0.3 * span
@@ -124,7 +136,9 @@ def solve(
         jacobian = work.jacobian(values, step)
         matrix, unidentified, condition, lags = _covariance(work, jacobian, residual, runs)
         wide = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-        wider = np.clip(0.5 * np.where(np.isfinite(wide), wide, 0.0), 6e-6 * np.maximum(np.abs(values), span), 0.3 * span)
+        wider = np.clip(
+            0.5 * np.where(np.isfinite(wide), wide, 0.0), 6e-6 * np.maximum(np.abs(values), span), 0.3 * span
+        )
         settled = (wider < 1.5 * step) & (step < 1.5 * wider)
         step = wider
         if settled[work.nonlinear].all():
@@ -147,8 +161,14 @@ class _Work:
     evaluations: int = 0
 
     @classmethod
-    def build(cls, predict: Callable[[Array], Array], measured: Array, parameters: Sequence[Parameter],
-              mask: Mask | None, sigma: Array | None) -> _Work:  # fmt: skip
+    def build(
+        cls,
+        predict: Callable[[Array], Array],
+        measured: Array,
+        parameters: Sequence[Parameter],
+        mask: Mask | None,
+        sigma: Array | None,
+    ) -> _Work:
         keep: Mask = np.asarray(np.isfinite(measured).all(axis=0))
         if mask is not None:
             keep = keep & mask
@@ -158,8 +178,16 @@ class _Work:
         weight = 1.0 / np.asarray(sigma, dtype=float)[:, None]
         marked = np.array([p.linear for p in parameters], dtype=np.bool_)
         low, high = np.array([p.low for p in parameters]), np.array([p.high for p in parameters])
-        return cls(predict, parameters, keep, weight, (measured[:, keep] * weight).ravel(), np.flatnonzero(marked),
-                   np.flatnonzero(~marked), (low, high))  # fmt: skip
+        return cls(
+            predict,
+            parameters,
+            keep,
+            weight,
+            (measured[:, keep] * weight).ravel(),
+            np.flatnonzero(marked),
+            np.flatnonzero(~marked),
+            (low, high),
+        )
 
     def stacked(self, values: Array) -> Array:
         self.evaluations += 1
@@ -220,7 +248,9 @@ class _Work:
         return values, float(residual @ residual), converged
 
     def search_all(self, start: Array) -> tuple[Array, float, bool]:
-        """The same without projection at every step, which takes fewer predictions where many parameters aren't linear."""
+        """The same without projection at every step, which takes fewer predictions where many parameters aren't
+        linear.
+        """
         low, high = self.bounds
         scale = np.array([p.scale for p in self.parameters])
         inside = np.clip(start, low + 1e-6 * scale, high - 1e-6 * scale)
@@ -345,8 +375,8 @@ def _covariance(
 def autoregression(residual: Array, runs: Sequence[slice] | None = None) -> tuple[Array, float]:
     """Coefficients (order,) and innovation variance of the autoregression that a residual (n,) calls for.
 
-    Yule-Walker estimates from autocovariances over finite pairs of samples within runs (Levinson 1946); the order is the
-    one with the least Bayesian information criterion (Schwarz 1978). Samples that are NaN break no run.
+    Yule-Walker estimates from autocovariances over finite pairs of samples within runs (Levinson 1946); the order is
+    the one with the least Bayesian information criterion (Schwarz 1978). Samples that are NaN break no run.
     """
     runs = runs or [slice(0, len(residual))]
     finite = np.isfinite(residual)

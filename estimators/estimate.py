@@ -1,4 +1,6 @@
-"""What an estimator answers: values with their uncertainty, and whether they may be trusted, with the way out if not."""
+"""What an estimator answers: values with their uncertainty, and whether they may be trusted, with the way out if
+not.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +52,8 @@ _REMEDIES = {
     Status.NOT_FINITE: "the sample is not a finite number and was passed over: look for gaps in the log",
     Status.NOT_SLIDING: "the tip is at rest, the last values are kept: slide faster",
     Status.MISFIT: "the residual is over three times the stated noise: state the noise, try another law, or start anew",
-    Status.DIVERGED: "the filter lost the material (innovations far outside their covariance): start anew, or let it walk",
+    Status.DIVERGED: "the filter lost the material (innovations far outside their covariance): start anew, or let it "
+    "walk",
 }
 
 
@@ -76,9 +79,18 @@ class Estimate:
     __slots__ = ("_covariance", "_names", "_numbers")
 
     def __init__(
-        self, names: tuple[str, ...], values: Array, variance: Array, innovation: float, noise: float, excitation: float,
-        status: Status, updates: int, skipped: int, whole: Callable[[], Array],
-    ) -> None:  # fmt: skip
+        self,
+        names: tuple[str, ...],
+        values: Array,
+        variance: Array,
+        innovation: float,
+        noise: float,
+        excitation: float,
+        status: Status,
+        updates: int,
+        skipped: int,
+        whole: Callable[[], Array],
+    ) -> None:
         self._names = names
         self._numbers = np.concatenate(
             [values, variance, [innovation, noise * noise, excitation, float(status), updates, skipped]]

@@ -99,9 +99,15 @@ class _HuntCrossleyMachine(ContactMachine):
 
     def __init__(self, settings: HuntCrossley, memory: Memory, weighted: bool) -> None:
         super().__init__(
-            NAMES, memory, settings.forgetting, settings.excitation, COLUMNS, flags=1, settings=settings.law(weighted),
+            NAMES,
+            memory,
+            settings.forgetting,
+            settings.excitation,
+            COLUMNS,
+            flags=1,
+            settings=settings.law(weighted),
             conditions=CONDITIONS,
-        )  # fmt: skip
+        )
         self._log_r = math.log(settings.reference_depth)
 
 
@@ -133,7 +139,9 @@ class _TwoStageMachine(_HuntCrossleyMachine):
         unit = math.exp(log.values[0])  # K rⁿ and B rⁿ, and what ln and ratio say of their errors
         values = unit * np.array([1.0, log.values[1]])
         jacobian = unit * np.array([[1.0, 0.0], [log.values[1], 1.0]])
-        first = Memory.of(Prior(values, jacobian @ log.covariance[:2, :2] @ jacobian.T, noise), settings.covariance_limit)
+        first = Memory.of(
+            Prior(values, jacobian @ log.covariance[:2, :2] @ jacobian.T, noise), settings.covariance_limit
+        )
         second = Memory.of(Prior(log.values[2:], log.covariance[2:, 2:], 0.01), settings.covariance_limit)
         self._split = len(first.state)
         both = Memory(np.concatenate([first.state, second.state]), np.concatenate([first.limit, second.limit]))

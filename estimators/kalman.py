@@ -37,11 +37,11 @@ class HuntCrossleyKalman(ContactEstimator):
     to be small beside noise/(df/dx).
 
     A filter that has lost its way goes on believing its covariance. So the innovations ν, each over the standard
-    deviation that the filter expects, are watched over the last `patience` samples used: in a sound filter they are white
-    with variance 1; where the filter lags behind the material, or took a wrong turn, they are large and stay on one side
-    from sample to sample. Samples at which the mean of ν ν′ (ν′ the one before) exceeds 2, and half the mean of ν², are
-    marked as diverged. Noise of the stated size can't reach 2, whatever its colour, and white noise that is larger than
-    stated can't reach the half.
+    deviation that the filter expects, are watched over the last `patience` samples used: in a sound filter they are
+    white with variance 1; where the filter lags behind the material, or took a wrong turn, they are large and stay on
+    one side from sample to sample. Samples at which the mean of ν ν′ (ν′ the one before) exceeds 2, and half the mean
+    of ν², are marked as diverged. Noise of the stated size can't reach 2, whatever its colour, and white noise that is
+    larger than stated can't reach the half.
 
     Args:
         noise: ε, standard deviation of the force [N], > 0.
@@ -100,17 +100,25 @@ class _KalmanMachine(ContactMachine):
         members = _bank(values, start, settings.members)
         self._members = len(members)
         memory = Memory(
-            np.concatenate([
-                *(Memory.of(prior, None).state for _, prior in members), [weight for weight, _ in members],
-                [0.0, 0.0, 0.0, 0.0, math.nan, 0.0],
-            ]),
+            np.concatenate(
+                [
+                    *(Memory.of(prior, None).state for _, prior in members),
+                    [weight for weight, _ in members],
+                    [0.0, 0.0, 0.0, 0.0, math.nan, 0.0],
+                ]
+            ),
             np.maximum(np.max([np.diagonal(prior.covariance) for _, prior in members], axis=0), 1e-300),
-        )  # fmt: skip
+        )
         told = (settings.noise, math.log(self._r), settings.loudest, settings.period, float(settings.patience))
         super().__init__(
-            NAMES, memory, Constant(), settings.excitation, COLUMNS, flags=1,
+            NAMES,
+            memory,
+            Constant(),
+            settings.excitation,
+            COLUMNS,
+            flags=1,
             settings=(*told, *settings.walk, *settings.fading),
-        )  # fmt: skip
+        )
 
     @property
     def kernels(self) -> tuple[Callable[..., None], Callable[..., None]]:
@@ -159,7 +167,9 @@ def _inverted(prior: Prior | None, r: float) -> tuple[Array, Array]:
         )
     k, b, n = prior.values
     c = k ** (-1.0 / n) / r
-    jacobian = np.array([[-c / (n * k), 0.0, c * math.log(k) / n**2], [-b / k**2, 1.0 / k, 0.0], [0.0, 0.0, -1.0 / n**2]])
+    jacobian = np.array(
+        [[-c / (n * k), 0.0, c * math.log(k) / n**2], [-b / k**2, 1.0 / k, 0.0], [0.0, 0.0, -1.0 / n**2]]
+    )
     return np.array([c, b / k, 1.0 / n]), jacobian @ prior.covariance @ jacobian.T
 
 

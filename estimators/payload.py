@@ -28,9 +28,23 @@ Status = Literal["ok", "not-excited", "too-few", "negative-mass"]
 
 #: quantities of a payload, in the order of `Payload.covariance`; the inertia only where the tool turned
 NAMES = (
-    "mass", "com_x", "com_y", "com_z", "bias_fx", "bias_fy", "bias_fz", "bias_tx", "bias_ty", "bias_tz",
-    "inertia_xx", "inertia_yy", "inertia_zz", "inertia_xy", "inertia_xz", "inertia_yz",
-)  # fmt: skip
+    "mass",
+    "com_x",
+    "com_y",
+    "com_z",
+    "bias_fx",
+    "bias_fy",
+    "bias_fz",
+    "bias_tx",
+    "bias_ty",
+    "bias_tz",
+    "inertia_xx",
+    "inertia_yy",
+    "inertia_zz",
+    "inertia_xy",
+    "inertia_xz",
+    "inertia_yz",
+)
 UNITS = ("kg", *("m",) * 3, *("N",) * 3, *("N·m",) * 3, *("kg·m²",) * 6)
 
 #: a combination of parameters that moves the reading by less than this share of the weight isn't identified;
@@ -152,8 +166,11 @@ def fit_payload(
         raise InputError(f"no usable row among {n} of the wrench", "finite numbers", "check the log")
     size = float(np.median(np.linalg.norm(g[usable], axis=1)))
     if not 9.0 < size < 10.5:
-        raise InputError(f"gravity of {size:.4g} in the sensor frame", "about 9.81 m/s²",
-                         "scale it: an accelerometer in g wants a factor of 9.80665")  # fmt: skip
+        raise InputError(
+            f"gravity of {size:.4g} in the sensor frame",
+            "about 9.81 m/s²",
+            "scale it: an accelerometer in g wants a factor of 9.80665",
+        )
     turning = angular_velocity is not None or angular_acceleration is not None
     design = _design(g[usable] - a[usable], w[usable], alpha[usable], turning)
     scaled = design * _ROWS[:, None] * _COLUMNS[: design.shape[2]]  # (n, 6, p)
@@ -249,11 +266,23 @@ def _payload(fit: _Fit, unseen: Array, condition: float, usable: Mask, level: fl
     status, remedy = _verdict(unseen, known, float(high[0]), used)
     rms = np.sqrt(np.mean((fit.residual / _ROWS).reshape(used, 2, 3) ** 2, axis=(0, 2)))
     return Payload(
-        mass=float(values[0]), com=values[1:4], bias=values[4:10], inertia=values[10:] if p > 10 else None,
-        low=low, high=high, covariance=spread, condition=condition, correlation=fit.correlation, used=used,
-        residual=residual, rms_force=float(rms[0]), rms_torque=float(rms[1]),
-        unidentified=tuple(name for name, gone in zip(NAMES, lost) if gone), status=status, remedy=remedy,
-    )  # fmt: skip
+        mass=float(values[0]),
+        com=values[1:4],
+        bias=values[4:10],
+        inertia=values[10:] if p > 10 else None,
+        low=low,
+        high=high,
+        covariance=spread,
+        condition=condition,
+        correlation=fit.correlation,
+        used=used,
+        residual=residual,
+        rms_force=float(rms[0]),
+        rms_torque=float(rms[1]),
+        unidentified=tuple(name for name, gone in zip(NAMES, lost) if gone),
+        status=status,
+        remedy=remedy,
+    )
 
 
 def _design(lift: Array, w: Array, alpha: Array, turning: bool) -> Array:
@@ -332,8 +361,10 @@ def _verdict(unseen: Array, known: bool, highest_mass: float, used: int) -> tupl
     if not known:
         return "too-few", f"add poses, or give the sensor's noise: {used} leave no residual to tell it by"
     if highest_mass < 0.0:
-        return "negative-mass", ("turn the sign of the wrench ([columns] wrench = {scale = -1}): "
-                                 "at rest in the air it is m·Rᵀ·g, the load on the tool")  # fmt: skip
+        return "negative-mass", (
+            "turn the sign of the wrench ([columns] wrench = {scale = -1}): "
+            "at rest in the air it is m·Rᵀ·g, the load on the tool"
+        )
     return "ok", ""
 
 

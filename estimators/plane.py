@@ -101,9 +101,7 @@ class _Fit(NamedTuple):
         return float(np.sqrt(self.scatter[2] / max(self.n - 3, 1)))
 
 
-def fit_plane(
-    points: ArrayLike, sigma: ArrayLike | None = None, outward: ArrayLike = (0.0, 0.0, 1.0)
-) -> PlaneEstimate:
+def fit_plane(points: ArrayLike, sigma: ArrayLike | None = None, outward: ArrayLike = (0.0, 0.0, 1.0)) -> PlaneEstimate:
     """Fit a plane to touched points.
 
     Args:
@@ -122,8 +120,11 @@ def fit_plane(
     _refuse_narrow(fit, known, hint, len(p) - fit.n)
     side = float(fit.axes[2] @ hint)
     if abs(side) < 0.05:
-        raise InputError("an outward hint within 3° of the touched plane", "a direction out of the material",
-                         "give one, say from the material towards the tool")  # fmt: skip
+        raise InputError(
+            "an outward hint within 3° of the touched plane",
+            "a direction out of the material",
+            "give one, say from the material towards the tool",
+        )
 
     variance, freedom, roughness = _noise(fit, known)
     along, across, off = fit.scatter
@@ -161,8 +162,11 @@ def _points(points: ArrayLike) -> Array:
     p = np.asarray(points, dtype=np.float64).reshape(-1, 3)
     if len(p) < 3:
         count = "no touch" if len(p) == 0 else "one touch" if len(p) == 1 else "two touches"
-        raise InputError(f"{count} of the surface", "at least three, which a plane needs",
-                         "touch it in places that are not on one line, better six or more")  # fmt: skip
+        raise InputError(
+            f"{count} of the surface",
+            "at least three, which a plane needs",
+            "touch it in places that are not on one line, better six or more",
+        )
     if not np.isfinite(p).all():
         row = int(np.flatnonzero(~np.isfinite(p).all(axis=1))[0])
         raise InputError(f"touch {row + 1} at {_shown(p[row])}", "finite coordinates in m", "leave it out")
@@ -173,8 +177,7 @@ def _hint(outward: ArrayLike) -> Array:
     hint = np.asarray(outward, dtype=np.float64).reshape(-1)
     size = float(np.linalg.norm(hint))
     if hint.shape != (3,) or not 0 < size < np.inf:
-        raise InputError(f"outward hint {hint.tolist()}", "a direction out of the material",
-                         "give three numbers")  # fmt: skip
+        raise InputError(f"outward hint {hint.tolist()}", "a direction out of the material", "give three numbers")
     return hint / size
 
 
@@ -182,9 +185,11 @@ def _weights(sigma: ArrayLike, n: int) -> tuple[float, Array]:
     """Median standard deviation, and weights that are 1 where a point has it."""
     deviation = np.asarray(sigma, dtype=np.float64)
     if deviation.shape not in ((), (n,)) or not (np.isfinite(deviation) & (deviation > 0)).all():
-        raise InputError(f"sigma of shape {deviation.shape}, or not all of it > 0",
-                         f"one number > 0 [m], or {n}",
-                         "correct it, or leave it out to take it from the residuals")  # fmt: skip
+        raise InputError(
+            f"sigma of shape {deviation.shape}, or not all of it > 0",
+            f"one number > 0 [m], or {n}",
+            "correct it, or leave it out to take it from the residuals",
+        )
     middle = float(np.median(deviation))
     return middle, np.broadcast_to((middle / deviation) ** 2, (n,))
 
@@ -258,9 +263,11 @@ def _refuse_narrow(fit: _Fit, known: float | None, hint: Array, strays: int) -> 
     along, across, off = np.sqrt(fit.scatter / fit.weight)
     rough = off if known is None else known * np.sqrt(fit.n / fit.weight)
     if along < max(BLUNT * rough, 1e-9):
-        raise InputError(f"touches in one place, within {1e3 * along:.2g} mm of {_shown(fit.centroid)}",
-                         "touches that span an area",
-                         "touch at least two more places, well apart and not on one line")  # fmt: skip
+        raise InputError(
+            f"touches in one place, within {1e3 * along:.2g} mm of {_shown(fit.centroid)}",
+            "touches that span an area",
+            "touch at least two more places, well apart and not on one line",
+        )
     few = fit.n < 6 and known is None
     if across >= max(BLUNT * rough, (NARROW if few else 1e-6) * along):
         return

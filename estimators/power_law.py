@@ -67,15 +67,28 @@ def fit_power_law(depth: ArrayLike, depth_rate: ArrayLike, force: ArrayLike, sta
     n, stiffness, damping, information, rss, steps, converged = _search(log_x, v / speed, f, start)
     scale = np.exp(-n * unit)
     # K and B depend on n through the unit of length
-    jacobian = np.array([[scale, 0.0, -unit * scale * stiffness],
-                         [0.0, scale / speed, -unit * scale * damping / speed], [0.0, 0.0, 1.0]])  # fmt: skip
+    jacobian = np.array(
+        [
+            [scale, 0.0, -unit * scale * stiffness],
+            [0.0, scale / speed, -unit * scale * damping / speed],
+            [0.0, 0.0, 1.0],
+        ]
+    )
     variance = rss / max(1, len(x) - 3)
     try:
         covariance = jacobian @ np.linalg.inv(information) @ jacobian.T * variance
     except np.linalg.LinAlgError:
         covariance = np.full((3, 3), np.inf)
-    return PowerLaw(float(stiffness * scale), float(damping * scale / speed), float(n), covariance,
-                    float(np.sqrt(rss / len(x))), len(x), int(steps), bool(converged))  # fmt: skip
+    return PowerLaw(
+        float(stiffness * scale),
+        float(damping * scale / speed),
+        float(n),
+        covariance,
+        float(np.sqrt(rss / len(x))),
+        len(x),
+        int(steps),
+        bool(converged),
+    )
 
 
 @njit(cache=True, fastmath={"contract", "reassoc", "nsz"})

@@ -57,9 +57,10 @@ class RecursiveLeastSquares:
             raise InputError(f"parameter names {self.names}", "at least one, all different", "name each parameter")
         if self.prior is not None and len(self.prior.values) != len(self.names):
             raise InputError(
-                f"a prior of {len(self.prior.values)} values", f"{len(self.names)}: {', '.join(self.names)}",
+                f"a prior of {len(self.prior.values)} values",
+                f"{len(self.names)}: {', '.join(self.names)}",
                 "give a value for each parameter",
-            )  # fmt: skip
+            )
 
     def run(self, regressors: Array, outputs: Array, t: Array | None = None) -> Track:
         """All samples of a log.
@@ -75,9 +76,10 @@ class RecursiveLeastSquares:
         time, (rows, y) = vectors(t, regressors=regressors, outputs=outputs)
         if rows.ndim != 2 or rows.shape[1] != len(self.names) or y.ndim != 1:
             raise InputError(
-                f"regressors {rows.shape} and outputs {y.shape}", f"(n, {len(self.names)}) and (n,)",
+                f"regressors {rows.shape} and outputs {y.shape}",
+                f"(n, {len(self.names)}) and (n,)",
                 "give one row a sample and one column a parameter",
-            )  # fmt: skip
+            )
         return self.machine().run((rows, y), time)
 
     def online(self) -> Online:
@@ -100,18 +102,24 @@ class LeastSquaresMachine(Machine):
     """
 
     def __init__(
-        self, settings: RecursiveLeastSquares, columns: tuple[tuple[int, ...], ...] | None = None, flags: int = 0,
+        self,
+        settings: RecursiveLeastSquares,
+        columns: tuple[tuple[int, ...], ...] | None = None,
+        flags: int = 0,
         told: tuple[float, ...] = (),
-    ) -> None:  # fmt: skip
+    ) -> None:
         p = len(settings.names)
         self.directional = settings.directional
         super().__init__(
             settings.names,
             Memory.of(settings.prior or Prior(np.zeros(p), np.full(p, DIFFUSE)), settings.covariance_limit),
-            settings.forgetting, settings.excitation, columns or ((p,), ()), flags=flags,
+            settings.forgetting,
+            settings.excitation,
+            columns or ((p,), ()),
+            flags=flags,
             spare=p + 2 if columns else 1,  # a row is regressor, output, code
             settings=(float(self.directional), *told),
-        )  # fmt: skip
+        )
         self._all_used = np.zeros(1, np.int8)
         self._rows = (np.empty((0, p)), np.empty(0), np.empty(0, np.int8))
 
@@ -123,9 +131,20 @@ class LeastSquaresMachine(Machine):
         codes: NDArray[np.int8] = columns[2] if len(columns) > 2 else self._all_used
         room = self.room
         _kernels.least_squares(
-            self.shape, room.state, rows, y, self.forgetting.factors(t), codes, room.limit, self.directional, room.window,
-            room.length, room.threshold, room.scratch, out,
-        )  # fmt: skip
+            self.shape,
+            room.state,
+            rows,
+            y,
+            self.forgetting.factors(t),
+            codes,
+            room.limit,
+            self.directional,
+            room.window,
+            room.length,
+            room.threshold,
+            room.scratch,
+            out,
+        )
 
     @property
     def once(self) -> Callable[..., None]:

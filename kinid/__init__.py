@@ -24,18 +24,23 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
-    "ContactSeries": "contact.series", "contact_series": "contact.series", "tip_motion": "contact.series",
+    "ContactSeries": "contact.series",
+    "contact_series": "contact.series",
+    "tip_motion": "contact.series",
     "Differentiator": "signal.derivative",
-    "Diagnosis": "diagnosis", "diagnose": "diagnosis",
-    "InputError": "errors", "KinidError": "errors",
-    "JointTorques": "robotics.inverse_dynamics", "joint_torques": "robotics.inverse_dynamics",
+    "Diagnosis": "diagnosis",
+    "diagnose": "diagnosis",
+    "InputError": "errors",
+    "KinidError": "errors",
+    "JointTorques": "robotics.inverse_dynamics",
+    "joint_torques": "robotics.inverse_dynamics",
     "Log": "data.log",
     "Model": "identification.fit",
     "read": "robotics.reading",
     "Rig": "data.rig",
     "Robot": "robotics.robot",
     "find_surface": "contact.registration",
-}  # fmt: skip
+}
 
 __all__ = [
     "ContactSeries",

@@ -33,8 +33,11 @@ def replacing(path: Path) -> Iterator[Path]:
         yield temporary
         os.replace(temporary, path)
     except OSError as error:
-        raise InputError(f"no way to write {path} ({error.strerror or error})", "a folder that exists and can be written",
-                         "choose another -o/--out") from None  # fmt: skip
+        raise InputError(
+            f"no way to write {path} ({error.strerror or error})",
+            "a folder that exists and can be written",
+            "choose another -o/--out",
+        ) from None
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -73,9 +76,13 @@ def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None])
             raise InputError("an output named -", "a file: the tables go to the screen", "name one, as found.json")
         check_folder(path)
         if path.exists() and not path.is_file():
-            raise InputError(f"output {path}, which is no regular file", "a file that can be replaced", "name another one")
+            raise InputError(
+                f"output {path}, which is no regular file", "a file that can be replaced", "name another one"
+            )
         if path.resolve() in read:
-            raise InputError(f"output {path}, which is read too", "another file than the log and the rig", "rename the output")
+            raise InputError(
+                f"output {path}, which is read too", "another file than the log and the rig", "rename the output"
+            )
         if path.resolve() in seen:
             raise InputError(f"{path} named for two outputs", "a file for each", "rename one")
         seen.add(path.resolve())
@@ -127,5 +134,8 @@ def make_folder(path: Path) -> None:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"no way to make the folder {path} ({error.strerror})", "a folder for the results",
-                         "choose another -o/--out") from None  # fmt: skip
+        raise InputError(
+            f"no way to make the folder {path} ({error.strerror})",
+            "a folder for the results",
+            "choose another -o/--out",
+        ) from None

@@ -1,8 +1,8 @@
 """Run the notebooks from the first cell to the last and keep what they show: text, and figures as small pictures.
 
-`make notebooks` does it; the tests run the cells the same way and hold the kept outputs against what the code says now. Each
-notebook runs in an empty folder and without measured logs, so that no path, user or measured sample of this machine gets into
-it. Pictures are drawn by Chromium, which must be installed; readers need none.
+`make notebooks` does it; the tests run the cells the same way and hold the kept outputs against what the code says now.
+Each notebook runs in an empty folder and without measured logs, so that no path, user or measured sample of this
+machine gets into it. Pictures are drawn by Chromium, which must be installed; readers need none.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ def run(cells: list[Cell], names: Names, draw: Draw | None = None) -> list[list[
     """Outputs of each code cell, in the form that notebooks keep.
 
     Args:
-        cells: of a notebook. names: what the cells know; they add to it. draw: a plotly figure as PNG; without it figures are
-            left empty.
+        cells: of a notebook. names: what the cells know; they add to it. draw: a plotly figure as PNG; without it
+            figures are left empty.
     """
     out = []
     code = [cell for cell in cells if cell["cell_type"] == "code"]
@@ -51,10 +51,13 @@ def run(cells: list[Cell], names: Names, draw: Draw | None = None) -> list[list[
                 value = eval(compile(last, f"cell {count}", "eval"), names)
         outputs: list[dict[str, Any]] = []
         if said.getvalue():
-            outputs.append({"name": "stdout", "output_type": "stream", "text": said.getvalue().splitlines(keepends=True)})
+            outputs.append(
+                {"name": "stdout", "output_type": "stream", "text": said.getvalue().splitlines(keepends=True)}
+            )
         if value is not None:
-            outputs.append({"data": _shown(value, draw), "execution_count": count, "metadata": {},
-                            "output_type": "execute_result"})  # fmt: skip
+            outputs.append(
+                {"data": _shown(value, draw), "execution_count": count, "metadata": {}, "output_type": "execute_result"}
+            )
         out.append(outputs)
     return out
 
@@ -86,11 +89,27 @@ def shot(page: str, width: int, height: int) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         source, drawn = Path(folder, "page.html"), Path(folder, "page.png")
         source.write_text(page, encoding="utf-8")
-        subprocess.run([chromium, "--headless", "--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader", "--no-first-run",
-                        "--disable-background-networking", "--host-resolver-rules=MAP * ~NOTFOUND",
-                        f"--user-data-dir={folder}/profile", "--hide-scrollbars", "--virtual-time-budget=6000",
-                        f"--window-size={width},{height}", f"--screenshot={drawn}", source.as_uri()],
-                       check=True, capture_output=True, timeout=240)  # fmt: skip
+        subprocess.run(
+            [
+                chromium,
+                "--headless",
+                "--no-sandbox",
+                "--disable-gpu",
+                "--enable-unsafe-swiftshader",
+                "--no-first-run",
+                "--disable-background-networking",
+                "--host-resolver-rules=MAP * ~NOTFOUND",
+                f"--user-data-dir={folder}/profile",
+                "--hide-scrollbars",
+                "--virtual-time-budget=6000",
+                f"--window-size={width},{height}",
+                f"--screenshot={drawn}",
+                source.as_uri(),
+            ],
+            check=True,
+            capture_output=True,
+            timeout=240,
+        )
         return drawn.read_bytes()
 
 

@@ -22,21 +22,28 @@ settings.load_profile("repeatable")
 
 #: what is asked for and not reached: by test, and what stands in its way
 NOT_REACHED = {
-    "friction_that_turns_at_once_is_within_the_catalogue[250.0-1e-06": "noise of the motion at sharp reversals is underrated",
-    "friction_that_turns_at_once_is_within_the_catalogue[500.0-1e-06": "noise of the motion at sharp reversals is underrated",
+    "friction_that_turns_at_once_is_within_the_catalogue[250.0-1e-06": "noise of the motion at sharp reversals is "
+    "underrated",
+    "friction_that_turns_at_once_is_within_the_catalogue[500.0-1e-06": "noise of the motion at sharp reversals is "
+    "underrated",
     "test_stiffness_and_damping_come_back": "rounding by half a newton is taken up by surface and bias",
     "test_measured.py::test_payload_and_bias_from_poses": "24 poses: cross-talk takes what a first moment does",
-    "test_measured.py::test_the_arm_lacks_friction_and_offsets": "figures were of logged velocities and a band of 25 Hz",
-    "test_measured.py::test_the_drive_ends_at_friction": "the estimate of the motion leaves 1.9 N where a band of 50 Hz left 1.7",
+    "test_measured.py::test_the_arm_lacks_friction_and_offsets": "figures were of logged velocities and a band of 25 "
+    "Hz",
+    "test_measured.py::test_the_drive_ends_at_friction": "the estimate of the motion leaves 1.9 N where a band of 50 "
+    "Hz left 1.7",
     "named_first[lwr4plus-motion-1-joint-torque-gain": "gains of 10 % leave no more than the arm's own springs",
     "test_silicone_remembers": "two cycles, held out: relaxation is 2.6 standard errors beyond a surface offset",
     "test_two_effects_that_help_only_together": "no pairs are tried",
-    "test_fit.py::test_a_drive_needs_friction": "the estimate of the motion leaves 2.3 N where a band of 50 Hz left 2.2",
+    "test_fit.py::test_a_drive_needs_friction": "the estimate of the motion leaves 2.3 N where a band of 50 Hz left "
+    "2.2",
     "test_fit.py::test_detectors_read_their_values": "the interval of a stiffness behind a converter misses by 0.1 N/m",
-    "test_writing.py::test_bag_and_table_get_the_same_verdict": "pieces between lost messages are smoothed each by itself",
+    "test_writing.py::test_bag_and_table_get_the_same_verdict": "pieces between lost messages are smoothed each by "
+    "itself",
     "test_teleoperation.py::test_materials_that_are_not_linear": "nuisances bend where the law has another form",
     "test_probes.py::test_four_silicones_from_raw_logs": "figures were of another weighting of the probes",
-    "test_expected_intervals_come_true": "what calibration leaves open widens intervals beyond those that plans were made for",
+    "test_expected_intervals_come_true": "what calibration leaves open widens intervals beyond those that plans were "
+    "made for",
     "test_free_motion.py::test_the_tools_load": "calibration left open widens intervals",
     "test_distance_is_what_a_refit_leaves": "plans still weigh errors as the engine before did",
     "test_a_hundred_pokes_map_the_mould": "failed once beside busy cores, cause unknown",
@@ -76,8 +83,11 @@ class Swing:
     def __call__(self, t: Any) -> tuple[Any, Any, Any]:
         """Positions, velocities, accelerations at times (n,), each (n, N)."""
         angle = self.speed * np.atleast_1d(t)[:, None] + self.phase
-        return (self.pose + self.size * np.sin(angle), self.size * self.speed * np.cos(angle),
-                -self.size * self.speed**2 * np.sin(angle))  # fmt: skip
+        return (
+            self.pose + self.size * np.sin(angle),
+            self.size * self.speed * np.cos(angle),
+            -self.size * self.speed**2 * np.sin(angle),
+        )
 
 
 @pytest.fixture(scope="session")
@@ -86,8 +96,12 @@ def swing() -> Callable[..., Swing]:
 
     def make(pose: Any, seed: int = 0, size: float = 0.3, speed: float = 4.0) -> Swing:
         rng, n = np.random.default_rng(seed), len(pose)
-        return Swing(np.asarray(pose), rng.uniform(0.3, 1, n) * size, rng.uniform(0.3, 1, n) * speed,
-                     rng.uniform(0, 2 * np.pi, n))  # fmt: skip
+        return Swing(
+            np.asarray(pose),
+            rng.uniform(0.3, 1, n) * size,
+            rng.uniform(0.3, 1, n) * speed,
+            rng.uniform(0, 2 * np.pi, n),
+        )
 
     return make
 
@@ -101,7 +115,9 @@ def weighed() -> Callable[..., Any]:
 
         body, tool = pin.Model(), rig.tool
         joint = body.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "tool")
-        body.appendBodyToJoint(joint, pin.Inertia(tool.mass, np.array(tool.com), tool.inertia_matrix), pin.SE3.Identity())
+        body.appendBodyToJoint(
+            joint, pin.Inertia(tool.mass, np.array(tool.com), tool.inertia_matrix), pin.SE3.Identity()
+        )
         body.gravity = pin.Motion(robot.gravity, np.zeros(3))
         model, frame = robot.model, robot.model.getFrameId(robot.sensor_frame)
         data, body_data = model.createData(), body.createData()

@@ -1,4 +1,6 @@
-"""What is written is true: commands and code in the pages run, links resolve, the example of an effect works, the site builds."""
+"""What is written is true: commands and code in the pages run, links resolve, the example of an effect works, the site
+builds.
+"""
 
 from __future__ import annotations
 
@@ -55,7 +57,9 @@ def test_links_resolve(page: Path) -> None:
 
 
 def commands(page: Path) -> list[list[str]]:
-    """What a page tells to type, without remarks and prompts; what a command prints stands in blocks without a language."""
+    """What a page tells to type, without remarks and prompts; what a command prints stands in blocks without a
+    language.
+    """
     out = []
     for body in fences(page, "sh", "console", "bash"):
         for line in re.sub(r"\\\n\s*", " ", body).splitlines():
@@ -89,7 +93,9 @@ def quick(words: list[str]) -> list[str]:
 
 
 @named
-def test_commands_run(page: Path, desk: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_commands_run(
+    page: Path, desk: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     from kinid.cli import main
 
     monkeypatch.chdir(desk)
@@ -139,18 +145,30 @@ def test_an_effect_is_one_file(tmp_path: Path) -> None:
     folder = tmp_path / "effects"
     folder.mkdir()
     (folder / "quadratic_damping.py").write_text(next(iter(fences(ROOT / "CONTRIBUTING.md", "python"))))
-    # a log of a material tester from equations of its own: 900 N/m, and 260 N s2/m2 that the model asked about doesn't have
+    # a log of a material tester from equations of its own: 900 N/m, and 260 N s2/m2 that the model asked about doesn't
+    # have
     t = np.arange(0, 30, 0.004)
     swing = 1e-3 * (3.0 * np.sin(2 * np.pi * 0.7 * t) + 1.2 * np.sin(2 * np.pi * 3.1 * t + 1.0)) * (t % 10 > 3)
     depth = 6e-3 + np.convolve(swing, np.hanning(41) / np.hanning(41).sum(), "same")
     rate = np.gradient(depth, t)
     force = 900.0 * depth + 260.0 * np.sign(rate) * rate**2
     rng = np.random.default_rng(4)
-    np.savez(tmp_path / "tester.npz", t=t, depth=depth, depth_rate=rate, normal_force=force + rng.normal(scale=0.02, size=t.size))
+    np.savez(
+        tmp_path / "tester.npz",
+        t=t,
+        depth=depth,
+        depth_rate=rate,
+        normal_force=force + rng.normal(scale=0.02, size=t.size),
+    )
 
     def ask(*words: str) -> str:
-        done = subprocess.run([sys.executable, "-c", "from kinid.cli import main; main()", *words, "--effects", "effects"],
-                              cwd=tmp_path, check=False, capture_output=True, text=True)  # fmt: skip
+        done = subprocess.run(
+            [sys.executable, "-c", "from kinid.cli import main; main()", *words, "--effects", "effects"],
+            cwd=tmp_path,
+            check=False,
+            capture_output=True,
+            text=True,
+        )
         assert done.returncode == 0, done.stderr
         return done.stdout
 
@@ -202,8 +220,24 @@ def test_the_site(tmp_path: Path) -> None:
     pytest.importorskip("furo")
     pytest.importorskip("myst_parser")
     site = tmp_path / "site"
-    done = subprocess.run([sys.executable, "-m", "sphinx", "-q", "-W", "-b", "html", "-d", str(tmp_path / "doctrees"),
-                           str(ROOT / "docs"), str(site)], check=False, capture_output=True, text=True)  # fmt: skip
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "sphinx",
+            "-q",
+            "-W",
+            "-b",
+            "html",
+            "-d",
+            str(tmp_path / "doctrees"),
+            str(ROOT / "docs"),
+            str(site),
+        ],
+        check=False,
+        capture_output=True,
+        text=True,
+    )
     assert done.returncode == 0, done.stderr
     from kinid.effects import catalogue
 

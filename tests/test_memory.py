@@ -17,7 +17,9 @@ def resident() -> int:
     return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * 4096
 
 
-@pytest.mark.skipif(memory._trim() is None or not sys.platform.startswith("linux"), reason="the C library has no malloc_trim")
+@pytest.mark.skipif(
+    memory._trim() is None or not sys.platform.startswith("linux"), reason="the C library has no malloc_trim"
+)
 def test_what_many_small_arrays_left_goes_back() -> None:
     kept = [np.ones(12_000) for _ in range(2000)]  # below the size that is mapped on its own: 190 MB in all
     held = kept[::20]

@@ -1,4 +1,6 @@
-"""The notebooks run from the first cell to the last, show what they say they show, and keep it in small outputs without paths."""
+"""The notebooks run from the first cell to the last, show what they say they show, and keep it in small outputs without
+paths.
+"""
 
 from __future__ import annotations
 
@@ -67,7 +69,8 @@ def mould(names: Names, said: str) -> None:
     assert len(names["grown"]) == 36
     misfit, film = names["grown"].misfit, names["film"]
     assert film.any()
-    # a surface that is open within its tolerance takes up a part of what a film leaves: 5 times the noise without, 4.9 with it
+    # a surface that is open within its tolerance takes up a part of what a film leaves: 5 times the noise without, 4.9
+    # with it
     assert np.median(misfit[film]) > 4 > 1.5 > np.median(misfit[~film])
 
 
@@ -90,10 +93,15 @@ def teleoperation(names: Names, said: str) -> None:
 
 
 SHOWN: dict[str, Callable[[Names, str], None]] = {
-    "01-raw-logs-to-contact-frame": contact_frame, "02-plan-an-excitation": excitation, "03-fit-and-compare": comparison,
-    "04-find-the-hidden-effect": hidden_effect, "05-explore-a-mould": mould, "06-picture-to-properties": picture,
-    "07-another-robot": another_robot, "08-teleoperation": teleoperation,
-}  # fmt: skip
+    "01-raw-logs-to-contact-frame": contact_frame,
+    "02-plan-an-excitation": excitation,
+    "03-fit-and-compare": comparison,
+    "04-find-the-hidden-effect": hidden_effect,
+    "05-explore-a-mould": mould,
+    "06-picture-to-properties": picture,
+    "07-another-robot": another_robot,
+    "08-teleoperation": teleoperation,
+}
 
 
 def test_each_notebook_has_its_number_and_its_check() -> None:

@@ -50,24 +50,32 @@ class _Reader:
                 raise InputError(f"no file at {self.path}", "a URDF file", "correct the path")
             data = self.path.read_bytes()
         except OSError as error:
-            raise InputError(f"no readable file at {self.path} ({error.strerror})", "a URDF file",
-                             "correct the path or its permissions") from None  # fmt: skip
+            raise InputError(
+                f"no readable file at {self.path} ({error.strerror})",
+                "a URDF file",
+                "correct the path or its permissions",
+            ) from None
         try:
             self.parser.Parse(data, True)
         except (expat.ExpatError, ValueError, LookupError) as error:  # the latter two: an unknown encoding
-            raise InputError(f"{self.path}: {error}", "a complete URDF, which is XML",
-                             "restore the file, it may be truncated") from None  # fmt: skip
+            raise InputError(
+                f"{self.path}: {error}", "a complete URDF, which is XML", "restore the file, it may be truncated"
+            ) from None
 
     def _doctype(self, *_: object) -> None:
-        raise InputError(f"a DOCTYPE or entity {self._where()}", "a URDF without document types and entities",
-                         "remove the <!DOCTYPE …> block and write its values out")  # fmt: skip
+        raise InputError(
+            f"a DOCTYPE or entity {self._where()}",
+            "a URDF without document types and entities",
+            "remove the <!DOCTYPE …> block and write its values out",
+        )
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         if tag.startswith("xacro:"):
             raise self._xacro(f"<{tag}> ")
         if self.depth == 0 and tag != "robot":
-            raise InputError(f"<{tag}> as the root {self._where()}", "<robot>",
-                             "name a URDF file (SDF and MJCF are other formats)")  # fmt: skip
+            raise InputError(
+                f"<{tag}> as the root {self._where()}", "<robot>", "name a URDF file (SDF and MJCF are other formats)"
+            )
         self.depth += 1
         for value in attributes.values():
             if "${" in value:
@@ -89,13 +97,18 @@ class _Reader:
             target = Path(os.path.realpath(self.near / spelt))
             outside = bool(_SCHEME.match(spelt)) or not target.is_relative_to(self.folder)
         if outside:
-            raise InputError(f"the file '{name}' {self._where()}",
-                             f"meshes within {self.folder}, or package:// without '..'",
-                             "copy the mesh there and write a relative path")  # fmt: skip
+            raise InputError(
+                f"the file '{name}' {self._where()}",
+                f"meshes within {self.folder}, or package:// without '..'",
+                "copy the mesh there and write a relative path",
+            )
 
     def _xacro(self, what: str) -> InputError:
-        return InputError(f"an unexpanded xacro, {what}{self._where()}", "a URDF file",
-                          "expand it first: xacro robot.urdf.xacro > robot.urdf")  # fmt: skip
+        return InputError(
+            f"an unexpanded xacro, {what}{self._where()}",
+            "a URDF file",
+            "expand it first: xacro robot.urdf.xacro > robot.urdf",
+        )
 
     def _where(self) -> str:
         line = self.parser.CurrentLineNumber

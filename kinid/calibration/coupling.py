@@ -36,8 +36,11 @@ ALIKE = 0.98
 
 def told_apart(fit: Fit) -> list[str]:
     """Which coupling parameters this log separates, one line each for those that it doesn't; empty when all are."""
-    open_ = [name for name, is_open in zip(fit.parameters, fit.solution.unidentified)
-             if is_open and name.split(".")[0] in COUPLING]  # fmt: skip
+    open_ = [
+        name
+        for name, is_open in zip(fit.parameters, fit.solution.unidentified)
+        if is_open and name.split(".")[0] in COUPLING
+    ]
     return [f"{name} is open: this log doesn't excite it, or not apart from the others" for name in open_] + alike(fit)
 
 
@@ -58,7 +61,9 @@ def alike(fit: Fit) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class Compensated:
-    """Contact quantities with the estimated coupling taken out, and lateral force before and after [N rms in contact]."""
+    """Contact quantities with the estimated coupling taken out, and lateral force before and after [N rms in
+    contact].
+    """
 
     touch: ContactSeries
     effects: tuple[str, ...]
@@ -67,8 +72,10 @@ class Compensated:
 
     def line(self) -> str:
         """What a reader wants to know of it."""
-        return (f"coupling taken out ({', '.join(self.effects)}): lateral force in contact {self.before:.4g} N rms before, "
-                f"{self.after:.4g} N after")  # fmt: skip
+        return (
+            f"coupling taken out ({', '.join(self.effects)}): lateral force in contact {self.before:.4g} N rms before, "
+            f"{self.after:.4g} N after"
+        )
 
 
 def load_fit(path: Path) -> tuple[Model, dict[str, float]]:
@@ -82,8 +89,11 @@ def load_fit(path: Path) -> tuple[Model, dict[str, float]]:
         model = Model(*facts["model"])
         values = {str(name): float(p["value"]) for name, p in facts["parameters"].items()}
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(f"{path}, which is no fit ({error.__class__.__name__})", "what kinid fit --json wrote",
-                         "run kinid fit LOG --model … --json FIT.json") from None  # fmt: skip
+        raise InputError(
+            f"{path}, which is no fit ({error.__class__.__name__})",
+            "what kinid fit --json wrote",
+            "run kinid fit LOG --model … --json FIT.json",
+        ) from None
     return model, values
 
 
@@ -99,8 +109,11 @@ def compensate(touch: ContactSeries, log: Log, rig: Rig, model: Model, values: M
     """
     there = tuple(name for name in model.names if name in COUPLING)
     if not there:
-        raise InputError(f"a fit of {model} without a coupling effect", f"one of {', '.join(COUPLING)} in it",
-                         "fit with --model kelvin-voigt,surface-tilt,… and pass that fit")  # fmt: skip
+        raise InputError(
+            f"a fit of {model} without a coupling effect",
+            f"one of {', '.join(COUPLING)} in it",
+            "fit with --model kelvin-voigt,surface-tilt,… and pass that fit",
+        )
     done = {"effects": list(there)}
     if model.needs_log:
         # taken out of the wrench itself, before bias and tool are: both look different to a sensor that couples

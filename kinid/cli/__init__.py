@@ -43,7 +43,9 @@ def _root(
     ] = False,
     effects: Annotated[
         list[Path] | None,
-        typer.Option(metavar="FOLDER", help="Effects of your own, one a file; may stand behind the command, and more than once."),
+        typer.Option(
+            metavar="FOLDER", help="Effects of your own, one a file; may stand behind the command, and more than once."
+        ),
     ] = None,
 ) -> None:
     if effects:  # processes that are begun inherit it
@@ -73,7 +75,9 @@ for command in (*app.registered_commands, *plan.app.registered_commands):
 
 
 def _folders_first(words: list[str]) -> list[str]:
-    """Command-line words, folders of effects before the command: `plan discriminate` has names of effects under that option."""
+    """Command-line words, folders of effects before the command: `plan discriminate` has names of effects under that
+    option.
+    """
     first: list[str] = []
     rest: list[str] = []
     i = 0

@@ -19,13 +19,20 @@ kinid compare poke.csv --model kelvin-voigt,coulomb-friction --model hunt-crossl
 
 
 def compare(
-    log: Annotated[Path, typer.Argument(help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP.", show_default=False)],
+    log: Annotated[
+        Path, typer.Argument(help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP.", show_default=False)
+    ],
     model: Annotated[
         list[str],
-        typer.Option(help="A model: effects separated by commas; once for each.", show_default=False,
-                     autocompletion=complete.model),
+        typer.Option(
+            help="A model: effects separated by commas; once for each.",
+            show_default=False,
+            autocompletion=complete.model,
+        ),
     ],
-    rig: Annotated[Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the log.")] = None,
+    rig: Annotated[
+        Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the log.")
+    ] = None,
     reference: Annotated[
         str | None,
         typer.Option(help="The model that differences are taken to; default: the best.", autocompletion=complete.model),

@@ -1,4 +1,6 @@
-"""What a shell offers while a name is typed: of models and effects from the catalogue, of properties from the map at hand."""
+"""What a shell offers while a name is typed: of models and effects from the catalogue, of properties from the map at
+hand.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,9 @@ import typer
 
 
 def model(incomplete: str) -> list[tuple[str, str]]:
-    """Names that go on with a model, `a,b,…`, each with its title: laws of contact first, and none that is there already."""
+    """Names that go on with a model, `a,b,…`, each with its title: laws of contact first, and none that is there
+    already.
+    """
     from kinid.effects import catalogue
 
     *before, begun = incomplete.split(",")

@@ -25,8 +25,12 @@ kinid contact touches.bag --rig rig.toml --find-surface
 
 
 def contact(
-    log: Annotated[Path, typer.Argument(help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP.", show_default=False)],
-    rig: Annotated[Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the log.")] = None,
+    log: Annotated[
+        Path, typer.Argument(help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP.", show_default=False)
+    ],
+    rig: Annotated[
+        Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the log.")
+    ] = None,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Table to write: .parquet, .csv or .npz.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Plot to write: one offline HTML file.")] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Summary and provenance to write as JSON.")] = None,
@@ -50,8 +54,8 @@ def contact(
 ) -> None:
     """Raw log to contact-frame quantities: depth, slip and forces in the frame of the surface.
 
-    Without a [surface] in the rig: the tip's motion and the force on it. With joint torques in the log: inverse dynamics
-    beside them.
+    Without a [surface] in the rig: the tip's motion and the force on it. With joint torques in the log: inverse
+    dynamics beside them.
     """
     if bias not in ("auto", "none"):
         raise InputError(f"--bias {bias}", "auto or none", near(bias, ("auto", "none")))
@@ -71,8 +75,14 @@ def contact(
         the_rig = found.rig
     from kinid.contact.analysis import analyse
 
-    result = analyse(the_log, the_rig, robot=robot, bias="auto" if bias == "auto" else "none",
-                     differentiator=differentiator, trust_wrench=trust_wrench)  # fmt: skip
+    result = analyse(
+        the_log,
+        the_rig,
+        robot=robot,
+        bias="auto" if bias == "auto" else "none",
+        differentiator=differentiator,
+        trust_wrench=trust_wrench,
+    )
     compensated = None
     if compensate is not None:
         from kinid.calibration.coupling import compensate as take_out
@@ -93,8 +103,11 @@ def contact(
         if found is not None:
             facts["surface"] = found.to_dict()
         if compensated is not None:
-            facts["compensated"] = {"effects": compensated.effects, "lateral_rms_before": compensated.before,
-                                    "lateral_rms_after": compensated.after}  # fmt: skip
+            facts["compensated"] = {
+                "effects": compensated.effects,
+                "lateral_rms_before": compensated.before,
+                "lateral_rms_after": compensated.after,
+            }
         write_text(json_file, json.dumps(facts, indent=2, default=str) + "\n")
     from kinid.cli.show import show_analysis, show_surface, written
 
@@ -119,11 +132,17 @@ def load(log: Path, rig: Path | None) -> tuple[Rig, Log, Any]:
         the_log = read(log, plain)
         one_axis = the_log.q is not None and the_log.q.shape[1] == 1 and the_log.wrench is None
         if the_log.contact and "depth" not in the_log.contact and the_log.q is None:
-            raise InputError(f"{', '.join(the_log.contact)} without a depth in {log}", "a column depth [m] beside the force",
-                             "record it, or name its column in [columns] of a rig.toml")  # fmt: skip
+            raise InputError(
+                f"{', '.join(the_log.contact)} without a depth in {log}",
+                "a column depth [m] beside the force",
+                "record it, or name its column in [columns] of a rig.toml",
+            )
         if "depth" not in the_log.contact and not one_axis:
-            raise InputError(f"no rig for {log}", "a rig.toml that says what was measured with what",
-                             "name it with --rig, or put rig.toml beside the log")  # fmt: skip
+            raise InputError(
+                f"no rig for {log}",
+                "a rig.toml that says what was measured with what",
+                "name it with --rig, or put rig.toml beside the log",
+            )
         return plain, the_log, None
     the_rig = Rig.load(rig_path(log, rig))
     robot = None

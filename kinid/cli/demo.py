@@ -49,19 +49,24 @@ tau  = { column = "torques" }
 
 
 def demo(
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for logs, tables, report and scenes.")] = Path("kinid-demo"),
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for logs, tables, report and scenes.")] = Path(
+        "kinid-demo"
+    ),
     seed: Annotated[int, typer.Option(help="Seed of the sensor's faults and of the hidden effect's size.", min=0)] = 5,
     show: Annotated[bool, typer.Option("--open", help="Open report and scene in the browser when done.")] = False,
     json_file: Annotated[Path | None, typer.Option("--json", help="Summary to write as JSON.")] = None,
     real: Annotated[
         Path | None,
-        typer.Option(help="Folder of measured logs; default: KINID_REAL_DATA, else ../shared/real; skipped where absent."),
+        typer.Option(
+            help="Folder of measured logs; default: KINID_REAL_DATA, else ../shared/real; skipped where absent."
+        ),
     ] = None,
 ) -> None:
-    """A virtual LWR4+ touches a soft material that hides something: from its raw log to the name of what the model lacks.
+    """A virtual LWR4+ touches a soft material that hides something: from its raw log to the name of what the model
+    lacks.
 
-    No network, no server, no robot: contact-frame quantities, estimates, the comparison of models, the diagnosis with the error
-    falling, a small map, a report and scenes for the browser. Stopped and started again, it goes on.
+    No network, no server, no robot: contact-frame quantities, estimates, the comparison of models, the diagnosis with
+    the error falling, a small map, a report and scenes for the browser. Stopped and started again, it goes on.
     """
     from kinid.writers import check_outputs, make_folder, write_text
 
@@ -76,9 +81,25 @@ def demo(
     log, mould = out / "log.parquet", out / "mould"
     model = _explore(tell, out, log, seed)
     _learn(tell, out, log, model)
-    with tell.step("A map of four silicones: one quarter hides the effect too, a film lies on another; there the model fails"):
-        tell.run("lab", "mould", "--campaign", GRID, "--spacing", SPACING, "--hide", HIDDEN, "--where", QUARTER, "--seed", seed,
-                 "-o", mould)  # fmt: skip
+    with tell.step(
+        "A map of four silicones: one quarter hides the effect too, a film lies on another; there the model fails"
+    ):
+        tell.run(
+            "lab",
+            "mould",
+            "--campaign",
+            GRID,
+            "--spacing",
+            SPACING,
+            "--hide",
+            HIDDEN,
+            "--where",
+            QUARTER,
+            "--seed",
+            seed,
+            "-o",
+            mould,
+        )
         tell.run("map", mould, "-o", out / "map.parquet", "--plot", out / "map.html")
     with tell.step("Scenes for the browser, each one file: the arm with measured and predicted forces, and the map"):
         better = ",".join(json.loads((out / "found.json").read_text(encoding="utf-8"))["steps"][-1]["model"])
@@ -113,8 +134,9 @@ def _claim(out: Path, settings: dict[str, Any]) -> None:
     except (OSError, ValueError, AttributeError):
         same = False
     if not same:
-        raise InputError(f"another experiment in {out}", "a folder without one, or with the same demo",
-                         "choose another -o/--out")  # fmt: skip
+        raise InputError(
+            f"another experiment in {out}", "a folder without one, or with the same demo", "choose another -o/--out"
+        )
 
 
 def _measured(real: Path | None) -> Path | None:
@@ -125,7 +147,9 @@ def _measured(real: Path | None) -> Path | None:
 
 def _explore(tell: _Teller, out: Path, log: Path, seed: int) -> str:
     """The log and what it says in the contact frame; the model to ask about, which knows what the rig doesn't state."""
-    with tell.step("A virtual LWR4+ under impedance control pokes a silicone and slides on it; something is hidden in it"):
+    with tell.step(
+        "A virtual LWR4+ under impedance control pokes a silicone and slides on it; something is hidden in it"
+    ):
         if log.is_file():
             tell.say(f"  {log} is there already", soft_wrap=True)
         else:
@@ -152,14 +176,28 @@ def _summary(out: Path, measured: bool, seconds: float) -> dict[str, Any]:
     """What was found beside the truth, from the files that the commands wrote."""
     found = json.loads((out / "found.json").read_text(encoding="utf-8"))
     truth = json.loads((out / "truth" / "log.json").read_text(encoding="utf-8"))["hidden"]
-    files = {"report": "report.html", "scene": "scene.html", "map scene": "map-scene.html", "map": "map.html",
-             "contact frame": "contact.html", "fit": "fit.html", "models": "compare.html"}  # fmt: skip
+    files = {
+        "report": "report.html",
+        "scene": "scene.html",
+        "map scene": "map-scene.html",
+        "map": "map.html",
+        "contact frame": "contact.html",
+        "fit": "fit.html",
+        "models": "compare.html",
+    }
     if measured:
         files["measured arm"] = "lwr4plus-motion.html"
     added = [e for e in found["effects"] if e["id"] in found["added"]]
     told = {e["id"]: {name: p["value"] for name, p in e["parameters"].items()} for e in added}
-    return {"verdict": found["verdict"], "added": found["added"], "parameters": told, "truth": truth, "error": found["error"],
-            "seconds": round(seconds, 1), "files": {name: str(out / file) for name, file in files.items()}}  # fmt: skip
+    return {
+        "verdict": found["verdict"],
+        "added": found["added"],
+        "parameters": told,
+        "truth": truth,
+        "error": found["error"],
+        "seconds": round(seconds, 1),
+        "files": {name: str(out / file) for name, file in files.items()},
+    }
 
 
 def _farewell(tell: _Teller, summary: dict[str, Any]) -> None:
@@ -168,16 +206,23 @@ def _farewell(tell: _Teller, summary: dict[str, Any]) -> None:
     for name, path in summary["files"].items():
         tell.say(f"  {name:14s}{path}", soft_wrap=True)
     tell.say("the same with a log of your own: put rig.toml beside it and give the commands above\n", soft_wrap=True)
-    named = " and ".join(f"{name} ({_numbers(summary['parameters'].get(name, {}))})" for name in summary["added"]) or "nothing"
+    named = (
+        " and ".join(f"{name} ({_numbers(summary['parameters'].get(name, {}))})" for name in summary["added"])
+        or "nothing"
+    )
     wrong = [name for name in summary["added"] if name != truth["effect"]]
     right = "found" if truth["effect"] in summary["added"] else "not found"
     right += f"; {' and '.join(wrong)} {'is' if len(wrong) == 1 else 'are'} not there" if wrong else ""
     fell = f"{error['before']:.3g} → {error['after']:.3g} {error['unit']}, noise alone {error['noise_floor']:.3g}"
     tell.say(f"named as missing: {named}; held-out error {fell}", soft_wrap=True)
-    tell.say(f"the truth: {truth['effect']} ({_numbers(truth['parameters'])}), kept where no command reads it; {right}",
-             soft_wrap=True)  # fmt: skip
-    tell.say(f"report: {summary['files']['report']}   scene: {summary['files']['scene']}   in {summary['seconds']:.0f} s",
-             soft_wrap=True)  # fmt: skip
+    tell.say(
+        f"the truth: {truth['effect']} ({_numbers(truth['parameters'])}), kept where no command reads it; {right}",
+        soft_wrap=True,
+    )
+    tell.say(
+        f"report: {summary['files']['report']}   scene: {summary['files']['scene']}   in {summary['seconds']:.0f} s",
+        soft_wrap=True,
+    )
 
 
 def _numbers(parameters: dict[str, float]) -> str:
@@ -192,8 +237,11 @@ class _Teller:
 
         self._steps, self._step, self._start = steps, 0, time.monotonic()
         self.say: Callable[..., None] = console().print
-        self.say("[bold]A robot finds out what its model lacks.[/] Half a minute; the first time longer, while loops are "
-                 "compiled.", soft_wrap=True)  # fmt: skip
+        self.say(
+            "[bold]A robot finds out what its model lacks.[/] Half a minute; the first time longer, while loops are "
+            "compiled.",
+            soft_wrap=True,
+        )
 
     @property
     def elapsed(self) -> float:

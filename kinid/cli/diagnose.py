@@ -34,29 +34,43 @@ def diagnose(
         Path | None, typer.Argument(help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP.", show_default=False)
     ] = None,
     model: Annotated[
-        str, typer.Option(help="Effects of the model, separated by commas.", show_default=False, autocompletion=complete.model)
+        str,
+        typer.Option(
+            help="Effects of the model, separated by commas.", show_default=False, autocompletion=complete.model
+        ),
     ] = "",
-    rig: Annotated[Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the log.")] = None,
+    rig: Annotated[
+        Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the log.")
+    ] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="The diagnosis to write as JSON.")] = None,
     report: Annotated[Path | None, typer.Option(help="Report to write: one offline HTML file.")] = None,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Table of readings, measured and predicted.")] = None,
     add: Annotated[
         list[str] | None,
-        typer.Option(help="An effect to add whatever the evidence says; once for each.", show_default=False,
-                     autocompletion=complete.effect),
+        typer.Option(
+            help="An effect to add whatever the evidence says; once for each.",
+            show_default=False,
+            autocompletion=complete.effect,
+        ),
     ] = None,
     max_effects: Annotated[int, typer.Option(help="Effects to add at most.")] = 8,
     tolerance: Annotated[
         float | None,
-        typer.Option(help="Error that may be left [N, or N·m]; default: 2 % of the readings, or the noise.", show_default=False),
+        typer.Option(
+            help="Error that may be left [N, or N·m]; default: 2 % of the readings, or the noise.", show_default=False
+        ),
     ] = None,
     explain: Annotated[
         str | None,
-        typer.Option(help="Say what an effect is and looks like, and nothing else; all lists the catalogue.",
-                     autocompletion=complete.effect),
+        typer.Option(
+            help="Say what an effect is and looks like, and nothing else; all lists the catalogue.",
+            autocompletion=complete.effect,
+        ),
     ] = None,
 ) -> None:
-    """Compare a model with the measurement: where it fails, what is missing, the error with it, and what to measure next."""
+    """Compare a model with the measurement: where it fails, what is missing, the error with it, and what to measure
+    next.
+    """
     if explain is not None:
         explained(explain)
         return
@@ -69,7 +83,9 @@ def diagnose(
     if log is None:
         raise InputError("no log", "a log to diagnose", "kinid diagnose LOG --model …, or --explain EFFECT")
     if not model:
-        raise InputError("no --model", "the model to ask about", f"kinid diagnose {log} --model kelvin-voigt,coulomb-friction")
+        raise InputError(
+            "no --model", "the model to ask about", f"kinid diagnose {log} --model kelvin-voigt,coulomb-friction"
+        )
     chosen = parse_model(model)
     refuse_names(one_by_one(add or [], chosen), chosen, max_effects)
     if out is not None:
@@ -124,17 +140,22 @@ def explained(name: str) -> None:
             out.print(f"{known:25s} {title}", soft_wrap=True, markup=False)
         return
     if TOGETHER.get(name):
-        out.print(f"{name}: stands for {' and '.join(TOGETHER[name])}; --explain one of them", soft_wrap=True, markup=False)
+        out.print(
+            f"{name}: stands for {' and '.join(TOGETHER[name])}; --explain one of them", soft_wrap=True, markup=False
+        )
         return
     effect = effects.get(name)
     kind = "joints" if "joint" in {stage.value for stage in effect.stages()} else "wrench"
     channels = ("tau1",) if kind == "joints" else ("fx", "fy", "fz", "tx", "ty", "tz")
     layout = Layout(channels, kind, ("joint_1",) if kind == "joints" else ())
     lines = [
-        f"{effect.id}: {effect.title}" + (", a base law" if effect.base else ""), f"  {effect.equation}", "",
-        f"looks like   {effect.signature}", f"shown by     {effect.excited_by}",
+        f"{effect.id}: {effect.title}" + (", a base law" if effect.base else ""),
+        f"  {effect.equation}",
+        "",
+        f"looks like   {effect.signature}",
+        f"shown by     {effect.excited_by}",
         f"acts on      {', '.join(stage.value for stage in effect.stages())}",
-    ]  # fmt: skip
+    ]
     if effect.wants:
         lines.append(f"needs        {' or '.join(effect.wants)} in the model")
     lines += [f"mistaken for {other}: {how}" for other, how in effect.confusions.items()]

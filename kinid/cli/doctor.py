@@ -26,8 +26,23 @@ KINID_REAL_DATA=path/to/logs kinid doctor
 """
 
 #: distributions that every command may load, and the modules of each optional extra
-NEEDED = ("numpy", "scipy", "numba", "pin", "example-robot-data", "yourdfpy", "pyarrow", "pydantic", "typer", "rich", "plotly",
-          "meshcat", "threadpoolctl", "ruckig", "casadi")  # fmt: skip
+NEEDED = (
+    "numpy",
+    "scipy",
+    "numba",
+    "pin",
+    "example-robot-data",
+    "yourdfpy",
+    "pyarrow",
+    "pydantic",
+    "typer",
+    "rich",
+    "plotly",
+    "meshcat",
+    "threadpoolctl",
+    "ruckig",
+    "casadi",
+)
 EXTRAS = {"bags": ("rosbags", "mcap"), "vision": ("sklearn", "PIL")}
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "firefox", "microsoft-edge")
 GOOD, NOTE, BAD = "good", "note", "bad"
@@ -52,7 +67,9 @@ class Finding:
 def doctor(
     json_file: Annotated[Path | None, typer.Option("--json", help="What was found, to write as JSON.")] = None,
 ) -> None:
-    """Versions, robots, caches, cores, browser, measured data and optional extras; exits 1 where something needed is missing."""
+    """Versions, robots, caches, cores, browser, measured data and optional extras; exits 1 where something needed is
+    missing.
+    """
     from kinid.writers import check_outputs, write_text
 
     check_outputs((json_file,), ())
@@ -72,9 +89,16 @@ def doctor(
 def examine() -> list[Finding]:
     """Everything, in the order in which it is shown."""
     checks: tuple[tuple[str, Callable[[], Finding]], ...] = (
-        ("python", _python), ("kinid", _kinid), ("libraries", _libraries), ("robot", _robot), ("compiled code", _compiled),
-        ("cores", _cores), ("renderer", _renderer), ("browser", _browser), ("measured data", _measured),
-    )  # fmt: skip
+        ("python", _python),
+        ("kinid", _kinid),
+        ("libraries", _libraries),
+        ("robot", _robot),
+        ("compiled code", _compiled),
+        ("cores", _cores),
+        ("renderer", _renderer),
+        ("browser", _browser),
+        ("measured data", _measured),
+    )
     out = []
     for name, check in checks:
         try:
@@ -131,8 +155,12 @@ def _compiled() -> Finding:
         with tempfile.NamedTemporaryFile(dir=folder):
             pass
     except OSError as error:
-        return Finding("compiled code", NOTE, f"can't be kept in {folder} ({error.strerror}): every run compiles anew",
-                       "set NUMBA_CACHE_DIR to a folder that can be written")  # fmt: skip
+        return Finding(
+            "compiled code",
+            NOTE,
+            f"can't be kept in {folder} ({error.strerror}): every run compiles anew",
+            "set NUMBA_CACHE_DIR to a folder that can be written",
+        )
     return Finding("compiled code", GOOD, f"kept in {folder}")
 
 
@@ -158,8 +186,12 @@ def _browser() -> Finding:
     try:
         return Finding("browser", GOOD, f"the system's ({type(webbrowser.get()).__name__})")
     except webbrowser.Error:
-        return Finding("browser", NOTE, "none found here: reports and scenes are files that any browser opens elsewhere",
-                       "install chromium or firefox, or copy the HTML files")  # fmt: skip
+        return Finding(
+            "browser",
+            NOTE,
+            "none found here: reports and scenes are files that any browser opens elsewhere",
+            "install chromium or firefox, or copy the HTML files",
+        )
 
 
 def _measured() -> Finding:
@@ -168,8 +200,12 @@ def _measured() -> Finding:
     sets = sorted(p.name for p in folder.iterdir() if p.is_dir()) if folder.is_dir() else []
     if sets:
         return Finding("measured data", GOOD, f"{', '.join(sets)} in {folder.resolve()}")
-    return Finding("measured data", NOTE, f"none at {folder}: nothing but tests marked `real` needs it",
-                   "set KINID_REAL_DATA to the folder of measured logs, if you have it")  # fmt: skip
+    return Finding(
+        "measured data",
+        NOTE,
+        f"none at {folder}: nothing but tests marked `real` needs it",
+        "set KINID_REAL_DATA to the folder of measured logs, if you have it",
+    )
 
 
 def _extra(name: str, modules: tuple[str, ...]) -> Finding:

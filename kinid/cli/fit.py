@@ -30,11 +30,18 @@ kinid fit tester.csv --model hunt-crossley          (t, depth, normal_force: nee
 
 
 def fit(
-    log: Annotated[Path, typer.Argument(help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP.", show_default=False)],
-    model: Annotated[
-        str, typer.Option(help="Effects of the model, separated by commas.", show_default=False, autocompletion=complete.model)
+    log: Annotated[
+        Path, typer.Argument(help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP.", show_default=False)
     ],
-    rig: Annotated[Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the log.")] = None,
+    model: Annotated[
+        str,
+        typer.Option(
+            help="Effects of the model, separated by commas.", show_default=False, autocompletion=complete.model
+        ),
+    ],
+    rig: Annotated[
+        Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the log.")
+    ] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Estimates to write as JSON.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Plot to write: one offline HTML file.")] = None,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Table of measured and predicted readings.")] = None,
@@ -98,5 +105,8 @@ def prediction_columns(result: Fit) -> dict[str, Any]:
         from kinid.reports.fit_plots import normal_of
 
         # the contact's own force is without the sensor's bias
-        columns |= {"normal_force": force, "normal_force_model": normal_of(result.experiment, result.predict(calibrated=False))}
+        columns |= {
+            "normal_force": force,
+            "normal_force_model": normal_of(result.experiment, result.predict(calibrated=False)),
+        }
     return columns

@@ -59,78 +59,135 @@ def lab(
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for logs, rig and truth.", show_default=False)],
     experiment: Annotated[
         str | None,
-        typer.Argument(help="poke, slide, band, sponge, ecoflex-50, dragon-skin-10, mould, wave; or a study: teleoperation, or "
-                            "study, which finds the published materials again.", show_default=False),
+        typer.Argument(
+            help="poke, slide, band, sponge, ecoflex-50, dragon-skin-10, mould, wave; or a study: teleoperation, or "
+            "study, which finds the published materials again.",
+            show_default=False,
+        ),
     ] = None,
     trajectory: Annotated[
         Path | None, typer.Option(help="Instead: a trajectory that kinid plan wrote, carried out.", show_default=False)
     ] = None,
     rig: Annotated[
-        Path | None, typer.Option(help="The rig that the trajectory was planned for; default: rig.toml beside it, if any.")
+        Path | None,
+        typer.Option(help="The rig that the trajectory was planned for; default: rig.toml beside it, if any."),
     ] = None,
-    material: Annotated[str | None, typer.Option(help="What is touched; default: the experiment's, else ecoflex-50.")] = None,
+    material: Annotated[
+        str | None, typer.Option(help="What is touched; default: the experiment's, else ecoflex-50.")
+    ] = None,
     hide: Annotated[
         str | None,
-        typer.Option(help="Effect to plant, of a size by the seed; only truth/ tells it.", autocompletion=complete.hidden),
+        typer.Option(
+            help="Effect to plant, of a size by the seed; only truth/ tells it.", autocompletion=complete.hidden
+        ),
     ] = None,
     where: Annotated[
-        str | None, typer.Option(help="Part of the surface that has it, along both tangents: x0,y0,x1,y1 [m]; default: all.")
+        str | None,
+        typer.Option(help="Part of the surface that has it, along both tangents: x0,y0,x1,y1 [m]; default: all."),
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of sensor faults, noise and hidden effect.")] = 0,
     campaign: Annotated[
-        str | None, typer.Option(help="A grid of pokes (of slides with slide), as 10x10; started again, it goes on where it "
-                                      "stopped.")
+        str | None,
+        typer.Option(
+            help="A grid of pokes (of slides with slide), as 10x10; started again, it goes on where it stopped."
+        ),
     ] = None,
     spacing: Annotated[float | None, typer.Option(help="Between the places of a campaign [m]; default: 0.01.")] = None,
-    stiffness: Annotated[float, typer.Option(help="Translational stiffness of the impedance controller [N/m].")] = 5200.0,
+    stiffness: Annotated[
+        float, typer.Option(help="Translational stiffness of the impedance controller [N/m].")
+    ] = 5200.0,
     torque_limit: Annotated[
-        str | None, typer.Option(help="Of the drives: one for all joints, or seven, as 176,176,100,… [N·m]; default: the arm's.")
+        str | None,
+        typer.Option(help="Of the drives: one for all joints, or seven, as 176,176,100,… [N·m]; default: the arm's."),
     ] = None,
     point: Annotated[str | None, typer.Option(help="A point of the surface, base frame: x,y,z [m].")] = None,
     normal: Annotated[str | None, typer.Option(help="Normal of the surface, base frame: x,y,z.")] = None,
     mcap: Annotated[
-        bool | None, typer.Option(help="Write the streams, as MCAP and Parquet; default: of one experiment, not of a campaign.")
+        bool | None,
+        typer.Option(help="Write the streams, as MCAP and Parquet; default: of one experiment, not of a campaign."),
     ] = None,
     measured_map: Annotated[
-        Path | None, typer.Option("--map", help="Of teleoperation: a map that kinid map wrote, reflected to the operator.",
-                                  show_default="the place is poked first")
+        Path | None,
+        typer.Option(
+            "--map",
+            help="Of teleoperation: a map that kinid map wrote, reflected to the operator.",
+            show_default="the place is poked first",
+        ),
     ] = None,
     at: Annotated[
-        str | None, typer.Option(help="Of teleoperation: the place that is touched, along both tangents: x,y [m]; default: 0,0.")
+        str | None,
+        typer.Option(help="Of teleoperation: the place that is touched, along both tangents: x,y [m]; default: 0,0."),
     ] = None,
     json_file: Annotated[
-        Path | None, typer.Option("--json", help="Summary to write as JSON: what was made and how well it was followed.")
+        Path | None,
+        typer.Option("--json", help="Summary to write as JSON: what was made and how well it was followed."),
     ] = None,
 ) -> None:
     """An LWR4+ under impedance control pokes and slides: its raw log, the rig, and the truth in a folder of its own."""
     if (experiment is None) == (trajectory is None):
         found = "neither an experiment nor --trajectory" if experiment is None else f"'{experiment}' and --trajectory"
         raise InputError(found, "one of them", "name an experiment, as kinid lab poke, or a trajectory")
-    _check(experiment, seed, out, {"--where": where, "--hide": hide, "--spacing": spacing, "--campaign": campaign,
-                                   "--rig": rig, "--trajectory": trajectory})  # fmt: skip
+    _check(
+        experiment,
+        seed,
+        out,
+        {
+            "--where": where,
+            "--hide": hide,
+            "--spacing": spacing,
+            "--campaign": campaign,
+            "--rig": rig,
+            "--trajectory": trajectory,
+        },
+    )
     if json_file is not None:
         from kinid.writers import check_outputs
 
         check_outputs((json_file,), (rig, trajectory, measured_map))
     asked = Asked(
-        material, hide, None if where is None else _rectangle(where), seed, stiffness,
-        None if torque_limit is None else _limits(torque_limit), None if point is None else _vector(point, "--point"),
+        material,
+        hide,
+        None if where is None else _rectangle(where),
+        seed,
+        stiffness,
+        None if torque_limit is None else _limits(torque_limit),
+        None if point is None else _vector(point, "--point"),
         None if normal is None else _vector(normal, "--normal"),
-    )  # fmt: skip
+    )
     for option, value in (("--map", measured_map), ("--at", at)):
         if value is not None and experiment != "teleoperation":
-            raise InputError(f"{option} without teleoperation", "kinid lab teleoperation, which reflects a map", "leave it out")
+            raise InputError(
+                f"{option} without teleoperation", "kinid lab teleoperation, which reflects a map", "leave it out"
+            )
     if experiment == "teleoperation":
-        others = {"--hide": hide, "--campaign": campaign, "--point": point, "--normal": normal, "--mcap": mcap,
-                  "--torque-limit": torque_limit, "--stiffness": None if stiffness == 5200.0 else stiffness}  # fmt: skip
+        others = {
+            "--hide": hide,
+            "--campaign": campaign,
+            "--point": point,
+            "--normal": normal,
+            "--mcap": mcap,
+            "--torque-limit": torque_limit,
+            "--stiffness": None if stiffness == 5200.0 else stiffness,
+        }
         if given := [name for name, value in others.items() if value is not None]:
-            raise InputError(f"teleoperation with {', '.join(given)}", "--material, --seed, --map and --at alone",
-                             "leave the others out")  # fmt: skip
+            raise InputError(
+                f"teleoperation with {', '.join(given)}",
+                "--material, --seed, --map and --at alone",
+                "leave the others out",
+            )
         x, y = (0.0, 0.0) if at is None else _numbers(at, 2, "--at", "0.02,0.02")
         summary = _teleoperation(out, asked, measured_map, (x, y))
     elif experiment == "study":
-        others = {"--material": material, "--hide": hide, "--campaign": campaign, "--point": point, "--normal": normal,
-                  "--mcap": mcap, "--torque-limit": torque_limit, "--stiffness": None if stiffness == 5200.0 else stiffness}
+        others = {
+            "--material": material,
+            "--hide": hide,
+            "--campaign": campaign,
+            "--point": point,
+            "--normal": normal,
+            "--mcap": mcap,
+            "--torque-limit": torque_limit,
+            "--stiffness": None if stiffness == 5200.0 else stiffness,
+        }
         if given := [name for name, value in others.items() if value is not None]:
             raise InputError(f"study with {', '.join(given)}", "--seed alone", "leave the others out")
         summary = _study(out, seed)
@@ -152,18 +209,24 @@ def _check(experiment: str | None, seed: int, out: Path, given: dict[str, object
         raise InputError(f"--seed {seed}", "0 or more", "choose another")
     if out.exists() and not out.is_dir():
         raise InputError(f"a file at {out}", "a folder for the results", "choose another -o/--out")
-    for option, needed, says in (("--where", "--hide", "the effect that is hidden there"),
-                                 ("--spacing", "--campaign", "a grid, as 10x10"),
-                                 ("--rig", "--trajectory", "what was planned for it")):  # fmt: skip
+    for option, needed, says in (
+        ("--where", "--hide", "the effect that is hidden there"),
+        ("--spacing", "--campaign", "a grid, as 10x10"),
+        ("--rig", "--trajectory", "what was planned for it"),
+    ):
         if given[option] is not None and given[needed] is None:
             raise InputError(f"{option} without {needed}", says, f"name it with {needed}")
     if given["--campaign"] is not None and experiment in (None, "wave"):
-        raise InputError(f"--campaign with {experiment or '--trajectory'}", "pokes, or slides with slide",
-                         "leave it out, or plan the campaign with kinid plan poke --grid")  # fmt: skip
+        raise InputError(
+            f"--campaign with {experiment or '--trajectory'}",
+            "pokes, or slides with slide",
+            "leave it out, or plan the campaign with kinid plan poke --grid",
+        )
 
 
-def _single(out: Path, asked: Asked, experiment: str | None, trajectory: Path | None, rig: Path | None,
-            mcap: bool) -> dict[str, Any]:  # fmt: skip
+def _single(
+    out: Path, asked: Asked, experiment: str | None, trajectory: Path | None, rig: Path | None, mcap: bool
+) -> dict[str, Any]:
     """One experiment, by its name or as it was planned."""
     from kinid.lab.folder import at_work, begin, check_free, done
     from kinid.lab.writing import check_mcap, write_experiment
@@ -204,9 +267,15 @@ def _prepared(asked: Asked, experiment: str | None) -> Setup:
     from kinid.lab import experiments
     from kinid.lab.arm import Gains
 
-    return experiments.prepare(experiment or "poke", material=asked.material, seed=asked.seed, point=asked.point,
-                               gains=Gains(translation=asked.stiffness), normal=asked.normal,
-                               torque_limit=asked.torque_limit)  # fmt: skip
+    return experiments.prepare(
+        experiment or "poke",
+        material=asked.material,
+        seed=asked.seed,
+        point=asked.point,
+        gains=Gains(translation=asked.stiffness),
+        normal=asked.normal,
+        torque_limit=asked.torque_limit,
+    )
 
 
 def _planned(base: Setup, asked: Asked, trajectory: Path, rig: Path | None) -> Setup:
@@ -218,13 +287,19 @@ def _planned(base: Setup, asked: Asked, trajectory: Path, rig: Path | None) -> S
     beside = trajectory.parent / "rig.toml"
     if rig is None and beside.is_file():
         rig = beside
-    setup, ahead = planned(trajectory, None if rig is None else Rig.load(rig), base=base, point=asked.point, normal=asked.normal)
-    console().print(f"surface and tool of {rig}" if rig is not None else "surface and tool of the laboratory; a rig's: --rig",
-                    markup=False)  # fmt: skip
+    setup, ahead = planned(
+        trajectory, None if rig is None else Rig.load(rig), base=base, point=asked.point, normal=asked.normal
+    )
+    console().print(
+        f"surface and tool of {rig}" if rig is not None else "surface and tool of the laboratory; a rig's: --rig",
+        markup=False,
+    )
     for line in doubts(setup):
         console().print(line, style="yellow", markup=False)
     if not ahead:
-        console().print("the plan expects no forces (no --model): the tip stays behind it by force over stiffness", markup=False)
+        console().print(
+            "the plan expects no forces (no --model): the tip stays behind it by force over stiffness", markup=False
+        )
     return setup
 
 
@@ -235,13 +310,18 @@ def _teleoperation(out: Path, asked: Asked, measured_map: Path | None, place: tu
 
     check_free(out)
     with console().status("a poke, its fit, and the study …"):
-        found = teleoperation.compare(asked.material or "ecoflex-50", asked.seed, measured_map=measured_map, place=place)
+        found = teleoperation.compare(
+            asked.material or "ecoflex-50", asked.seed, measured_map=measured_map, place=place
+        )
     with at_work(out):
         check_free(out)
         page = teleoperation.write(out, found)
-    console().print(f"{found.material} at ({1e3 * place[0]:g}, {1e3 * place[1]:g}) mm: true {found.truth.stiffness:.4g} N/m and "
-                    f"{found.truth.damping:.3g} N·s/m; {found.told} says {found.believed.stiffness:.4g} N/m and "
-                    f"{found.believed.damping:.3g} N·s/m", markup=False)  # fmt: skip
+    console().print(
+        f"{found.material} at ({1e3 * place[0]:g}, {1e3 * place[1]:g}) mm: true {found.truth.stiffness:.4g} N/m and "
+        f"{found.truth.damping:.3g} N·s/m; {found.told} says {found.believed.stiffness:.4g} N/m and "
+        f"{found.believed.damping:.3g} N·s/m",
+        markup=False,
+    )
     console().print(found.study.table(), markup=False)
     written([out / "teleoperation.json", page])
     facts: dict[str, Any] = json.loads((out / "teleoperation.json").read_text(encoding="utf-8"))
@@ -279,10 +359,20 @@ def _task(experiment: str, asked: Asked, grid: str, spacing: float, mcap: bool) 
     rows, columns = _grid(grid)
     chosen = named(asked.material or experiments.named(experiment).material)
     return Campaign(
-        rows, columns, spacing, "slide" if experiment == "slide" else "poke", material=chosen.name, seed=asked.seed,
-        hidden=asked.hide, where=asked.where, stiffness=asked.stiffness, torque_limit=asked.torque_limit, point=asked.point,
-        normal=asked.normal, mcap=mcap,
-    )  # fmt: skip
+        rows,
+        columns,
+        spacing,
+        "slide" if experiment == "slide" else "poke",
+        material=chosen.name,
+        seed=asked.seed,
+        hidden=asked.hide,
+        where=asked.where,
+        stiffness=asked.stiffness,
+        torque_limit=asked.torque_limit,
+        point=asked.point,
+        normal=asked.normal,
+        mcap=mcap,
+    )
 
 
 def _progress() -> Progress:
@@ -308,15 +398,29 @@ def _campaign(task: Campaign, out: Path) -> dict[str, Any]:
             made = campaign.run(task, out, lambda index: progress.update(bar, completed=index + 1))
         except KeyboardInterrupt:
             whole = round(progress.tasks[0].completed)
-            typer.echo(f"stopped: {whole} of {task.count} {task.touch}s are whole in {out}; the same command again goes on there",
-                       err=True)  # fmt: skip
+            typer.echo(
+                f"stopped: {whole} of {task.count} {task.touch}s are whole in {out}; the same command again goes on "
+                f"there",
+                err=True,
+            )
             raise typer.Exit(130) from None
     there = f" ({task.count - made} were there already)" if made < task.count else ""
-    typer.echo(f"{made} {task.touch}s made{there}: {out}/{task.touch}_*.parquet, {out / 'rig.toml'}; at a glance: {out / NAME}; "
-               f"the truth, which no other command reads: {out / 'truth'}")  # fmt: skip
+    typer.echo(
+        f"{made} {task.touch}s made{there}: {out}/{task.touch}_*.parquet, {out / 'rig.toml'}; at a glance: "
+        f"{out / NAME}; "
+        f"the truth, which no other command reads: {out / 'truth'}"
+    )
     logs = sorted(out.glob(f"{task.touch}_*.parquet"))
-    return {"experiment": "campaign", "seed": task.seed, "count": task.count, "made": made, "logs": [str(log) for log in logs],
-            "rig": str(out / "rig.toml"), "page": str(out / NAME), "truth": str(out / "truth")}  # fmt: skip
+    return {
+        "experiment": "campaign",
+        "seed": task.seed,
+        "count": task.count,
+        "made": made,
+        "logs": [str(log) for log in logs],
+        "rig": str(out / "rig.toml"),
+        "page": str(out / NAME),
+        "truth": str(out / "truth"),
+    }
 
 
 def _show(path: Path, result: Result, nominal: Setup, mcap: bool, guard: list[str]) -> dict[str, Any]:
@@ -340,10 +444,21 @@ def _show(path: Path, result: Result, nominal: Setup, mcap: bool, guard: list[st
     for line in doubts:
         console().print(line, style="yellow", markup=False)
     streams = f"; its streams: {path.with_suffix('.mcap')}, {path.parent / 'streams'}" if mcap else ""
-    typer.echo(f"log: {path}{streams}; what measured it: {path.parent / 'rig.toml'}; the truth, which no other command reads: "
-               f"{path.parent / 'truth'}")  # fmt: skip
-    phases = [{"phase": o.phase, "duration": o.duration, "depth_asked": o.asked, "depth_reached": o.reached,
-               "off_set_point": o.apart, "force": o.force} for o in found]  # fmt: skip
+    typer.echo(
+        f"log: {path}{streams}; what measured it: {path.parent / 'rig.toml'}; the truth, which no other command reads: "
+        f"{path.parent / 'truth'}"
+    )
+    phases = [
+        {
+            "phase": o.phase,
+            "duration": o.duration,
+            "depth_asked": o.asked,
+            "depth_reached": o.reached,
+            "off_set_point": o.apart,
+            "force": o.force,
+        }
+        for o in found
+    ]
     made = {"log": path, "rig": path.parent / "rig.toml", "truth": path.parent / "truth"}
     if mcap:
         made |= {"mcap": path.with_suffix(".mcap"), "streams": path.parent / "streams"}

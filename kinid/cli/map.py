@@ -28,31 +28,45 @@ EVERY = 0.5
 
 
 def map_(
-    logs: Annotated[list[Path], typer.Argument(help="Logs, or folders of logs; every touch is a probe.", show_default=False)],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Map: .parquet; it can be read while it grows.", show_default=False)],
-    rig: Annotated[Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the first log.")] = None,
+    logs: Annotated[
+        list[Path], typer.Argument(help="Logs, or folders of logs; every touch is a probe.", show_default=False)
+    ],
+    out: Annotated[
+        Path, typer.Option("-o", "--out", help="Map: .parquet; it can be read while it grows.", show_default=False)
+    ],
+    rig: Annotated[
+        Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the first log.")
+    ] = None,
     model: Annotated[
         str, typer.Option(help="Effects that are fitted to each touch.", autocompletion=complete.model)
     ] = "kelvin-voigt",
     plot: Annotated[Path | None, typer.Option(help="Pictures of the map: one offline HTML file.")] = None,
     export: Annotated[
-        Path | None, typer.Option(help="Folder for MuJoCo XML, SDF, glTF, and PNG with JSON, with properties per patch.")
+        Path | None,
+        typer.Option(help="Folder for MuJoCo XML, SDF, glTF, and PNG with JSON, with properties per patch."),
     ] = None,
     cell: Annotated[
-        float | None, typer.Option(help="Patches of the export are no smaller than this [m]: twice the tip's radius, or more.")
+        float | None,
+        typer.Option(help="Patches of the export are no smaller than this [m]: twice the tip's radius, or more."),
     ] = None,
     method: Annotated[
         str,
-        typer.Option(help="Between the probes, in plot and export: gp, triangles, biharmonic or nearest.",
-                     autocompletion=complete.method),
+        typer.Option(
+            help="Between the probes, in plot and export: gp, triangles, biharmonic or nearest.",
+            autocompletion=complete.method,
+        ),
     ] = "gp",
     follow: Annotated[
-        float, typer.Option(help="Wait so long for logs that are still to come [s]; a campaign's count ends it earlier.")
+        float,
+        typer.Option(help="Wait so long for logs that are still to come [s]; a campaign's count ends it earlier."),
     ] = 0.0,
     along: Annotated[
-        float, typer.Option(help="A slide of more than 20 mm is cut into probes of this length [m]; 0 for one probe a touch.")
+        float,
+        typer.Option(help="A slide of more than 20 mm is cut into probes of this length [m]; 0 for one probe a touch."),
     ] = 0.002,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Probes, ranges and left-out errors to write as JSON.")] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Probes, ranges and left-out errors to write as JSON.")
+    ] = None,
     anew: Annotated[bool, typer.Option("--anew", help="Don't go on with a map that is there.")] = False,
 ) -> None:
     """Logs of touches to a map of stiffness, damping … over the surface, with covariance; started again, it goes on."""
@@ -68,8 +82,11 @@ def map_(
     if not 0 <= follow < 1e6:
         raise InputError(f"--follow {follow}", "seconds, 0 or more", "correct it")
     if cell is not None and (export is None or not 0 < cell < 1e3):
-        raise InputError(f"--cell {cell}{' without --export' if export is None else ''}", "the size of the export's patches [m]",
-                         "name a folder with --export" if export is None else "correct it")  # fmt: skip
+        raise InputError(
+            f"--cell {cell}{' without --export' if export is None else ''}",
+            "the size of the export's patches [m]",
+            "name a folder with --export" if export is None else "correct it",
+        )
     if out.suffix.lower() != ".parquet":
         raise InputError(f"map '{out.name}'", "a name ending in .parquet", "rename it")
     found = logs_in(logs)
@@ -78,7 +95,9 @@ def map_(
     check_outputs((out, plot, json_file), (rig_file, *found))
     prober = Prober.of(Rig.load(rig_file), [part.strip() for part in model.split(",") if part.strip()], along)
     if cell is not None and isinstance(prober.surface, Mesh):
-        raise InputError(f"--cell {cell} for a mesh", "a plane; a mesh has a patch for each of its faces", "leave --cell out")
+        raise InputError(
+            f"--cell {cell} for a mesh", "a plane; a mesh has a patch for each of its faces", "leave --cell out"
+        )
     start = PropertyMap.read(out) if out.is_file() and not anew else None
     grown, skipped, last = start, dict[str, str](), 0.0
     quiet_since = time.monotonic()
@@ -100,8 +119,9 @@ def map_(
         found = logs_in(logs)
     if grown is None or not len(grown):
         why = next(iter(skipped.values()), "no log yet")
-        raise InputError(f"no probe in {len(found)} logs ({why})", "a touch that carries the model",
-                         "look at one with kinid contact")  # fmt: skip
+        raise InputError(
+            f"no probe in {len(found)} logs ({why})", "a touch that carries the model", "look at one with kinid contact"
+        )
     if plot is not None:
         from kinid.mapping.map_page import map_page
 
@@ -142,10 +162,20 @@ def _facts(grown: PropertyMap, fresh: int, skipped: dict[str, str]) -> dict[str,
         properties[item.name] = {"unit": item.unit, "probes": int(told.sum())}
         if told.any():
             held = {name: error if np.isfinite(error) else None for name, error in grown.held_out(item.name).items()}
-            properties[item.name] |= {"lowest": float(values[told].min()), "highest": float(values[told].max()),
-                                      "standard_error": float(np.median(errors[told])), "held_out": held}  # fmt: skip
-    return {"model": grown.model, "probes": len(grown), "new": fresh, "properties": properties,
-            "failing": int(np.nansum(grown.misfit > 3)), "left_out_logs": dict(skipped)}  # fmt: skip
+            properties[item.name] |= {
+                "lowest": float(values[told].min()),
+                "highest": float(values[told].max()),
+                "standard_error": float(np.median(errors[told])),
+                "held_out": held,
+            }
+    return {
+        "model": grown.model,
+        "probes": len(grown),
+        "new": fresh,
+        "properties": properties,
+        "failing": int(np.nansum(grown.misfit > 3)),
+        "left_out_logs": dict(skipped),
+    }
 
 
 def _show(facts: dict[str, Any]) -> None:
@@ -163,7 +193,11 @@ def _show(facts: dict[str, Any]) -> None:
         table.add_column(heading, justify="right")
     told = {name: item for name, item in facts["properties"].items() if item["probes"]}
     for name, item in facts["properties"].items():
-        numbers = [f"{item['lowest']:.5g}", f"{item['highest']:.5g}", f"{item['standard_error']:.3g}"] if name in told else None
+        numbers = (
+            [f"{item['lowest']:.5g}", f"{item['highest']:.5g}", f"{item['standard_error']:.3g}"]
+            if name in told
+            else None
+        )
         table.add_row(escape(name), item["unit"], *(numbers or ["unknown", "unknown", "–"]))
     out.print(table)
     table = Table("error of probes left out", box=None, pad_edge=False)
@@ -175,8 +209,12 @@ def _show(facts: dict[str, Any]) -> None:
     if told:
         out.print(table)
     if facts["failing"]:
-        out.print(f"doubt: at {facts['failing']} of {probes} places the model leaves more than 3 times the noise; kinid diagnose "
-                  "says what may be missing there", soft_wrap=True)  # fmt: skip
+        out.print(
+            f"doubt: at {facts['failing']} of {probes} places the model leaves more than 3 times the noise; kinid "
+            f"diagnose "
+            "says what may be missing there",
+            soft_wrap=True,
+        )
     skipped = facts["left_out_logs"]
     for path, why in list(skipped.items())[:5]:
         out.print(f"left out: {escape(path)}: {escape(why)}", soft_wrap=True)

@@ -30,9 +30,11 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     help="Robot trajectories within all limits: pokes, slides, and the motion that tells most about a model.",
-    no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False,
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
-)  # fmt: skip
+)
 
 POKE_EXAMPLES = """Examples:
 
@@ -70,21 +72,29 @@ kinid plan discriminate --model none --effects tool-mass,sensor-bias -o turns.pa
 @with_options
 def poke(
     o: Options,
-    at: Annotated[str, typer.Option(help="Place: x,y along both tangents, or x,y,z of a mesh in the base frame [m].")] = "0,0",
+    at: Annotated[
+        str, typer.Option(help="Place: x,y along both tangents, or x,y,z of a mesh in the base frame [m].")
+    ] = "0,0",
     depth: Annotated[float, typer.Option(help="About which the signal swings [m].")] = 0.003,
-    sines: Annotated[str, typer.Option(help="amplitude@frequency [m@Hz], separated by commas.")] = "0.0015@0.9,0.0005@5",
+    sines: Annotated[
+        str, typer.Option(help="amplitude@frequency [m@Hz], separated by commas.")
+    ] = "0.0015@0.9,0.0005@5",
     signal: Annotated[Path | None, typer.Option(help="Instead: a table with t [s] and depth [m].")] = None,
     duration: Annotated[float, typer.Option(help="Of the signal [s].")] = 4.0,
     hold: Annotated[float, typer.Option(help="At the depth before the signal [s].")] = 1.0,
     tilt: Annotated[str, typer.Option(help="Of the tool about both tangents [rad].")] = "0,0",
     grid: Annotated[str | None, typer.Option(help="A campaign about the place, as 10x10.")] = None,
-    polygon: Annotated[str | None, typer.Option(help="A campaign within corners x,y;x,y;… along both tangents [m].")] = None,
+    polygon: Annotated[
+        str | None, typer.Option(help="A campaign within corners x,y;x,y;… along both tangents [m].")
+    ] = None,
     spacing: Annotated[float, typer.Option(help="Between the pokes of a campaign [m].")] = 0.01,
-) -> None:  # fmt: skip
+) -> None:
     """Approach, hold, poke, retract and return; one place, or a campaign over a grid or a polygon."""
     _check(o, signal)
     if signal is not None:
-        o.refuse(("sines", "depth", "duration"), "with --signal", "the signal's own depths and times, or a depth with sines")
+        o.refuse(
+            ("sines", "depth", "duration"), "with --signal", "the signal's own depths and times, or a depth with sines"
+        )
     if polygon is not None and grid is None:
         o.refuse(("at",), "with --polygon", "a polygon where its corners say")
     if polygon is None and grid is None:
@@ -109,32 +119,51 @@ def poke(
     motion = planner.plan([Poke(places[k], moved, hold, lean) for k in order])
     travel = tour_length(places, order)
     if len(places) > 1:
-        typer.echo(f"{len(places)} places, {travel:.3f} m of travel between them "
-                   f"({tour_length(places, range(len(places))):.3f} m row by row)")  # fmt: skip
-    _finish(o, motion, planner.rig, {"signal": moved.to_dict(), "hold": hold, "tilt": list(lean), "travel": travel,
-                                     "places": [list(places[k]) for k in order]})  # fmt: skip
+        typer.echo(
+            f"{len(places)} places, {travel:.3f} m of travel between them "
+            f"({tour_length(places, range(len(places))):.3f} m row by row)"
+        )
+    _finish(
+        o,
+        motion,
+        planner.rig,
+        {
+            "signal": moved.to_dict(),
+            "hold": hold,
+            "tilt": list(lean),
+            "travel": travel,
+            "places": [list(places[k]) for k in order],
+        },
+    )
 
 
 @app.command("slide", epilog=SLIDE_EXAMPLES)
 @with_options
 def slide(
     o: Options,
-    through: Annotated[str | None, typer.Option(help="Corners x,y;x,y;… along both tangents, or x,y,z;… on a mesh [m].")] = None,
-    four_paths: Annotated[float | None, typer.Option(help="Instead: both tangents and both diagonals, so long [m].")] = None,
+    through: Annotated[
+        str | None, typer.Option(help="Corners x,y;x,y;… along both tangents, or x,y,z;… on a mesh [m].")
+    ] = None,
+    four_paths: Annotated[
+        float | None, typer.Option(help="Instead: both tangents and both diagonals, so long [m].")
+    ] = None,
     at: Annotated[str, typer.Option(help="Where the four paths cross, along both tangents x,y [m].")] = "0,0",
     depth: Annotated[float, typer.Option(help="Kept while sliding [m].")] = 0.0025,
     speed: Annotated[float, typer.Option(help="Along the surface [m/s].")] = 0.003,
     hold: Annotated[float, typer.Option(help="At the depth before sliding [s].")] = 1.0,
     back: Annotated[bool, typer.Option("--back/--one-way", help="Whether each path is slid back too.")] = True,
-) -> None:  # fmt: skip
+) -> None:
     """Approach, hold, slide along a polyline, retract and return."""
     _check(o)
     from kinid.planning import Slide
     from kinid.planning import four_paths as crossing
 
     if (through is None) == (four_paths is None):
-        raise InputError("--through and --four-paths" if through else "neither --through nor --four-paths", "one of them",
-                         'name corners, as --through "0,0;0.02,0"')  # fmt: skip
+        raise InputError(
+            "--through and --four-paths" if through else "neither --through nor --four-paths",
+            "one of them",
+            'name corners, as --through "0,0;0.02,0"',
+        )
     if through is not None:
         o.refuse(("at",), "with --through", "--four-paths, which cross there")
     planner = _planner(o)
@@ -151,18 +180,24 @@ def slide(
 @with_options
 def excite(
     o: Options,
-    criterion: Annotated[str, typer.Option(help="D: volume of the confidence region; A: sum of squared intervals.")] = "D",
-    duration: Annotated[float | None, typer.Option(help="Of the motion [s]; default: 4 in contact, 10 in the air.")] = None,
+    criterion: Annotated[
+        str, typer.Option(help="D: volume of the confidence region; A: sum of squared intervals.")
+    ] = "D",
+    duration: Annotated[
+        float | None, typer.Option(help="Of the motion [s]; default: 4 in contact, 10 in the air.")
+    ] = None,
     max_depth: Annotated[float, typer.Option(help="Never deeper than this [m].")] = 0.02,
     min_depth: Annotated[float, typer.Option(help="Never less deep than this during the motion [m].")] = 0.0005,
     max_speed: Annotated[float, typer.Option(help="Of the tip along the normal [m/s].")] = 0.15,
     bandwidth: Annotated[float, typer.Option(help="In which the robot follows; no sine is faster [Hz].")] = 3.0,
     sines: Annotated[int, typer.Option(help="How many (in the air: of each joint).")] = 3,
-    noise: Annotated[float | None, typer.Option(help="Of the normal force [N]; default: the rig's, else 0.029.")] = None,
+    noise: Annotated[
+        float | None, typer.Option(help="Of the normal force [N]; default: the rig's, else 0.029.")
+    ] = None,
     at: Annotated[str, typer.Option(help="Place of the poke, as for kinid plan poke [m].")] = "0,0",
     hold: Annotated[float, typer.Option(help="Before the motion [s].")] = 1.0,
     start: Annotated[str | None, typer.Option(help="In the air: posture to swing about, q1,q2,… [rad].")] = None,
-) -> None:  # fmt: skip
+) -> None:
     """The motion that tells most about a model's parameters, and the 95 % intervals to expect before anything moves."""
     _check(o)
     from kinid.modeling.model import Model
@@ -171,8 +206,11 @@ def excite(
     chosen, values = _model(o)
     check_asked(sines, criterion, NOISE if noise is None else noise)
     if chosen.contact_law is None:
-        o.refuse(("force", "max_depth", "min_depth", "max_speed", "noise", "at", "hold"), "in the air",
-               "a contact law in the model, or options of a motion in the air")  # fmt: skip
+        o.refuse(
+            ("force", "max_depth", "min_depth", "max_speed", "noise", "at", "hold"),
+            "in the air",
+            "a contact law in the model, or options of a motion in the air",
+        )
         _excite_free(o, chosen, values, criterion, duration, bandwidth, sines, start)
         return
     assert isinstance(chosen, Model)
@@ -185,14 +223,21 @@ def excite(
     assert law is not None
     stated = planner.rig.sensor.noise
     sigma = noise if noise is not None else float(stated[2]) if stated is not None and stated[2] > 0 else NOISE
-    bounds = Bounds(max_depth, min_depth, float("inf") if o.force is None else o.force, max_speed, bandwidth,
-                    4.0 if duration is None else duration)  # fmt: skip
+    bounds = Bounds(
+        max_depth,
+        min_depth,
+        float("inf") if o.force is None else o.force,
+        max_speed,
+        bandwidth,
+        4.0 if duration is None else duration,
+    )
     from kinid.cli.show import console
 
     place = place_of(at, "--at")
     console().print(f"the signal is optimised ({criterion}-optimal) …")
-    found = optimise(law, bounds, sines=sines, criterion=criterion, noise=sigma, rate=o.rate,
-                     joints=planner.joints(place, max_depth))  # fmt: skip
+    found = optimise(
+        law, bounds, sines=sines, criterion=criterion, noise=sigma, rate=o.rate, joints=planner.joints(place, max_depth)
+    )
     motion = planner.plan([Poke(place, found.signal, hold)])
     ideal = ideal_information(law, bounds, criterion=criterion, noise=sigma, rate=o.rate)
     share = None if ideal is None else efficiency(found.information, ideal, criterion)
@@ -201,10 +246,14 @@ def excite(
     motion = dataclasses.replace(motion, provenance=provenance)
     lines = ", ".join(f"{1e3 * a:.3g} mm at {f:.3g} Hz" for a, f, *_ in found.signal.sines if abs(a) > 1e-5)
     bound = ", ".join(_bound(name, motion) for name in found.binding) or "nothing"
-    typer.echo(f"{lines or 'no sine'} about {1e3 * found.signal.depth:.3g} mm; at most {1e3 * found.deepest:.3g} mm, "
-               f"{found.force:.3g} N, {1e3 * found.speed:.3g} mm/s; bound by {bound}")  # fmt: skip
+    typer.echo(
+        f"{lines or 'no sine'} about {1e3 * found.signal.depth:.3g} mm; at most {1e3 * found.deepest:.3g} mm, "
+        f"{found.force:.3g} N, {1e3 * found.speed:.3g} mm/s; bound by {bound}"
+    )
     if share is not None:
-        typer.echo(f"the best conceivable poke within these bounds would tell as much in {100 * share:.0f} % of the time")
+        typer.echo(
+            f"the best conceivable poke within these bounds would tell as much in {100 * share:.0f} % of the time"
+        )
     _show_intervals(found.intervals.values())
     _finish(o, motion, planner.rig, facts)
 
@@ -213,13 +262,23 @@ def _bound(name: str, motion: Trajectory) -> str:
     """A bound that the optimum reaches; of the joints, which limit and whose."""
     if name != "joints":
         return name
-    nearest = max((use for use in motion.provenance["used"] if use["quantity"] in ("velocity", "acceleration", "jerk")),
-                  key=lambda use: use["share"])  # fmt: skip
+    nearest = max(
+        (use for use in motion.provenance["used"] if use["quantity"] in ("velocity", "acceleration", "jerk")),
+        key=lambda use: use["share"],
+    )
     return f"the {nearest['quantity']} of {nearest['joint']}"
 
 
-def _excite_free(o: Options, model: Any, values: dict[str, float], criterion: str, duration: float | None, bandwidth: float,
-                 sines: int, start: str | None) -> None:  # fmt: skip
+def _excite_free(
+    o: Options,
+    model: Any,
+    values: dict[str, float],
+    criterion: str,
+    duration: float | None,
+    bandwidth: float,
+    sines: int,
+    start: str | None,
+) -> None:
     import numpy as np
 
     import kinid.urdf
@@ -236,11 +295,26 @@ def _excite_free(o: Options, model: Any, values: dict[str, float], criterion: st
     posture = None if start is None else np.array(numbers_of(start, "--start"))
     console().print(f"a free motion is sought ({criterion}-optimal) …")
     bounds = Bounds(bandwidth=bandwidth, duration=10.0 if duration is None else duration)
-    found = excite_free(the_rig, model, values, bounds=bounds, start=posture, sines=sines,
-                        criterion=criterion, rate=o.rate, limits=limits, collisions=o.collision)  # fmt: skip
+    found = excite_free(
+        the_rig,
+        model,
+        values,
+        bounds=bounds,
+        start=posture,
+        sines=sines,
+        criterion=criterion,
+        rate=o.rate,
+        limits=limits,
+        collisions=o.collision,
+    )
     _show_intervals(found.intervals.values())
-    facts = {"model": list(model.names), "criterion": criterion, "cost": found.cost, "swing": found.swing.to_dict(),
-             "intervals": {name: each.to_dict() for name, each in found.intervals.items()}}  # fmt: skip
+    facts = {
+        "model": list(model.names),
+        "criterion": criterion,
+        "cost": found.cost,
+        "swing": found.swing.to_dict(),
+        "intervals": {name: each.to_dict() for name, each in found.intervals.items()},
+    }
     _finish(o, found.trajectory, the_rig, facts)
 
 
@@ -249,14 +323,20 @@ def _excite_free(o: Options, model: Any, values: dict[str, float], criterion: st
 def discriminate_(
     o: Options,
     effects: Annotated[
-        str, typer.Option(help="Candidates that are to be told apart, a,b or more.", show_default=False,
-                          autocompletion=complete.effects)
+        str,
+        typer.Option(
+            help="Candidates that are to be told apart, a,b or more.",
+            show_default=False,
+            autocompletion=complete.effects,
+        ),
     ],
-    duration: Annotated[float, typer.Option(help="About [s]; the longer, the smaller the effects that it tells.")] = 20.0,
+    duration: Annotated[
+        float, typer.Option(help="About [s]; the longer, the smaller the effects that it tells.")
+    ] = 20.0,
     max_depth: Annotated[float, typer.Option(help="Never deeper than this [m].")] = 0.004,
     bandwidth: Annotated[float, typer.Option(help="In which the robot follows; no sine is faster [Hz].")] = 3.0,
     at: Annotated[str, typer.Option(help="Place, as for kinid plan poke [m].")] = "0,0",
-) -> None:  # fmt: skip
+) -> None:
     """The experiment that tells candidate effects apart best, and why it does."""
     _check(o)
     from rich.table import Table
@@ -267,8 +347,16 @@ def discriminate_(
     chosen, values = _model(o)
     planner = _planner(o, expecting=False)
     names = [name.strip() for name in effects.split(",") if name.strip()]
-    found = discriminate(planner, chosen, names, values, duration=duration, depth=max_depth, place=place_of(at, "--at"),
-                         bandwidth=bandwidth)  # fmt: skip
+    found = discriminate(
+        planner,
+        chosen,
+        names,
+        values,
+        duration=duration,
+        depth=max_depth,
+        place=place_of(at, "--at"),
+        bandwidth=bandwidth,
+    )
     table = Table(title="How far apart the candidates are, in standard deviations of the noise")
     for name in ("experiment", "s", "apart"):
         table.add_column(name, justify="left" if name == "experiment" else "right")
@@ -297,15 +385,23 @@ def _planner(o: Options, *, expecting: bool = True) -> Planner:
     elif expecting and o.value:
         raise InputError("--value without --model", "the model that it belongs to", "name it with --model or --fit")
     elif expecting and o.force is not None:
-        raise InputError(f"a force limit of {o.force:g} N without a model to expect forces from", "--model or --fit beside it",
-                         "name one, as --model hunt-crossley")  # fmt: skip
+        raise InputError(
+            f"a force limit of {o.force:g} N without a model to expect forces from",
+            "--model or --fit beside it",
+            "name one, as --model hunt-crossley",
+        )
     default = Protocol()
     protocol = Protocol(
-        height=o.height, pause=o.pause, clearance=min(default.clearance, 0.5 * o.height), rate=o.rate, yaw=o.yaw,
+        height=o.height,
+        pause=o.pause,
+        clearance=min(default.clearance, 0.5 * o.height),
+        rate=o.rate,
+        yaw=o.yaw,
         travel=Pace(o.travel, default.travel.acceleration, default.travel.jerk),
         contact=Pace(o.contact, default.contact.acceleration, default.contact.jerk),
-        guard=None if o.force is None else Guard(o.force), collisions=o.collision,
-    )  # fmt: skip
+        guard=None if o.force is None else Guard(o.force),
+        collisions=o.collision,
+    )
     planner = Planner(the_rig, protocol, law)
     if o.acceleration is None and o.jerk is None:
         return planner
@@ -371,7 +467,9 @@ def _finish(o: Options, motion: Trajectory, rig: Rig, facts: dict[str, Any]) -> 
     for name in ("quantity", "nearest to its limit", "used", "value", "limit"):
         table.add_column(name, justify="left" if name in ("quantity", "nearest to its limit") else "right")
     for use in motion.provenance.get("used", ()):
-        table.add_row(use["quantity"], use["joint"], f"{100 * use['share']:.0f} %", f"{use['value']:.4g}", f"{use['limit']:.4g}")
+        table.add_row(
+            use["quantity"], use["joint"], f"{100 * use['share']:.0f} %", f"{use['value']:.4g}", f"{use['limit']:.4g}"
+        )
     console().print(table)
     for note in motion.provenance.get("notes", ()):
         typer.echo(f"note: {note}")
@@ -386,12 +484,17 @@ def _summary(motion: Trajectory) -> dict[str, Any]:
 
     known = motion.normal_force is not None and bool(np.isfinite(motion.normal_force).all())
     return {
-        "robot": motion.provenance.get("robot"), "samples": len(motion), "duration": motion.duration,
+        "robot": motion.provenance.get("robot"),
+        "samples": len(motion),
+        "duration": motion.duration,
         "phases": {str(name): int(count) for name, count in zip(*np.unique(motion.phase, return_counts=True))},
         "deepest": None if motion.place is None else float(motion.place[:, 2].max()),
-        "largest_normal_force": float(np.max(motion.normal_force)) if known and motion.normal_force is not None else None,
-        "used": list(motion.provenance.get("used", ())), "notes": list(motion.provenance.get("notes", ())),
-    }  # fmt: skip
+        "largest_normal_force": float(np.max(motion.normal_force))
+        if known and motion.normal_force is not None
+        else None,
+        "used": list(motion.provenance.get("used", ())),
+        "notes": list(motion.provenance.get("notes", ())),
+    }
 
 
 def _show_intervals(intervals: Any) -> None:

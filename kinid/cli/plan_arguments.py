@@ -1,4 +1,6 @@
-"""What `kinid plan` is told: options that all its commands share; places, corners, sines, grids; a signal in a table."""
+"""What `kinid plan` is told: options that all its commands share; places, corners, sines, grids; a signal in a
+table.
+"""
 
 from __future__ import annotations
 
@@ -21,29 +23,51 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Options of all commands: what there is, how it moves, and what is written. `with_options` gives them to a command."""
+    """Options of all commands: what there is, how it moves, and what is written. `with_options` gives them to a
+    command.
+    """
 
-    out: Annotated[Path, typer.Option("-o", "--out", help="Trajectory to write: Parquet, CSV or NPZ.", show_default=False)]
+    out: Annotated[
+        Path, typer.Option("-o", "--out", help="Trajectory to write: Parquet, CSV or NPZ.", show_default=False)
+    ]
     rig: Annotated[Path, typer.Option(help="What robot, tool and surface there are.")] = Path("rig.toml")
     model: Annotated[
         str | None,
-        typer.Option(help="Contact model to expect forces from; effects separated by commas.", autocompletion=complete.model),
+        typer.Option(
+            help="Contact model to expect forces from; effects separated by commas.", autocompletion=complete.model
+        ),
     ] = None
     fit: Annotated[Path | None, typer.Option(help="Model and values as kinid fit --json wrote them.")] = None
-    value: Annotated[list[str] | None, typer.Option(help="A parameter of the model, as stiffness=900; once for each.")] = None
-    force: Annotated[float | None, typer.Option("--force-limit", help="Guarded move: normal force never to pass [N].")] = None
-    yaw: Annotated[float | None, typer.Option(help="Turn of the tool about its axis [rad]; default: what suits the arm.")] = None
+    value: Annotated[
+        list[str] | None, typer.Option(help="A parameter of the model, as stiffness=900; once for each.")
+    ] = None
+    force: Annotated[
+        float | None, typer.Option("--force-limit", help="Guarded move: normal force never to pass [N].")
+    ] = None
+    yaw: Annotated[
+        float | None, typer.Option(help="Turn of the tool about its axis [rad]; default: what suits the arm.")
+    ] = None
     rate: Annotated[float, typer.Option(help="Samples a second [Hz].")] = 500.0
     height: Annotated[float, typer.Option(help="Above the surface between touches [m].")] = 0.015
     pause: Annotated[float, typer.Option(help="Standing in the air before and after each touch [s].")] = 0.2
     travel: Annotated[float, typer.Option("--travel-speed", help="Of the tip in the air [m/s].")] = 0.1
-    contact: Annotated[float, typer.Option("--contact-speed", help="Of the tip on its last way to the surface [m/s].")] = 0.02
-    acceleration: Annotated[float | None, typer.Option(help="Limit of all joints [rad/s²]; default: the URDF's, else 4.")] = None
-    jerk: Annotated[float | None, typer.Option(help="Limit of all joints [rad/s³]; default: the URDF's, else 1000.")] = None
-    collision: Annotated[bool, typer.Option("--collision/--no-collision", help="Whether collisions are looked for.")] = True
+    contact: Annotated[
+        float, typer.Option("--contact-speed", help="Of the tip on its last way to the surface [m/s].")
+    ] = 0.02
+    acceleration: Annotated[
+        float | None, typer.Option(help="Limit of all joints [rad/s²]; default: the URDF's, else 4.")
+    ] = None
+    jerk: Annotated[
+        float | None, typer.Option(help="Limit of all joints [rad/s³]; default: the URDF's, else 1000.")
+    ] = None
+    collision: Annotated[
+        bool, typer.Option("--collision/--no-collision", help="Whether collisions are looked for.")
+    ] = True
     json: Annotated[Path | None, typer.Option("--json", help="What is planned, and why, as JSON.")] = None
     plot: Annotated[Path | None, typer.Option(help="Plots to write: one offline HTML file.")] = None
-    preview: Annotated[Path | None, typer.Option(help="The moving arm to write: one offline HTML file (meshcat).")] = None
+    preview: Annotated[Path | None, typer.Option(help="The moving arm to write: one offline HTML file (meshcat).")] = (
+        None
+    )
     mcap: Annotated[Path | None, typer.Option(help="JointTrajectory for ROS 2 to write, as MCAP.")] = None
 
     #: parameters of the command that the user named, its own among them: option and value
@@ -67,10 +91,14 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
     _, *rest = inspect.signature(command).parameters.values()
     empty = inspect.Parameter.empty
     parameters = [
-        inspect.Parameter(field.name, inspect.Parameter.KEYWORD_ONLY, annotation=shared[field.name],
-                          default=empty if field.default is dataclasses.MISSING else field.default)
+        inspect.Parameter(
+            field.name,
+            inspect.Parameter.KEYWORD_ONLY,
+            annotation=shared[field.name],
+            default=empty if field.default is dataclasses.MISSING else field.default,
+        )
         for field in fields
-    ]  # fmt: skip
+    ]
     # what is the command's own stands first in its help, after where the result goes
     own_parameters = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=own[p.name]) for p in rest]
     parameters[1:1] = own_parameters
@@ -78,8 +106,11 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(command)
     def run(context: typer.Context, **values: Any) -> None:
-        given = {p.name: (p.opts[-1], values[p.name]) for p in context.command.params
-                 if p.name in values and _named(context, p.name)}  # fmt: skip
+        given = {
+            p.name: (p.opts[-1], values[p.name])
+            for p in context.command.params
+            if p.name in values and _named(context, p.name)
+        }
         command(Options(**{each.name: values.pop(each.name) for each in fields}, given=given), **values)
 
     run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
@@ -115,7 +146,9 @@ def sines_of(text: str) -> tuple[tuple[float, float], ...]:
         try:
             out.append((float(amplitude), float(frequency)))
         except ValueError:
-            raise InputError(f"--sines {part}", "amplitude@frequency in m and Hz, as 0.0015@0.9", "correct it") from None
+            raise InputError(
+                f"--sines {part}", "amplitude@frequency in m and Hz, as 0.0015@0.9", "correct it"
+            ) from None
     return tuple(out)
 
 

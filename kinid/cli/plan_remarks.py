@@ -19,7 +19,8 @@ def remarks(o: Options, motion: Trajectory, values: Iterable[str]) -> list[str]:
     """One line each.
 
     Args:
-        o: what was asked for. motion: that was planned. values: names of parameters that were given, with their effect or not.
+        o: what was asked for. motion: that was planned. values: names of parameters that were given, with their effect
+            or not.
     """
     return [*_assumed(motion, set(values)), *_doubted(o), *_unreached(o, motion)]
 
@@ -40,7 +41,11 @@ def _assumed(motion: Trajectory, given: set[str]) -> list[str]:
         own = name.split(".", 1)[-1]
         if name not in given and own not in given:
             shown.append(f"{own if short.count(own) == 1 else name} {value:.6g} {units[name]}".removesuffix(" 1"))
-    return [f"assumed: {', '.join(shown)} (name {'it' if len(shown) == 1 else 'them'} with --value or --fit)"] if shown else []
+    return (
+        [f"assumed: {', '.join(shown)} (name {'it' if len(shown) == 1 else 'them'} with --value or --fit)"]
+        if shown
+        else []
+    )
 
 
 def _doubted(o: Options) -> list[str]:
@@ -48,7 +53,9 @@ def _doubted(o: Options) -> list[str]:
     if o.fit is None:
         return []
     warnings = json.loads(o.fit.read_text(encoding="utf-8")).get("warnings") or ()
-    return [f"the fit says: {warning}; its intervals promise too much" for warning in warnings if "rejected" in str(warning)]
+    return [
+        f"the fit says: {warning}; its intervals promise too much" for warning in warnings if "rejected" in str(warning)
+    ]
 
 
 def _unreached(o: Options, motion: Trajectory) -> list[str]:
@@ -66,6 +73,8 @@ def _unreached(o: Options, motion: Trajectory) -> list[str]:
             continue
         (option, asked), reached = o.given[parameter], float(speed[where].max())
         if reached < REACHED * asked:
-            lines.append(f"{option} {asked:g}: reached at most {reached:.3g} m/s; the way is too short for more, "
-                         "or limits forbid it")  # fmt: skip
+            lines.append(
+                f"{option} {asked:g}: reached at most {reached:.3g} m/s; the way is too short for more, "
+                "or limits forbid it"
+            )
     return lines

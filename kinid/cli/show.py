@@ -44,8 +44,11 @@ def show_analysis(result: Analysis, log: Log) -> None:
         out.print(f"in contact {100 * facts['in_contact']:.1f} % of the time, {facts['touches']} touches")
         nearest = (facts["ranges"].get("depth") or {"max": 0.0})["max"]
         if not facts["touches"] and nearest < -FAR_AWAY:
-            out.print(f"doubt: the tip comes no nearer to the surface than {-1e3 * nearest:.0f} mm: check \\[surface], the "
-                      "tool's tip, and the unit of the joints", soft_wrap=True)  # fmt: skip
+            out.print(
+                f"doubt: the tip comes no nearer to the surface than {-1e3 * nearest:.0f} mm: check \\[surface], the "
+                "tool's tip, and the unit of the joints",
+                soft_wrap=True,
+            )
     for step in result.provenance.steps:
         if step.name in ("surface", "wrench", "differentiate"):
             out.print(f"{step}", soft_wrap=True, markup=False)
@@ -94,8 +97,11 @@ def show_fit(result: Fit) -> None:
     if table.row_count:
         out.print(table)
     error = result.error
-    out.print(f"error {error.train:.4g} {error.unit} rms on samples seen, {error.held_out:.4g} on samples held out; "
-              f"the noise is {error.noise_floor:.4g}", soft_wrap=True)  # fmt: skip
+    out.print(
+        f"error {error.train:.4g} {error.unit} rms on samples seen, {error.held_out:.4g} on samples held out; "
+        f"the noise is {error.noise_floor:.4g}",
+        soft_wrap=True,
+    )
     for warning in result.warnings:
         out.print(f"doubt: {escape(warning)}", soft_wrap=True)
 
@@ -111,11 +117,17 @@ def show_comparison(result: Comparison) -> None:
         name = str(row.fit.model)
         same = name == result.reference
         table.add_row(
-            str(row.rank), name, f"{row.held_out:.4g}", "reference" if same else f"{row.difference:+.3g}",
-            "" if same else f"{row.standard_error:.2g}", str(len(row.fit.warnings) or ""),
-        )  # fmt: skip
+            str(row.rank),
+            name,
+            f"{row.held_out:.4g}",
+            "reference" if same else f"{row.difference:+.3g}",
+            "" if same else f"{row.standard_error:.2g}",
+            str(len(row.fit.warnings) or ""),
+        )
     out.print(table)
-    out.print(f"the noise is {result.noise_floor:.4g} {result.unit}; differences are to {result.reference}", soft_wrap=True)
+    out.print(
+        f"the noise is {result.noise_floor:.4g} {result.unit}; differences are to {result.reference}", soft_wrap=True
+    )
     for row in result.rows:
         for warning in row.fit.warnings:
             out.print(f"doubt: {row.fit.model}: {escape(warning)}", soft_wrap=True)

@@ -63,8 +63,14 @@ def _ladder(out: Console, result: Diagnosis) -> None:
     from kinid.diagnosis.words import SAME
     from kinid.residuals.words import percent
 
-    rungs = [("as asked" if step.added is None else f"+ {step.added}", step.held_out,
-              "" if step.added is None else f"{percent(step.explained)} explained") for step in result.steps]  # fmt: skip
+    rungs = [
+        (
+            "as asked" if step.added is None else f"+ {step.added}",
+            step.held_out,
+            "" if step.added is None else f"{percent(step.explained)} explained",
+        )
+        for step in result.steps
+    ]
     rungs.append(("noise alone", result.noise_floor, ""))
     top = max(error for _, error, _ in rungs) or 1.0
     table = Table(show_header=False, box=None, pad_edge=False, padding=(0, 2, 0, 0))
@@ -91,12 +97,21 @@ def _effects(out: Console, result: Diagnosis) -> None:
         for e in shown:
             mark = STAND_IN_MARK if e.stand_in else MARK[e.verdict]
             evidence = f"{e.evidence:.4g}" if isfinite(e.evidence) else "–"
-            table.add_row(escape(e.id), f"{mark} {escape(verdict_words(e))}", evidence, f"{e.held_out_gain:.3g}",
-                          escape(_numbers(e)))  # fmt: skip
+            table.add_row(
+                escape(e.id),
+                f"{mark} {escape(verdict_words(e))}",
+                evidence,
+                f"{e.held_out_gain:.3g}",
+                escape(_numbers(e)),
+            )
         out.print()
         out.print(table)
-    for group, words in ((ABSENT, "absent"), (LEFT_OUT, "left out, as no more effects were asked for"),
-                         (NOT_EXCITED, "this log cannot tell"), (FOREIGN, "not about logs of this kind")):  # fmt: skip
+    for group, words in (
+        (ABSENT, "absent"),
+        (LEFT_OUT, "left out, as no more effects were asked for"),
+        (NOT_EXCITED, "this log cannot tell"),
+        (FOREIGN, "not about logs of this kind"),
+    ):
         names = [e.label for e in result.effects if e.group == group]
         if names:
             out.print(f"{words} ({len(names)}): {escape(', '.join(names))}", soft_wrap=True)
@@ -110,8 +125,11 @@ def _numbers(effect: EffectVerdict) -> str:
     if len(shown) > MOST_NUMBERS:
         return effect.says if effects.get(effect.id).detector else f"{len(shown)} parameters"
     write = "{:.3g}".format
-    return ", ".join(f"{name} {one_sided(p, write) or f'{write(p.value)} [{write(p.low)}, {write(p.high)}]'}"
-                     f"{'' if p.unit == '1' else ' ' + p.unit}" for name, p in shown.items())  # fmt: skip
+    return ", ".join(
+        f"{name} {one_sided(p, write) or f'{write(p.value)} [{write(p.low)}, {write(p.high)}]'}"
+        f"{'' if p.unit == '1' else ' ' + p.unit}"
+        for name, p in shown.items()
+    )
 
 
 def _next(out: Console, result: Diagnosis) -> None:
@@ -120,7 +138,9 @@ def _next(out: Console, result: Diagnosis) -> None:
 
     rivals = rivalries(result)
     hints = [f"{e.id} or {' or '.join(e.equivalent_to)}: {e.separate_by}" for e in rivals]
-    hidden = [f"{e.id}: {e.separate_by}" for e in result.effects if e.verdict == "not-excited" and e.acts and e.separate_by]
+    hidden = [
+        f"{e.id}: {e.separate_by}" for e in result.effects if e.verdict == "not-excited" and e.acts and e.separate_by
+    ]
     if not hints and not hidden:
         return
     out.print("\n[bold]what to measure next[/]")

@@ -26,17 +26,22 @@ def view(
     target: Annotated[
         Path, typer.Argument(help="A map, a log, or a folder of logs, perhaps a running campaign.", show_default=False)
     ],
-    rig: Annotated[Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the log.")] = None,
+    rig: Annotated[
+        Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the log.")
+    ] = None,
     shown: Annotated[
         str | None,
         typer.Option("--property", help="Property that colours the surface first.", autocompletion=complete.mapped),
     ] = None,
     method: Annotated[
-        str, typer.Option(help="Between the probes: gp, triangles, biharmonic or nearest.", autocompletion=complete.method)
+        str,
+        typer.Option(help="Between the probes: gp, triangles, biharmonic or nearest.", autocompletion=complete.method),
     ] = "gp",
     model: Annotated[
         str | None,
-        typer.Option(help="Effects that predict a log's forces, or that pokes are fitted with.", autocompletion=complete.model),
+        typer.Option(
+            help="Effects that predict a log's forces, or that pokes are fitted with.", autocompletion=complete.model
+        ),
     ] = None,
     port: Annotated[int, typer.Option(help="On 127.0.0.1; 0 for any that is free.")] = 7000,
     record: Annotated[Path | None, typer.Option(help="Write one self-contained HTML file instead of serving.")] = None,

@@ -1,4 +1,6 @@
-"""Everything that can be said of one log without a model of the material: contact frame or tip motion, joint torques."""
+"""Everything that can be said of one log without a model of the material: contact frame or tip motion, joint
+torques.
+"""
 
 from __future__ import annotations
 
@@ -54,8 +56,12 @@ class Analysis:
             touch = self.contact
             # an invalid sample within a touch doesn't end it
             starts = np.flatnonzero(np.diff(touch.in_contact[touch.valid].astype(np.int8), prepend=0) == 1)
-            out |= {"samples": len(touch), "invalid_samples": int((~touch.valid).sum()),
-                    "in_contact": float(np.mean(touch.in_contact)), "touches": len(starts)}  # fmt: skip
+            out |= {
+                "samples": len(touch),
+                "invalid_samples": int((~touch.valid).sum()),
+                "in_contact": float(np.mean(touch.in_contact)),
+                "touches": len(starts),
+            }
         if self.torques is not None:
             out["joint_torques"] = {
                 name: {"measured_rms": float(m), "residual_rms": float(r)}
@@ -74,20 +80,25 @@ def analyse(
     differentiator: Differentiator | None = None,
     trust_wrench: bool = False,
 ) -> Analysis:
-    """Contact quantities where the rig has a surface (or the log holds them itself), else the tip's motion; torques too.
+    """Contact quantities where the rig has a surface (or the log holds them itself), else the tip's motion; torques
+    too.
 
     Raises:
         InputError: a log that holds neither joints nor contact quantities.
     """
     contact = tip = torques = None
     if log.q is None and not log.contact:
-        raise InputError(f"neither joints nor depth in {log.provenance.source}", "q1…qN, or depth and normal_force",
-                         "name the columns in [columns] of the rig")  # fmt: skip
+        raise InputError(
+            f"neither joints nor depth in {log.provenance.source}",
+            "q1…qN, or depth and normal_force",
+            "name the columns in [columns] of the rig",
+        )
     if log.q is not None:
         robot = robot or Robot.load(rig)
     if log.q is None or rig.surface is not None:
-        contact = contact_series(log, rig, robot=robot, bias=bias, differentiator=differentiator,
-                                 trust_wrench=trust_wrench)  # fmt: skip
+        contact = contact_series(
+            log, rig, robot=robot, bias=bias, differentiator=differentiator, trust_wrench=trust_wrench
+        )
     elif robot is not None and (robot.tip_frame or robot.sensor_frame):
         tip = tip_motion(log, rig, robot=robot, bias=bias, differentiator=differentiator, trust_wrench=trust_wrench)
     if log.tau is not None and log.q is not None:

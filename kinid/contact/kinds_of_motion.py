@@ -13,7 +13,8 @@ MOVES = 0.1
 
 
 def kinds_of_motion(depth: Array, *rates: Array) -> list[Numbers]:
-    """Several ways to tell motion apart, each a number for every sample, without holes, (n,); those that tell any apart.
+    """Several ways to tell motion apart, each a number for every sample, without holes, (n,); those that tell any
+    apart.
 
     The air and each third of the depths; then, for each rate, one way, the other way or next to none.
 

@@ -32,8 +32,8 @@ class Loop:
 def loops(depth: Array, force: Array, dt: Array) -> list[Loop]:
     """Ways in and out of a material with their energy ∮ N dδ (positive: lost to the material).
 
-    A touch from contact to separation is one; in a touch with several presses each lies between two minima of the depth.
-    The loop is closed by a straight line from its end to its beginning.
+    A touch from contact to separation is one; in a touch with several presses each lies between two minima of the
+    depth. The loop is closed by a straight line from its end to its beginning.
 
     Args:
         depth: δ [m], (n,). force: N [N], (n,); samples that are NaN are passed over. dt: 0 where a piece begins, (n,).

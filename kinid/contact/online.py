@@ -1,9 +1,10 @@
 """Inside the control loop: one raw sample in, contact-frame quantities and an estimate out.
 
 A sample costs one call of compiled code, which differentiates, works out the contact frame and learns, and allocates
-nothing: some 2 µs. What makes a rare sample late is no longer here but around it, so a loop that must not be late should
-call `gc.freeze()` after setting up (what exists then is never searched for garbage again) and `gc.disable()` while it
-runs, or collect in its pauses; and run with real-time priority on a core of its own (`chrt -f 50 taskset -c 1 …`).
+nothing: some 2 µs. What makes a rare sample late is no longer here but around it, so a loop that must not be late
+should call `gc.freeze()` after setting up (what exists then is never searched for garbage again) and `gc.disable()`
+while it runs, or collect in its pauses; and run with real-time priority on a core of its own (`chrt -f 50 taskset -c 1
+…`).
 """
 
 from __future__ import annotations
@@ -40,8 +41,8 @@ class Stepper(Protocol):
 class OnlineContact:
     """Contact-frame quantities of a plane, sample by sample, with the kernel that logs are worked on with.
 
-    Velocities and accelerations that the loop doesn't give come from causal first-order low-passes of the stated bandwidth,
-    each of which delays by 1/(2π·bandwidth) seconds. Nothing is allocated once it is built.
+    Velocities and accelerations that the loop doesn't give come from causal first-order low-passes of the stated
+    bandwidth, each of which delays by 1/(2π·bandwidth) seconds. Nothing is allocated once it is built.
 
     Args:
         rig: with a robot, a plane, and what is known of tool and sensor.
@@ -52,10 +53,14 @@ class OnlineContact:
         InputError: a rig without robot or plane.
     """
 
-    def __init__(self, rig: Rig, *, robot: Robot | None = None, bandwidth: float = 40.0, contact_force: float = 0.1) -> None:
+    def __init__(
+        self, rig: Rig, *, robot: Robot | None = None, bandwidth: float = 40.0, contact_force: float = 0.1
+    ) -> None:
         surface = load_surface(rig)
         if not isinstance(surface, Plane):
-            raise InputError("a rig without a plane", "[surface] point and normal", "work on meshes offline, with contact_series")
+            raise InputError(
+                "a rig without a plane", "[surface] point and normal", "work on meshes offline, with contact_series"
+            )
         robot = robot or Robot.load(rig)
         if robot.sensor_frame is None or robot.tip_frame is None:
             raise InputError(f"{robot.name} without sensor or tip frame", "both", "name them in [robot] of the rig")
@@ -65,12 +70,18 @@ class OnlineContact:
         bias = np.zeros(6) if rig.sensor.bias is None else np.asarray(rig.sensor.bias)
         self.joint_count = robot.joint_count
         self.store = causal.build(
-            chain.columns, chain.prismatic, chain.turns, chain.shifts, robot.tip_in_sensor(),
+            chain.columns,
+            chain.prismatic,
+            chain.turns,
+            chain.shifts,
+            robot.tip_in_sensor(),
             np.concatenate([np.linalg.inv(crosstalk).ravel(), bias]),
             np.concatenate([[tool.mass], tool.com, tool.inertia_matrix.ravel(), robot.gravity]),
-            np.concatenate([surface.point, surface.axes.ravel()]), robot.compliance.ravel(),
-            2 * np.pi * bandwidth, contact_force,
-        )  # fmt: skip
+            np.concatenate([surface.point, surface.axes.ravel()]),
+            robot.compliance.ravel(),
+            2 * np.pi * bandwidth,
+            contact_force,
+        )
         self._room = causal.carve(self.store)
         self._step = causal.compile_step()
         self.quantities: Array = self._room.quantities
@@ -90,13 +101,17 @@ class OnlineContact:
         return bool(self.quantities[kernel.NORMAL] > self.threshold)
 
     def step(
-        self, t: float, q: Sequence[float] | Array, wrench: Sequence[float] | Array,
-        dq: Sequence[float] | Array | None = None, ddq: Sequence[float] | Array | None = None,
-    ) -> Array:  # fmt: skip
+        self,
+        t: float,
+        q: Sequence[float] | Array,
+        wrench: Sequence[float] | Array,
+        dq: Sequence[float] | Array | None = None,
+        ddq: Sequence[float] | Array | None = None,
+    ) -> Array:
         """Work out one sample; the array it returns, in the order of `CONTACT`, is overwritten by the next.
 
-        A sample whose motion isn't finite gives NaN throughout and is forgotten: the next velocity is taken from the one
-        before it. A wrench that isn't finite gives NaN where it is needed.
+        A sample whose motion isn't finite gives NaN throughout and is forgotten: the next velocity is taken from the
+        one before it. A wrench that isn't finite gives NaN where it is needed.
 
         Args:
             t: time [s]; it has to grow until `reset`.
@@ -120,13 +135,16 @@ class OnlineContact:
         """
         t, q, wrench, dq, ddq = raw
         try:
-            # converted first, which costs next to nothing for doubles: the compiled step takes nothing else, and to hear
-            # so from it takes a quarter of a millisecond
+            # converted first, which costs next to nothing for doubles: the compiled step takes nothing else, and to
+            # hear so from it takes a quarter of a millisecond
             code = step(
-                t, np.asarray(q, np.float64), np.asarray(wrench, np.float64),
+                t,
+                np.asarray(q, np.float64),
+                np.asarray(wrench, np.float64),
                 _NOTHING if dq is None else np.asarray(dq, np.float64),
-                _NOTHING if ddq is None else np.asarray(ddq, np.float64), *rest,
-            )  # fmt: skip
+                _NOTHING if ddq is None else np.asarray(ddq, np.float64),
+                *rest,
+            )
         except (TypeError, ValueError):
             raise self.refusal(causal.MISSHAPEN, raw) from None
         if code > causal.NOT_FINITE:
@@ -138,12 +156,19 @@ class OnlineContact:
         if code == causal.LATE:
             last = float(self._room.head[causal.TIME])
             after = f" after one at t = {last} s" if np.isfinite(last) else ""
-            return InputError(f"a sample at t = {t} s{after}", "finite, growing time",
-                              "drop repeated and late samples, or reset() where a new log begins")  # fmt: skip
-        rates = "".join(f", {name} of {_shape(value)}" for name, value in (("dq", dq), ("ddq", ddq)) if value is not None)
-        return InputError(f"a sample at t = {t} of {_shape(q)} joints and {_shape(wrench)} wrench{rates}",
-                          f"a number, ({self.joint_count},) and (6,)",
-                          "pass one sample, joints in the order of [robot] joints")  # fmt: skip
+            return InputError(
+                f"a sample at t = {t} s{after}",
+                "finite, growing time",
+                "drop repeated and late samples, or reset() where a new log begins",
+            )
+        rates = "".join(
+            f", {name} of {_shape(value)}" for name, value in (("dq", dq), ("ddq", ddq)) if value is not None
+        )
+        return InputError(
+            f"a sample at t = {t} of {_shape(q)} joints and {_shape(wrench)} wrench{rates}",
+            f"a number, ({self.joint_count},) and (6,)",
+            "pass one sample, joints in the order of [robot] joints",
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,8 +179,8 @@ class OnlineEstimator:
 
     Attributes:
         contact: the way into the contact frame.
-        estimator: `online()` of a recursive estimator. takes: contact quantities that its samples are made of, in order;
-            "in_contact" stands for the contact flag, and several names in brackets for a vector.
+        estimator: `online()` of a recursive estimator. takes: contact quantities that its samples are made of, in
+            order; "in_contact" stands for the contact flag, and several names in brackets for a vector.
 
     Raises:
         InputError: an unknown quantity, or others than the estimator's samples are made of.
@@ -181,8 +206,11 @@ class OnlineEstimator:
         widths, expected = [1 if isinstance(row, int) else len(row) for row in self._rows], machine.widths
         missing = len(expected) - len(widths)
         if not 0 <= missing <= machine.flags or widths != expected[: len(widths)]:
-            raise InputError(f"samples of {self.takes}", f"{len(expected)} values of {expected} numbers",
-                             "name a quantity for each, in the order of update(), several in brackets for a vector")  # fmt: skip
+            raise InputError(
+                f"samples of {self.takes}",
+                f"{len(expected)} values of {expected} numbers",
+                "name a quantity for each, in the order of update(), several in brackets for a vector",
+            )
         flat = [row for rows in self._rows for row in (rows if isinstance(rows, list) else [rows])]
         rows = np.array(flat + [causal.YES] * missing, dtype=np.int64)
         start = (machine.room.inputs.ctypes.data - machine.store.ctypes.data) // machine.store.itemsize
@@ -208,7 +236,9 @@ class OnlineEstimator:
         machine = self._machine
         if machine is None:
             self.contact.step(t, q, wrench, dq, ddq)
-            sample = [self._value(row) if isinstance(row, int) else [self._value(part) for part in row] for row in self._rows]
+            sample = [
+                self._value(row) if isinstance(row, int) else [self._value(part) for part in row] for row in self._rows
+            ]
             return self.estimator.update(*sample, t=t)
         raw = t, q, wrench, dq, ddq
         if machine.constant is None:

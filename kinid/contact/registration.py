@@ -33,7 +33,9 @@ EXPONENTS = (1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.75, 2.0)
 
 @dataclass(frozen=True, eq=False)
 class Onset:
-    """Where a touch began: time [s], tip position in the base frame [m] (3,), force's direction (3,), its uncertainty [m]."""
+    """Where a touch began: time [s], tip position in the base frame [m] (3,), force's direction (3,), its uncertainty
+    [m].
+    """
 
     t: float
     position: Array
@@ -58,7 +60,8 @@ class FoundSurface:
         return [
             f"surface from {len(self.onsets)} touches: point [{point[0]:.5f}, {point[1]:.5f}, {point[2]:.5f}] m, "
             f"normal [{normal[0]:.5f}, {normal[1]:.5f}, {normal[2]:.5f}]",
-            f"its height along the normal is known to ± {500 * (high - low):.3g} mm and its tilt to ± {tilt:.2g}° (95 %), "
+            f"its height along the normal is known to ± {500 * (high - low):.3g} mm and its tilt to ± {tilt:.2g}° (95 "
+            f"%), "
             f"onsets scatter {1e3 * self.plane.rms:.3g} mm rms about it"
             + (f"; {stray} touch{'es' if stray > 1 else ''} off the plane left out" if stray else ""),
         ]
@@ -67,8 +70,8 @@ class FoundSurface:
     def offset_interval(self) -> tuple[float, float]:
         """95 % interval of the plane's height along its normal, about the point [m].
 
-        Onsets are found early or late together, because one law of the material shifts them all: what an onset may be off
-        adds to what their scatter tells.
+        Onsets are found early or late together, because one law of the material shifts them all: what an onset may be
+        off adds to what their scatter tells.
         """
         low, high = self.plane.offset_interval
         common = 1.96 * float(np.mean([onset.sigma for onset in self.onsets]))
@@ -77,11 +80,14 @@ class FoundSurface:
     def to_dict(self) -> dict[str, Any]:
         """Plain types, for JSON: paste point and normal into [surface]."""
         return {
-            "point": self.plane.point.tolist(), "normal": self.plane.normal.tolist(), "rms": float(self.plane.rms),
+            "point": self.plane.point.tolist(),
+            "normal": self.plane.normal.tolist(),
+            "rms": float(self.plane.rms),
             "offset_interval": list(self.offset_interval),
-            "tilt_interval": np.asarray(self.plane.tilt_interval).tolist(), "touches": len(self.onsets),
+            "tilt_interval": np.asarray(self.plane.tilt_interval).tolist(),
+            "touches": len(self.onsets),
             "onsets": [onset.position.tolist() for onset in self.onsets],
-        }  # fmt: skip
+        }
 
 
 def find_surface(
@@ -104,11 +110,15 @@ def find_surface(
         found = [onset for onset in found if onset.direction @ common > 0.7 * np.linalg.norm(common)]
     where = ", ".join(log.provenance.source for log in logs)
     if len(found) < 3:
-        raise InputError(f"{len(found)} touch{'es' if len(found) != 1 else ''} in {where}",
-                         "three firm touches at least, at places that are not in one line",
-                         "touch the surface in three corners and record again")  # fmt: skip
+        raise InputError(
+            f"{len(found)} touch{'es' if len(found) != 1 else ''} in {where}",
+            "three firm touches at least, at places that are not in one line",
+            "touch the surface in three corners and record again",
+        )
     outward = np.mean([onset.direction for onset in found], axis=0)
-    plane = fit_plane(np.array([onset.position for onset in found]), np.array([onset.sigma for onset in found]), outward=outward)
+    plane = fit_plane(
+        np.array([onset.position for onset in found]), np.array([onset.sigma for onset in found]), outward=outward
+    )
     tangent = None if rig.surface is None else rig.surface.tangent
     surface = SurfaceSpec(point=_triple(plane.point), normal=_triple(plane.normal), tangent=tangent)
     return FoundSurface(plane, tuple(found), rig.model_copy(update={"surface": surface}))
@@ -117,8 +127,11 @@ def find_surface(
 def onsets(log: Log, rig: Rig, robot: Robot, differentiator: Differentiator | None = None) -> list[Onset]:
     """Where the touches of one log began, in order of time."""
     if log.wrench is None:
-        raise InputError(f"no wrench in {log.provenance.source}", "fx fy fz tx ty tz, to feel the touches with",
-                         "record the force/torque sensor too")  # fmt: skip
+        raise InputError(
+            f"no wrench in {log.provenance.source}",
+            "fx fy fz tx ty tz, to feel the touches with",
+            "record the force/torque sensor too",
+        )
     free = log.labelled_free
     labelled = len(free) > 0
     if not labelled:
@@ -179,8 +192,9 @@ def _onset(motion: TipMotion, force: Array, size: Array, start: int, end: int, o
     zero = float(np.clip(best[1], min(earliest, 0.0), 0.0))
     # where between these two the law of the material puts it is a guess; no better than a quarter of the way
     blur = max(abs(earliest) / 4, abs(depth[1] - depth[0]) / np.sqrt(12))
-    return Onset(float(motion.t[start]), motion.position[start] - zero * direction, direction,
-                 float(np.hypot(best[2], blur)))  # fmt: skip
+    return Onset(
+        float(motion.t[start]), motion.position[start] - zero * direction, direction, float(np.hypot(best[2], blur))
+    )
 
 
 def _widened(flag: NDArray[np.bool_], margin: int) -> NDArray[np.bool_]:

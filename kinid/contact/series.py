@@ -40,8 +40,22 @@ ON, OFF = 6.0, 3.0
 #: the force is averaged over so many samples on each side, so that noise alone never crosses from ON to OFF
 SETTLE = 4
 
-_ROWS = dict(zip(CONTACT, (kernel.DEPTH, kernel.DEPTH_RATE, kernel.SLIP1, kernel.SLIP2, kernel.SLIP_RATE1,
-                           kernel.SLIP_RATE2, kernel.NORMAL, kernel.TANGENT1, kernel.TANGENT2)))  # fmt: skip
+_ROWS = dict(
+    zip(
+        CONTACT,
+        (
+            kernel.DEPTH,
+            kernel.DEPTH_RATE,
+            kernel.SLIP1,
+            kernel.SLIP2,
+            kernel.SLIP_RATE1,
+            kernel.SLIP_RATE2,
+            kernel.NORMAL,
+            kernel.TANGENT1,
+            kernel.TANGENT2,
+        ),
+    )
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,13 +65,15 @@ class ContactSeries:
     Attributes:
         t: time [s].
         depth: [m], > 0 inside the material, along −normal; `depth_rate` [m/s].
-        slip1, slip2: [m], along tangent and normal × tangent, from the surface's point; `slip_rate1`, `slip_rate2` [m/s].
+        slip1, slip2: [m], along tangent and normal × tangent, from the surface's point; `slip_rate1`, `slip_rate2`
+        [m/s].
         normal_force: [N], ≥ 0 when the material pushes the tool out.
         tangential_force1, tangential_force2: [N], force of the material on the tool along the tangents.
         in_contact: whether the tool touches (with hysteresis).
         phase: names of the protocol's phases, or None.
         valid: False where the log's sample could not be used; the quantities there are NaN.
-        moment: moment of the material on the tool about the tip [N·m], rows tangent1, tangent2, normal, (3, n); or None.
+        moment: moment of the material on the tool about the tip [N·m], rows tangent1, tangent2, normal, (3, n); or
+            None.
         bias: of the sensor, as it was removed [N, N·m], (6,); None without a wrench.
         provenance: source and processing steps.
         source: the log and the rig that they were worked out from, for who needs the whole wrench; or None.
@@ -87,7 +103,9 @@ class ContactSeries:
         for name in ("t", *CONTACT):
             object.__setattr__(self, name, frozen(getattr(self, name)))
             if getattr(self, name).shape != self.t.shape:
-                raise InputError(f"{name} of shape {getattr(self, name).shape}", f"{self.t.shape}, like t", "align them")
+                raise InputError(
+                    f"{name} of shape {getattr(self, name).shape}", f"{self.t.shape}, like t", "align them"
+                )
         for name in ("in_contact", "valid"):
             object.__setattr__(self, name, frozen(getattr(self, name), dtype=np.bool_))
 
@@ -137,20 +155,31 @@ def contact_series(
         return _own_quantities(log, rig, differentiator)
     surface = load_surface(rig)
     if surface is None:
-        raise InputError("a rig without [surface]", "the surface that depth and slip are measured from",
-                         "add [surface] point and normal, or let touches find it (kinid contact --find-surface)")  # fmt: skip
+        raise InputError(
+            "a rig without [surface]",
+            "the surface that depth and slip are measured from",
+            "add [surface] point and normal, or let touches find it (kinid contact --find-surface)",
+        )
     robot = robot or Robot.load(rig)
     _need_tip(robot)
     table, reading, made = _measured(log, rig, robot, surface, bias, differentiator, moments, trust_wrench)
     valid = log.valid & np.isfinite(table[: len(CONTACT) if reading is not None else 6].sum(axis=0))
     if not valid.any():
-        raise InputError(f"not one sample of {log.provenance.source} in which everything is a number",
-                         "finite joint positions, and wrench where there is one", "check its columns")  # fmt: skip
+        raise InputError(
+            f"not one sample of {log.provenance.source} in which everything is a number",
+            "finite joint positions, and wrench where there is one",
+            "check its columns",
+        )
     if not valid.all():
         table[:, ~valid] = np.nan
     flag, thresholds = _touching(table, log, rig, reading is not None, valid)
-    provenance = log.provenance.then("contact frame", robot=robot.name, samples=len(log),
-                                     invalid_samples=int((~valid).sum()), gaps=max(0, len(log.pieces) - 1))  # fmt: skip
+    provenance = log.provenance.then(
+        "contact frame",
+        robot=robot.name,
+        samples=len(log),
+        invalid_samples=int((~valid).sum()),
+        gaps=max(0, len(log.pieces) - 1),
+    )
     if surface.notes:
         provenance = provenance.then("surface", notes=list(surface.notes))
     if made:
@@ -158,12 +187,16 @@ def contact_series(
     if reading is not None:
         provenance = provenance.then("wrench", tool="removed" if rig.tool else "none in the rig", **reading.facts)
     return ContactSeries(
-        t=log.t, in_contact=flag, valid=valid, phase=log.phase,
+        t=log.t,
+        in_contact=flag,
+        valid=valid,
+        phase=log.phase,
         bias=reading.bias if reading is not None else None,
         moment=table[kernel.MOMENT1 :] if moments and reading is not None else None,
-        provenance=provenance.then("contact flag", **thresholds), source=(log, rig),
+        provenance=provenance.then("contact flag", **thresholds),
+        source=(log, rig),
         **{name: table[row] for name, row in _ROWS.items()},
-    )  # fmt: skip
+    )
 
 
 def tip_motion(
@@ -201,15 +234,24 @@ def tip_motion(
         load = tool_load(rig.tool or ToolSpec(mass=0.0), sensor, robot.gravity)
         force = np.einsum("nij,nj->ni", sensor.rotation, (reading.true() - load)[:, :3])
     if not np.isfinite(kinematics.position).all(axis=1).any():
-        raise InputError(f"not one sample of {log.provenance.source} in which every joint position is a number",
-                         "finite joint positions", "check its columns")  # fmt: skip
+        raise InputError(
+            f"not one sample of {log.provenance.source} in which every joint position is a number",
+            "finite joint positions",
+            "check its columns",
+        )
     return TipMotion(log.t, kinematics.position, kinematics.velocity, force, motion.facts)
 
 
 def _measured(
-    log: Log, rig: Rig, robot: Robot, surface: Surface, bias: Bias, differentiator: Differentiator | None, moments: bool,
+    log: Log,
+    rig: Rig,
+    robot: Robot,
+    surface: Surface,
+    bias: Bias,
+    differentiator: Differentiator | None,
+    moments: bool,
     trust_wrench: bool,
-) -> tuple[Array, Reading | None, dict[str, Any]]:  # fmt: skip
+) -> tuple[Array, Reading | None, dict[str, Any]]:
     """The quantities (9 or 12, n), how the wrench was read, and where the joints' derivatives came from.
 
     The derivatives are twice as large as the positions; that they end with this function keeps memory low.
@@ -229,7 +271,9 @@ def _measured(
 
 
 def contact_motion(log: Log, rig: Rig, robot: Robot, surface: Surface, motion: JointMotion) -> Array:
-    """Depth, its rate, slips and their rates of a motion that need not be the log's own, rows as in a contact table, (6, n)."""
+    """Depth, its rate, slips and their rates of a motion that need not be the log's own, rows as in a contact table,
+    (6, n).
+    """
     work = _Work(log, rig, robot, motion, surface, Differentiator())
     return (work.on_plane(surface, None, False) if isinstance(surface, Plane) else work.on_mesh(None, False))[:6]
 
@@ -264,13 +308,21 @@ class _Work:
         if reading is None:
             out[6:] = np.nan
         kernel.contacts(
-            chain.select(self.motion.q), chain.select(self.motion.dq), chain.select(self.motion.ddq),
+            chain.select(self.motion.q),
+            chain.select(self.motion.dq),
+            chain.select(self.motion.ddq),
             np.ascontiguousarray(reading.wrench) if reading is not None else np.empty((0, 6)),
-            chain.turns, chain.shifts, chain.prismatic, tip,
-            reading.packed() if reading is not None else np.zeros(42), self._tool(),
-            np.concatenate([plane.point, plane.axes.ravel()]), robot.compliance.ravel(),
-            out.shape[0] if reading is not None else 6, out,
-        )  # fmt: skip
+            chain.turns,
+            chain.shifts,
+            chain.prismatic,
+            tip,
+            reading.packed() if reading is not None else np.zeros(42),
+            self._tool(),
+            np.concatenate([plane.point, plane.axes.ravel()]),
+            robot.compliance.ravel(),
+            out.shape[0] if reading is not None else 6,
+            out,
+        )
         return out
 
     def on_mesh(self, reading: Reading | None, moments: bool) -> Array:
@@ -278,7 +330,9 @@ class _Work:
         robot = self.robot
         tip = robot.kinematics(robot.tip_frame or "", self.motion.q, self.motion.dq, self.motion.ddq)
         position, velocity = tip.position, tip.velocity
-        out = np.full((kernel.CONTACT_COLUMNS if moments and reading is not None else len(CONTACT), len(self.log)), np.nan)
+        out = np.full(
+            (kernel.CONTACT_COLUMNS if moments and reading is not None else len(CONTACT), len(self.log)), np.nan
+        )
         force = np.zeros((len(self.log), 3))
         if reading is not None:
             sensor = robot.kinematics(robot.sensor_frame or "", self.motion.q, self.motion.dq, self.motion.ddq)
@@ -297,7 +351,11 @@ class _Work:
         out[kernel.SLIP1], out[kernel.SLIP2] = _travel(position, where.axes[:, :2])
         if reading is not None:
             in_frame = np.einsum("nij,nj->ni", where.axes, force)
-            out[kernel.NORMAL], out[kernel.TANGENT1], out[kernel.TANGENT2] = in_frame[:, 2], in_frame[:, 0], in_frame[:, 1]
+            out[kernel.NORMAL], out[kernel.TANGENT1], out[kernel.TANGENT2] = (
+                in_frame[:, 2],
+                in_frame[:, 0],
+                in_frame[:, 1],
+            )
             if moments:
                 arm = np.einsum("nij,j->ni", sensor.rotation, robot.tip_in_sensor())
                 moment = contact[:, 1] - np.cross(arm, force)
@@ -311,8 +369,11 @@ class _Work:
 
 def _need_tip(robot: Robot) -> None:
     if robot.tip_frame is None:
-        raise InputError(f"{robot.name} without a tip frame (it has no 'tool_tip')", "the contact point",
-                         "name a frame of the URDF in [robot] tip_frame")  # fmt: skip
+        raise InputError(
+            f"{robot.name} without a tip frame (it has no 'tool_tip')",
+            "the contact point",
+            "name a frame of the URDF in [robot] tip_frame",
+        )
 
 
 def _travel(position: Array, tangents: Array) -> Array:
@@ -369,11 +430,16 @@ def force_noise(signal: Array) -> float:
 
 
 def _own_quantities(log: Log, rig: Rig, differentiator: Differentiator | None) -> ContactSeries:
-    """Contact quantities that the log holds itself, depth and slips smoothed with their rates; what is unknown is NaN."""
+    """Contact quantities that the log holds itself, depth and slips smoothed with their rates; what is unknown is
+    NaN.
+    """
     have, provenance = dict(log.contact), log.provenance
     if "depth" not in have:
-        raise InputError(f"neither joints nor depth in {log.provenance.source}", "q1…qN, or depth [m]",
-                         "name the columns in [columns] of the rig")  # fmt: skip
+        raise InputError(
+            f"neither joints nor depth in {log.provenance.source}",
+            "q1…qN, or depth [m]",
+            "name the columns in [columns] of the rig",
+        )
     for name, rate, smoothed in own_motion(log, differentiator):
         if isinstance(smoothed, Smoothed):
             have[name], have[rate] = smoothed.value[:, 0], smoothed.first[:, 0]
@@ -382,8 +448,9 @@ def _own_quantities(log: Log, rig: Rig, differentiator: Differentiator | None) -
             provenance = provenance.then("smooth", **facts)
         elif rate not in have:
             have[rate] = smoothed.first[:, 0]
-            provenance = provenance.then("differentiate", quantity=name, bandwidth_hz=smoothed.bandwidth,
-                                         window_samples=smoothed.window)  # fmt: skip
+            provenance = provenance.then(
+                "differentiate", quantity=name, bandwidth_hz=smoothed.bandwidth, window_samples=smoothed.window
+            )
     table = np.full((len(CONTACT), len(log)), np.nan)
     for name, row in _ROWS.items():
         if name in have:
@@ -392,7 +459,11 @@ def _own_quantities(log: Log, rig: Rig, differentiator: Differentiator | None) -
     table[:, ~valid] = np.nan
     flag, thresholds = _touching(table, log, rig, "normal_force" in have, valid)
     return ContactSeries(
-        t=log.t, in_contact=flag, valid=valid, phase=log.phase,
-        provenance=provenance.then("contact flag", **thresholds), source=(log, rig),
+        t=log.t,
+        in_contact=flag,
+        valid=valid,
+        phase=log.phase,
+        provenance=provenance.then("contact flag", **thresholds),
+        source=(log, rig),
         **{name: table[row] for name, row in _ROWS.items()},
-    )  # fmt: skip
+    )

@@ -105,13 +105,18 @@ class Log:
             if self.q is not None and name not in ("q", "wrench") and array.shape[1] != np.shape(self.q)[1]:
                 raise InputError(
                     f"{array.shape[1]} columns of {name} beside {np.shape(self.q)[1]} of q in {where}",
-                    "one column a joint", "check [columns] and the log's names")  # fmt: skip
+                    "one column a joint",
+                    "check [columns] and the log's names",
+                )
             object.__setattr__(self, name, array)
         contact = {}
         for name, values in self.contact.items():
             if name not in CONTACT or np.shape(values) != (n,):
-                raise InputError(f"contact quantity '{name}' of shape {np.shape(values)} in {where}",
-                                 f"one of {', '.join(CONTACT)}, of shape ({n},)", "check [columns]")  # fmt: skip
+                raise InputError(
+                    f"contact quantity '{name}' of shape {np.shape(values)} in {where}",
+                    f"one of {', '.join(CONTACT)}, of shape ({n},)",
+                    "check [columns]",
+                )
             contact[name] = frozen(values)
         object.__setattr__(self, "contact", contact)
         if self.phase is not None:
@@ -146,7 +151,9 @@ class Log:
     @cached_property
     def labelled_free(self) -> NDArray[np.int64]:
         """Rows of the phase "free"; none where the log has no phases."""
-        rows: NDArray[np.int64] = np.empty(0, dtype=np.int64) if self.phase is None else np.flatnonzero(self.phase == "free")
+        rows: NDArray[np.int64] = (
+            np.empty(0, dtype=np.int64) if self.phase is None else np.flatnonzero(self.phase == "free")
+        )
         return rows
 
     @cached_property
@@ -177,16 +184,22 @@ def _finite(values: Array) -> Mask:
 def _check_time(t: Array, where: str) -> None:
     if not np.isfinite(t).all():
         row = int(np.flatnonzero(~np.isfinite(t))[0])
-        raise InputError(f"time that is not a number in row {row + 1} of {where}", "a finite time in every row",
-                         "remove the rows without a time")  # fmt: skip
+        raise InputError(
+            f"time that is not a number in row {row + 1} of {where}",
+            "a finite time in every row",
+            "remove the rows without a time",
+        )
     steps = np.diff(t)
     if (steps <= 0).any():
         row = int(np.flatnonzero(steps <= 0)[0]) + 1
         verb = "repeats" if steps[row - 1] == 0 else "runs backwards"
         count = int((steps <= 0).sum())
         raise InputError(
-            f"time that {verb} in row {row + 1} of {where} ({float(t[row - 1])} then {float(t[row])}; {count} such rows)",
-            "time that increases from row to row", "sort the rows by time and drop the doubled ones")  # fmt: skip
+            f"time that {verb} in row {row + 1} of {where} ({float(t[row - 1])} then {float(t[row])}; {count} such "
+            f"rows)",
+            "time that increases from row to row",
+            "sort the rows by time and drop the doubled ones",
+        )
 
 
 def _short(value: Any) -> str:

@@ -100,7 +100,9 @@ class ToolSpec(_Table):
         # estimates are never perfect: what is refused is clearly no body's
         largest = float(np.abs(moments).max())
         if moments[0] < -0.05 * largest or moments[2] > 1.25 * (moments[0] + moments[1]) + 1e-12:
-            raise PydanticCustomError("inertia", "an inertia that a body can have: moments positive, none above the others' sum")
+            raise PydanticCustomError(
+                "inertia", "an inertia that a body can have: moments positive, none above the others' sum"
+            )
         return self
 
     @property
@@ -174,9 +176,16 @@ class StreamsSpec(_Table):
 GROUPS = ("q", "dq", "ddq", "tau", "q_cmd", "wrench")
 WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
 CONTACT = (
-    "depth", "depth_rate", "slip1", "slip2", "slip_rate1", "slip_rate2",
-    "normal_force", "tangential_force1", "tangential_force2",
-)  # fmt: skip
+    "depth",
+    "depth_rate",
+    "slip1",
+    "slip2",
+    "slip_rate1",
+    "slip_rate2",
+    "normal_force",
+    "tangential_force1",
+    "tangential_force2",
+)
 
 
 def _known_quantity(name: str) -> bool:
@@ -220,8 +229,11 @@ class Rig(_Table):
         try:
             text = path.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"no readable rig at {path} ({_reason(error)})", "a rig.toml in UTF-8",
-                             "name it with --rig, or put rig.toml beside the log") from None  # fmt: skip
+            raise InputError(
+                f"no readable rig at {path} ({_reason(error)})",
+                "a rig.toml in UTF-8",
+                "name it with --rig, or put rig.toml beside the log",
+            ) from None
         return cls.parse_text(text, folder=path.parent, where=str(path))
 
     @classmethod
@@ -252,7 +264,9 @@ class Rig(_Table):
 
 
 def surface_axes(normal: Sequence[float], tangent: Sequence[float] | None = None) -> Array:
-    """Orthonormal rows tangent1, tangent2 = normal × tangent1, normal; without a tangent the base x axis is projected."""
+    """Orthonormal rows tangent1, tangent2 = normal × tangent1, normal; without a tangent the base x axis is
+    projected.
+    """
     n = np.asarray(normal, dtype=float) / np.linalg.norm(normal)
     if tangent is None:
         tangent = (1.0, 0.0, 0.0) if abs(n[0]) < 0.9 else (0.0, 1.0, 0.0)
@@ -286,7 +300,9 @@ def _as_input_error(error: ValidationError, where: str, rig: type[Rig]) -> Input
         return InputError(found, "a key of the rig format", near(place[-1], names))
     if first["type"] in ("missing", "too_long") and (length := _length(error)) is not None:
         name = shown.rpartition(".")[0] if first["type"] == "missing" else shown
-        return InputError(f"{table} {name} = {value} in {where}{tail}", f"a list of {length}", "correct that line of the rig")
+        return InputError(
+            f"{table} {name} = {value} in {where}{tail}", f"a list of {length}", "correct that line of the rig"
+        )
     if first["type"] == "missing":
         return InputError(f"no '{place[-1]}' in {table} of {where}{tail}", f"{table} {place[-1]}", "add that line")
     expected = _PLAIN.get(first["type"]) or first["msg"].removeprefix("Input should be ")
@@ -295,8 +311,13 @@ def _as_input_error(error: ValidationError, where: str, rig: type[Rig]) -> Input
 
 
 #: pydantic's words for what TOML calls otherwise, by the type of its error
-_PLAIN = {"model_type": "a table", "dict_type": "a table", "tuple_type": "a list", "list_type": "a list",
-          "finite_number": "a finite number"}  # fmt: skip
+_PLAIN = {
+    "model_type": "a table",
+    "dict_type": "a table",
+    "tuple_type": "a list",
+    "list_type": "a list",
+    "finite_number": "a finite number",
+}
 
 
 def _length(error: ValidationError) -> int | None:

@@ -47,8 +47,11 @@ class Stream:
             raise InputError(found, f"shape ({n}, {len(self.names)})", "give one name a column")
         if not np.isfinite(self.t).all():
             row = int(np.flatnonzero(~np.isfinite(self.t))[0])
-            raise InputError(f"time that is not a number in sample {row + 1} of {self.name}", "finite times",
-                             "remove the samples without a time")  # fmt: skip
+            raise InputError(
+                f"time that is not a number in sample {row + 1} of {self.name}",
+                "finite times",
+                "remove the samples without a time",
+            )
 
     @cached_property
     def period(self) -> float:
@@ -352,8 +355,11 @@ def _offset_at(
     # a quarter of the samples is independent; chance must be four standard deviations away
     top, needed = float(curve.max()), max(0.3, 4.0 / np.sqrt(len(t) / 4))
     if not top >= needed:
-        return _Refusal(top, f"a correlation of {top:.2f} at best, where chance alone reaches {needed:.2f}",
-                        "compare signals that follow one motion with one sign")  # fmt: skip
+        return _Refusal(
+            top,
+            f"a correlation of {top:.2f} at best, where chance alone reaches {needed:.2f}",
+            "compare signals that follow one motion with one sign",
+        )
     spread = scale * _LAGS
 
     def peak(offset: float) -> tuple[float, Array]:
@@ -379,8 +385,11 @@ def _offset_at(
         highest = _correlation(others.sum(axis=0)).argmax()
         lead = without[:, 4] - _correlation(others.sum(axis=0) - others)[:, highest]
         if lead.mean() < 4 * _jackknife(lead) + 1e-9:
-            return _Refusal(top, f"a motion that repeats itself: {value:.3f} s and {rival:.3f} s fit alike",
-                            "lower max_offset, or take a motion that does not repeat")  # fmt: skip
+            return _Refusal(
+                top,
+                f"a motion that repeats itself: {value:.3f} s and {rival:.3f} s fit alike",
+                "lower max_offset, or take a motion that does not repeat",
+            )
     return ClockOffset(value, error, float(around[4]), scale)
 
 

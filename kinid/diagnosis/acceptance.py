@@ -1,9 +1,10 @@
 """Refit, accept, prune: nonlinear refits of what promises most, and the paired held-out gain that decides about them.
 
-Blocks of time that a fit has not seen are predicted by two models. With residuals r before and r' after, weighed by what is left
-before, block b gains d = Σ(r² − r'²) = |δ|² + 2 Σ r' δ, where δ = r − r' is what the addition changes. It is the second term that
-chance makes: its sum over blocks has the standard error 2 √Σ(Σ_b r' δ)², memory within a block included, and between neighbours
-(W. K. Newey, K. D. West, Econometrica 55, 1987). What acts rarely is judged by what it leaves, not by how its gain is spread.
+Blocks of time that a fit has not seen are predicted by two models. With residuals r before and r' after, weighed by
+what is left before, block b gains d = Σ(r² − r'²) = |δ|² + 2 Σ r' δ, where δ = r − r' is what the addition changes. It
+is the second term that chance makes: its sum over blocks has the standard error 2 √Σ(Σ_b r' δ)², memory within a block
+included, and between neighbours (W. K. Newey, K. D. West, Econometrica 55, 1987). What acts rarely is judged by what it
+leaves, not by how its gain is spread.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ from kinid.modeling.model import Model
 
 Array = NDArray[np.float64]
 
-#: steps of a refit; points of an effect's shapes that are tried, searches from the best of them where they leave nearly as little
+#: steps of a refit; points of an effect's shapes that are tried, searches from the best of them where they leave nearly
+#: as little
 REFIT_STEPS, POINTS, STARTS, WORTH_A_START = 20, 8, 2, 1.3
 #: a value is no value that can be where it is so many standard errors away from one that can
 DOUBT = 2.0
@@ -44,10 +46,11 @@ class Evidence:
     """Paired held-out gain of one state over another.
 
     Attributes:
-        gain: in units of what is left before (weighted squares, prior included). error: its standard error. left: minus twice the
-            logarithm of the likelihood of what the second state leaves, each channel with a variance of its own.
-        share: of the squared held-out error that goes; beyond: of what is beyond noise. change: root mean square of the change of
-            the readings over that of the readings, in the channels where it is largest.
+        gain: in units of what is left before (weighted squares, prior included). error: its standard error. left: minus
+            twice the logarithm of the likelihood of what the second state leaves, each channel with a variance of its
+            own.
+        share: of the squared held-out error that goes; beyond: of what is beyond noise. change: root mean square of the
+            change of the readings over that of the readings, in the channels where it is largest.
     """
 
     gain: float
@@ -89,8 +92,8 @@ def compare_states(before: State, after: State, sigma: Array) -> Evidence:
 
 
 def _misfit(problem: Problem, squares: Array, floor: Array) -> float:
-    """Minus twice the logarithm of the likelihood of what is left (channels, g), each channel with a variance of its own, no less
-    than `floor`, and blocks that leave many times what others do weighed down as an error model does.
+    """Minus twice the logarithm of the likelihood of what is left (channels, g), each channel with a variance of its
+    own, no less than `floor`, and blocks that leave many times what others do weighed down as an error model does.
     """
     weight = np.ones_like(squares)
     for _ in range(REWEIGHTED):
@@ -106,7 +109,9 @@ def _standard_error(chance: Array) -> float:
 
 
 def _beside(state: State, other: State) -> Array:
-    """Held-out residual of a state; what the other has as an effect counts as calibration no further than that is trusted."""
+    """Held-out residual of a state; what the other has as an effect counts as calibration no further than that is
+    trusted.
+    """
     beyond = state.shift - _as_trusted(state, other)
     if not beyond.any():
         return state.held_out
@@ -115,7 +120,9 @@ def _beside(state: State, other: State) -> Array:
 
 
 def _as_trusted(state: State, other: State) -> Array:
-    """Amounts of a state's nuisances; of those that the other has as effects no further than calibration is trusted to."""
+    """Amounts of a state's nuisances; of those that the other has as effects no further than calibration is trusted
+    to.
+    """
     shared = [nuisance.effect.id in other.model for nuisance in state.open_]
     return np.where(shared, trusted(state.shift), state.shift)
 
@@ -153,10 +160,15 @@ def refit(before: State, candidates: list[Candidate]) -> Refit:
     """
     model = before.model + candidates[0].effect
     with np.errstate(all="ignore"):
-        starts = [project_linear(before.problem, model, _nearest(before, model, c), before.error) for c in candidates[:POINTS]]
-        # and one that knows nothing of where the smaller model ended: a power law may have bent far to stand in for a layer
+        starts = [
+            project_linear(before.problem, model, _nearest(before, model, c), before.error) for c in candidates[:POINTS]
+        ]
+        # and one that knows nothing of where the smaller model ended: a power law may have bent far to stand in for a
+        # layer
         bent = not linear_parameters(before.model, before.problem).all()
-        fresh = [initial_values(before.problem, model, nominal_values(model, before.problem), before.error)] if bent else []
+        fresh = (
+            [initial_values(before.problem, model, nominal_values(model, before.problem), before.error)] if bent else []
+        )
     starts.sort(key=lambda start: start[1])
     near = [values for values, cost in starts[:STARTS] if cost <= WORTH_A_START * starts[0][1]]
     best = _deepest(before, model, [*near, *fresh])
@@ -189,12 +201,16 @@ def within_possible(state: State, names: Iterable[str]) -> State:
 
 
 def why_not(state: State, effect: Effect) -> str:
-    """Why the values of an effect are none that a material or a machine has, in words; "" where they may be possible."""
+    """Why the values of an effect are none that a material or a machine has, in words; "" where they may be
+    possible.
+    """
     return effect.implausible(*_nearest_null(state, effect), state.problem.experiment.signals)
 
 
 def _nearest_null(state: State, effect: Effect) -> tuple[dict[str, float], dict[str, float]]:
-    """Values of an effect, each moved towards where it does nothing by two of its standard errors, and all with them, by name."""
+    """Values of an effect, each moved towards where it does nothing by two of its standard errors, and all with them,
+    by name.
+    """
     layout = state.problem.layout
     values = dict(zip(state.model.parameters(layout), state.values.tolist()))
     null, begin = amplitudes(effect, layout, base_of(state.model)), state.model.place(effect.id, layout).start
@@ -212,13 +228,26 @@ def _place(name: str) -> str:
 
 
 def bounded(state: State, ranges: Mapping[str, Sequence[tuple[float, float]]], like: State) -> State:
-    """A state with effects' parameters held to ranges, refitted with the error model of a state of nearly the same model."""
+    """A state with effects' parameters held to ranges, refitted with the error model of a state of nearly the same
+    model.
+    """
     low, high = parameter_bounds(state.model, state.problem)
     for name, own in ranges.items():
         place = state.model.place(name, state.problem.layout)
-        low[place], high[place] = np.maximum(low[place], [a for a, _ in own]), np.minimum(high[place], [b for _, b in own])
-    return search(state.problem, state.model, np.clip(state.values, low, high), like.error, max_steps=REFIT_STEPS,
-                  bounds=(low, high), like=like, ends=ROUGHLY)  # fmt: skip
+        low[place], high[place] = (
+            np.maximum(low[place], [a for a, _ in own]),
+            np.minimum(high[place], [b for _, b in own]),
+        )
+    return search(
+        state.problem,
+        state.model,
+        np.clip(state.values, low, high),
+        like.error,
+        max_steps=REFIT_STEPS,
+        bounds=(low, high),
+        like=like,
+        ends=ROUGHLY,
+    )
 
 
 def reformed(tried: Refit) -> Refit:
@@ -230,14 +259,30 @@ def reformed(tried: Refit) -> Refit:
 
 
 def _deepest(before: State, model: Model, starts: list[Array]) -> State:
-    """The deepest end of searches from several starts; only one that has come near the deepest in some steps is ended."""
-    begun = [search(before.problem, model, start, before.error, max_steps=FIRST_STEPS, like=before, ends=ROUGHLY)
-             for start in starts]
+    """The deepest end of searches from several starts; only one that has come near the deepest in some steps is
+    ended.
+    """
+    begun = [
+        search(before.problem, model, start, before.error, max_steps=FIRST_STEPS, like=before, ends=ROUGHLY)
+        for start in starts
+    ]
     costs = [state.cost if np.isfinite(state.cost) else np.inf for state in begun]
     near = [state for state, cost in zip(begun, costs) if cost <= WORTH_AN_END * min(costs)] or begun
-    ended = [state if state.converged else search(before.problem, model, state.values, before.error, shift=state.shift,
-                                                  known=state.jacobian, max_steps=REFIT_STEPS, ends=ROUGHLY)
-             for state in near]  # fmt: skip
+    ended = [
+        state
+        if state.converged
+        else search(
+            before.problem,
+            model,
+            state.values,
+            before.error,
+            shift=state.shift,
+            known=state.jacobian,
+            max_steps=REFIT_STEPS,
+            ends=ROUGHLY,
+        )
+        for state in near
+    ]
     return min(ended, key=lambda state: state.cost if np.isfinite(state.cost) else np.inf)
 
 
@@ -262,7 +307,9 @@ def without(state: State, name: str) -> State:
     """The state's model without an effect, refitted with the state's error model."""
     names = list(state.model.parameters(state.problem.layout))
     values = np.array([v for full, v in zip(names, state.values) if full.split(".", 1)[0] != name])
-    return search(state.problem, state.model - name, values, state.error, max_steps=REFIT_STEPS, like=state, ends=ROUGHLY)
+    return search(
+        state.problem, state.model - name, values, state.error, max_steps=REFIT_STEPS, like=state, ends=ROUGHLY
+    )
 
 
 def settle(state: State) -> State:

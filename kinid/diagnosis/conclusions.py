@@ -1,4 +1,6 @@
-"""From what the stages found to a diagnosis: the path of errors, what is left and where, and a verdict for every effect."""
+"""From what the stages found to a diagnosis: the path of errors, what is left and where, and a verdict for every
+effect.
+"""
 
 from __future__ import annotations
 
@@ -50,10 +52,28 @@ class Conclusions:
         noise = self.whole.noise
         sits = where(self.whole, before, noise)
         return Diagnosis(
-            found.model, fit.model, verdict, says, tuple(step.added for step in steps if step.added), tuple(steps), left.noise,
-            self.unit, sits, where(self.whole, after, noise) if path else sits, left, told, self.whole, before, after, fit,
-            tuple(dict.fromkeys([*warnings, *self._warnings(last), *(w for w in fit.warnings if "kinid diagnose" not in w)])),
-        )  # fmt: skip
+            found.model,
+            fit.model,
+            verdict,
+            says,
+            tuple(step.added for step in steps if step.added),
+            tuple(steps),
+            left.noise,
+            self.unit,
+            sits,
+            where(self.whole, after, noise) if path else sits,
+            left,
+            told,
+            self.whole,
+            before,
+            after,
+            fit,
+            tuple(
+                dict.fromkeys(
+                    [*warnings, *self._warnings(last), *(w for w in fit.warnings if "kinid diagnose" not in w)]
+                )
+            ),
+        )
 
     def held_out(self, state: State, marks: Sequence[Mark]) -> Array:
         """Residual of each fold from parameters of the other one, at the log's own rate, (channels, n)."""
@@ -71,7 +91,9 @@ class Conclusions:
         start, last = selection.states[0], selection.states[-1]
         out: list[tuple[str, State, tuple[Mark, ...]]] = []
         base = self._error(self.held_out(start, ()))
-        loud = [m for m in marks if self._error(self.held_out(start, (m,))) < (1.0 - SAME) * base or not selection.added]
+        loud = [
+            m for m in marks if self._error(self.held_out(start, (m,))) < (1.0 - SAME) * base or not selection.added
+        ]
         for i, mark in enumerate(loud):
             out.append((mark.effect.id, start, tuple(loud[: i + 1])))
         done: list[str] = []
@@ -121,8 +143,10 @@ class Conclusions:
         out = {step.added: steps[i].held_out - step.held_out for i, step in enumerate(steps[1:]) if step.added}
         first = steps[0].held_out
         for tried in (t for look in self.found.selection.rounds[:1] for t in look.refits):
-            fell = float(np.mean(self.found.selection.rounds[0].before.held_out[self.rows] ** 2)
-                         - np.mean(tried.state.held_out[self.rows] ** 2))  # fmt: skip
+            fell = float(
+                np.mean(self.found.selection.rounds[0].before.held_out[self.rows] ** 2)
+                - np.mean(tried.state.held_out[self.rows] ** 2)
+            )
             out.setdefault(tried.effect.id, first - float(np.sqrt(max(0.0, first**2 - fell))))
         return out
 
@@ -131,7 +155,9 @@ class Conclusions:
         idle = self.found.selection.unsupported
         added = [step.added for step in steps if step.added and step.added not in idle]
         allowed, take = f"{left.tolerance:.2g} {left.unit} may be", "takes" if len(added) == 1 else "take"
-        remains = f"{left.excess:.2g} {left.unit} are left beside noise, {100 * left.share_of_reading:.2g} % of the reading"
+        remains = (
+            f"{left.excess:.2g} {left.unit} are left beside noise, {100 * left.share_of_reading:.2g} % of the reading"
+        )
         helped = f"{' and '.join(with_rivals(added, told))} {take} off {100 * steps[-1].explained:.0f} % of the error"
         inside = "what is left is noise" if left.excess < 0.5 * left.noise else f"{remains}; {allowed}"
         if left.matters:
@@ -154,8 +180,10 @@ class Conclusions:
     def _warnings(self, last: State) -> list[str]:
         out, phase = [], self.whole.phase
         if phase is not None and len(np.unique(phase)) == 1:
-            out.append(f"the whole log is one phase, {phase[0]}: effects of the others can't be seen; record approach, hold, "
-                       "motion and retraction")  # fmt: skip
+            out.append(
+                f"the whole log is one phase, {phase[0]}: effects of the others can't be seen; record approach, hold, "
+                "motion and retraction"
+            )
         if base_of(self.found.model) is None and self.whole.layout.kind != "joints" and self.whole.in_contact.any():
             every = map(effects.get, effects.catalogue())
             laws = ", ".join(effect.id for effect in every if effect.base and "normal" in effect.needs)

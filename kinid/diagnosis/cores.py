@@ -20,7 +20,9 @@ _here = threading.local()
 
 
 def side_by_side(do: Callable[[In], Out], items: Sequence[In]) -> list[Out]:
-    """The same for all, on as many cores as there are; one after the other inside of work that is done side by side already."""
+    """The same for all, on as many cores as there are; one after the other inside of work that is done side by side
+    already.
+    """
 
     def quietly(item: In) -> Out:
         with np.errstate(all="ignore"):  # a shape that doesn't suit the log may overflow: it is passed over

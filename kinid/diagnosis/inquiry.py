@@ -22,36 +22,50 @@ from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
 
 
-def diagnose(data: Fit | ContactSeries | Log, rig: Rig | None = None, *, model: Model | None = None, add: Sequence[str] = (),
-             max_effects: int | None = None, tolerance: float | None = None, settings: DiagnosisSettings | None = None,
-             progress: Callable[[str], None] = lambda _: None) -> Diagnosis:  # fmt: skip
+def diagnose(
+    data: Fit | ContactSeries | Log,
+    rig: Rig | None = None,
+    *,
+    model: Model | None = None,
+    add: Sequence[str] = (),
+    max_effects: int | None = None,
+    tolerance: float | None = None,
+    settings: DiagnosisSettings | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Diagnosis:
     """Compare a model with the measurement, and say which effects it lacks.
 
-    Where the log behind a fit has joints and the whole wrench, all six channels are looked at, not only the contact forces that
-    the fit was made to.
+    Where the log behind a fit has joints and the whole wrench, all six channels are looked at, not only the contact
+    forces that the fit was made to.
 
     Args:
         data: a fit; or contact-frame quantities, or a log with its `rig`, together with a `model`.
         model: the model to ask about; a fit has its own.
         add: effects to add whatever the evidence says.
         max_effects: so many are added at most; default: those of the settings.
-        tolerance: error that may be left, in the readings' unit [N, or N·m for joint torques]; default: 2 % of the readings' root
-            mean square in contact or motion, or the noise where that is more.
+        tolerance: error that may be left, in the readings' unit [N, or N·m for joint torques]; default: 2 % of the
+            readings' root mean square in contact or motion, or the noise where that is more.
         settings: what decides.
         progress: called with each stage, in words.
 
     Raises:
-        InputError: a log too short to hold any of it out, an unknown name, an effect that the model has already, or data that
-            can't carry the model.
+        InputError: a log too short to hold any of it out, an unknown name, an effect that the model has already, or
+            data that can't carry the model.
     """
     if not isinstance(data, Fit | ContactSeries | Log):
-        raise InputError(f"{type(data).__name__} to diagnose", "a fit, contact-frame quantities, or a log with its rig",
-                         "read it with kinid.read(path, rig)")  # fmt: skip
+        raise InputError(
+            f"{type(data).__name__} to diagnose",
+            "a fit, contact-frame quantities, or a log with its rig",
+            "read it with kinid.read(path, rig)",
+        )
     if model is not None and not isinstance(model, Model):
-        raise InputError(f"a model that is a {type(model).__name__}", "a kinid.Model",
-                         "pass model=kinid.Model('kelvin-voigt', …)")  # fmt: skip
+        raise InputError(
+            f"a model that is a {type(model).__name__}", "a kinid.Model", "pass model=kinid.Model('kelvin-voigt', …)"
+        )
     if tolerance is not None and not 0.0 <= tolerance < float("inf"):
-        raise InputError(f"a tolerance of {tolerance:g}", "0 or more, in N or N·m", "state what may be left of the error")
+        raise InputError(
+            f"a tolerance of {tolerance:g}", "0 or more, in N or N·m", "state what may be left of the error"
+        )
     settings = settings or DiagnosisSettings()
     if max_effects is not None:
         settings = dataclasses.replace(settings, max_effects=max_effects)

@@ -18,7 +18,8 @@ from kinid.identification.whole import held_out_residual
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
 
-#: a fit from nothing that ends within this of where the way here led is the one that is reported; so is one without marks
+#: a fit from nothing that ends within this of where the way here led is the one that is reported; so is one without
+#: marks
 SAME_COST = 1.1
 
 
@@ -38,14 +39,23 @@ class Found:
     selection: Selection
 
 
-def run(model: Model, experiment: Experiment, settings: DiagnosisSettings, *, known: Mapping[str, float] | None = None,
-        forced: Sequence[str] = (), progress: Callable[[str], None] = lambda _: None) -> Found:  # fmt: skip
+def run(
+    model: Model,
+    experiment: Experiment,
+    settings: DiagnosisSettings,
+    *,
+    known: Mapping[str, float] | None = None,
+    forced: Sequence[str] = (),
+    progress: Callable[[str], None] = lambda _: None,
+) -> Found:
     """All stages.
 
     Args:
         model: that is asked about. experiment: at the log's own rate. settings: what decides.
-        known: starting values by full name. forced: effects to add whatever the evidence says. progress: called at each stage.
+        known: starting values by full name. forced: effects to add whatever the evidence says. progress: called at each
+            stage.
     """
+
     def found_beside(passed: Sequence[str]) -> Found:
         """All but marks of these names."""
         progress("looking for marks in the samples")
@@ -70,7 +80,9 @@ def run(model: Model, experiment: Experiment, settings: DiagnosisSettings, *, kn
 
 
 def _needless(found: Found) -> bool:
-    """Whether a fit of what was found to all samples does as well without marks, which some model alone seemed to show."""
+    """Whether a fit of what was found to all samples does as well without marks, which some model alone seemed to
+    show.
+    """
     last, whole, rows = found.selection.states[-1], found.whole, error_rows(found.whole)
     free = estimate(last.model, whole) if found.selection.added else found.plain
     left = held_out_residual(last, whole, lambda predicted: marked(predicted, found.cleaned.marks, whole))

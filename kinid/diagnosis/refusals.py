@@ -30,8 +30,11 @@ def refuse_names(add: Sequence[str], model: Model, max_effects: int) -> None:
     for name in add:
         effect = effects.get(name)
         if name in model:
-            raise InputError(f"effect '{name}' to be added to {model}, which has it", "each effect once",
-                             "don't ask for it: the model is asked about as it is")  # fmt: skip
+            raise InputError(
+                f"effect '{name}' to be added to {model}, which has it",
+                "each effect once",
+                "don't ask for it: the model is asked about as it is",
+            )
         model = model + effect
 
 
@@ -51,15 +54,24 @@ def refuse_log(experiment: Experiment, model: Model) -> None:
         raise InputError("no sample with all of its channels", "readings that are numbers", "check the log's columns")
     span = float(np.ptp(s.t[experiment.valid]))
     if span < SHORTEST:
-        raise InputError(f"{span:.3g} s of log", f"{SHORTEST:g} s at least, to hold half of it out in blocks of half a second",
-                         "record several pokes, with holds and slides between them")  # fmt: skip
+        raise InputError(
+            f"{span:.3g} s of log",
+            f"{SHORTEST:g} s at least, to hold half of it out in blocks of half a second",
+            "record several pokes, with holds and slides between them",
+        )
     blocks = len(np.unique((s.t[experiment.valid] / 0.5).astype(int)))
     if blocks < FEWEST_BLOCKS:
-        raise InputError(f"{blocks} blocks of half a second with readings", f"{FEWEST_BLOCKS} at least",
-                         "record for longer, or find out why so many samples are invalid")  # fmt: skip
+        raise InputError(
+            f"{blocks} blocks of half a second with readings",
+            f"{FEWEST_BLOCKS} at least",
+            "record for longer, or find out why so many samples are invalid",
+        )
     if "normal" in model.needs and s.layout.kind != "joints" and not (s.depth[experiment.valid] > 0).any():
-        raise InputError(f"a depth that is never positive, for {model}", "samples inside the material",
-                         "check [surface] of the rig, or ask about --model none")  # fmt: skip
+        raise InputError(
+            f"a depth that is never positive, for {model}",
+            "samples inside the material",
+            "check [surface] of the rig, or ask about --model none",
+        )
     deep = float(s.depth[experiment.valid].max()) if "normal" in model.needs and s.layout.kind == "contact" else 0.0
     if deep > DEEPEST:
         raise InputError(f"depths of up to {deep:.3g} m", "metres inside the material", f"say so {DEPTH_UNIT}")

@@ -28,8 +28,8 @@ class EffectVerdict:
 
     Attributes:
         id: its name. verdict: "present", "absent", "not-excited" or "indistinguishable".
-        evidence: significance of its paired held-out gain, which is the gain over its standard error; 4 is the least that is
-            accepted. Infinite for what stands in the samples themselves.
+        evidence: significance of its paired held-out gain, which is the gain over its standard error; 4 is the least
+            that is accepted. Infinite for what stands in the samples themselves.
         equivalent_to: effects that this log can't tell it from.
         held_out_gain: by how much it lowers the held-out error, in the error's unit.
         parameters: with 95 % intervals, where it was fitted.
@@ -69,12 +69,16 @@ class EffectVerdict:
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
         return {
-            "id": self.id, "verdict": self.verdict,
-            "evidence": self.evidence if np.isfinite(self.evidence) else None, "equivalent_to": list(self.equivalent_to),
+            "id": self.id,
+            "verdict": self.verdict,
+            "evidence": self.evidence if np.isfinite(self.evidence) else None,
+            "equivalent_to": list(self.equivalent_to),
             "held_out_gain": self.held_out_gain,
             "parameters": {name: p.to_dict() for name, p in self.parameters.items()},
-            "separate_by": self.separate_by, "says": self.says, "acts": self.acts,
-        }  # fmt: skip
+            "separate_by": self.separate_by,
+            "says": self.says,
+            "acts": self.acts,
+        }
 
 
 @dataclass(frozen=True)
@@ -92,8 +96,12 @@ class Step:
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return {"added": self.added, "model": list(self.model), "explained": self.explained,
-                "error": {"train": self.train, "held_out": self.held_out}}  # fmt: skip
+        return {
+            "added": self.added,
+            "model": list(self.model),
+            "explained": self.explained,
+            "error": {"train": self.train, "held_out": self.held_out},
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +114,8 @@ class Diagnosis:
         added: names, in the order in which they help.
         steps: the ladder, from the model to the best one; errors are of the same samples on each.
         noise_floor: what the noise alone explains; unit: of all errors.
-        where: cells in which the error of `model` sits, the largest share first. left_where: the same of the best model.
+        where: cells in which the error of `model` sits, the largest share first. left_where: the same of the best
+            model.
         left: what the best model leaves beside noise and tolerance.
         effects: a verdict for every effect of the catalogue.
         experiment: what was looked at. residual: of `model`, held out, (channels, n); residual_after: of the best one.
@@ -154,13 +163,22 @@ class Diagnosis:
     def to_dict(self) -> dict[str, Any]:
         """The facts as `kinid diagnose --json` writes them."""
         return {
-            "model": list(self.model.names), "verdict": self.verdict, "says": self.says, "added": list(self.added),
-            "error": {"unit": self.unit, "before": self.steps[0].held_out, "after": self.steps[-1].held_out,
-                      "noise_floor": self.noise_floor},
+            "model": list(self.model.names),
+            "verdict": self.verdict,
+            "says": self.says,
+            "added": list(self.added),
+            "error": {
+                "unit": self.unit,
+                "before": self.steps[0].held_out,
+                "after": self.steps[-1].held_out,
+                "noise_floor": self.noise_floor,
+            },
             "steps": [step.to_dict() for step in self.steps],
             "where": [cell.to_dict() for cell in self.where],
-            "tolerance": self.left.tolerance, "explained": self.explained, "left": self.left.to_dict(),
+            "tolerance": self.left.tolerance,
+            "explained": self.explained,
+            "left": self.left.to_dict(),
             "left_where": [cell.to_dict() for cell in self.left_where],
             "effects": [effect.to_dict() for effect in self.effects],
             "warnings": list(self.warnings),
-        }  # fmt: skip
+        }

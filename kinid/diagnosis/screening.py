@@ -30,8 +30,8 @@ class Candidate:
     Attributes:
         effect: specialised to the log. predicted_gain: what it would take off the weighted squares.
         start: values of model + effect to search from, (p + k,). origin: the same with the effect at its null.
-        sensitivity: by amplitude (its number among the effect's parameters), length of the weighted change of the readings per
-            unit that no parameter of the model and no nuisance can take up.
+        sensitivity: by amplitude (its number among the effect's parameters), length of the weighted change of the
+            readings per unit that no parameter of the model and no nuisance can take up.
     """
 
     effect: Effect
@@ -46,7 +46,9 @@ def screen_catalogue(state: State) -> dict[str, list[Candidate]]:
     out = {}
     for effect, why in candidate_effects(state.model, state.problem.layout):
         own = effect.for_log(state.problem.experiment.signals)
-        many = 0 if own.prior(state.problem.layout) is not None else len(own.parameters(state.problem.layout)) * READINGS
+        many = (
+            0 if own.prior(state.problem.layout) is not None else len(own.parameters(state.problem.layout)) * READINGS
+        )
         if not why and not effect.detector and many <= max(6 * READINGS, state.residual.size):
             points = screen(state, effect)
             if points:
@@ -57,11 +59,13 @@ def screen_catalogue(state: State) -> dict[str, list[Candidate]]:
 def screen(state: State, effect: Effect) -> list[Candidate]:
     """How much of the residual this effect could explain at each point of its shapes, the best first.
 
-    Its change of the means is freed of what the model's parameters and the nuisances can take up, and projected on the residual.
-    A nuisance that is the same effect gives way to it.
+    Its change of the means is freed of what the model's parameters and the nuisances can take up, and projected on the
+    residual. A nuisance that is the same effect gives way to it.
     """
     with np.errstate(all="ignore"):
-        return sorted(_candidates(state, effect.for_log(state.problem.experiment.signals)), key=lambda c: -c.predicted_gain)
+        return sorted(
+            _candidates(state, effect.for_log(state.problem.experiment.signals)), key=lambda c: -c.predicted_gain
+        )
 
 
 def _candidates(state: State, effect: Effect) -> Iterator[Candidate]:

@@ -26,13 +26,16 @@ Array = NDArray[np.float64]
 
 #: a reported error rises where its square is so many times the one before
 RISES = 1.01
-#: refits whose form of friction at rest is chosen anew; rivals of the best, each of which gains this share of what that does
+#: refits whose form of friction at rest is chosen anew; rivals of the best, each of which gains this share of what that
+#: does
 REFORMED, MAX_RIVALS, RIVAL_SHARE = 2, 3, 0.5
 
 
 @dataclass(eq=False)
 class Round:
-    """One look at the catalogue from one state: points of every effect, and those that were refitted, the best first."""
+    """One look at the catalogue from one state: points of every effect, and those that were refitted, the best
+    first.
+    """
 
     before: State
     points: dict[str, list[Candidate]]
@@ -46,8 +49,8 @@ class Selection:
     Attributes:
         states: from the model that was asked about to the last one. added: names, in their order.
         evidence: of each addition beside all others. alternatives: of each, those that fit as well.
-        rounds: every look. unsupported: of names that were added because they were asked for, and that the log doesn't support,
-            why.
+        rounds: every look. unsupported: of names that were added because they were asked for, and that the log doesn't
+            support, why.
         pruned: names that later additions made needless. fits: of models by their names, from nothing.
     """
 
@@ -65,7 +68,11 @@ def implausible(state: State, before: State | None = None) -> str:
     """Why the values of a state are none that a material or a machine has, in words; "" where they are possible."""
     if not np.isfinite(state.cost):
         return "what they predict is no number"
-    known = set() if before is None else {effect.id for effect in before.model.effects if acceptance.why_not(before, effect)}
+    known = (
+        set()
+        if before is None
+        else {effect.id for effect in before.model.effects if acceptance.why_not(before, effect)}
+    )
     new = [effect for effect in state.model.effects if effect.id not in known]
     return next((why for effect in new if (why := acceptance.why_not(state, effect))), "")
 
@@ -75,20 +82,30 @@ def acceptable(tried: Refit, before: State, settings: DiagnosisSettings) -> bool
     e = tried.evidence
     # what takes off most of the error leaves less that could speak against it
     needed = settings.min_significance * max(0.5, 1.0 - e.share)
-    return (e.significance > needed and e.share > settings.min_share and e.change > settings.min_reading_share
-            and not implausible(tried.state, before) and _remarkable(tried, settings))  # fmt: skip
+    return (
+        e.significance > needed
+        and e.share > settings.min_share
+        and e.change > settings.min_reading_share
+        and not implausible(tried.state, before)
+        and _remarkable(tried, settings)
+    )
 
 
 def _remarkable(tried: Refit, settings: DiagnosisSettings) -> bool:
     """Whether the log says more of a refitted effect than that it is as large as in every material and every rig."""
     state, effect, layout = tried.state, tried.effect, tried.state.problem.layout
     values, parameters = state.values[state.model.place(effect.id, layout)], effect.parameters(layout)
-    null, open_ = amplitudes(effect, layout, base_of(state.model)), effect.calibration_sd(state.problem.experiment.signals)
+    null, open_ = (
+        amplitudes(effect, layout, base_of(state.model)),
+        effect.calibration_sd(state.problem.experiment.signals),
+    )
     usual = {i: max(effect.usual(parameters[i]), MAX_SHIFT * open_.get(parameters[i].name, 0.0)) for i in null}
     beyond = [i for i in null if abs(values[i] - null[i]) > usual[i]]
     if not beyond or any(not usual[i] for i in beyond):
         return bool(beyond)
-    ranges = [(null[i] - usual[i], null[i] + usual[i]) if i in null else (-np.inf, np.inf) for i in range(len(parameters))]
+    ranges = [
+        (null[i] - usual[i], null[i] + usual[i]) if i in null else (-np.inf, np.inf) for i in range(len(parameters))
+    ]
     evidence = compare_states(acceptance.bounded(state, {effect.id: ranges}, state), state, state.error.sigma)
     return evidence.significance > settings.min_significance and evidence.share > settings.min_share
 
@@ -104,7 +121,9 @@ def look(state: State, settings: DiagnosisSettings) -> Round:
     """Screen the catalogue and refit what promises most."""
     points = screen_catalogue(state)
     ranked = sorted((c[0] for c in points.values()), key=lambda c: -c.predicted_gain)
-    least = max(settings.min_significance**2 / 4, settings.promising_share * (ranked[0].predicted_gain if ranked else 0.0))
+    least = max(
+        settings.min_significance**2 / 4, settings.promising_share * (ranked[0].predicted_gain if ranked else 0.0)
+    )
     promising = [c.effect.id for c in ranked if c.predicted_gain > least][: settings.refits]
     tried = sorted(side_by_side(lambda name: refit(state, points[name]), promising), key=_rank)
     # beside the right effect, friction at rest may have another form than beside the wrong ones
@@ -115,7 +134,8 @@ def look(state: State, settings: DiagnosisSettings) -> Round:
 def choose(tried: Sequence[Refit], before: State, settings: DiagnosisSettings) -> Refit | None:
     """The acceptable refit that leaves the least; of those that fit as well, the one with the fewest parameters.
 
-    The best are compared by their settled states: what a channel weighs beside the right effect it doesn't beside the wrong ones.
+    The best are compared by their settled states: what a channel weighs beside the right effect it doesn't beside the
+    wrong ones.
     """
     able = [t for t in tried if acceptable(t, before, settings)]
     able = [t for t in able if t.evidence.gain > RIVAL_SHARE * max(a.evidence.gain for a in able)]
@@ -142,18 +162,26 @@ def deeper(tried: Refit, fits: dict[tuple[str, ...], State]) -> Refit:
     Such fits are kept in `fits`.
     """
     model, before = tried.state.model, tried.before
-    fit = fits[model.names] = within_possible(estimate_problem(model, before.problem), set(model.names) - {*before.model.names})
+    fit = fits[model.names] = within_possible(
+        estimate_problem(model, before.problem), set(model.names) - {*before.model.names}
+    )
     return min(tried.settled, tried.ended(fit), key=lambda t: t.evidence.left)
 
 
 def same(one: Refit, other: Refit, sigma: Array, settings: DiagnosisSettings) -> bool:
     """Whether the log can't tell two refits of one state apart, with errors weighed by σ (channels, g)."""
     between = compare_states(other.state, one.state, sigma)
-    return abs(between.gain) <= settings.rival_significance * between.error or abs(between.share) <= settings.rival_share
+    return (
+        abs(between.gain) <= settings.rival_significance * between.error or abs(between.share) <= settings.rival_share
+    )
 
 
-def select(start: State, settings: DiagnosisSettings, forced: Sequence[str] = (),
-           progress: Callable[[str], None] = lambda _: None) -> Selection:  # fmt: skip
+def select(
+    start: State,
+    settings: DiagnosisSettings,
+    forced: Sequence[str] = (),
+    progress: Callable[[str], None] = lambda _: None,
+) -> Selection:
     """Add effects while each is beyond doubt and worth a name.
 
     Args:
@@ -228,7 +256,9 @@ def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: 
 
 
 def _defend(found: Selection, settings: DiagnosisSettings, forced: Sequence[str]) -> None:
-    """Hold each addition against what else could stand in its place: swap it where another is better, name those as good."""
+    """Hold each addition against what else could stand in its place: swap it where another is better, name those as
+    good.
+    """
     for held in list(found.added):
         name, last = held, found.states[-1]
         if not removable(last.model, name):
@@ -246,19 +276,24 @@ def _defend(found: Selection, settings: DiagnosisSettings, forced: Sequence[str]
         found.evidence[name] = own.evidence
         if name in forced:
             continue
-        better = choose([t for t in now.refits if t.effect.id not in found.added or t.effect.id == name], less, settings)
+        better = choose(
+            [t for t in now.refits if t.effect.id not in found.added or t.effect.id == name], less, settings
+        )
         if better is not None and better.effect.id != name and _preferred(better, own, less, settings):
             found.states[-1] = better.settled.state
             found.added[found.added.index(name)] = better.effect.id
             found.evidence[better.effect.id] = better.evidence
             own, name = better, better.effect.id
         rivals = [t for t in now.refits if t.effect.id not in {name, *found.added} and name not in t.effect.generalises]
-        found.alternatives[name] = tuple(t.effect.id for t in rivals if same(own, t, less.error.sigma, settings)
-                                         and acceptable(t, less, settings))
+        found.alternatives[name] = tuple(
+            t.effect.id for t in rivals if same(own, t, less.error.sigma, settings) and acceptable(t, less, settings)
+        )
 
 
 def _preferred(other: Refit, held: Refit, before: State, settings: DiagnosisSettings) -> bool:
-    """Whether another effect is to stand in the place of one that was added: it leaves less, or as much with fewer parameters."""
+    """Whether another effect is to stand in the place of one that was added: it leaves less, or as much with fewer
+    parameters.
+    """
     if same(other, held, before.error.sigma, settings):
         return len(other.state.values) < len(held.state.values)
     return other.evidence.left < held.evidence.left

@@ -11,19 +11,19 @@ class DiagnosisSettings:
 
     Attributes:
         min_significance: held-out gain over its standard error [1]; an effect is accepted above it.
-        beyond_doubt: inside the tolerance, times the share of what is beyond noise that an addition leaves, the significance that
-            it must have: no form of a material is exact [1].
+        beyond_doubt: inside the tolerance, times the share of what is beyond noise that an addition leaves, the
+            significance that it must have: no form of a material is exact [1].
         min_share: of the squared error that is left, what an effect must take off [1].
-        min_reading_share: root mean square of an effect's change of the readings over that of the readings [1]; less than this
-            no sensor's linearity bears out.
+        min_reading_share: root mean square of an effect's change of the readings over that of the readings [1]; less
+            than this no sensor's linearity bears out.
         rival_significance: alternatives within so many standard errors of each other are not told apart [1].
         rival_share: nor are those of which neither takes off more than this share of what the other leaves [1].
         refits: effects that are refitted in a round [1].
         promising_share: of the best predicted gain of a round, what another effect must promise to be refitted [1].
         max_effects: effects that are added at most [1].
         tolerance: share of the readings' root mean square that may be left [1].
-        stand_in_ratio: of what is left beyond noise to what an effect takes off, above which the effect is a stand-in where the
-            diagnosis ends unexplained [1].
+        stand_in_ratio: of what is left beyond noise to what an effect takes off, above which the effect is a stand-in
+            where the diagnosis ends unexplained [1].
     """
 
     min_significance: float = 4.0

@@ -1,4 +1,6 @@
-"""What a log says about every effect of the catalogue: present, absent, not excited by it, or not to be told from others."""
+"""What a log says about every effect of the catalogue: present, absent, not excited by it, or not to be told from
+others.
+"""
 
 from __future__ import annotations
 
@@ -30,8 +32,13 @@ SHAPES = 0.75
 DOUBTFUL = 0.5
 
 
-def verdicts(found: Found, parameters: dict[str, FittedParameter], gains: dict[str, float], left: LackOfFit,
-             settings: DiagnosisSettings) -> tuple[EffectVerdict, ...]:  # fmt: skip
+def verdicts(
+    found: Found,
+    parameters: dict[str, FittedParameter],
+    gains: dict[str, float],
+    left: LackOfFit,
+    settings: DiagnosisSettings,
+) -> tuple[EffectVerdict, ...]:
     """One for each effect that the model lacked, those that were added first.
 
     Args:
@@ -39,14 +46,26 @@ def verdicts(found: Found, parameters: dict[str, FittedParameter], gains: dict[s
         gains: by how much additions and those that were refitted lower the held-out error. left: by the best model.
     """
     selection, last = found.selection, found.selection.states[-1]
-    out = [EffectVerdict(name := mark.effect.id, PRESENT, np.inf, (), gains.get(name, 0.0), _own(name, parameters), "", mark.says)
-           for mark in found.cleaned.marks]  # fmt: skip
+    out = [
+        EffectVerdict(
+            name := mark.effect.id, PRESENT, np.inf, (), gains.get(name, 0.0), _own(name, parameters), "", mark.says
+        )
+        for mark in found.cleaned.marks
+    ]
     out += [_added(name, found, parameters, gains.get(name, 0.0), left, settings) for name in selection.added]
     known = {v.id for v in out}
-    groups = {rival: tuple(dict.fromkeys([name, *(r for r in rivals if r != rival)]))
-              for name, rivals in selection.alternatives.items() if name in selection.added for rival in rivals}  # fmt: skip
+    groups = {
+        rival: tuple(dict.fromkeys([name, *(r for r in rivals if r != rival)]))
+        for name, rivals in selection.alternatives.items()
+        if name in selection.added
+        for rival in rivals
+    }
     tried = {t.effect.id: t for look in selection.rounds for t in look.refits}
-    final = selection.rounds[-1] if selection.rounds and selection.rounds[-1].before.model.names == last.model.names else None
+    final = (
+        selection.rounds[-1]
+        if selection.rounds and selection.rounds[-1].before.model.names == last.model.names
+        else None
+    )
     others = []
     for effect, why in candidate_effects(last.model, found.whole.layout):
         name = effect.id
@@ -54,9 +73,18 @@ def verdicts(found: Found, parameters: dict[str, FittedParameter], gains: dict[s
             continue
         if name in groups:
             evidence = tried[name].evidence.significance if name in tried else 0.0
-            others.append(EffectVerdict(
-                name, INDISTINGUISHABLE, evidence, groups[name], gains.get(name, 0.0), {}, _separate(name, groups[name], found),
-                f"fits as well as {', '.join(groups[name])}: this log can't tell them apart"))  # fmt: skip
+            others.append(
+                EffectVerdict(
+                    name,
+                    INDISTINGUISHABLE,
+                    evidence,
+                    groups[name],
+                    gains.get(name, 0.0),
+                    {},
+                    _separate(name, groups[name], found),
+                    f"fits as well as {', '.join(groups[name])}: this log can't tell them apart",
+                )
+            )
             continue
         latest = next((t for t in final.refits if t.effect.id == name), None) if final is not None else None
         if why:
@@ -64,10 +92,20 @@ def verdicts(found: Found, parameters: dict[str, FittedParameter], gains: dict[s
             continue
         verdict, says = _unseen(found, effect, final.points.get(name) if final else None, latest, settings)
         if latest is not None and len(selection.added) >= settings.max_effects and acceptable(latest, last, settings):
-            others.append(EffectVerdict(
-                name, NOT_EXCITED, latest.evidence.significance, (), gains.get(name, 0.0), {},
-                f"--add {name}, or a larger --max-effects", "left out: no more effects were asked for; it would take "
-                f"{100 * latest.evidence.share:.0f} % of what is left", left_out=True))  # fmt: skip
+            others.append(
+                EffectVerdict(
+                    name,
+                    NOT_EXCITED,
+                    latest.evidence.significance,
+                    (),
+                    gains.get(name, 0.0),
+                    {},
+                    f"--add {name}, or a larger --max-effects",
+                    "left out: no more effects were asked for; it would take "
+                    f"{100 * latest.evidence.share:.0f} % of what is left",
+                    left_out=True,
+                )
+            )
             continue
         record = "" if verdict == ABSENT else f"record more: {effect.excited_by}"
         within = effect.within(last.problem.experiment.signals) if verdict == ABSENT else ""
@@ -78,21 +116,52 @@ def verdicts(found: Found, parameters: dict[str, FittedParameter], gains: dict[s
     return (*out, *sorted(others, key=lambda v: (order[v.verdict], -v.evidence)))
 
 
-def _added(name: str, found: Found, parameters: dict[str, FittedParameter], gain: float, left: LackOfFit,
-           settings: DiagnosisSettings) -> EffectVerdict:  # fmt: skip
+def _added(
+    name: str,
+    found: Found,
+    parameters: dict[str, FittedParameter],
+    gain: float,
+    left: LackOfFit,
+    settings: DiagnosisSettings,
+) -> EffectVerdict:
     selection = found.selection
     evidence, rivals = selection.evidence[name], selection.alternatives.get(name, ())
     effect, own = effects.get(name), _own(name, parameters)
     if name in selection.unsupported:
-        return EffectVerdict(name, NOT_EXCITED, evidence.significance, (), gain, own, f"record {effect.excited_by}",
-                             f"added because it was asked for; it {selection.unsupported[name]}")  # fmt: skip
+        return EffectVerdict(
+            name,
+            NOT_EXCITED,
+            evidence.significance,
+            (),
+            gain,
+            own,
+            f"record {effect.excited_by}",
+            f"added because it was asked for; it {selection.unsupported[name]}",
+        )
     if is_stand_in(name, found, left, settings):
-        return EffectVerdict(name, INDISTINGUISHABLE, evidence.significance, rivals, gain, own, _separate(name, rivals, found),
-                             "a stand-in: it takes off less than it leaves, and something that the catalogue doesn't hold may be "
-                             "what it follows", stand_in=True)  # fmt: skip
+        return EffectVerdict(
+            name,
+            INDISTINGUISHABLE,
+            evidence.significance,
+            rivals,
+            gain,
+            own,
+            _separate(name, rivals, found),
+            "a stand-in: it takes off less than it leaves, and something that the catalogue doesn't hold may be "
+            "what it follows",
+            stand_in=True,
+        )
     says = f"fits as well as {', '.join(rivals)}: this log can't tell them apart" if rivals else effect.signature
-    return EffectVerdict(name, INDISTINGUISHABLE if rivals else PRESENT, evidence.significance, rivals, gain, own,
-                         _separate(name, rivals, found), says)  # fmt: skip
+    return EffectVerdict(
+        name,
+        INDISTINGUISHABLE if rivals else PRESENT,
+        evidence.significance,
+        rivals,
+        gain,
+        own,
+        _separate(name, rivals, found),
+        says,
+    )
 
 
 def is_stand_in(name: str, found: Found, left: LackOfFit, settings: DiagnosisSettings) -> bool:
@@ -103,8 +172,9 @@ def is_stand_in(name: str, found: Found, left: LackOfFit, settings: DiagnosisSet
     return evidence.share < 1.0 / (1.0 + settings.stand_in_ratio**2)
 
 
-def _unseen(found: Found, effect: Effect, points: Sequence[Candidate] | None, latest: Refit | None,
-            settings: DiagnosisSettings) -> tuple[str, str]:  # fmt: skip
+def _unseen(
+    found: Found, effect: Effect, points: Sequence[Candidate] | None, latest: Refit | None, settings: DiagnosisSettings
+) -> tuple[str, str]:
     """Absent or not excited, and why."""
     last = found.selection.states[-1]
     if effect.detector:
@@ -114,7 +184,11 @@ def _unseen(found: Found, effect: Effect, points: Sequence[Candidate] | None, la
     if not points:
         return NOT_EXCITED, "it changes nothing in this log"
     tried = found.selection.evidence.get(effect.id) if latest is None else latest.evidence
-    if tried is not None and tried.share > settings.min_share and tried.significance > DOUBTFUL * settings.min_significance:
+    if (
+        tried is not None
+        and tried.share > settings.min_share
+        and tried.significance > DOUBTFUL * settings.min_significance
+    ):
         much, sure = 100 * tried.share, tried.significance
         proof = "no proof, for or against" if sure < settings.min_significance else "too little, or impossibly much"
         return NOT_EXCITED, f"it would take {much:.0f} % of the rest, {sure:.1f} standard errors: {proof}"
@@ -134,9 +208,14 @@ def _too_small_to_see(state: State, points: Sequence[Candidate], settings: Diagn
     parameters, amplitude = effect.parameters(layout), amplitudes(effect, layout, base_of(state.model))
     whole = float(np.sum((state.residual / state.error.sigma) ** 2))
     rows = error_rows(state.problem.whole)
-    matters = np.mean((settings.min_reading_share * state.problem.channel_rms[rows, None] / state.error.sigma[rows]) ** 2)
-    least = max((2.0 * settings.min_significance) ** 2 * state.inflation, settings.min_share * whole,
-                float(matters) * state.residual.shape[1])  # fmt: skip
+    matters = np.mean(
+        (settings.min_reading_share * state.problem.channel_rms[rows, None] / state.error.sigma[rows]) ** 2
+    )
+    least = max(
+        (2.0 * settings.min_significance) ** 2 * state.inflation,
+        settings.min_share * whole,
+        float(matters) * state.residual.shape[1],
+    )
     # large steps of what has a grid of its own say how far it could go, not whether a small one shows
     weak: list[int] = []
     seen = 0
@@ -146,7 +225,9 @@ def _too_small_to_see(state: State, points: Sequence[Candidate], settings: Diagn
         weak = weak or hidden
     if seen >= SHAPES * len(points):
         return ""
-    texts = [f"{parameters[i].name} of {parameters[i].scale:.3g} {parameters[i].unit}".removesuffix(" 1") for i in weak[:2]]
+    texts = [
+        f"{parameters[i].name} of {parameters[i].scale:.3g} {parameters[i].unit}".removesuffix(" 1") for i in weak[:2]
+    ]
     return ", ".join(texts) + (f" and {len(weak) - 2} more" if len(weak) > 2 else "")
 
 
@@ -168,5 +249,7 @@ def _separate(name: str, rivals: tuple[str, ...], found: Found) -> str:
     if touch is not None and (touch.source is None or touch.source[1].robot is None):
         return "; ".join(out)  # a log without a robot
     known = ",".join(n for n in found.selection.states[-1].model.names if n != name and n not in rivals)
-    plan = f"kinid plan discriminate --model {known or 'none'} --effects {','.join([name, *rivals])} -o separate.parquet"
+    plan = (
+        f"kinid plan discriminate --model {known or 'none'} --effects {','.join([name, *rivals])} -o separate.parquet"
+    )
     return "; ".join(out) + f"; a trajectory for it: {plan}"

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinid import effects as catalogue
-from kinid.diagnosis.result import ABSENT, ADEQUATE, INDISTINGUISHABLE, MISSING, NOT_EXCITED, PRESENT, Diagnosis, EffectVerdict
+from kinid.diagnosis.result import (
+    ABSENT,
+    ADEQUATE,
+    INDISTINGUISHABLE,
+    MISSING,
+    NOT_EXCITED,
+    PRESENT,
+    Diagnosis,
+    EffectVerdict,
+)
 from kinid.identification.warnings import listed
 
 if TYPE_CHECKING:
@@ -27,10 +36,15 @@ def headline(result: Diagnosis) -> str:
     first, last = result.steps[0].held_out, result.steps[-1].held_out
     before, after = f"{first:.3g}", f"{last:.3g}"
     moved = result.added and abs(last - first) > SAME * first and after != before
-    error = (f"the held-out error {'falls' if last < first else 'rises'} from {before} to {after} {result.unit}" if moved else
-             f"the held-out error {'stays' if result.added else 'is'} {before} {result.unit}")  # fmt: skip
+    error = (
+        f"the held-out error {'falls' if last < first else 'rises'} from {before} to {after} {result.unit}"
+        if moved
+        else f"the held-out error {'stays' if result.added else 'is'} {before} {result.unit}"
+    )
     noise = f"noise alone is {result.noise_floor:.3g} {result.unit}"
-    idle = {effect.id for effect in result.effects if effect.verdict == NOT_EXCITED}  # added because they were asked for
+    idle = {
+        effect.id for effect in result.effects if effect.verdict == NOT_EXCITED
+    }  # added because they were asked for
     real = [name for name in result.added if name not in idle] or list(result.added)
     named = with_rivals(real, result.effects)
     names = listed(named)
@@ -49,7 +63,9 @@ def headline(result: Diagnosis) -> str:
     said = []
     if help_:
         alone = len(help_) == 1
-        helps = ("helps, but does" if alone else "help, but do") if moved and last < first else "does" if alone else "do"
+        helps = (
+            ("helps, but does" if alone else "help, but do") if moved and last < first else "does" if alone else "do"
+        )
         said.append(f"{listed(help_)} {helps} not suffice")
     if follow:
         said.append(f"{listed(follow)} {'is a stand-in' if len(follow) == 1 else 'are stand-ins'} for it")
@@ -62,8 +78,11 @@ def leftover(result: Diagnosis) -> str:
     allowed = f"The tolerance is {left.tolerance:.3g} {left.unit}."
     if left.excess < NOISE_SHARE * left.noise:
         return f"{left.rms:.3g} {left.unit} are left, and noise explains them. {allowed}"
-    return (f"{left.rms:.3g} {left.unit} are left. Beside noise they are {left.excess:.3g} {left.unit}, "
-            f"{100 * left.share_of_reading:.2g} % of the reading, and remember themselves for {left.memory:.2g} s. {allowed}")
+    return (
+        f"{left.rms:.3g} {left.unit} are left. Beside noise they are {left.excess:.3g} {left.unit}, "
+        f"{100 * left.share_of_reading:.2g} % of the reading, and remember themselves for {left.memory:.2g} s. "
+        f"{allowed}"
+    )
 
 
 def verdict_words(effect: EffectVerdict) -> str:
@@ -79,7 +98,11 @@ def with_rivals(names: Iterable[str], told: Iterable[EffectVerdict]) -> list[str
 
 
 def one_sided(p: FittedParameter, write: Callable[[float], str]) -> str:
-    """"at most …" of an estimate at the end of what is possible, which is an end of its interval, too; "" of others."""
+    """Say "at most …" of an estimate at the end of what is possible, which is an end of its interval, too.
+
+    Returns:
+        The phrase; "" for an estimate inside.
+    """
     wide = p.high - p.low
     if 0.0 < wide < np.inf and p.value - p.low < 1e-9 * wide:
         return f"at most {write(p.high)}"
@@ -90,6 +113,7 @@ def one_sided(p: FittedParameter, write: Callable[[float], str]) -> str:
 
 def acting(parameters: Mapping[str, FittedParameter]) -> dict[str, FittedParameter]:
     """Without parameters of effects that are read off the samples, for channels that don't bear their mark."""
+
     def acts(p: FittedParameter) -> bool:
         effect, _, name = p.name.partition(".")
         return not catalogue.get(effect).detector or p.value != catalogue.get(effect).null.get(name.split("[")[0])
@@ -100,7 +124,9 @@ def acting(parameters: Mapping[str, FittedParameter]) -> dict[str, FittedParamet
 def by_verdict(result: Diagnosis) -> list[EffectVerdict]:
     """Effects, those present first, and by evidence within a verdict."""
     rank = {verdict: k for k, verdict in enumerate(ORDER)}
-    return sorted(result.effects, key=lambda e: (rank.get(e.verdict, len(rank)), -e.evidence if np.isfinite(e.evidence) else 0.0))
+    return sorted(
+        result.effects, key=lambda e: (rank.get(e.verdict, len(rank)), -e.evidence if np.isfinite(e.evidence) else 0.0)
+    )
 
 
 def rivalries(result: Diagnosis) -> list[EffectVerdict]:

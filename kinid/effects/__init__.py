@@ -1,5 +1,5 @@
-"""The catalogue of effects: every file of this folder whose name has no leading underscore holds one effect, and so does every
-such file of a user's own folders.
+"""The catalogue of effects: every file of this folder whose name has no leading underscore holds one effect, and so
+does every such file of a user's own folders.
 """
 
 from __future__ import annotations
@@ -16,8 +16,18 @@ from kinid.errors import InputError, near
 
 __all__ = [
     "TOGETHER",
-    "AsRead", "Detection", "Effect", "JointMotion", "Layout", "Samples", "SensorMotion", "Signals", "Stage", "catalogue", "get",
-]  # fmt: skip
+    "AsRead",
+    "Detection",
+    "Effect",
+    "JointMotion",
+    "Layout",
+    "Samples",
+    "SensorMotion",
+    "Signals",
+    "Stage",
+    "catalogue",
+    "get",
+]
 
 
 #: names that stand for several effects
@@ -30,7 +40,8 @@ TOGETHER = {
 
 @cache
 def catalogue() -> dict[str, type[Effect]]:
-    """All effects by name: the files of this folder, of the folders that `KINID_EFFECTS` names, and those of installed packages.
+    """All effects by name: the files of this folder, of the folders that `KINID_EFFECTS` names, and those of installed
+    packages.
 
     Raises:
         InputError: a file of another folder, or a package, that holds no effect, several, or one whose name is taken.
@@ -43,7 +54,9 @@ def catalogue() -> dict[str, type[Effect]]:
     for effect in foreign_effects():
         if effect.id in found:
             where = effect.__module__
-            raise InputError(f"a second effect '{effect.id}', in {where}", "a name of its own", "rename the file and its id")
+            raise InputError(
+                f"a second effect '{effect.id}', in {where}", "a name of its own", "rename the file and its id"
+            )
         found[effect.id] = effect
     return found
 

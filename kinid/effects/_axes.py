@@ -37,17 +37,23 @@ def axes(layout: Layout) -> tuple[Axis, ...]:
     names = layout.joints or layout.channels
     suffixes = [""] if len(names) == 1 and not layout.joints else [f"[{name}]" for name in names]
     slides = [unit == "N" for unit in layout.units]
-    return tuple(Axis(suffix, "N", "m", 10.0) if slide else Axis(suffix, "N·m", "rad", 1.0)
-                 for suffix, slide in zip(suffixes, slides))  # fmt: skip
+    return tuple(
+        Axis(suffix, "N", "m", 10.0) if slide else Axis(suffix, "N·m", "rad", 1.0)
+        for suffix, slide in zip(suffixes, slides)
+    )
 
 
 def usual_offset(parameter: str) -> float:
-    """What sensors of a range of some 100 N·m in an arm's joints are off by [N·m]; none for a drive, whose range isn't known."""
+    """What sensors of a range of some 100 N·m in an arm's joints are off by [N·m]; none for a drive, whose range isn't
+    known.
+    """
     return 0.05 if "[" in parameter else 0.0
 
 
 def directions(s: Signals) -> Array:
-    """Which way each joint last moved, from −1 to 1, (N, n), in the form of `s.rest`: bristles, straight at first, or speed."""
+    """Which way each joint last moved, from −1 to 1, (N, n), in the form of `s.rest`: bristles, straight at first, or
+    speed.
+    """
     motion, rest = s.joints, s.rest
     assert motion is not None
 
@@ -57,7 +63,9 @@ def directions(s: Signals) -> Array:
         out = np.empty_like(motion.dq)
         row, still, always = np.empty((2, len(s))), np.zeros(len(s)), np.ones(len(s), dtype=np.bool_)
         for j, axis in enumerate(axes(s.layout)):
-            bristles(np.ascontiguousarray(motion.dq[j]), still, s.dt, always, rest.joint * BRISTLE[axis.position], row, 0.0)
+            bristles(
+                np.ascontiguousarray(motion.dq[j]), still, s.dt, always, rest.joint * BRISTLE[axis.position], row, 0.0
+            )
             out[j] = row[0]
         return out
 

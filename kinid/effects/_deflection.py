@@ -9,35 +9,39 @@ import numpy as np
 from kinid.effects._signals import Agreement, Array, Recall, Signals
 from kinid.kernels.recall import forwards, remembered
 
-#: steps after which a search that goes on is left as it is; a power law takes five, laws with a long memory some twenty, and
-#: beside an agreement that is known three do
+#: steps after which a search that goes on is left as it is; a power law takes five, laws with a long memory some
+#: twenty, and beside an agreement that is known three do
 MOST_STEPS, MOST_BESIDE = 30, 10
 #: … and after so many that each were greater than the one before: damping that gives energy has no such force
 GROWING = 4
-#: a bond that tears lets go of the arm where it gives way faster than the arm follows: to this share of that, slopes are believed
+#: a bond that tears lets go of the arm where it gives way faster than the arm follows: to this share of that, slopes
+#: are believed
 SNAP = 0.5
 #: slopes are worked out anew where a step is more than this share of the one before
 SLOW = 0.05
-#: … not within so many steps, at first, and twice as many each time: where memory makes steps slow, new slopes are the old ones
+#: … not within so many steps, at first, and twice as many each time: where memory makes steps slow, new slopes are the
+#: old ones
 AGED = 1
-#: after so many steps, a sample that goes back by this share of the step before is torn between two places, as where a bond
-#: lets go at once: it is taken half as far each time, to the place between them, and left there with this share of its steps
+#: after so many steps, a sample that goes back by this share of the step before is torn between two places, as where a
+#: bond lets go at once: it is taken half as far each time, to the place between them, and left there with this share of
+#: its steps
 PATIENT, TORN, LOST = 5, 0.7, 0.02
-#: a tool that the arm holds back from the material is this share of the greatest depth inside: a law that jumps acts there
+#: a tool that the arm holds back from the material is this share of the greatest depth inside: a law that jumps acts
+#: there
 LEAST = 1e-12
-#: what is less than this share of the greatest force is no step any more; beside an agreement that is known, what is less than
-#: this share of the first step, all samples together: of the difference between the two
+#: what is less than this share of the greatest force is no step any more; beside an agreement that is known, what is
+#: less than this share of the first step, all samples together: of the difference between the two
 SETTLED, NEARBY = 1e-10, 3e-5
 
 
 def press_through(s: Signals, compliance: float, press: Callable[[Signals], None]) -> None:
     """Replace depth, rate and normal force by those behind a compliance C: N = L(x, ẋ), x = δ − C N, ẋ = δ̇ − C Ṅ.
 
-    A Newton search for all samples at once. A law's slope over depth and rate at one sample, its memory of the others as
-    it is, comes from a probe that alternates in sign from sample to sample: what a law says that it remembers of it is taken
-    off, and other memory averages it out. Ṅ is the difference to the sample before, and is solved for forwards in time, so
-    that a dashpot behind a soft arm settles as it does in nature. Where a law jumps at touch (a dashpot), the arm follows:
-    N = δ/C, until the law's force is reached.
+    A Newton search for all samples at once. A law's slope over depth and rate at one sample, its memory of the others
+    as it is, comes from a probe that alternates in sign from sample to sample: what a law says that it remembers of it
+    is taken off, and other memory averages it out. Ṅ is the difference to the sample before, and is solved for forwards
+    in time, so that a dashpot behind a soft arm settles as it does in nature. Where a law jumps at touch (a dashpot),
+    the arm follows: N = δ/C, until the law's force is reached.
 
     Args:
         s: with `depth` and `depth_rate` as the arm has them; `agreed` to begin with, which becomes what was agreed on.
@@ -59,14 +63,17 @@ def press_through(s: Signals, compliance: float, press: Callable[[Signals], None
         moved, moves = float(change.max(initial=0.0)), float(change.sum())
         grew = grew + 1 if moved > last else 0
         first = first or moves
-        pace = min(1.0, moved / last) if last < np.inf else 1.0  # what is left is this share of the step, if it goes on like that
+        pace = (
+            min(1.0, moved / last) if last < np.inf else 1.0
+        )  # what is left is this share of the step, if it goes on like that
         near = search.beside and pace * moves <= NEARBY * first
         if near or grew == GROWING or pace * moved <= SETTLED * float(np.abs(search.force).max(initial=0.0)):
             break
         age += 1
         stale, last = last < np.inf and pace > SLOW and age >= aged, moved
     s.agreed = search.agree()
-    # what friction needs of depth is where it begins: most searches agree on that, and the arm's own is the same for all
+    # what friction needs of depth is where it begins: most searches agree on that, and the arm's own is the same for
+    # all
     if not s.rest.kept:
         s.touch = depth if np.array_equal(s.depth > 0.0, depth > 0.0) else s.depth
 
@@ -78,10 +85,18 @@ class _Newton:
         self._s, self._c, self._press = s, compliance, press
         self._depth, self._rate, n = s.depth, s.depth_rate, len(s)
         self._none = np.zeros(n)
-        self.beside = s.agreed is not None and s.beside  # only what changes from an agreement that is known is looked for
+        self.beside = (
+            s.agreed is not None and s.beside
+        )  # only what changes from an agreement that is known is looked for
         begin = s.agreed or Agreement.none(n)
         self.force, self._slope, self._loss, self._share, self._kinks, self._memory = (
-            begin.force, begin.slope, begin.loss, begin.share, begin.kinks, begin.memory)  # fmt: skip
+            begin.force,
+            begin.slope,
+            begin.loss,
+            begin.share,
+            begin.kinks,
+            begin.memory,
+        )
         self._trust = np.ones(n)
         self._touched = s.depth > 0.0
         self._deep = max(float(np.abs(s.depth).max(initial=0.0)), 1e-9)
@@ -90,7 +105,8 @@ class _Newton:
         self._h, self._v = self._deep * sign, max(float(np.abs(s.depth_rate).max(initial=0.0)), 1e-9) * sign
 
     def look(self, stale: bool, moving: bool) -> bool:
-        """The law at the present force; slopes anew where they are stale, or samples crossed the surface while all still moves.
+        """The law at the present force; slopes anew where they are stale, or samples crossed the surface while all
+        still moves.
 
         What a law remembers, too; where all is to be found, not only what changes, that is anew each time.
         """
@@ -113,7 +129,8 @@ class _Newton:
         """Change of the force towards what law and arm agree on, (n,)."""
         step = np.empty(len(self.force))
         forwards(self.force - self._here, self._s.dt, self._c, self._slope, self._loss, *self._memory.parts, step)
-        # the material is not left by a step that overshoots; where steps want to leave it again and again, the arm follows
+        # the material is not left by a step that overshoots; where steps want to leave it again and again, the arm
+        # follows
         held = (self._depth - np.maximum(self._share * self._x, LEAST * self._deep)) / self._c
         most = np.where(self._touched, held, np.inf)
         trial = np.minimum(self.force - step, most)
@@ -121,7 +138,9 @@ class _Newton:
         return trial - self.force
 
     def torn(self, change: Array, before: Array) -> Array:
-        """Take a step with samples that go to and fro taken half as far each time; the change of those that aren't left (·,)."""
+        """Take a step with samples that go to and fro taken half as far each time; the change of those that aren't left
+        (·,).
+        """
         torn = (change * before < 0.0) & (np.abs(change) > TORN * np.abs(before))
         self._trust = np.where(torn, 0.5 * self._trust, self._trust)
         self.force = self.force + self._trust * change

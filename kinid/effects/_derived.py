@@ -18,7 +18,9 @@ _made: dict[tuple[object, ...], dict[tuple[float, ...], Array]] = {}
 
 
 def derived(name: str, make: Callable[[], Array], *sources: Array, at: tuple[float, ...] = ()) -> Array:
-    """The result of `make`, which follows from these read-only inputs of predictions, and from parameters `at` these values."""
+    """The result of `make`, which follows from these read-only inputs of predictions, and from parameters `at` these
+    values.
+    """
     key = (name, *map(id, sources))
     made = _made.get(key)
     if made is None:

@@ -49,13 +49,15 @@ class Effect(ABC):
         excited_by: what a log must hold for its parameters to be seen.
         needs: quantities of the signals without which it can't act: "normal", "slip", "wrench", "joints".
         wants: effects that must be in the model for this one to do anything (at least one of them).
-        detector: whether it is recognised by its mark in the samples alone (flat tops, a lattice, a line in the spectrum).
-        detection_turn: when a detector looks at the samples, lower turns first: it sees them without what was found before it.
-        null: parameter name → value at which the effect does nothing (for names with a channel or joint in brackets, the
-            part before the bracket); parameters that aren't named there may have any value then. Empty for a base.
-        grid: parameter name → values worth starting a search from, of the parameters that one start can miss: shapes (lengths,
-            speeds, time constants), and those whose best value may hide behind a hill. Where the effect is small, all others
-            change readings in proportion, and any start serves.
+        detector: whether it is recognised by its mark in the samples alone (flat tops, a lattice, a line in the
+            spectrum).
+        detection_turn: when a detector looks at the samples, lower turns first: it sees them without what was found
+            before it.
+        null: parameter name → value at which the effect does nothing (for names with a channel or joint in brackets,
+            the part before the bracket); parameters that aren't named there may have any value then. Empty for a base.
+        grid: parameter name → values worth starting a search from, of the parameters that one start can miss: shapes
+            (lengths, speeds, time constants), and those whose best value may hide behind a hill. Where the effect is
+            small, all others change readings in proportion, and any start serves.
         ends: parameter name → ends of its range that are laws of their own, not a sign that another one is meant.
         affine: whether readings stay affine in the linear parameters of a model that holds it; False for a law that
             bends what others predict (a power of the normal force, a clipped reading).
@@ -66,17 +68,19 @@ class Effect(ABC):
         recursive: name of the estimator in `kinid.estimators` that follows its parameters sample by sample.
         map_names: parameter name → what a map calls it.
         unremarkable: parameter name → distance from its null that every material and every rig has; names as below.
-        calibration_tolerance: parameter name → standard deviation within which every rig's calibration leaves it open. Names are
-            those before the bracket; where channels differ in their unit it stands in brackets: "offset[N]", "offset[N·m]".
-        admissible: parameter name, written alike → range that is physically possible, ends included. A search may go beyond it,
-            within the parameter's own bounds: where the best value lies there, something else is missing.
-        generalises: effects that it is a more general form of: where one of them explains as much, it is no alternative.
+        calibration_tolerance: parameter name → standard deviation within which every rig's calibration leaves it open.
+            Names are those before the bracket; where channels differ in their unit it stands in brackets: "offset[N]",
+            "offset[N·m]".
+        admissible: parameter name, written alike → range that is physically possible, ends included. A search may go
+            beyond it, within the parameter's own bounds: where the best value lies there, something else is missing.
+        generalises: effects that it is a more general form of: where one of them explains as much, it is no
+            alternative.
         holds: effects that it holds already, so that they have nothing to add beside it.
         same_for_joints: name of the effect that is the same thing in a log of joint torques.
-        turn: when it acts among the effects of one stage, whatever order a model names them in: lower turns first. Effects that
-            share a turn and a stage act alike in either order. Elastic: what bends the base's spring, 1 what adds, 2 what scales,
-            3 what remembers; friction: what adds, 1 what scales; sensor: its mounting, 1 its axes, 2 what it adds; acquisition:
-            its filter, 1 the clock, 2 the cable, 3 and 4 the converter.
+        turn: when it acts among the effects of one stage, whatever order a model names them in: lower turns first.
+            Effects that share a turn and a stage act alike in either order. Elastic: what bends the base's spring, 1
+            what adds, 2 what scales, 3 what remembers; friction: what adds, 1 what scales; sensor: its mounting, 1 its
+            axes, 2 what it adds; acquisition: its filter, 1 the clock, 2 the cable, 3 and 4 the converter.
     """
 
     id: ClassVar[str]
@@ -110,11 +114,15 @@ class Effect(ABC):
     same_for_joints: ClassVar[str] = ""
 
     def for_log(self, signals: Signals) -> Effect:
-        """The effect as this log needs it, where parameters depend on what a log visits; else itself, as one that was made so."""
+        """The effect as this log needs it, where parameters depend on what a log visits; else itself, as one that was
+        made so.
+        """
         return self
 
     def beside(self, names: Collection[str]) -> Effect:
-        """The effect as a model of these effects needs it, where another one takes over a part of it; parameters keep places."""
+        """The effect as a model of these effects needs it, where another one takes over a part of it; parameters keep
+        places.
+        """
         return self
 
     def prior(self, layout: Layout) -> Array | None:
@@ -144,14 +152,20 @@ class Effect(ABC):
         parameters = self.parameters(signals.layout)
         if not any(p.name in self.grid for p in parameters):
             return ()
-        return tuple(np.array(values) for values in itertools.product(*(self.grid.get(p.name, (p.nominal,)) for p in parameters)))
+        return tuple(
+            np.array(values) for values in itertools.product(*(self.grid.get(p.name, (p.nominal,)) for p in parameters))
+        )
 
     def simpler(self) -> Effect | None:
-        """A form of it with fewer parameters, of the same names, that a fit returns to where the rest explains nothing."""
+        """A form of it with fewer parameters, of the same names, that a fit returns to where the rest explains
+        nothing.
+        """
         return None
 
     def marks(self, measured: Array) -> tuple[Array, Array] | None:
-        """For a detector: its parameters as readings (channels, n) show them, and as a search for the others holds them."""
+        """For a detector: its parameters as readings (channels, n) show them, and as a search for the others holds
+        them.
+        """
         return None
 
     def detect(self, samples: Samples) -> Detection | None:
@@ -159,13 +173,19 @@ class Effect(ABC):
         return None
 
     def unseen(self, rate: float) -> str:
-        """For a detector without a mark: why a log of this rate [Hz] says nothing of it, in words; "" where it is absent."""
+        """For a detector without a mark: why a log of this rate [Hz] says nothing of it, in words; "" where it is
+        absent.
+        """
         return ""
 
     def calibration_sd(self, signals: Signals) -> Mapping[str, float]:
-        """Standard deviation within which calibration leaves its parameters open, by full name; {} where it is no calibration."""
+        """Standard deviation within which calibration leaves its parameters open, by full name; {} where it is no
+        calibration.
+        """
         kind = signals.layout.kind
-        if ("wrench" in self.needs and kind != "wrench") or (("joints" in self.needs) != (kind == "joints") and self.needs):
+        if ("wrench" in self.needs and kind != "wrench") or (
+            ("joints" in self.needs) != (kind == "joints") and self.needs
+        ):
             return {}
         named = ((p.name, _looked_up(self.calibration_tolerance, p)) for p in self.parameters(signals.layout))
         return {name: sd for name, sd in named if sd is not None}
@@ -182,7 +202,9 @@ class Effect(ABC):
         """Range of a parameter's values that is physically possible, None where `admissible` says nothing of it."""
         return _looked_up(self.admissible, parameter)
 
-    def implausible(self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None) -> str:
+    def implausible(
+        self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None
+    ) -> str:
         """Why a value can't be, in words; "" where all are possible.
 
         No standard error is looked at: a value that may be possible by chance should be moved by its error first.
@@ -204,15 +226,17 @@ class Effect(ABC):
         return ""
 
     def within(self, signals: Signals) -> str:
-        """How far its absence reaches, in words, where a log that shows none of it says nothing of one elsewhere; "" else."""
+        """How far its absence reaches, in words, where a log that shows none of it says nothing of one elsewhere; ""
+        else.
+        """
         return ""
 
     def stages(self) -> tuple[Stage, ...]:
         """The stages it acts at: those whose method its class implements."""
         return _stages(type(self))
 
-    # One method a stage. `s` is this prediction's own: arrays in it are replaced, never written into. `p` are the values
-    # of the parameters, in their order.
+    # One method a stage. `s` is this prediction's own: arrays in it are replaced, never written into. `p` are the
+    # values of the parameters, in their order.
     def geometry(self, s: Signals, p: Array) -> None:
         """Change `s.depth`, `s.depth_rate`, `s.slip`, `s.slip_rate`."""
 

@@ -23,18 +23,22 @@ def foreign_effects() -> Iterator[type[Effect]]:
     """Effects of the folders that `KINID_EFFECTS` names, file by file, then those of installed packages.
 
     Raises:
-        InputError: a folder that isn't there, a file that can't be imported or doesn't hold one effect of its own name, an entry
-            point that is no effect.
+        InputError: a folder that isn't there, a file that can't be imported or doesn't hold one effect of its own name,
+            an entry point that is no effect.
     """
     for folder in filter(None, os.environ.get(VARIABLE, "").split(os.pathsep)):
         if not Path(folder).is_dir():
-            raise InputError(f"no folder {folder}", "a folder of effects, one a file", f"check --effects, or {VARIABLE}")
+            raise InputError(
+                f"no folder {folder}", "a folder of effects, one a file", f"check --effects, or {VARIABLE}"
+            )
         for path in sorted(Path(folder).glob("[!_.]*.py")):
             yield load_effect(path)
     for point in entry_points(group=GROUP):
         effect = point.load()
         if not (isinstance(effect, type) and issubclass(effect, Effect)):
-            raise InputError(f"entry point '{point.name}' of {GROUP}", "a class of kinid.effects.Effect", "mend its package")
+            raise InputError(
+                f"entry point '{point.name}' of {GROUP}", "a class of kinid.effects.Effect", "mend its package"
+            )
         yield effect
 
 
@@ -55,7 +59,9 @@ def load_effect(path: Path) -> type[Effect]:
     except Exception as error:
         del sys.modules[name]
         line = f"{type(error).__name__}: {error}"
-        raise InputError(f"{path} can't be imported ({line})", "a Python file that holds one effect", "mend the file") from error
+        raise InputError(
+            f"{path} can't be imported ({line})", "a Python file that holds one effect", "mend the file"
+        ) from error
     return only_effect(module, path.stem)
 
 
@@ -65,11 +71,18 @@ def only_effect(module: ModuleType, file_name: str) -> type[Effect]:
     Raises:
         InputError: it holds none or several, or one whose `id` isn't the file's name.
     """
-    classes = [value for value in vars(module).values()
-               if isinstance(value, type) and issubclass(value, Effect) and value.__module__ == module.__name__]  # fmt: skip
+    classes = [
+        value
+        for value in vars(module).values()
+        if isinstance(value, type) and issubclass(value, Effect) and value.__module__ == module.__name__
+    ]
     if len(classes) != 1:
-        raise InputError(f"{len(classes)} effects in {module.__file__}", "one class of kinid.effects.Effect", "one a file")
+        raise InputError(
+            f"{len(classes)} effects in {module.__file__}", "one class of kinid.effects.Effect", "one a file"
+        )
     found, expected = getattr(classes[0], "id", ""), file_name.replace("_", "-")
     if found != expected:
-        raise InputError(f"effect '{found}' in {module.__file__}", f'id = "{expected}"', "file and effect have one name")
+        raise InputError(
+            f"effect '{found}' in {module.__file__}", f'id = "{expected}"', "file and effect have one name"
+        )
     return classes[0]

@@ -46,8 +46,11 @@ class Samples:
     def named(self, values: Array, hit: Mask, joined: str) -> str:
         """Channels that something was found in, (channels,), and the value of each, in words."""
         layout = self.layout
-        return ", ".join(f"{channel} {joined} {value:.4g} {unit}" for channel, unit, value, told in zip(
-            layout.channels, layout.units, values, hit) if told)  # fmt: skip
+        return ", ".join(
+            f"{channel} {joined} {value:.4g} {unit}"
+            for channel, unit, value, told in zip(layout.channels, layout.units, values, hit)
+            if told
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +61,8 @@ class Detection:
         values: of the effect's parameters. says: in words.
         held: values with which other parameters are searched and readings are predicted; None: `values`.
         form: fields of the effect that the samples tell, such as the frequency of a line.
-        keep: samples that still count, (n,); None: all. removed: what to take off raw readings, (channels, n); None: nothing.
+        keep: samples that still count, (n,); None: all. removed: what to take off raw readings, (channels, n); None:
+            nothing.
         noise: standard deviation of the white noise of each channel from then on, (channels,); None: as before.
         relative: the samples don't tell it alone, but beside what the model expects.
     """

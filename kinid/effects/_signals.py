@@ -39,8 +39,10 @@ class Layout:
     @property
     def units(self) -> tuple[str, ...]:
         """Unit of each channel."""
-        return tuple("N·m" if (name.startswith("t") and len(name) == 2) or name.startswith("tau") else "N"
-                     for name in self.channels)  # fmt: skip
+        return tuple(
+            "N·m" if (name.startswith("t") and len(name) == 2) or name.startswith("tau") else "N"
+            for name in self.channels
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,12 +108,15 @@ class JointMotion:
         q, dq, ddq: positions, velocities, accelerations.
         rigid: torque of rigid-body inverse dynamics; zero for an axis without a robot.
         known: whether `rigid` comes from a robot; if not, the inertia is a parameter.
-        payload: torques per unit of a payload's parameters m, m·com (3) at the last link [N·m per unit], (4, N, n), or None.
-        tool: mass [kg] and first moment about the payload's frame [kg·m] of the tool that the rig states; zeros without one.
+        payload: torques per unit of a payload's parameters m, m·com (3) at the last link [N·m per unit], (4, N, n), or
+            None.
+        tool: mass [kg] and first moment about the payload's frame [kg·m] of the tool that the rig states; zeros without
+            one.
         gravity: torques per unit of gravity along the axes of the base [N·m per m/s²], (3, N, n), or None.
-        moments: torques at rest per unit of each link's first moment, of positions (n, N) [N·m per kg·m], (3 N, N, n), or None.
-        slopes: change of the torques of a motion q, q̇, q̈ (n, N) per radian of each joint [N·m/rad], and per rad/s² of another
-            one [N·m·s²/rad], (2, N, N, n), or None.
+        moments: torques at rest per unit of each link's first moment, of positions (n, N) [N·m per kg·m], (3 N, N, n),
+            or None.
+        slopes: change of the torques of a motion q, q̇, q̈ (n, N) per radian of each joint [N·m/rad], and per rad/s² of
+            another one [N·m·s²/rad], (2, N, N, n), or None.
     """
 
     q: Array
@@ -128,7 +133,8 @@ class JointMotion:
 
 @dataclass(frozen=True, eq=False)
 class Recall:
-    """Memory of S parts of the path of a law N = … + A z, to first order: dz = K dz₋ + a dv₋ + b dv + d dx, v the rate of x.
+    """Memory of S parts of the path of a law N = … + A z, to first order: dz = K dz₋ + a dv₋ + b dv + d dx, v the rate
+    of x.
 
     Attributes:
         keep: K, (n, S, S). before, now: a and b, reach: d, size: A, each (n, S); see `kinid.kernels.recall`.
@@ -190,16 +196,21 @@ class Agreement:
 
 @dataclass(frozen=True)
 class RestForm:
-    """How dry friction behaves at rest, of which motion tells little: no effect's parameters, a form that a fit chooses.
+    """How dry friction behaves at rest, of which motion tells little: no effect's parameters, a form that a fit
+    chooses.
 
     Attributes:
-        share: of the bristles' length over which they are elastic. length: of a contact's bristles, unless an effect has one [m].
+        share: of the bristles' length over which they are elastic. length: of a contact's bristles, unless an effect
+            has one [m].
         joint: length of the bristles of a joint's friction, in stated ones (`effects._axes.BRISTLE`).
         joint_speed: above which a joint's friction is full [rad/s, m/s], in place of bristles; 0 for bristles.
-        kept: whether a contact's bristles stay bent, and turn, where the tool is outside, as of a tip that something sticks to.
-        tremor: mean speed of a contact's motion that is too fast to be seen, under which bent bristles creep back [m/s].
+        kept: whether a contact's bristles stay bent, and turn, where the tool is outside, as of a tip that something
+            sticks to.
+        tremor: mean speed of a contact's motion that is too fast to be seen, under which bent bristles creep back
+            [m/s].
         anew: whether a material remembers nothing of the touch before, as where each touch is at a place of its own.
-        smoothing: standard deviation of what torques were smoothed with afterwards, forwards and backwards [s]; 0 for none.
+        smoothing: standard deviation of what torques were smoothed with afterwards, forwards and backwards [s]; 0 for
+            none.
     """
 
     share: float = ELASTIC
@@ -227,7 +238,8 @@ class Signals:
         elastic: elastic force F_e [N], (n,). exponent: of its power law. normal: N [N], (n,). pull: of bonds, which
             is in N already [N], (n,).
         recalls: how laws that remember the path behind them do, for those that look through a compliance.
-        agreed: behind a compliance: on the way, what was agreed on beside this prediction, None for nothing; in the end, here.
+        agreed: behind a compliance: on the way, what was agreed on beside this prediction, None for nothing; in the
+            end, here.
         beside: whether only what changes from there is asked for, and to a share of that.
         touch: behind a compliance, a depth of the same sign, which more predictions share if there is one (n,).
         mu: friction coefficient, (2, n) along the tangents. bristle: length [m]. tangential: (2, n) [N].
@@ -284,7 +296,11 @@ class Signals:
     def zeros(self) -> tuple[Array, Array, Array]:
         """What all predictions begin with: (n,), (2, n), and (channels, n) of torques; forces are read in the end."""
         n = len(self)
-        return np.zeros(n), np.zeros((2, n)), np.zeros((len(self.layout.channels), n if self.layout.kind == "joints" else 0))
+        return (
+            np.zeros(n),
+            np.zeros((2, n)),
+            np.zeros((len(self.layout.channels), n if self.layout.kind == "joints" else 0)),
+        )
 
     @cached_property
     def everywhere(self) -> Array:
@@ -293,8 +309,8 @@ class Signals:
 
     @cached_property
     def lasting(self) -> Array:
-        """Steps of time for what a material remembers from one touch to the next: a gap of moderate length is one of them, on
-        which the motion is taken to run straight [s], (n,).
+        """Steps of time for what a material remembers from one touch to the next: a gap of moderate length is one of
+        them, on which the motion is taken to run straight [s], (n,).
         """
         gone = np.diff(self.t, prepend=self.t[:1])
         return np.where((self.dt == 0.0) & (gone <= REMEMBERED), gone, self.dt)

@@ -25,4 +25,6 @@ def point_load(sensor: SensorMotion, mass: float, com: Array) -> Array:
         frames.point_load(sensor.specific, sensor.omega, sensor.alpha, np.asarray(com, dtype=np.float64), out)
         return out
 
-    return mass * derived("load of a kilogram", of_a_kilogram, sensor.specific, sensor.omega, sensor.alpha, at=tuple(com))
+    return mass * derived(
+        "load of a kilogram", of_a_kilogram, sensor.specific, sensor.omega, sensor.alpha, at=tuple(com)
+    )

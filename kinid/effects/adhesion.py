@@ -17,13 +17,15 @@ SHORTEST, LATEST = 1e-6, 20.0
 
 @final
 class Adhesion(Effect):
-    """N −= (F₀ + F_a (1 − exp(−(δ_m − δ)/r))) g(−δ/ℓ): a bond that has formed at contact pulls, until it tears at δ = −ℓ [m].
+    """N −= (F₀ + F_a (1 − exp(−(δ_m − δ)/r))) g(−δ/ℓ): a bond that has formed at contact pulls, until it tears at δ =
+    −ℓ [m].
 
-    F₀ [N] pulls from touch on, in and out; F_a [N] on the way out alone, from the deepest of this contact, δ_m, on, within a
-    retraction of r [m]. Outside the material a neck tears, g(x) = (1 − xᵖ)²: nothing jumps at pull-off, but what has a neck of
-    large p tears late and fast. On touching anew everything begins again. Cases, within some per cent of the pull: a constant
-    pull with a neck (p large), stress that ends at a distance (Dugdale, p near 1.3), and a soft sphere (JKR: F₀ with p large,
-    beside a base `hertz`). What rubs is the surfaces' load, N without the pull (B. V. Derjaguin, Wear 128, 1988).
+    F₀ [N] pulls from touch on, in and out; F_a [N] on the way out alone, from the deepest of this contact, δ_m, on,
+    within a retraction of r [m]. Outside the material a neck tears, g(x) = (1 − xᵖ)²: nothing jumps at pull-off, but
+    what has a neck of large p tears late and fast. On touching anew everything begins again. Cases, within some per
+    cent of the pull: a constant pull with a neck (p large), stress that ends at a distance (Dugdale, p near 1.3), and a
+    soft sphere (JKR: F₀ with p large, beside a base `hertz`). What rubs is the surfaces' load, N without the pull (B.
+    V. Derjaguin, Wear 128, 1988).
     """
 
     id = "adhesion"
@@ -44,7 +46,11 @@ class Adhesion(Effect):
     null = {"force": 0.0, "tack": 0.0}
     grid = {"length": (1e-4, 3e-4, 1e-3, 3e-3), "rise": (3e-5, 3e-4), "neck": (2.0, 5.0)}
     ends = {"rise": (SHORTEST,), "neck": (LATEST,)}  # all of the pull at once, and a bond that tears at once
-    admissible = {"force": (0.0, 1e4), "tack": (0.0, 1e4), "length": (0.0, 0.02)}  # bonds pull; necks of gels reach a centimetre
+    admissible = {
+        "force": (0.0, 1e4),
+        "tack": (0.0, 1e4),
+        "length": (0.0, 0.02),
+    }  # bonds pull; necks of gels reach a centimetre
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Pull on the way out, pull in and out, reach, retraction until it pulls, shape of the neck."""

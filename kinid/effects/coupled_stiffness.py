@@ -37,9 +37,16 @@ class CoupledStiffness(Effect):
     excited_by = "pokes with small slips along both tangents, in and out at several speeds"
     couples = True
     needs = ("normal", "slip")
-    null = {f"{kind}-{i}{j}": 0.0 for kind in ("stiffness", "damping") for i in _AXES for j in _AXES if (i, j) != ("n", "n")}
+    null = {
+        f"{kind}-{i}{j}": 0.0 for kind in ("stiffness", "damping") for i in _AXES for j in _AXES if (i, j) != ("n", "n")
+    }
     # a contact gives no energy: its own force along a tangent is against the motion
-    admissible = {"stiffness-11": (-1e8, 0.0), "stiffness-22": (-1e8, 0.0), "damping-11": (-1e6, 0.0), "damping-22": (-1e6, 0.0)}
+    admissible = {
+        "stiffness-11": (-1e8, 0.0),
+        "stiffness-22": (-1e8, 0.0),
+        "damping-11": (-1e6, 0.0),
+        "damping-22": (-1e6, 0.0),
+    }
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Eight entries of stiffness and eight of damping, row (force) before column (motion)."""
@@ -53,10 +60,20 @@ class CoupledStiffness(Effect):
     def frame(self, s: Signals, p: Array) -> None:
         """Add the forces between the axes."""
         inside = s.inside
-        x = derived("motion since touch", lambda: np.stack([*_since_touch(s.slip, inside, s.dt), s.penetration]),
-                    s.slip, s.depth, s.dt)  # fmt: skip
-        v = derived("speed inside", lambda: np.where(inside, np.stack([*s.slip_rate, s.depth_rate]), 0.0),
-                    s.slip_rate, s.depth_rate, s.depth)  # fmt: skip
+        x = derived(
+            "motion since touch",
+            lambda: np.stack([*_since_touch(s.slip, inside, s.dt), s.penetration]),
+            s.slip,
+            s.depth,
+            s.dt,
+        )
+        v = derived(
+            "speed inside",
+            lambda: np.where(inside, np.stack([*s.slip_rate, s.depth_rate]), 0.0),
+            s.slip_rate,
+            s.depth_rate,
+            s.depth,
+        )
         stiffness, damping = np.append(p[:8], 0.0).reshape(3, 3), np.append(p[8:], 0.0).reshape(3, 3)
         force = stiffness @ x + damping @ v
         s.tangential = s.tangential + force[:2]

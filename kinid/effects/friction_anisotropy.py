@@ -19,7 +19,9 @@ class FrictionAnisotropy(Effect):
     title = "friction that depends on direction"
     equation = "μ₁ = μ (1 + a), μ₂ = μ (1 − a)"
     source = "A. Zmitrowicz, Wear 73, 1981"
-    signature = "the ratio of tangential to normal force changes with the slip's direction, and the force turns away from it"
+    signature = (
+        "the ratio of tangential to normal force changes with the slip's direction, and the force turns away from it"
+    )
     confusions = {
         "coulomb-friction": "slides along both tangents",
         "sensor-crosstalk": "pure pokes: an anisotropic surface is quiet there",

@@ -13,11 +13,13 @@ from kinid.parameter import Parameter
 
 @final
 class FrictionRounding(Effect):
-    """T = −μ N v/√(|v|² + v_r²) instead of bristles: friction is full from a few v_r [m/s] on, and there is none at rest.
+    """T = −μ N v/√(|v|² + v_r²) instead of bristles: friction is full from a few v_r [m/s] on, and there is none at
+    rest.
 
-    A film of lubricant does so, and most simulators do, which have no bristles. μ is whatever the other effects make of it:
-    `stribeck-friction`, `load-dependent-friction` and `friction-anisotropy` act before. It replaces bristles of any length:
-    beside it, `presliding` does nothing. At v_r = 0 the bristles of `coulomb-friction` stay: the effect isn't there.
+    A film of lubricant does so, and most simulators do, which have no bristles. μ is whatever the other effects make of
+    it: `stribeck-friction`, `load-dependent-friction` and `friction-anisotropy` act before. It replaces bristles of any
+    length: beside it, `presliding` does nothing. At v_r = 0 the bristles of `coulomb-friction` stay: the effect isn't
+        there.
     """
 
     id = "friction-rounding"
@@ -27,9 +29,12 @@ class FrictionRounding(Effect):
         "E. Pennestrì, V. Rossi, P. Salvini, P. P. Valentini, Nonlinear Dynamics 83, 2016 (smoothed Coulomb laws); "
         "in simulators: A. M. Castro et al., IEEE Robotics and Automation Letters 5(2), 2020"
     )
-    signature = "a tangential force that goes to nothing where the slip rests under load, and rounded reversals of fast slips"
+    signature = (
+        "a tangential force that goes to nothing where the slip rests under load, and rounded reversals of fast slips"
+    )
     confusions = {
-        "presliding": "a hold under load after a slip: bristles keep their force, and turn over a length, not over a speed",
+        "presliding": "a hold under load after a slip: bristles keep their force, and turn over a length, not over a "
+        "speed",
         "viscous-friction": "fast slips at two loads: this one follows the load, and ends where the slip is fast",
         "stribeck-friction": "slow slips: this one has the least friction there, the other one the most",
     }

@@ -21,18 +21,21 @@ USUAL_GRAVITY, USUAL_MOMENT = 2.0, 0.5
 class GravityError(Effect):
     """τ += G(q) Δg + S(q) Δh: gravity is g₀ + Δg where the rig states g₀, link k's first moment m·c + Δh_k.
 
-    Inverse dynamics is linear in gravity, so that the torques of its error are G(q) Δg with G the arm's at rest under gravity of
-    1 m/s² along each axis of the base; it is linear in the links' first moments alike. A base tilted by a small angle θ has
-    Δg = g₀ × θ across g₀ and none along it; a link that is heavier than stated, or loaded elsewhere, has a Δh of its own. What
-    lies beyond a force/torque sensor in the log is no part of either: the sensor says what it weighs.
+    Inverse dynamics is linear in gravity, so that the torques of its error are G(q) Δg with G the arm's at rest under
+    gravity of 1 m/s² along each axis of the base; it is linear in the links' first moments alike. A base tilted by a
+    small angle θ has Δg = g₀ × θ across g₀ and none along it; a link that is heavier than stated, or loaded elsewhere,
+    has a Δh of its own. What lies beyond a force/torque sensor in the log is no part of either: the sensor says what it
+    weighs.
     """
 
     id = "gravity-error"
     title = "gravity of the arm"
     equation = "τ += G(q) Δg + S(q) Δh"
     source = (
-        "J. Y. S. Luh, M. W. Walker, R. P. C. Paul, J. Dyn. Syst. Meas. Control 102, 1980 (gravity as a base's acceleration); "
-        "C. G. Atkeson, C. H. An, J. M. Hollerbach, Int. J. Robotics Research 5(3), 1986 (torques linear in first moments)"
+        "J. Y. S. Luh, M. W. Walker, R. P. C. Paul, J. Dyn. Syst. Meas. Control 102, 1980 (gravity as a base's "
+        "acceleration); "
+        "C. G. Atkeson, C. H. An, J. M. Hollerbach, Int. J. Robotics Research 5(3), 1986 (torques linear in first "
+        "moments)"
     )
     signature = "torques that turn with the pose as those of gravity do, in axes that gravity shouldn't load too"
     confusions = {
@@ -44,7 +47,10 @@ class GravityError(Effect):
     needs = ("joints",)
     null = {"error": 0.0, "moment": 0.0}
     calibration_tolerance = {"error": 0.034}  # a base that is level to 0.2°, times g
-    unremarkable = {"error": 0.068, "moment": 0.01}  # the same, and links whose description is a kilogram-centimetre off
+    unremarkable = {
+        "error": 0.068,
+        "moment": 0.01,
+    }  # the same, and links whose description is a kilogram-centimetre off
     # twice g: it points the other way; the whole upper arm of a robot for 10 kg has some 4 kg·m
     admissible = {"error": (-20.0, 20.0), "moment": (-10.0, 10.0)}
     generalises = ("payload",)
@@ -54,8 +60,14 @@ class GravityError(Effect):
         if layout.kind != "joints" or not layout.joints:
             return ()
         tilt = (Parameter(f"error[{axis}]", "Δg", "m/s²", 0.0, -25.0, 25.0, scale=0.1, linear=True) for axis in "xyz")
-        return (*tilt, *(Parameter(f"moment[{joint}.{axis}]", "Δh", "kg·m", 0.0, -50.0, 50.0, scale=0.05, linear=True)
-                         for joint in layout.joints for axis in "xyz"))  # fmt: skip
+        return (
+            *tilt,
+            *(
+                Parameter(f"moment[{joint}.{axis}]", "Δh", "kg·m", 0.0, -50.0, 50.0, scale=0.05, linear=True)
+                for joint in layout.joints
+                for axis in "xyz"
+            ),
+        )
 
     def prior(self, layout: Layout) -> Array | None:
         """No link is off by far more than is usual: torques leave some combinations of first moments open."""

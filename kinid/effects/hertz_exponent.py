@@ -24,13 +24,17 @@ class HertzExponent(Effect):
     equation = "F_e = k δⁿ"
     source = "H. Hertz, J. reine angew. Math. 92, 1882; I. N. Sneddon, Int. J. Eng. Sci. 3, 1965"
     signature = "curvature of force over depth"
-    confusions = {"stiffening-layer": "a wider range of depths: a layer stiffens at one depth, a power law at all of them"}
+    confusions = {
+        "stiffening-layer": "a wider range of depths: a layer stiffens at one depth, a power law at all of them"
+    }
     excited_by = "depths that differ by a factor of three or more"
     wants = ("hooke", "kelvin-voigt", "hertz", "maxwell", "zener")
     null = {"exponent": 1.0}
     grid = {"exponent": (0.8, 1.2, 1.5, 2.0, 2.6)}
     unremarkable = {"exponent": 0.03}  # no tip and no material is a power law to better than that
-    admissible = {"exponent": (0.8, 3.5)}  # punch 1, sphere 1.5, cone 2 (Sneddon 1965); below, skins; above, foam that densifies
+    admissible = {
+        "exponent": (0.8, 3.5)
+    }  # punch 1, sphere 1.5, cone 2 (Sneddon 1965); below, skins; above, foam that densifies
 
     def null_for(self, base: str | None) -> Mapping[str, float]:
         """The base's own exponent."""

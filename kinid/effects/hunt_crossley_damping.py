@@ -30,7 +30,9 @@ class HuntCrossleyDamping(Effect):
     excited_by = "several depths at several speeds"
     wants = ("hooke", "kelvin-voigt", "hertz", "maxwell", "zener")  # hunt-crossley has its own
     null = {"damping": 0.0}
-    admissible = {"damping": (0.0, 1e3)}  # gives no energy; 2/3 λ v is the loss of speed: at 1e3 all of it from 1.5 mm/s on
+    admissible = {
+        "damping": (0.0, 1e3)
+    }  # gives no energy; 2/3 λ v is the loss of speed: at 1e3 all of it from 1.5 mm/s on
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Damping."""

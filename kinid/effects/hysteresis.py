@@ -15,8 +15,8 @@ from kinid.parameter import Parameter
 
 @final
 class Hysteresis(Effect):
-    """N += min(a F_e + f, F_e) z with dz = (sgn δ̇ − z) |dδ| / ℓ: a Dahl loop over depth, in proportion to the elastic force or
-    of one width (Bouc's), or both; ℓ [m].
+    """N += min(a F_e + f, F_e) z with dz = (sgn δ̇ − z) |dδ| / ℓ: a Dahl loop over depth, in proportion to the elastic
+    force or of one width (Bouc's), or both; ℓ [m].
 
     z runs from 0 at touch to ±1 over ℓ and depends on the path alone, not on time (Bouc-Wen with γ = 0, n = 1). The
     amplitude a is relative, 0…1: loops of soft materials close at the surface, and nothing pulls.
@@ -25,7 +25,9 @@ class Hysteresis(Effect):
     id = "hysteresis"
     title = "rate-independent loop over depth"
     equation = "N += min(a F_e + f, F_e) z, dz = (sgn δ̇ − z) |dδ| / ℓ"
-    source = "P. R. Dahl, Aerospace Corp. TOR-0158(3107-18)-1, 1968; R. Bouc, 1967; Y. K. Wen, J. Eng. Mech. Div. 102, 1976"
+    source = (
+        "P. R. Dahl, Aerospace Corp. TOR-0158(3107-18)-1, 1968; R. Bouc, 1967; Y. K. Wen, J. Eng. Mech. Div. 102, 1976"
+    )
     signature = "a loop over depth of a width that speed doesn't change, and nothing moves while depth is held"
     confusions = {
         "relaxation": "slow and fast pokes, and a hold",

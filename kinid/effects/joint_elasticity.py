@@ -22,15 +22,16 @@ BANDS, ENOUGH = (25.0, 12.0, 6.0), 200
 class JointElasticity(Effect):
     """τ −= ε τ̈_r + (∂τ_r/∂q) s τ_r + M′ s τ̈_r: a spring K between encoder and link, to first order in 1/K.
 
-    The encoder reads θ, the link is at q = θ − τ/K. Then τ = M q̈ = M θ̈ − (M/K) τ̈, with τ̈ that of the rigid-body torque
-    τ_r: the fourth derivative of the position. ε = M/K = 1/ω₀² > 0, ω₀ the resonance of the link with the motor locked.
-    With encoders on the links and torques of the motors, τ_m = τ_r + J q̈ + (J/K) τ̈_r: ε = −J/K < 0, J q̈ being
-    `rotor-inertia`. Links sag by s τ_r, s = 1/K, which turns and pushes what lies beyond: the other terms, M′ being M
-    without its diagonal. Of an axis without a robot the parameter is M²/K: τ −= (M²/K) d²q̈/dt².
+    The encoder reads θ, the link is at q = θ − τ/K. Then τ = M q̈ = M θ̈ − (M/K) τ̈, with τ̈ that of the rigid-body
+    torque τ_r: the fourth derivative of the position. ε = M/K = 1/ω₀² > 0, ω₀ the resonance of the link with the motor
+    locked. With encoders on the links and torques of the motors, τ_m = τ_r + J q̈ + (J/K) τ̈_r: ε = −J/K < 0, J q̈
+    being `rotor-inertia`. Links sag by s τ_r, s = 1/K, which turns and pushes what lies beyond: the other terms, M′
+    being M without its diagonal. Of an axis without a robot the parameter is M²/K: τ −= (M²/K) d²q̈/dt².
 
     Attributes:
-        bandwidth: of the derivatives [Hz]. With a log (`for_log`) that at which they go best with what is left of its torques
-            beside offset, spring, inertia and friction: the fourth derivative of measured positions is noise soon.
+        bandwidth: of the derivatives [Hz]. With a log (`for_log`) that at which they go best with what is left of its
+            torques beside offset, spring, inertia and friction: the fourth derivative of measured positions is noise
+            soon.
     """
 
     bandwidth: float = BANDS[0]
@@ -61,7 +62,9 @@ class JointElasticity(Effect):
 
         def seen(bandwidth: float) -> float:
             bends, total = self._bend(signals, torque, bandwidth), 0.0
-            for q, dq, ddq, own, bend, left in zip(motion.q, motion.dq, motion.ddq, torque, bends, measured - motion.rigid):
+            for q, dq, ddq, own, bend, left in zip(
+                motion.q, motion.dq, motion.ddq, torque, bends, measured - motion.rigid
+            ):
                 simple = np.stack([np.ones_like(q), q, dq, np.sign(dq), ddq, own], axis=1)[known]
                 both = np.stack([bend, left], axis=1)[known]
                 a, b = (both - simple @ np.linalg.lstsq(simple, both, rcond=1e-10)[0]).T
@@ -83,10 +86,18 @@ class JointElasticity(Effect):
             named += [(f"sag[{joint}.all]", "s", "rad/N/m") for joint in layout.joints]
             return tuple(Parameter(*each, 0.0, -1.0, 1.0, scale=1e-5, linear=True) for each in named)
         return tuple(
-            Parameter(f"elasticity{a.suffix}", "M²/K", a.per("·s⁴"), 0.0, -1e3 * a.size, 1e3 * a.size,
-                      scale=1e-5 * a.size, linear=True)
+            Parameter(
+                f"elasticity{a.suffix}",
+                "M²/K",
+                a.per("·s⁴"),
+                0.0,
+                -1e3 * a.size,
+                1e3 * a.size,
+                scale=1e-5 * a.size,
+                linear=True,
+            )
             for a in axes(layout)
-        )  # fmt: skip
+        )
 
     def joint(self, s: Signals, p: Array) -> None:
         """Take off what the wind-up makes of the torque."""
@@ -96,6 +107,7 @@ class JointElasticity(Effect):
         s.reading = s.reading - p[: len(bend), None] * bend
         sag, motion, slopes = p[len(bend) :], s.joints, s.joints.slopes
         if slopes is not None and sag.any():
+
             def make() -> Array:
                 turned, pushed = slopes(motion.q.T, motion.dq.T, motion.ddq.T)
                 return np.asarray(turned * torque[:, None] + pushed * bend[:, None])

@@ -23,7 +23,9 @@ class JointFrictionAsymmetry(Effect):
     id = "joint-friction-asymmetry"
     title = "friction that depends on the direction"
     equation = "τ += a |q̇| + d |u|"
-    source = "A. Janot, M. Gautier, M. Brunot, Workshop on Nonlinear System Identification Benchmarks, 2019 (EMPS drive)"
+    source = (
+        "A. Janot, M. Gautier, M. Brunot, Workshop on Nonlinear System Identification Benchmarks, 2019 (EMPS drive)"
+    )
     signature = "torque that grows with speed, or stays, with one sign in both directions"
     confusions = {"joint-torque-offset": "several speeds in both directions, and rests: an offset stays there"}
     excited_by = "several speeds in both directions"
@@ -33,22 +35,28 @@ class JointFrictionAsymmetry(Effect):
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Half the difference of the viscosities of each joint, and of its dry frictions."""
         return tuple(
-            Parameter(f"{name}{a.suffix}", symbol, unit, 0.0, -1e5 * a.size, 1e5 * a.size, scale=0.1 * a.size, linear=True)
-            for a in axes(layout) for name, symbol, unit in (("asymmetry", "a", a.per("·s")), ("dry", "d", a.torque))
-        )  # fmt: skip
+            Parameter(
+                f"{name}{a.suffix}", symbol, unit, 0.0, -1e5 * a.size, 1e5 * a.size, scale=0.1 * a.size, linear=True
+            )
+            for a in axes(layout)
+            for name, symbol, unit in (("asymmetry", "a", a.per("·s")), ("dry", "d", a.torque))
+        )
 
     def usual(self, parameter: Parameter) -> float:
         """The offset of a sensor; viscosity is measured in the same torque, at 1 rad/s."""
         return usual_offset(parameter.name)
 
-    def implausible(self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None) -> str:
+    def implausible(
+        self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None
+    ) -> str:
         """Friction that gives energy in one direction."""
         whole = {"asymmetry": "joint-viscous-friction.viscous", "dry": "joint-coulomb-friction.coulomb"}
         for name, value in values.items():
             kind = name.split("[")[0]
             both = model_values.get(whole[kind] + name.removeprefix(kind))
             if both is not None and abs(value) > both:
-                return f"{name} = {value:.3g} beside {whole[kind].split('.')[1]} {both:.3g}: one direction would give energy"
+                beside = f"{whole[kind].split('.')[1]} {both:.3g}"
+                return f"{name} = {value:.3g} beside {beside}: one direction would give energy"
         return super().implausible(values, model_values, signals)
 
     def joint(self, s: Signals, p: Array) -> None:

@@ -17,8 +17,8 @@ class JointLoadFriction(Effect):
     """τ += c |τ_r| u: teeth and bearings rub in proportion to the torque τ_r that they transmit.
 
     τ_r is that of rigid-body inverse dynamics; u that of `joint-coulomb-friction`. Gears of an efficiency η lose
-    c = 1/η − 1 when they drive, and 1 − η when they are driven: c is a mean of both. Of an axis without a robot, all that the
-    other effects of the joint say is transmitted.
+    c = 1/η − 1 when they drive, and 1 − η when they are driven: c is a mean of both. Of an axis without a robot, all
+    that the other effects of the joint say is transmitted.
     """
 
     id = "joint-load-friction"
@@ -42,7 +42,9 @@ class JointLoadFriction(Effect):
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Friction for each unit of torque, joint by joint."""
-        return tuple(Parameter(f"load{a.suffix}", "c", "1", 0.05, -1.0, 2.0, scale=0.01, linear=True) for a in axes(layout))
+        return tuple(
+            Parameter(f"load{a.suffix}", "c", "1", 0.05, -1.0, 2.0, scale=0.01, linear=True) for a in axes(layout)
+        )
 
     def joint(self, s: Signals, p: Array) -> None:
         """Add the torque."""

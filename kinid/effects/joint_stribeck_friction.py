@@ -17,15 +17,17 @@ from kinid.parameter import Parameter
 class JointStribeckFriction(Effect):
     """τ += Δ u exp(−(q̇/v_s)²): dry friction exceeds that of fast motion by Δ where a joint is slow; it fades over v_s.
 
-    u is that of `joint-coulomb-friction`, which turns within a fixed travel. One v_s serves all joints: drives of one arm
-    share their lubricant. It is that of a joint that turns; one that slides has v_s · 0.1 m, and alone its own [m/s].
+    u is that of `joint-coulomb-friction`, which turns within a fixed travel. One v_s serves all joints: drives of one
+    arm share their lubricant. It is that of a joint that turns; one that slides has v_s · 0.1 m, and alone its own
+    [m/s].
     """
 
     id = "joint-stribeck-friction"
     title = "friction of the joints that fades with speed"
     equation = "τ += Δ u exp(−(q̇/v_s)²)"
     source = (
-        "R. Stribeck, Z. VDI 46, 1902; for robots: B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30(7), 1994; "
+        "R. Stribeck, Z. VDI 46, 1902; for robots: B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica "
+        "30(7), 1994; "
         "A. C. Bittencourt, S. Gunnarsson, J. Dyn. Syst. Meas. Control 134(5), 2012"
     )
     signature = "a step in the torque at reversals that is higher where the joint goes slowly"
@@ -49,12 +51,18 @@ class JointStribeckFriction(Effect):
             return ()
         unit = "rad" if any(a.position == "rad" for a in every) else "m"
         return (
-            *(Parameter(f"excess{a.suffix}", "Δ", a.torque, 0.3 * a.size, 0.0, 1e4 * a.size, scale=0.1 * a.size,
-                        linear=True) for a in every),
+            *(
+                Parameter(
+                    f"excess{a.suffix}", "Δ", a.torque, 0.3 * a.size, 0.0, 1e4 * a.size, scale=0.1 * a.size, linear=True
+                )
+                for a in every
+            ),
             Parameter("speed", "v_s", f"{unit}/s", 0.05, 1e-5, 100.0, scale=0.01),
-        )  # fmt: skip
+        )
 
-    def implausible(self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None) -> str:
+    def implausible(
+        self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None
+    ) -> str:
         """Dry friction that is negative at rest, too."""
         for name, value in values.items():
             suffix = name.removeprefix("excess")

@@ -33,7 +33,9 @@ class JointTorqueGain(Effect):
     needs = ("joints",)
     null = {"gain": 0.0}
     calibration_tolerance = {"gain": 0.01}  # no calibration of an arm's torques is better
-    admissible = {"gain": (-0.995, 1e3)}  # a gain of 0 reads nothing; as a current in A, 1 N·m is some hundredths at least
+    admissible = {
+        "gain": (-0.995, 1e3)
+    }  # a gain of 0 reads nothing; as a current in A, 1 N·m is some hundredths at least
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Gain error of each joint."""

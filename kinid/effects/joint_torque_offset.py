@@ -19,7 +19,10 @@ class JointTorqueOffset(Effect):
     equation = "τ += τ₀"
     source = "A. Janot, P.-O. Vandanjon, M. Gautier, IEEE Trans. Control Systems Technology 22(1), 2014 (drive offsets)"
     signature = "a constant, in every pose and at every speed"
-    confusions = {"payload": "several poses: gravity turns with them", "joint-coulomb-friction": "motion in both directions"}
+    confusions = {
+        "payload": "several poses: gravity turns with them",
+        "joint-coulomb-friction": "motion in both directions",
+    }
     excited_by = "motion in both directions, in several poses"
     needs = ("joints",)
     null = {"offset": 0.0}
@@ -27,7 +30,9 @@ class JointTorqueOffset(Effect):
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Offset of each joint."""
         return tuple(
-            Parameter(f"offset{a.suffix}", "τ₀", a.torque, 0.0, -1e4 * a.size, 1e4 * a.size, scale=0.1 * a.size, linear=True)
+            Parameter(
+                f"offset{a.suffix}", "τ₀", a.torque, 0.0, -1e4 * a.size, 1e4 * a.size, scale=0.1 * a.size, linear=True
+            )
             for a in axes(layout)
         )
 

@@ -38,10 +38,10 @@ BESIDE = 40
 class JointTorqueRipple(Effect):
     """τ += Σ_h a_h sin(h k q) + b_h cos(h k q), h = 1, 2: k [1] of each joint, cycles for each turn.
 
-    Teeth of gears and the magnets of motors pass so many times a turn; a flexspline twice for each turn of its wave generator,
-    an eccentric torque sensor once or twice a turn of the joint. With a log (`for_log`) those joints have parameters whose
-    torque shows a line over the angle, beside what is smooth within a sweep; if none does, the one that is nearest to it.
-    Without a log all have.
+    Teeth of gears and the magnets of motors pass so many times a turn; a flexspline twice for each turn of its wave
+    generator, an eccentric torque sensor once or twice a turn of the joint. With a log (`for_log`) those joints have
+    parameters whose torque shows a line over the angle, beside what is smooth within a sweep; if none does, the one
+    that is nearest to it. Without a log all have.
 
     Attributes:
         orders: joint → k that a search starts from; None without a log. lowest: of each of these joints, k that passes
@@ -82,8 +82,9 @@ class JointTorqueRipple(Effect):
         most = max(height for _, _, height in shown)
         shown = [(suffix, order, height) for suffix, order, height in shown if height >= min(most, STANDS_OUT)]
         q = dict(zip((axis.suffix for axis in axes(signals.layout)), signals.joints.q))
-        return JointTorqueRipple(tuple((suffix, order) for suffix, order, _ in shown),
-                                 tuple(_lowest(q[suffix]) for suffix, _, _ in shown))  # fmt: skip
+        return JointTorqueRipple(
+            tuple((suffix, order) for suffix, order, _ in shown), tuple(_lowest(q[suffix]) for suffix, _, _ in shown)
+        )
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Order, and sine and cosine of each harmonic, joint by joint."""
@@ -91,9 +92,20 @@ class JointTorqueRipple(Effect):
         for (axis, order), low in zip(self._joints(layout), self.lowest or itertools.repeat(0.1)):
             unit, joint = ("1", "rad/m")[axis.position == "m"], axis.suffix.strip("[]")
             out.append(Parameter(f"order{axis.suffix}", "k", unit, max(order, low), low, 1e5, scale=0.01))
-            out += [Parameter(f"{wave}[{joint},{h}]" if joint else f"{wave}[{h}]", symbol, axis.torque, 0.0, -1e3 * axis.size,
-                              1e3 * axis.size, scale=0.05 * axis.size, linear=True)
-                    for h in HARMONICS for wave, symbol in (("sine", "a"), ("cosine", "b"))]  # fmt: skip
+            out += [
+                Parameter(
+                    f"{wave}[{joint},{h}]" if joint else f"{wave}[{h}]",
+                    symbol,
+                    axis.torque,
+                    0.0,
+                    -1e3 * axis.size,
+                    1e3 * axis.size,
+                    scale=0.05 * axis.size,
+                    linear=True,
+                )
+                for h in HARMONICS
+                for wave, symbol in (("sine", "a"), ("cosine", "b"))
+            ]
         return tuple(out)
 
     def starts(self, signals: Signals) -> tuple[Array, ...]:
@@ -108,7 +120,9 @@ class JointTorqueRipple(Effect):
             lines = [_lines(signals, places[suffix], every[places[suffix]])[0][:2] for suffix in joints]
             if any(lines):
                 trials = [np.array([own[min(k, len(own) - 1)] if own else 1.0 for own in lines]) for k in range(2)]
-                trials += [np.full(len(joints), order) for order in self.grid["order"][:2]]  # too slow for a sweep to show
+                trials += [
+                    np.full(len(joints), order) for order in self.grid["order"][:2]
+                ]  # too slow for a sweep to show
         if self.orders is not None:
             trials.insert(0, np.array([order for _, order in self.orders]))
         if self.lowest:
@@ -116,18 +130,27 @@ class JointTorqueRipple(Effect):
         rest = np.zeros((len(joints), 2 * len(HARMONICS)))
         return tuple(np.concatenate([trial[:, None], rest], axis=1).ravel() for trial in trials)
 
-    def implausible(self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None) -> str:
-        """A ripple that is larger than the torque that it is part of, or one that passes too seldom over the travel, too."""
+    def implausible(
+        self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None
+    ) -> str:
+        """A ripple that is larger than the torque that it is part of, or one that passes too seldom over the travel,
+        too.
+        """
         if signals is not None and signals.measured is not None and signals.joints is not None:
             for j, axis in enumerate(axes(signals.layout)):
                 order, travel = values.get(f"order{axis.suffix}", np.inf), float(np.ptp(signals.joints.q[j]))
                 if order < 0.999 * _lowest(signals.joints.q[j]):
-                    return f"a ripple with a period of {2.0 * np.pi / order:.3g} {axis.position} in a travel of {travel:.3g}"
+                    return (
+                        f"a ripple with a period of {2.0 * np.pi / order:.3g} {axis.position} in a travel of "
+                        f"{travel:.3g}"
+                    )
                 end = f"{axis.suffix.strip('[]')}," if axis.suffix else ""
                 size = float(np.hypot(values.get(f"sine[{end}1]", 0.0), values.get(f"cosine[{end}1]", 0.0)))
                 most = float(np.nanmax(np.abs(signals.measured[j]), initial=0.0))
                 if size > most:
-                    return f"a ripple of {size:.3g} {axis.torque} in a torque that never exceeds {most:.3g} {axis.torque}"
+                    return (
+                        f"a ripple of {size:.3g} {axis.torque} in a torque that never exceeds {most:.3g} {axis.torque}"
+                    )
         return super().implausible(values, model_values, signals)
 
     def joint(self, s: Signals, p: Array) -> None:
@@ -155,6 +178,7 @@ def _lowest(q: Array) -> float:
 
 def _waves(q: Array, j: int, order: float) -> Array:
     """Sine and cosine of each harmonic of a joint's angle, (2 · harmonics, n)."""
+
     def make() -> Array:
         return np.stack([wave(h * order * q[j]) for h in HARMONICS for wave in (np.sin, np.cos)])
 
@@ -162,7 +186,9 @@ def _waves(q: Array, j: int, order: float) -> Array:
 
 
 def _lines(s: Signals, j: int, axis: Axis) -> tuple[list[float], float]:
-    """Orders at which a joint's torque has lines over its angle, the one that explains most first; how far it stands out."""
+    """Orders at which a joint's torque has lines over its angle, the one that explains most first; how far it stands
+    out.
+    """
     assert s.joints is not None
     assert s.measured is not None
 
@@ -210,9 +236,13 @@ def _searched(s: Signals, j: int, axis: Axis) -> tuple[list[float], float]:
 
 
 def _sweeps(q: Array, y: Array) -> tuple[Array, Array]:
-    """Angles and torques of sweeps between two reversals, less a parabola over the angle of each: friction goes with it."""
+    """Angles and torques of sweeps between two reversals, less a parabola over the angle of each: friction goes with
+    it.
+    """
     step = np.diff(q, prepend=q[:1])
-    still = np.abs(step) < 0.02 * np.median(np.abs(step[step != 0.0])) if (step != 0.0).any() else np.ones(len(q), np.bool_)
+    still = (
+        np.abs(step) < 0.02 * np.median(np.abs(step[step != 0.0])) if (step != 0.0).any() else np.ones(len(q), np.bool_)
+    )
     way = np.where(still, 0, np.sign(step))
     edges = np.flatnonzero(np.diff(way, prepend=0, append=0))
     parts = []
@@ -229,7 +259,9 @@ def _sweeps(q: Array, y: Array) -> tuple[Array, Array]:
 
 
 def _beside(power: Array) -> Array:
-    """Height of a spectrum beside each of its lines: the median of its neighbours over that of an exponential law, (n,)."""
+    """Height of a spectrum beside each of its lines: the median of its neighbours over that of an exponential law,
+    (n,).
+    """
     wide = min(4 * BESIDE, len(power) // 2)
     padded = np.pad(power, wide, mode="reflect")
     blocks = np.lib.stride_tricks.sliding_window_view(padded, 2 * wide + 1)[:: max(1, wide // 4)]

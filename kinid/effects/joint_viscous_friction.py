@@ -18,7 +18,9 @@ class JointViscousFriction(Effect):
     id = "joint-viscous-friction"
     title = "viscous friction of the joints"
     equation = "τ += b q̇"
-    source = "G. G. Stokes, 1851; for robots: B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30(7), 1994"
+    source = (
+        "G. G. Stokes, 1851; for robots: B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30(7), 1994"
+    )
     signature = "torque proportional to the speed of a joint"
     confusions = {"joint-coulomb-friction": "several speeds"}
     excited_by = "several speeds"
@@ -29,7 +31,9 @@ class JointViscousFriction(Effect):
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Viscosity of each joint."""
         return tuple(
-            Parameter(f"viscous{a.suffix}", "b", a.per("·s"), a.size, 0.0, 1e5 * a.size, scale=0.1 * a.size, linear=True)
+            Parameter(
+                f"viscous{a.suffix}", "b", a.per("·s"), a.size, 0.0, 1e5 * a.size, scale=0.1 * a.size, linear=True
+            )
             for a in axes(layout)
         )
 

@@ -37,8 +37,8 @@ class MainsHum(Effect):
     """y = f + Σ_h a_h sin 2πh f₀t + b_h cos 2πh f₀t for each channel.
 
     Attributes:
-        frequency: f₀ [Hz]; None is where the log's own readings have the sharpest line near 50 or 60 Hz (a grid drifts by
-            part of a turn in half a minute), and 50 where there are none.
+        frequency: f₀ [Hz]; None is where the log's own readings have the sharpest line near 50 or 60 Hz (a grid drifts
+            by part of a turn in half a minute), and 50 where there are none.
         harmonics: which h.
     """
 
@@ -67,7 +67,9 @@ class MainsHum(Effect):
         )
 
     def detect(self, samples: Samples) -> Detection | None:
-        """The grid whose lines hold the most power in what the model leaves: phase and size are followed, as grids wander."""
+        """The grid whose lines hold the most power in what the model leaves: phase and size are followed, as grids
+        wander.
+        """
         if samples.raw.shape[1] < FEWEST:
             return None
         rest = samples.raw.copy() if samples.expected is None else samples.raw - samples.expected
@@ -80,13 +82,17 @@ class MainsHum(Effect):
         hum = sum((_followed(rest, samples, h * frequency) for h in lines), np.zeros_like(rest))
         sizes = np.hypot(*_pair(rest, samples.t, lines[0] * frequency))
         top = int(np.argmax(sizes / samples.noise))
-        says = (f"a line at {frequency:.2f} Hz{' and its harmonics' if len(lines) > 1 else ''}, "
-                f"{sizes[top]:.3g} {samples.layout.units[top]} in {samples.layout.channels[top]}")  # fmt: skip
+        says = (
+            f"a line at {frequency:.2f} Hz{' and its harmonics' if len(lines) > 1 else ''}, "
+            f"{sizes[top]:.3g} {samples.layout.units[top]} in {samples.layout.channels[top]}"
+        )
         # the white noise that differences of neighbours show held the hum, too
         noise = np.maximum(np.minimum(samples.noise, samples.white(samples.raw - hum)), QUIETEST)
         count = samples.valid
         pairs = np.concatenate([_coherent(rest[:, count], samples.t[count], h * frequency) for h in lines])
-        return Detection(pairs.T.ravel(), says, form={"frequency": frequency, "harmonics": lines}, removed=hum, noise=noise)
+        return Detection(
+            pairs.T.ravel(), says, form={"frequency": frequency, "harmonics": lines}, removed=hum, noise=noise
+        )
 
     def unseen(self, rate: float) -> str:
         """A slow log takes a line for something else."""
@@ -118,7 +124,9 @@ def _lines(rest: Array, samples: Samples, grid: float) -> tuple[float, float, tu
 
 
 def _pair(readings: Array, t: Array, frequency: float) -> Array:
-    """Sine and cosine amplitude at a frequency, root mean square over stretches in which a grid's phase is one, (2, channels)."""
+    """Sine and cosine amplitude at a frequency, root mean square over stretches in which a grid's phase is one, (2,
+    channels).
+    """
     many = max(1, min(int(t[-1] / STEADY), len(t) // FEWEST))
     angle = 2.0 * np.pi * frequency * t
     out = np.zeros((2, len(readings)))
@@ -139,7 +147,9 @@ def _coherent(readings: Array, t: Array, frequency: float) -> Array:
 
 
 def _followed(readings: Array, samples: Samples, frequency: float) -> Array:
-    """A line in a residual (channels, n) that is 0 where samples don't count, its phase and size followed, (channels, n)."""
+    """A line in a residual (channels, n) that is 0 where samples don't count, its phase and size followed, (channels,
+    n).
+    """
     from scipy.ndimage import gaussian_filter1d
 
     turned = np.exp(-2j * np.pi * frequency * samples.t)

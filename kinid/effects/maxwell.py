@@ -14,10 +14,12 @@ from kinid.parameter import Parameter
 
 @final
 class Maxwell(Effect):
-    """N = F_e − y with τ ẏ = F_e − y and F_e = k δ: a spring k [N/m] behind a dashpot k τ [N·s/m]; it can't hold a load.
+    """N = F_e − y with τ ẏ = F_e − y and F_e = k δ: a spring k [N/m] behind a dashpot k τ [N·s/m]; it can't hold a
+    load.
 
     The branch is driven by F_e, so that effects on the elastic force act on it too (quasi-linear, Fung 1981). F_e is
-    instantaneous; with a linear spring this is Ṅ + N/τ = k δ̇. A tool that retracts leaves what has flowed: nothing pulls.
+    instantaneous; with a linear spring this is Ṅ + N/τ = k δ̇. A tool that retracts leaves what has flowed: nothing
+    pulls.
     """
 
     id = "maxwell"

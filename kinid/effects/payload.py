@@ -32,7 +32,10 @@ class Payload(Effect):
     excited_by = "several poses"
     needs = ("joints",)
     null = {"mass": 0.0, "moment": 0.0}
-    admissible = {"mass": (-50.0, 50.0), "moment": (-50.0, 50.0)}  # of either sign: the rig's tool may be stated too heavy
+    admissible = {
+        "mass": (-50.0, 50.0),
+        "moment": (-50.0, 50.0),
+    }  # of either sign: the rig's tool may be stated too heavy
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Mass and first moment; none without a robot."""

@@ -15,7 +15,9 @@ SHORTEST = 1e-6
 
 @final
 class Presliding(Effect):
-    """u̇ = (v − |v| u) / ℓ with ℓ free: friction needs a slip of about ℓ [m] to turn around (Dahl; with Stribeck: LuGre)."""
+    """u̇ = (v − |v| u) / ℓ with ℓ free: friction needs a slip of about ℓ [m] to turn around (Dahl; with Stribeck:
+    LuGre).
+    """
 
     id = "presliding"
     title = "friction that gives before it slips"
@@ -46,7 +48,9 @@ class Presliding(Effect):
         """Bristles shorter than friction has without this effect."""
         if values["length"] >= self.null["length"]:
             return ""
-        return f"friction turns around sooner than within the {1e3 * self.null['length']:g} mm of coulomb-friction alone"
+        return (
+            f"friction turns around sooner than within the {1e3 * self.null['length']:g} mm of coulomb-friction alone"
+        )
 
     def friction(self, s: Signals, p: Array) -> None:
         """Set the bristles' length."""

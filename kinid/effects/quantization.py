@@ -44,8 +44,8 @@ class Quantization(Effect):
     def marks(self, measured: Array) -> tuple[Array, Array]:
         """The step between neighbouring values of each channel, where all values lie on its lattice; else none.
 
-        The search for other parameters goes without steps: rounding moves a reading up as often as down, and a staircase
-        has no slope to follow.
+        The search for other parameters goes without steps: rounding moves a reading up as often as down, and a
+        staircase has no slope to follow.
         """
         steps = np.array([lattice(channel) for channel in measured])
         return steps, np.zeros_like(steps)

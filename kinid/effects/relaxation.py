@@ -18,11 +18,12 @@ from kinid.parameter import Parameter
 @final
 @dataclass(frozen=True)
 class Relaxation(Effect):
-    """N −= min(Σ rᵢ yᵢ, F_e) with τᵢ ẏᵢ = F_e − yᵢ: Maxwell branches hold a share rᵢ of the elastic force and lose it in τᵢ [s].
+    """N −= min(Σ rᵢ yᵢ, F_e) with τᵢ ẏᵢ = F_e − yᵢ: Maxwell branches hold a share rᵢ of the elastic force and lose it
+    in τᵢ [s].
 
-    F_e is the force before anything has flowed; (1 − Σ rᵢ) F_e remains in the end. The branches are driven by F_e whatever
-    its shape over depth (quasi-linear viscoelasticity). The material recovers with the same τᵢ after the tool has left. A tool
-    that retracts faster than the material recovers leaves it: nothing pulls.
+    F_e is the force before anything has flowed; (1 − Σ rᵢ) F_e remains in the end. The branches are driven by F_e
+    whatever its shape over depth (quasi-linear viscoelasticity). The material recovers with the same τᵢ after the tool
+    has left. A tool that retracts faster than the material recovers leaves it: nothing pulls.
 
     Attributes:
         branches: their number; parameters of the second one end in 2, and so on.
@@ -82,7 +83,9 @@ class Relaxation(Effect):
             for fastest in self.grid["time-constant"]
         )
 
-    def implausible(self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None) -> str:
+    def implausible(
+        self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None
+    ) -> str:
         """Shares of all branches together, too, and the range of each of them."""
         held = [value for name, value in values.items() if name.startswith("ratio")]
         if sum(held) > 1.0 + 1e-9:

@@ -12,7 +12,9 @@ from kinid.parameter import Parameter
 
 @final
 class RigidBody(Effect):
-    """τ = M(q) q̈ + C(q, q̇) q̇ + g(q) of the rig's robot, without a free parameter; of an axis without a robot τ = M q̈."""
+    """τ = M(q) q̈ + C(q, q̇) q̇ + g(q) of the rig's robot, without a free parameter; of an axis without a robot τ = M
+    q̈.
+    """
 
     id = "rigid-body"
     title = "rigid-body dynamics"

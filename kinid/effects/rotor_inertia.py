@@ -33,10 +33,18 @@ class RotorInertia(Effect):
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Reflected inertia of each joint."""
         return tuple(
-            Parameter(f"inertia{a.suffix}", "J", a.per("·s²"), 0.1 * a.size, 0.0, 1e5 * a.size, scale=0.01 * a.size,
-                      linear=True)
+            Parameter(
+                f"inertia{a.suffix}",
+                "J",
+                a.per("·s²"),
+                0.1 * a.size,
+                0.0,
+                1e5 * a.size,
+                scale=0.01 * a.size,
+                linear=True,
+            )
             for a in axes(layout)
-        )  # fmt: skip
+        )
 
     def joint(self, s: Signals, p: Array) -> None:
         """Add the torque."""

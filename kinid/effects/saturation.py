@@ -15,22 +15,23 @@ from kinid.signal.white_noise import GAIN, ROBUST, white_noise
 
 #: so many samples at the very same largest value are a flat top
 FLAT = 5
-#: … and, where noise comes behind the end of the range, so many within three standard deviations of one level, at a density so
-#: many times that of the values below it
+#: … and, where noise comes behind the end of the range, so many within three standard deviations of one level, at a
+#: density so many times that of the values below it
 PILED, DENSER = 40, 5.0
-#: values below the level, in standard deviations: near it, and on to where they come from, short of no load at all. Loads that
-#: come to rest by themselves slow down and are denser near it, by 2 or more (a landing with s³, the top of a sine); those that
-#: are cut off aren't
+#: values below the level, in standard deviations: near it, and on to where they come from, short of no load at all.
+#: Loads that come to rest by themselves slow down and are denser near it, by 2 or more (a landing with s³, the top of a
+#: sine); those that are cut off aren't
 BELOW, NEAR, FAR, SLOWED = 3.5, 8.0, 40.0, 1.6
 #: share of a log that must be left beside flat tops; else they stay in
 ENOUGH_LEFT = 0.15
-#: from this multiple of the noise on, a lattice lets several samples share their largest value by chance; so do readings of which
-#: this share is that of the sample before
+#: from this multiple of the noise on, a lattice lets several samples share their largest value by chance; so do
+#: readings of which this share is that of the sample before
 SHARED, REPEATED = 0.1, 0.02
 #: fewer values than this are a lattice, not a range
 FEWEST_VALUES = 20
-#: what a model expects beyond a level by so many standard deviations is beyond it: so much of a pile must be, and where it is so
-#: by as many of the model's own errors, so much of it must be in the pile; so much of the pile may be expected below the level
+#: what a model expects beyond a level by so many standard deviations is beyond it: so much of a pile must be, and where
+#: it is so by as many of the model's own errors, so much of it must be in the pile; so much of the pile may be expected
+#: below the level
 BEYOND, PART_BEYOND, STAYS, PART_BELOW = 3.0, 0.5, 0.9, 0.2
 #: however large a model's errors are, what it expects below the level by this share of it is below
 FAR_BELOW = 0.25
@@ -42,7 +43,8 @@ RISES = 1.0
 NARROW = 1.3
 #: a pile that a model confirms is this dense at least, beside the values below it, and this wide at most
 CONFIRMED, WIDE = 0.8, 1.5
-#: a model that was fitted to clipped readings expects too little everywhere, by this at most; a steep law that levels off by more
+#: a model that was fitted to clipped readings expects too little everywhere, by this at most; a steep law that levels
+#: off by more
 FLATTENED = 3.0
 
 
@@ -51,9 +53,9 @@ FLATTENED = 3.0
 class Saturation(Effect):
     """y = min(max(f, −L), L) for each channel, with noise before it or behind.
 
-    Noise before the end of the range leaves a top that is exactly flat: the limit is read off it. Noise behind leaves values
-    that pile up about the limit: it is a free parameter, and the pile where a search begins. A pile alone is no proof, as the
-    holds of a load that comes with a jerk look alike: readings that a model expects beyond it are.
+    Noise before the end of the range leaves a top that is exactly flat: the limit is read off it. Noise behind leaves
+    values that pile up about the limit: it is a free parameter, and the pile where a search begins. A pile alone is no
+    proof, as the holds of a load that comes with a jerk look alike: readings that a model expects beyond it are.
 
     Attributes:
         reached: numbers of the channels whose end of the range a model confirmed; None: the readings alone tell.
@@ -88,7 +90,9 @@ class Saturation(Effect):
         )
 
     def marks(self, measured: Array) -> tuple[Array, Array]:
-        """The largest reading of each channel where several samples share it; else none, and a free one where values pile up."""
+        """The largest reading of each channel where several samples share it; else none, and a free one where values
+        pile up.
+        """
         sizes = np.abs(np.where(np.isfinite(measured), measured, 0.0))
         top = sizes.max(axis=1)
         flat = ((sizes >= top[:, None] * (1 - 1e-9)).sum(axis=1) >= FLAT) & (top > 0)
@@ -100,7 +104,9 @@ class Saturation(Effect):
         return limits, np.where(open_, np.nan, limits)
 
     def piles(self, measured: Array) -> Array:
-        """The level about which the largest readings of each channel (channels, n) pile up with noise, NaN without one."""
+        """The level about which the largest readings of each channel (channels, n) pile up with noise, NaN without
+        one.
+        """
         return self._piles(measured, alone=self.reached is None)
 
     def _piles(self, measured: Array, alone: bool) -> Array:
@@ -109,7 +115,9 @@ class Saturation(Effect):
         return np.array([_pile(channel[np.isfinite(channel)], *limits) for channel in measured])
 
     def detect(self, samples: Samples) -> Detection | None:
-        """Flat tops, exact ones or with noise on them where the model goes on; samples at them and beside them don't count."""
+        """Flat tops, exact ones or with noise on them where the model goes on; samples at them and beside them don't
+        count.
+        """
         raw = samples.raw
         limits, flat = self._flat_tops(samples)
         exact = np.asarray(flat.any(axis=1))
@@ -143,16 +151,19 @@ class Saturation(Effect):
         return "no reading stays at a largest value: the end of the range was not reached"
 
     def _flat_tops(self, samples: Samples) -> tuple[Array, Mask]:
-        """Largest size of each channel, (channels,), and samples that have it where that is the end of a range, (channels, n)."""
+        """Largest size of each channel, (channels,), and samples that have it where that is the end of a range,
+        (channels, n).
+        """
         raw = samples.raw
         limits = self.marks(raw)[0]
         flat: Mask = np.abs(raw) >= limits[:, None] * (1 - 1e-9)
         for channel, (x, limit) in enumerate(zip(raw, limits)):
-            # a reading that never changes is not a clipped one; the end of a range holds a reading for a while, single samples
-            # meet at a largest value by chance
+            # a reading that never changes is not a clipped one; the end of a range holds a reading for a while, single
+            # samples meet at a largest value by chance
             if len(np.unique(x[:: max(1, len(x) // 5000)])) <= FEWEST_VALUES or _resting(flat[channel]) < FLAT:
                 flat[channel] = False
-            # nor is a coarse one that reaches its highest step now and then, or one that is repeated, unless the model goes on
+            # nor is a coarse one that reaches its highest step now and then, or one that is repeated, unless the model
+            # goes on
             step = lattice(x) if flat[channel].any() else 0.0
             chance = step > SHARED * samples.noise[channel] or np.mean(np.diff(x[~flat[channel]]) == 0.0) > REPEATED
             if samples.expected is not None and flat[channel].any() and chance:
@@ -180,10 +191,12 @@ def _resting(flags: Mask) -> int:
 
 
 def _cut_off_there(samples: Samples, channel: int, level: float, sigma: float) -> Mask:
-    """Samples (n,) of a pile about a level that is the end of a range; none where the model says that the load rests there.
+    """Samples (n,) of a pile about a level that is the end of a range; none where the model says that the load rests
+    there.
 
-    The model goes on beyond the end of a range, by more and by less, and the readings don't. A load that rests is expected to;
-    about one that is controlled to rest, a model errs both ways; dry friction stays at a level from the slowest motion on.
+    The model goes on beyond the end of a range, by more and by less, and the readings don't. A load that rests is
+    expected to; about one that is controlled to rest, a model errs both ways; dry friction stays at a level from the
+    slowest motion on.
     """
     none = np.zeros(samples.raw.shape[1], np.bool_)
     if samples.expected is None:
@@ -221,7 +234,9 @@ def _as_below(x: Array, expected: Array, below: Mask) -> Array:
 
 
 def _noises(x: Array) -> tuple[float, float]:
-    """White noise of all readings (n,), and of the largest: an end of the range takes off the noise that comes before it."""
+    """White noise of all readings (n,), and of the largest: an end of the range takes off the noise that comes before
+    it.
+    """
     x, found = x if x.max() > -x.min() else -x, [0.0]
     change = np.abs(np.diff(x, n=3))
     for top in TOPS:
@@ -257,4 +272,8 @@ def _pile_above(x: Array, sigma: float, denser: float, slowed: float, narrow: fl
     cut_off = before > 0.0 and close <= slowed * before + chance
     alone = np.count_nonzero(off > 4.5) <= 2e-3 * pile.sum()
     dense = pile.sum() >= PILED and pile.sum() / 6.0 > denser * max(close, before)
-    return level if level > 0.0 and cut_off and alone and dense and float(np.std(x[pile])) < narrow * sigma else float("nan")
+    return (
+        level
+        if level > 0.0 and cut_off and alone and dense and float(np.std(x[pile])) < narrow * sigma
+        else float("nan")
+    )

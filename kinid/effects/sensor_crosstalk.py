@@ -46,7 +46,8 @@ class SensorCrosstalk(Effect):
         named = list(zip(layout.channels, layout.units))
         pairs = [(f"{i},{j}", *_SHARES[u, v]) for i, u in named for j, v in named if i != j]
         return tuple(
-            Parameter(f"crosstalk[{pair}]", "c", unit, 0.0, -size, size, scale=0.01 * size) for pair, unit, size in pairs
+            Parameter(f"crosstalk[{pair}]", "c", unit, 0.0, -size, size, scale=0.01 * size)
+            for pair, unit, size in pairs
         )
 
     def prior(self, layout: Layout) -> Array | None:

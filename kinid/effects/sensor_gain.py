@@ -21,7 +21,10 @@ class SensorGain(Effect):
     equation = "y = (1 + g) f"
     source = "any strain-gauge sensor's data sheet (span error)"
     signature = "a residual proportional to the reading itself, the tool's weight included"
-    confusions = {"tool-mass": "contact: a mass doesn't scale it", "hooke": "free rotation: stiffness doesn't scale weight"}
+    confusions = {
+        "tool-mass": "contact: a mass doesn't scale it",
+        "hooke": "free rotation: stiffness doesn't scale weight",
+    }
     excited_by = "free rotation of a tool of known mass"
     needs = ()
     null = {"gain": 0.0}

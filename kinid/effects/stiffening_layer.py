@@ -27,7 +27,10 @@ class StiffeningLayer(Effect):
     null = {"stiffness": 0.0}
     grid = {"depth": (3e-4, 1e-3, 2e-3, 4e-3, 8e-3, 1.6e-2)}
     turn = 1
-    admissible = {"stiffness": (-1e8, 1e8), "depth": (0.0, 0.5)}  # a softer core is possible as long as the sum isn't negative
+    admissible = {
+        "stiffness": (-1e8, 1e8),
+        "depth": (0.0, 0.5),
+    }  # a softer core is possible as long as the sum isn't negative
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Extra stiffness, where it begins."""
@@ -44,12 +47,19 @@ class StiffeningLayer(Effect):
         stiffness = self.parameters(signals.layout)[0].nominal
         return tuple(np.array([stiffness, depth]) for depth in np.quantile(inside, np.arange(1, 6) / 6))
 
-    def implausible(self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None) -> str:
+    def implausible(
+        self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None
+    ) -> str:
         """A sum of base and layer that falls with depth is no material."""
-        base = max((value for name, value in model_values.items() if name in ("hooke.stiffness", "kelvin-voigt.stiffness")),
-                   default=math.inf)  # fmt: skip
+        base = max(
+            (value for name, value in model_values.items() if name in ("hooke.stiffness", "kelvin-voigt.stiffness")),
+            default=math.inf,
+        )
         if "hertz-exponent.exponent" not in model_values and base + values.get("stiffness", 0.0) < 0.0:
-            return f"stiffness = {values['stiffness']:.3g} N/m below the layer's depth: more than the {base:.3g} N/m above it"
+            return (
+                f"stiffness = {values['stiffness']:.3g} N/m below the layer's depth: more than the {base:.3g} "
+                "N/m above it"
+            )
         return super().implausible(values, model_values, signals)
 
     def within(self, signals: Signals) -> str:

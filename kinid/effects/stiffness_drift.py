@@ -33,7 +33,9 @@ class StiffnessDrift(Effect):
         """Rate."""
         return (Parameter("rate", "α", "1/min", 0.0, -1e3, 1e3, scale=0.05),)
 
-    def implausible(self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None) -> str:
+    def implausible(
+        self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None
+    ) -> str:
         """A stiffness that is gone before the log ends."""
         end = 1.0 if signals is None else 1.0 + values.get("rate", 0.0) * float(signals.t[-1]) / 60.0
         if end < 0.0:

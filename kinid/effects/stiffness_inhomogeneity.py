@@ -38,14 +38,15 @@ SIZES, LENGTHS = np.geomspace(0.01, 5.0, 19), np.geomspace(0.5, 32.0, 13)
 
 @dataclass(frozen=True)
 class Nodes:
-    """Places at which a profile is free: those that a tool poked at; or, of a grid turned against the tangents, those with
-    samples around.
+    """Places at which a profile is free: those that a tool poked at; or, of a grid turned against the tangents, those
+    with samples around.
 
     Attributes:
         spots: that were poked at [m], along both tangents; () for a grid, and what follows is of one.
         origin: first node [m], along both tangents. angle: of the grid's first axis from the first tangent [rad].
         spacing: of nodes along both axes [m]. counts: how many there are along each.
-        kept: those with samples around, as numbers i + j · counts[0]. reference: the one of them that the base's stiffness is of.
+        kept: those with samples around, as numbers i + j · counts[0]. reference: the one of them that the base's
+            stiffness is of.
     """
 
     origin: tuple[float, float]
@@ -120,7 +121,9 @@ class Nodes:
         at = _turned(x - np.array(self.origin)[:, None], self.angle) / np.array(self.spacing)[:, None]
         at = np.clip(at, 0.0, np.array(self.counts)[:, None] - 1.0)
         kept = np.array(self.kept)
-        off = np.stack([at[0] - (kept % self.counts[0])[:, None], at[1] - (kept // self.counts[0])[:, None]])  # (2, K, n)
+        off = np.stack(
+            [at[0] - (kept % self.counts[0])[:, None], at[1] - (kept // self.counts[0])[:, None]]
+        )  # (2, K, n)
         hats: Array = np.prod(np.maximum(1.0 - np.abs(off), 0.0), axis=0)
         total = hats.sum(axis=0)
         lost = total < 1e-6
@@ -136,12 +139,13 @@ class Nodes:
 class StiffnessInhomogeneity(Effect):
     """F_e ·= 1 + Σ w_k φ_k(x, y): a free profile over the visited places; x, y are the slips [m].
 
-    φ_k is 1 at its node and falls linearly to 0 at the neighbouring ones. Nodes come from the log (`for_log`): up to fifteen
-    along a line, about five by five over a plane, those alone that samples are near to. One of them is the reference: the
-    base's stiffness is that there, and 1 + w_k the ratio of the stiffness at node k to it. Beyond the nodes the profile goes on
-    as it ends. How smooth it is, is learnt: weights have a prior, that of a Gaussian process (Matérn 3/2) less its value at
-    the reference, whose size and length are those under which the readings are most likely. Edges, inclusions and gradients
-    are cases. Without a log it is a gradient g [1/m] along both tangents, F_e ·= 1 + g₁ x + g₂ y.
+    φ_k is 1 at its node and falls linearly to 0 at the neighbouring ones. Nodes come from the log (`for_log`): up to
+    fifteen along a line, about five by five over a plane, those alone that samples are near to. One of them is the
+    reference: the base's stiffness is that there, and 1 + w_k the ratio of the stiffness at node k to it. Beyond the
+    nodes the profile goes on as it ends. How smooth it is, is learnt: weights have a prior, that of a Gaussian process
+    (Matérn 3/2) less its value at the reference, whose size and length are those under which the readings are most
+    likely. Edges, inclusions and gradients are cases. Without a log it is a gradient g [1/m] along both tangents, F_e
+    ·= 1 + g₁ x + g₂ y.
 
     Attributes:
         nodes: of a log; None without one.
@@ -168,7 +172,8 @@ class StiffnessInhomogeneity(Effect):
     excited_by = "pokes or slides of one depth at many places, along both tangents"
     needs = ("normal", "slip")
     null = {"gradient1": 0.0, "gradient2": 0.0, "weight": 0.0}
-    # no place has a negative stiffness; bone in fat is some hundred times as stiff, an inclusion felt through a layer less
+    # no place has a negative stiffness; bone in fat is some hundred times as stiff, an inclusion felt through a layer
+    # less
     admissible = {"weight": (-1.0, 100.0)}
     turn = 2
 
@@ -203,17 +208,25 @@ class StiffnessInhomogeneity(Effect):
             for size in SIZES:
                 precision = _precision(shape, float(size))
                 both = precision + information
-                likely = (np.linalg.slogdet(precision)[1] - np.linalg.slogdet(both)[1]
-                          + gradient @ np.linalg.solve(both, gradient))  # fmt: skip
+                likely = (
+                    np.linalg.slogdet(precision)[1]
+                    - np.linalg.slogdet(both)[1]
+                    + gradient @ np.linalg.solve(both, gradient)
+                )
                 if likely > most:
                     best, most = replace(self, size=float(size), length=float(length)), float(likely)
         return best
 
-    def implausible(self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None) -> str:
+    def implausible(
+        self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None
+    ) -> str:
         """A gradient that leaves no stiffness at a touched place, too."""
         slope = np.array([values.get("gradient1", 0.0), values.get("gradient2", 0.0)])
         if signals is not None and slope.any() and (slope @ signals.slip[:, signals.inside] < -1.0).any():
-            return f"a gradient of {slope[0]:.3g} and {slope[1]:.3g} 1/m: no stiffness would be left at some touched places"
+            return (
+                f"a gradient of {slope[0]:.3g} and {slope[1]:.3g} 1/m: no stiffness would be left at some "
+                "touched places"
+            )
         return super().implausible(values, model_values, signals)
 
     def meaning(self, values: Mapping[str, float]) -> str:
@@ -223,8 +236,10 @@ class StiffnessInhomogeneity(Effect):
         ratio = {self.nodes.reference: 1.0} | {k: 1.0 + values.get(f"weight[{k}]", 0.0) for k in self.nodes.free}
         ends = sorted(self.nodes.kept, key=lambda k: ratio[k])
         soft, stiff = (1e3 * self.nodes.places[:, self.nodes.kept.index(k)] for k in (ends[0], ends[-1]))
-        return (f"{ratio[ends[-1]] / max(ratio[ends[0]], 1e-3):.3g} times as stiff at ({stiff[0]:.1f}, {stiff[1]:.1f}) mm "
-                f"as at ({soft[0]:.1f}, {soft[1]:.1f}) mm")  # fmt: skip
+        return (
+            f"{ratio[ends[-1]] / max(ratio[ends[0]], 1e-3):.3g} times as stiff at ({stiff[0]:.1f}, {stiff[1]:.1f}) mm "
+            f"as at ({soft[0]:.1f}, {soft[1]:.1f}) mm"
+        )
 
     def elastic(self, s: Signals, p: Array) -> None:
         """Scale the elastic force."""
@@ -237,9 +252,13 @@ class StiffnessInhomogeneity(Effect):
 
 
 def _spots(x: Array) -> tuple[Array, Array]:
-    """Middles of the few small places that visited ones x (2, n) gather at [m], (K, 2), and how many are at each; else none."""
+    """Middles of the few small places that visited ones x (2, n) gather at [m], (K, 2), and how many are at each; else
+    none.
+    """
     cell = max(float(np.ptp(x, axis=1).max()) / 60.0, 0.5 * CLOSEST)
-    cells, where, number = np.unique(np.floor(x / cell).astype(np.int64), axis=1, return_inverse=True, return_counts=True)
+    cells, where, number = np.unique(
+        np.floor(x / cell).astype(np.int64), axis=1, return_inverse=True, return_counts=True
+    )
     none = np.empty((0, 2)), np.empty(0)
     if cells.shape[1] > 6 * OVER:
         return none
@@ -263,7 +282,9 @@ def _spots(x: Array) -> tuple[Array, Array]:
 
 
 def _direction(x: Array) -> float:
-    """Angle of the grid's first axis for visited places x (2, n) [rad]: along them; the first tangent where that is as good."""
+    """Angle of the grid's first axis for visited places x (2, n) [rad]: along them; the first tangent where that is as
+    good.
+    """
     cell = max(float(np.ptp(x, axis=1).max()) / 200.0, CLOSEST / 10.0)
     cells = np.unique(np.floor(x / cell), axis=1)  # a place counts as one, however long the tool stayed
     if cells.shape[1] < 2:

@@ -17,15 +17,18 @@ from kinid.parameter import Parameter
 class StressSoftening(Effect):
     """F_e ·= 1 − r (1 − exp(−(δ_m − δ) / ℓ)): softer below the deepest past depth δ_m, by up to r; ℓ [m].
 
-    On first loading δ = δ_m, and nothing changes; below, force follows one softer path in and out (a pseudo-elastic form
-    as in Ogden & Roxburgh, in depth instead of energy). δ_m belongs to one place: a log that visits several must be
-    split, or the material be conditioned beforehand.
+    On first loading δ = δ_m, and nothing changes; below, force follows one softer path in and out (a pseudo-elastic
+    form as in Ogden & Roxburgh, in depth instead of energy). δ_m belongs to one place: a log that visits several must
+    be split, or the material be conditioned beforehand.
     """
 
     id = "stress-softening"
     title = "Mullins effect"
     equation = "F_e ·= 1 − r (1 − exp(−(δ_m − δ) / ℓ))"
-    source = "L. Mullins, Rubber Chem. Technol. 21, 1948 and 42, 1969; R. W. Ogden, D. G. Roxburgh, Proc. R. Soc. A 455, 1999"
+    source = (
+        "L. Mullins, Rubber Chem. Technol. 21, 1948 and 42, 1969; R. W. Ogden, D. G. Roxburgh, Proc. R. "
+        "Soc. A 455, 1999"
+    )
     signature = "the first loading is stiffer than all later ones to the same depth"
     confusions = {
         "stiffness-drift": "a deeper poke later: the first path continues beyond the old depth",

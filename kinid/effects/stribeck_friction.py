@@ -38,7 +38,9 @@ class StribeckFriction(Effect):
             Parameter("speed", "v_s", "m/s", 5e-3, 1e-6, 10.0, scale=1e-3),
         )
 
-    def implausible(self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None) -> str:
+    def implausible(
+        self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None
+    ) -> str:
         """A coefficient that is negative at rest, too."""
         rest = model_values.get("coulomb-friction.coefficient", 0.0) + values.get("coefficient", 0.0)
         if rest < 0.0:

@@ -11,11 +11,12 @@ from kinid.parameter import Parameter
 
 @final
 class StructuralCompliance(Effect):
-    """δ → δ − C N, δ̇ → δ̇ − C Ṅ: the contact force bends joints, flange and sensor, and the tip stays behind the encoders.
+    """δ → δ − C N, δ̇ → δ̇ − C Ṅ: the contact force bends joints, flange and sensor, and the tip stays behind the
+    encoders.
 
-    N is the force that the model itself expects, at which contact law and arm agree: a measured one would carry its noise
-    into the depth, which makes C too small. Behind a linear spring k, N = k δ/(1 + C k): one stiffness, which k and C share
-    in any way. A law that bends over depth, or that loses energy, tells them apart. Forces between the axes
+    N is the force that the model itself expects, at which contact law and arm agree: a measured one would carry its
+    noise into the depth, which makes C too small. Behind a linear spring k, N = k δ/(1 + C k): one stiffness, which k
+    and C share in any way. A law that bends over depth, or that loses energy, tells them apart. Forces between the axes
     (`coupled-stiffness`) and friction don't bend the arm along the normal.
     """
 

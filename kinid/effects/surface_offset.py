@@ -17,7 +17,9 @@ class SurfaceOffset(Effect):
     title = "misplaced surface"
     equation = "δ → δ + z₀"
     source = "S. L. Crick, F. C.-P. Yin, Biomech. Model. Mechanobiol. 6, 2007 (why the point of contact matters)"
-    signature = "an error as large as the slope of force over depth, from the first touch on; contact at the wrong depth"
+    signature = (
+        "an error as large as the slope of force over depth, from the first touch on; contact at the wrong depth"
+    )
     confusions = {
         "tip-offset": "a tilted poke: an offset of the tip turns with the tool",
         "adhesion": "a slow retraction: only a bond leaves a negative force",

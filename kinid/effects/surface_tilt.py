@@ -23,7 +23,9 @@ class SurfaceTilt(Effect):
     title = "surface turned against the rig's plane"
     equation = "δ + a·s;  s − a δ;  T − a N,  N + a·T"
     source = "small-angle rotation of the contact frame"
-    signature = "tangential force proportional to the normal force while nothing slides, and depth that drifts along a slide"
+    signature = (
+        "tangential force proportional to the normal force while nothing slides, and depth that drifts along a slide"
+    )
     confusions = {
         "sensor-misalignment": "slide: a tilt changes the depth along the way, a turned sensor doesn't",
         "sensor-crosstalk": "slide: a tilt changes the depth along the way",

@@ -15,7 +15,8 @@ from kinid.parameter import Parameter
 
 @final
 class TipOffset(Effect):
-    """The tip is at r + d in the sensor frame: other depth and slip as the tool tilts, and another arm of the contact force.
+    """The tip is at r + d in the sensor frame: other depth and slip as the tool tilts, and another arm of the contact
+    force.
 
     δ −= n·(R d), slip += t·(R d), and their rates with ω × d; τ = (r + d) × f. On a curved surface to first order in d.
     Along the normal of a tool that never tilts it is a `surface-offset`.

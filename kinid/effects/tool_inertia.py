@@ -22,7 +22,9 @@ class ToolInertia(Effect):
     id = "tool-inertia"
     title = "rotational inertia of the tool"
     equation = "τ −= ΔI α + ω × ΔI ω"
-    source = "L. Euler, Theoria motus corporum solidorum, 1765; C. G. Atkeson et al., Int. J. Robotics Research 5(3), 1986"
+    source = (
+        "L. Euler, Theoria motus corporum solidorum, 1765; C. G. Atkeson et al., Int. J. Robotics Research 5(3), 1986"
+    )
     signature = "torques in the air as large as the angular acceleration"
     confusions = {
         "tool-mass": "slow and fast free motion: weight is there at rest too",

@@ -44,7 +44,9 @@ class ToolMass(Effect):
         stated = 0.0 if signals.sensor is None else abs(signals.sensor.mass)
         return {"mass": WEIGHED * stated} if stated > 0.0 else {}
 
-    def implausible(self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None) -> str:
+    def implausible(
+        self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None
+    ) -> str:
         """A tool that weighs less than nothing."""
         stated = 0.0 if signals is None or signals.sensor is None else signals.sensor.mass
         if signals is not None and stated + values.get("mass", 0.0) < 0.0:

@@ -14,11 +14,13 @@ from kinid.parameter import Parameter
 
 @final
 class Zener(Effect):
-    """A spring k [N/m] beside a Maxwell branch of stiffness k₁ = ρ k and time constant τ [s]: the standard linear solid.
+    """A spring k [N/m] beside a Maxwell branch of stiffness k₁ = ρ k and time constant τ [s]: the standard linear
+    solid.
 
     N = k δ + k₁ (δ − y) with τ ẏ = δ − y. Written with the instantaneous force F_e = (1 + ρ) k δ the branch takes off
-    ρ/(1 + ρ) of F_e, low-pass filtered, so that effects on the elastic force act on spring and branch alike (quasi-linear,
-    Fung 1981). k alone remains in the end. A tool that retracts faster than the material recovers leaves it: nothing pulls.
+    ρ/(1 + ρ) of F_e, low-pass filtered, so that effects on the elastic force act on spring and branch alike
+    (quasi-linear, Fung 1981). k alone remains in the end. A tool that retracts faster than the material recovers leaves
+    it: nothing pulls.
     """
 
     id = "zener"

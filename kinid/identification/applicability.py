@@ -39,14 +39,23 @@ def why_inapplicable(effect: Effect, model: Model, base: str | None, layout: Lay
         (torques and foreign, "it acts on contact forces, and this model is of joint torques"),
         (not torques and "joint" in stages, "it acts on joint torques, and this model is of contact forces"),
         (torques and bool(effect.same_for_joints), f"of joint torques it is {effect.same_for_joints}"),
-        (layout.kind == "contact" and "wrench" in effect.needs,
-         "it acts on the whole wrench: record joints and the six channels of the sensor"),
+        (
+            layout.kind == "contact" and "wrench" in effect.needs,
+            "it acts on the whole wrench: record joints and the six channels of the sensor",
+        ),
         (layout.kind == "contact" and not slides and stages <= {"friction"}, "no tangential force was recorded"),
-        (not torques and "normal" in effect.needs and base is None, "it acts on contact, and the model has no contact law"),
-        (any(effect.id in other.holds for other in model.effects),
-         f"{next((other.id for other in model.effects if effect.id in other.holds), '')} holds it already"),
-        (bool(effect.wants) and not any(name in model for name in effect.wants),
-         f"it acts on {' or '.join(effect.wants)}, which the model lacks"),
+        (
+            not torques and "normal" in effect.needs and base is None,
+            "it acts on contact, and the model has no contact law",
+        ),
+        (
+            any(effect.id in other.holds for other in model.effects),
+            f"{next((other.id for other in model.effects if effect.id in other.holds), '')} holds it already",
+        ),
+        (
+            bool(effect.wants) and not any(name in model for name in effect.wants),
+            f"it acts on {' or '.join(effect.wants)}, which the model lacks",
+        ),
         (not effect.parameters(layout), "this log lacks the channels that it acts on"),
     )
     return next((why for holds, why in reasons if holds), "")
@@ -66,8 +75,8 @@ def amplitudes(effect: Effect, layout: Layout, base: str | None) -> dict[int, fl
 def shape_points(effect: Effect, signals: Signals, amplitude: dict[int, float]) -> Iterator[tuple[Array, list[int]]]:
     """Points to look at: values of all its parameters, and which amplitudes are away from null there, each alone.
 
-    Shapes come from what the effect calls worth starting from in this log. An amplitude that has a grid of its own (a delay, an
-    exponent) changes readings differently when it is large; it is looked at point by point.
+    Shapes come from what the effect calls worth starting from in this log. An amplitude that has a grid of its own (a
+    delay, an exponent) changes readings differently when it is large; it is looked at point by point.
     """
     parameters = effect.parameters(signals.layout)
     null = np.array([amplitude.get(i, p.nominal) for i, p in enumerate(parameters)])

@@ -54,20 +54,33 @@ class Comparison:
     def to_dict(self) -> dict[str, Any]:
         """For JSON; None where there is no figure."""
         return {
-            "reference": self.reference, "unit": self.unit, "noise_floor": self.noise_floor,
+            "reference": self.reference,
+            "unit": self.unit,
+            "noise_floor": self.noise_floor,
             "models": [
-                {"rank": row.rank, "held_out": _figure(row.held_out), "difference": _figure(row.difference),
-                 "standard_error": _figure(row.standard_error), **row.fit.to_dict()} for row in self.rows
+                {
+                    "rank": row.rank,
+                    "held_out": _figure(row.held_out),
+                    "difference": _figure(row.difference),
+                    "standard_error": _figure(row.standard_error),
+                    **row.fit.to_dict(),
+                }
+                for row in self.rows
             ],
-        }  # fmt: skip
+        }
 
 
 def _figure(value: float) -> float | None:
     return value if np.isfinite(value) else None
 
 
-def compare(models: Sequence[Model], data: ContactSeries | Log | Experiment, rig: Rig | None = None, *,
-            reference: str | None = None) -> Comparison:  # fmt: skip
+def compare(
+    models: Sequence[Model],
+    data: ContactSeries | Log | Experiment,
+    rig: Rig | None = None,
+    *,
+    reference: str | None = None,
+) -> Comparison:
     """Fit every model to the same samples of the same channels and hold it against those that it has not seen.
 
     Args:

@@ -1,8 +1,9 @@
-"""Covariance of estimates whose errors remember: a sandwich over blocks of time, no tighter than memory or kinds of motion allow.
+"""Covariance of estimates whose errors remember: a sandwich over blocks of time, no tighter than memory or kinds of
+motion allow.
 
-V = H⁻¹ M H⁻¹ with the information H and M the sum over blocks of squared scores, neighbours included (W. K. Newey, K. D. West,
-Econometrica 55, 1987; small samples: J. G. MacKinnon, H. White, J. Econometrics 29, 1985). Nuisances count with their prior in
-both.
+V = H⁻¹ M H⁻¹ with the information H and M the sum over blocks of squared scores, neighbours included (W. K. Newey, K.
+D. West, Econometrica 55, 1987; small samples: J. G. MacKinnon, H. White, J. Econometrics 29, 1985). Nuisances count
+with their prior in both.
 """
 
 from __future__ import annotations
@@ -97,9 +98,9 @@ def _meat(state: State, jacobian: Array, prior: Array) -> Array:
 def _unlike(state: State, jacobian: Array, information: Array) -> Array:
     """Variance of parameters (p,) from clusters of one kind of motion, the largest of several ways to cluster.
 
-    A law of another form errs alike wherever the tool does the same, however often it does so: a sandwich over clusters of
-    several kinds (A. C. Cameron, J. B. Gelbach, D. L. Miller, J. Bus. Econ. Stat. 29, 2011), right for few clusters that weigh
-    unlike (R. M. Bell, D. F. McCaffrey, Survey Methodology 28, 2002).
+    A law of another form errs alike wherever the tool does the same, however often it does so: a sandwich over clusters
+    of several kinds (A. C. Cameron, J. B. Gelbach, D. L. Miller, J. Bus. Econ. Stat. 29, 2011), right for few clusters
+    that weigh unlike (R. M. Bell, D. F. McCaffrey, Survey Methodology 28, 2002).
     """
     problem, s, out = state.problem, state.problem.experiment.signals, np.zeros(len(information))
     rows = jacobian.reshape(*problem.shape, -1)

@@ -26,7 +26,9 @@ def sample_period(signals: Signals) -> float:
 
 
 def group_edges(signals: Signals, valid: Mask, size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """First sample, and the one after the last, of groups of at most `size` neighbours of one run and one validity, each (g,)."""
+    """First sample, and the one after the last, of groups of at most `size` neighbours of one run and one validity,
+    each (g,).
+    """
     starts = np.flatnonzero(signals.dt == 0.0)
     within = np.arange(len(signals)) - starts[np.cumsum(signals.dt == 0.0) - 1]
     begins = (within % size == 0) | np.r_[True, np.diff(valid.astype(np.int8)) != 0]
@@ -48,22 +50,38 @@ def averaged_signals(signals: Signals, begin: NDArray[np.int64], end: NDArray[np
     if sensor is not None:
         turned = np.moveaxis(mean(np.moveaxis(sensor.to_contact, 0, -1)), -1, 0)
         sensor = dataclasses.replace(
-            sensor, to_contact=np.ascontiguousarray(turned), specific=mean(sensor.specific), omega=mean(sensor.omega),
-            alpha=mean(sensor.alpha), load=mean(sensor.load),
-        )  # fmt: skip
+            sensor,
+            to_contact=np.ascontiguousarray(turned),
+            specific=mean(sensor.specific),
+            omega=mean(sensor.omega),
+            alpha=mean(sensor.alpha),
+            load=mean(sensor.load),
+        )
     if joints is not None:
-        arrays: dict[str, Any] = {field.name: mean(getattr(joints, field.name)) for field in dataclasses.fields(joints)
-                                  if isinstance(getattr(joints, field.name), np.ndarray)}  # fmt: skip
+        arrays: dict[str, Any] = {
+            field.name: mean(getattr(joints, field.name))
+            for field in dataclasses.fields(joints)
+            if isinstance(getattr(joints, field.name), np.ndarray)
+        }
         joints = dataclasses.replace(joints, **arrays)
     return dataclasses.replace(
-        signals, t=t, dt=dt, depth=mean(signals.depth), depth_rate=mean(signals.depth_rate), slip=mean(signals.slip),
-        slip_rate=mean(signals.slip_rate), measured=None if signals.measured is None else mean(signals.measured), sensor=sensor,
+        signals,
+        t=t,
+        dt=dt,
+        depth=mean(signals.depth),
+        depth_rate=mean(signals.depth_rate),
+        slip=mean(signals.slip),
+        slip_rate=mean(signals.slip_rate),
+        measured=None if signals.measured is None else mean(signals.measured),
+        sensor=sensor,
         joints=joints,
-    )  # fmt: skip
+    )
 
 
 def averaged(experiment: Experiment) -> tuple[Experiment, tuple[Signals, ...]]:
-    """An experiment in means of neighbouring samples where it has more than identification needs, and its motion draws alike."""
+    """An experiment in means of neighbouring samples where it has more than identification needs, and its motion draws
+    alike.
+    """
     signals, draws = experiment.signals, experiment.motion_draws
     size = math.ceil(len(signals) / MAX_SAMPLES)
     rate = 1.0 / sample_period(signals)
@@ -73,17 +91,22 @@ def averaged(experiment: Experiment) -> tuple[Experiment, tuple[Signals, ...]]:
     begin, end = group_edges(signals, experiment.valid, size)
     count = (end - begin).astype(float)
     small = dataclasses.replace(
-        experiment, signals=averaged_signals(signals, begin, end),
+        experiment,
+        signals=averaged_signals(signals, begin, end),
         measured=np.ascontiguousarray(np.add.reduceat(experiment.measured, begin, axis=-1) / count),
-        valid=experiment.valid[begin], noise=experiment.noise / np.sqrt(size),
+        valid=experiment.valid[begin],
+        noise=experiment.noise / np.sqrt(size),
         phase=None if experiment.phase is None else experiment.phase[begin],
-        in_contact=experiment.in_contact[begin], rows=experiment.rows[begin], touch=None,
-    )  # fmt: skip
+        in_contact=experiment.in_contact[begin],
+        rows=experiment.rows[begin],
+        touch=None,
+    )
     return small, tuple(averaged_signals(draw, begin, end) for draw in draws)
 
 
 def hold_out_folds(signals: Signals, block: NDArray[np.int64]) -> Mask:
-    """Which of two folds each block lies in, (blocks,): blocks of time, dealt out so that both folds hold alike contact.
+    """Which of two folds each block lies in, (blocks,): blocks of time, dealt out so that both folds hold alike
+    contact.
 
     Neighbours in the order of their share of contact and depth go to different folds, by a fixed lot: blocks that
     alternated in time would beat with a periodic motion, and one fold would see nothing but air.

@@ -1,9 +1,11 @@
-"""The error of a reading: its own noise, the motion's noise carried through the model, and what no effect so far explains.
+"""The error of a reading: its own noise, the motion's noise carried through the model, and what no effect so far
+explains.
 
-σ² = (a) noise and resolution of the reading + (b) noise of the motion estimate, carried through the model by draws + (d) the
-discrepancy: per channel, with a size and a memory that are learnt from the residual (M. C. Kennedy, A. O'Hagan,
-J. R. Stat. Soc. B 63, 2001). It is learnt after the parameters, so that it can't take from the effects what they explain
-(M. Gu, L. Wang, SIAM/ASA J. Uncertainty Quantification 6, 2018). What calibration leaves open (c) are nuisance parameters.
+σ² = (a) noise and resolution of the reading + (b) noise of the motion estimate, carried through the model by draws +
+(d) the discrepancy: per channel, with a size and a memory that are learnt from the residual (M. C. Kennedy, A. O'Hagan,
+J. R. Stat. Soc. B 63, 2001). It is learnt after the parameters, so that it can't take from the effects what they
+explain (M. Gu, L. Wang, SIAM/ASA J. Uncertainty Quantification 6, 2018). What calibration leaves open (c) are nuisance
+parameters.
 """
 
 from __future__ import annotations
@@ -23,14 +25,15 @@ from kinid.robotics.motion import STATIC_PERIOD
 
 Array = NDArray[np.float64]
 
-#: of a channel's own size, what no converter resolves and no reading is believed to; and of the noise of the loudest channel of
-#: the same unit, what no other of one sensor is quieter than
+#: of a channel's own size, what no converter resolves and no reading is believed to; and of the noise of the loudest
+#: channel of the same unit, what no other of one sensor is quieter than
 RESOLUTION, QUIETEST = 1e-4, 0.02
 #: share of a channel's own size that noise of static poses is taken to be at most
 STATIC_NOISE = 0.001
 #: share of a usual force that is open where a material has let go
 RELEASED = 0.1
-#: what is left in a block of time, in standard deviations, beyond which it weighs no more; and how often weights are found anew
+#: what is left in a block of time, in standard deviations, beyond which it weighs no more; and how often weights are
+#: found anew
 UNUSUAL, REWEIGHTED = 3.0, 4
 #: the motion's noise is averaged over so long [s]: draws are few
 SMOOTHED = 0.2
@@ -43,8 +46,8 @@ class ErrorModel:
     Attributes:
         reading: variance of the reading's own noise, (channels, g). motion: of the motion's, (channels, g).
         discrepancy: standard deviation of what is left beyond both, (channels,).
-        memory: time over which the residual remembers itself [s]. unusual: factor of the variance in blocks that leave many
-            times what others do, (channels, g).
+        memory: time over which the residual remembers itself [s]. unusual: factor of the variance in blocks that leave
+            many times what others do, (channels, g).
     """
 
     reading: Array
@@ -69,7 +72,9 @@ class ErrorModel:
 def reading_noise(problem: Problem, averaged: bool = False) -> Array:
     """Standard deviation of a single reading's own noise, or of the averaged experiment's, (channels,)."""
     noise = (problem.experiment if averaged else problem.whole).noise.copy()
-    if sample_period(problem.experiment.signals) >= STATIC_PERIOD:  # from pose to pose all changes: neighbours tell no noise
+    if (
+        sample_period(problem.experiment.signals) >= STATIC_PERIOD
+    ):  # from pose to pose all changes: neighbours tell no noise
         noise = np.minimum(noise, STATIC_NOISE * problem.channel_rms)
     return noise
 
@@ -86,9 +91,11 @@ def reading_variance(problem: Problem) -> Array:
 
 
 def _released(experiment: Experiment) -> Array:
-    """What is open of each reading while a tool retracts from a material that has let it go already, (channels, n) [N, N·m].
+    """What is open of each reading while a tool retracts from a material that has let it go already, (channels, n) [N,
+    N·m].
 
-    Linear dashpots pull there, and rub; materials that remember or lose energy don't: laws that differ in this alone are one.
+    Linear dashpots pull there, and rub; materials that remember or lose energy don't: laws that differ in this alone
+    are one.
     """
     s, normal = experiment.signals, experiment.normal_force
     if normal is None or not experiment.let_go.any():
@@ -101,7 +108,9 @@ def _released(experiment: Experiment) -> Array:
 
 
 def motion_variance(problem: Problem, model: Model, values: Array) -> Array:
-    """Variance that errors of the motion estimate cause in means, memory and kinks of the model included, (channels, g)."""
+    """Variance that errors of the motion estimate cause in means, memory and kinks of the model included, (channels,
+    g).
+    """
     total = np.zeros(problem.shape)
     if not problem.draws:
         return total
@@ -147,7 +156,9 @@ def memory_of(problem: Problem, whitened: Array) -> float:
 
 
 def learn(problem: Problem, model: Model, values: Array, residual: Array, fixed: Array | None = None) -> ErrorModel:
-    """The error model that a residual (channels, g) tells of; `fixed` is the motion's variance where it is known already."""
+    """The error model that a residual (channels, g) tells of; `fixed` is the motion's variance where it is known
+    already.
+    """
     reading = reading_variance(problem)
     motion = motion_variance(problem, model, values) if fixed is None else fixed
     unusual = np.ones(problem.shape)
@@ -160,7 +171,9 @@ def learn(problem: Problem, model: Model, values: Array, residual: Array, fixed:
 
 
 def unusual_blocks(problem: Problem, squares: Array) -> Array:
-    """How many times the variance is in blocks of many squares (channels, g), in units of it, at least 1, (channels, g)."""
+    """How many times the variance is in blocks of many squares (channels, g), in units of it, at least 1, (channels,
+    g).
+    """
     many = np.bincount(problem.block)
     means = np.stack([(np.bincount(problem.block, row) / many)[problem.block] for row in squares])
     return np.maximum(1.0, means / UNUSUAL**2)

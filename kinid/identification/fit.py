@@ -1,4 +1,6 @@
-"""A model fitted to a log: estimates with intervals, errors on samples that it saw and didn't see, and what to doubt."""
+"""A model fitted to a log: estimates with intervals, errors on samples that it saw and didn't see, and what to
+doubt.
+"""
 
 from __future__ import annotations
 
@@ -59,7 +61,9 @@ class FittedParameter:
 
 @dataclass(frozen=True)
 class FitError:
-    """Root mean square of measured less predicted force (or torque): seen, unseen, and what the noise alone explains."""
+    """Root mean square of measured less predicted force (or torque): seen, unseen, and what the noise alone
+    explains.
+    """
 
     train: float
     held_out: float
@@ -91,8 +95,10 @@ class Fit:
     left: LackOfFit
 
     def __str__(self) -> str:
-        lines = [f"{name} = {p.value:.4g} [{p.low:.4g}, {p.high:.4g}] {p.unit}".removesuffix(" 1")
-                 for name, p in self.parameters.items()]  # fmt: skip
+        lines = [
+            f"{name} = {p.value:.4g} [{p.low:.4g}, {p.high:.4g}] {p.unit}".removesuffix(" 1")
+            for name, p in self.parameters.items()
+        ]
         error = f"error {self.error.train:.4g} {self.error.unit}, held out {self.error.held_out:.4g}"
         return "\n".join([f"{self.model}: {error}", *lines])
 
@@ -110,7 +116,9 @@ class Fit:
         Args:
             experiment: other signals than those of the fit. calibrated: with what was found of the rig's calibration.
         """
-        signals = dataclasses.replace((experiment or self.experiment).signals, rest=self.state.problem.whole.signals.rest)
+        signals = dataclasses.replace(
+            (experiment or self.experiment).signals, rest=self.state.problem.whole.signals.rest
+        )
         if not calibrated or signals.layout != self.experiment.layout:
             return self.model.predict(signals, self.values)
         return with_calibration(self.model, self.values, self.state.open_, self.state.shift, signals)
@@ -122,30 +130,44 @@ class Fit:
             numbers = ", ".join(
                 f"{p.symbol}{p.name.removeprefix(p.name.partition('[')[0])} = "
                 f"{self.parameters[f'{effect.id}.{p.name}'].value:.4g} {p.unit}".removesuffix(" 1")
-                for p in effect.parameters(self.experiment.layout) if not p.fixed
+                for p in effect.parameters(self.experiment.layout)
+                if not p.fixed
             )
             lines.append(f"{effect.id}: {effect.equation}" + (f"   with {numbers}" if numbers else ""))
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
         """The facts as `kinid fit --json` writes them."""
-        return {"model": list(self.model.names), "parameters": {name: p.to_dict() for name, p in self.parameters.items()},
-                "error": self.error.to_dict(), "warnings": list(self.warnings)}  # fmt: skip
+        return {
+            "model": list(self.model.names),
+            "parameters": {name: p.to_dict() for name, p in self.parameters.items()},
+            "error": self.error.to_dict(),
+            "warnings": list(self.warnings),
+        }
 
 
-def fit_model(model: Model, data: ContactSeries | Log | Experiment, rig: Rig | None = None, *,
-              channels: Sequence[str] | None = None, train: Mask | None = None, start: Mapping[str, float] | None = None,
-              held_out: bool = True) -> Fit:  # fmt: skip
+def fit_model(
+    model: Model,
+    data: ContactSeries | Log | Experiment,
+    rig: Rig | None = None,
+    *,
+    channels: Sequence[str] | None = None,
+    train: Mask | None = None,
+    start: Mapping[str, float] | None = None,
+    held_out: bool = True,
+) -> Fit:
     """Estimate a model's parameters.
 
     Args:
         model: what is fitted.
-        data: contact-frame quantities; or a log with its rig, for models that act on the whole wrench or on joint torques.
+        data: contact-frame quantities; or a log with its rig, for models that act on the whole wrench or on joint
+            torques.
         rig: goes with a log.
         channels: of a contact frame, which to fit; default: those that the model says something about.
         train: samples to fit to, (n,) of the experiment; the others are held out. Default: all, and the held-out error
             comes from blocks left out in turn.
-        start: starting values by parameter name, with its effect or without: where the caller knows them, no others are tried.
+        start: starting values by parameter name, with its effect or without: where the caller knows them, no others are
+            tried.
         held_out: compute the held-out error, which costs two more fits.
 
     Raises:
@@ -153,11 +175,17 @@ def fit_model(model: Model, data: ContactSeries | Log | Experiment, rig: Rig | N
     """
     experiment = experiment_for(model, data, rig, channels)
     if train is not None and np.shape(train) != (len(experiment.signals),):
-        raise InputError(f"a mask of training samples of shape {np.shape(train)}", f"one flag for each of the "
-                         f"{len(experiment.signals)} samples", "make it from the experiment's own time")  # fmt: skip
+        raise InputError(
+            f"a mask of training samples of shape {np.shape(train)}",
+            f"one flag for each of the {len(experiment.signals)} samples",
+            "make it from the experiment's own time",
+        )
     if not experiment.valid.any():
-        raise InputError(f"no sample with all of {', '.join(experiment.layout.channels)}", "readings that are numbers",
-                         "leave out the channels that the log doesn't have, or look for a column that holds nothing")  # fmt: skip
+        raise InputError(
+            f"no sample with all of {', '.join(experiment.layout.channels)}",
+            "readings that are numbers",
+            "leave out the channels that the log doesn't have, or look for a column that holds nothing",
+        )
     _refuse_idle(model, experiment)
     warnings = check_excitation(model, experiment)
     known = starting_values(model, experiment, start)
@@ -170,13 +198,21 @@ def fit_model(model: Model, data: ContactSeries | Log | Experiment, rig: Rig | N
 Model.fitter = fit_model  # `model.fit(…)` reads well, and models stand on the floor below
 
 
-def fit_of(state: State, experiment: Experiment, *, held_out: bool = True, train: Mask | None = None,
-           warnings: Sequence[str] = (), known: Mapping[str, float] | None = None) -> Fit:  # fmt: skip
+def fit_of(
+    state: State,
+    experiment: Experiment,
+    *,
+    held_out: bool = True,
+    train: Mask | None = None,
+    warnings: Sequence[str] = (),
+    known: Mapping[str, float] | None = None,
+) -> Fit:
     """The fit that a state is.
 
     Args:
         state: as estimated. experiment: the whole log. held_out: work out the held-out error.
-        train: samples that the state was fitted to, (n,), where those are not all. warnings: of the data. known: start values.
+        train: samples that the state was fitted to, (n,), where those are not all. warnings: of the data. known: start
+            values.
     """
     model, rows, out = state.model, error_rows(experiment), list(warnings)
     named = model.parameters(experiment.layout)
@@ -191,13 +227,25 @@ def fit_of(state: State, experiment: Experiment, *, held_out: bool = True, train
     mask = experiment.valid if train is None else experiment.valid & train
     found = covariance_of(state)
     shown = shown_values(state)
-    solution = Solution(shown, found.matrix, found.unidentified, _at_bound(state), residual, found.condition, (),
-                        state.steps, state.converged)  # fmt: skip
+    solution = Solution(
+        shown,
+        found.matrix,
+        found.unidentified,
+        _at_bound(state),
+        residual,
+        found.condition,
+        (),
+        state.steps,
+        state.converged,
+    )
     left = lack_of_fit(state, residual)
     error = FitError(rms(residual[rows][:, mask]), unseen, left.noise, error_unit(experiment))
     if held_out and not np.isfinite(unseen):
-        out.append("no held-out error: all samples are trained on" if train is not None else
-                   "no held-out error: too few samples to leave some out; record a longer log")  # fmt: skip
+        out.append(
+            "no held-out error: all samples are trained on"
+            if train is not None
+            else "no held-out error: too few samples to leave some out; record a longer log"
+        )
     out += doubts.of_fit(named, solution, left, known or {}, found.inverse) + doubts.of_nuisances(state, left)
     half = Z95 * solution.standard_errors
     fitted = {}
@@ -211,8 +259,13 @@ def fit_of(state: State, experiment: Experiment, *, held_out: bool = True, train
 
 def _at_bound(state: State) -> Mask:
     named = state.model.parameters(state.problem.layout).values()
-    return np.array([not p.fixed and (v <= p.low + 1e-6 * p.scale or v >= p.high - 1e-6 * p.scale)
-                     for p, v in zip(named, state.values)], np.bool_)  # fmt: skip
+    return np.array(
+        [
+            not p.fixed and (v <= p.low + 1e-6 * p.scale or v >= p.high - 1e-6 * p.scale)
+            for p, v in zip(named, state.values)
+        ],
+        np.bool_,
+    )
 
 
 def _refuse_idle(model: Model, experiment: Experiment) -> None:
@@ -222,21 +275,34 @@ def _refuse_idle(model: Model, experiment: Experiment) -> None:
         acts = {stage.value for stage in effect.stages()}
         reading = bool(acts & {"tool", "sensor", "acquisition"})
         if kind == "joints" and "joint" not in acts and not reading:
-            raise InputError(f"'{effect.id}' for joint torques", "effects of joints, sensor or acquisition",
-                             "fit it to a contact law without rigid-body")  # fmt: skip
+            raise InputError(
+                f"'{effect.id}' for joint torques",
+                "effects of joints, sensor or acquisition",
+                "fit it to a contact law without rigid-body",
+            )
         if kind != "joints" and "joint" in acts:
-            raise InputError(f"'{effect.id}' for contact forces", "effects of contact, tool or sensor",
-                             "fit it with rigid-body to joint torques")  # fmt: skip
+            raise InputError(
+                f"'{effect.id}' for contact forces",
+                "effects of contact, tool or sensor",
+                "fit it with rigid-body to joint torques",
+            )
         if not effect.base and not effect.parameters(experiment.layout):
-            raise InputError(f"'{effect.id}', which has nothing to act on in this log", "what it needs: "
-                             + (effect.excited_by or "more channels"), "leave it out, or give the robot in the rig")  # fmt: skip
+            raise InputError(
+                f"'{effect.id}', which has nothing to act on in this log",
+                "what it needs: " + (effect.excited_by or "more channels"),
+                "leave it out, or give the robot in the rig",
+            )
     if "slip" in model.needs and not any(effect.base for effect in model.effects):
-        raise InputError(f"{model} without a contact law", "friction with the normal force it grows with",
-                         "add one, e.g. --model kelvin-voigt,coulomb-friction")  # fmt: skip
+        raise InputError(
+            f"{model} without a contact law",
+            "friction with the normal force it grows with",
+            "add one, e.g. --model kelvin-voigt,coulomb-friction",
+        )
 
 
-def experiment_for(model: Model, data: ContactSeries | Log | Experiment, rig: Rig | None,
-                   channels: Sequence[str] | None = None) -> Experiment:  # fmt: skip
+def experiment_for(
+    model: Model, data: ContactSeries | Log | Experiment, rig: Rig | None, channels: Sequence[str] | None = None
+) -> Experiment:
     """Signals and readings that this model speaks about."""
     if isinstance(data, Experiment):
         return data
@@ -244,15 +310,21 @@ def experiment_for(model: Model, data: ContactSeries | Log | Experiment, rig: Ri
         if data.source is not None and not channels and _asks_for_more(model, *data.source):
             return experiment_for(model, *data.source)
         if model.needs_log:
-            raise InputError(f"contact-frame quantities for {model}, which acts on the whole wrench or on joint torques",
-                             "the log itself with its rig", "call fit(log, rig)")  # fmt: skip
+            raise InputError(
+                f"contact-frame quantities for {model}, which acts on the whole wrench or on joint torques",
+                "the log itself with its rig",
+                "call fit(log, rig)",
+            )
         for name in channels or ():
             if name not in CONTACT_FORCES:
                 raise InputError(f"channel '{name}'", f"one of {', '.join(CONTACT_FORCES)}", near(name, CONTACT_FORCES))
         return from_contact(data, tuple(channels or contact_channels(model, data)))
     if not isinstance(data, Log):
-        raise InputError(f"{type(data).__name__} to fit to", "a log with its rig, or contact-frame quantities",
-                         "read it with kinid.read(path, rig)")  # fmt: skip
+        raise InputError(
+            f"{type(data).__name__} to fit to",
+            "a log with its rig, or contact-frame quantities",
+            "read it with kinid.read(path, rig)",
+        )
     rig = rig_of(data, rig, "fit(log, rig)")
     if channels is None:
         return all_channels(data, rig, model)
@@ -260,7 +332,9 @@ def experiment_for(model: Model, data: ContactSeries | Log | Experiment, rig: Ri
 
 
 def all_channels(data: ContactSeries | Log, rig: Rig | None, model: Model) -> Experiment:
-    """Every channel of a log that this kind of model speaks about: joint torques, the whole wrench, or contact forces."""
+    """Every channel of a log that this kind of model speaks about: joint torques, the whole wrench, or contact
+    forces.
+    """
     if isinstance(data, Log):
         rig = rig_of(data, rig, "diagnose(log, rig, model=…)")
         if "joints" in model.needs:
@@ -272,8 +346,12 @@ def all_channels(data: ContactSeries | Log, rig: Rig | None, model: Model) -> Ex
         log, rig = data.source
         if log.wrench is not None and log.q is not None and rig.robot is not None:
             return from_wrench(log, rig)
-    slides = [f"tangential_force{i}" for i in (1, 2) if np.isfinite(getattr(data, f"tangential_force{i}")).any()
-              and np.isfinite(getattr(data, f"slip_rate{i}")).any()]  # fmt: skip
+    slides = [
+        f"tangential_force{i}"
+        for i in (1, 2)
+        if np.isfinite(getattr(data, f"tangential_force{i}")).any()
+        and np.isfinite(getattr(data, f"slip_rate{i}")).any()
+    ]
     return from_contact(data, tuple(dict.fromkeys([*contact_channels(model, data), *slides])))
 
 
@@ -298,26 +376,43 @@ def _asks_for_more(model: Model, log: Log, rig: Rig) -> bool:
 def contact_channels(model: Model, touch: ContactSeries) -> tuple[str, ...]:
     """The contact forces that a model says something about."""
     if not touch.valid.any():
-        empty = [name for name, x in (touch.source[0].contact.items() if touch.source else ()) if not np.isfinite(x).any()]
+        empty = [
+            name for name, x in (touch.source[0].contact.items() if touch.source else ()) if not np.isfinite(x).any()
+        ]
         if empty:
-            raise InputError(f"no number in {', '.join(empty)} of {touch.provenance.source}", "readings in each column",
-                             "record it, or leave the column out")  # fmt: skip
-        raise InputError(f"no usable sample among the {len(touch)} of {touch.provenance.source}",
-                         "depth, its rate and the forces as numbers in the same rows",
-                         "record more than a few samples, and look for columns that hold nothing")  # fmt: skip
+            raise InputError(
+                f"no number in {', '.join(empty)} of {touch.provenance.source}",
+                "readings in each column",
+                "record it, or leave the column out",
+            )
+        raise InputError(
+            f"no usable sample among the {len(touch)} of {touch.provenance.source}",
+            "depth, its rate and the forces as numbers in the same rows",
+            "record more than a few samples, and look for columns that hold nothing",
+        )
     if not np.isfinite(touch.normal_force).any():
-        raise InputError(f"no normal force in {touch.provenance.source}", "a force to hold the model against",
-                         "record the force/torque sensor too")  # fmt: skip
+        raise InputError(
+            f"no normal force in {touch.provenance.source}",
+            "a force to hold the model against",
+            "record the force/torque sensor too",
+        )
     if "slip" not in model.needs:
         return ("normal_force",)
-    known = [i for i in (1, 2) if np.isfinite(getattr(touch, f"slip_rate{i}")).any()
-             and np.isfinite(getattr(touch, f"tangential_force{i}")).any()]  # fmt: skip
+    known = [
+        i
+        for i in (1, 2)
+        if np.isfinite(getattr(touch, f"slip_rate{i}")).any()
+        and np.isfinite(getattr(touch, f"tangential_force{i}")).any()
+    ]
     slides = np.isfinite([touch.slip_rate1, touch.slip_rate2]).any()
     if not known and slides and Stage.FRICTION not in model.stages:
         return ("normal_force",)  # where the tool is says what differs from place to place
     if not known:
-        raise InputError(f"no slip or tangential force in {touch.provenance.source} for {model}",
-                         "slip1, slip2, tangential_force1, tangential_force2", "leave friction out, or log them")  # fmt: skip
+        raise InputError(
+            f"no slip or tangential force in {touch.provenance.source} for {model}",
+            "slip1, slip2, tangential_force1, tangential_force2",
+            "leave friction out, or log them",
+        )
     return ("normal_force", *(f"tangential_force{i}" for i in known))
 
 
@@ -333,20 +428,32 @@ def check_excitation(model: Model, experiment: Experiment) -> list[str]:
     inside = depth > 0
     if not inside.any():
         raise InputError(
-            f"a depth that is never positive (at most {1e3 * depth.max(initial=-np.inf):.3g} mm)", "samples inside the material",
-            "check [surface] point and normal, or let touches find them with kinid contact --find-surface; the log's own depth "
-            "is positive inside, depth = { scale = -1 } in [columns] turns it")  # fmt: skip
+            f"a depth that is never positive (at most {1e3 * depth.max(initial=-np.inf):.3g} mm)",
+            "samples inside the material",
+            "check [surface] point and normal, or let touches find them with kinid contact --find-surface; the log's "
+            "own depth "
+            "is positive inside, depth = { scale = -1 } in [columns] turns it",
+        )
     if inside.sum() < FEWEST_TOUCHING:
-        raise InputError(f"{int(inside.sum())} samples inside the material", f"{FEWEST_TOUCHING} at least",
-                         "poke for longer, or log faster")  # fmt: skip
+        raise InputError(
+            f"{int(inside.sum())} samples inside the material",
+            f"{FEWEST_TOUCHING} at least",
+            "poke for longer, or log faster",
+        )
     if np.ptp(depth[inside]) < 1e-9:
-        raise InputError("a depth that never changes inside the material", "at least two depths",
-                         "poke with a motion of a few tenths of a millimetre")  # fmt: skip
+        raise InputError(
+            "a depth that never changes inside the material",
+            "at least two depths",
+            "poke with a motion of a few tenths of a millimetre",
+        )
     if "normal_force" in experiment.layout.channels:
         force = experiment.measured[experiment.layout.channels.index("normal_force")][experiment.valid]
         if np.ptp(force[inside]) == 0.0:
-            raise InputError(f"a normal force that is {force[inside][0]:.4g} N at every depth", "a force that the depth changes",
-                             "check the sensor, and which column the force is read from")  # fmt: skip
+            raise InputError(
+                f"a normal force that is {force[inside][0]:.4g} N at every depth",
+                "a force that the depth changes",
+                "check the sensor, and which column the force is read from",
+            )
     return doubts_of(experiment)
 
 
@@ -361,8 +468,11 @@ def starting_values(model: Model, experiment: Experiment, start: Mapping[str, fl
         name = full_name(given, named, model, "starting value for ")
         p = named[name]
         if not p.low <= value <= p.high:
-            raise InputError(f"starting value {value:g} {p.unit} for '{name}'", f"a value from {p.low:g} to {p.high:g} {p.unit}",
-                             "start inside")  # fmt: skip
+            raise InputError(
+                f"starting value {value:g} {p.unit} for '{name}'",
+                f"a value from {p.low:g} to {p.high:g} {p.unit}",
+                "start inside",
+            )
         out[name] = value
     return out
 

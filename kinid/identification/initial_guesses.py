@@ -1,4 +1,6 @@
-"""Where a search begins: what enters linearly at its best, shapes at the best of the points that effects call worth a start."""
+"""Where a search begins: what enters linearly at its best, shapes at the best of the points that effects call worth a
+start.
+"""
 
 from __future__ import annotations
 
@@ -56,11 +58,14 @@ def project_linear(problem: Problem, model: Model, start: Array, error: ErrorMod
     return start, squares
 
 
-def initial_values(problem: Problem, model: Model, start: Array, error: ErrorModel, known: frozenset[str] = frozenset()) -> Array:
+def initial_values(
+    problem: Problem, model: Model, start: Array, error: ErrorModel, known: frozenset[str] = frozenset()
+) -> Array:
     """The best of the starts that the model's effects suggest, effect by effect, (p,).
 
     Args:
-        start: values to begin with. known: full names of parameters that the caller knows, which no suggestion replaces.
+        start: values to begin with. known: full names of parameters that the caller knows, which no suggestion
+            replaces.
     """
     with np.errstate(all="ignore"):
         best, least = project_linear(problem, model, start, error)

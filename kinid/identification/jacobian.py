@@ -21,16 +21,19 @@ MOST_KEPT = 64_000_000
 
 
 def parameter_groups(names: Sequence[str], layout: Layout) -> list[Mapping[int, int]]:
-    """Parameters that are moved together because each changes another channel, each group as channel → place in `names`.
+    """Parameters that are moved together because each changes another channel, each group as channel → place in
+    `names`.
 
-    Of joint torques, a parameter with a joint or a channel in brackets changes that one alone, so that one prediction does
-    for many (A. R. Curtis, M. J. D. Powell, J. K. Reid, J. Inst. Maths. Applics. 13, 1974). Others are alone.
+    Of joint torques, a parameter with a joint or a channel in brackets changes that one alone, so that one prediction
+    does for many (A. R. Curtis, M. J. D. Powell, J. K. Reid, J. Inst. Maths. Applics. 13, 1974). Others are alone.
     """
     rows = {f"[{name}]": row for own in (layout.channels, layout.joints) for row, name in enumerate(own)}
     alone: list[Mapping[int, int]] = []
     groups: list[dict[int, int]] = []
     for place, name in enumerate(names):
-        row = rows.get(name[name.find("[") :], ALL_CHANNELS) if layout.kind == "joints" and "[" in name else ALL_CHANNELS
+        row = (
+            rows.get(name[name.find("[") :], ALL_CHANNELS) if layout.kind == "joints" and "[" in name else ALL_CHANNELS
+        )
         if row == ALL_CHANNELS:
             alone.append({ALL_CHANNELS: place})
             continue
@@ -42,8 +45,14 @@ def parameter_groups(names: Sequence[str], layout: Layout) -> list[Mapping[int, 
     return alone + list(groups)
 
 
-def changes(problem: Problem, model: Model, values: Array, numbers: Sequence[int] | NDArray[np.int64], steps: Array,
-            here: Course) -> Array:  # fmt: skip
+def changes(
+    problem: Problem,
+    model: Model,
+    values: Array,
+    numbers: Sequence[int] | NDArray[np.int64],
+    steps: Array,
+    here: Course,
+) -> Array:
     """Change of the means for a step of each of some parameters alone, (channels · g, k).
 
     Args:
@@ -75,10 +84,13 @@ def changes(problem: Problem, model: Model, values: Array, numbers: Sequence[int
     return out
 
 
-def _additive(problem: Problem, model: Model, values: Array, numbers: Sequence[int] | NDArray[np.int64]) -> list[object]:
+def _additive(
+    problem: Problem, model: Model, values: Array, numbers: Sequence[int] | NDArray[np.int64]
+) -> list[object]:
     """What tells the column of each parameter, wherever else a model is, None where that depends on all of it, (k,).
 
-    Torques of an arm's joints add up: what is in proportion to a parameter follows from the motion and the effect's shapes alone.
+    Torques of an arm's joints add up: what is in proportion to a parameter follows from the motion and the effect's
+    shapes alone.
     """
     if not problem.layout.joints or model.stages - {Stage.JOINT}:
         return [None] * len(numbers)

@@ -25,8 +25,8 @@ class LackOfFit:
     """What is left.
 
     Attributes:
-        rms: of the residual. noise: what noise of readings and motion explains of it. excess: what they don't, but where a
-            material has let go of the tool, and no faster than what fits are made to.
+        rms: of the residual. noise: what noise of readings and motion explains of it. excess: what they don't, but
+            where a material has let go of the tool, and no faster than what fits are made to.
         tolerance: what may be left. reading: root mean square of the readings in contact or motion; all in `unit`.
         memory: for how long the residual remembers itself [s].
     """
@@ -86,7 +86,10 @@ def inside_tolerance(state: State) -> bool:
 def _slow(state: State, rows: Mask) -> float:
     """Mean square of what is left beside noise in means of neighbours, which fits are made to: the rest is faster."""
     problem = state.problem
-    gone = problem.means(np.broadcast_to(problem.experiment.let_go, problem.experiment.measured.shape).astype(float))[0] > 0.0
+    gone = (
+        problem.means(np.broadcast_to(problem.experiment.let_go, problem.experiment.measured.shape).astype(float))[0]
+        > 0.0
+    )
     return 0.0 if gone.all() else float(np.mean((state.held_out**2 - state.error.noise**2)[rows][:, ~gone]))
 
 

@@ -1,7 +1,8 @@
 """What calibration leaves open: small amounts of effects that every rig has, each inside its stated tolerance.
 
-An effect says of its parameters to which standard deviation a rig's calibration leaves them open (`Effect.calibration_sd`). Where
-the model hasn't got it, the fit takes along its first-order change of the readings, with a normal prior of that size.
+An effect says of its parameters to which standard deviation a rig's calibration leaves them open
+(`Effect.calibration_sd`). Where the model hasn't got it, the fit takes along its first-order change of the readings,
+with a normal prior of that size.
 """
 
 from __future__ import annotations
@@ -46,12 +47,15 @@ def nuisances(model: Model, signals: Signals) -> tuple[Nuisance, ...]:
         tolerances = {} if why else effect.calibration_sd(signals)
         for i, p in enumerate(effect.parameters(signals.layout) if tolerances else ()):
             if tolerances.get(p.name, 0.0) > 0.0:
-                out.append(Nuisance(effect, i, p.name, tolerances[p.name], p.unit,
-                                    effect.calibration_bound(signals.layout)))  # fmt: skip
+                out.append(
+                    Nuisance(effect, i, p.name, tolerances[p.name], p.unit, effect.calibration_bound(signals.layout))
+                )
     return tuple(out)
 
 
-def predict_with(nuisance: Nuisance, model: Model, values: Array, signals: Signals, near: Course | None = None) -> Array:
+def predict_with(
+    nuisance: Nuisance, model: Model, values: Array, signals: Signals, near: Course | None = None
+) -> Array:
     """Readings with one tolerance of an open quantity, (channels, n)."""
     larger = model + nuisance.effect
     before = larger.place(nuisance.effect.id, signals.layout).start
@@ -62,7 +66,9 @@ def predict_with(nuisance: Nuisance, model: Model, values: Array, signals: Signa
 
 
 def with_calibration(model: Model, values: Array, open_: Sequence[Nuisance], shift: Array, signals: Signals) -> Array:
-    """Readings that a model expects with so many tolerances of each open quantity, as far as those are trusted, (channels, n)."""
+    """Readings that a model expects with so many tolerances of each open quantity, as far as those are trusted,
+    (channels, n).
+    """
     here = model.course(signals, values)
     out = here.reading.copy()
     for nuisance, amount in zip(open_, trusted(shift)):
@@ -80,6 +86,8 @@ def nuisance_columns(problem: Problem, model: Model, values: Array, here: Course
 
 
 def trusted(shift: Array) -> Array:
-    """Amounts in tolerances, (k,), no further than calibration is trusted to: what lies beyond is an error of the model."""
+    """Amounts in tolerances, (k,), no further than calibration is trusted to: what lies beyond is an error of the
+    model.
+    """
     out: Array = np.clip(shift, -MAX_SHIFT, MAX_SHIFT)
     return out

@@ -42,8 +42,8 @@ class Problem:
     Predictions are made at the experiment's own samples and then averaged, so that nothing is lost of fast reversals.
 
     Attributes:
-        whole: at the log's own rate. experiment: averaged to a bounded size. draws: its signals under draws of the motion's
-            error.
+        whole: at the log's own rate. experiment: averaged to a bounded size. draws: its signals under draws of the
+            motion's error.
         begin, end: samples of each group that counts, (g,). block: number of the block of each, without holes, (g,).
         fold: which of two folds each lies in, (g,). whole_fold: and each sample of the whole, (n,).
         columns: changes of the means per unit of a parameter that are the same for all models (`jacobian.changes`).
@@ -77,19 +77,30 @@ class Problem:
         begin, end = begin[keep], end[keep]
         dealt = hold_out_folds(s, block)
         whole_block = np.minimum((whole.signals.t / length).astype(np.int64), len(dealt) - 1)
-        return cls(whole, experiment, draws, begin, end, np.unique(block[begin], return_inverse=True)[1], dealt[block[begin]],
-                   dealt[whole_block])  # fmt: skip
+        return cls(
+            whole,
+            experiment,
+            draws,
+            begin,
+            end,
+            np.unique(block[begin], return_inverse=True)[1],
+            dealt[block[begin]],
+            dealt[whole_block],
+        )
 
     def with_rest(self, rest: RestForm) -> Problem:
         """The same with another form of friction at rest."""
+
         def form(signals: Signals) -> Signals:
             return dataclasses.replace(signals, rest=rest)
 
         return dataclasses.replace(
-            self, whole=dataclasses.replace(self.whole, signals=form(self.whole.signals)),
+            self,
+            whole=dataclasses.replace(self.whole, signals=form(self.whole.signals)),
             experiment=dataclasses.replace(self.experiment, signals=form(self.experiment.signals)),
-            draws=tuple(form(draw) for draw in self.draws), columns={},
-        )  # fmt: skip
+            draws=tuple(form(draw) for draw in self.draws),
+            columns={},
+        )
 
     @property
     def layout(self) -> Layout:
@@ -150,7 +161,9 @@ class Problem:
         return self.means(model.predict(self.experiment.signals, values, near))
 
     def add_change(self, after: Array, before: Array, factor: float, out: Array) -> None:
-        """Write a factor times the change of the means from one prediction (channels, n) to another, (channels · g,)."""
+        """Write a factor times the change of the means from one prediction (channels, n) to another, (channels ·
+        g,).
+        """
         after, before = np.ascontiguousarray(after), np.ascontiguousarray(before)
         weighted_changes(after, before, self.begin, self.end, self._mean_weight, factor, out)
 

@@ -13,18 +13,25 @@ from kinid.identification.solver import ROUGHLY, State, relearn, search
 
 Array = NDArray[np.float64]
 
-#: forms that are tried: a contact's bristles, elastic over some share of a stated length that is one within a quarter; and a
-#: joint's bristles in stated lengths, or in their place speeds above which friction is full [rad/s, m/s]
+#: forms that are tried: a contact's bristles, elastic over some share of a stated length that is one within a quarter;
+#: and a joint's bristles in stated lengths, or in their place speeds above which friction is full [rad/s, m/s]
 SHARES, LENGTHS = (0.02, 0.3, 0.7, 0.95), np.linspace(0.75e-4, 1.25e-4, 9)
 #: and speeds of what makes them creep back [m/s], and what torques were smoothed with [s]
 TREMORS, SMOOTHINGS = (3e-5, 1e-4, 3e-4, 1e-3), (0.025, 0.01, 0.004)
 JOINTS, SPEEDS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0), (5e-4, 0.001, 0.002, 0.004, 0.008, 0.016, 0.03, 0.06, 0.12)
 #: fields that are refined, with their ends
-REFINED = {"length": (0.75e-4, 1.25e-4), "share": (0.02, 0.95), "tremor": (1e-6, 1e-3), "joint": (0.1, 30.0),
-           "joint_speed": (3e-4, 0.2), "smoothing": (1e-3, 0.1)}  # fmt: skip
+REFINED = {
+    "length": (0.75e-4, 1.25e-4),
+    "share": (0.02, 0.95),
+    "tremor": (1e-6, 1e-3),
+    "joint": (0.1, 30.0),
+    "joint_speed": (3e-4, 0.2),
+    "smoothing": (1e-3, 0.1),
+}
 #: steps of a search under another form, and refinements of a form
 FORM_STEPS, REFINEMENTS = 6, 3
-#: a form is another one where it changes readings by this share of their noise, and better where so much of the error is left
+#: a form is another one where it changes readings by this share of their noise, and better where so much of the error
+#: is left
 UNNOTICED, BETTER_FORM = 0.1, 0.97
 #: a field is moved by this share to see what it does, and by a step of so many e-folds at most
 MOVED, FARTHEST, UNSEEN = 0.03, 0.7, 1e-6
@@ -33,11 +40,12 @@ MOVED, FARTHEST, UNSEEN = 0.03, 0.7, 1e-6
 def with_rest_form(state: State) -> State:
     """The state under the form of friction at rest that the log bears out best.
 
-    Motion tells little of the force of friction that sticks: between P. R. Dahl's bristles (1968), which creep under any tremor,
-    and L. Prandtl's (1928), which are elastic until they slip, a surface may be anything (P. Dupont et al., IEEE Trans. Autom.
-    Control 47, 2002), and the stated length of the bristles is one of its order of magnitude. Drives turn around within some
-    hundredth of a degree, or over some speed where grease carries them. What bends bristles before the touch is as open: most
-    spring back in the air, a film that sticks to the tip doesn't. A contact's bristles that are far off are an effect.
+    Motion tells little of the force of friction that sticks: between P. R. Dahl's bristles (1968), which creep under
+    any tremor, and L. Prandtl's (1928), which are elastic until they slip, a surface may be anything (P. Dupont et al.,
+    IEEE Trans. Autom. Control 47, 2002), and the stated length of the bristles is one of its order of magnitude. Drives
+    turn around within some hundredth of a degree, or over some speed where grease carries them. What bends bristles
+    before the touch is as open: most spring back in the air, a film that sticks to the tip doesn't. A contact's
+    bristles that are far off are an effect.
     """
     best = _memory_form(best_form(state))
     if (_rest(best).kept, _rest(best).smoothing) != (_rest(state).kept, _rest(state).smoothing):
@@ -67,8 +75,16 @@ def _noticed(state: State, change: Array) -> bool:
 def _under(state: State, rest: RestForm) -> tuple[State, float]:
     """The state under another form, and its squared held-out error in units of what this one leaves."""
     problem = state.problem.with_rest(rest)
-    other = search(problem, state.model, state.values, state.error, shift=state.shift, max_steps=FORM_STEPS, like=state,
-                   ends=ROUGHLY)
+    other = search(
+        problem,
+        state.model,
+        state.values,
+        state.error,
+        shift=state.shift,
+        max_steps=FORM_STEPS,
+        like=state,
+        ends=ROUGHLY,
+    )
     return other, _squares(other, state)
 
 
@@ -85,7 +101,9 @@ def _forms(state: State) -> list[RestForm]:
         lengths = LENGTHS if longer else (rest.length,)
         forms = [dataclasses.replace(rest, share=share, kept=not rest.kept) for share in SHARES]
         forms += [dataclasses.replace(rest, tremor=tremor, share=share) for share in SHARES[:2] for tremor in TREMORS]
-        forms += [dataclasses.replace(rest, share=share, length=float(length)) for share in SHARES for length in lengths]
+        forms += [
+            dataclasses.replace(rest, share=share, length=float(length)) for share in SHARES for length in lengths
+        ]
     else:
         forms = [dataclasses.replace(rest, smoothing=smoothing) for smoothing in SMOOTHINGS]
         forms += [dataclasses.replace(rest, joint=joint, joint_speed=0.0) for joint in JOINTS]
@@ -94,7 +112,9 @@ def _forms(state: State) -> list[RestForm]:
 
 
 def best_form(state: State) -> State:
-    """The state, or that under the form whose error is least in the linear view, where its held-out error is clearly less."""
+    """The state, or that under the form whose error is least in the linear view, where its held-out error is clearly
+    less.
+    """
     forms = _forms(state)
     if not any(_noticed(state, _change(state, form)) for form in (*forms[:1], *forms[-1:])):
         return state
@@ -126,10 +146,18 @@ def _refined(state: State) -> State:
     for _ in range(REFINEMENTS):
         rest, sigma = _rest(state), state.error.sigma
         fields = [field for field in REFINED if getattr(rest, field) > 0.0]
-        values, ends = np.array([getattr(rest, field) for field in fields]), np.array([REFINED[field] for field in fields])
+        values, ends = (
+            np.array([getattr(rest, field) for field in fields]),
+            np.array([REFINED[field] for field in fields]),
+        )
         moved = np.where(values * (1.0 + MOVED) <= ends[:, 1], MOVED, -MOVED)
-        d = np.stack([(_change(state, _with(rest, [field], np.array([value]))) / step / sigma).ravel()
-                      for field, value, step in zip(fields, values * (1.0 + moved), moved)], axis=1)  # fmt: skip
+        d = np.stack(
+            [
+                (_change(state, _with(rest, [field], np.array([value]))) / step / sigma).ravel()
+                for field, value, step in zip(fields, values * (1.0 + moved), moved)
+            ],
+            axis=1,
+        )
         own = d - state.weighted @ (np.linalg.pinv(state.information, hermitian=True) @ (state.weighted.T @ d))
         step = np.linalg.lstsq(own, (state.residual / sigma).ravel(), rcond=UNSEEN)[0]
         new = np.clip(values * np.exp(np.clip(step, -FARTHEST, FARTHEST)), *ends.T)

@@ -1,4 +1,6 @@
-"""Weighted nonlinear least squares with nuisance parameters (Levenberg-Marquardt), and what its end tells of other folds."""
+"""Weighted nonlinear least squares with nuisance parameters (Levenberg-Marquardt), and what its end tells of other
+folds.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +22,8 @@ Mask = NDArray[np.bool_]
 
 #: precision of a prior that keeps directions that no reading sees from wandering, per squared scale of a parameter
 RIDGE = 1e-8
-#: a search ends where a step gains less than this, in units of a mean's error, and than this share of what is left; where models
-#: are only compared, a rougher end does
+#: a search ends where a step gains less than this, in units of a mean's error, and than this share of what is left;
+#: where models are only compared, a rougher end does
 CONVERGED, ROUGHLY = (1e-2, 1e-7), (0.3, 1e-5)
 #: share of the common fit's information that holds a fold's directions which that fold doesn't see
 FOLD_RIDGE = 1e-3
@@ -47,8 +49,10 @@ class State:
         problem, model: what was fitted to what. error: error model that it was weighted with.
         values: (p,). open_: nuisances; shift: of each, in tolerances, (k,).
         course: the prediction. residual: of the means, nuisances included, (channels, g).
-        jacobian: change of the means per scale of each parameter and per tolerance of each nuisance, (channels · g, p + k).
-        free: which of these no bound holds, (p + k,). converged: whether the search ended by itself. steps: that it took.
+        jacobian: change of the means per scale of each parameter and per tolerance of each nuisance, (channels · g, p +
+            k).
+        free: which of these no bound holds, (p + k,). converged: whether the search ended by itself. steps: that it
+            took.
     """
 
     problem: Problem
@@ -99,7 +103,9 @@ class State:
 
     @cached_property
     def fold_steps(self) -> tuple[Array, Array]:
-        """Step of all directions, in scales, from the common fit to that of each fold alone (one Gauss-Newton step), (p + k,)."""
+        """Step of all directions, in scales, from the common fit to that of each fold alone (one Gauss-Newton step), (p
+        + k,).
+        """
         channels, groups = self.problem.shape
         p, fold, f = len(self.values), self.problem.fold, np.flatnonzero(self.free)
         rows = self.weighted.reshape(channels, groups, -1)
@@ -108,7 +114,9 @@ class State:
         placed = np.r_[np.zeros(p), self.shift][f]
         bound = np.array([n.bound for n in self.open_])
         ends = parameter_bounds(self.model, self.problem)
-        low, high = (np.r_[(end - self.values) / self.scale, side * bound - self.shift] for end, side in zip(ends, (-1.0, 1.0)))
+        low, high = (
+            np.r_[(end - self.values) / self.scale, side * bound - self.shift] for end, side in zip(ends, (-1.0, 1.0))
+        )
         out = []
         for seen in (fold, ~fold):
             step = np.zeros(p + len(self.shift))
@@ -131,16 +139,22 @@ class State:
 
     @property
     def inflation(self) -> float:
-        """How much more a mean over neighbours varies than with white errors: the residual's memory over the means' spacing."""
+        """How much more a mean over neighbours varies than with white errors: the residual's memory over the means'
+        spacing.
+        """
         return max(1.0, self.error.memory / self.problem.spacing)
 
     @cached_property
     def standard_errors(self) -> Array:
-        """Rough standard error of each parameter, from the information and the residual's memory, infinite where held, (p,)."""
+        """Rough standard error of each parameter, from the information and the residual's memory, infinite where held,
+        (p,).
+        """
         out = np.full(len(self.values), np.inf)
         p = np.flatnonzero(self.free[: len(self.values)])
         size = np.sqrt(np.diag(self.information))
-        inverse = np.linalg.pinv(self.information / np.outer(size, size), rcond=1e-12, hermitian=True) / np.outer(size, size)
+        inverse = np.linalg.pinv(self.information / np.outer(size, size), rcond=1e-12, hermitian=True) / np.outer(
+            size, size
+        )
         variance = np.diag(inverse)[: len(p)] * self.inflation
         out[p] = np.sqrt(np.maximum(variance, 0.0)) * self.scale[p]
         return out
@@ -168,7 +182,9 @@ def prior_precision(model: Model, problem: Problem, nuisance_count: int) -> Arra
 
 
 def held_parameters(model: Model, problem: Problem) -> Array:
-    """Parameters that are read off the samples (of a converter, of the end of a range) or fixed, NaN for the free ones, (p,)."""
+    """Parameters that are read off the samples (of a converter, of the end of a range) or fixed, NaN for the free ones,
+    (p,).
+    """
     out = []
     for effect in model.effects:
         free = np.array([p.nominal if p.fixed else np.nan for p in effect.parameters(problem.layout)])
@@ -184,8 +200,12 @@ def parameter_bounds(model: Model, problem: Problem) -> tuple[Array, Array]:
 
 
 def linear_parameters(model: Model, problem: Problem) -> Mask:
-    """Parameters that readings are affine in, all others held, (p,): not those of effects that bend what others predict."""
-    return np.array([p.linear and effect.affine for effect in model.effects for p in effect.parameters(problem.layout)], np.bool_)
+    """Parameters that readings are affine in, all others held, (p,): not those of effects that bend what others
+    predict.
+    """
+    return np.array(
+        [p.linear and effect.affine for effect in model.effects for p in effect.parameters(problem.layout)], np.bool_
+    )
 
 
 def shown_values(state: State) -> Array:
@@ -202,8 +222,17 @@ def shown_values(state: State) -> Array:
 class _Search:
     """One search; all quantities belong to its present place."""
 
-    def __init__(self, problem: Problem, model: Model, start: Array, shift: Array | None, error: ErrorModel,
-                 bounds: tuple[Array, Array] | None, known: Array | None, like: State | None) -> None:  # fmt: skip
+    def __init__(
+        self,
+        problem: Problem,
+        model: Model,
+        start: Array,
+        shift: Array | None,
+        error: ErrorModel,
+        bounds: tuple[Array, Array] | None,
+        known: Array | None,
+        like: State | None,
+    ) -> None:
         self.problem, self.model, self.error = problem, model, error
         named = model.parameters(problem.layout)
         self.scale = np.array([p.scale for p in named.values()])
@@ -211,8 +240,11 @@ class _Search:
         held = held_parameters(model, problem)
         self.moving = np.isnan(held)
         room = 1e-6 * self.scale
-        inside = np.clip(start, np.where(np.isfinite(self.low), self.low + room, self.low),
-                         np.where(np.isfinite(self.high), self.high - room, self.high))  # fmt: skip
+        inside = np.clip(
+            start,
+            np.where(np.isfinite(self.low), self.low + room, self.low),
+            np.where(np.isfinite(self.high), self.high - room, self.high),
+        )
         self.x = np.where(self.moving, inside, held)
         self.open_ = nuisances(model, problem.experiment.signals)
         self.bound = np.array([nuisance.bound for nuisance in self.open_])
@@ -274,7 +306,9 @@ class _Search:
         self.fresh = True
 
     def correct(self, moved: Array, actual: Array) -> None:
-        """Make the parameters' part of the jacobian tell the last step's change (C. G. Broyden, Math. Comp. 19, 1965)."""
+        """Make the parameters' part of the jacobian tell the last step's change (C. G. Broyden, Math. Comp. 19,
+        1965).
+        """
         p = len(self.x)
         v = np.r_[moved[:p] / (moved[:p] @ moved[:p]), np.zeros(len(moved) - p)]
         missed = actual - self.jacobian @ moved
@@ -317,8 +351,20 @@ class _Search:
         free = self.slope()[1]
         sigma = self.error.sigma
         residual, jacobian = self.residual.reshape(sigma.shape) * sigma, self.jacobian * sigma.reshape(-1, 1)
-        return State(self.problem, self.model, self.error, self.x, self.open_, self.shift, self.here, residual, jacobian, free,
-                     converged, taken)  # fmt: skip
+        return State(
+            self.problem,
+            self.model,
+            self.error,
+            self.x,
+            self.open_,
+            self.shift,
+            self.here,
+            residual,
+            jacobian,
+            free,
+            converged,
+            taken,
+        )
 
     def slope(self) -> tuple[Array, Mask]:
         """Negative half gradient of the cost, and which directions no bound holds."""
@@ -326,13 +372,17 @@ class _Search:
         own = np.r_[np.zeros(p) if not p else self.x / self.scale, self.shift]
         gradient = self.jacobian.T @ self.residual - self.prior @ own
         room = 1e-9 * self.scale
-        pinned = ((self.x <= self.low + room) & (gradient[:p] < 0)) | ((self.x >= self.high - room) & (gradient[:p] > 0))
+        pinned = ((self.x <= self.low + room) & (gradient[:p] < 0)) | (
+            (self.x >= self.high - room) & (gradient[:p] > 0)
+        )
         free = self.moving & ~pinned & (np.diag(self.squares)[:p] > 1e-12)
         far = (np.abs(self.shift) >= self.bound - 1e-9) & (gradient[p:] * self.shift > 0)
         return gradient, np.r_[free, ~far]
 
     def step(self, gradient: Array, free: Mask, damping: float) -> tuple[float, Array, Array, float]:
-        """Try one step and take it if it helps: gain, step in scales, weighted change, and the gain that was expected."""
+        """Try one step and take it if it helps: gain, step in scales, weighted change, and the gain that was
+        expected.
+        """
         p, f = len(self.x), np.flatnonzero(free)
         information = self.squares + self.prior
         h = information[np.ix_(f, f)] + damping * np.diag(np.diag(self.squares)[f])
@@ -357,7 +407,9 @@ class _Search:
         self.x, self.shift, self.here, self.residual, self.cost = x, shift, course, residual, cost
         return gain, step, change, expected
 
-    def project(self, x: Array, shift: Array, course: Course, residual: Array) -> tuple[Array, Course, Array, float] | None:
+    def project(
+        self, x: Array, shift: Array, course: Course, residual: Array
+    ) -> tuple[Array, Course, Array, float] | None:
         """The place with all that enters linearly at its best (variable projection: G. H. Golub, V. Pereyra, 1973)."""
         columns = changes(self.problem, self.model, x, self.linear, self.scale[self.linear], course)
         columns *= self.weight.reshape(-1, 1)
@@ -366,7 +418,10 @@ class _Search:
         inner = self.prior[np.ix_(self.linear, self.linear)]
         gradient = columns.T @ residual - inner @ (x / self.scale)[self.linear]
         gram = columns.T @ columns
-        low, high = (self.low - x)[self.linear] / self.scale[self.linear], (self.high - x)[self.linear] / self.scale[self.linear]
+        low, high = (
+            (self.low - x)[self.linear] / self.scale[self.linear],
+            (self.high - x)[self.linear] / self.scale[self.linear],
+        )
         moved = x.copy()
         step = solve_between(gram + inner + 1e-9 * np.diag(np.diag(gram)), gradient, low, high)
         moved[self.linear] += step * self.scale[self.linear]
@@ -388,16 +443,28 @@ def solve_between(h: Array, g: Array, low: Array, high: Array) -> Array:
     return x
 
 
-def search(problem: Problem, model: Model, start: Array, error: ErrorModel, *, shift: Array | None = None,
-           known: Array | None = None, max_steps: int = 30, bounds: tuple[Array, Array] | None = None, like: State | None = None,
-           ends: tuple[float, float] = CONVERGED) -> State:  # fmt: skip
+def search(
+    problem: Problem,
+    model: Model,
+    start: Array,
+    error: ErrorModel,
+    *,
+    shift: Array | None = None,
+    known: Array | None = None,
+    max_steps: int = 30,
+    bounds: tuple[Array, Array] | None = None,
+    like: State | None = None,
+    ends: tuple[float, float] = CONVERGED,
+) -> State:
     """Weighted least squares from a start, with a given error model.
 
     Args:
-        problem, model: what is fitted to what. start: values (p,). error: that weighs. shift: of nuisances to begin at, (k,).
+        problem, model: what is fitted to what. start: values (p,). error: that weighs. shift: of nuisances to begin at,
+        (k,).
         known: the jacobian at the start, where another search ended there. max_steps: of the search.
-        bounds: of the values, each (p,); those of the parameters if None. like: of a model that is nearly the same, whose
-            nuisances' columns do to begin with. ends: what a step must gain, absolutely and as a share, for the search to go on.
+        bounds: of the values, each (p,); those of the parameters if None. like: of a model that is nearly the same,
+            whose nuisances' columns do to begin with. ends: what a step must gain, absolutely and as a share, for the
+            search to go on.
     """
     with np.errstate(all="ignore"):  # a step too far is taken back
         return _Search(problem, model, start, shift, error, bounds, known, like).run(max_steps, ends)
@@ -406,8 +473,8 @@ def search(problem: Problem, model: Model, start: Array, error: ErrorModel, *, s
 def first_error_model(problem: Problem) -> ErrorModel:
     """Before anything is fitted: channels weigh by the readings' own noise and a share of their size.
 
-    That of the largest of their unit where they are parts of one vector: what is wrong with a small part must not bend what
-    explains the large one.
+    That of the largest of their unit where they are parts of one vector: what is wrong with a small part must not bend
+    what explains the large one.
     """
     size, units = problem.channel_rms.copy(), np.array(problem.layout.units)
     for unit in set(units.tolist()) if problem.layout.kind != "joints" else ():
@@ -429,6 +496,13 @@ def relearn(state: State, max_steps: int = 60) -> State:
     motion = motion_variance(state.problem, state.model, state.values)
     for _ in range(RELEARNED):
         learnt = learn(state.problem, state.model, state.values, state.residual, motion)
-        state = search(state.problem, state.model, state.values, learnt, shift=state.shift, known=state.jacobian,
-                       max_steps=max_steps)  # fmt: skip
+        state = search(
+            state.problem,
+            state.model,
+            state.values,
+            learnt,
+            shift=state.shift,
+            known=state.jacobian,
+            max_steps=max_steps,
+        )
     return state

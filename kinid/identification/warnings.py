@@ -31,12 +31,18 @@ def impossible(named: Mapping[str, Parameter], values: Array, covariance: Array)
     below = negative(named, values, 2.0 * error)
     if not below:
         return []
-    return [f"{listed(below)} {_are(below)} negative beyond {'its' if len(below) == 1 else 'their'} error, which no material is: "
-            "a force that comes late or early (time-offset), a turned sign or an effect that the model lacks may stand behind it"]
+    return [
+        f"{listed(below)} {_are(below)} negative beyond {'its' if len(below) == 1 else 'their'} error, which no "
+        f"material is: "
+        "a force that comes late or early (time-offset), a turned sign or an effect that the model lacks may stand "
+        "behind it"
+    ]
 
 
 def negative(names: Iterable[str], values: Array, room: Array, kinds: Collection[str] = PASSIVE) -> list[str]:
-    """Of parameters of these kinds those that lie below nothing by more than their `room`, which an open one has without end."""
+    """Of parameters of these kinds those that lie below nothing by more than their `room`, which an open one has
+    without end.
+    """
     return [name for name, value, r in zip(names, values, room) if name.rsplit(".", 1)[-1] in kinds and value < -r]
 
 
@@ -48,13 +54,18 @@ def of_nuisances(state: State, left: LackOfFit) -> list[str]:
         if abs(shift) >= MAX_SHIFT - 1e-6 and not (left.matters and np.isfinite(nuisance.bound)):
             amount = f"{nuisance.name} {shift * nuisance.sd:.2g} {nuisance.unit}".removesuffix(" 1")
             ends.setdefault(nuisance.effect.id, []).append(amount)
-    return [f"{name} beyond what calibration is trusted to ({', '.join(amounts)}): add it to the model, or mend the rig"
-            for name, amounts in ends.items()]  # fmt: skip
+    return [
+        f"{name} beyond what calibration is trusted to ({', '.join(amounts)}): add it to the model, or mend the rig"
+        for name, amounts in ends.items()
+    ]
 
 
-def of_fit(named: Mapping[str, Parameter], solution: Solution, left: LackOfFit, start: Mapping[str, float],
-           trade: Array) -> list[str]:  # fmt: skip
-    """Parameters that the log leaves open, that ended at a bound, or that stand in for each other; a wrong structure."""
+def of_fit(
+    named: Mapping[str, Parameter], solution: Solution, left: LackOfFit, start: Mapping[str, float], trade: Array
+) -> list[str]:
+    """Parameters that the log leaves open, that ended at a bound, or that stand in for each other; a wrong
+    structure.
+    """
     out = []
     names = list(named)
     open_ = [name for name, is_open in zip(names, solution.unidentified) if is_open]
@@ -62,12 +73,16 @@ def of_fit(named: Mapping[str, Parameter], solution: Solution, left: LackOfFit, 
         out.append(f"{listed(open_)} {_are(open_)} not identified by this log: {_their(open_)} infinite")
     stuck = [
         f"{name} = {p.low if abs(value - p.low) < abs(value - p.high) else p.high:.4g}"
-        for (name, p), value, bound, is_open in zip(named.items(), solution.values, solution.at_bound, solution.unidentified)
+        for (name, p), value, bound, is_open in zip(
+            named.items(), solution.values, solution.at_bound, solution.unidentified
+        )
         if bound and not is_open
     ]
     if stuck:
-        out.append(f"{listed(stuck)} ended at {'its bound' if len(stuck) == 1 else 'their bounds'}: "
-                   "the law may be the wrong one, or the log doesn't excite it")  # fmt: skip
+        out.append(
+            f"{listed(stuck)} ended at {'its bound' if len(stuck) == 1 else 'their bounds'}: "
+            "the law may be the wrong one, or the log doesn't excite it"
+        )
     for name, began in start.items():
         p = named[name]
         if began in (p.low, p.high) and p.low != p.nominal != p.high:
@@ -75,24 +90,31 @@ def of_fit(named: Mapping[str, Parameter], solution: Solution, left: LackOfFit, 
     alike = stand_ins(names, trade)
     if solution.condition > COLLINEAR and alike:
         how = "ill-conditioned" if solution.condition > ILL_CONDITIONED else "nearly ill-conditioned"
-        out += [f"{how} ({solution.condition:.1e}): {listed(group)} can stand in for each other in this log"
-                for group in alike]  # fmt: skip
+        out += [
+            f"{how} ({solution.condition:.1e}): {listed(group)} can stand in for each other in this log"
+            for group in alike
+        ]
     elif solution.condition > ILL_CONDITIONED:
-        out.append(f"ill-conditioned ({solution.condition:.1e}): some parameters can stand in for each other in this log")
+        out.append(
+            f"ill-conditioned ({solution.condition:.1e}): some parameters can stand in for each other in this log"
+        )
     out += impossible(named, solution.values, solution.covariance)
     if not solution.converged:
         out.append("the search stopped before it converged: start nearer, or use a smaller model")
     if left.matters:
-        out.append(f"{left.excess:.3g} {left.unit} is left beside noise, {100 * left.share_of_reading:.2g} % of the reading: "
-                   "this structure is rejected, kinid diagnose says what may be missing")  # fmt: skip
+        out.append(
+            f"{left.excess:.3g} {left.unit} is left beside noise, {100 * left.share_of_reading:.2g} % of the reading: "
+            "this structure is rejected, kinid diagnose says what may be missing"
+        )
     return out
 
 
 def stand_ins(names: Sequence[str], covariance: Array) -> list[list[str]]:
     """Groups of parameters whose estimates hang on each other.
 
-    From the information with its diagonal brought to one (Belsley, Kuh & Welsch 1980, ch. 3): a direction whose singular
-    value is below 1/`COLLINEAR` of the greatest is a sum of effects that nearly cancels; those that take part are named.
+    From the information with its diagonal brought to one (Belsley, Kuh & Welsch 1980, ch. 3): a direction whose
+    singular value is below 1/`COLLINEAR` of the greatest is a sum of effects that nearly cancels; those that take part
+    are named.
     """
     size = np.diag(covariance)
     kept = np.flatnonzero(np.isfinite(size) & (size > 0))

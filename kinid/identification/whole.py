@@ -39,7 +39,9 @@ def train_residual(state: State, whole: Experiment | None = None, read: Reader =
     return residual
 
 
-def held_out_residual(state: State, whole: Experiment | None = None, read: Reader = lambda predicted: predicted) -> Array:
+def held_out_residual(
+    state: State, whole: Experiment | None = None, read: Reader = lambda predicted: predicted
+) -> Array:
     """The same with each fold predicted from parameters of the other one, (channels, n)."""
     whole = whole or state.problem.whole
     out, fold, p = whole.measured.copy(), state.problem.whole_fold, len(state.values)

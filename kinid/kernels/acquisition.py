@@ -14,7 +14,8 @@ ALIKE = 1e-9
 
 @njit(cache=True, nogil=True)
 def lag(x: Array, dt: Array, tau: float, out: Array) -> None:
-    """First-order low-pass τ ẏ = x − y, exact for an input that runs between samples as that of `delay`; y begins in balance.
+    """First-order low-pass τ ẏ = x − y, exact for an input that runs between samples as that of `delay`; y begins in
+    balance.
 
     Args:
         x: input, (k, n). dt: time since the sample before [s], 0 where memory begins anew, (n,).
@@ -34,17 +35,24 @@ def lag(x: Array, dt: Array, tau: float, out: Array) -> None:
             g, h, f = g_now, dt[i], f_now
             kept = np.exp(-h / tau)
             one, two, three = _driven(h / tau)
-            between, before, after = _differences(3.0 * two - 2.0 * three, one - 2.0 * two + three, three - two, g, h, f)
+            between, before, after = _differences(
+                3.0 * two - 2.0 * three, one - 2.0 * two + three, three - two, g, h, f
+            )
         first, last = i - 2 if g > 0.0 else i - 1, i + 1 if f > 0.0 else i
         for k in range(x.shape[0]):
             a, b = x[k, i - 1], x[k, i]
-            out[k, i] = a + kept * (out[k, i - 1] - a) + (
-                between * (b - a) + before * (a - x[k, first]) + after * (x[k, last] - b))  # fmt: skip
+            out[k, i] = (
+                a
+                + kept * (out[k, i - 1] - a)
+                + (between * (b - a) + before * (a - x[k, first]) + after * (x[k, last] - b))
+            )
 
 
 @njit(cache=True, nogil=True)
 def _driven(r: float) -> tuple[float, float, float]:
-    """What a low-pass makes of u, u² and u³ over a step of r time constants, u from 0 to 1: ∫ r exp(−r (1 − u)) uᵏ du."""
+    """What a low-pass makes of u, u² and u³ over a step of r time constants, u from 0 to 1: ∫ r exp(−r (1 − u)) uᵏ
+    du.
+    """
     if r > 0.1:
         one = 1.0 + np.expm1(-r) / r
         two = 1.0 - 2.0 * one / r
@@ -62,11 +70,12 @@ def _driven(r: float) -> tuple[float, float, float]:
 
 @njit(cache=True, nogil=True)
 def _differences(step: float, left: float, right: float, g: float, h: float, f: float) -> tuple[float, float, float]:
-    """Of a course between two samples: what the differences between, before and behind them weigh, its slopes' shares included.
+    """Of a course between two samples: what the differences between, before and behind them weigh, its slopes' shares
+    included.
 
     Args:
-        step, left, right: what the difference between the two weighs, and the slopes there, each times the time between.
-        g, h, f: time before, between and behind them [s]; g and f 0 where there is no sample.
+        step, left, right: what the difference between the two weighs, and the slopes there, each times the time
+        between. g, h, f: time before, between and behind them [s]; g and f 0 where there is no sample.
     """
     between = step + left * (g / (g + h) if g > 0.0 else 1.0) + right * (f / (f + h) if f > 0.0 else 1.0)
     before = left * h * h / (g * (g + h)) if g > 0.0 else 0.0
@@ -105,7 +114,8 @@ def delay(x: Array, t: Array, dt: Array, late: float, out: Array) -> None:
             u = (at - t[j]) / h
             first, last = max(j - 1, start), min(j + 2, stop - 1)
             between, before, after = _differences(
-                u * u * (3.0 - 2.0 * u), u * (1.0 - u) ** 2, u * u * (u - 1.0), t[j] - t[first], h, t[last] - t[j + 1])
+                u * u * (3.0 - 2.0 * u), u * (1.0 - u) ** 2, u * u * (u - 1.0), t[j] - t[first], h, t[last] - t[j + 1]
+            )
             for k in range(x.shape[0]):
                 a, b = x[k, j], x[k, j + 1]
                 out[k, i] = a + between * (b - a) + before * (a - x[k, first]) + after * (x[k, last] - b)

@@ -29,7 +29,13 @@ def weighted_sums(readings: Array, begin: NDArray[np.int64], end: NDArray[np.int
 
 @njit(cache=True, nogil=True)
 def weighted_changes(
-    after: Array, before: Array, begin: NDArray[np.int64], end: NDArray[np.int64], weight: Array, factor: float, out: Array
+    after: Array,
+    before: Array,
+    begin: NDArray[np.int64],
+    end: NDArray[np.int64],
+    weight: Array,
+    factor: float,
+    out: Array,
 ) -> None:
     """A factor times the weighted sums of what readings changed by; arguments as those of `weighted_sums`."""
     g = begin.shape[0]

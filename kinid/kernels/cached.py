@@ -14,8 +14,8 @@ from numba import njit
 def cached(*called: ModuleType) -> Callable[[Callable[..., Any]], Any]:
     """Compile and cache a function that calls compiled functions of other modules.
 
-    Numba looks at the file of the function alone; it would go on with what it once inlined from elsewhere. So the cache is
-    named after all sources.
+    Numba looks at the file of the function alone; it would go on with what it once inlined from elsewhere. So the cache
+    is named after all sources.
 
     Args:
         called: modules whose compiled functions or constants the function uses.

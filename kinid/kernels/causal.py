@@ -1,6 +1,7 @@
 """Inside a loop, one raw sample at a time: differences through low-passes, then the contact frame, and no allocation.
 
-All that a contact remembers is one float64 array, its store, because what a call of compiled code costs is its arguments:
+All that a contact remembers is one float64 array, its store, because what a call of compiled code costs is its
+arguments:
 
     head (6) | columns (N) | prismatic (N) | turns 9 (N + 1) | shifts 3 (N + 1) | tip (3) | reader (42) | tool (16)
     | plane (12) | compliance (9) | motion 3 N | quantities (9) | scratch
@@ -28,15 +29,15 @@ Array = NDArray[np.float64]
 #: contact quantities of a sample: those of `chain` up to the tangential forces
 QUANTITIES = chain.TANGENT2 + 1
 
-#: places of the head: time of the last sample [s], −inf before the first; cut-off of the low-passes [rad/s]; normal force
-#: from which the tool touches [N]; whether the tip gives way; whether the sensor has faults to undo; joints N
+#: places of the head: time of the last sample [s], −inf before the first; cut-off of the low-passes [rad/s]; normal
+#: force from which the tool touches [N]; whether the tip gives way; whether the sensor has faults to undo; joints N
 TIME, CUTOFF, TOUCHING, BENDS, CLEANS, JOINTS = range(6)
 
 #: a joint position [rad or m] beyond it is a fault of the log: sine and cosine are good to 10⁵
 FAR = 1e5
 
-#: what became of a sample: all well; positions or rates that aren't finite, quantities NaN; and two that change nothing:
-#: arrays of another length; a time that isn't finite or doesn't grow
+#: what became of a sample: all well; positions or rates that aren't finite, quantities NaN; and two that change
+#: nothing: arrays of another length; a time that isn't finite or doesn't grow
 FINE, NOT_FINITE, MISSHAPEN, LATE = range(4)
 
 #: rows that are no contact quantity: whether the tool touches, and a plain yes
@@ -77,17 +78,35 @@ def carve(store: Any) -> Contact:
     quantities = motion + 3 * n
     scratch = quantities + QUANTITIES
     return Contact(
-        store[:columns], store[columns:prismatic], store[prismatic:turns], store[turns:shifts].reshape(n + 1, 9),
-        store[shifts:tip].reshape(n + 1, 3), store[tip:reader], store[reader:tool], store[tool:plane],
-        store[plane:compliance], store[compliance:motion], store[motion:quantities].reshape(3, n),
-        store[quantities:scratch], store[scratch:],
-    )  # fmt: skip
+        store[:columns],
+        store[columns:prismatic],
+        store[prismatic:turns],
+        store[turns:shifts].reshape(n + 1, 9),
+        store[shifts:tip].reshape(n + 1, 3),
+        store[tip:reader],
+        store[reader:tool],
+        store[tool:plane],
+        store[plane:compliance],
+        store[compliance:motion],
+        store[motion:quantities].reshape(3, n),
+        store[quantities:scratch],
+        store[scratch:],
+    )
 
 
 def build(
-    columns: NDArray[np.int64], prismatic: NDArray[np.bool_], turns: Array, shifts: Array, tip: Array, reader: Array,
-    tool: Array, plane: Array, compliance: Array, cutoff: float, touching: float,
-) -> Array:  # fmt: skip
+    columns: NDArray[np.int64],
+    prismatic: NDArray[np.bool_],
+    turns: Array,
+    shifts: Array,
+    tip: Array,
+    reader: Array,
+    tool: Array,
+    plane: Array,
+    compliance: Array,
+    cutoff: float,
+    touching: float,
+) -> Array:
     """A store at rest that has seen no sample; arguments as the parts."""
     n = len(columns)
     bends, cleans = chain.needed.py_func(reader, compliance)  # type: ignore[attr-defined]
@@ -162,9 +181,26 @@ def take(t: float, q: Array, wrench: Array, dq: Array, ddq: Array, store: Array)
     for i in range(6):
         f[i * block] = wrench[i]
     chain.contact_block(
-        0, 1, True, room.head[BENDS] > 0.0, room.head[CLEANS] > 0.0, x, w, f, o, room.turns, room.shifts, room.prismatic,
-        room.tip, room.reader, room.tool, room.plane, room.compliance, QUANTITIES, room.quantities.reshape(QUANTITIES, 1),
-    )  # fmt: skip
+        0,
+        1,
+        True,
+        room.head[BENDS] > 0.0,
+        room.head[CLEANS] > 0.0,
+        x,
+        w,
+        f,
+        o,
+        room.turns,
+        room.shifts,
+        room.prismatic,
+        room.tip,
+        room.reader,
+        room.tool,
+        room.plane,
+        room.compliance,
+        QUANTITIES,
+        room.quantities.reshape(QUANTITIES, 1),
+    )
     return FINE
 
 
@@ -181,7 +217,8 @@ def hand_over(store: Array, rows: NDArray[np.int64], inputs: Array) -> None:
             inputs[i] = room.quantities[rows[i]]
 
 
-# --- what Python calls -------------------------------------------------------------------------------------------------
+# --- what Python calls
+# -------------------------------------------------------------------------------------------------
 
 #: positions and the like may be read-only, or columns of a table
 _GIVEN = types.Array(float64, 1, "A", readonly=True)
@@ -197,8 +234,17 @@ def _step(t: float, q: Array, wrench: Array, dq: Array, ddq: Array, store: Array
 
 
 def _step_and_learn(
-    t: float, q: Array, wrench: Array, dq: Array, ddq: Array, store: Array, rows: Any, start: int, shape: Any, memory: Array,
-) -> int:  # fmt: skip
+    t: float,
+    q: Array,
+    wrench: Array,
+    dq: Array,
+    ddq: Array,
+    store: Array,
+    rows: Any,
+    start: int,
+    shape: Any,
+    memory: Array,
+) -> int:
     code: int = take(t, q, wrench, dq, ddq, store)
     if code <= NOT_FINITE:
         hand_over(store, rows, memory[start:])
@@ -231,9 +277,12 @@ def compile_step_and_learn(once: Any, parameters: int) -> Callable[..., int]:
 
 
 def _compiled(function: Any, name: str, signature: tuple[Any, ...]) -> Callable[..., int]:
-    """Compiled now, and for no other types: a loop mustn't wait for a compiler because somebody passed another array."""
+    """Compiled now, and for no other types: a loop mustn't wait for a compiler because somebody passed another
+    array.
+    """
     function.__qualname__ = f"{name}_{_SOURCES}"
-    # _nrt=False: the compiler refuses code that allocates. The global lock is kept: to get it back may take milliseconds
+    # _nrt=False: the compiler refuses code that allocates. The global lock is kept: to get it back may take
+    # milliseconds
     compiled = njit(error_model="numpy", cache=True, _nrt=False)(function)
     compiled.compile(signature)
     compiled.disable_compile()

@@ -2,8 +2,8 @@
 
 Samples are worked on in blocks of `BLOCK`. Inside a block each scalar of the recursion is a run of numbers in one flat
 scratch array that stays in the first-level cache, so that the innermost loop runs over samples and compiles to SIMD
-instructions; a last or single block uses only `width` of each run. Sine and cosine are computed in the same way, by range
-reduction and polynomials, because a call to the C library would hold the loop to one sample at a time.
+instructions; a last or single block uses only `width` of each run. Sine and cosine are computed in the same way, by
+range reduction and polynomials, because a call to the C library would hold the loop to one sample at a time.
 
 The recursion is the outward half of Newton-Euler (Luh, Walker, Paul 1980; Featherstone 2008, table 5.1), in base axes.
 """
@@ -22,12 +22,14 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 BLOCK = 64  # samples in a block: 50 scratch rows of 64 doubles are 25 kB, within a first-level cache
 
-# scratch rows: rotation (row-major) 0–8, origin 9–11, angular velocity 12–14, velocity 15–17, angular acceleration 18–20,
-# acceleration 21–23
+# scratch rows: rotation (row-major) 0–8, origin 9–11, angular velocity 12–14, velocity 15–17, angular acceleration
+# 18–20, acceleration 21–23
 # columns of the pose table
 POSE_COLUMNS = 24
 # columns of the contact table
-(DEPTH, DEPTH_RATE, SLIP1, SLIP2, SLIP_RATE1, SLIP_RATE2, NORMAL, TANGENT1, TANGENT2, MOMENT1, MOMENT2, MOMENT3) = range(12)
+(DEPTH, DEPTH_RATE, SLIP1, SLIP2, SLIP_RATE1, SLIP_RATE2, NORMAL, TANGENT1, TANGENT2, MOMENT1, MOMENT2, MOMENT3) = (
+    range(12)
+)
 CONTACT_COLUMNS = 12
 
 _FAST = {"contract", "nsz"}  # fused multiply-add and no signed zeros; nothing that reorders a sum or drops NaN
@@ -48,12 +50,37 @@ def _sincos(x: float) -> tuple[float, float]:
     k = (x * _TWO_OVER_PI + _MAGIC) - _MAGIC
     r = ((x - k * _PIO2_1) - k * _PIO2_2) - k * _PIO2_3
     z = r * r
-    s = r + r * z * (-1.66666666666666324348e-01 + z * (8.33333333332248946124e-03 + z * (
-        -1.98412698298579493134e-04 + z * (2.75573137070700676789e-06 + z * (
-            -2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)))))  # fmt: skip
-    c = 1.0 - 0.5 * z + z * z * (4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 + z * (
-        2.48015872894767294178e-05 + z * (-2.75573143513906633035e-07 + z * (
-            2.08757232129817482790e-09 - z * 1.13596475577881948265e-11)))))  # fmt: skip
+    s = r + r * z * (
+        -1.66666666666666324348e-01
+        + z
+        * (
+            8.33333333332248946124e-03
+            + z
+            * (
+                -1.98412698298579493134e-04
+                + z * (2.75573137070700676789e-06 + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10))
+            )
+        )
+    )
+    c = (
+        1.0
+        - 0.5 * z
+        + z
+        * z
+        * (
+            4.16666666666666019037e-02
+            + z
+            * (
+                -1.38888888888741095749e-03
+                + z
+                * (
+                    2.48015872894767294178e-05
+                    + z
+                    * (-2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 - z * 1.13596475577881948265e-11))
+                )
+            )
+        )
+    )
     half = (k * 0.5 - 0.25 + _MAGIC) - _MAGIC  # floor(k / 2)
     odd = k - 2.0 * half
     flip = 1.0 - 2.0 * (half - 2.0 * ((half * 0.5 - 0.25 + _MAGIC) - _MAGIC))  # −1 in the second half turn
@@ -152,7 +179,9 @@ def _slide(width: int, w: Array, x: Array, iq: int, iv: int, ia: int) -> None:
 
 @_part
 def _advance(width: int, w: Array, x: Array, turns: Array, shifts: Array, prismatic: Array) -> None:
-    """Carry a block from the base to the last frame: at rest in the base, joint by joint, then the last constant part."""
+    """Carry a block from the base to the last frame: at rest in the base, joint by joint, then the last constant
+    part.
+    """
     joints = prismatic.shape[0]
     for k in range(24):
         for s in range(width):
@@ -244,9 +273,13 @@ def _clean(width: int, f: Array, reader: Array) -> None:
         for i in range(6):
             k = 6 * i
             f[i * BLOCK + s] = (
-                reader[k] * a0 + reader[k + 1] * a1 + reader[k + 2] * a2
-                + reader[k + 3] * a3 + reader[k + 4] * a4 + reader[k + 5] * a5
-            )  # fmt: skip
+                reader[k] * a0
+                + reader[k + 1] * a1
+                + reader[k + 2] * a2
+                + reader[k + 3] * a3
+                + reader[k + 4] * a4
+                + reader[k + 5] * a5
+            )
 
 
 @_part
@@ -265,16 +298,34 @@ def needed(reader: Array, compliance: Array) -> tuple[bool, bool]:
 
 @_part
 def contact_block(
-    start: int, count: int, forces: bool, bends: bool, cleans: bool, x: Array, w: Array, f: Array, o: Array,
-    turns: Array, shifts: Array, prismatic: Array, tip: Array,
-    reader: Array, tool: Array, plane: Array, compliance: Array, columns: int, out: Array,
-) -> None:  # fmt: skip
+    start: int,
+    count: int,
+    forces: bool,
+    bends: bool,
+    cleans: bool,
+    x: Array,
+    w: Array,
+    f: Array,
+    o: Array,
+    turns: Array,
+    shifts: Array,
+    prismatic: Array,
+    tip: Array,
+    reader: Array,
+    tool: Array,
+    plane: Array,
+    compliance: Array,
+    columns: int,
+    out: Array,
+) -> None:
     """Contact quantities of one block, into `out` from column `start` on; arguments otherwise as `contacts`.
 
     Args:
         count: samples in it.
-        forces: whether there is a wrench. bends: whether the compliance isn't zero. cleans: whether the reader does anything.
-        x: positions, velocities, accelerations of all joints, loaded; w, f (wrench, loaded), o: scratch of 24, 6 and 6 runs.
+        forces: whether there is a wrench. bends: whether the compliance isn't zero. cleans: whether the reader does
+            anything.
+        x: positions, velocities, accelerations of all joints, loaded; w, f (wrench, loaded), o: scratch of 24, 6 and 6
+            runs.
     """
     t00, t01, t02 = plane[3], plane[4], plane[5]
     t10, t11, t12 = plane[6], plane[7], plane[8]
@@ -322,10 +373,21 @@ def contact_block(
 
 @njit(cache=True, fastmath=_FAST)
 def contacts(
-    q: Array, dq: Array, ddq: Array, wrench: Array,
-    turns: Array, shifts: Array, prismatic: Array, tip: Array,
-    reader: Array, tool: Array, plane: Array, compliance: Array, columns: int, out: Array,
-) -> None:  # fmt: skip
+    q: Array,
+    dq: Array,
+    ddq: Array,
+    wrench: Array,
+    turns: Array,
+    shifts: Array,
+    prismatic: Array,
+    tip: Array,
+    reader: Array,
+    tool: Array,
+    plane: Array,
+    compliance: Array,
+    columns: int,
+    out: Array,
+) -> None:
     """Fill `out` (columns, n) with contact-frame quantities of a plane, from joints and wrench.
 
     Args:
@@ -355,6 +417,23 @@ def contacts(
         if forces:
             _load(wrench, start, count, f, 0)
         contact_block(
-            start, count, forces, bends, cleans, x, w, f, o, turns, shifts, prismatic, tip, reader, tool, plane,
-            compliance, columns, out,
-        )  # fmt: skip
+            start,
+            count,
+            forces,
+            bends,
+            cleans,
+            x,
+            w,
+            f,
+            o,
+            turns,
+            shifts,
+            prismatic,
+            tip,
+            reader,
+            tool,
+            plane,
+            compliance,
+            columns,
+            out,
+        )

@@ -21,17 +21,30 @@ WORK_COLUMNS = 34
 
 @njit(cache=True)
 def dynamics(
-    q: Array, dq: Array, turns: Array, shifts: Array, prismatic: Array, mass: Array, com: Array, inertia: Array,
-    gravity: Array, work: Array, mass_matrix: Array, bias: Array, gravity_torque: Array, rotation: Array, position: Array,
+    q: Array,
+    dq: Array,
+    turns: Array,
+    shifts: Array,
+    prismatic: Array,
+    mass: Array,
+    com: Array,
+    inertia: Array,
+    gravity: Array,
+    work: Array,
+    mass_matrix: Array,
+    bias: Array,
+    gravity_torque: Array,
+    rotation: Array,
+    position: Array,
     jacobian: Array,
-) -> None:  # fmt: skip
+) -> None:
     """Fill the last six arrays for one state; M q̈ + bias = τ + Jᵀ f, nothing is allocated.
 
     Args:
         q, dq: positions and velocities, in the chain's order, (N,).
         turns, shifts, prismatic: the chain, see `kinid.robotics.robot.Chain`.
-        mass: of each link [kg], (N,). com: (N, 3) [m]. inertia: about the com, row-major (N, 9) [kg·m²]; both in the axes
-            that turn with the joint, whose third is the joint's own.
+        mass: of each link [kg], (N,). com: (N, 3) [m]. inertia: about the com, row-major (N, 9) [kg·m²]; both in the
+            axes that turn with the joint, whose third is the joint's own.
         gravity: in base axes [m/s²], (3,). work: scratch, (N, WORK_COLUMNS).
         mass_matrix: M, (N, N). bias: Coriolis, centrifugal and gravity torque, (N,). gravity_torque: its part, (N,).
         rotation: of the tip, (3, 3). position: of the tip [m], (3,).
@@ -49,11 +62,23 @@ def dynamics(
         pz += r20 * tx + r21 * ty + r22 * tz
         f = turns[j]
         c0, c1, c2 = r00, r01, r02
-        r00, r01, r02 = c0 * f[0] + c1 * f[3] + c2 * f[6], c0 * f[1] + c1 * f[4] + c2 * f[7], c0 * f[2] + c1 * f[5] + c2 * f[8]
+        r00, r01, r02 = (
+            c0 * f[0] + c1 * f[3] + c2 * f[6],
+            c0 * f[1] + c1 * f[4] + c2 * f[7],
+            c0 * f[2] + c1 * f[5] + c2 * f[8],
+        )
         c0, c1, c2 = r10, r11, r12
-        r10, r11, r12 = c0 * f[0] + c1 * f[3] + c2 * f[6], c0 * f[1] + c1 * f[4] + c2 * f[7], c0 * f[2] + c1 * f[5] + c2 * f[8]
+        r10, r11, r12 = (
+            c0 * f[0] + c1 * f[3] + c2 * f[6],
+            c0 * f[1] + c1 * f[4] + c2 * f[7],
+            c0 * f[2] + c1 * f[5] + c2 * f[8],
+        )
         c0, c1, c2 = r20, r21, r22
-        r20, r21, r22 = c0 * f[0] + c1 * f[3] + c2 * f[6], c0 * f[1] + c1 * f[4] + c2 * f[7], c0 * f[2] + c1 * f[5] + c2 * f[8]
+        r20, r21, r22 = (
+            c0 * f[0] + c1 * f[3] + c2 * f[6],
+            c0 * f[1] + c1 * f[4] + c2 * f[7],
+            c0 * f[2] + c1 * f[5] + c2 * f[8],
+        )
         if j == n:
             break
         # the joint: its subspace about the origin, then its motion
@@ -135,8 +160,10 @@ def dynamics(
         wgx, wgy, wgz = gravity[0], gravity[1], gravity[2]
         gravity_torque[j] = -(
             mc * (ux * wgx + uy * wgy + uz * wgz)
-            + sx * (hy * wgz - hz * wgy) + sy * (hz * wgx - hx * wgz) + sz * (hx * wgy - hy * wgx)
-        )  # fmt: skip
+            + sx * (hy * wgz - hz * wgy)
+            + sy * (hz * wgx - hx * wgz)
+            + sz * (hx * wgy - hy * wgx)
+        )
         lx, ly, lz = mc * ux + sy * hz - sz * hy, mc * uy + sz * hx - sx * hz, mc * uz + sx * hy - sy * hx
         ox = jxx * sx + jxy * sy + jxz * sz + hy * uz - hz * uy
         oy = jxy * sx + jyy * sy + jyz * sz + hz * ux - hx * uz
@@ -188,14 +215,38 @@ def substitute(factor: Array, x: Array, n: int) -> None:
 
 @njit(cache=True)
 def energy(
-    q: Array, dq: Array, turns: Array, shifts: Array, prismatic: Array, mass: Array, com: Array, inertia: Array, gravity: Array
+    q: Array,
+    dq: Array,
+    turns: Array,
+    shifts: Array,
+    prismatic: Array,
+    mass: Array,
+    com: Array,
+    inertia: Array,
+    gravity: Array,
 ) -> float:
     """Kinetic and potential energy [J] of one state; arguments as in `dynamics`."""
     n = q.shape[0]
     work, matrix = np.empty((n, WORK_COLUMNS)), np.empty((n, n))
     bias, hold, jacobian = np.empty(n), np.empty(n), np.empty((6, n))
-    dynamics(q, dq, turns, shifts, prismatic, mass, com, inertia, gravity, work, matrix, bias, hold, np.empty((3, 3)),
-             np.empty(3), jacobian)  # fmt: skip
+    dynamics(
+        q,
+        dq,
+        turns,
+        shifts,
+        prismatic,
+        mass,
+        com,
+        inertia,
+        gravity,
+        work,
+        matrix,
+        bias,
+        hold,
+        np.empty((3, 3)),
+        np.empty(3),
+        jacobian,
+    )
     total = 0.0
     for i in range(n):
         for j in range(n):

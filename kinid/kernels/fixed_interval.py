@@ -18,9 +18,24 @@ CHUNK = 2048
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _filter(tau: Array, z: Array, noise: Array, drive: Array, first: int, end: int, x: Array, p: Array, gain: Array, move: Array,
-            added: Array, state: Array, filtered: Array) -> None:  # fmt: skip
-    """Filter samples `first` to `end`, x and p in place; their states and covariances are kept, the latter from 0 on."""
+def _filter(
+    tau: Array,
+    z: Array,
+    noise: Array,
+    drive: Array,
+    first: int,
+    end: int,
+    x: Array,
+    p: Array,
+    gain: Array,
+    move: Array,
+    added: Array,
+    state: Array,
+    filtered: Array,
+) -> None:
+    """Filter samples `first` to `end`, x and p in place; their states and covariances are kept, the latter from 0
+    on.
+    """
     last = -1.0
     for k in range(first, end):
         if tau[k] != last:
@@ -36,18 +51,30 @@ def _filter(tau: Array, z: Array, noise: Array, drive: Array, first: int, end: i
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def smooth(tau: Array, z: Array, noise: Array, drive: Array, start: Array, spread: Array, state: Array, sd: Array,
-           random: Array, drawn: Array) -> None:  # fmt: skip
-    """Fixed-interval smoother (Rauch, Tung & Striebel 1965), and draws of its error, which run backwards through the same gains.
+def smooth(
+    tau: Array,
+    z: Array,
+    noise: Array,
+    drive: Array,
+    start: Array,
+    spread: Array,
+    state: Array,
+    sd: Array,
+    random: Array,
+    drawn: Array,
+) -> None:
+    """Fixed-interval smoother (Rauch, Tung & Striebel 1965), and draws of its error, which run backwards through the
+    same gains.
 
-    Backwards the covariance is (1 − G F) P (1 − G F)ᵀ + G s Q Gᵀ + G P₊ Gᵀ, sums alone; an error with the right memory is
-    e = G e₊ + c, c with the covariance of the first two (Carter & Kohn 1994; the distribution is that of the simulation
-    smoother of Durbin & Koopman 2002).
+    Backwards the covariance is (1 − G F) P (1 − G F)ᵀ + G s Q Gᵀ + G P₊ Gᵀ, sums alone; an error with the right memory
+    is e = G e₊ + c, c with the covariance of the first two (Carter & Kohn 1994; the distribution is that of the
+    simulation smoother of Durbin & Koopman 2002).
 
     Args:
         tau, z, noise, drive, start, spread: as for `score`.
         state: gets the state, (n, d). sd: gets the standard deviations of its parts, (n, d).
-        random: standard normal numbers, (m, n, d). drawn: gets as many errors of position, velocity, acceleration, (m, n, 3).
+        random: standard normal numbers, (m, n, d). drawn: gets as many errors of position, velocity, acceleration, (m,
+            n, 3).
     """
     n, many = tau.shape[0], random.shape[0]
     size = min(n, CHUNK)

@@ -51,7 +51,8 @@ def point_load(specific: Array, omega: Array, alpha: Array, com: Array, out: Arr
 
 @njit(cache=True, nogil=True)
 def displaced(axes: Array, omega: Array, offset: Array, moved: Array, speed: Array) -> None:
-    """Where a point of the sensor frame is from its origin, and how fast it moves about it, in contact axes: R d, R (ω × d).
+    """Where a point of the sensor frame is from its origin, and how fast it moves about it, in contact axes: R d, R (ω
+    × d).
 
     Args:
         axes: R, from sensor to contact axes, (n, 3, 3). omega: in sensor axes [rad/s], (3, n). offset: d, (3,) [m].

@@ -32,9 +32,9 @@ def steady_flag(
 ) -> None:
     """True on runs of samples above `off` that reach `on` somewhere; the same forward and backward in time.
 
-    A run is sought in the mean of the signal over `half` samples on each side, and its ends are then those of the signal
-    itself, so that noise splits no run and smears no edge. A sample that is not a number, or at a depth below −`reach`,
-    belongs to no run. All arrays (n,).
+    A run is sought in the mean of the signal over `half` samples on each side, and its ends are then those of the
+    signal itself, so that noise splits no run and smears no edge. A sample that is not a number, or at a depth below
+    −`reach`, belongs to no run. All arrays (n,).
     """
     n = signal.shape[0]
     start, reached = -1, False

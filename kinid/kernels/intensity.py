@@ -1,4 +1,5 @@
-"""How strongly a point's jerk varies along the way: Kalman filters of several intensities, and scores of one that varies.
+"""How strongly a point's jerk varies along the way: Kalman filters of several intensities, and scores of one that
+varies.
 
 The state, its motion and its measurements are those of `state_space`.
 """
@@ -21,7 +22,9 @@ RARE = np.exp(UNLIKELY)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def bank(tau: Array, y: Array, noise: Array, levels: Array, start: Array, spread: Array, out: NDArray[np.float32]) -> None:
+def bank(
+    tau: Array, y: Array, noise: Array, levels: Array, start: Array, spread: Array, out: NDArray[np.float32]
+) -> None:
     """Log-likelihood of each position, foretold from those before it, for several intensities that stay as they are.
 
     Args:
@@ -119,18 +122,21 @@ def local_level(loglik: NDArray[np.float32], switch: float, out: Array) -> None:
         out[k] = mean
         if k > 0:
             for j in range(m):
-                before = keep * loglik[k - 1, j] + switch * (loglik[k - 1, max(j - 1, 0)] + loglik[k - 1, min(j + 1, m - 1)])
+                before = keep * loglik[k - 1, j] + switch * (
+                    loglik[k - 1, max(j - 1, 0)] + loglik[k - 1, min(j + 1, m - 1)]
+                )
                 b[j] = a[j] / max(before, 1e-300)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def score(tau: Array, z: Array, noise: Array, drive: Array, start: Array, spread: Array, work: Array, out: Array, fits: Array
-          ) -> float:  # fmt: skip
+def score(
+    tau: Array, z: Array, noise: Array, drive: Array, start: Array, spread: Array, work: Array, out: Array, fits: Array
+) -> float:
     """Log-likelihood, and what it says of the intensity at each sample and of the noise of each kind of measurement.
 
-    With r and N of the disturbance smoother (de Jong 1989; Durbin & Koopman 2012, 4.5) the derivative of the log-likelihood
-    by the logarithm of a sample's intensity s is ½ (s rᵀ Q r − s tr Q N): the energy found there, less what was to be
-    expected of it. Their quotient, over a window, is the factor by which the intensity there is to grow.
+    With r and N of the disturbance smoother (de Jong 1989; Durbin & Koopman 2012, 4.5) the derivative of the
+    log-likelihood by the logarithm of a sample's intensity s is ½ (s rᵀ Q r − s tr Q N): the energy found there, less
+    what was to be expected of it. Their quotient, over a window, is the factor by which the intensity there is to grow.
 
     Args:
         tau: (n,). z: measurements of position, velocity and acceleration, or of the first c of these, (n, c).
@@ -207,7 +213,8 @@ def score(tau: Array, z: Array, noise: Array, drive: Array, start: Array, spread
 def in_windows(found: Array, expected: Array, width: float, out: Array) -> None:
     """Quotient of what was found and expected over windows that hold `width` degrees of freedom, (n,).
 
-    A window is centred where as many degrees of freedom lie before as after; both sums begin with one that was as expected.
+    A window is centred where as many degrees of freedom lie before as after; both sums begin with one that was as
+    expected.
     """
     n = found.shape[0]
     upto, energy = np.empty(n + 1), np.empty(n + 1)

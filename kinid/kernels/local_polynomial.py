@@ -1,4 +1,6 @@
-"""Derivatives of a polynomial fitted around each sample: convolution where sampling is even, least squares elsewhere."""
+"""Derivatives of a polynomial fitted around each sample: convolution where sampling is even, least squares
+elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -60,7 +62,9 @@ def _fit_at(t: Array, x: Array, low: int, high: int, at: int, order: int, first:
 
 
 @njit(cache=True, fastmath={"contract", "nsz"})
-def _convolve(flat: Array, columns: int, taps: Array, start: int, stop: int, half: int, first: Array, second: Array) -> None:
+def _convolve(
+    flat: Array, columns: int, taps: Array, start: int, stop: int, half: int, first: Array, second: Array
+) -> None:
     """Both derivatives of rows start…stop by convolution of the flattened (n, columns) array.
 
     The first derivative's taps are odd and the second's even in time, so that pairs of samples share a multiplication.
@@ -87,8 +91,8 @@ def _chain_rule(
 ) -> None:
     """Turn derivatives by the sample's number (times the period) into derivatives by the actual time.
 
-    With s the nominal and t the actual time, ẋ = x' / t' and ẍ = (x'' − ẋ t'') / t'². The jitter of t stands in x and in
-    t alike, so that it falls out to first order.
+    With s the nominal and t the actual time, ẋ = x' / t' and ẍ = (x'' − ẋ t'') / t'². The jitter of t stands in x and
+    in t alike, so that it falls out to first order.
     """
     size = 512
     rate, change = np.empty(size), np.empty(size)
@@ -111,9 +115,17 @@ def _chain_rule(
 
 @njit(cache=True)
 def _along(
-    t: Array, x: Array, taps: Array, uneven: bool, period: float, start: int, stop: int, half: int,
-    first: Array, second: Array,
-) -> None:  # fmt: skip
+    t: Array,
+    x: Array,
+    taps: Array,
+    uneven: bool,
+    period: float,
+    start: int,
+    stop: int,
+    half: int,
+    first: Array,
+    second: Array,
+) -> None:
     """Rows start…stop by convolution, and by the chain rule where steps differ at all."""
     _convolve(x.ravel(), x.shape[1], taps, start, stop, half, first.ravel(), second.ravel())
     if uneven:

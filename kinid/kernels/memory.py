@@ -15,8 +15,9 @@ Array = NDArray[np.float64]
 #: dither, and every measured position at rest dithers by its noise; elastic ones don't (Dupont et al., IEEE Trans.
 #: Autom. Control 47, 2002)
 ELASTIC = 0.02
-#: a step in which slip turns by more than this [rad] is taken in pieces, so many at most: bristles that are short beside it
-#: follow the direction at its end, not that of its middle; where it is a small share m of them, they end m²/12 of the turn off
+#: a step in which slip turns by more than this [rad] is taken in pieces, so many at most: bristles that are short
+#: beside it follow the direction at its end, not that of its middle; where it is a small share m of them, they end
+#: m²/12 of the turn off
 STRAIGHT, MOST_PIECES = 0.002, 8
 
 
@@ -41,24 +42,34 @@ def lowpass(x: Array, dt: Array, tau: float, out: Array) -> None:
 
 
 @njit(cache=True, nogil=True)
-def bristles(v1: Array, v2: Array, dt: Array, depth: Array, length: float, out: Array, elastic: float = ELASTIC,
-             tremor: float = 0.0) -> None:  # fmt: skip
+def bristles(
+    v1: Array,
+    v2: Array,
+    dt: Array,
+    depth: Array,
+    length: float,
+    out: Array,
+    elastic: float = ELASTIC,
+    tremor: float = 0.0,
+) -> None:
     """Deflection of bristles relative to their greatest, a vector of length ≤ 1 along the slip (Dahl 1968, in 2-D).
 
-    u̇ = (v − |v| u) / ℓ, exact where the direction of slip is constant between samples (a step in which the slip turns back
-    is taken in two, one along a curve in several), behind an element that is elastic over a small share ε of ℓ:
-    (1 − ε) u + w/ℓ comes out, where w, |w| ≤ ε ℓ, is how far the slip is ahead of what moves u. Under a constant load this
-    never gives energy. Bristles begin undeflected at each touch.
+    u̇ = (v − |v| u) / ℓ, exact where the direction of slip is constant between samples (a step in which the slip turns
+    back is taken in two, one along a curve in several), behind an element that is elastic over a small share ε of ℓ:
+    (1 − ε) u + w/ℓ comes out, where w, |w| ≤ ε ℓ, is how far the slip is ahead of what moves u. Under a constant load
+    this never gives energy. Bristles begin undeflected at each touch.
 
     Args:
         v1, v2: slip rates [m/s], (n,). dt: see above. depth: > 0 in contact, (n,); a flag does, too, but then a touch
             begins at the sample before.
-        length: ℓ [m]. out: (2, n). elastic: ε; 0 is Dahl's own. tremor: mean speed of what goes to and fro too fast to be
-            seen [m/s]: bristles creep back under it, u̇ = (v − √(v² + v_t²) u) / ℓ.
+        length: ℓ [m]. out: (2, n). elastic: ε; 0 is Dahl's own. tremor: mean speed of what goes to and fro too fast to
+            be seen [m/s]: bristles creep back under it, u̇ = (v − √(v² + v_t²) u) / ℓ.
     """
     u1, u2 = 0.0, 0.0
     w1, w2 = 0.0, 0.0
-    follows = elastic * length if elastic > 0.0 else length  # on such a way w takes the direction of the slip, or else u does
+    follows = (
+        elastic * length if elastic > 0.0 else length
+    )  # on such a way w takes the direction of the slip, or else u does
     for i in range(v1.shape[0]):
         if i == 0 or dt[i] <= 0.0 or not depth[i] > 0:
             u1, u2, w1, w2 = 0.0, 0.0, 0.0, 0.0
@@ -91,7 +102,9 @@ def bristles(v1: Array, v2: Array, dt: Array, depth: Array, length: float, out: 
 
 @njit(cache=True, nogil=True)
 def _turn(a1: float, a2: float, b1: float, b2: float) -> float:
-    """Share of a step at which a velocity that goes straight from a to b is least, where it turns back; 1 where it doesn't."""
+    """Share of a step at which a velocity that goes straight from a to b is least, where it turns back; 1 where it
+    doesn't.
+    """
     if a1 * b1 + a2 * b2 >= 0.0:
         return 1.0
     c1, c2 = b1 - a1, b2 - a2
@@ -100,7 +113,9 @@ def _turn(a1: float, a2: float, b1: float, b2: float) -> float:
 
 @njit(cache=True, nogil=True)
 def _pieces(a1: float, a2: float, b1: float, b2: float, scale: float) -> int:
-    """Into how many pieces to take a step in which a velocity goes from a to b, `scale` being its time over what follows it."""
+    """Into how many pieces to take a step in which a velocity goes from a to b, `scale` being its time over what
+    follows it.
+    """
     across, along = abs(a1 * b2 - a2 * b1), a1 * b1 + a2 * b2
     if across <= STRAIGHT * along:
         return 1

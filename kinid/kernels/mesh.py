@@ -131,8 +131,13 @@ def closest(points: ArrayLike, tree: MeshTree) -> Closest:
     # one writeable layout, so that one compiled version serves every caller
     queries = np.require(np.asarray(points, dtype=np.float64).reshape(-1, 3), requirements=["C", "W"])
     n = len(queries)
-    out = Closest(np.full((n, 3), np.nan), np.full(n, -1, dtype=np.int64), np.full(n, np.nan),
-                  np.full((n, 3), np.nan), np.full((n, 3), np.nan))  # fmt: skip
+    out = Closest(
+        np.full((n, 3), np.nan),
+        np.full(n, -1, dtype=np.int64),
+        np.full(n, np.nan),
+        np.full((n, 3), np.nan),
+        np.full((n, 3), np.nan),
+    )
     _closest(queries, tree, out)
     return out
 

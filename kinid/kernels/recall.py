@@ -1,7 +1,8 @@
-"""How laws with memory change when their path does, to first order; what it takes to solve for a force behind a compliance.
+"""How laws with memory change when their path does, to first order; what it takes to solve for a force behind a
+compliance.
 
-A memory z of S parts goes z = K z₋ + a dv₋ + b dv + d dx, where x is depth and v its rate; the force changes by the sum of A z.
-Arrays are (n, S, S) for K, (n, S) for a, b, d and A; `dt` as in `kinid.kernels.memory`.
+A memory z of S parts goes z = K z₋ + a dv₋ + b dv + d dx, where x is depth and v its rate; the force changes by the sum
+of A z. Arrays are (n, S, S) for K, (n, S) for a, b, d and A; `dt` as in `kinid.kernels.memory`.
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ Array = NDArray[np.float64]
 
 
 @njit(cache=True, nogil=True)
-def recalled_bristles(rate: Array, dt: Array, depth: Array, length: float, elastic: float, keep: Array, before: Array, now: Array
-                      ) -> None:  # fmt: skip
+def recalled_bristles(
+    rate: Array, dt: Array, depth: Array, length: float, elastic: float, keep: Array, before: Array, now: Array
+) -> None:
     """Of `kinid.kernels.memory.bristles` along one axis: parts u, which slips, and w, which is elastic.
 
     Args:
@@ -73,8 +75,9 @@ def recalled_deepest(depth: Array, dt: Array, forgotten: float, keep: Array, rea
 
 
 @njit(cache=True, nogil=True)
-def remembered(dx: Array, dv: Array, dt: Array, keep: Array, before: Array, now: Array, reach: Array, size: Array, out: Array
-               ) -> None:  # fmt: skip
+def remembered(
+    dx: Array, dv: Array, dt: Array, keep: Array, before: Array, now: Array, reach: Array, size: Array, out: Array
+) -> None:
     """Σ A z of a path that is off by dx and dv.
 
     Args:
@@ -96,9 +99,21 @@ def remembered(dx: Array, dv: Array, dt: Array, keep: Array, before: Array, now:
 
 
 @njit(cache=True, nogil=True)
-def forwards(rest: Array, dt: Array, compliance: float, stiff: Array, lossy: Array, keep: Array, before: Array, now: Array,
-             reach: Array, size: Array, out: Array) -> None:  # fmt: skip
-    """Solve y + C (k y + l ẏ) − Σ A z = rest in time; the path moves by dx = −C y, and ẏ is the difference to the sample before.
+def forwards(
+    rest: Array,
+    dt: Array,
+    compliance: float,
+    stiff: Array,
+    lossy: Array,
+    keep: Array,
+    before: Array,
+    now: Array,
+    reach: Array,
+    size: Array,
+    out: Array,
+) -> None:
+    """Solve y + C (k y + l ẏ) − Σ A z = rest in time; the path moves by dx = −C y, and ẏ is the difference to the
+    sample before.
 
     Args:
         rest: (n,). dt: see above. compliance: C [m/N]. stiff, lossy: k ≥ 0 [N/m] and l ≥ 0 [N·s/m], (n,).

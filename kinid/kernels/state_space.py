@@ -1,10 +1,10 @@
 """A point one of whose derivatives is white noise: how its state moves, and what a measurement makes of it.
 
-The state is x = (position, velocity, acceleration, …) of `ORDER` parts, in units of the position and of the median sample time,
-so that numbers of any unit and rate are alike. Over a step τ it moves by F(τ) and gains a covariance s Q(τ), s the intensity in
-the step (Särkkä, Bayesian Filtering and Smoothing, 2013, ch. 2 and 4; Bar-Shalom et al. 2001, 6.2.3). Positions, velocities and
-accelerations are scalar measurements, each with its own variance, taken one after the other; one whose variance is infinite
-is not there. A step of no time stands before a piece's first sample only.
+The state is x = (position, velocity, acceleration, …) of `ORDER` parts, in units of the position and of the median
+sample time, so that numbers of any unit and rate are alike. Over a step τ it moves by F(τ) and gains a covariance s
+Q(τ), s the intensity in the step (Särkkä, Bayesian Filtering and Smoothing, 2013, ch. 2 and 4; Bar-Shalom et al. 2001,
+6.2.3). Positions, velocities and accelerations are scalar measurements, each with its own variance, taken one after the
+other; one whose variance is infinite is not there. A step of no time stands before a piece's first sample only.
 """
 
 from __future__ import annotations
@@ -26,8 +26,15 @@ LEAST = 1e-250
 ROUNDING = 1e-15
 
 _TAYLOR = np.array([1.0 / math.factorial(k) for k in range(ORDER)])
-_NOISE = np.array([[1.0 / (math.factorial(ORDER - 1 - i) * math.factorial(ORDER - 1 - j) * (2 * ORDER - 1 - i - j))
-                    for j in range(ORDER)] for i in range(ORDER)])  # fmt: skip
+_NOISE = np.array(
+    [
+        [
+            1.0 / (math.factorial(ORDER - 1 - i) * math.factorial(ORDER - 1 - j) * (2 * ORDER - 1 - i - j))
+            for j in range(ORDER)
+        ]
+        for i in range(ORDER)
+    ]
+)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -62,9 +69,11 @@ def moved(x: Array, p: Array, move: Array, added: Array, s: float) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def updated(x: Array, p: Array, c: int, z: float, r: float, gain: Array) -> tuple[float, float]:
-    """State and covariance after a scalar measurement of part c, in place; its innovation, and one over the variance of that.
+    """State and covariance after a scalar measurement of part c, in place; its innovation, and one over the variance of
+    that.
 
-    Joseph's form, (1 − K H) P (1 − K H)ᵀ + K r Kᵀ, written out: the row of what was measured is r K, and loses no digits.
+    Joseph's form, (1 − K H) P (1 − K H)ᵀ + K r Kᵀ, written out: the row of what was measured is r K, and loses no
+    digits.
     """
     f, e = 1.0 / (max(p[c, c], 0.0) + r + LEAST), z - x[c]
     for i in range(ORDER):

@@ -15,11 +15,12 @@ BEYOND = 15
 
 @njit(cache=True, nogil=True)
 def zero_phase(sections: Array, settled: Array, x: Array) -> None:
-    """Two second-order sections forwards, then backwards, over readings that go on beyond their ends, mirrored in them; in place.
+    """Two second-order sections forwards, then backwards, over readings that go on beyond their ends, mirrored in them;
+    in place.
 
-    It does what `scipy.signal.sosfiltfilt` does (F. Gustafsson, IEEE Trans. Signal Process. 44(4), 1996), which would work out
-    anew for each of many thousand short calls what the filter remembers of a step. A filter waits for its own last result; two
-    rows that are filtered side by side wait together.
+    It does what `scipy.signal.sosfiltfilt` does (F. Gustafsson, IEEE Trans. Signal Process. 44(4), 1996), which would
+    work out anew for each of many thousand short calls what the filter remembers of a step. A filter waits for its own
+    last result; two rows that are filtered side by side wait together.
 
     Args:
         sections: b₀ b₁ b₂ 1 a₁ a₂ of two, (2, 6). settled: memory of each that has settled on a step of 1, (2, 2).
@@ -46,7 +47,12 @@ def _pass(sections: Array, settled: Array, row: Array, other: Array) -> None:
     a0, a1, a2, a3, a4 = sections[0, 0], sections[0, 1], sections[0, 2], sections[0, 4], sections[0, 5]
     b0, b1, b2, b3, b4 = sections[1, 0], sections[1, 1], sections[1, 2], sections[1, 4], sections[1, 5]
     p0, q0, r0, s0 = settled[0, 0] * row[0], settled[0, 1] * row[0], settled[1, 0] * row[0], settled[1, 1] * row[0]
-    p1, q1, r1, s1 = settled[0, 0] * other[0], settled[0, 1] * other[0], settled[1, 0] * other[0], settled[1, 1] * other[0]
+    p1, q1, r1, s1 = (
+        settled[0, 0] * other[0],
+        settled[0, 1] * other[0],
+        settled[1, 0] * other[0],
+        settled[1, 1] * other[0],
+    )
     for i in range(row.shape[0]):
         x0, x1 = row[i], other[i]
         y0, y1 = a0 * x0 + p0, a0 * x1 + p1

@@ -1,4 +1,6 @@
-"""The laboratory's own contact law, one instant at a time: written apart from the effects that are later fitted to it."""
+"""The laboratory's own contact law, one instant at a time: written apart from the effects that are later fitted to
+it.
+"""
 
 from __future__ import annotations
 
@@ -10,18 +12,55 @@ Array = NDArray[np.float64]
 
 # parameters of a contact that hold throughout a patch
 (
-    EXPONENT, LOSS, RATIO1, TIME1, RATIO2, TIME2, LOOP, LOOP_LENGTH, SOFT, SOFT_LENGTH, PULL, PULL_LENGTH, DRIFT, STRIBECK,
-    STRIBECK_SPEED, VISCOUS, BRISTLE, LOAD, ANISOTROPY, COMPLIANCE, ROUNDING,
-) = range(21)  # fmt: skip
+    EXPONENT,
+    LOSS,
+    RATIO1,
+    TIME1,
+    RATIO2,
+    TIME2,
+    LOOP,
+    LOOP_LENGTH,
+    SOFT,
+    SOFT_LENGTH,
+    PULL,
+    PULL_LENGTH,
+    DRIFT,
+    STRIBECK,
+    STRIBECK_SPEED,
+    VISCOUS,
+    BRISTLE,
+    LOAD,
+    ANISOTROPY,
+    COMPLIANCE,
+    ROUNDING,
+) = range(21)
 COUPLED_K, COUPLED_C, PARAMETERS = 21, 30, 39
 # property fields over the surface
 STIFFNESS, DAMPING, FRICTION, LAYER, LAYER_DEPTH = range(5)
 FIELDS = 5
 # memory
 (
-    _Y1, _Y2, _FE, _Z, _ZW, _DEPTH, _MOST, _BOND, _U1, _U2, _W1, _W2, _S1, _S2, _X1, _X2, _TOUCH, _EFFECTIVE, _PULL,
+    _Y1,
+    _Y2,
+    _FE,
+    _Z,
+    _ZW,
+    _DEPTH,
+    _MOST,
+    _BOND,
+    _U1,
+    _U2,
+    _W1,
+    _W2,
+    _S1,
+    _S2,
+    _X1,
+    _X2,
+    _TOUCH,
+    _EFFECTIVE,
+    _PULL,
     FORCE,
-) = range(20)  # fmt: skip
+) = range(20)
 MEMORY = FORCE + 3
 
 _AHEAD = 0.02  # share of a bristle's length that is purely elastic (Dupont et al. 2002)
@@ -29,15 +68,18 @@ _AHEAD = 0.02  # share of a bristle's length that is purely elastic (Dupont et a
 
 @njit(cache=True)
 def _field(fields: Array, grid: Array, x: float, y: float, out: Array) -> None:
-    """Bilinear interpolation of all fields (FIELDS, nx, ny); grid: x0, y0, dx, dy. Beyond the grid its edge continues."""
+    """Bilinear interpolation of all fields (FIELDS, nx, ny); grid: x0, y0, dx, dy. Beyond the grid its edge
+    continues.
+    """
     nx, ny = fields.shape[1], fields.shape[2]
     a = min(max((x - grid[0]) / grid[2], 0.0), nx - 1.0)
     b = min(max((y - grid[1]) / grid[3], 0.0), ny - 1.0)
     i, j = min(int(a), nx - 2), min(int(b), ny - 2)
     a, b = a - i, b - j
     for k in range(FIELDS):
-        out[k] = ((1 - a) * ((1 - b) * fields[k, i, j] + b * fields[k, i, j + 1])
-                  + a * ((1 - b) * fields[k, i + 1, j] + b * fields[k, i + 1, j + 1]))  # fmt: skip
+        out[k] = (1 - a) * ((1 - b) * fields[k, i, j] + b * fields[k, i, j + 1]) + a * (
+            (1 - b) * fields[k, i + 1, j] + b * fields[k, i + 1, j + 1]
+        )
 
 
 @njit(cache=True)
@@ -114,8 +156,19 @@ def _patch(patches: NDArray[np.int64], grid: Array, x: float, y: float) -> int:
 
 
 @njit(cache=True)
-def contact(x: Array, v: Array, t: float, dt: float, m: Array, new: Array, table: Array, patches: NDArray[np.int64],
-            fields: Array, grid: Array, at: Array) -> None:  # fmt: skip
+def contact(
+    x: Array,
+    v: Array,
+    t: float,
+    dt: float,
+    m: Array,
+    new: Array,
+    table: Array,
+    patches: NDArray[np.int64],
+    fields: Array,
+    grid: Array,
+    at: Array,
+) -> None:
     """One step of the contact: force of the material on the tool at the step's end, in new[FORCE:FORCE + 3].
 
     Args:

@@ -1,4 +1,6 @@
-"""The laboratory's arm: inertias packed for the compiled loop, joints with friction and elasticity, poses along a path."""
+"""The laboratory's arm: inertias packed for the compiled loop, joints with friction and elasticity, poses along a
+path.
+"""
 
 from __future__ import annotations
 
@@ -54,8 +56,14 @@ class Arm:
             raise InputError(f"{robot.name} without a tip frame", "the point that touches", "name [robot] tip_frame")
         carrying = robot if tool is None or tool.mass == 0.0 else robot.with_tool(tool)
         chain = robot.chain(frame)
-        return cls(chain.turns, chain.shifts, chain.prismatic, *carrying.bodies(frame),
-                   np.asarray(robot.gravity, dtype=float).copy(), chain.columns)  # fmt: skip
+        return cls(
+            chain.turns,
+            chain.shifts,
+            chain.prismatic,
+            *carrying.bodies(frame),
+            np.asarray(robot.gravity, dtype=float).copy(),
+            chain.columns,
+        )
 
     @property
     def joints(self) -> int:
@@ -78,10 +86,17 @@ class Arm:
         n = self.joints
         out = State(np.empty((n, n)), np.empty(n), np.empty(n), np.empty((3, 3)), np.empty(3), np.empty((6, n)))
         kernel.dynamics(
-            np.ascontiguousarray(q, dtype=float), np.zeros(n) if dq is None else np.ascontiguousarray(dq, dtype=float),
-            *self.packed, np.empty((n, kernel.WORK_COLUMNS)),
-            out.mass, out.bias, out.gravity, out.rotation, out.position, out.jacobian,
-        )  # fmt: skip
+            np.ascontiguousarray(q, dtype=float),
+            np.zeros(n) if dq is None else np.ascontiguousarray(dq, dtype=float),
+            *self.packed,
+            np.empty((n, kernel.WORK_COLUMNS)),
+            out.mass,
+            out.bias,
+            out.gravity,
+            out.rotation,
+            out.position,
+            out.jacobian,
+        )
         return out
 
     def energy(self, q: Array, dq: Array) -> float:
@@ -112,8 +127,8 @@ class Joints:
         rotor_inertia: reflected [kg·m²]. shaping: ≥ 1.
         stiffness: of the gear and torque sensor [N·m/rad]; 0 is a rigid joint. damping: beside it [N·m·s/rad].
         motor_coulomb [N·m], motor_viscous [N·m·s/rad]: before the torque sensor. link_coulomb, link_viscous: behind it.
-        compensation: share of the motor's friction that the drive's friction observer takes away (L. Le Tien, A. Albu-Schäffer,
-            A. De Luca, G. Hirzinger, IROS 2008).
+        compensation: share of the motor's friction that the drive's friction observer takes away (L. Le Tien, A.
+            Albu-Schäffer, A. De Luca, G. Hirzinger, IROS 2008).
         presliding: angle over which Coulomb friction turns around [rad].
         torque_limit: of the motor [N·m].
     """
@@ -140,10 +155,18 @@ class Joints:
     def packed(self) -> Array:
         """For the loop, (8, N): inertia, stiffness, damping, friction of motor and link as they act, torque limit."""
         s, left = self.shaping, (1.0 - self.compensation) / self.shaping
-        return np.ascontiguousarray([
-            self.rotor_inertia / s, self.stiffness, self.damping, left * self.motor_coulomb, left * self.motor_viscous,
-            self.link_coulomb, self.link_viscous, self.torque_limit,
-        ])  # fmt: skip
+        return np.ascontiguousarray(
+            [
+                self.rotor_inertia / s,
+                self.stiffness,
+                self.damping,
+                left * self.motor_coulomb,
+                left * self.motor_viscous,
+                self.link_coulomb,
+                self.link_viscous,
+                self.torque_limit,
+            ]
+        )
 
     @property
     def rigid(self) -> bool:
@@ -175,8 +198,8 @@ class Gains:
     """Cartesian impedance of the controller, base axes.
 
     Attributes:
-        translation [N/m], rotation [N·m/rad]: the same along all axes. ratio: of damping. null: damping of joint motions
-            that leave the tip where it is [N·m·s/rad].
+        translation [N/m], rotation [N·m/rad]: the same along all axes. ratio: of damping. null: damping of joint
+            motions that leave the tip where it is [N·m·s/rad].
         period: of the controller [s].
     """
 
@@ -202,7 +225,9 @@ def design_damping(gains: Gains, arm: Arm, joints: Joints, q: Array) -> Array:
 
 
 def spectral_radius(gains: Gains, damping: Array, arm: Arm, joints: Joints, q: Array) -> float:
-    """Largest eigenvalue, in size, of arm and sampled controller over one period, linearised at a pose; > 1 is unstable."""
+    """Largest eigenvalue, in size, of arm and sampled controller over one period, linearised at a pose; > 1 is
+    unstable.
+    """
     state = arm.state(q)
     n, rotor, stiffness, d = arm.joints, *joints.packed[:3]
     jt = state.jacobian.T
@@ -218,8 +243,14 @@ def spectral_radius(gains: Gains, damping: Array, arm: Arm, joints: Joints, q: A
         feedback = np.hstack([position, speed])
     else:
         link, motor, k, c = np.linalg.inv(state.mass), np.diag(1.0 / rotor), np.diag(stiffness), np.diag(d)
-        a = np.block([[zero, eye, zero, zero], [-link @ k, -link @ c, link @ k, link @ c],
-                      [zero, zero, zero, eye], [motor @ k, motor @ c, -motor @ k, -motor @ c]])  # fmt: skip
+        a = np.block(
+            [
+                [zero, eye, zero, zero],
+                [-link @ k, -link @ c, link @ k, link @ c],
+                [zero, zero, zero, eye],
+                [motor @ k, motor @ c, -motor @ k, -motor @ c],
+            ]
+        )
         b = np.vstack([zero, zero, zero, motor])
         feedback = np.hstack([zero, zero, position, speed])  # measured on the motors' side
     size = a.shape[0]
@@ -229,7 +260,8 @@ def spectral_radius(gains: Gains, damping: Array, arm: Arm, joints: Joints, q: A
 
 
 def joints_along(robot: Robot, positions: Array, rotations: Array, start: Array, what: str = "the path") -> Array:
-    """Joints that put the tip at each pose in turn; damped Newton's method, each from the one before, (n, N) in log order.
+    """Joints that put the tip at each pose in turn; damped Newton's method, each from the one before, (n, N) in log
+    order.
 
     Args:
         robot: with a tip frame. positions: base frame [m], (n, 3). rotations: (n, 3, 3). start: a pose nearby, (N,).
@@ -254,13 +286,19 @@ def joints_along(robot: Robot, positions: Array, rotations: Array, start: Array,
             step *= min(1.0, 0.3 / max(float(np.abs(step).max()), 1e-12))
             q = q + robot.from_tangent(step[None, :])[0]
         else:
-            raise InputError(f"{what} through ({', '.join(f'{v:.3f}' for v in position)}) m, which {robot.name} can't reach",
-                             "poses within the arm's reach", "move the surface nearer, or make the motion smaller")  # fmt: skip
+            raise InputError(
+                f"{what} through ({', '.join(f'{v:.3f}' for v in position)}) m, which {robot.name} can't reach",
+                "poses within the arm's reach",
+                "move the surface nearer, or make the motion smaller",
+            )
         outside = np.flatnonzero((q < robot.lower) | (q > robot.upper))
         if len(outside):
             j = int(outside[0])
             raise InputError(
-                f"{what}, which needs {robot.joint_names[j]} at {q[j]:.3f} (limits {robot.lower[j]:.3f}, {robot.upper[j]:.3f})",
-                "joints within their limits", "move the surface, or make the motion smaller")  # fmt: skip
+                f"{what}, which needs {robot.joint_names[j]} at {q[j]:.3f} (limits {robot.lower[j]:.3f}, "
+                f"{robot.upper[j]:.3f})",
+                "joints within their limits",
+                "move the surface, or make the motion smaller",
+            )
         out[i] = q
     return out

@@ -1,8 +1,8 @@
 """Many pokes or slides, one file each: stopped at any moment, even by a power cut, a campaign goes on where it was.
 
-A poke is done when its log is there: the log is written last, under another name first, and renamed whole. What each poke
-does follows from the seed and its number alone, so that a campaign that was stopped ends with the same bytes as one that
-wasn't; a file that is damaged or gone is made again, with the bytes that it had.
+A poke is done when its log is there: the log is written last, under another name first, and renamed whole. What each
+poke does follows from the seed and its number alone, so that a campaign that was stopped ends with the same bytes as
+one that wasn't; a file that is damaged or gone is made again, with the bytes that it had.
 """
 
 from __future__ import annotations
@@ -37,8 +37,9 @@ MANIFEST = "campaign.json"
 #: what is done at each place, shorter than the study's: three turns of the slow sine, or 3 mm out and back each way
 Touch = Literal["poke", "slide"]
 MOTIONS: dict[str, Poke | Slide] = {
-    "poke": Poke(0.003, ((0.0015, 0.9), (0.0005, 5.0)), duration=3.0), "slide": Slide(2.5e-3, 3e-3, 3e-3),
-}  # fmt: skip
+    "poke": Poke(0.003, ((0.0015, 0.9), (0.0005, 5.0)), duration=3.0),
+    "slide": Slide(2.5e-3, 3e-3, 3e-3),
+}
 
 
 @dataclass(frozen=True)
@@ -69,8 +70,9 @@ class Campaign(Grid):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.touch not in MOTIONS:
-            raise InputError(f"a campaign of '{self.touch}'", f"one of {', '.join(get_args(Touch))}",
-                             closest(self.touch, MOTIONS))  # fmt: skip
+            raise InputError(
+                f"a campaign of '{self.touch}'", f"one of {', '.join(get_args(Touch))}", closest(self.touch, MOTIONS)
+            )
 
     @property
     def done_there(self) -> str:
@@ -79,7 +81,13 @@ class Campaign(Grid):
 
     def manifest(self, rig: Rig, everything: bool = False) -> dict[str, Any]:
         """What the campaign is and what measures it, in the words of JSON; what is hidden only with everything."""
-        whole = {"kind": "campaign", "version": 3, **vars(self), "motion": vars(MOTIONS[self.touch]), "rig": rig_facts(rig)}
+        whole = {
+            "kind": "campaign",
+            "version": 3,
+            **vars(self),
+            "motion": vars(MOTIONS[self.touch]),
+            "rig": rig_facts(rig),
+        }
         if not everything:
             whole = {name: value for name, value in whole.items() if name not in ("hidden", "where")}
         out: dict[str, Any] = json.loads(json.dumps(whole))
@@ -87,8 +95,15 @@ class Campaign(Grid):
 
     def base(self) -> tuple[Setup, dict[str, Any]]:
         """What all pokes have in common, and what is hidden in it."""
-        base = prepare("poke", material=self.material, seed=self.seed, gains=Gains(translation=self.stiffness), point=self.point,
-                       normal=self.normal, torque_limit=self.torque_limit)  # fmt: skip
+        base = prepare(
+            "poke",
+            material=self.material,
+            seed=self.seed,
+            gains=Gains(translation=self.stiffness),
+            point=self.point,
+            normal=self.normal,
+            torque_limit=self.torque_limit,
+        )
         if self.hidden is None:
             return base, {}
         base, hidden = hide(base, self.hidden, self.seed, self.where)
@@ -97,8 +112,9 @@ class Campaign(Grid):
     def setup(self, index: int) -> tuple[Setup, dict[str, Any]]:
         """Of one poke, and what is hidden in it."""
         base, truth = self.base()
-        script = five_phases(MOTIONS[self.touch], place=self.place(index), height=0.008, free=0.4, hold=0.4, approach=0.8,
-                             tilt=0.1)  # fmt: skip
+        script = five_phases(
+            MOTIONS[self.touch], place=self.place(index), height=0.008, free=0.4, hold=0.4, approach=0.8, tilt=0.1
+        )
         # the seed and the number: the same poke always, and another noise for each
         seed = int(np.random.SeedSequence([self.seed, 3, index]).generate_state(1)[0])
         return base.replace(script=script, seed=seed), truth
@@ -175,14 +191,21 @@ def _claim(campaign: Campaign, folder: Path) -> None:
             there = json.loads(path.read_text(encoding="utf-8"))
             differ = sorted(k for k in {*there, *wanted} if there.get(k) != wanted.get(k))
         except (OSError, ValueError, TypeError, AttributeError):
-            raise InputError(f"a damaged {path}", "the manifest of a campaign", "choose another folder with -o") from None
+            raise InputError(
+                f"a damaged {path}", "the manifest of a campaign", "choose another folder with -o"
+            ) from None
         if differ:
-            raise InputError(f"another campaign in {folder} ({', '.join(differ)} differ{'s' if len(differ) == 1 else ''})",
-                             "the same campaign to go on with, or an empty folder", "choose another folder with -o")  # fmt: skip
+            raise InputError(
+                f"another campaign in {folder} ({', '.join(differ)} differ{'s' if len(differ) == 1 else ''})",
+                "the same campaign to go on with, or an empty folder",
+                "choose another folder with -o",
+            )
         _check_rig(folder / "rig.toml", wanted["rig"])
     else:
         if any(logs(folder)):
-            raise InputError(f"{campaign.touch}s without {path} in {folder}", "an empty folder", "choose another folder with -o")
+            raise InputError(
+                f"{campaign.touch}s without {path} in {folder}", "an empty folder", "choose another folder with -o"
+            )
         check_free(folder)
         make_folder(folder / "truth")
         write_text(path, json.dumps(wanted, indent=1) + "\n")
@@ -197,8 +220,11 @@ def _check_rig(path: Path, begun_with: dict[str, Any]) -> None:
     there = json.loads(json.dumps(rig_facts(Rig.load(path))))
     differ = sorted(k for k in {*there, *begun_with} if there.get(k) != begun_with.get(k))
     if differ:
-        raise InputError(f"{path} with another [{'], ['.join(differ)}] than the campaign was begun with", "the same rig",
-                         "put it back, or remove it and it is made again")  # fmt: skip
+        raise InputError(
+            f"{path} with another [{'], ['.join(differ)}] than the campaign was begun with",
+            "the same rig",
+            "put it back, or remove it and it is made again",
+        )
 
 
 def clean(folder: Path) -> None:

@@ -73,9 +73,12 @@ class Overview:
         hold = touch.normal_force[(phase == "hold") & touch.in_contact]
         rows = np.linspace(0, len(touch) - 1, DRAWN).astype(np.int64)
         self.seen[index] = Seen(
-            float(np.nanmax(touch.normal_force)), float(np.median(hold)) if len(hold) else float("nan"),
-            float(np.nanmax(touch.depth)), touch.t[rows] - touch.t[0], np.round(touch.normal_force[rows], 3),
-        )  # fmt: skip
+            float(np.nanmax(touch.normal_force)),
+            float(np.median(hold)) if len(hold) else float("nan"),
+            float(np.nanmax(touch.depth)),
+            touch.t[rows] - touch.t[0],
+            np.round(touch.normal_force[rows], 3),
+        )
         if time.monotonic() - self._written > AGAIN:
             self.write()
 
@@ -88,12 +91,18 @@ class Overview:
 def campaign_page(title: str, grid: Grid, seen: dict[int, Seen], unreadable: Sequence[str] = ()) -> str:
     """Progress, places and forces as one self-contained HTML page; with the names of logs that can't be read."""
     done = len(seen) + len(unreadable)
-    head = (f"<p class=facts>{done} of {grid.count} {grid.done_there}s are done ({100 * done / grid.count:.0f} %): {grid.rows} × "
-            f"{grid.columns} places, {1e3 * grid.spacing:g} mm apart.</p>"
-            f"<progress max={grid.count} value={done} style='width:100%'></progress>")  # fmt: skip
+    head = (
+        f"<p class=facts>{done} of {grid.count} {grid.done_there}s are done ({100 * done / grid.count:.0f} %): "
+        f"{grid.rows} × "
+        f"{grid.columns} places, {1e3 * grid.spacing:g} mm apart.</p>"
+        f"<progress max={grid.count} value={done} style='width:100%'></progress>"
+    )
     if unreadable:
-        head += (f"<p class=facts>Not readable: {html.escape(', '.join(unreadable))}. Run the same command again: they are made "
-                 "again.</p>")  # fmt: skip
+        head += (
+            f"<p class=facts>Not readable: {html.escape(', '.join(unreadable))}. Run the same command again: they are "
+            f"made "
+            "again.</p>"
+        )
     if not seen:
         return page(title, head + "<p class=facts>No place has been touched yet.</p>", [])
     values = np.array([[s.greatest, s.held, 1e3 * s.deepest] for s in seen.values()])
@@ -101,16 +110,27 @@ def campaign_page(title: str, grid: Grid, seen: dict[int, Seen], unreadable: Seq
         f"<tr><td>{label}</td><td>{low:.3g}</td><td>{middle:.3g}</td><td>{high:.3g}</td></tr>"
         for label, (low, middle, high) in zip(
             ("greatest normal force [N]", "normal force held [N]", "greatest depth [mm]"),
-            np.nanquantile(values, [0.0, 0.5, 1.0], axis=0).T)
-    )  # fmt: skip
-    head += ("<div class=scroll><table><tr><th>over the places</th><th>least</th><th>median</th><th>most</th></tr>"
-             f"{rows}</table></div>")  # fmt: skip
+            np.nanquantile(values, [0.0, 0.5, 1.0], axis=0).T,
+        )
+    )
+    head += (
+        "<div class=scroll><table><tr><th>over the places</th><th>least</th><th>median</th><th>most</th></tr>"
+        f"{rows}</table></div>"
+    )
     if done < grid.count:
-        missing = [name for i in range(grid.count) if i not in seen and f"{(name := grid.name(i))}.parquet" not in unreadable]
+        missing = [
+            name for i in range(grid.count) if i not in seen and f"{(name := grid.name(i))}.parquet" not in unreadable
+        ]
         shown = ", ".join(missing[:8]) + (", …" if len(missing) > 8 else "")
         head += f"<p class=facts>Not done: {html.escape(shown)}. Run the same command again to go on.</p>"
-    return page(title, head, [("Normal force held at each place", _map(grid, seen)),
-                              ("Normal force over time, all places", _forces(grid, seen))])  # fmt: skip
+    return page(
+        title,
+        head,
+        [
+            ("Normal force held at each place", _map(grid, seen)),
+            ("Normal force over time, all places", _forces(grid, seen)),
+        ],
+    )
 
 
 def _map(grid: Grid, seen: dict[int, Seen]) -> Figure:
@@ -121,10 +141,20 @@ def _map(grid: Grid, seen: dict[int, Seen]) -> Figure:
     for index, poke in seen.items():
         held[divmod(index, grid.columns)] = poke.held
     apart, (x, y) = 1e3 * grid.spacing, grid.place(0)
-    figure = go.Figure(go.Heatmap(
-        x0=1e3 * x, dx=apart, y0=1e3 * y, dy=apart, z=held.T, colorscale="Viridis", xgap=1, ygap=1,
-        colorbar={"title": {"text": "[N]"}},
-        hovertemplate="(%{x:g}, %{y:g}) mm: %{z:.3g} N<extra></extra>"))  # fmt: skip
+    figure = go.Figure(
+        go.Heatmap(
+            x0=1e3 * x,
+            dx=apart,
+            y0=1e3 * y,
+            dy=apart,
+            z=held.T,
+            colorscale="Viridis",
+            xgap=1,
+            ygap=1,
+            colorbar={"title": {"text": "[N]"}},
+            hovertemplate="(%{x:g}, %{y:g}) mm: %{z:.3g} N<extra></extra>",
+        )
+    )
     finish(figure, 560)
     figure.update_layout(hovermode="closest", plot_bgcolor="#f3f4f6")
     figure.update_xaxes(title_text="along tangent 1 [mm]", constrain="domain", showgrid=False)
@@ -140,8 +170,17 @@ def _forces(grid: Grid, seen: dict[int, Seen]) -> Figure:
     t = np.concatenate([part for poke in seen.values() for part in (poke.t, gap)])
     force = np.concatenate([part for poke in seen.values() for part in (poke.force, gap)])
     names = np.concatenate([np.full(len(poke.t) + 1, grid.name(index)) for index, poke in seen.items()])
-    figure = go.Figure(go.Scattergl(x=np.round(t, 3), y=force, text=names, mode="lines", line={"color": BLUE, "width": 0.8},
-                                    opacity=0.5, hovertemplate="%{text}: %{y:.3g} N<extra></extra>"))  # fmt: skip
+    figure = go.Figure(
+        go.Scattergl(
+            x=np.round(t, 3),
+            y=force,
+            text=names,
+            mode="lines",
+            line={"color": BLUE, "width": 0.8},
+            opacity=0.5,
+            hovertemplate="%{text}: %{y:.3g} N<extra></extra>",
+        )
+    )
     finish(figure, 380)
     figure.update_layout(hovermode="closest")
     figure.update_xaxes(title_text="time [s]")

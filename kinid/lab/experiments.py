@@ -55,17 +55,28 @@ EXPERIMENTS = {
     e.name: e
     for e in (
         Experiment("poke", "a multisine about a depth", "ecoflex-50", lambda: five_phases(SILICONE_POKE)),
-        Experiment("slide", "out and back along both tangents at constant set-point", "ecoflex-50", lambda: five_phases(SLIDE)),
-        Experiment("band", "a quasi-elastic band, pressed by centimetres", "band",
-                   lambda: five_phases(BAND_POKE, approach=2.4), (0.55, 0.0, 0.25)),
+        Experiment(
+            "slide", "out and back along both tangents at constant set-point", "ecoflex-50", lambda: five_phases(SLIDE)
+        ),
+        Experiment(
+            "band",
+            "a quasi-elastic band, pressed by centimetres",
+            "band",
+            lambda: five_phases(BAND_POKE, approach=2.4),
+            (0.55, 0.0, 0.25),
+        ),
         Experiment("sponge", "an anechoic sponge, poked and slid on", "sponge", _touch(SPONGE_POKE)),
         Experiment("ecoflex-50", "Ecoflex 00-50, poked and slid on", "ecoflex-50", _touch(SILICONE_POKE)),
         Experiment("dragon-skin-10", "Dragon Skin 10, poked and slid on", "dragon-skin-10", _touch(SILICONE_POKE)),
-        Experiment("mould", "four silicones in quarters, poked at their common corner and slid on", "mould",
-                   _touch(SILICONE_POKE)),
+        Experiment(
+            "mould",
+            "four silicones in quarters, poked at their common corner and slid on",
+            "mould",
+            _touch(SILICONE_POKE),
+        ),
         Experiment("wave", "free motion of all joints, nothing touched", "ecoflex-50", _wave),
     )
-}  # fmt: skip
+}
 #: what can be asked for by name: these, and the studies of teleoperation and of published materials
 STUDIES = ("teleoperation", "study")
 NAMES = (*EXPERIMENTS, *STUDIES)
@@ -92,17 +103,28 @@ def limited(torque_limit: Sequence[float] | None) -> Joints:
     if torque_limit is None:
         return joints
     count = len(joints.torque_limit)
-    limit = np.atleast_1d(numbers(torque_limit, (), "torque limits", f"one positive number [N·m] for all joints, or {count}"))
+    limit = np.atleast_1d(
+        numbers(torque_limit, (), "torque limits", f"one positive number [N·m] for all joints, or {count}")
+    )
     if limit.shape not in ((1,), (count,)) or not (limit > 0).all():
-        raise InputError(f"torque limits {', '.join(f'{v:g}' for v in limit)}",
-                         f"one positive number [N·m] for all joints, or {count}", "correct them")  # fmt: skip
+        raise InputError(
+            f"torque limits {', '.join(f'{v:g}' for v in limit)}",
+            f"one positive number [N·m] for all joints, or {count}",
+            "correct them",
+        )
     return dataclasses.replace(joints, torque_limit=np.broadcast_to(limit, count).copy())
 
 
 def prepare(
-    name: str, *, material: str | None = None, seed: int = 0, gains: Gains | None = None, point: Vector | None = None,
-    normal: Vector | None = None, torque_limit: Sequence[float] | None = None,
-) -> Setup:  # fmt: skip
+    name: str,
+    *,
+    material: str | None = None,
+    seed: int = 0,
+    gains: Gains | None = None,
+    point: Vector | None = None,
+    normal: Vector | None = None,
+    torque_limit: Sequence[float] | None = None,
+) -> Setup:
     """The set-up of a named experiment, its sensor and clocks by the seed.
 
     Args:
@@ -123,16 +145,31 @@ def prepare(
             numbers(vector, (3,), f"a surface's {what}", "give three numbers in the base frame")
     rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
     sensor = Sensor.mini40(rng)
-    wrench = StreamSpec(offset=float(rng.uniform(-2e-3, 2e-3)), delay=float(rng.uniform(0.0, 1e-3)), jitter=2e-5, losses=2e-3,
-                        skew=float(rng.normal(scale=5e-6)))  # fmt: skip
+    wrench = StreamSpec(
+        offset=float(rng.uniform(-2e-3, 2e-3)),
+        delay=float(rng.uniform(0.0, 1e-3)),
+        jitter=2e-5,
+        losses=2e-3,
+        skew=float(rng.normal(scale=5e-6)),
+    )
     joints = StreamSpec(every=2, jitter=2e-5, losses=1e-3)
     # as an experimenter finds it who compares the clocks once: to the microsecond, and not how they drift apart
     known = round(joints.offset + joints.delay - wrench.offset - wrench.delay, 6)
     out = normal or (0.0, 0.0, 1.0)
     tangent = (0.0, 1.0, 0.0) if abs(out[0]) > 0.9 * max(map(abs, out)) else (1.0, 0.0, 0.0)
     return Setup(
-        experiment.script(), materials.material(material or experiment.material), gains or Gains(),
-        joints=limited(torque_limit), point=point or experiment.point, normal=out, tangent=tangent,
-        sensor=sensor, known_crosstalk=sensor.crosstalk, known_bias=sensor.bias,
-        wrench_stream=wrench, joint_stream=joints, known_clock_offset=known, seed=seed,
-    )  # fmt: skip
+        experiment.script(),
+        materials.material(material or experiment.material),
+        gains or Gains(),
+        joints=limited(torque_limit),
+        point=point or experiment.point,
+        normal=out,
+        tangent=tangent,
+        sensor=sensor,
+        known_crosstalk=sensor.crosstalk,
+        known_bias=sensor.bias,
+        wrench_stream=wrench,
+        joint_stream=joints,
+        known_clock_offset=known,
+        seed=seed,
+    )

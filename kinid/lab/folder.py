@@ -1,4 +1,6 @@
-"""A folder for results: one experiment or campaign in it, one process at work in it, and files that are known by their digest."""
+"""A folder for results: one experiment or campaign in it, one process at work in it, and files that are known by their
+digest.
+"""
 
 from __future__ import annotations
 
@@ -14,16 +16,26 @@ from kinid.errors import InputError
 from kinid.writers import make_folder, write_text
 
 #: what an experiment, a campaign or a study leaves in its folder
-LEFT = ("rig.toml", "log.parquet", "log.mcap", "streams", "truth", "campaign.json", "teleoperation.json",
-        "study.json", "poke_*.parquet", "slide_*.parquet")  # fmt: skip
+LEFT = (
+    "rig.toml",
+    "log.parquet",
+    "log.mcap",
+    "streams",
+    "truth",
+    "campaign.json",
+    "teleoperation.json",
+    "study.json",
+    "poke_*.parquet",
+    "slide_*.parquet",
+)
 
 
 @contextmanager
 def at_work(folder: Path) -> Iterator[None]:
     """Make a folder, and keep other processes that ask out of it until the block ends, however it ends.
 
-    The lock is the kernel's (flock on the folder itself): it leaves no file, and ends with the process that holds it. File
-    systems without such locks keep nobody apart.
+    The lock is the kernel's (flock on the folder itself): it leaves no file, and ends with the process that holds it.
+    File systems without such locks keep nobody apart.
 
     Raises:
         InputError: a folder that can't be made, or in which another process is at work.
@@ -34,8 +46,11 @@ def at_work(folder: Path) -> Iterator[None]:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise InputError(f"another process at work in {folder}", "a folder to itself",
-                             "wait until it is done, or choose another folder with -o") from None  # fmt: skip
+            raise InputError(
+                f"another process at work in {folder}",
+                "a folder to itself",
+                "wait until it is done, or choose another folder with -o",
+            ) from None
         except OSError:
             pass
         yield
@@ -53,17 +68,22 @@ def check_free(folder: Path) -> None:
     """
     if unfinished(folder):
         return
-    there = [path.name for name in LEFT for path in sorted(folder.glob(name))[:1] if path.is_file() or any(path.iterdir())]
+    there = [
+        path.name for name in LEFT for path in sorted(folder.glob(name))[:1] if path.is_file() or any(path.iterdir())
+    ]
     if there:
-        raise InputError(f"{', '.join(there[:3])}{', …' if len(there) > 3 else ''} in {folder}, where results are already",
-                         "a folder without results", "choose another folder with -o, or remove them first")  # fmt: skip
+        raise InputError(
+            f"{', '.join(there[:3])}{', …' if len(there) > 3 else ''} in {folder}, where results are already",
+            "a folder without results",
+            "choose another folder with -o, or remove them first",
+        )
 
 
 def unfinished(folder: Path, name: str = "log") -> bool:
     """Whether a folder holds no more than what an experiment that was stopped as it wrote has left.
 
-    An experiment says what it is about to write before it writes, in `truth/NAME.begun`, and takes that away when its log,
-    the last file, is there.
+    An experiment says what it is about to write before it writes, in `truth/NAME.begun`, and takes that away when its
+    log, the last file, is there.
     """
     begun = folder / "truth" / f"{name}.begun"
     if not begun.is_file() or (folder / f"{name}.parquet").exists():

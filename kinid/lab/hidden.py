@@ -27,8 +27,8 @@ def hide(setup: Setup, effect: str, seed: int, where: Rectangle | None = None) -
 
     Args:
         setup: with nothing hidden. effect: of the catalogue. seed: of its size.
-        where: for an effect of the material, the rectangle of the surface that has it, lower and upper corner along both
-            tangents [m]; default: everywhere.
+        where: for an effect of the material, the rectangle of the surface that has it, lower and upper corner along
+            both tangents [m]; default: everywhere.
 
     Raises:
         InputError: no such effect, or one that isn't at a place.
@@ -41,8 +41,11 @@ def hide(setup: Setup, effect: str, seed: int, where: Rectangle | None = None) -
     if where is not None:
         changed = {f.name for f in dataclasses.fields(setup) if getattr(planted, f.name) is not getattr(setup, f.name)}
         if changed != {"material"}:
-            raise InputError(f"'{effect}' to hide in a part of the surface", "an effect of the material",
-                             "hide it without a place: it is everywhere")  # fmt: skip
+            raise InputError(
+                f"'{effect}' to hide in a part of the surface",
+                "an effect of the material",
+                "hide it without a place: it is everywhere",
+            )
         patch = Patch(*where, planted.material)
         check_where(setup, where)
         planted = setup.replace(material=setup.material.replace(patches=(*setup.material.patches, patch)))
@@ -58,8 +61,11 @@ def check_where(setup: Setup, where: Rectangle) -> None:
     """
     half = min(setup.material.side / 2, SURFACE)
     if max(where[0]) >= half or min(where[1]) <= -half:
-        raise InputError(f"a part of the surface {_shown(where)}, off the {setup.material.name}",
-                         f"places within ±{1e3 * half:g} mm of its middle", "move or enlarge it")  # fmt: skip
+        raise InputError(
+            f"a part of the surface {_shown(where)}, off the {setup.material.name}",
+            f"places within ±{1e3 * half:g} mm of its middle",
+            "move or enlarge it",
+        )
 
 
 def check_met(where: Rectangle, places: Array) -> None:
@@ -75,8 +81,11 @@ def check_met(where: Rectangle, places: Array) -> None:
     if not ((places >= low) & (places <= high)).all(axis=1).any():
         near, far = 1e3 * places.min(axis=0, initial=np.inf), 1e3 * places.max(axis=0, initial=-np.inf)
         touched = f"({near[0]:.3g}, {near[1]:.3g}) to ({far[0]:.3g}, {far[1]:.3g}) mm" if len(places) else "nothing"
-        raise InputError(f"a part of the surface {_shown(where)} that isn't touched", f"some of what is: {touched}",
-                         "move or enlarge it, or touch elsewhere")  # fmt: skip
+        raise InputError(
+            f"a part of the surface {_shown(where)} that isn't touched",
+            f"some of what is: {touched}",
+            "move or enlarge it, or touch elsewhere",
+        )
 
 
 def _shown(where: Rectangle) -> str:
@@ -113,7 +122,9 @@ def _exponent(s: Setup, rng: np.random.Generator) -> Planted:
             return np.asarray(gain * base.at(x, y)["stiffness"])
 
         return _material(s, {"exponent": n}, exponent=n, fields={**base.fields, "stiffness": field})
-    return _material(s, {"exponent": n, "stiffness": gain * base.stiffness}, exponent=n, stiffness=gain * base.stiffness)
+    return _material(
+        s, {"exponent": n, "stiffness": gain * base.stiffness}, exponent=n, stiffness=gain * base.stiffness
+    )
 
 
 def _damping(s: Setup, rng: np.random.Generator) -> Planted:
@@ -184,7 +195,9 @@ def _coupled(s: Setup, rng: np.random.Generator) -> Planted:
     k = rng.uniform(0.05, 0.15, 2) * force / depth * rng.choice([-1.0, 1.0], 2)
     stiffness = np.zeros((3, 3))
     stiffness[0, 2], stiffness[1, 2] = k
-    return _material(s, {"stiffness-1n": float(k[0]), "stiffness-2n": float(k[1])}, coupling=(stiffness, np.zeros((3, 3))))
+    return _material(
+        s, {"stiffness-1n": float(k[0]), "stiffness-2n": float(k[1])}, coupling=(stiffness, np.zeros((3, 3)))
+    )
 
 
 def _compliance(s: Setup, rng: np.random.Generator) -> Planted:
@@ -356,8 +369,8 @@ def _quantization(s: Setup, rng: np.random.Generator) -> Planted:
 
 def _saturation(s: Setup, rng: np.random.Generator) -> Planted:
     force, weight = _load(s)[1], 9.81 * s.tool.mass
-    # The hanging tool pulls (+z of the sensor), the material pushes, and both ends of the range are alike: so light a push
-    # comes to its end where the sensor's zero has moved as well. The rig goes on stating the zero that was.
+    # The hanging tool pulls (+z of the sensor), the material pushes, and both ends of the range are alike: so light a
+    # push comes to its end where the sensor's zero has moved as well. The rig goes on stating the zero that was.
     limit = np.array([40.0, 40.0, weight + float(rng.uniform(0.1, 0.3)) * force, 2.0, 2.0, 2.0])
     bias = s.sensor.bias.copy()
     bias[2] = -limit[2] + float(rng.uniform(0.45, 0.6)) * force - weight
@@ -365,25 +378,52 @@ def _saturation(s: Setup, rng: np.random.Generator) -> Planted:
 
 
 PLANTS: dict[str, Plant] = {
-    "hertz-exponent": _exponent, "viscous-damping": _damping, "hunt-crossley-damping": _loss, "relaxation": _relaxation,
-    "hysteresis": _hysteresis, "stress-softening": _softening, "adhesion": _adhesion, "stiffening-layer": _layer,
-    "surface-offset": _surface_offset, "stiffness-drift": _drift, "stiffness-inhomogeneity": _inhomogeneity,
-    "surface-tilt": _surface_tilt, "coupled-stiffness": _coupled, "structural-compliance": _compliance,
-    "coulomb-friction": _friction, "viscous-friction": _viscous, "stribeck-friction": _stribeck, "presliding": _presliding,
+    "hertz-exponent": _exponent,
+    "viscous-damping": _damping,
+    "hunt-crossley-damping": _loss,
+    "relaxation": _relaxation,
+    "hysteresis": _hysteresis,
+    "stress-softening": _softening,
+    "adhesion": _adhesion,
+    "stiffening-layer": _layer,
+    "surface-offset": _surface_offset,
+    "stiffness-drift": _drift,
+    "stiffness-inhomogeneity": _inhomogeneity,
+    "surface-tilt": _surface_tilt,
+    "coupled-stiffness": _coupled,
+    "structural-compliance": _compliance,
+    "coulomb-friction": _friction,
+    "viscous-friction": _viscous,
+    "stribeck-friction": _stribeck,
+    "presliding": _presliding,
     "friction-rounding": _rounding,
-    "load-dependent-friction": _load_dependent, "friction-anisotropy": _anisotropy,
-    "tool-mass": _tool_mass, "tool-com": _tool_com, "tool-inertia": _tool_inertia, "tip-offset": _tip_offset,
-    "payload": _payload, "gravity-error": _gravity_error, "joint-elasticity": _motor_encoders,
+    "load-dependent-friction": _load_dependent,
+    "friction-anisotropy": _anisotropy,
+    "tool-mass": _tool_mass,
+    "tool-com": _tool_com,
+    "tool-inertia": _tool_inertia,
+    "tip-offset": _tip_offset,
+    "payload": _payload,
+    "gravity-error": _gravity_error,
+    "joint-elasticity": _motor_encoders,
     "joint-coulomb-friction": _joints("coulomb", "torque", 0.5, 3.0),
     "joint-viscous-friction": _joints("viscous", "damping", 1.0, 6.0),
     "joint-friction-asymmetry": _joints("asymmetry", "damping", 0.8, 3.0, signed=True),
     "joint-torque-offset": _joints("offset", "offset", 0.3, 1.5, signed=True),
     "joint-torque-gain": _joints("gain", "gain", 0.05, 0.2, signed=True),
-    "joint-stribeck-friction": _joint_stribeck, "joint-torque-ripple": _joint_ripple,
+    "joint-stribeck-friction": _joint_stribeck,
+    "joint-torque-ripple": _joint_ripple,
     "joint-load-friction": _joints("load", "load", 0.03, 0.12),
     "joint-spring": _joints("spring", "rate", 1.0, 6.0, signed=True),
     "rotor-inertia": _joints("rotor", "inertia", 0.3, 2.5),
-    "sensor-bias": _bias, "sensor-drift": _sensor_drift, "sensor-crosstalk": _crosstalk, "sensor-gain": _gain,
-    "sensor-misalignment": _misalignment, "sensor-lag": _lag, "time-offset": _time_offset, "saturation": _saturation,
-    "quantization": _quantization, "mains-hum": _hum,
-}  # fmt: skip
+    "sensor-bias": _bias,
+    "sensor-drift": _sensor_drift,
+    "sensor-crosstalk": _crosstalk,
+    "sensor-gain": _gain,
+    "sensor-misalignment": _misalignment,
+    "sensor-lag": _lag,
+    "time-offset": _time_offset,
+    "saturation": _saturation,
+    "quantization": _quantization,
+    "mains-hum": _hum,
+}

@@ -1,4 +1,5 @@
-"""The closed loop, compiled: arm, drives, impedance controller and contact, integrated by Runge-Kutta steps of 4th order.
+"""The closed loop, compiled: arm, drives, impedance controller and contact, integrated by Runge-Kutta steps of 4th
+order.
 
 The controller runs once a period and holds its torque; in between the state of arm, drives and contact advances in
 finer steps. The contact's memory advances with each step; within a step every stage looks ahead from where it began.
@@ -59,23 +60,48 @@ def _place(position: Array, jacobian: Array, dq: Array, axes: Array, point: Arra
 
 @cached(kernel, law, impedance)
 def run(
-    turns: Array, shifts: Array, prismatic: Array, mass: Array, com: Array, inertia: Array, gravity: Array, joints: Array,
-    elastic: bool, presliding: float, positions: Array, velocities: Array, rotations: Array,
-    stiffness: Array, damping: Array, null_damping: float, controlled: bool, axes: Array, point: Array, table: Array,
-    patches: NDArray[np.int64], fields: Array, grid: Array, period: float, substeps: int, t0: float, first: int,
-    state: Array, memory: Array, out: Array,
-) -> None:  # fmt: skip
+    turns: Array,
+    shifts: Array,
+    prismatic: Array,
+    mass: Array,
+    com: Array,
+    inertia: Array,
+    gravity: Array,
+    joints: Array,
+    elastic: bool,
+    presliding: float,
+    positions: Array,
+    velocities: Array,
+    rotations: Array,
+    stiffness: Array,
+    damping: Array,
+    null_damping: float,
+    controlled: bool,
+    axes: Array,
+    point: Array,
+    table: Array,
+    patches: NDArray[np.int64],
+    fields: Array,
+    grid: Array,
+    period: float,
+    substeps: int,
+    t0: float,
+    first: int,
+    state: Array,
+    memory: Array,
+    out: Array,
+) -> None:
     """Run the loop for as many periods as there are set-points.
 
     Args:
-        turns … gravity: the arm. joints: the drives, see `Joints.packed`. elastic: whether joints bend. presliding: [rad].
-        positions, velocities, rotations: set-points, (n, 3), (n, 6), (n, 3, 3).
+        turns … gravity: the arm. joints: the drives, see `Joints.packed`. elastic: whether joints bend. presliding:
+        [rad]. positions, velocities, rotations: set-points, (n, 3), (n, 6), (n, 3, 3).
         stiffness, damping, null_damping: of the impedance. controlled: False switches all torques off.
         axes: rows tangent1, tangent2, normal. point: of the surface. table, patches, fields, grid: of the contact.
         period [s], substeps: of the controller, and steps within it. t0: the material's time at the beginning [s].
         first: number of the first of these periods; 0 puts drives and contact into what belongs to q and dq.
-        state: joints, their speeds, those of the motors, bristles of links and motors, (6, N). memory: of the contact, and
-            the work done so far [J], (MEMORY + 1,). Both are where the loop begins, and then where it ends.
+        state: joints, their speeds, those of the motors, bristles of links and motors, (6, N). memory: of the contact,
+            and the work done so far [J], (MEMORY + 1,). Both are where the loop begins, and then where it ends.
         out: (n, 4 N + 10): q, dq, ddq, tau (link side); contact force, place and depth, tip
             position, work done by the contact so far.
     """
@@ -92,8 +118,24 @@ def run(
     memory, ahead, at = kept[:_MEMORY].copy(), np.zeros(_MEMORY), np.empty(_FIELDS)
     x, v, tip, before = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     limit = joints[_LIMIT]
-    _dynamics(q, dq, turns, shifts, prismatic, mass, com, inertia, gravity, work, matrix, bias, hold, rotation, position,
-              jacobian)  # fmt: skip
+    _dynamics(
+        q,
+        dq,
+        turns,
+        shifts,
+        prismatic,
+        mass,
+        com,
+        inertia,
+        gravity,
+        work,
+        matrix,
+        bias,
+        hold,
+        rotation,
+        position,
+        jacobian,
+    )
     _place(position, jacobian, dq, axes, point, x, v)
     if first == 0:
         for j in range(n):
@@ -109,13 +151,55 @@ def run(
             # (C. Ott et al., IEEE Trans. Robotics 24, 2008)
             for j in range(n):
                 ql[j] = m[j] - hold[j] / joints[_SPRING, j]
-            _dynamics(ql, dm, turns, shifts, prismatic, mass, com, inertia, gravity, work, seen_matrix, seen_bias, seen_hold,
-                      seen_rotation, seen_position, seen_jacobian)  # fmt: skip
-            _impedance_torque(seen_rotation, seen_position, seen_jacobian, dm, seen_hold, rotations[i], positions[i],
-                             velocities[i], stiffness, damping, null_damping, limit, torque)  # fmt: skip
+            _dynamics(
+                ql,
+                dm,
+                turns,
+                shifts,
+                prismatic,
+                mass,
+                com,
+                inertia,
+                gravity,
+                work,
+                seen_matrix,
+                seen_bias,
+                seen_hold,
+                seen_rotation,
+                seen_position,
+                seen_jacobian,
+            )
+            _impedance_torque(
+                seen_rotation,
+                seen_position,
+                seen_jacobian,
+                dm,
+                seen_hold,
+                rotations[i],
+                positions[i],
+                velocities[i],
+                stiffness,
+                damping,
+                null_damping,
+                limit,
+                torque,
+            )
         elif controlled:
-            _impedance_torque(rotation, position, jacobian, dq, hold, rotations[i], positions[i], velocities[i], stiffness,
-                             damping, null_damping, limit, torque)  # fmt: skip
+            _impedance_torque(
+                rotation,
+                position,
+                jacobian,
+                dq,
+                hold,
+                rotations[i],
+                positions[i],
+                velocities[i],
+                stiffness,
+                damping,
+                null_damping,
+                limit,
+                torque,
+            )
         row = out[i]
         for k in range(3):
             row[4 * n + k], row[4 * n + 3 + k], row[4 * n + 6 + k] = memory[_FORCE + k], x[k], position[k]
@@ -130,10 +214,28 @@ def run(
             for stage in range(4):
                 c = 0.0 if stage == 0 else (h if stage == 3 else 0.5 * h)
                 if stage > 0:
-                    _dynamics(ql, vl, turns, shifts, prismatic, mass, com, inertia, gravity, work, matrix, bias, hold, rotation,
-                              position, jacobian)  # fmt: skip
+                    _dynamics(
+                        ql,
+                        vl,
+                        turns,
+                        shifts,
+                        prismatic,
+                        mass,
+                        com,
+                        inertia,
+                        gravity,
+                        work,
+                        matrix,
+                        bias,
+                        hold,
+                        rotation,
+                        position,
+                        jacobian,
+                    )
                     _place(position, jacobian, vl, axes, point, x, v)
-                    _contact(x, v, t0 + (first + i) * period + s * h + c, c, memory, ahead, table, patches, fields, grid, at)
+                    _contact(
+                        x, v, t0 + (first + i) * period + s * h + c, c, memory, ahead, table, patches, fields, grid, at
+                    )
                     source = ahead
                 else:
                     source = memory
@@ -184,8 +286,24 @@ def run(
                 motor_z[j] = _bristle(motor_z[j], h * ma[j], presliding)
                 q[j], dq[j] = q[j] + h * qa[j], dq[j] + h * va[j]
                 m[j], dm[j] = m[j] + h * ma[j], dm[j] + h * wa[j]
-            _dynamics(q, dq, turns, shifts, prismatic, mass, com, inertia, gravity, work, matrix, bias, hold, rotation, position,
-                      jacobian)  # fmt: skip
+            _dynamics(
+                q,
+                dq,
+                turns,
+                shifts,
+                prismatic,
+                mass,
+                com,
+                inertia,
+                gravity,
+                work,
+                matrix,
+                bias,
+                hold,
+                rotation,
+                position,
+                jacobian,
+            )
             _place(position, jacobian, dq, axes, point, x, v)
             _contact(x, v, t0 + (first + i) * period + (s + 1) * h, h, memory, ahead, table, patches, fields, grid, at)
             for k in range(3):
@@ -225,7 +343,8 @@ class Loop:
     """Arm, drives, controller and surface; `run` makes the experiment.
 
     Attributes:
-        arm, joints, gains: see their classes. damping: (6, 6) of the impedance; default: designed where the motion begins.
+        arm, joints, gains: see their classes. damping: (6, 6) of the impedance; default: designed where the motion
+        begins.
         axes: rows tangent1, tangent2, normal of the surface. point: of it [m].
         substeps: integration steps a control period; 4 are stable for the elastic joints of the LWR4+.
     """
@@ -238,14 +357,25 @@ class Loop:
     damping: Array | None = None
     substeps: int = 4
 
-    def run(self, q0: Array, positions: Array, rotations: Array, material: Material, *, dq0: Array | None = None,
-            controlled: bool = True, t0: float = 0.0, progress: Callable[[float], None] | None = None) -> Motion:  # fmt: skip
+    def run(
+        self,
+        q0: Array,
+        positions: Array,
+        rotations: Array,
+        material: Material,
+        *,
+        dq0: Array | None = None,
+        controlled: bool = True,
+        t0: float = 0.0,
+        progress: Callable[[float], None] | None = None,
+    ) -> Motion:
         """Follow set-points, one a control period.
 
         Args:
             q0: joints to begin with, (N,). positions: (n, 3) [m]. rotations: (n, 3, 3). material: touched.
             dq0: speeds to begin with; default: rest. controlled: False lets the arm go.
-            t0: the material's time at the beginning [s]. progress: called with the share that is done, 0…1, now and then.
+            t0: the material's time at the beginning [s]. progress: called with the share that is done, 0…1, now and
+                then.
 
         Raises:
             KinidError: the loop diverged.
@@ -253,19 +383,39 @@ class Loop:
         n, dt = self.arm.joints, self.gains.period
         damping = self.damping if self.damping is not None else design_damping(self.gains, self.arm, self.joints, q0)
         fields, patches, grid = material.raster()
-        positions, rotations, velocities = (np.ascontiguousarray(part) for part in
-                                            (positions, rotations, twists(positions, rotations, dt)))  # fmt: skip
+        positions, rotations, velocities = (
+            np.ascontiguousarray(part) for part in (positions, rotations, twists(positions, rotations, dt))
+        )
         out, state, memory = np.empty((len(positions), 4 * n + 10)), np.zeros((6, n)), np.zeros(_MEMORY + 1)
         state[0], state[1] = q0, 0.0 if dq0 is None else dq0
         for first in range(0, len(out), PART):
             part = slice(first, first + PART)
             run(
-                *self.arm.packed, self.joints.packed, not self.joints.rigid, self.joints.presliding,
-                positions[part], velocities[part], rotations[part],
-                self.gains.stiffness, np.ascontiguousarray(damping), self.gains.null, controlled,
-                np.ascontiguousarray(self.axes), np.asarray(self.point, dtype=float), material.packed(), patches, fields, grid,
-                dt, self.substeps, t0, first, state, memory, out[part],
-            )  # fmt: skip
+                *self.arm.packed,
+                self.joints.packed,
+                not self.joints.rigid,
+                self.joints.presliding,
+                positions[part],
+                velocities[part],
+                rotations[part],
+                self.gains.stiffness,
+                np.ascontiguousarray(damping),
+                self.gains.null,
+                controlled,
+                np.ascontiguousarray(self.axes),
+                np.asarray(self.point, dtype=float),
+                material.packed(),
+                patches,
+                fields,
+                grid,
+                dt,
+                self.substeps,
+                t0,
+                first,
+                state,
+                memory,
+                out[part],
+            )
             if progress is not None:
                 progress(min(1.0, (first + PART) / len(out)))
         if not np.isfinite(out).all() or np.abs(out[:, n : 2 * n]).max() > 1e3:

@@ -32,8 +32,12 @@ class Patch:
     material: Material
 
     def __post_init__(self) -> None:
-        if not (np.isfinite([*self.low, *self.high]).all() and self.low[0] < self.high[0] and self.low[1] < self.high[1]):
-            raise InputError(f"a patch from {self.low} to {self.high} m", "two corners, the lower one first", "correct it")
+        if not (
+            np.isfinite([*self.low, *self.high]).all() and self.low[0] < self.high[0] and self.low[1] < self.high[1]
+        ):
+            raise InputError(
+                f"a patch from {self.low} to {self.high} m", "two corners, the lower one first", "correct it"
+            )
 
     def holds(self, x: Array, y: Array) -> NDArray[np.bool_]:
         """Whether places along both tangents [m], each (n,), lie in it."""
@@ -94,8 +98,10 @@ class Material:
     def at(self, x: Array, y: Array) -> dict[str, Array]:
         """Its properties at places along both tangents [m], each (n,)."""
         x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
-        out = {name: np.array(self.fields[name](x, y) if name in self.fields else np.full(x.shape, getattr(self, name)))
-               for name in PROPERTIES}  # fmt: skip
+        out = {
+            name: np.array(self.fields[name](x, y) if name in self.fields else np.full(x.shape, getattr(self, name)))
+            for name in PROPERTIES
+        }
         for patch in self.patches:
             inside = patch.holds(x, y)
             for name, values in patch.material.at(x, y).items():
@@ -103,21 +109,30 @@ class Material:
         return out
 
     def press(self, x: Array, y: Array, depth: Array) -> Array:
-        """Elastic force of a slow press [N], without memory: at places along both tangents and depths [m], each (n,)."""
+        """Elastic force of a slow press [N], without memory: at places along both tangents and depths [m], each
+        (n,).
+        """
         values = self.at(x, y)
         exponent = np.full(np.shape(depth), self.exponent)
         for patch in self.patches:
             exponent[patch.holds(x, y)] = patch.material.exponent
         inside = np.maximum(depth, 0.0)
-        out: Array = values["stiffness"] * inside**exponent + values["layer"] * np.maximum(0.0, depth - values["layer_depth"])
+        out: Array = values["stiffness"] * inside**exponent + values["layer"] * np.maximum(
+            0.0, depth - values["layer_depth"]
+        )
         return out
 
     def raster(self) -> tuple[Array, NDArray[np.int64], Array]:
-        """For the loop: tables of the properties, (5, nx, ny), the number of the patch, (nx, ny), and x0, y0, dx, dy."""
+        """For the loop: tables of the properties, (5, nx, ny), the number of the patch, (nx, ny), and x0, y0, dx,
+        dy.
+        """
         if not self.fields and not self.patches:
             flat = np.array([getattr(self, name) for name in PROPERTIES])
-            return (np.ascontiguousarray(np.broadcast_to(flat[:, None, None], (law.FIELDS, 2, 2))),
-                    np.zeros((2, 2), dtype=np.int64), np.array([0.0, 0.0, 1.0, 1.0]))  # fmt: skip
+            return (
+                np.ascontiguousarray(np.broadcast_to(flat[:, None, None], (law.FIELDS, 2, 2))),
+                np.zeros((2, 2), dtype=np.int64),
+                np.array([0.0, 0.0, 1.0, 1.0]),
+            )
         ticks = np.arange(-SURFACE, SURFACE + _STEP / 2, _STEP)
         x, y = np.meshgrid(ticks, ticks, indexing="ij")
         values = self.at(x.ravel(), y.ravel())
@@ -136,10 +151,22 @@ class Material:
         p = np.zeros(law.PARAMETERS)
         branches = [*self.relaxation, (0.0, 1.0), (0.0, 1.0)]
         p[: law.COUPLED_K] = [
-            self.exponent, self.loss, *branches[0], *branches[1], *self.hysteresis, *self.softening, *self.adhesion, self.drift,
-            *self.stribeck, self.viscous, self.bristle, self.load_exponent, self.anisotropy, self.compliance,
+            self.exponent,
+            self.loss,
+            *branches[0],
+            *branches[1],
+            *self.hysteresis,
+            *self.softening,
+            *self.adhesion,
+            self.drift,
+            *self.stribeck,
+            self.viscous,
+            self.bristle,
+            self.load_exponent,
+            self.anisotropy,
+            self.compliance,
             self.rounding,
-        ]  # fmt: skip
+        ]
         if self.coupling is not None:
             p[law.COUPLED_K : law.COUPLED_C] = np.ravel(self.coupling[0])
             p[law.COUPLED_C :] = np.ravel(self.coupling[1])
@@ -163,7 +190,9 @@ class Material:
         return out
 
 
-def _silicone(name: str, stiffness: float, damping: float, friction: float, color: tuple[float, float, float]) -> Material:
+def _silicone(
+    name: str, stiffness: float, damping: float, friction: float, color: tuple[float, float, float]
+) -> Material:
     return Material(name, color, stiffness=stiffness, damping=damping, friction=friction)
 
 
@@ -173,17 +202,25 @@ DRAGON_SKIN = _silicone("dragon-skin-10", 994.0, 14.5, 0.77, (0.16, 0.42, 0.78))
 ECOFLEX_30 = _silicone("ecoflex-30", 510.0, 7.2, 0.88, (0.80, 0.22, 0.30))
 DRAGON_SKIN_30 = _silicone("dragon-skin-30", 2400.0, 21.0, 0.66, (0.20, 0.60, 0.32))
 SPONGE = Material("sponge", (0.25, 0.25, 0.28), stiffness=280.0, damping=8.1, friction=0.27)
-#: The band was published as three fits to one log, K = 99.4 (Hooke), 98.1 (Kelvin-Voigt) and 92.5 N/m (power law, n = 1.028).
-#: They are of one band where the power law counts depth in cm: 92.5 N/m · 1 cm · (8 cm / 1 cm)ⁿ is 98.0 N/m at the mean depth.
+#: The band was published as three fits to one log, K = 99.4 (Hooke), 98.1 (Kelvin-Voigt) and 92.5 N/m (power law, n =
+#: 1.028). They are of one band where the power law counts depth in cm: 92.5 N/m · 1 cm · (8 cm / 1 cm)ⁿ is 98.0 N/m at
+#: the mean depth.
 _BAND_EXPONENT = 1.028
 _BAND_STIFFNESS = 92.5 * 0.01 ** (1.0 - _BAND_EXPONENT)  # [N/mⁿ]
-#: quasi-elastic: a power law near one with losses that grow with force. A stretched band also resists sideways, and pulls
-#: the tip aside as it is pressed, because it hangs between posts of unequal height
+#: quasi-elastic: a power law near one with losses that grow with force. A stretched band also resists sideways, and
+#: pulls the tip aside as it is pressed, because it hangs between posts of unequal height
 BAND = Material(
-    "band", (0.72, 0.55, 0.35), stiffness=_BAND_STIFFNESS, exponent=_BAND_EXPONENT, loss=3.37 / _BAND_STIFFNESS, friction=0.0,
-    coupling=(np.array([[-60.0, 0.0, 9.0], [0.0, -45.0, -5.0], [0.0, 0.0, 0.0]]),
-              np.array([[-0.6, 0.0, 0.0], [0.0, -0.6, 0.0], [0.0, 0.0, 0.0]])),
-)  # fmt: skip
+    "band",
+    (0.72, 0.55, 0.35),
+    stiffness=_BAND_STIFFNESS,
+    exponent=_BAND_EXPONENT,
+    loss=3.37 / _BAND_STIFFNESS,
+    friction=0.0,
+    coupling=(
+        np.array([[-60.0, 0.0, 9.0], [0.0, -45.0, -5.0], [0.0, 0.0, 0.0]]),
+        np.array([[-0.6, 0.0, 0.0], [0.0, -0.6, 0.0], [0.0, 0.0, 0.0]]),
+    ),
+)
 
 _SIDE, _BORDER, _RIM = 0.10, 2e-3, 4e-3
 _QUARTERS = ((ECOFLEX_30, ECOFLEX), (DRAGON_SKIN, DRAGON_SKIN_30))
@@ -246,11 +283,18 @@ def _mould_colors(x: Array, y: Array) -> Array:
 
 
 MOULD = Material(
-    "mould", (0.5, 0.45, 0.4),
-    fields={"stiffness": _mould_of("stiffness"), "damping": _mould_of("damping"), "friction": _mould_of("friction"),
-            "layer": _mould_layer, "layer_depth": lambda x, y: np.full(np.shape(x), _FILM_THICKNESS)},
-    colors=_mould_colors, side=_SIDE,
-)  # fmt: skip
+    "mould",
+    (0.5, 0.45, 0.4),
+    fields={
+        "stiffness": _mould_of("stiffness"),
+        "damping": _mould_of("damping"),
+        "friction": _mould_of("friction"),
+        "layer": _mould_layer,
+        "layer_depth": lambda x, y: np.full(np.shape(x), _FILM_THICKNESS),
+    },
+    colors=_mould_colors,
+    side=_SIDE,
+)
 
 MATERIALS = {m.name: m for m in (BAND, SPONGE, ECOFLEX, DRAGON_SKIN, ECOFLEX_30, DRAGON_SKIN_30, MOULD)}
 

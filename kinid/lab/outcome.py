@@ -19,8 +19,9 @@ SHORT = 0.3
 
 
 class Outcome(NamedTuple):
-    """Of one phase: its name, duration [s], greatest depth that was asked and reached [m] (negative: above the surface), rms
-    distance of the tip from its set-point [m], and greatest measured force, less that at the beginning [N].
+    """Of one phase: its name, duration [s], greatest depth that was asked and reached [m] (negative: above the
+    surface), rms distance of the tip from its set-point [m], and greatest measured force, less that at the beginning
+    [N].
     """
 
     phase: str
@@ -42,8 +43,16 @@ def outcomes(result: Result) -> tuple[Outcome, ...]:
     phase, out = setup.script.phase, []
     for name in dict.fromkeys(phase.tolist()):
         rows = phase == name
-        out.append(Outcome(name, float(rows.sum() * setup.gains.period), float(wanted[rows].max()), float(depth[rows].max()),
-                           float(np.sqrt(np.mean(apart[rows] ** 2))), float(force[rows].max())))  # fmt: skip
+        out.append(
+            Outcome(
+                name,
+                float(rows.sum() * setup.gains.period),
+                float(wanted[rows].max()),
+                float(depth[rows].max()),
+                float(np.sqrt(np.mean(apart[rows] ** 2))),
+                float(force[rows].max()),
+            )
+        )
     return tuple(out)
 
 
@@ -56,11 +65,15 @@ def remarks(found: tuple[Outcome, ...], setup: Setup, nominal: Setup | None = No
     lines = []
     for o in found:
         if o.asked > 0.0 >= o.reached:
-            lines.append(f"no contact in {o.phase}: asked for {1e3 * o.asked:.1f} mm below the surface, and stayed "
-                         f"{-1e3 * o.reached:.1f} mm above it")  # fmt: skip
+            lines.append(
+                f"no contact in {o.phase}: asked for {1e3 * o.asked:.1f} mm below the surface, and stayed "
+                f"{-1e3 * o.reached:.1f} mm above it"
+            )
         elif o.asked > 0.0 and o.reached < (1.0 - SHORT) * o.asked:
-            lines.append(f"deepest {1e3 * o.reached:.1f} of {1e3 * o.asked:.1f} mm in {o.phase}: soft gains, friction of the "
-                         "joints, or more than the arm follows")  # fmt: skip
+            lines.append(
+                f"deepest {1e3 * o.reached:.1f} of {1e3 * o.asked:.1f} mm in {o.phase}: soft gains, friction of the "
+                "joints, or more than the arm follows"
+            )
         elif o.asked <= 0.0 < o.reached:
             lines.append(f"{o.phase}, meant to be in the air, was {1e3 * o.reached:.1f} mm below the surface")
     if max(o.asked for o in found) <= 0.0 and max(o.reached for o in found) <= 0.0:

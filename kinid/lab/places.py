@@ -51,5 +51,8 @@ class Grid:
 
     def rim(self) -> list[int]:
         """Numbers of the outermost places."""
-        return [k for k in range(self.count)
-                if k // self.columns in (0, self.rows - 1) or k % self.columns in (0, self.columns - 1)]  # fmt: skip
+        return [
+            k
+            for k in range(self.count)
+            if k // self.columns in (0, self.rows - 1) or k % self.columns in (0, self.columns - 1)
+        ]

@@ -61,15 +61,22 @@ class Planned(Script):
         """The same until a set-point, which is held from there on."""
         rows = np.minimum(np.arange(len(self.t)), row)
         phase = np.where(np.arange(len(self.t)) > row, "hold", self.phase)
-        return dataclasses.replace(self, phase=phase, place=self.place[rows], tilt=self.tilt[rows], q=self.q[rows],
-                                   positions=self.positions[rows], rotations=self.rotations[rows])  # fmt: skip
+        return dataclasses.replace(
+            self,
+            phase=phase,
+            place=self.place[rows],
+            tilt=self.tilt[rows],
+            q=self.q[rows],
+            positions=self.positions[rows],
+            rotations=self.rotations[rows],
+        )
 
 
 def guarded(result: Result) -> tuple[Result, list[str]]:
     """The guarded move that a plan with a force limit asks for, and what came of it, one line each.
 
-    Where the measured normal force passes the limit, set-points stand still: the run is made once more with the set-point
-    held from there on. Until then nothing differs, because the seed alone decides.
+    Where the measured normal force passes the limit, set-points stand still: the run is made once more with the
+    set-point held from there on. Until then nothing differs, because the seed alone decides.
 
     Args:
         result: of a plan, as if there were no limit.
@@ -83,8 +90,10 @@ def guarded(result: Result) -> tuple[Result, list[str]]:
         return result, []
     row = LOG_EVERY * int(over[0])
     result = result.setup.replace(script=script.held(row)).run()
-    return result, [f"the force passed the plan's limit of {limit[over[0]]:.4g} N ({_measured(result).max():.4g} N) after "
-                    f"{script.t[row]:.2f} s, in {script.phase[row]}: the set-point was held from there on"]  # fmt: skip
+    return result, [
+        f"the force passed the plan's limit of {limit[over[0]]:.4g} N ({_measured(result).max():.4g} N) after "
+        f"{script.t[row]:.2f} s, in {script.phase[row]}: the set-point was held from there on"
+    ]
 
 
 def _measured(result: Result) -> Array:
@@ -97,9 +106,16 @@ def _measured(result: Result) -> Array:
     return out
 
 
-def planned(path: Path, rig: Rig | None = None, *, base: Setup | None = None, point: Vector | None = None,
-            normal: Vector | None = None) -> tuple[Setup, bool]:  # fmt: skip
-    """The set-up that carries a trajectory out, and whether set-points go ahead of it by the forces that the plan expects.
+def planned(
+    path: Path,
+    rig: Rig | None = None,
+    *,
+    base: Setup | None = None,
+    point: Vector | None = None,
+    normal: Vector | None = None,
+) -> tuple[Setup, bool]:
+    """The set-up that carries a trajectory out, and whether set-points go ahead of it by the forces that the plan
+    expects.
 
     Args:
         path: Parquet, CSV or NPZ, as `kinid.planning.read_trajectory` reads it.
@@ -120,8 +136,10 @@ def planned(path: Path, rig: Rig | None = None, *, base: Setup | None = None, po
     points = set_points(motion, robot, base.gains.period, base.gains.translation if ahead else None)
     _check_limits(path, robot, points)
     _check_smooth(path, robot, points, base.gains.period)
-    place, tip = (_on_surface(base, positions) for positions in (
-        points.positions, robot.kinematics(robot.tip_frame or "", points.q).position))  # fmt: skip
+    place, tip = (
+        _on_surface(base, positions)
+        for positions in (points.positions, robot.kinematics(robot.tip_frame or "", points.q).position)
+    )
     _check_start(path, robot, points, tip)
     if rig is not None and rig.surface is not None and not moved:
         _check_surface(path, motion, points, tip)
@@ -129,8 +147,9 @@ def planned(path: Path, rig: Rig | None = None, *, base: Setup | None = None, po
     if motion.force_limit is not None:
         row = np.searchsorted(motion.t - motion.t[0], points.t + 1e-9, side="right") - 1
         limit = np.nan_to_num(motion.force_limit, nan=np.inf, posinf=np.inf)[row]
-    script = Planned(points.t, points.phase, place, np.zeros((len(points.t), 2)), points.q, points.positions, points.rotations,
-                     limit)  # fmt: skip
+    script = Planned(
+        points.t, points.phase, place, np.zeros((len(points.t), 2)), points.q, points.positions, points.rotations, limit
+    )
     return base.replace(script=script), ahead
 
 
@@ -139,15 +158,21 @@ def _as_rigged(base: Setup, rig: Rig, moved: bool) -> Setup:
     ours, theirs = Rig.parse({"robot": {"model": base.model}}).robot, rig.robot
     if theirs is not None and theirs != ours:
         differ = [name for name in type(theirs).model_fields if getattr(theirs, name) != getattr(ours, name)]
-        raise InputError(f"a rig whose [robot] {', '.join(differ)} isn't the laboratory's",
-                         f'[robot] model = "{base.model}" alone', "plan for it, or name its rig with --rig")  # fmt: skip
+        raise InputError(
+            f"a rig whose [robot] {', '.join(differ)} isn't the laboratory's",
+            f'[robot] model = "{base.model}" alone',
+            "plan for it, or name its rig with --rig",
+        )
     if rig.tool is not None:
         base = base.replace(tool=rig.tool)
     if moved or rig.surface is None:
         return base
     if rig.surface.point is None or rig.axes is None:
-        raise InputError("a rig whose surface is a mesh", "a plane: [surface] point and normal",
-                         "plan on a plane, or name another with --point and --normal")  # fmt: skip
+        raise InputError(
+            "a rig whose surface is a mesh",
+            "a plane: [surface] point and normal",
+            "plan on a plane, or name another with --point and --normal",
+        )
     tangent, _, normal = (tuple(axis.tolist()) for axis in rig.axes)
     return base.replace(point=rig.surface.point, normal=normal, tangent=tangent)
 
@@ -166,14 +191,20 @@ def _check_limits(path: Path, robot: Robot, points: SetPoints) -> None:
         raise InputError(
             f"{path} with {robot.joint_names[j]} at {points.q[i, j]:.3f} rad after {points.t[i]:.2f} s (limits "
             f"{robot.lower[j]:.3f}, {robot.upper[j]:.3f})",
-            "joints within their limits", "plan within the virtual arm's limits")  # fmt: skip
+            "joints within their limits",
+            "plan within the virtual arm's limits",
+        )
     most = robot.from_tangent(robot.model.velocityLimit[None, :])[0]
     share = np.abs(points.dq) / np.where(most > 0, most, np.inf)
     if share.max() > 1.0:
         i, j = np.unravel_index(int(share.argmax()), share.shape)
         raise InputError(
-            f"{path} with {robot.joint_names[j]} at {points.dq[i, j]:.2f} rad/s after {points.t[i]:.2f} s (limit {most[j]:.2f} "
-            "rad/s)", "speeds within the joints' limits", "move more slowly, or repair a jump in the table")  # fmt: skip
+            f"{path} with {robot.joint_names[j]} at {points.dq[i, j]:.2f} rad/s after {points.t[i]:.2f} s (limit "
+            f"{most[j]:.2f} "
+            "rad/s)",
+            "speeds within the joints' limits",
+            "move more slowly, or repair a jump in the table",
+        )
 
 
 def _check_smooth(path: Path, robot: Robot, points: SetPoints, period: float) -> None:
@@ -187,8 +218,10 @@ def _check_smooth(path: Path, robot: Robot, points: SetPoints, period: float) ->
         i, j = np.unravel_index(int(over.argmax()), over.shape)
         raise InputError(
             f"{path} with {robot.joint_names[j]} at {mean[i, j]:.1f} rad/s² after {points.t[i]:.2f} s (limit "
-            f"{limits.acceleration[j]:g} rad/s²)", "accelerations that the arm has",
-            "move more slowly; smooth what was measured")  # fmt: skip
+            f"{limits.acceleration[j]:g} rad/s²)",
+            "accelerations that the arm has",
+            "move more slowly; smooth what was measured",
+        )
 
 
 def doubts(setup: Setup) -> list[str]:
@@ -198,7 +231,9 @@ def doubts(setup: Setup) -> list[str]:
     lines = []
     jerk = float(np.abs(np.diff(script.q, n=3, axis=0)).max(initial=0.0)) / period**3
     if jerk > JERKS * JERK:
-        lines.append(f"joints asked to jerk by {jerk:.2g} rad/s³, where plans keep to {JERK:g}: a log's noise, or a hurried plan")
+        lines.append(
+            f"joints asked to jerk by {jerk:.2g} rad/s³, where plans keep to {JERK:g}: a log's noise, or a hurried plan"
+        )
     state = setup.arm.state(script.q[int(np.argmax(script.place[:, 2]))][setup.arm.columns])
     moved, inertia = state.jacobian[:3], state.mass + np.diag(setup.joints.packed[0])
     heaviest = 1.0 / float(np.linalg.eigvalsh(moved @ np.linalg.solve(inertia, moved.T))[0])
@@ -208,19 +243,27 @@ def doubts(setup: Setup) -> list[str]:
     fast = np.fft.rfftfreq(len(speed), period) > bandwidth
     share = float(np.sqrt(power[fast].sum() / max(power.sum(), 1e-300)))
     if share > FAST:
-        lines.append(f"{100 * share:.0f} % of the tip's speed (rms) are above {bandwidth:.1f} Hz, where a tip of "
-                     f"{heaviest:.1f} kg behind {setup.gains.translation:g} N/m no longer follows")  # fmt: skip
+        lines.append(
+            f"{100 * share:.0f} % of the tip's speed (rms) are above {bandwidth:.1f} Hz, where a tip of "
+            f"{heaviest:.1f} kg behind {setup.gains.translation:g} N/m no longer follows"
+        )
     return lines
 
 
 def _check_start(path: Path, robot: Robot, points: SetPoints, tip: Array) -> None:
     fast = int(np.abs(points.dq[0]).argmax())
     if abs(points.dq[0, fast]) > REST:
-        raise InputError(f"{path}, which begins with {robot.joint_names[fast]} at {points.dq[0, fast]:.3f} rad/s",
-                         "a trajectory that begins at rest", "begin it with a moment of standing still")  # fmt: skip
+        raise InputError(
+            f"{path}, which begins with {robot.joint_names[fast]} at {points.dq[0, fast]:.3f} rad/s",
+            "a trajectory that begins at rest",
+            "begin it with a moment of standing still",
+        )
     if tip[0, 2] > 0.0:
-        raise InputError(f"{path}, which begins {1e3 * tip[0, 2]:.2f} mm inside the material", "a start in the air",
-                         "begin above the surface, or name the rig that it was planned for with --rig")  # fmt: skip
+        raise InputError(
+            f"{path}, which begins {1e3 * tip[0, 2]:.2f} mm inside the material",
+            "a start in the air",
+            "begin above the surface, or name the rig that it was planned for with --rig",
+        )
 
 
 def _check_surface(path: Path, motion: Trajectory, points: SetPoints, tip: Array) -> None:
@@ -229,5 +272,8 @@ def _check_surface(path: Path, motion: Trajectory, points: SetPoints, tip: Array
         return
     apart = np.abs(np.interp(points.t, motion.t - motion.t[0], motion.place[:, 2]) - tip[:, 2]).max()
     if apart > SAME:
-        raise InputError(f"{path}, whose depths lie up to {1e3 * apart:.2f} mm beside those on this surface",
-                         "a trajectory that was planned for it", "name the rig that it was planned for with --rig")  # fmt: skip
+        raise InputError(
+            f"{path}, whose depths lie up to {1e3 * apart:.2f} mm beside those on this surface",
+            "a trajectory that was planned for it",
+            "name the rig that it was planned for with --rig",
+        )

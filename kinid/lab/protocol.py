@@ -104,10 +104,17 @@ class Script:
 
 
 def five_phases(
-    *motions: Poke | Slide, place: tuple[float, float] = (0.0, 0.0), height: float = 0.015, free: float = 2.0,
-    hold: float = 1.0, approach: float = 1.2, tilt: float = 0.3, period: float = 1e-3,
-) -> Script:  # fmt: skip
-    """Turn in the air (that shows weight and bias apart); then for each motion approach, hold, move, retract, and return.
+    *motions: Poke | Slide,
+    place: tuple[float, float] = (0.0, 0.0),
+    height: float = 0.015,
+    free: float = 2.0,
+    hold: float = 1.0,
+    approach: float = 1.2,
+    tilt: float = 0.3,
+    period: float = 1e-3,
+) -> Script:
+    """Turn in the air (that shows weight and bias apart); then for each motion approach, hold, move, retract, and
+    return.
 
     Each motion begins and ends in the air, so that a sensor that drifts is seen at zero before and after it. The return
     is the phase "rest".
@@ -143,7 +150,11 @@ def five_phases(
     if free > 0:
         u = np.arange(round(free / period)) * period
         fade = np.sin(np.pi * u / free) ** 2
-        wave = tilt * fade[:, None] * np.column_stack([np.sin(2 * np.pi * u / free * 1.5), np.cos(2 * np.pi * u / free * 1.5)])
+        wave = (
+            tilt
+            * fade[:, None]
+            * np.column_stack([np.sin(2 * np.pi * u / free * 1.5), np.cos(2 * np.pi * u / free * 1.5)])
+        )
         add("free", np.tile(here, (len(u), 1)), wave)
     for motion in motions:
         t = (np.arange(round(motion.duration / period)) + 1) * period

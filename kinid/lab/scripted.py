@@ -1,7 +1,7 @@
 """A scripted experiment: the LWR4+ follows a tip path exactly, and the sensors see it with their faults.
 
-No controller and no joint elasticity act here; the material is a Kelvin-Voigt half-space with Coulomb friction. It gives
-a first log to whoever has none.
+No controller and no joint elasticity act here; the material is a Kelvin-Voigt half-space with Coulomb friction. It
+gives a first log to whoever has none.
 """
 
 from __future__ import annotations
@@ -83,9 +83,13 @@ class Scripted:
             columns |= {name: log.wrench[:, i] for i, name in enumerate(("fx", "fy", "fz", "tx", "ty", "tz"))}
         write_table(folder / "log.parquet", {**columns, "phase": np.asarray(log.phase)}, log.provenance.to_dict())
         write_text(folder / "rig.toml", RIG)
-        write_text(folder / "truth" / "truth.json", json.dumps(
-            {"material": vars(self.material), "bias": self.bias.tolist(), "deepest": float(self.depth.max())}
-        ) + "\n")  # fmt: skip
+        write_text(
+            folder / "truth" / "truth.json",
+            json.dumps(
+                {"material": vars(self.material), "bias": self.bias.tolist(), "deepest": float(self.depth.max())}
+            )
+            + "\n",
+        )
         return folder / "log.parquet"
 
 
@@ -134,7 +138,15 @@ def scripted_poke(seed: int = 0, material: Material | None = None) -> Scripted:
 
 def _script() -> tuple[Array, NDArray[np.str_], Array, Array]:
     """Time, phase, tip position from the surface's point in contact-frame axes (n, 3) [m], and tilt (n, 2) [rad]."""
-    parts = (("free", 3.0), ("approach", 1.5), ("hold", 1.0), ("poke", 4.0), ("slide", 3.0), ("retract", 1.5), ("rest", 1.0))
+    parts = (
+        ("free", 3.0),
+        ("approach", 1.5),
+        ("hold", 1.0),
+        ("poke", 4.0),
+        ("slide", 3.0),
+        ("retract", 1.5),
+        ("rest", 1.0),
+    )
     n = int(sum(length for _, length in parts) * RATE)
     t = np.arange(n) / RATE
     offset, tilt, phase = np.zeros((n, 3)), np.zeros((n, 2)), np.empty(n, dtype="<U8")
@@ -163,7 +175,9 @@ def _script() -> tuple[Array, NDArray[np.str_], Array, Array]:
 
 
 def _stick_and_slip(speed: Array, normal: Array, coefficient: float) -> Array:
-    """Friction of a tangential spring that slides where it would pull more than μ N (Hayward & Armstrong 2000), (n, 2)."""
+    """Friction of a tangential spring that slides where it would pull more than μ N (Hayward & Armstrong 2000), (n,
+    2).
+    """
     out, stretch = np.zeros_like(speed), np.zeros(2)
     for i in range(1, len(speed)):
         stretch = stretch + speed[i] / RATE

@@ -31,9 +31,11 @@ class Sensor:
     """A force/torque sensor with its faults, in the order in which they act.
 
     Attributes:
-        rotation: vector by which it is turned in its mount [rad]. crosstalk: share of other channels, empty diagonal (6, 6).
-        gain: error g, y = (1 + g) f. bias: (6,). drift: a minute, (6,). walk: standard deviation of a random walk after a
-            minute, (6,). lag: time constant [s]. delay: [s]. hum: amplitude of each channel (6,) at hum_frequency [Hz].
+        rotation: vector by which it is turned in its mount [rad]. crosstalk: share of other channels, empty diagonal
+            (6, 6).
+        gain: error g, y = (1 + g) f. bias: (6,). drift: a minute, (6,). walk: standard deviation of a random walk after
+            a minute, (6,). lag: time constant [s]. delay: [s]. hum: amplitude of each channel (6,) at hum_frequency
+            [Hz].
         noise: standard deviation, (6,). limit, step: of range and converter, (6,).
     """
 
@@ -59,8 +61,11 @@ class Sensor:
         crosstalk[3:, 3:] *= 0.1
         np.fill_diagonal(crosstalk, 0.0)
         # the calibration sheet, and the reading without load, have so many digits
-        return cls(crosstalk=np.round(crosstalk, 5), bias=np.round(rng.normal(scale=[0.5, 0.5, 1.0, 0.02, 0.02, 0.01]), 5),
-                   walk=np.array([4e-3, 4e-3, 6e-3, 2e-4, 2e-4, 1e-4]))  # fmt: skip
+        return cls(
+            crosstalk=np.round(crosstalk, 5),
+            bias=np.round(rng.normal(scale=[0.5, 0.5, 1.0, 0.02, 0.02, 0.01]), 5),
+            walk=np.array([4e-3, 4e-3, 6e-3, 2e-4, 2e-4, 1e-4]),
+        )
 
     def replace(self, **changes: object) -> Sensor:
         """The same with other faults."""
@@ -100,10 +105,14 @@ class JointSensors:
 
     Attributes:
         step: of the encoders on the link side [rad]. noise: of the torques [N·m]. offset: of the torques [N·m].
-        gain: error of the torques. coulomb [N·m], viscous, asymmetry [N·m·s/rad]: what the torque sensor takes from friction.
-        stribeck: what dry friction is more at rest [N·m], fading over stribeck_speed [rad/s]. load: friction for each torque.
-        spring: of a balancer or a cable [N·m/rad]. ripple: amplitude [N·m] of a wave that comes ripple_order times a turn.
-        rotor: inertia that it takes from the motor [kg·m²]. bend: 1/K of the joints whose encoders sit on the motors [rad/(N·m)].
+        gain: error of the torques. coulomb [N·m], viscous, asymmetry [N·m·s/rad]: what the torque sensor takes from
+            friction.
+        stribeck: what dry friction is more at rest [N·m], fading over stribeck_speed [rad/s]. load: friction for each
+            torque.
+        spring: of a balancer or a cable [N·m/rad]. ripple: amplitude [N·m] of a wave that comes ripple_order times a
+            turn.
+        rotor: inertia that it takes from the motor [kg·m²]. bend: 1/K of the joints whose encoders sit on the motors
+            [rad/(N·m)].
     """
 
     step: float = 2e-6
@@ -128,7 +137,9 @@ class JointSensors:
         seen = np.asarray(np.round(seen / self.step) * self.step if self.step > 0 else seen)
         dry = any(np.any(part) for part in (self.coulomb, self.stribeck, self.load))
         turned = _directions(q) if dry else np.zeros_like(q)
-        dry_friction = self.coulomb + self.stribeck * np.exp(-((dq / self.stribeck_speed) ** 2)) + self.load * np.abs(tau)
+        dry_friction = (
+            self.coulomb + self.stribeck * np.exp(-((dq / self.stribeck_speed) ** 2)) + self.load * np.abs(tau)
+        )
         rub = self.viscous * dq + dry_friction * turned + self.asymmetry * np.abs(dq) + self.rotor * ddq
         beside = self.spring * q + self.ripple * np.sin(self.ripple_order * q)
         torque = (tau + rub + beside) * (1.0 + self.gain) + self.offset
@@ -141,7 +152,9 @@ class JointSensors:
 
 @dataclass(frozen=True)
 class StreamSpec:
-    """How a stream is logged: every how many control periods, its clock (offset [s], skew), delay [s], jitter [s], losses."""
+    """How a stream is logged: every how many control periods, its clock (offset [s], skew), delay [s], jitter [s],
+    losses.
+    """
 
     every: int = 1
     offset: float = 0.0

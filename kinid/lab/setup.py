@@ -35,12 +35,12 @@ class Setup:
     Attributes:
         script: set-points. material: touched. gains: of the impedance. joints: drives.
         point, normal, tangent: of the surface as the rig states it, base frame. tool: as the rig states it.
-        true_tool, true_tip, surface_offset, surface_slope, payload: what is true beyond the rig: the tool; displacement of
-            the tip in its axes [m]; how far the surface lies further out [m] and how it rises along the tangents; a load
-            between arm and sensor.
+        true_tool, true_tip, surface_offset, surface_slope, payload: what is true beyond the rig: the tool; displacement
+            of the tip in its axes [m]; how far the surface lies further out [m] and how it rises along the tangents; a
+            load between arm and sensor.
         gravity_error: true gravity less the rig's, base frame [m/s²]; the arm's own gravity compensation knows it.
-        sensor, joint_sensors: with their faults. known_crosstalk, known_bias: what the sensor's calibration sheet and the
-            reading without load, and so the rig, say.
+        sensor, joint_sensors: with their faults. known_crosstalk, known_bias: what the sensor's calibration sheet and
+            the reading without load, and so the rig, say.
         wrench_stream, joint_stream: how they are logged in a bag. known_clock_offset: what the rig adds to the wrench's
             stamps [s].
         seed: of all noise.
@@ -78,10 +78,21 @@ class Setup:
     def rig(self) -> Rig:
         """What the experimenter believes."""
         surface = {"point": self.point, "normal": self.normal, "tangent": self.tangent}
-        sensor = {"range": tuple(sensors.RANGE), "noise": tuple(sensors.NOISE), "bias": tuple(self.known_bias),
-                  "crosstalk": tuple(map(tuple, np.eye(6) + self.known_crosstalk))}  # fmt: skip
-        return Rig.parse({"robot": {"model": self.model}, "tool": self.tool, "surface": surface, "sensor": sensor,
-                          "streams": {"wrench_clock_offset": self.known_clock_offset}})  # fmt: skip
+        sensor = {
+            "range": tuple(sensors.RANGE),
+            "noise": tuple(sensors.NOISE),
+            "bias": tuple(self.known_bias),
+            "crosstalk": tuple(map(tuple, np.eye(6) + self.known_crosstalk)),
+        }
+        return Rig.parse(
+            {
+                "robot": {"model": self.model},
+                "tool": self.tool,
+                "surface": surface,
+                "sensor": sensor,
+                "streams": {"wrench_clock_offset": self.known_clock_offset},
+            }
+        )
 
     @cached_property
     def robot(self) -> Robot:
@@ -139,18 +150,23 @@ class Setup:
         """What the sensors make of a motion; by the seed."""
         streams = np.random.default_rng(np.random.SeedSequence([self.seed, 1])).spawn(3)
         tip = self.robot.tip_in_sensor() + self.arm_tip_offset
-        clean = sensors.load_on_sensor(motion, self.robot, self.arm.columns, self.true_tool or self.tool, self.true_axes, tip,
-                                       self.arm.gravity)  # fmt: skip
+        clean = sensors.load_on_sensor(
+            motion, self.robot, self.arm.columns, self.true_tool or self.tool, self.true_axes, tip, self.arm.gravity
+        )
         wrench = self.sensor.read(clean, motion.t, streams[0])
         order = np.argsort(self.arm.columns)
-        q, dq, ddq, tau = (np.ascontiguousarray(part[:, order]) for part in (motion.q, motion.dq, motion.ddq, motion.tau))
+        q, dq, ddq, tau = (
+            np.ascontiguousarray(part[:, order]) for part in (motion.q, motion.dq, motion.ddq, motion.tau)
+        )
         q, tau = self.joint_sensors.read(q, dq, ddq, tau, streams[1])
         return Result(self, motion, clean, wrench, q, tau)
 
     @property
     def arm_tip_offset(self) -> Array:
         """Displacement of the tip in the sensor's axes [m]."""
-        sensor, tip = (self.robot.frame(name or "").placement for name in (self.robot.sensor_frame, self.robot.tip_frame))
+        sensor, tip = (
+            self.robot.frame(name or "").placement for name in (self.robot.sensor_frame, self.robot.tip_frame)
+        )
         out: Array = (sensor.inverse() * tip).rotation @ np.asarray(self.true_tip)
         return out
 
@@ -178,11 +194,19 @@ class Result:
     @cached_property
     def log(self) -> Log:
         """On one clock, every second control period."""
-        t, q, tau, wrench = (np.ascontiguousarray(part[::LOG_EVERY]) for part in (self.motion.t, self.q, self.tau, self.wrench))
+        t, q, tau, wrench = (
+            np.ascontiguousarray(part[::LOG_EVERY]) for part in (self.motion.t, self.q, self.tau, self.wrench)
+        )
         return Log(
-            t, q=q, tau=tau, wrench=wrench, phase=self.setup.script.phase[::LOG_EVERY],
-            provenance=Provenance("virtual laboratory").then("experiment", seed=self.setup.seed, robot=self.setup.model),
-        )  # fmt: skip
+            t,
+            q=q,
+            tau=tau,
+            wrench=wrench,
+            phase=self.setup.script.phase[::LOG_EVERY],
+            provenance=Provenance("virtual laboratory").then(
+                "experiment", seed=self.setup.seed, robot=self.setup.model
+            ),
+        )
 
 
 def together(a: ToolSpec, b: ToolSpec) -> ToolSpec:

@@ -1,4 +1,6 @@
-"""Published materials, poked and slid on, and found again: what was published, what is true here, and what a fit says."""
+"""Published materials, poked and slid on, and found again: what was published, what is true here, and what a fit
+says.
+"""
 
 from __future__ import annotations
 
@@ -52,9 +54,16 @@ def study(seed: int = 0) -> list[Row]:
 def _estimates(touch: ContactSeries) -> list[FittedParameter]:
     """Stiffness and damping from the poke, friction from the slide; an offset of each force is fitted along."""
     poke, slide = _parts(touch)
-    normal = fit_model(Model("kelvin-voigt", "sensor-bias"), touch, channels=("normal_force",), train=poke, held_out=False)
-    sliding = fit_model(Model("kelvin-voigt", "coulomb-friction", "sensor-bias"), touch, train=slide, held_out=False,
-                        channels=("normal_force", "tangential_force1", "tangential_force2"))  # fmt: skip
+    normal = fit_model(
+        Model("kelvin-voigt", "sensor-bias"), touch, channels=("normal_force",), train=poke, held_out=False
+    )
+    sliding = fit_model(
+        Model("kelvin-voigt", "coulomb-friction", "sensor-bias"),
+        touch,
+        train=slide,
+        held_out=False,
+        channels=("normal_force", "tangential_force1", "tangential_force2"),
+    )
     return [normal["stiffness"], normal["damping"], sliding["coefficient"]]
 
 

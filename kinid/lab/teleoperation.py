@@ -50,9 +50,11 @@ MISTAKEN = 1.2
 #: four columns need so much room: a narrow screen scrolls them sideways
 WIDE = "h2+div{overflow-x:auto}h2+div>.plotly-graph-div{min-width:760px}"
 _LOOK = {
-    "direct": ("direct force reflection", VERMILION), "impedance": ("impedance reflection from the map", BLUE),
-    "passivated": ("direct, observer and damper", ORANGE), "tank": ("direct, energy tank", GREEN),
-}  # fmt: skip
+    "direct": ("direct force reflection", VERMILION),
+    "impedance": ("impedance reflection from the map", BLUE),
+    "passivated": ("direct, observer and damper", ORANGE),
+    "tank": ("direct, energy tank", GREEN),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,8 +63,9 @@ class Comparison:
 
     Attributes:
         material: its name. truth, believed: as it is, and as the fit to its poke says. study: see `kinid.controllers`.
-        measured: Z_t by simulation at `CHECKED`, by delay and linear method. mistaken: error of reflection from a map that is
-            `MISTAKEN` times too stiff and too damped. place: along both tangents [m]. told: by what the map is known.
+        measured: Z_t by simulation at `CHECKED`, by delay and linear method. mistaken: error of reflection from a map
+            that is `MISTAKEN` times too stiff and too damped. place: along both tangents [m]. told: by what the map is
+            known.
     """
 
     material: str
@@ -78,10 +81,16 @@ class Comparison:
         """The facts, for JSON."""
         names = ("delay", "method", "stable", "stable_by_nyquist", "transparency_error")
         rows = [dict(zip(names, row)) for row in self.study.rows]
-        return {"material": self.material, "place": self.place, "map_by": self.told,
-                "true": dataclasses.asdict(self.truth), "map": dataclasses.asdict(self.believed),
-                "unit": {"delay": "s, one-way", "stiffness": "N/m", "damping": "N·s/m"}, "cases": rows,
-                f"transparency_error_of_a_map_{MISTAKEN:g}_times_too_hard": self.mistaken}  # fmt: skip
+        return {
+            "material": self.material,
+            "place": self.place,
+            "map_by": self.told,
+            "true": dataclasses.asdict(self.truth),
+            "map": dataclasses.asdict(self.believed),
+            "unit": {"delay": "s, one-way", "stiffness": "N/m", "damping": "N·s/m"},
+            "cases": rows,
+            f"transparency_error_of_a_map_{MISTAKEN:g}_times_too_hard": self.mistaken,
+        }
 
 
 def at_place(material: Material, x: float, y: float, depth: float = SILICONE_POKE.depth) -> Environment:
@@ -117,15 +126,23 @@ def poked(material: str, seed: int, place: tuple[float, float] = (0.0, 0.0)) -> 
     touch = contact_series(setup.run().log, setup.rig)
     assert touch.phase is not None
     # without the retraction: the material lets go where the equation of Kelvin-Voigt would pull
-    fit = fit_model(Model("kelvin-voigt", "sensor-bias"), touch, channels=("normal_force",), train=touch.phase != "retract",
-                    held_out=False)  # fmt: skip
+    fit = fit_model(
+        Model("kelvin-voigt", "sensor-bias"),
+        touch,
+        channels=("normal_force",),
+        train=touch.phase != "retract",
+        held_out=False,
+    )
     return Environment(fit["stiffness"].value, max(0.0, fit["damping"].value))
 
 
 def compare(
-    material: str = "ecoflex-50", seed: int = 0, delays: Sequence[float] = DELAYS, measured_map: Path | None = None,
+    material: str = "ecoflex-50",
+    seed: int = 0,
+    delays: Sequence[float] = DELAYS,
+    measured_map: Path | None = None,
     place: tuple[float, float] = (0.0, 0.0),
-) -> Comparison:  # fmt: skip
+) -> Comparison:
     """Poke and fit, or look a measured map up, and run the study.
 
     Args:
@@ -138,13 +155,17 @@ def compare(
     cases = [Teleoperator(delay=float(delay)) for delay in delays]  # refused before anything runs
     chosen = materials.material(material)
     if not max(abs(place[0]), abs(place[1])) <= chosen.side / 2:
-        raise InputError(f"a place ({1e3 * place[0]:g}, {1e3 * place[1]:g}) mm, beside the {material}",
-                         f"one within ±{500 * chosen.side:g} mm", "choose another")  # fmt: skip
+        raise InputError(
+            f"a place ({1e3 * place[0]:g}, {1e3 * place[1]:g}) mm, beside the {material}",
+            f"one within ±{500 * chosen.side:g} mm",
+            "choose another",
+        )
     truth = at_place(chosen, *place)
     believed = poked(material, seed, place) if measured_map is None else believed_of(measured_map, *place)
     found = study(truth, believed, delays, points=POINTS)
-    measured = {(o.delay, method): measured_impedance(o, truth, CHECKED, method, believed)
-                for o in cases for method in LINEAR}  # fmt: skip
+    measured = {
+        (o.delay, method): measured_impedance(o, truth, CHECKED, method, believed) for o in cases for method in LINEAR
+    }
     hard = Environment(MISTAKEN * truth.stiffness, MISTAKEN * truth.damping)
     error = transparency_error(hard.impedance(found.frequency), found.environment)
     told = "a fit to one virtual poke" if measured_map is None else measured_map.name
@@ -167,7 +188,8 @@ def comparison_page(c: Comparison) -> str:
         for row in c.study.rows
     )
     head = (
-        f"<p class=facts>{c.material} at ({1e3 * c.place[0]:g}, {1e3 * c.place[1]:g}) mm: true {c.truth.stiffness:.4g} N/m and "
+        f"<p class=facts>{c.material} at ({1e3 * c.place[0]:g}, {1e3 * c.place[1]:g}) mm: true {c.truth.stiffness:.4g} "
+        f"N/m and "
         f"{c.truth.damping:.3g} N·s/m, on the map "
         f"{c.believed.stiffness:.4g} N/m and {c.believed.damping:.3g} N·s/m, as {html.escape(c.told)} says. Delays are "
         f"one-way: direct reflection comes back after twice as long. A map {MISTAKEN:g} times too hard would cost a "
@@ -179,14 +201,22 @@ def comparison_page(c: Comparison) -> str:
         "<p class=facts>Transparency error: root mean square of |Z transmitted − Z environment| / |Z environment| over "
         f"{c.study.frequency[0]:g}–{c.study.frequency[-1]:g} Hz; 0 is transparent, 1 is nothing transmitted.</p>"
     )
-    return page("Teleoperation with delay", head, [
-        ("Transparency: impedance that the operator feels, and the environment's", transparency_figure(c)),
-        ("Stability: a push of 10 mm, held", stability_figure(c)),
-    ], tail, WIDE)  # fmt: skip
+    return page(
+        "Teleoperation with delay",
+        head,
+        [
+            ("Transparency: impedance that the operator feels, and the environment's", transparency_figure(c)),
+            ("Stability: a push of 10 mm, held", stability_figure(c)),
+        ],
+        tail,
+        WIDE,
+    )
 
 
 def transparency_figure(c: Comparison) -> Figure:
-    """Transmitted and environment's impedance over frequency, one column a delay; dots are simulations of the formulas."""
+    """Transmitted and environment's impedance over frequency, one column a delay; dots are simulations of the
+    formulas.
+    """
     figure, delays = _columns(c, ("|Z| [N·s/m]", "phase [°]", "|Z / Z environment − 1|"), 720)
     frequency, true = c.study.frequency, c.study.environment
     for column, delay in enumerate(delays, start=1):
@@ -213,12 +243,28 @@ def stability_figure(c: Comparison) -> Figure:
             motion = c.study.motions[delay, method]
             rows = slice(0, None, 4)
             for row, values in ((1, 1e3 * motion.master), (2, motion.force)):
-                figure.add_scatter(x=motion.t[rows], y=np.round(values[rows], 3), name=name, legendgroup=name, mode="lines",
-                                   showlegend=column == 1 and row == 1, line={"color": colour, "width": 1.3},
-                                   row=row, col=column)  # fmt: skip
-        figure.add_scatter(x=motion.t[::100], y=1e3 * motion.intended[::100], name="intended", legendgroup="intended",
-                           mode="lines", showlegend=column == 1, line={"color": GREY, "width": 1.2, "dash": "dot"},
-                           row=1, col=column)  # fmt: skip
+                figure.add_scatter(
+                    x=motion.t[rows],
+                    y=np.round(values[rows], 3),
+                    name=name,
+                    legendgroup=name,
+                    mode="lines",
+                    showlegend=column == 1 and row == 1,
+                    line={"color": colour, "width": 1.3},
+                    row=row,
+                    col=column,
+                )
+        figure.add_scatter(
+            x=motion.t[::100],
+            y=1e3 * motion.intended[::100],
+            name="intended",
+            legendgroup="intended",
+            mode="lines",
+            showlegend=column == 1,
+            line={"color": GREY, "width": 1.2, "dash": "dot"},
+            row=1,
+            col=column,
+        )
     figure.update_xaxes(title_text="time [s]", row=2)
     figure.update_xaxes(range=[0, 8])
     figure.update_yaxes(range=[-8, 16], row=1)
@@ -231,25 +277,50 @@ def _columns(c: Comparison, labels: tuple[str, ...], height: int) -> tuple[Figur
     from plotly.subplots import make_subplots
 
     delays = list(dict.fromkeys(row.delay for row in c.study.rows))
-    figure = make_subplots(rows=len(labels), cols=len(delays), shared_xaxes=True, shared_yaxes=True, vertical_spacing=0.05,
-                           horizontal_spacing=0.02, column_titles=[f"{1e3 * delay:.0f} ms" for delay in delays])  # fmt: skip
+    figure = make_subplots(
+        rows=len(labels),
+        cols=len(delays),
+        shared_xaxes=True,
+        shared_yaxes=True,
+        vertical_spacing=0.05,
+        horizontal_spacing=0.02,
+        column_titles=[f"{1e3 * delay:.0f} ms" for delay in delays],
+    )
     for row, label in enumerate(labels, start=1):
         figure.update_yaxes(title_text=label, row=row, col=1)
-    figure.update_layout(template="plotly_white", height=height, margin={"l": 70, "r": 20, "t": 60, "b": 90},
-                         legend={"orientation": "h", "y": -60 / (height - 150), "yanchor": "top", "x": 0})  # fmt: skip
+    figure.update_layout(
+        template="plotly_white",
+        height=height,
+        margin={"l": 70, "r": 20, "t": 60, "b": 90},
+        legend={"orientation": "h", "y": -60 / (height - 150), "yanchor": "top", "x": 0},
+    )
     return figure, delays
 
 
 def _impedance(
-    figure: Figure, column: int, frequency: Array, z: NDArray[np.complex128], true: NDArray[np.complex128],
-    look: tuple[str, str], width: float | None,
-) -> None:  # fmt: skip
+    figure: Figure,
+    column: int,
+    frequency: Array,
+    z: NDArray[np.complex128],
+    true: NDArray[np.complex128],
+    look: tuple[str, str],
+    width: float | None,
+) -> None:
     """Size, phase, and distance from the true one; a line of some width, or dots."""
     (name, colour), line = look, width is not None
     phase = np.degrees(np.angle(z))
     if line:  # a phase that wraps is no line from bottom to top
         phase = np.where(np.abs(np.diff(phase, prepend=phase[0])) > 180, np.nan, phase)
     for row, values in ((1, np.abs(z)), (2, phase), (3, np.abs(z / true - 1.0))):
-        figure.add_scatter(x=frequency, y=values, name=name, legendgroup=name, mode="lines" if line else "markers",
-                           showlegend=line and column == 1 and row == 1, line={"color": colour, "width": width or 1.0},
-                           marker={"color": colour, "size": 6}, row=row, col=column)  # fmt: skip
+        figure.add_scatter(
+            x=frequency,
+            y=values,
+            name=name,
+            legendgroup=name,
+            mode="lines" if line else "markers",
+            showlegend=line and column == 1 and row == 1,
+            line={"color": colour, "width": width or 1.0},
+            marker={"color": colour, "size": 6},
+            row=row,
+            col=column,
+        )

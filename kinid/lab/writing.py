@@ -1,4 +1,6 @@
-"""An experiment on disk: the log on one clock, its streams as they came, the rig, and the truth in a folder of its own."""
+"""An experiment on disk: the log on one clock, its streams as they came, the rig, and the truth in a folder of its
+own.
+"""
 
 from __future__ import annotations
 
@@ -23,8 +25,12 @@ from kinid.writers import make_folder, replacing, write_table, write_text
 Array = NDArray[np.float64]
 
 JOINTS, WRENCHES, TARGET, PHASE = _TOPICS = "/joint_states", "/ft_sensor/wrench", "/target_pose", "/phase"
-_KINDS = ("sensor_msgs/msg/JointState", "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PoseStamped",
-          "std_msgs/msg/String")  # fmt: skip
+_KINDS = (
+    "sensor_msgs/msg/JointState",
+    "geometry_msgs/msg/WrenchStamped",
+    "geometry_msgs/msg/PoseStamped",
+    "std_msgs/msg/String",
+)
 #: frame of the target's pose
 BASE = "base_link"
 #: the phase is told at each change, and again after so long [s]
@@ -33,7 +39,9 @@ AGAIN = 0.1
 EPOCH = 1_700_000_000_000_000_000
 
 
-def write_experiment(folder: Path, result: Result, truth: dict[str, Any], *, name: str = "log", mcap: bool = True) -> Path:
+def write_experiment(
+    folder: Path, result: Result, truth: dict[str, Any], *, name: str = "log", mcap: bool = True
+) -> Path:
     """Write rig, streams, truth and, last of all, the log; each file whole or not at all. The log's path.
 
     What is told as truth ends with the digests of the files, by which `kinid.lab.folder.is_whole` knows them again.
@@ -67,11 +75,25 @@ def write_experiment(folder: Path, result: Result, truth: dict[str, Any], *, nam
 
 def write_rig(folder: Path, setup: Setup) -> None:
     """`rig.toml`: what the experimenter believes."""
-    lines = ["[robot]", f'model = "{setup.model}"', "", "[tool]", f"mass = {setup.tool.mass}", f"com = {list(setup.tool.com)}"]
+    lines = [
+        "[robot]",
+        f'model = "{setup.model}"',
+        "",
+        "[tool]",
+        f"mass = {setup.tool.mass}",
+        f"com = {list(setup.tool.com)}",
+    ]
     if any(setup.tool.inertia):
         lines.append(f"inertia = {list(setup.tool.inertia)}")
-    lines += ["", "[surface]", f"point = {list(setup.point)}", f"normal = {list(setup.normal)}",
-              f"tangent = {list(setup.tangent)}", "", "[sensor]"]  # fmt: skip
+    lines += [
+        "",
+        "[surface]",
+        f"point = {list(setup.point)}",
+        f"normal = {list(setup.normal)}",
+        f"tangent = {list(setup.tangent)}",
+        "",
+        "[sensor]",
+    ]
     sensor = setup.rig.sensor
     lines += [f"range = {list(sensor.range or ())}", f"noise = {list(sensor.noise or ())}"]
     lines += [f"bias = {[float(v) for v in sensor.bias or ()]}"]
@@ -107,15 +129,24 @@ def as_truth(result: Result, more: dict[str, Any]) -> dict[str, Any]:
     setup, force = result.setup, result.motion.force
     wrench, joints = setup.wrench_stream, setup.joint_stream
     return {
-        **more, "seed": setup.seed, "material": setup.material.truth(), "sensor": setup.sensor.truth(),
-        "surface_offset": setup.surface_offset, "surface_slope": setup.surface_slope, "tip_offset": setup.true_tip,
+        **more,
+        "seed": setup.seed,
+        "material": setup.material.truth(),
+        "sensor": setup.sensor.truth(),
+        "surface_offset": setup.surface_offset,
+        "surface_slope": setup.surface_slope,
+        "tip_offset": setup.true_tip,
         "gravity_error": setup.gravity_error,
         "tool": None if setup.true_tool is None else setup.true_tool.model_dump(),
-        "streams": {"wrench": vars(wrench), "joints": vars(joints),
-                    "wrench_after_joints": wrench.offset + wrench.delay - joints.offset - joints.delay},
-        "deepest": float(result.motion.place[:, 2].max()), "greatest_force": np.abs(force).max(axis=0).tolist(),
+        "streams": {
+            "wrench": vars(wrench),
+            "joints": vars(joints),
+            "wrench_after_joints": wrench.offset + wrench.delay - joints.offset - joints.delay,
+        },
+        "deepest": float(result.motion.place[:, 2].max()),
+        "greatest_force": np.abs(force).max(axis=0).tolist(),
         "work_of_the_material": float(result.motion.work[-1]),
-    }  # fmt: skip
+    }
 
 
 def check_mcap() -> None:
@@ -132,7 +163,9 @@ Streams = tuple[tuple[NDArray[np.int64], Array], tuple[NDArray[np.int64], Array]
 
 
 def stamped(result: Result) -> Streams:
-    """Of joints and of wrench: the control periods that were logged, and their time stamps by the stream's own clock [s]."""
+    """Of joints and of wrench: the control periods that were logged, and their time stamps by the stream's own clock
+    [s].
+    """
     setup = result.setup
     rng = np.random.default_rng(np.random.SeedSequence([setup.seed, 2]))
     joints, wrench = (stream.stamps(result.motion.t, rng) for stream in (setup.joint_stream, setup.wrench_stream))
@@ -212,8 +245,18 @@ def _messages(result: Result, streams: Streams) -> Iterator[_Message]:
     (joints, joint_stamps), (wrench, wrench_stamps) = streams
     told = np.column_stack(list(targets(result, joints).values())).tolist()
     for row, at, target in zip(joints, _nanoseconds(joint_stamps), told):
-        yield _Message(at, JOINTS, pack(_KINDS[0], header=head(at, ""), name=names, position=result.q[row], velocity=nothing,
-                                        effort=result.tau[row]))  # fmt: skip
+        yield _Message(
+            at,
+            JOINTS,
+            pack(
+                _KINDS[0],
+                header=head(at, ""),
+                name=names,
+                position=result.q[row],
+                velocity=nothing,
+                effort=result.tau[row],
+            ),
+        )
         x, y, z, *turned = target
         place = types["geometry_msgs/msg/Point"](x=x, y=y, z=z)
         pose = types["geometry_msgs/msg/Pose"](position=place, orientation=quaternion(*turned))

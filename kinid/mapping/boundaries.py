@@ -1,11 +1,11 @@
 """Where the material changes along a slide: steps in what is felt, each with an interval, at a stated false-alarm rate.
 
-Two detectors. `by_slope` is the plain one: |∂F/∂x| above a threshold. `changes` is a cumulative-sum test: for every place
-it compares what is felt before and behind it (force over depth, friction over force), beside a linear trend (a surface
-that is a little tilted), and alarms where the largest of these contrasts exceeds what chance reaches with the stated
-probability. A step's contrast is a weighted
-cumulative sum of the forces (Page, Biometrika 41, 1954; Brown, Durbin & Evans, J. R. Stat. Soc. B 37, 1975); the threshold
-comes from simulated noise, and coloured noise is allowed for by its long-run variance.
+Two detectors. `by_slope` is the plain one: |∂F/∂x| above a threshold. `changes` is a cumulative-sum test: for every
+place it compares what is felt before and behind it (force over depth, friction over force), beside a linear trend (a
+surface that is a little tilted), and alarms where the largest of these contrasts exceeds what chance reaches with the
+stated probability. A step's contrast is a weighted
+cumulative sum of the forces (Page, Biometrika 41, 1954; Brown, Durbin & Evans, J. R. Stat. Soc. B 37, 1975); the
+threshold comes from simulated noise, and coloured noise is allowed for by its long-run variance.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ class SlidePath:
     """What was felt along a straight way, in equal bins.
 
     Attributes:
-        x: along the way, from the surface's point [m], (n,). normal, tangential: forces [N], (n,) each, the second against
-            the slip. depth: [m], (n,).
+        x: along the way, from the surface's point [m], (n,). normal, tangential: forces [N], (n,) each, the second
+            against the slip. depth: [m], (n,).
         origin, direction: the way's own zero [m] and its unit vector, along both tangents, (2,) each.
     """
 
@@ -64,7 +64,9 @@ class SlidePath:
 
     @property
     def felt(self) -> Array:
-        """Force over depth [N/m] and tangential over normal force, (2, n): what depth and its transients change least."""
+        """Force over depth [N/m] and tangential over normal force, (2, n): what depth and its transients change
+        least.
+        """
         return np.stack([self.normal / self.depth, self.tangential / self.normal])
 
     def at(self, x: float) -> Array:
@@ -73,15 +75,17 @@ class SlidePath:
 
     def part(self, a: int, b: int) -> SlidePath:
         """Bins [a, b)."""
-        return SlidePath(self.x[a:b], self.normal[a:b], self.tangential[a:b], self.depth[a:b], self.origin, self.direction)
+        return SlidePath(
+            self.x[a:b], self.normal[a:b], self.tangential[a:b], self.depth[a:b], self.origin, self.direction
+        )
 
 
 @dataclass(frozen=True)
 class Border:
     """A change of material along a slide: place and its 95 % interval along the way [m], half width [m].
 
-    The steps are of force over depth [N/m] and of tangential over normal force; `score` is the contrast over the threshold:
-    above 1 it is an alarm.
+    The steps are of force over depth [N/m] and of tangential over normal force; `score` is the contrast over the
+    threshold: above 1 it is an alarm.
     """
 
     place: float
@@ -114,8 +118,13 @@ def paths(touch: ContactSeries, *, shortest: float = 4e-3, bin_size: float = BIN
             continue
         u = way / length
         along = u @ place
-        rows = np.stack([touch.normal_force[a:b], -(u @ np.stack([touch.tangential_force1[a:b], touch.tangential_force2[a:b]])),
-                         touch.depth[a:b]])  # fmt: skip
+        rows = np.stack(
+            [
+                touch.normal_force[a:b],
+                -(u @ np.stack([touch.tangential_force1[a:b], touch.tangential_force2[a:b]])),
+                touch.depth[a:b],
+            ]
+        )
         # where a slide starts and ends is left out: the tool has yet to tilt against its friction
         keep = (along - along[0] >= SETTLE) & (along[-1] - along >= bin_size) & (rows[0] > 0) & (rows[2] > 0)
         cell = np.floor((along[keep] - along[0]) / bin_size).astype(int)
@@ -126,8 +135,11 @@ def paths(touch: ContactSeries, *, shortest: float = 4e-3, bin_size: float = BIN
         x, *mean = [np.bincount(cell, row)[told] / count[told] for row in (along[keep], *rows[:, keep])]
         out.append(SlidePath(x, mean[0], mean[1], mean[2], place.mean(axis=1) - u * (u @ place.mean(axis=1)), u))
     if not out:
-        raise InputError(f"no slide of {1e3 * shortest:g} mm in one direction in {touch.provenance.source}",
-                         "steady slip in contact", "slide further, or lower the shortest way")  # fmt: skip
+        raise InputError(
+            f"no slide of {1e3 * shortest:g} mm in one direction in {touch.provenance.source}",
+            "steady slip in contact",
+            "slide further, or lower the shortest way",
+        )
     return out
 
 
@@ -145,7 +157,9 @@ def by_slope(path: SlidePath, threshold: float, smooth: float = 1e-3) -> list[tu
     above = np.zeros(len(path.x), np.bool_)
     for i in range(half, len(path.x) - half):
         x = path.x[i - half : i + half + 1] - path.x[i]
-        above[i] = np.any(np.abs(path.forces[:, i - half : i + half + 1] @ (x - x.mean())) > threshold * (x @ (x - x.mean())))
+        above[i] = np.any(
+            np.abs(path.forces[:, i - half : i + half + 1] @ (x - x.mean())) > threshold * (x @ (x - x.mean()))
+        )
     edges = np.diff(above.astype(np.int8), prepend=0, append=0)
     starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
     return [(float(path.x[a]), float(path.x[b - 1])) for a, b in zip(starts, ends)]
@@ -186,7 +200,10 @@ def _largest(path: SlidePath, false_alarms: float) -> Border | None:
     """The step with the largest contrast, where it is an alarm."""
     x, felt = path.x, path.felt
     score, width = _contrasts(x, felt)
-    top, limit = float(score.max()), _threshold(STEP_OF_COUNT * round(len(x) / STEP_OF_COUNT), round(1e6 * false_alarms))
+    top, limit = (
+        float(score.max()),
+        _threshold(STEP_OF_COUNT * round(len(x) / STEP_OF_COUNT), round(1e6 * false_alarms)),
+    )
     if top <= limit:
         return None
     centres = _centres(x)
@@ -198,12 +215,20 @@ def _largest(path: SlidePath, false_alarms: float) -> Border | None:
         return None
     # half a bin, and a part of the transition, whose shape is unknown
     half = 0.5 * float(np.median(np.diff(x))) + BLUR * width
-    return Border(float(centres[k]), float(inside.min()) - half, float(inside.max()) + half, float(step[0]), float(step[1]),
-                  top / limit, width)  # fmt: skip
+    return Border(
+        float(centres[k]),
+        float(inside.min()) - half,
+        float(inside.max()) + half,
+        float(step[0]),
+        float(step[1]),
+        top / limit,
+        width,
+    )
 
 
 def _contrasts(x: Array, felt: Array) -> tuple[Array, float]:
-    """Squared contrast of a step at each of the centres over the noise, summed over both channels; and its half width [m].
+    """Squared contrast of a step at each of the centres over the noise, summed over both channels; and its half width
+    [m].
 
     The noise is what a step of this width at its best place leaves, with its colour.
     """
@@ -262,7 +287,8 @@ def _long_run(residual: Array) -> Array:
 def _threshold(n: int, parts_per_million: int) -> float:
     """What the largest contrast in n bins of coloured noise (AR(1), ρ = 0.5) exceeds with this probability.
 
-    Simulated with the noise estimated as in a measurement; beyond 1 in 50 continued as its logarithm goes from 1 in 5 on.
+    Simulated with the noise estimated as in a measurement; beyond 1 in 50 continued as its logarithm goes from 1 in 5
+    on.
     """
     rng = np.random.default_rng(np.random.SeedSequence([n, 77]))
     x: Array = np.arange(n, dtype=np.float64) * BIN

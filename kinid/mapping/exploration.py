@@ -1,9 +1,10 @@
 """Less touching: where the next poke tells most, by what the map doesn't know yet.
 
-Three probes around a place say what it may be like: if they differ, a border runs between them. What a triangle leaves open
-is its area times the standard deviation half-way along its edges (relative where values are positive, so that a soft material
-counts as much as a hard one), and the next poke halves the edge that leaves most open: borders are closed in by bisection,
-the widest open ones first. What is expected in advance, as from a picture, makes the map surer, and pokes go elsewhere.
+Three probes around a place say what it may be like: if they differ, a border runs between them. What a triangle leaves
+open is its area times the standard deviation half-way along its edges (relative where values are positive, so that a
+soft material counts as much as a hard one), and the next poke halves the edge that leaves most open: borders are closed
+in by bisection, the widest open ones first. What is expected in advance, as from a picture, makes the map surer, and
+pokes go elsewhere.
 """
 
 from __future__ import annotations
@@ -30,8 +31,12 @@ class Region:
     high: tuple[float, float]
 
     def __post_init__(self) -> None:
-        if not (np.isfinite([*self.low, *self.high]).all() and self.high[0] > self.low[0] and self.high[1] > self.low[1]):
-            raise InputError(f"a region from {self.low} to {self.high} m", "two corners, the lower one first", "correct it")
+        if not (
+            np.isfinite([*self.low, *self.high]).all() and self.high[0] > self.low[0] and self.high[1] > self.low[1]
+        ):
+            raise InputError(
+                f"a region from {self.low} to {self.high} m", "two corners, the lower one first", "correct it"
+            )
 
     @property
     def corners(self) -> Array:
@@ -41,8 +46,10 @@ class Region:
 
     def grid(self, rows: int, columns: int | None = None) -> Array:
         """Middles of equal cells, (rows · columns, 2): what spreads probes evenly."""
-        ticks = [low + (high - low) * (np.arange(n) + 0.5) / n
-                 for low, high, n in zip(self.low, self.high, (rows, columns or rows))]  # fmt: skip
+        ticks = [
+            low + (high - low) * (np.arange(n) + 0.5) / n
+            for low, high, n in zip(self.low, self.high, (rows, columns or rows))
+        ]
         return np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
@@ -58,7 +65,8 @@ def next_poke(grown: Interpolator, region: Region, *, apart: float) -> Choice:
     """Where to poke next.
 
     Args:
-        grown: the map so far, on a plane; of another method than "triangles" its probes are taken, and triangles laid over them.
+        grown: the map so far, on a plane; of another method than "triangles" its probes are taken, and triangles laid
+            over them.
         region: what can be poked. apart: the smallest detail that matters [m]; no two pokes are nearer.
 
     Raises:
@@ -87,8 +95,11 @@ def next_poke(grown: Interpolator, region: Region, *, apart: float) -> Choice:
         middle = middles[k, widest[k]]
         if tree.query(middle)[0] >= apart:
             return Choice(middle, float(gains[k]))
-    raise InputError(f"every place poked within {1e3 * apart:g} mm", "a region that is not known yet",
-                     "the map is done, or allow pokes closer together")  # fmt: skip
+    raise InputError(
+        f"every place poked within {1e3 * apart:g} mm",
+        "a region that is not known yet",
+        "the map is done, or allow pokes closer together",
+    )
 
 
 def _over_probes(grown: Interpolator) -> Triangles:
@@ -97,16 +108,24 @@ def _over_probes(grown: Interpolator) -> Triangles:
         return grown
     ground, values = getattr(grown, "ground", None), getattr(grown, "values", None)
     if not isinstance(ground, PlaneGround) or values is None:
-        raise InputError(f"{type(grown).__name__}, which is no map on a plane", "one on a plane",
-                         "ask for PropertyMap.interpolator(…, 'triangles') of a map on a plane")  # fmt: skip
+        raise InputError(
+            f"{type(grown).__name__}, which is no map on a plane",
+            "one on a plane",
+            "ask for PropertyMap.interpolator(…, 'triangles') of a map on a plane",
+        )
     noise = getattr(grown, "noise", None)
     return Triangles(ground, values, np.zeros(len(values)) if noise is None else np.asarray(noise, dtype=float))
 
 
 def explore(
-    poke: Callable[[Array], tuple[float, float]], region: Region, start: Array, *, apart: float, most: int,
+    poke: Callable[[Array], tuple[float, float]],
+    region: Region,
+    start: Array,
+    *,
+    apart: float,
+    most: int,
     prior: Prior | None = None,
-) -> Iterator[Triangles]:  # fmt: skip
+) -> Iterator[Triangles]:
     """Poke the starting places, then wherever most is left open, until `most` pokes; the map after each of the latter.
 
     Args:
@@ -121,7 +140,9 @@ def explore(
         raise InputError(f"{len(places)} starting places", "3 at least", "start with more")
     told = np.array([poke(place) for place in places])
     # the start is spread over the region: what it reaches is known from then on
-    reach = max(PlaneGround(places).reach, REACH * float(np.sqrt(np.prod(np.subtract(region.high, region.low)) / len(places))))
+    reach = max(
+        PlaneGround(places).reach, REACH * float(np.sqrt(np.prod(np.subtract(region.high, region.low)) / len(places)))
+    )
     while True:
         grown = Triangles(PlaneGround(places, reach), told[:, 0], told[:, 1], prior)
         yield grown
@@ -136,8 +157,8 @@ def pokes_after_slides(slides: Sequence[tuple[SlidePath, Sequence[Border]]], *, 
     """Where to poke after sliding: beside each border that was felt, and once in each stretch without one, (k, 2) [m].
 
     Args:
-        slides: ways with the borders found on them. beside: distance of a poke from a border [m]. apart: two pokes nearer
-            than this are one [m].
+        slides: ways with the borders found on them. beside: distance of a poke from a border [m]. apart: two pokes
+            nearer than this are one [m].
     """
     wanted: list[Array] = []
     for path, borders in slides:

@@ -1,19 +1,19 @@
 """A property map for other programs: MuJoCo XML, SDF for Gazebo, and glTF with PNG and JSON for game engines.
 
-The surface becomes patches (squares of a plane, or one for each face of a mesh), each with stiffness, damping and friction.
-A body that touches several patches at once feels them all: make them wider than the tip (`cells_of`); `map.json` says up to
-which radius a tip on the middle of a patch feels that patch alone. Physics engines have their own notion of softness, so that
-what is written says how it was converted:
+The surface becomes patches (squares of a plane, or one for each face of a mesh), each with stiffness, damping and
+friction. A body that touches several patches at once feels them all: make them wider than the tip (`cells_of`);
+`map.json` says up to which radius a tip on the middle of a patch feels that patch alone. Physics engines have their own
+notion of softness, so that what is written says how it was converted:
 
 - MuJoCo: `solref = (−stiffness, −damping)`, its direct form, per unit of the contact's effective mass, which the file
   states. A contact's acceleration there is d (k r − b v) + (1 − d) g with the impedance d; a small d makes it the map's
-  spring and damper under all but the share d of gravity. That holds for elliptic friction cones, which the file asks for:
-  each edge of a pyramidal one would be a spring of its own. An engine pushes a body out of the face of a box that is nearest
-  to the body's middle: one that is pressed deeper than `deepest` is pushed aside and down, so that under a plane's patches lies
-  a rigid floor that nothing falls through.
+  spring and damper under all but the share d of gravity. That holds for elliptic friction cones, which the file asks
+  for: each edge of a pyramidal one would be a spring of its own. An engine pushes a body out of the face of a box that
+  is nearest to the body's middle: one that is pressed deeper than `deepest` is pushed aside and down, so that under a
+  plane's patches lies a rigid floor that nothing falls through.
 - SDF: `<kp>` [N/m], `<kd>` [N·s/m], `<mu>`.
-- glTF 2.0 (binary, `.glb`): one mesh with vertex colours by a property; a PNG holds each property as 16-bit grey over the
-  same grid, and a JSON file its scale, so that an engine reads numbers and not colours.
+- glTF 2.0 (binary, `.glb`): one mesh with vertex colours by a property; a PNG holds each property as 16-bit grey over
+  the same grid, and a JSON file its scale, so that an engine reads numbers and not colours.
 """
 
 from __future__ import annotations
@@ -57,8 +57,10 @@ class Patches:
     """Rectangles of a plane, or squares that stand for a mesh's faces, and what each is made of.
 
     Attributes:
-        centres: base frame [m], (k, 3). axes: rows tangent1, tangent2, normal of each, (k, 3, 3). half: half sides [m], (k, 2).
-        values: stiffness, damping, friction, (k, 3); NaN where the map holds none. cells: row and column of each, (k, 2).
+        centres: base frame [m], (k, 3). axes: rows tangent1, tangent2, normal of each, (k, 3, 3). half: half sides [m],
+            (k, 2).
+        values: stiffness, damping, friction, (k, 3); NaN where the map holds none. cells: row and column of each, (k,
+            2).
         shape: of the grid; (0, 0) on a mesh. assumed: roles that the map doesn't hold.
     """
 
@@ -102,9 +104,15 @@ def patches(grown: PropertyMap, cells: int = CELLS, method: str = "gp") -> Patch
             fields.append(np.full(known.shape, np.nan))
     rows, columns = np.nonzero(known)
     flat = np.column_stack([ticks[0][rows], ticks[1][columns]])
-    return Patches(grown.raised(flat), np.tile(grown.surface.axes, (len(rows), 1, 1)), np.tile(half, (len(rows), 1)),
-                   np.column_stack([f[rows, columns] for f in fields]), np.column_stack([rows, columns]),
-                   (len(ticks[0]), len(ticks[1])), assumed)  # fmt: skip
+    return Patches(
+        grown.raised(flat),
+        np.tile(grown.surface.axes, (len(rows), 1, 1)),
+        np.tile(half, (len(rows), 1)),
+        np.column_stack([f[rows, columns] for f in fields]),
+        np.column_stack([rows, columns]),
+        (len(ticks[0]), len(ticks[1])),
+        assumed,
+    )
 
 
 def cells_of(grown: PropertyMap, cell: float) -> int:
@@ -114,14 +122,21 @@ def cells_of(grown: PropertyMap, cell: float) -> int:
         InputError: a mesh, whose patches are its faces; a size that is none, or that leaves fewer than two patches.
     """
     if isinstance(grown.surface, Mesh):
-        raise InputError(f"patches of {cell} m on a mesh", "a plane; a mesh has a patch for each of its faces",
-                         "leave the size out, or remesh the surface")  # fmt: skip
+        raise InputError(
+            f"patches of {cell} m on a mesh",
+            "a plane; a mesh has a patch for each of its faces",
+            "leave the size out, or remesh the surface",
+        )
     ticks = grown.grid(2)
     side = max(float(np.ptp(t)) for t in ticks)
     if not (np.isfinite(cell) and 0 < cell <= 0.5 * side):
-        raise InputError(f"patches of {cell} m", f"more than 0, up to half the map's longer side, {0.5 * side:.3g} m",
-                         "correct it, or map more of the surface")  # fmt: skip
-    # the shorter side is cut into a whole number of cells too, which may be smaller: one less along the longer side mends it
+        raise InputError(
+            f"patches of {cell} m",
+            f"more than 0, up to half the map's longer side, {0.5 * side:.3g} m",
+            "correct it, or map more of the surface",
+        )
+    # the shorter side is cut into a whole number of cells too, which may be smaller: one less along the longer side
+    # mends it
     for count in range(int(side / cell + 1e-9), 1, -1):
         if min(float(np.min(np.diff(t))) for t in grown.grid(count)) >= cell * (1 - 1e-9):
             return count
@@ -131,7 +146,9 @@ def cells_of(grown: PropertyMap, cell: float) -> int:
 def _of_faces(grown: PropertyMap, mesh: Mesh, told: list[bool], assumed: tuple[str, ...], method: str) -> Patches:
     """A square for each face whose corners are all known, of its area, at its middle, lying in it."""
     if len(mesh.faces) > MOST_FACES:
-        raise InputError(f"a mesh of {len(mesh.faces)} faces", f"{MOST_FACES} at most, a patch each", "export a coarser mesh")
+        raise InputError(
+            f"a mesh of {len(mesh.faces)} faces", f"{MOST_FACES} at most, a patch each", "export a coarser mesh"
+        )
     corner = mesh.vertices[mesh.faces]  # (k, 3, 3)
     along = corner[:, 1] - corner[:, 0]
     normal = np.cross(along, corner[:, 2] - corner[:, 0])
@@ -144,13 +161,22 @@ def _of_faces(grown: PropertyMap, mesh: Mesh, told: list[bool], assumed: tuple[s
             fields[:, k] = np.maximum(guess.mean[mesh.faces].mean(axis=1), 0.0)
             known &= guess.known[mesh.faces].all(axis=1)
     if not known.any():
-        raise InputError("a map that knows no whole face", "probes that reach one at least", "poke more, or refine the mesh")
+        raise InputError(
+            "a map that knows no whole face", "probes that reach one at least", "poke more, or refine the mesh"
+        )
     t1 = along[known] / np.linalg.norm(along[known], axis=1, keepdims=True)
     n = normal[known] / (2 * area[known, None])
     half = np.repeat(0.5 * np.sqrt(area[known])[:, None], 2, axis=1)
     number = np.flatnonzero(known)
-    return Patches(corner[known].mean(axis=1), np.stack([t1, np.cross(n, t1), n], axis=1), half, fields[known],
-                   np.column_stack([number, np.zeros_like(number)]), (0, 0), assumed)  # fmt: skip
+    return Patches(
+        corner[known].mean(axis=1),
+        np.stack([t1, np.cross(n, t1), n], axis=1),
+        half,
+        fields[known],
+        np.column_stack([number, np.zeros_like(number)]),
+        (0, 0),
+        assumed,
+    )
 
 
 def to_mujoco(made: Patches, effective_mass: float = EFFECTIVE_MASS) -> str:
@@ -191,8 +217,13 @@ def _floor(made: Patches) -> dict[str, str]:
     flat = (made.centres - middle) @ axes[:2].T
     low, high = (flat - made.half).min(axis=0), (flat + made.half).max(axis=0)
     centre = middle + 0.5 * (low + high) @ axes[:2] - 1.5 * made.thick * axes[2]
-    return {"name": "floor", "type": "box", "pos": _text(centre), "quat": _text(_quaternions(axes[None])[0]),
-            "size": _text([*(0.5 * (high - low)), 0.5 * made.thick])}  # fmt: skip
+    return {
+        "name": "floor",
+        "type": "box",
+        "pos": _text(centre),
+        "quat": _text(_quaternions(axes[None])[0]),
+        "size": _text([*(0.5 * (high - low)), 0.5 * made.thick]),
+    }
 
 
 def to_sdf(made: Patches) -> str:
@@ -294,21 +325,33 @@ def export(grown: PropertyMap, folder: Path, cells: int = CELLS, method: str = "
     write_text(out[1], to_sdf(made))
     _write_bytes(out[2], to_gltf(made))
     about: dict[str, Any] = {"assumed": {role: FRICTION if role == "friction" else 0.0 for role in made.assumed}}
-    about["alone"] = {"tip_radius": float(made.half.min()), "unit": "m",
-                      "means": "a tip up to this radius, on the middle of a patch, feels that patch alone; a wider one feels "
-                               "several, and their stiffnesses add up",
-                      "deepest": float(min(made.half.min(), 0.5 * made.thick)),
-                      "deepest_means": "a round tip pressed deeper than its radius and this goes aside, not out"}  # fmt: skip
+    about["alone"] = {
+        "tip_radius": float(made.half.min()),
+        "unit": "m",
+        "means": "a tip up to this radius, on the middle of a patch, feels that patch alone; a wider one feels "
+        "several, and their stiffnesses add up",
+        "deepest": float(min(made.half.min(), 0.5 * made.thick)),
+        "deepest_means": "a round tip pressed deeper than its radius and this goes aside, not out",
+    }
     roles = {k: role for k, role in enumerate(ROLES) if role not in made.assumed}
     units = {role: grown.properties[grown.index(role)].unit for role in roles.values()}
     if isinstance(grown.surface, Mesh):
-        about |= {"faces": made.cells[:, 0].tolist(), "centres": made.centres.tolist(), "normals": made.axes[:, 2].tolist(),
-                  "properties": {role: {"unit": units[role], "values": made.values[:, k].tolist()}
-                                 for k, role in roles.items()}}  # fmt: skip
+        about |= {
+            "faces": made.cells[:, 0].tolist(),
+            "centres": made.centres.tolist(),
+            "normals": made.axes[:, 2].tolist(),
+            "properties": {
+                role: {"unit": units[role], "values": made.values[:, k].tolist()} for k, role in roles.items()
+            },
+        }
     else:
-        about |= {"frame": {"origin": made.centres.mean(axis=0).tolist(), "axes": made.axes[0].tolist()},
-                  "cell": (2 * made.half[0]).tolist(), "rows": "along tangent 1", "columns": "along tangent 2",
-                  "properties": {}}  # fmt: skip
+        about |= {
+            "frame": {"origin": made.centres.mean(axis=0).tolist(), "axes": made.axes[0].tolist()},
+            "cell": (2 * made.half[0]).tolist(),
+            "rows": "along tangent 1",
+            "columns": "along tangent 2",
+            "properties": {},
+        }
         for k, role in roles.items():
             field = np.full(made.shape, np.nan)
             field[tuple(made.cells.T)] = made.values[:, k]
@@ -316,8 +359,13 @@ def export(grown: PropertyMap, folder: Path, cells: int = CELLS, method: str = "
             path = folder / f"{role}.png"
             _write_bytes(path, to_png(field, low, high))
             out.append(path)
-            about["properties"][role] = {"image": path.name, "unit": units[role], "low": low, "high": high,
-                                         "value": "low + (grey − 1)/65534 · (high − low); grey 0 is unknown"}  # fmt: skip
+            about["properties"][role] = {
+                "image": path.name,
+                "unit": units[role],
+                "low": low,
+                "high": high,
+                "value": "low + (grey − 1)/65534 · (high − low); grey 0 is unknown",
+            }
     write_text(out[3], json.dumps(about, indent=1, ensure_ascii=False) + "\n")
     return out
 
@@ -332,7 +380,9 @@ def _text(values: Any) -> str:
 
 
 def _quaternions(axes: Array) -> Array:
-    """(w, x, y, z) of the rotations whose columns are tangent1, tangent2, normal, for rows of them (k, 3, 3), (k, 4)."""
+    """(w, x, y, z) of the rotations whose columns are tangent1, tangent2, normal, for rows of them (k, 3, 3), (k,
+    4).
+    """
     from scipy.spatial.transform import Rotation
 
     return np.asarray(Rotation.from_matrix(np.swapaxes(axes, 1, 2)).as_quat()[:, [3, 0, 1, 2]])

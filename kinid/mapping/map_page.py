@@ -1,4 +1,6 @@
-"""A property map as one offline HTML page: each property between its probes, how sure it is, and where the model fails."""
+"""A property map as one offline HTML page: each property between its probes, how sure it is, and where the model
+fails.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,8 @@ def map_page(grown: PropertyMap, title: str, method: str = "gp", truth: dict[str
         if np.isfinite(grown.values(item.name)).any()
     )
     head = (
-        f"<p class=facts>{len(grown)} probes with {html.escape(grown.model)}. Grey is unknown. Error where each probe is left "
+        f"<p class=facts>{len(grown)} probes with {html.escape(grown.model)}. Grey is unknown. Error where each probe "
+        f"is left "
         "out in turn:</p><div class=scroll><table><tr><th>property</th>"
         + "".join(f"<th>{m}</th>" for m in grown.methods)
         + f"</tr>{rows}</table></div>"
@@ -165,14 +168,22 @@ def mesh_figure(grown: PropertyMap, name: str, method: str = "gp") -> Figure:
     figure = NewFigure()
     for part, options in (
         (faces[~told], {"color": UNKNOWN}),
-        (faces[told], {"intensity": np.nan_to_num(guess.mean), "colorscale": SCALE, "colorbar": {"title": {"text": unit}}}),
+        (
+            faces[told],
+            {"intensity": np.nan_to_num(guess.mean), "colorscale": SCALE, "colorbar": {"title": {"text": unit}}},
+        ),
     ):
         if len(part):
             figure.add_trace(Mesh3d(x=x, y=y, z=z, i=part[:, 0], j=part[:, 1], k=part[:, 2], **options))
     places = grown.places
     figure.add_trace(
         Scatter3d(
-            x=places[:, 0], y=places[:, 1], z=places[:, 2], mode="markers", showlegend=False, marker={"size": 2, "color": "black"}
+            x=places[:, 0],
+            y=places[:, 1],
+            z=places[:, 2],
+            mode="markers",
+            showlegend=False,
+            marker={"size": 2, "color": "black"},
         )
     )
     figure.update_layout(height=520, margin={"l": 0, "r": 0, "t": 20, "b": 0}, scene={"aspectmode": "data"})

@@ -1,8 +1,8 @@
 """From a map and a picture of what was mapped to a map of what a picture shows: the prior of the next exploration.
 
-Two things are learnt at the probes: classes of their values (a mixture of lognormals), which a classifier recognises, and the
-values themselves, by a Gaussian process over the picture's features, whose uncertainty goes with the prediction. Places that
-look like nothing that was learnt stay unknown.
+Two things are learnt at the probes: classes of their values (a mixture of lognormals), which a classifier recognises,
+and the values themselves, by a Gaussian process over the picture's features, whose uncertainty goes with the
+prediction. Places that look like nothing that was learnt stay unknown.
 """
 
 from __future__ import annotations
@@ -50,10 +50,11 @@ class Sighted:
     Attributes:
         item: the property. classifier: of classes of its values. figures: how often left-out probes were recognised.
         levels: mean of the property in each class, (c,). counts: probes of each class, (c,).
-        regression: scikit-learn's, of the logarithm of the property by the scaled features. centre, scale: of the features.
+        regression: scikit-learn's, of the logarithm of the property by the scaled features. centre, scale: of the
+            features.
         errors: relative error (root mean square) of left-out probes: random folds, spatial blocks.
-        explained: share of the variance of the property's logarithm that the picture explains in left-out spatial blocks, and
-            the standard error of that over blocks.
+        explained: share of the variance of the property's logarithm that the picture explains in left-out spatial
+            blocks, and the standard error of that over blocks.
     """
 
     item: Property
@@ -83,10 +84,15 @@ class Sighted:
         values, flat = grown.values(name), grown.flat(grown.places)
         told = np.isfinite(values) & picture.shows(flat)
         if told.sum() < 2 * FEWEST:
-            raise InputError(f"{told.sum()} of {len(grown)} probes of {name} in the picture", f"{2 * FEWEST} at least",
-                             "correct the picture's corners, or poke more places")  # fmt: skip
+            raise InputError(
+                f"{told.sum()} of {len(grown)} probes of {name} in the picture",
+                f"{2 * FEWEST} at least",
+                "correct the picture's corners, or poke more places",
+            )
         if not (values[told] > 0).all():
-            raise InputError(f"{name} that is not positive everywhere", "a positive property", "choose another --property")
+            raise InputError(
+                f"{name} that is not positive everywhere", "a positive property", "choose another --property"
+            )
         flat, values = flat[told], values[told]
         features, zone = picture.features(flat), zones_of(values)
         kept = np.isin(zone, np.flatnonzero(np.bincount(zone) >= FEWEST))
@@ -97,34 +103,54 @@ class Sighted:
         centre, scale = features.mean(axis=0), np.maximum(features.std(axis=0), 1e-9)
         z, log = (features - centre) / scale, np.log(values)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # a length at its bound is of a feature that tells nothing: nothing to warn of
+            warnings.simplefilter(
+                "ignore"
+            )  # a length at its bound is of a feature that tells nothing: nothing to warn of
             regression = _regression().fit(z, log)
-        # lengths that were learnt on all samples know which features happen to go with values that are left out: in blocks, of
-        # which a figure is to be honest, they are learnt anew
+        # lengths that were learnt on all samples know which features happen to go with values that are left out: in
+        # blocks, of which a figure is to be honest, they are learnt anew
         blocks = spatial_blocks(flat, block, folds=len(flat))
         wrong = [_left_out(z, log, random_folds(len(z)), regression.kernel_), _left_out(z, log, blocks % LEARNT_ANEW)]
         errors = [float(np.sqrt(np.mean(np.expm1(part) ** 2))) for part in wrong]
         spread = max(float(np.var(log)), 1e-300)
         gain = ((log - log.mean()) ** 2 - wrong[1] ** 2) / spread
-        return cls(grown.properties[grown.index(name)], classifier, figures,
-                   np.array([values[labels == c].mean() for c in classifier.classes]),
-                   np.array([np.sum(labels == c) for c in classifier.classes]), regression, centre, scale,
-                   (errors[0], errors[1]), (float(gain.mean()), error_of_mean(gain, blocks)))  # fmt: skip
+        return cls(
+            grown.properties[grown.index(name)],
+            classifier,
+            figures,
+            np.array([values[labels == c].mean() for c in classifier.classes]),
+            np.array([np.sum(labels == c) for c in classifier.classes]),
+            regression,
+            centre,
+            scale,
+            (errors[0], errors[1]),
+            (float(gain.mean()), error_of_mean(gain, blocks)),
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Classes and figures, in the words of JSON."""
         seen, (random, spatial) = self.figures, self.errors
-        classes = [{"name": name, "probes": int(count), "mean": float(level)}
-                   for name, count, level in zip(self.classifier.classes, self.counts, self.levels)]  # fmt: skip
+        classes = [
+            {"name": name, "probes": int(count), "mean": float(level)}
+            for name, count, level in zip(self.classifier.classes, self.counts, self.levels)
+        ]
         return {
-            "property": self.item.name, "unit": self.item.unit, "classes": classes,
-            "held_out": {"random_folds": {"recognised": seen.random_folds, "error": random},
-                         "spatial_blocks": {"recognised": seen.spatial_blocks, "error": spatial,
-                                            "calibration_error": seen.calibration_error},
-                         "commonest_class": {"recognised": seen.commonest}},
-            "tells": self.tells, "recognised_gain": {"value": seen.gain, "error": seen.gain_error},
+            "property": self.item.name,
+            "unit": self.item.unit,
+            "classes": classes,
+            "held_out": {
+                "random_folds": {"recognised": seen.random_folds, "error": random},
+                "spatial_blocks": {
+                    "recognised": seen.spatial_blocks,
+                    "error": spatial,
+                    "calibration_error": seen.calibration_error,
+                },
+                "commonest_class": {"recognised": seen.commonest},
+            },
+            "tells": self.tells,
+            "recognised_gain": {"value": seen.gain, "error": seen.gain_error},
             "explained_variance": {"value": self.explained[0], "error": self.explained[1]},
-        }  # fmt: skip
+        }
 
     def prior(self, picture: Picture) -> Prior:
         """What a picture lets expect: mean and standard deviation at places (m, 2); NaN where it is unknown.
@@ -150,8 +176,10 @@ class Sighted:
         mean, sd = self.prior(picture)(q)
         told = np.isfinite(mean)
         empty = PropertyMap(surface, (self.item,), (), "picture")
-        probes = [Probe(p, np.array([m]), np.array([[s**2]]), source=f"picture#{i}")
-                  for i, (p, m, s) in enumerate(zip(empty.raised(q[told]), mean[told], sd[told]))]  # fmt: skip
+        probes = [
+            Probe(p, np.array([m]), np.array([[s**2]]), source=f"picture#{i}")
+            for i, (p, m, s) in enumerate(zip(empty.raised(q[told]), mean[told], sd[told]))
+        ]
         return empty.added(*probes), int((~told).sum())
 
 
@@ -159,11 +187,15 @@ def _regression() -> Any:
     """A Gaussian process over features, each with its own length, with what no feature explains as noise."""
     kernels, process = sklearn("gaussian_process.kernels"), sklearn("gaussian_process")
     kernel = kernels.ConstantKernel(1.0) * kernels.Matern(np.full(len(FEATURES), 3.0), (0.3, 1e3), nu=1.5)
-    return process.GaussianProcessRegressor(kernel + kernels.WhiteKernel(0.1, (1e-3, 1.0)), normalize_y=True, random_state=0)
+    return process.GaussianProcessRegressor(
+        kernel + kernels.WhiteKernel(0.1, (1e-3, 1.0)), normalize_y=True, random_state=0
+    )
 
 
 def _left_out(z: Array, log: Array, fold: NDArray[np.int64], kernel: Any = None) -> Array:
-    """Error of the logarithm of what was left out fold by fold, (n,), with a given kernel, else one learnt without the fold."""
+    """Error of the logarithm of what was left out fold by fold, (n,), with a given kernel, else one learnt without the
+    fold.
+    """
     process = sklearn("gaussian_process")
     wrong = np.empty(len(log))
     for k in np.unique(fold):

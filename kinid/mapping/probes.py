@@ -96,8 +96,8 @@ class Prober:
     """Turns logs of one rig into probes.
 
     Attributes:
-        rig: what measured. model: effects to fit. robot, surface: the rig's. along: length of the pieces that slides further
-            than `FAR` are cut into [m]; 0 for none.
+        rig: what measured. model: effects to fit. robot, surface: the rig's. along: length of the pieces that slides
+            further than `FAR` are cut into [m]; 0 for none.
     """
 
     rig: Rig
@@ -117,8 +117,11 @@ class Prober:
             raise InputError(f"pieces of slides of {along} m", f"0.0005 to {FAR} m, or 0 for none", "correct it")
         surface = load_surface(rig)
         if not isinstance(surface, Plane | Mesh):
-            raise InputError("a rig without [surface]", "the surface that is mapped",
-                             "add [surface] with point and normal, or a mesh")  # fmt: skip
+            raise InputError(
+                "a rig without [surface]",
+                "the surface that is mapped",
+                "add [surface] with point and normal, or a mesh",
+            )
         return cls(rig, Model(*(model or MODEL)), Robot.load(rig), surface, along)
 
     @property
@@ -140,8 +143,11 @@ class Prober:
         touch = contact_series(log, self.rig, robot=self.robot)
         spans = touches(touch)
         if not spans:
-            raise InputError(f"no touch of {SHORTEST} s in {source}", "a log in which the tool touches the surface",
-                             "leave it out, or look at it with kinid contact")  # fmt: skip
+            raise InputError(
+                f"no touch of {SHORTEST} s in {source}",
+                "a log in which the tool touches the surface",
+                "leave it out, or look at it with kinid contact",
+            )
         position = tip_motion(log, self.rig, robot=self.robot).position
         properties: tuple[Property, ...] = ()
         out: list[Probe] = []
@@ -161,12 +167,21 @@ class Prober:
             weight = np.maximum(np.nan_to_num(touch.depth[inside]), 0.0) + 1e-9
             mean = np.average(np.nan_to_num(position[inside], nan=0.0), axis=0, weights=weight)
             place = self.surface.locate(mean[None]).closest[0]
-            out.append(Probe(place, fit.values.copy(), fit.solution.covariance.copy(), fit.error.train, fit.error.noise_floor,
-                             name))  # fmt: skip
+            out.append(
+                Probe(
+                    place,
+                    fit.values.copy(),
+                    fit.solution.covariance.copy(),
+                    fit.error.train,
+                    fit.error.noise_floor,
+                    name,
+                )
+            )
         return properties, out
 
     def _pieces(self, touch: ContactSeries, names: Sequence[str], source: str) -> list[Probe]:
-        """A probe for each piece of a long slide: force over depth as stiffness, tangential over normal force as friction.
+        """A probe for each piece of a long slide: force over depth as stiffness, tangential over normal force as
+        friction.
 
         Passes over the same place are taken together. What a steady slide doesn't tell, as damping, is left open.
         """
@@ -193,26 +208,38 @@ class Prober:
             variance = np.array([error[name] ** 2 if name in error else np.inf for name in names])
             covariance = np.where(np.eye(len(names)) > 0, variance, 0.0)
             place = self.surface.point + flat[rows].mean(axis=0) @ self.surface.axes[:2]
-            out.append(Probe(place, np.nan_to_num(values), covariance, source=f"{source}#piece{k}" if "#" not in source
-                             else f"{source}.piece{k}"))  # fmt: skip
+            out.append(
+                Probe(
+                    place,
+                    np.nan_to_num(values),
+                    covariance,
+                    source=f"{source}#piece{k}" if "#" not in source else f"{source}.piece{k}",
+                )
+            )
         return out
 
 
 def build(
-    paths: Sequence[Path], prober: Prober, start: PropertyMap | None = None, skipped: Callable[[Path, str], None] | None = None
+    paths: Sequence[Path],
+    prober: Prober,
+    start: PropertyMap | None = None,
+    skipped: Callable[[Path, str], None] | None = None,
 ) -> Iterator[PropertyMap]:
     """The map as it grows, log by log; logs that `start` holds already are passed over.
 
     Args:
-        paths: of logs. prober: fits them. start: a map to go on with. skipped: told of logs that can't be used, and why;
-            without it, such a log ends it.
+        paths: of logs. prober: fits them. start: a map to go on with. skipped: told of logs that can't be used, and
+            why; without it, such a log ends it.
 
     Raises:
         InputError: as `Prober.probes`; or a start that has another surface, model or properties.
     """
     if start is not None and (start.model != prober.name or not same_surface(start.surface, prober.surface)):
-        raise InputError(f"a map of {start.model}, perhaps on another surface", f"a map of {prober.name} on the rig's surface",
-                         "write to another file")  # fmt: skip
+        raise InputError(
+            f"a map of {start.model}, perhaps on another surface",
+            f"a map of {prober.name} on the rig's surface",
+            "write to another file",
+        )
     grown = start
     there = set() if start is None else {p.source.split("#")[0] for p in start.probes}
     for path in paths:
@@ -252,7 +279,10 @@ def _short(name: str, fit: Fit) -> str:
 
 def _cut(touch: ContactSeries, low: int, high: int) -> ContactSeries:
     """Rows of a contact series."""
-    rows = {f.name: value[..., low:high] for f in dataclasses.fields(touch)
-            if isinstance(value := getattr(touch, f.name), np.ndarray) and f.name != "bias"}  # fmt: skip
+    rows = {
+        f.name: value[..., low:high]
+        for f in dataclasses.fields(touch)
+        if isinstance(value := getattr(touch, f.name), np.ndarray) and f.name != "bias"
+    }
     # without its source, which is of the whole log
     return dataclasses.replace(touch, **rows, source=None)  # type: ignore[arg-type]

@@ -1,7 +1,7 @@
 """A map of properties over a surface: estimates with covariance where it was probed, guesses with uncertainty between.
 
-A map grows probe by probe. On disk it is one Parquet file with a row a probe, always whole: whoever reads it while it grows
-sees the map as it was after some probe. The surface, a mesh included, is in the file.
+A map grows probe by probe. On disk it is one Parquet file with a row a probe, always whole: whoever reads it while it
+grows sees the map as it was after some probe. The surface, a mesh included, is in the file.
 """
 
 from __future__ import annotations
@@ -44,8 +44,9 @@ class Probe:
     """Estimates at one place.
 
     Attributes:
-        place: on the surface, base frame [m], (3,). values: (p,). covariance: (p, p), infinite where a property is open.
-        residual, noise: what the model left, and what noise alone would have left [N]. source: where it came from.
+        place: on the surface, base frame [m], (3,). values: (p,). covariance: (p, p), infinite where a property is
+        open. residual, noise: what the model left, and what noise alone would have left [N]. source: where it came
+        from.
     """
 
     place: Array
@@ -82,11 +83,15 @@ class PropertyMap:
     def _check(self, probe: Probe) -> None:
         p = len(self.properties)
         if np.shape(probe.place) != (3,) or not np.isfinite(probe.place).all():
-            raise InputError(f"a probe at {probe.place}", "three finite coordinates in the base frame [m]", "leave it out")
+            raise InputError(
+                f"a probe at {probe.place}", "three finite coordinates in the base frame [m]", "leave it out"
+            )
         if np.shape(probe.values) != (p,) or np.shape(probe.covariance) != (p, p):
-            raise InputError(f"a probe with values {np.shape(probe.values)} and covariance {np.shape(probe.covariance)}",
-                             f"({p},) and ({p}, {p}) for {', '.join(q.name for q in self.properties)}",
-                             "map logs of one kind together")  # fmt: skip
+            raise InputError(
+                f"a probe with values {np.shape(probe.values)} and covariance {np.shape(probe.covariance)}",
+                f"({p},) and ({p}, {p}) for {', '.join(q.name for q in self.properties)}",
+                "map logs of one kind together",
+            )
         for item, value, variance in zip(self.properties, probe.values, np.diag(probe.covariance)):
             _check_estimate(item, float(value), float(variance), probe.source)
         told = np.isfinite(np.diag(probe.covariance))
@@ -94,15 +99,18 @@ class PropertyMap:
         most = np.outer(sd, sd)  # of each entry; rounding is relative to it
         bounded, symmetric = np.abs(cov) <= (1 + TOLERANCE) * most, np.abs(cov - cov.T) <= TOLERANCE * most
         if not (bounded.all() and symmetric.all()):
-            raise InputError(f"a covariance that is none{_of(probe.source)}",
-                             "a finite, symmetric one with correlations within ±1", "leave the probe out")  # fmt: skip
+            raise InputError(
+                f"a covariance that is none{_of(probe.source)}",
+                "a finite, symmetric one with correlations within ±1",
+                "leave the probe out",
+            )
 
     def added(self, *probes: Probe) -> PropertyMap:
         """The map with more probes.
 
         Raises:
-            InputError: no finite place; values that are no numbers though they are told; a covariance that is none; a stiffness
-                that is surely negative.
+            InputError: no finite place; values that are no numbers though they are told; a covariance that is none; a
+                stiffness that is surely negative.
         """
         for probe in probes:
             self._check(probe)
@@ -225,8 +233,13 @@ class PropertyMap:
         table = pa.table(
             {name: pa.array(column) if isinstance(column, np.ndarray) else column for name, column in columns.items()}
         )
-        about = {"kind": "property map", "version": VERSION, "model": self.model, "surface": _surface_to_dict(self.surface),
-                 "properties": [{"name": p.name, "unit": p.unit} for p in self.properties]}  # fmt: skip
+        about = {
+            "kind": "property map",
+            "version": VERSION,
+            "model": self.model,
+            "surface": _surface_to_dict(self.surface),
+            "properties": [{"name": p.name, "unit": p.unit} for p in self.properties],
+        }
         table = table.replace_schema_metadata({"kinid": json.dumps(about)})
         with replacing(path) as temporary:
             parquet.write_table(table, temporary, compression="snappy")
@@ -265,12 +278,20 @@ class PropertyMap:
             places = np.column_stack([column[axis] for axis in "xyz"])
             values = np.column_stack([column[name] for name in names])
             rows = zip(
-                places, values, covariances, column["residual"].tolist(), column["noise"].tolist(), table["source"].to_pylist()
+                places,
+                values,
+                covariances,
+                column["residual"].tolist(),
+                column["noise"].tolist(),
+                table["source"].to_pylist(),
             )
             return cls(surface, properties, tuple(Probe(*row) for row in rows), str(about["model"]))
         except (KeyError, ValueError, TypeError) as error:
-            raise InputError(f"{path}, which is no property map ({str(error)[:80]})", "a Parquet file of kinid map",
-                             "make it with kinid map") from None  # fmt: skip
+            raise InputError(
+                f"{path}, which is no property map ({str(error)[:80]})",
+                "a Parquet file of kinid map",
+                "make it with kinid map",
+            ) from None
 
     def without(self, sources: Sequence[str]) -> PropertyMap:
         """The map without the probes of some sources."""
@@ -281,18 +302,26 @@ class PropertyMap:
 def _check_estimate(item: Property, value: float, variance: float, source: str) -> None:
     """Refuse what is no estimate; one whose variance is infinite is left open, and its value says nothing."""
     if not variance >= 0.0:
-        raise InputError(f"{item.name} with variance {variance}{_of(source)}", "0 or more, infinite where it is left open",
-                         "leave the probe out")  # fmt: skip
+        raise InputError(
+            f"{item.name} with variance {variance}{_of(source)}",
+            "0 or more, infinite where it is left open",
+            "leave the probe out",
+        )
     if not np.isfinite(variance):
         return
     if not np.isfinite(value):
-        raise InputError(f"{item.name} {value}{_of(source)}", "a finite value, or an infinite variance where it is left open",
-                         "leave the probe out")  # fmt: skip
+        raise InputError(
+            f"{item.name} {value}{_of(source)}",
+            "a finite value, or an infinite variance where it is left open",
+            "leave the probe out",
+        )
     half = WITHIN * np.sqrt(variance)
     if item.name.rsplit(".", 1)[-1] == "stiffness" and value + half < 0.0:
-        raise InputError(f"a stiffness of {value:.4g} ± {half:.2g} {item.unit}{_of(source)}",
-                         "one whose interval reaches positive values",
-                         "check the surface's normal and the sign of the force")  # fmt: skip
+        raise InputError(
+            f"a stiffness of {value:.4g} ± {half:.2g} {item.unit}{_of(source)}",
+            "one whose interval reaches positive values",
+            "check the surface's normal and the sign of the force",
+        )
 
 
 def _of(source: str) -> str:
@@ -316,8 +345,13 @@ def _surface_to_dict(surface: Plane | Mesh) -> dict[str, Any]:
     if isinstance(surface, Plane):
         return {"point": surface.point.tolist(), "axes": surface.axes.tolist()}
     tangent = None if surface.tangent is None else surface.tangent.tolist()
-    return {"vertices": _packed(surface.vertices, "<f8"), "faces": _packed(surface.faces, "<i8"),
-            "edge_radius": surface.edge_radius, "tangent": tangent, "source": surface.source}  # fmt: skip
+    return {
+        "vertices": _packed(surface.vertices, "<f8"),
+        "faces": _packed(surface.faces, "<i8"),
+        "edge_radius": surface.edge_radius,
+        "tangent": tangent,
+        "source": surface.source,
+    }
 
 
 def _surface_from_dict(facts: dict[str, Any]) -> Plane | Mesh:

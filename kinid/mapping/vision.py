@@ -1,10 +1,10 @@
 """Properties guessed from a picture: colour and local texture at a place → class of material, with a probability.
 
 Two classifiers: the study's support-vector machine with a Gaussian kernel of "fine" scale, √P/4 for P features, and a
-calibrated one, logistic regression of the machine's scores (Platt 1999), whose probabilities mean what they say. Both are
-held out twice: in random folds, as the study did, and in spatial blocks. Neighbours of a random fold's samples are in its
-training set, and pictures are smooth, so that random folds flatter; blocks don't. What looks like nothing that was learnt
-is said to be unknown.
+calibrated one, logistic regression of the machine's scores (Platt 1999), whose probabilities mean what they say. Both
+are held out twice: in random folds, as the study did, and in spatial blocks. Neighbours of a random fold's samples are
+in its training set, and pictures are smooth, so that random folds flatter; blocks don't. What looks like nothing that
+was learnt is said to be unknown.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ class Picture:
     """An RGB image registered to a plane.
 
     Attributes:
-        pixels: (rows, columns, 3), 0…1. low, high: places along both tangents [m] of the first pixel's and the last pixel's
-            outer corner; rows run along the first tangent, columns along the second.
+        pixels: (rows, columns, 3), 0…1. low, high: places along both tangents [m] of the first pixel's and the last
+            pixel's outer corner; rows run along the first tangent, columns along the second.
     """
 
     pixels: Array
@@ -56,7 +56,9 @@ class Picture:
                 "give an RGB image",
             )
         if not (self.high[0] > self.low[0] and self.high[1] > self.low[1]):
-            raise InputError(f"a picture from {self.low} to {self.high} m", "two corners, the lower one first", "correct it")
+            raise InputError(
+                f"a picture from {self.low} to {self.high} m", "two corners, the lower one first", "correct it"
+            )
 
     @classmethod
     def read(cls, path: Path, low: tuple[float, float], high: tuple[float, float]) -> Picture:
@@ -73,7 +75,9 @@ class Picture:
             with Image.open(path, formats=("PNG", "JPEG")) as image:
                 return cls(np.asarray(image.convert("RGB"), dtype=np.float64) / 255.0, low, high)
         except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as error:
-            raise InputError(f"no picture at {path} ({str(error)[:60]})", "a PNG or JPEG image", "correct the name") from None
+            raise InputError(
+                f"no picture at {path} ({str(error)[:60]})", "a PNG or JPEG image", "correct the name"
+            ) from None
 
     def shows(self, places: Array) -> NDArray[np.bool_]:
         """Whether places (n, 2) [m] are in the picture, (n,)."""
@@ -121,9 +125,9 @@ class MaterialClassifier:
     """Learns classes from features; make it with `learn`.
 
     Attributes:
-        classes: names. centre, scale: of the features, (p,). machine: scikit-learn's. samples: learnt from, (n, p), in units of
-            what is usual within a class, (p,), in scaled features. strange: mean distance to the nearest of them beyond which
-            features are unknown.
+        classes: names. centre, scale: of the features, (p,). machine: scikit-learn's. samples: learnt from, (n, p), in
+            units of what is usual within a class, (p,), in scaled features. strange: mean distance to the nearest of
+            them beyond which features are unknown.
     """
 
     classes: tuple[str, ...]
@@ -148,7 +152,9 @@ class MaterialClassifier:
         classes, counts = np.unique(names, return_counts=True)
         if len(classes) < 2 or counts.min() < 5:
             raise InputError(
-                f"classes {dict(zip(classes.tolist(), counts.tolist()))}", "two at least with 5 samples each", "poke more places"
+                f"classes {dict(zip(classes.tolist(), counts.tolist()))}",
+                "two at least with 5 samples each",
+                "poke more places",
             )
         centre, scale = features.mean(axis=0), np.maximum(features.std(axis=0), 1e-9)
         z = (features - centre) / scale
@@ -157,7 +163,9 @@ class MaterialClassifier:
         away = np.abs(np.concatenate([z[names == name] - np.median(z[names == name], axis=0) for name in classes]))
         usual = np.maximum(1.4826 * np.median(away, axis=0), 0.02)
         apart = _apart(z / usual, z / usual, own=True)
-        return cls(tuple(classes.tolist()), centre, scale, machine, z / usual, usual, FAR * float(np.quantile(apart, STRANGE)))
+        return cls(
+            tuple(classes.tolist()), centre, scale, machine, z / usual, usual, FAR * float(np.quantile(apart, STRANGE))
+        )
 
     def at(self, features: Array) -> Sight:
         """Classes of features (m, p)."""
@@ -177,10 +185,11 @@ class MaterialClassifier:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Share of places that were recognised: in random folds, in spatial blocks, and how far probabilities were off there.
+    """Share of places that were recognised: in random folds, in spatial blocks, and how far probabilities were off
+    there.
 
-    `commonest` is the share of the commonest class, which needs no picture to be right so often; `gain` is what the picture
-    adds to that, and `gain_error` its standard error over blocks.
+    `commonest` is the share of the commonest class, which needs no picture to be right so often; `gain` is what the
+    picture adds to that, and `gain_error` its standard error over blocks.
     """
 
     random_folds: float
@@ -213,7 +222,8 @@ def held_out(
     """Both ways of holding out, side by side.
 
     Args:
-        features: (n, p). labels: (n,). places: (n, 2) [m]. block: side of a spatial block [m]. folds: of the random kind.
+        features: (n, p). labels: (n,). places: (n, 2) [m]. block: side of a spatial block [m]. folds: of the random
+            kind.
     """
     features, names = np.asarray(features, dtype=float), np.asarray(labels, dtype=str)
     random, _, _ = _scores(features, names, random_folds(len(names), folds, seed), calibrated)
@@ -221,7 +231,8 @@ def held_out(
     spatial, probability, right = _scores(features, names, fold, calibrated)
     bins = np.clip((probability * 10).astype(int), 0, 9)
     gap = sum(
-        abs(float(np.mean(probability[bins == b]) - np.mean(right[bins == b]))) * np.mean(bins == b) for b in np.unique(bins)
+        abs(float(np.mean(probability[bins == b]) - np.mean(right[bins == b]))) * np.mean(bins == b)
+        for b in np.unique(bins)
     )
     classes, counts = np.unique(names, return_counts=True)
     plain = names == classes[counts.argmax()]
@@ -265,21 +276,27 @@ def _scores(
         counts = np.unique(names[train], return_counts=True)[1]
         if len(counts) < 2 or counts.min() < 5:
             continue  # nothing to learn from: its samples count as missed
-        seen = MaterialClassifier.learn(features[train], names[train].tolist(), calibrated=calibrated).at(features[test])
+        seen = MaterialClassifier.learn(features[train], names[train].tolist(), calibrated=calibrated).at(
+            features[test]
+        )
         right[test] = np.array(seen.classes)[seen.probabilities.argmax(axis=1)] == names[test]
         probability[test] = seen.probabilities.max(axis=1)
     return float(right.mean()), probability, right
 
 
 def error_of_mean(values: Array, fold: NDArray[np.int64]) -> float:
-    """Standard error of a mean whose samples go together within folds (cluster-robust: Liang & Zeger, Biometrika 73, 1986)."""
+    """Standard error of a mean whose samples go together within folds (cluster-robust: Liang & Zeger, Biometrika 73,
+    1986).
+    """
     sums = np.bincount(fold, values - values.mean())
     count = len(np.unique(fold))
     return float(np.sqrt(np.sum(sums**2) * count / max(count - 1, 1))) / len(values)
 
 
 def _machine(count: int, calibrated: bool) -> Any:
-    """The study's: exp(−|x − x'|²/s²) with s = √P/4, which scikit-learn writes as γ = 1/s²; and the calibrated alternative."""
+    """The study's: exp(−|x − x'|²/s²) with s = √P/4, which scikit-learn writes as γ = 1/s²; and the calibrated
+    alternative.
+    """
     if not calibrated:
         return sklearn("svm").SVC(kernel="rbf", gamma=16.0 / count, C=1.0)
     # a wider kernel generalises to places that were not touched; the logistic curve on left-out scores calibrates it
@@ -288,7 +305,9 @@ def _machine(count: int, calibrated: bool) -> Any:
 
 
 def _apart(z: Array, samples: Array, own: bool = False) -> Array:
-    """Mean distance of features to the `NEIGHBOURS` nearest samples, (m,); their own place left out if they are the samples."""
+    """Mean distance of features to the `NEIGHBOURS` nearest samples, (m,); their own place left out if they are the
+    samples.
+    """
     from scipy.spatial import cKDTree
 
     k = min(NEIGHBOURS + own, len(samples))

@@ -1,4 +1,6 @@
-"""What a reader of a log should doubt, in words, each with what to do about it: units, signs, lost samples, missing channels."""
+"""What a reader of a log should doubt, in words, each with what to do about it: units, signs, lost samples, missing
+channels.
+"""
 
 from __future__ import annotations
 
@@ -51,51 +53,80 @@ def doubts_of(experiment: Experiment) -> list[str]:
         out.append(f"depths of up to {most:.3g} m: are they in another unit? Say so {DEPTH_UNIT}")
     force = _force(experiment)
     if force is not None and np.abs(force[valid]).max() > STRONGEST:
-        out.append(f"normal forces of up to {np.abs(force[valid]).max():.3g} N: are they in another unit? Say so in [columns] of "
-                   'the rig: normal_force = { unit = "mN" }, or { scale = 1e-6 }')  # fmt: skip
+        out.append(
+            f"normal forces of up to {np.abs(force[valid]).max():.3g} N: are they in another unit? Say so in [columns] "
+            f"of "
+            'the rig: normal_force = { unit = "mN" }, or { scale = 1e-6 }'
+        )
     blind = [i for i in (1, 2) if _slides_unseen(experiment, i)]
     if blind:
-        out.append(f"tangential_force{blind[0]} without slip{blind[0]}: how the tool slides along that tangent isn't known, so "
-                   "friction has the wrong direction wherever it does; record both")  # fmt: skip
+        out.append(
+            f"tangential_force{blind[0]} without slip{blind[0]}: how the tool slides along that tangent isn't known, "
+            f"so "
+            "friction has the wrong direction wherever it does; record both"
+        )
     unfelt = [i for i in (1, 2) if _slides_unfelt(experiment, i)]
     if unfelt:
-        out.append(f"slip{unfelt[0]} without tangential_force{unfelt[0]}: what friction does along that tangent isn't seen; "
-                   "record both")  # fmt: skip
+        out.append(
+            f"slip{unfelt[0]} without tangential_force{unfelt[0]}: what friction does along that tangent isn't seen; "
+            "record both"
+        )
     if _crossed(experiment):
-        out.append("tangential_force1 acts against slip2, and tangential_force2 against slip1: are they exchanged? [columns] of "
-                   'the rig names them: slip1 = { column = "…" }')  # fmt: skip
+        out.append(
+            "tangential_force1 acts against slip2, and tangential_force2 against slip1: are they exchanged? [columns] "
+            "of "
+            'the rig names them: slip1 = { column = "…" }'
+        )
     strongest = turned_depth(experiment)
     if strongest is not None:
-        out.append(f"a force of {strongest:.3g} N where the depth is negative, and next to none inside: is its sign turned? "
-                   f"It is positive inside the material; {TURN_DEPTH}")  # fmt: skip
+        out.append(
+            f"a force of {strongest:.3g} N where the depth is negative, and next to none inside: is its sign turned? "
+            f"It is positive inside the material; {TURN_DEPTH}"
+        )
     along = drives(experiment)
     if along is not None:
-        out.append(f"the tangential force points along the slip, by {along:.3g} N: is its sign turned? It is what the surface "
-                   f"does to the tool, against the slip; {TURN_TANGENTIAL}")  # fmt: skip
+        out.append(
+            f"the tangential force points along the slip, by {along:.3g} N: is its sign turned? It is what the surface "
+            f"does to the tool, against the slip; {TURN_TANGENTIAL}"
+        )
     lowest = turned(experiment)
     if lowest is not None:
-        out.append(f"the normal force falls to {lowest:.3g} N as the tool goes deeper: is its sign turned? It is positive "
-                   f"where the material pushes the tool out; {TURN}")  # fmt: skip
+        out.append(
+            f"the normal force falls to {lowest:.3g} N as the tool goes deeper: is its sign turned? It is positive "
+            f"where the material pushes the tool out; {TURN}"
+        )
     if not (valid & (depth <= 0) & ~experiment.in_contact).any():
         out.append("no free motion in the log: a bias of the sensor would look like stiffness")
     quick = (experiment.signals.dt > 0) & (experiment.signals.dt < QUICK)
     jump = float(np.abs(np.diff(depth, prepend=depth[:1])[quick]).max(initial=0.0))
     if jump > LEAP * most:
-        out.append(f"the depth leaps by {1e3 * jump:.3g} mm from one sample to the next: no tool does; look for lost samples")
+        out.append(
+            f"the depth leaps by {1e3 * jump:.3g} mm from one sample to the next: no tool does; look for lost samples"
+        )
     t = experiment.signals.t
     gaps = gaps_in_contact(t, experiment.in_contact)
     if len(gaps) and gaps[0] == 0:
-        out.append("the log begins in contact: what bristles and a material remember of how it was reached isn't known; begin in "
-                   "the air")  # fmt: skip
+        out.append(
+            "the log begins in contact: what bristles and a material remember of how it was reached isn't known; begin "
+            "in "
+            "the air"
+        )
         gaps = gaps[1:]
     if len(gaps):
-        many, longest = "a gap of" if len(gaps) == 1 else f"{len(gaps)} gaps of up to", float((t[gaps] - t[gaps - 1]).max())
-        out.append(f"{many} {longest:.2g} s in contact: what bristles and a material remember over it isn't known; look "
-                   "for lost samples")  # fmt: skip
+        many, longest = (
+            "a gap of" if len(gaps) == 1 else f"{len(gaps)} gaps of up to",
+            float((t[gaps] - t[gaps - 1]).max()),
+        )
+        out.append(
+            f"{many} {longest:.2g} s in contact: what bristles and a material remember over it isn't known; look "
+            "for lost samples"
+        )
     steps = experiment.signals.dt[experiment.signals.dt > 0]
     if experiment.layout.kind == "contact" and len(steps) and np.median(steps) > SLOWEST:
-        out.append(f"{np.median(steps):.3g} s between samples: is the time in another unit? Say so in [columns] of the rig: "
-                   't = { unit = "ms" }')  # fmt: skip
+        out.append(
+            f"{np.median(steps):.3g} s between samples: is the time in another unit? Say so in [columns] of the rig: "
+            't = { unit = "ms" }'
+        )
     return out
 
 
@@ -106,24 +137,37 @@ def refuse_outliers(experiment: Experiment) -> None:
         usual, i = float(np.quantile(size[experiment.valid], USUAL)), int(size.argmax())
         if usual > 0.0 and size[i] > BEYOND * usual:
             at = experiment.signals.t[i]
-            raise InputError(f"a {name} of {row[i]:.3g} {unit}, {at:.4g} s after the first sample, where 99.9 % stay within "
-                             f"{usual:.3g} {unit}", "readings of one kind", "leave out what no sensor has read")  # fmt: skip
+            raise InputError(
+                f"a {name} of {row[i]:.3g} {unit}, {at:.4g} s after the first sample, where 99.9 % stay within "
+                f"{usual:.3g} {unit}",
+                "readings of one kind",
+                "leave out what no sensor has read",
+            )
 
 
 def refuse_signs(experiment: Experiment, needs: Collection[str]) -> None:
     """Forces and depths whose sign is turned, of those that a model needs."""
     lowest = turned(experiment) if "normal" in needs else None
     if lowest is not None:
-        raise InputError(f"a normal force that falls to {lowest:.3g} N as the tool goes deeper",
-                         "one that is positive where the material pushes the tool out", TURN)  # fmt: skip
+        raise InputError(
+            f"a normal force that falls to {lowest:.3g} N as the tool goes deeper",
+            "one that is positive where the material pushes the tool out",
+            TURN,
+        )
     along = drives(experiment) if "slip" in needs else None
     if along is not None:
-        raise InputError(f"a tangential force that points along the slip, by {along:.3g} N",
-                         "what the surface does to the tool, against the slip", TURN_TANGENTIAL)  # fmt: skip
+        raise InputError(
+            f"a tangential force that points along the slip, by {along:.3g} N",
+            "what the surface does to the tool, against the slip",
+            TURN_TANGENTIAL,
+        )
     outside = turned_depth(experiment) if "normal" in needs else None
     if outside is not None:
-        raise InputError(f"a force of {outside:.3g} N where the depth is negative, and next to none inside",
-                         "a depth that is positive inside the material", TURN_DEPTH)  # fmt: skip
+        raise InputError(
+            f"a force of {outside:.3g} N where the depth is negative, and next to none inside",
+            "a depth that is positive inside the material",
+            TURN_DEPTH,
+        )
 
 
 def turned(experiment: Experiment) -> float | None:
@@ -152,7 +196,8 @@ def turned_depth(experiment: Experiment) -> float | None:
 
 
 def drives(experiment: Experiment) -> float | None:
-    """The mean tangential force along the slip [N] where it points along it rather than against it, to and fro; else None.
+    """The mean tangential force along the slip [N] where it points along it rather than against it, to and fro; else
+    None.
 
     One way alone, a tilted surface may push the tool along.
     """
@@ -177,8 +222,10 @@ def _slides_unseen(experiment: Experiment, tangent: int) -> bool:
     touch = experiment.touch
     if touch is None or experiment.layout.kind != "contact":
         return False
-    force, slip, other = (np.isfinite(getattr(touch, f"{name}{i}")).any() for name, i in (
-        ("tangential_force", tangent), ("slip_rate", tangent), ("slip_rate", 3 - tangent)))  # fmt: skip
+    force, slip, other = (
+        np.isfinite(getattr(touch, f"{name}{i}")).any()
+        for name, i in (("tangential_force", tangent), ("slip_rate", tangent), ("slip_rate", 3 - tangent))
+    )
     return bool(force and not slip and other)
 
 

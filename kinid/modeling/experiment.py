@@ -53,7 +53,8 @@ class Experiment:
         touch: the contact quantities that it was made of, or None.
         band: readings and predictions are compared below this frequency [Hz]: velocities and accelerations that a
             differentiator made, where one was asked for, hold nothing above it. None: at all frequencies.
-        drawn: makes the signals of these rows anew, driven by samples of the motion; None where the motion's error isn't known.
+        drawn: makes the signals of these rows anew, driven by samples of the motion; None where the motion's error
+            isn't known.
         warnings: where what was logged contradicts itself, a sentence each.
     """
 
@@ -71,7 +72,9 @@ class Experiment:
 
     @cached_property
     def motion_draws(self) -> tuple[Signals, ...]:
-        """The signals driven by samples of the motion as it may have been, given the noise it was measured with; or none."""
+        """The signals driven by samples of the motion as it may have been, given the noise it was measured with; or
+        none.
+        """
         return () if self.drawn is None else tuple(self.drawn(self.signals, self.rows))
 
     @property
@@ -101,14 +104,18 @@ class Experiment:
 
     @cached_property
     def let_go(self) -> NDArray[np.bool_]:
-        """Samples in which a tool retracts inside a material that has let it go: no more force is left than outside, (n,)."""
+        """Samples in which a tool retracts inside a material that has let it go: no more force is left than outside,
+        (n,).
+        """
         force = self.normal_force
         if force is None:
             return np.zeros(len(self.signals), np.bool_)
         quiet, outside = float(np.hypot.reduce(self.noise[:3])), self.valid & (self.signals.depth < 0)
         bias = float(np.median(force[outside])) if outside.any() else 0.0
         with np.errstate(invalid="ignore"):
-            return np.asarray((self.signals.depth > 0) & (self.signals.depth_rate < 0) & (np.abs(force - bias) < LET_GO * quiet))
+            return np.asarray(
+                (self.signals.depth > 0) & (self.signals.depth_rate < 0) & (np.abs(force - bias) < LET_GO * quiet)
+            )
 
     def in_band(self, readings: Array) -> Array:
         """Readings (channels, n) without what lies above the band; zero-phase, piece by piece (Gustafsson 1996)."""
@@ -122,7 +129,9 @@ class Experiment:
 
     @cached_property
     def _low_pass(self) -> tuple[Array, Array, list[slice]]:
-        """Sections of the filter of the band, (2, 6), what they remember of a step, (2, 2), and pieces of the log to filter."""
+        """Sections of the filter of the band, (2, 6), what they remember of a step, (2, 2), and pieces of the log to
+        filter.
+        """
         from scipy.signal import butter, sosfilt_zi
 
         assert self.band is not None
@@ -145,7 +154,9 @@ class Experiment:
             return {
                 field.name: np.ascontiguousarray(value[::step] if field.name in first else value[..., ::step])
                 for field in dataclasses.fields(thing)  # type: ignore[arg-type]
-                if isinstance(value := getattr(thing, field.name), np.ndarray) and value.size and field.name not in whole
+                if isinstance(value := getattr(thing, field.name), np.ndarray)
+                and value.size
+                and field.name not in whole
             }
 
         parts: dict[str, Any] = {**rows(s), "dt": dt}
@@ -154,10 +165,16 @@ class Experiment:
         if s.joints is not None:
             parts["joints"] = dataclasses.replace(s.joints, **rows(s.joints))  # type: ignore[arg-type]
         return dataclasses.replace(
-            self, signals=dataclasses.replace(s, **parts), measured=self.measured[:, ::step], valid=self.valid[::step],
-            phase=None if self.phase is None else self.phase[::step], in_contact=self.in_contact[::step],
-            rows=self.rows[::step], band=None, touch=None,
-        )  # fmt: skip
+            self,
+            signals=dataclasses.replace(s, **parts),
+            measured=self.measured[:, ::step],
+            valid=self.valid[::step],
+            phase=None if self.phase is None else self.phase[::step],
+            in_contact=self.in_contact[::step],
+            rows=self.rows[::step],
+            band=None,
+            touch=None,
+        )
 
     @property
     def layout(self) -> Layout:
@@ -182,8 +199,15 @@ def from_contact(touch: ContactSeries, channels: tuple[str, ...]) -> Experiment:
     in_contact = _touching(touch, rows)
     valid = np.isfinite(measured).all(axis=0) & ~forgotten(t, in_contact)
     signals = Signals(
-        Layout(channels, "contact"), t, dt, touch.depth[rows], touch.depth_rate[rows], slip, slip_rate, measured=measured,
-    )  # fmt: skip
+        Layout(channels, "contact"),
+        t,
+        dt,
+        touch.depth[rows],
+        touch.depth_rate[rows],
+        slip,
+        slip_rate,
+        measured=measured,
+    )
     noise = _noise(measured[:, valid])
     free = valid & ~in_contact & (touch.depth[rows] < 0)
     if free.sum() >= FREE_ENOUGH:
@@ -193,8 +217,18 @@ def from_contact(touch: ContactSeries, channels: tuple[str, ...]) -> Experiment:
     drawn = None
     if touch.source is not None and any(step.name == "smooth" for step in touch.provenance.steps):
         drawn = SeriesDraws(*touch.source)
-    return Experiment(signals, measured, valid, noise, _named(touch.phase, rows), in_contact, rows, touch=touch, drawn=drawn,
-                      warnings=touch.warnings)  # fmt: skip
+    return Experiment(
+        signals,
+        measured,
+        valid,
+        noise,
+        _named(touch.phase, rows),
+        in_contact,
+        rows,
+        touch=touch,
+        drawn=drawn,
+        warnings=touch.warnings,
+    )
 
 
 def from_wrench(
@@ -224,8 +258,11 @@ def from_wrench(
         InputError: no wrench, no joints, no sensor frame, or input that contradicts itself.
     """
     if log.wrench is None:
-        raise InputError(f"no wrench in {log.provenance.source}", "fx fy fz tx ty tz [N, N·m]",
-                         "record the force/torque sensor, or name its columns in [columns]")  # fmt: skip
+        raise InputError(
+            f"no wrench in {log.provenance.source}",
+            "fx fy fz tx ty tz [N, N·m]",
+            "record the force/torque sensor, or name its columns in [columns]",
+        )
     robot = robot or Robot.load(rig)
     surface, touch = load_surface(rig), None
     if surface is not None:  # first, so that its own motion has gone when the motion here is worked out
@@ -256,12 +293,17 @@ def from_wrench(
         slip = np.stack([touch.slip1[rows], touch.slip2[rows]])
         slip_rate = np.stack([touch.slip_rate1[rows], touch.slip_rate2[rows]])
     signals = Signals(
-        Layout(WRENCH, "wrench"), t, dt,
+        Layout(WRENCH, "wrench"),
+        t,
+        dt,
         np.full(len(rows), FAR) if touch is None else touch.depth[rows],
         np.zeros(len(rows)) if touch is None else touch.depth_rate[rows],
-        slip, slip_rate,
-        measured=_rows(reading.true()[rows]), sensor=sensor, as_read=AsRead.stated(reading.inverse_crosstalk, stated),
-    )  # fmt: skip
+        slip,
+        slip_rate,
+        measured=_rows(reading.true()[rows]),
+        sensor=sensor,
+        as_read=AsRead.stated(reading.inverse_crosstalk, stated),
+    )
     noise = _noise(measured[:, valid])
     if rig.sensor.noise is not None:
         noise = np.maximum(noise, rig.sensor.noise)
@@ -270,7 +312,9 @@ def from_wrench(
         touching = _touching(touch, rows)
         valid = valid & ~forgotten(t, touching)
     drawn = SeriesDraws(log, rig) if differentiator is None else None
-    return Experiment(signals, measured, valid, noise, _named(log.phase, rows), touching, rows, drawn=drawn, warnings=warnings)
+    return Experiment(
+        signals, measured, valid, noise, _named(log.phase, rows), touching, rows, drawn=drawn, warnings=warnings
+    )
 
 
 def from_joint_torques(
@@ -284,9 +328,9 @@ def from_joint_torques(
     """The torque of each joint, beside the rigid-body torque of its motion.
 
     With a wrench in the log, everything beyond the sensor is what the sensor says; without one, the rig's tool is added
-    to the arm, as in `kinid.joint_torques`. Without a `[robot]` in the rig nothing is known of the axes, neither inertia
-    nor names. A joint that slides has the channel "force1" [N] instead of "tau1" [N·m]; without a robot the units of
-    [columns] tell.
+    to the arm, as in `kinid.joint_torques`. Without a `[robot]` in the rig nothing is known of the axes, neither
+    inertia nor names. A joint that slides has the channel "force1" [N] instead of "tau1" [N·m]; without a robot the
+    units of [columns] tell.
 
     Args:
         log: with joint positions and torques.
@@ -299,15 +343,20 @@ def from_joint_torques(
         InputError: no torques, no positions, or not a sample with both.
     """
     if log.tau is None:
-        raise InputError(f"no joint torques in {log.provenance.source}", "tau1…tauN [N·m], link side",
-                         "name their columns in [columns] of the rig")  # fmt: skip
+        raise InputError(
+            f"no joint torques in {log.provenance.source}",
+            "tau1…tauN [N·m], link side",
+            "name their columns in [columns] of the rig",
+        )
     if robot is None and rig.robot is not None:
         robot = Robot.load(rig)
     motion = axes_motion(log, differentiator) if robot is None else joint_motion(log, robot, differentiator)
     q, dq, ddq = motion.q, motion.dq, motion.ddq
     rows = np.flatnonzero(np.isfinite(q.sum(axis=1) + dq.sum(axis=1) + ddq.sum(axis=1)))
     t, dt = clock(log.t, rows, "joint motion", log.provenance.source)
-    joints = JointMotion(_rows(q[rows]), _rows(dq[rows]), _rows(ddq[rows]), np.zeros((q.shape[1], len(rows))), known=False)
+    joints = JointMotion(
+        _rows(q[rows]), _rows(dq[rows]), _rows(ddq[rows]), np.zeros((q.shape[1], len(rows))), known=False
+    )
     slides = [_slides(rig, j) for j in range(q.shape[1])]
     valid: NDArray[np.bool_] = np.isfinite(log.tau[rows].sum(axis=1))
     arm = carried = None
@@ -322,13 +371,19 @@ def from_joint_torques(
             carried = np.nan_to_num(carried)
         arm = robot if carried is not None or rig.tool is None else robot.with_tool(rig.tool)
         rigid = inverse_dynamics(arm, q[rows], dq[rows], ddq[rows], None if carried is None else carried[rows])
-        joints = dataclasses.replace(joints, rigid=_rows(rigid), known=True,
-                                     payload=payload_torques(robot, q[rows], dq[rows], ddq[rows]),
-                                     gravity=gravity_torques(arm, q[rows]),
-                                     moments=functools.partial(moment_torques, arm),
-                                     slopes=functools.partial(torque_slopes, arm))  # fmt: skip
+        joints = dataclasses.replace(
+            joints,
+            rigid=_rows(rigid),
+            known=True,
+            payload=payload_torques(robot, q[rows], dq[rows], ddq[rows]),
+            gravity=gravity_torques(arm, q[rows]),
+            moments=functools.partial(moment_torques, arm),
+            slopes=functools.partial(torque_slopes, arm),
+        )
         if carried is None and rig.tool is not None:
-            joints = dataclasses.replace(joints, tool=(rig.tool.mass, rig.tool.mass * float(np.linalg.norm(rig.tool.com))))
+            joints = dataclasses.replace(
+                joints, tool=(rig.tool.mass, rig.tool.mass * float(np.linalg.norm(rig.tool.com)))
+            )
         slides = [robot.is_prismatic(name) for name in robot.joint_names]
     channels = tuple(f"{'force' if slide else 'tau'}{j + 1}" for j, slide in enumerate(slides))
     layout = Layout(channels, "joints", () if robot is None else robot.joint_names)
@@ -339,9 +394,18 @@ def from_joint_torques(
     if band is not None and 4 * band * log.period > 1.0:  # the log's own rate is the limit
         band = None
     drawn = JointDraws(log, arm, robot, carried) if differentiator is None else None
-    return Experiment(signals, measured, valid, _noise(measured[:, valid]), _named(log.phase, rows),
-                      np.zeros(len(rows), dtype=np.bool_), rows, band, drawn=drawn,
-                      warnings=tuple(motion.facts.get("warnings", ())))  # fmt: skip
+    return Experiment(
+        signals,
+        measured,
+        valid,
+        _noise(measured[:, valid]),
+        _named(log.phase, rows),
+        np.zeros(len(rows), dtype=np.bool_),
+        rows,
+        band,
+        drawn=drawn,
+        warnings=tuple(motion.facts.get("warnings", ())),
+    )
 
 
 def _slides(rig: Rig, joint: int) -> bool:

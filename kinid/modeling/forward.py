@@ -1,4 +1,5 @@
-"""A model's way along the measurement chain, step by step; another one that is the same at first begins where they differ.
+"""A model's way along the measurement chain, step by step; another one that is the same at first begins where they
+differ.
 
 joints → geometry → elastic → normal → friction → frame → tool → sensor → acquisition → reading
 joints → rigid body + joint effects → sensor → acquisition → joint torques
@@ -52,9 +53,11 @@ class Route:
         """That of these effects for logs of a kind."""
 
         def acting(stage: Stage) -> list[Step]:
-            return [Step((effect, stage), i, getattr(effect, stage.value))
-                    for i, effect in sorted(enumerate(effects), key=lambda numbered: numbered[1].turn)
-                    if stage in effect.stages()]  # fmt: skip
+            return [
+                Step((effect, stage), i, getattr(effect, stage.value))
+                for i, effect in sorted(enumerate(effects), key=lambda numbered: numbered[1].turn)
+                if stage in effect.stages()
+            ]
 
         def chain(act: Callable[[Signals, Array], None]) -> Step:
             return Step((act,), CHAIN, act)
@@ -74,8 +77,9 @@ class Route:
         after += [chain(_as_read), *converter, chain(_as_true)] if converter else []
         return cls((*before, *law, *after), range(len(before), len(before) + len(law)))
 
-    def run(self, signals: Signals, parts: Sequence[Array], near: Course | None = None, found: list[Signals] | None = None
-            ) -> Signals:  # fmt: skip
+    def run(
+        self, signals: Signals, parts: Sequence[Array], near: Course | None = None, found: list[Signals] | None = None
+    ) -> Signals:
         """Quantities at the end of the chain.
 
         Args:
@@ -184,7 +188,9 @@ def _bristles(s: Signals) -> Array:
 
 
 def _read(s: Signals, _: Array) -> None:
-    """Contact forces as the sensor has them: a wrench at its origin with the rig's tool (6, n), or the forces themselves."""
+    """Contact forces as the sensor has them: a wrench at its origin with the rig's tool (6, n), or the forces
+    themselves.
+    """
     if s.layout.kind == "contact":
         rows = {"normal_force": s.normal, "tangential_force1": s.tangential[0], "tangential_force2": s.tangential[1]}
         s.reading = np.stack([rows[name] for name in s.layout.channels])

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+
 @dataclass(frozen=True)
 class Model:
     """An ordered set of effects; `model + "relaxation"` is the model with one more.
@@ -57,7 +58,9 @@ class Model:
                 beside, mend = "alone", f"add {effect.wants[0]}"
                 if bases and catalogue.get(effect.wants[0]).base:
                     beside, mend = f"beside {bases[0]}", f"start from {effect.wants[0]} instead of {bases[0]}"
-                raise InputError(f"effect '{effect.id}' {beside}", f"{' or '.join(effect.wants)} in the same model", mend)
+                raise InputError(
+                    f"effect '{effect.id}' {beside}", f"{' or '.join(effect.wants)} in the same model", mend
+                )
         object.__setattr__(self, "effects", tuple(effect.beside(names_seen) for effect in flat))
 
     def __add__(self, other: str | Effect | Model) -> Model:
@@ -103,7 +106,9 @@ class Model:
 
     @cached_property
     def needs_log(self) -> bool:
-        """Whether contact-frame quantities alone can't carry it: some effect acts on the whole wrench, or on joint torques."""
+        """Whether contact-frame quantities alone can't carry it: some effect acts on the whole wrench, or on joint
+        torques.
+        """
         one = Layout(("normal_force",), "contact")
         return bool(self.needs & {"wrench", "joints"}) or any(not effect.parameters(one) for effect in self.effects)
 
@@ -114,7 +119,9 @@ class Model:
 
     @property
     def pulls(self) -> bool:
-        """Whether it pulls at a tool that retracts and no adhesion is meant: a material that lets go says nothing to it then."""
+        """Whether it pulls at a tool that retracts and no adhesion is meant: a material that lets go says nothing to it
+        then.
+        """
         return any(effect.pulls for effect in self.effects) and not any(effect.reaches for effect in self.effects)
 
     @property
@@ -136,7 +143,8 @@ class Model:
         Args:
             signals: the measured motion.
             values: of all parameters in order, or by name (those not named are nominal).
-            near: the way of a prediction that may be the same at first, of this model or one much like it; saves time alone.
+            near: the way of a prediction that may be the same at first, of this model or one much like it; saves time
+                alone.
         """
         if isinstance(values, Mapping):
             named = self.parameters(signals.layout)
@@ -147,7 +155,9 @@ class Model:
         return self._route(signals.layout.kind).run(signals, self._split(signals.layout, values), near).reading
 
     def course(self, signals: Signals, values: Array, near: Course | None = None) -> Course:
-        """The way along the chain to what `predict` gives, which other predictions may share; it may share another one itself."""
+        """The way along the chain to what `predict` gives, which other predictions may share; it may share another one
+        itself.
+        """
         return Course(self._route(signals.layout.kind), signals, self._split(signals.layout, values), near)
 
     def _route(self, kind: str) -> Route:

@@ -1,7 +1,7 @@
 """Samples of a motion's own error, carried into everything that a law is driven by.
 
-The same law, predicted with each of them, shows what the noise of the motion leaves in a residual: a bristle turns it into a
-force that lasts, a dashpot into one that doesn't.
+The same law, predicted with each of them, shows what the noise of the motion leaves in a residual: a bristle turns it
+into a force that lasts, a dashpot into one that doesn't.
 """
 
 from __future__ import annotations
@@ -54,7 +54,9 @@ class SeriesDraws:
         motion = joint_motion(self.log, robot)
         if motion.smoothed is None:
             return
-        mean = np.zeros((0, 0)) if surface is None else contact_motion(self.log, self.rig, robot, surface, motion)[:, rows]
+        mean = (
+            np.zeros((0, 0)) if surface is None else contact_motion(self.log, self.rig, robot, surface, motion)[:, rows]
+        )
         for number in range(DRAWS):
             moved = motion.draw(number)
             out = signals
@@ -95,7 +97,9 @@ class JointDraws:
         if motion.smoothed is None or signals.joints is None:
             return
         for number in range(DRAWS):
-            yield dataclasses.replace(signals, joints=dataclasses.replace(signals.joints, **self._joints(motion, number, rows)))
+            yield dataclasses.replace(
+                signals, joints=dataclasses.replace(signals.joints, **self._joints(motion, number, rows))
+            )
 
     def _joints(self, motion: JointMotion, number: int, rows: Rows) -> dict[str, Any]:
         moved = motion.draw(number)
@@ -113,9 +117,12 @@ def _moved(signals: Signals, away: Array) -> Signals:
     """Signals whose motion is off by rows of a contact table."""
     away = np.nan_to_num(away)
     return dataclasses.replace(
-        signals, depth=signals.depth + away[DEPTH], depth_rate=signals.depth_rate + away[DEPTH_RATE],
-        slip=signals.slip + away[SLIP], slip_rate=signals.slip_rate + away[SLIP_RATE],
-    )  # fmt: skip
+        signals,
+        depth=signals.depth + away[DEPTH],
+        depth_rate=signals.depth_rate + away[DEPTH_RATE],
+        slip=signals.slip + away[SLIP],
+        slip_rate=signals.slip_rate + away[SLIP_RATE],
+    )
 
 
 def _turned(values: Array) -> Array:

@@ -11,11 +11,11 @@ from kinid.signal.derivative import GAP_FACTOR, Differentiator
 
 Array = NDArray[np.float64]
 
-#: samples that are missing for less than this lose no memory: a period of the fastest motion that the differentiator passes;
-#: slower ones run nearly straight meanwhile [s]
+#: samples that are missing for less than this lose no memory: a period of the fastest motion that the differentiator
+#: passes; slower ones run nearly straight meanwhile [s]
 BRIDGED = 1.0 / Differentiator().bandwidth
-#: what bristles and a material remember over a gap in contact isn't known: until the tool leaves, or for so long [s], readings
-#: don't count, unless that would leave out more than this share of those in contact
+#: what bristles and a material remember over a gap in contact isn't known: until the tool leaves, or for so long [s],
+#: readings don't count, unless that would leave out more than this share of those in contact
 FORGETS, LOSSY = (np.inf, 1.0), 0.5
 
 
@@ -27,7 +27,8 @@ def time_steps(t: Array, starts: NDArray[np.bool_]) -> Array:
 
 
 def gaps_in_contact(t: Array, in_contact: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """First sample after each gap that ended in contact, of a log that isn't one of poses at rest: how it was reached is lost.
+    """First sample after each gap that ended in contact, of a log that isn't one of poses at rest: how it was reached
+    is lost.
 
     The first of all where the log begins in contact: what was before it is a gap, too.
     """

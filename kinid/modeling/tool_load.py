@@ -1,4 +1,6 @@
-"""What an arm carries: the motion of its force/torque sensor, the load of the tool there, and the torques that hold a payload."""
+"""What an arm carries: the motion of its force/torque sensor, the load of the tool there, and the torques that hold a
+payload.
+"""
 
 from __future__ import annotations
 
@@ -19,17 +21,24 @@ Array = NDArray[np.float64]
 AT_ONCE = 32_768
 
 
-def sensor_motion(robot: Robot, rig: Rig, motion: JointMotion, rows: NDArray[np.int64], surface: Surface | None) -> SensorMotion:
+def sensor_motion(
+    robot: Robot, rig: Rig, motion: JointMotion, rows: NDArray[np.int64], surface: Surface | None
+) -> SensorMotion:
     """Motion of the sensor at these rows, and the load of the rig's tool there.
 
     Contact axes are the surface's where the tip is; without a surface, the base's.
     """
     tool, n = rig.tool or ToolSpec(mass=0.0), len(rows)
     out = SensorMotion(
-        to_contact=np.empty((n, 3, 3)), tip=robot.tip_in_sensor() if robot.tip_frame is not None else np.zeros(3),
-        specific=np.empty((3, n)), omega=np.empty((3, n)), alpha=np.empty((3, n)), load=np.empty((6, n)),
-        mass=tool.mass, com=np.asarray(tool.com),
-    )  # fmt: skip
+        to_contact=np.empty((n, 3, 3)),
+        tip=robot.tip_in_sensor() if robot.tip_frame is not None else np.zeros(3),
+        specific=np.empty((3, n)),
+        omega=np.empty((3, n)),
+        alpha=np.empty((3, n)),
+        load=np.empty((6, n)),
+        mass=tool.mass,
+        com=np.asarray(tool.com),
+    )
     for begin in range(0, n, AT_ONCE):
         at, part = slice(begin, begin + AT_ONCE), rows[begin : begin + AT_ONCE]
         sensor = robot.kinematics(robot.sensor_frame or "", motion.q[part], motion.dq[part], motion.ddq[part])
@@ -47,9 +56,9 @@ def sensor_motion(robot: Robot, rig: Rig, motion: JointMotion, rows: NDArray[np.
 def payload_torques(robot: Robot, q: Array, dq: Array, ddq: Array) -> Array:
     """Joint torques per unit of a payload's m [kg] and m·com [kg·m], (4, N, n), in the log's order of joints.
 
-    The payload is fixed to the sensor frame (without one, to the tip's, else to the last frame of the model), and its com
-    is given there; its inertia about the origin of that frame is zero. By Newton-Euler its wrench is linear in these four,
-    and so are the torques −Jᵀ w that hold it.
+    The payload is fixed to the sensor frame (without one, to the tip's, else to the last frame of the model), and its
+    com is given there; its inertia about the origin of that frame is zero. By Newton-Euler its wrench is linear in
+    these four, and so are the torques −Jᵀ w that hold it.
     """
     model = robot.model
     name = robot.sensor_frame or robot.tip_frame or model.frames[model.nframes - 1].name
@@ -66,7 +75,9 @@ def payload_torques(robot: Robot, q: Array, dq: Array, ddq: Array) -> Array:
 
 
 def gravity_torques(robot: Robot, q: Array) -> Array:
-    """Joint torques that hold the arm per unit of gravity along each axis of its base, (3, N, n), in the log's order."""
+    """Joint torques that hold the arm per unit of gravity along each axis of its base, (3, N, n), in the log's
+    order.
+    """
     data, configuration = robot.model.createData(), robot.configuration(q)
     out = np.empty((3, len(q), robot.model.nv))
     for axis in range(3):
@@ -93,7 +104,8 @@ def moment_torques(robot: Robot, q: Array) -> Array:
 
 
 def torque_slopes(robot: Robot, q: Array, dq: Array, ddq: Array) -> Array:
-    """Change of the torques of a motion where each joint is elsewhere, per radian, and where it accelerates, per rad/s².
+    """Change of the torques of a motion where each joint is elsewhere, per radian, and where it accelerates, per
+    rad/s².
 
     Returns:
         (2, N, N, n): of the first joint's angle on all torques, …; then of its acceleration, but on its own torque.
@@ -125,6 +137,8 @@ def payload_wrenches(specific: Array, omega: Array, alpha: Array) -> Array:
 
 def _in_sensor(motion: Kinematics, gravity: Array) -> tuple[Array, Array, Array]:
     """Specific force g − a, angular velocity and acceleration in the frame's own axes, each (3, n)."""
-    into = [np.einsum("nji,nj->in", motion.rotation, vector)
-            for vector in (gravity - motion.acceleration, motion.angular_velocity, motion.angular_acceleration)]  # fmt: skip
+    into = [
+        np.einsum("nji,nj->in", motion.rotation, vector)
+        for vector in (gravity - motion.acceleration, motion.angular_velocity, motion.angular_acceleration)
+    ]
     return into[0], into[1], into[2]

@@ -4,10 +4,11 @@ A redundant arm reaches a pose with a whole curve of joint positions. Taken is t
 
     H(q) = −½ Σ log(1 − u²) − w log √det(J Jᵀ),   u = (q − middle)/half range,
 
-the first part grows towards the joints' limits, the second towards singularities (Yoshikawa 1985). Where H is least, its
-gradient along the null space of J is zero (extended Jacobian: Baillieul 1985); so joints are a smooth function of the pose,
-and a path that comes back brings every joint back, unlike the velocity-level null-space gradient (Liégeois 1977), whose
-limit for an infinitely quick descent this is. An arm without redundancy has nothing to choose, and H is not asked.
+the first part grows towards the joints' limits, the second towards singularities (Yoshikawa 1985). Where H is least,
+its gradient along the null space of J is zero (extended Jacobian: Baillieul 1985); so joints are a smooth function of
+the pose, and a path that comes back brings every joint back, unlike the velocity-level null-space gradient (Liégeois
+1977), whose limit for an infinitely quick descent this is. An arm without redundancy has nothing to choose, and H is
+not asked.
 """
 
 from __future__ import annotations
@@ -74,12 +75,18 @@ def _slope(q: Array, jacobian: Array, inverse: Array, middle: Array, half: Array
             else:
                 a0, a1, a2 = jacobian[3, i], jacobian[4, i], jacobian[5, i]
                 b0, b1, b2 = jacobian[0, j], jacobian[1, j], jacobian[2, j]
-            total += (inverse[i, 0] * (a1 * b2 - a2 * b1) + inverse[i, 1] * (a2 * b0 - a0 * b2)
-                      + inverse[i, 2] * (a0 * b1 - a1 * b0))  # fmt: skip
+            total += (
+                inverse[i, 0] * (a1 * b2 - a2 * b1)
+                + inverse[i, 1] * (a2 * b0 - a0 * b2)
+                + inverse[i, 2] * (a0 * b1 - a1 * b0)
+            )
             if j < i:
                 b0, b1, b2 = jacobian[3, i], jacobian[4, i], jacobian[5, i]
-                total += (inverse[i, 3] * (a1 * b2 - a2 * b1) + inverse[i, 4] * (a2 * b0 - a0 * b2)
-                          + inverse[i, 5] * (a0 * b1 - a1 * b0))  # fmt: skip
+                total += (
+                    inverse[i, 3] * (a1 * b2 - a2 * b1)
+                    + inverse[i, 4] * (a2 * b0 - a0 * b2)
+                    + inverse[i, 5] * (a0 * b1 - a1 * b0)
+                )
         raw[j] -= weight * total
     task = jacobian @ raw
     for j in range(n):
@@ -90,9 +97,23 @@ def _slope(q: Array, jacobian: Array, inverse: Array, middle: Array, half: Array
 
 @cached(kernel)
 def solve_poses(
-    q: Array, positions: Array, rotations: Array, turns: Array, shifts: Array, prismatic: Array, mass: Array, com: Array,
-    inertia: Array, gravity: Array, lower: Array, upper: Array, weight: float, patience: int, out: Array, cost: Array,
-) -> tuple[int, int]:  # fmt: skip
+    q: Array,
+    positions: Array,
+    rotations: Array,
+    turns: Array,
+    shifts: Array,
+    prismatic: Array,
+    mass: Array,
+    com: Array,
+    inertia: Array,
+    gravity: Array,
+    lower: Array,
+    upper: Array,
+    weight: float,
+    patience: int,
+    out: Array,
+    cost: Array,
+) -> tuple[int, int]:
     """Joints for each pose in turn, each search begun at the one before; how it ended, and the row where it did.
 
     Args:
@@ -118,16 +139,35 @@ def solve_poses(
             for j in range(joints):
                 x[j] = 2.0 * out[row - 1, j] - out[row - 2, j]
         for _ in range(patience):
-            _dynamics(x, still, turns, shifts, prismatic, mass, com, inertia, gravity, work, matrix, bias, hold, rotation,
-                      position, jacobian)  # fmt: skip
+            _dynamics(
+                x,
+                still,
+                turns,
+                shifts,
+                prismatic,
+                mass,
+                com,
+                inertia,
+                gravity,
+                work,
+                matrix,
+                bias,
+                hold,
+                rotation,
+                position,
+                jacobian,
+            )
             volume = _inverse(jacobian, inverse)
             for i in range(3):
                 error[i] = positions[row, i] - position[i]
             # rotation still to go, base axes: half the skew part gives its sine, the trace its cosine
             trace, s0, s1, s2 = 0.0, 0.0, 0.0, 0.0
             for k in range(3):
-                trace += (rotations[row, 0, k] * rotation[0, k] + rotations[row, 1, k] * rotation[1, k]
-                          + rotations[row, 2, k] * rotation[2, k])  # fmt: skip
+                trace += (
+                    rotations[row, 0, k] * rotation[0, k]
+                    + rotations[row, 1, k] * rotation[1, k]
+                    + rotations[row, 2, k] * rotation[2, k]
+                )
                 s0 += rotations[row, 2, k] * rotation[1, k] - rotations[row, 1, k] * rotation[2, k]
                 s1 += rotations[row, 0, k] * rotation[2, k] - rotations[row, 2, k] * rotation[0, k]
                 s2 += rotations[row, 1, k] * rotation[0, k] - rotations[row, 0, k] * rotation[1, k]
@@ -154,8 +194,24 @@ def solve_poses(
                 for side in range(2):
                     for j in range(joints):
                         step[j] = x[j] + (h if side == 0 else -h) * slope[j] / size
-                    _dynamics(step, still, turns, shifts, prismatic, mass, com, inertia, gravity, work, matrix, bias, hold,
-                              rotation, position, jacobian)  # fmt: skip
+                    _dynamics(
+                        step,
+                        still,
+                        turns,
+                        shifts,
+                        prismatic,
+                        mass,
+                        com,
+                        inertia,
+                        gravity,
+                        work,
+                        matrix,
+                        bias,
+                        hold,
+                        rotation,
+                        position,
+                        jacobian,
+                    )
                     _inverse(jacobian, other)
                     _slope(step, jacobian, other, middle, half, weight, ahead if side == 0 else behind)
                 for j in range(joints):
@@ -192,17 +248,43 @@ def solve_poses(
 
 @cached(kernel)
 def torques(
-    q: Array, dq: Array, ddq: Array, force: Array, turns: Array, shifts: Array, prismatic: Array, mass: Array, com: Array,
-    inertia: Array, gravity: Array, out: Array,
-) -> None:  # fmt: skip
+    q: Array,
+    dq: Array,
+    ddq: Array,
+    force: Array,
+    turns: Array,
+    shifts: Array,
+    prismatic: Array,
+    mass: Array,
+    com: Array,
+    inertia: Array,
+    gravity: Array,
+    out: Array,
+) -> None:
     """τ = M q̈ + bias − Jᵀ f for each row, chain order, into `out` (n, N); f acts on the tip, base axes [N], (n, 3)."""
     n, joints = q.shape
     work, matrix = np.empty((joints, _WORK)), np.empty((joints, joints))
     bias, hold = np.empty(joints), np.empty(joints)
     rotation, position, jacobian = np.empty((3, 3)), np.empty(3), np.empty((6, joints))
     for row in range(n):
-        _dynamics(q[row], dq[row], turns, shifts, prismatic, mass, com, inertia, gravity, work, matrix, bias, hold, rotation,
-                  position, jacobian)  # fmt: skip
+        _dynamics(
+            q[row],
+            dq[row],
+            turns,
+            shifts,
+            prismatic,
+            mass,
+            com,
+            inertia,
+            gravity,
+            work,
+            matrix,
+            bias,
+            hold,
+            rotation,
+            position,
+            jacobian,
+        )
         for j in range(joints):
             total = bias[j]
             for k in range(joints):

@@ -37,8 +37,14 @@ class Usage:
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return {"quantity": self.quantity, "joint": self.joint, "share": self.share, "value": self.value, "limit": self.limit,
-                "t": self.t}  # fmt: skip
+        return {
+            "quantity": self.quantity,
+            "joint": self.joint,
+            "share": self.share,
+            "value": self.value,
+            "limit": self.limit,
+            "t": self.t,
+        }
 
 
 def usage(trajectory: Trajectory, limits: Limits, torque: Array | None = None) -> tuple[Usage, ...]:
@@ -47,14 +53,19 @@ def usage(trajectory: Trajectory, limits: Limits, torque: Array | None = None) -
     The jerk is that which leads from one sample's acceleration to the next: the mean over the interval.
 
     Args:
-        trajectory: checked. limits: of its joints. torque: joint torques with the contact force [N·m], (n, N), where known.
+        trajectory: checked. limits: of its joints. torque: joint torques with the contact force [N·m], (n, N), where
+            known.
     """
     x, t = trajectory, trajectory.t
     middle, half = 0.5 * (limits.lower + limits.upper), 0.5 * (limits.upper - limits.lower)
     with np.errstate(invalid="ignore"):
         shares = {"position": np.where(np.isfinite(half), np.abs(x.q - middle) / half, 0.0)}
-    values = {"position": x.q, "velocity": x.dq, "acceleration": x.ddq,
-              "jerk": np.diff(x.ddq, axis=0, append=x.ddq[-1:]) / np.append(np.diff(t), 1.0)[:, None]}  # fmt: skip
+    values = {
+        "position": x.q,
+        "velocity": x.dq,
+        "acceleration": x.ddq,
+        "jerk": np.diff(x.ddq, axis=0, append=x.ddq[-1:]) / np.append(np.diff(t), 1.0)[:, None],
+    }
     if torque is not None:
         values["torque"] = torque
     for name in ("velocity", "acceleration", "jerk", "torque"):
@@ -70,7 +81,8 @@ def usage(trajectory: Trajectory, limits: Limits, torque: Array | None = None) -
 
 
 def breaks(trajectory: Trajectory, limits: Limits) -> float:
-    """How far neighbouring samples are apart beyond what the jerk's limit explains [rad, rad/s, rad/s²]; 0 is continuous.
+    """How far neighbouring samples are apart beyond what the jerk's limit explains [rad, rad/s, rad/s²]; 0 is
+    continuous.
 
     With |q⃛| ≤ J: |q₁ − q₀ − h q̇₀ − h²/2 q̈₀| ≤ J h³/6, |q̇₁ − q̇₀ − h q̈₀| ≤ J h²/2, |q̈₁ − q̈₀| ≤ J h.
     """
@@ -85,7 +97,9 @@ def breaks(trajectory: Trajectory, limits: Limits) -> float:
     return float(max(0.0, *(gap.max() for gap in gaps)))
 
 
-def check(trajectory: Trajectory, limits: Limits, torque: Array | None = None, what: str = "the motion") -> tuple[Usage, ...]:
+def check(
+    trajectory: Trajectory, limits: Limits, torque: Array | None = None, what: str = "the motion"
+) -> tuple[Usage, ...]:
     """Refuse a motion that breaks a limit, naming the one it breaks most; else how much of each it uses.
 
     Raises:
@@ -94,11 +108,14 @@ def check(trajectory: Trajectory, limits: Limits, torque: Array | None = None, w
     found = usage(trajectory, limits, torque)
     worst = max(found, key=lambda use: use.share if np.isfinite(use.share) else np.inf)
     if not worst.share <= 1.0:
-        raise InputError(f"{what}, whose binding limit is the {worst}", f"{worst.quantity} within the limit",
-                         _MEND[worst.quantity])  # fmt: skip
+        raise InputError(
+            f"{what}, whose binding limit is the {worst}", f"{worst.quantity} within the limit", _MEND[worst.quantity]
+        )
     gap = breaks(trajectory, limits)
     if gap > CONTINUOUS:
-        raise InputError(f"{what} with a jump of {gap:.3g} between samples", "joints that move continuously", "plan it again")
+        raise InputError(
+            f"{what} with a jump of {gap:.3g} between samples", "joints that move continuously", "plan it again"
+        )
     return found
 
 

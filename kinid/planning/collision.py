@@ -23,7 +23,8 @@ from kinid.robotics.surface import Mesh, Plane, Surface
 
 Array = NDArray[np.float64]
 
-#: kept free between shapes [m]. Postures that stand for others are so near them that no point of the arm differs by more
+#: kept free between shapes [m]. Postures that stand for others are so near them that no point of the arm differs by
+#: more
 CLEARANCE = 0.006
 #: how far the material reaches beyond the places touched, and down [m]
 BLOCK = (0.08, 0.05)
@@ -51,40 +52,59 @@ class Scene:
         self._reach = max(1.0, sum(float(np.linalg.norm(place.translation)) for place in self.model.jointPlacements))
 
     @classmethod
-    def of(cls, robot: Robot, folder: Path, surface: Surface | None = None, *, places: Array | None = None,
-           deepest: float = 0.0) -> Scene:  # fmt: skip
+    def of(
+        cls,
+        robot: Robot,
+        folder: Path,
+        surface: Surface | None = None,
+        *,
+        places: Array | None = None,
+        deepest: float = 0.0,
+    ) -> Scene:
         """The scene of a robot and a surface.
 
         Args:
-            robot: of a rig in `folder`. surface: touched, or None. places: touched, base frame [m], (k, 3), with a plane.
+            robot: of a rig in `folder`. surface: touched, or None. places: touched, base frame [m], (k, 3), with a
+                plane.
             deepest: how far the tip goes below the surface [m].
         """
         path = kinid.urdf.path(robot.name, folder)
         model, geometry = _shapes(robot, path)
-        notes = [] if len(geometry.geometryObjects) else [f"{robot.name} has no collision shapes: collisions are not checked"]
+        notes = (
+            []
+            if len(geometry.geometryObjects)
+            else [f"{robot.name} has no collision shapes: collisions are not checked"]
+        )
         count = len(geometry.geometryObjects)
         parents = [shape.parentJoint for shape in geometry.geometryObjects]
-        pairs = [(a, b) for a in range(count) for b in range(a)
-                 if not _neighbours(model, parents[a], parents[b])]  # fmt: skip
+        pairs = [(a, b) for a in range(count) for b in range(a) if not _neighbours(model, parents[a], parents[b])]
         if surface is not None and count:
             shape, place = _block(surface, places)
             number = geometry.addGeometryObject(pin.GeometryObject("surface", 0, place, shape))
             tool = _touching(robot, model, geometry, deepest)
             pairs += [(a, number) for a in range(count) if a not in tool and parents[a] > 0]
             if isinstance(surface, Plane):
-                notes.append(f"the material is taken to be a block that reaches {BLOCK[0]:g} m beyond the places touched and "
-                             f"{BLOCK[1]:g} m down")  # fmt: skip
+                notes.append(
+                    f"the material is taken to be a block that reaches {BLOCK[0]:g} m beyond the places touched and "
+                    f"{BLOCK[1]:g} m down"
+                )
         for a, b in pairs:
             geometry.addCollisionPair(pin.CollisionPair(a, b))
         scene = cls(robot, model, geometry, tuple(notes))
-        # shapes of other robots' links may overlap wherever the arm is; what touches in the middle of its range always does
+        # shapes of other robots' links may overlap wherever the arm is; what touches in the middle of its range always
+        # does
         lower, upper = (np.nan_to_num(v, posinf=0.0, neginf=0.0) for v in (robot.lower, robot.upper))
-        always = [] if robot.name in kinid.urdf.shipped() else [
-            pair for pair in scene._hits(0.5 * (lower + upper)) if max(pair) < count]  # fmt: skip
+        always = (
+            []
+            if robot.name in kinid.urdf.shipped()
+            else [pair for pair in scene._hits(0.5 * (lower + upper)) if max(pair) < count]
+        )
         if always:
             for a, b in always:
                 geometry.removeCollisionPair(pin.CollisionPair(a, b))
-            notes.append(f"{len(always)} pairs of shapes of {robot.name} overlap in the middle of its range and are not checked")
+            notes.append(
+                f"{len(always)} pairs of shapes of {robot.name} overlap in the middle of its range and are not checked"
+            )
             scene = cls(robot, model, geometry, tuple(notes))
         return scene
 
@@ -92,7 +112,8 @@ class Scene:
         """How many postures of a motion (n, N) were checked: those that stand for all others within the clearance.
 
         Args:
-            q: joints. what: is checked, for the message. depth: of the tip below the surface [m], (n,), where it is known.
+            q: joints. what: is checked, for the message. depth: of the tip below the surface [m], (n,), where it is
+                known.
 
         Raises:
             InputError: which links touch, and where.
@@ -105,10 +126,12 @@ class Scene:
                 shown = ", ".join(f"{v:.2f}" for v in q[row])
                 deep = b == "surface" and depth is not None and depth[row] > 0
                 where = f" at a depth of {1e3 * depth[row]:.3g} mm and" if deep and depth is not None else " at"
-                raise InputError(f"{what}, in which {a} comes within {1e3 * CLEARANCE:g} mm of {b}{where} joints ({shown})",
-                                 "an arm that touches nothing but with its tip",
-                                 ("press less deep, " if deep else "")
-                                 + "move the surface, turn the tool with --yaw, or make the motion smaller")  # fmt: skip
+                raise InputError(
+                    f"{what}, in which {a} comes within {1e3 * CLEARANCE:g} mm of {b}{where} joints ({shown})",
+                    "an arm that touches nothing but with its tip",
+                    ("press less deep, " if deep else "")
+                    + "move the surface, turn the tool with --yaw, or make the motion smaller",
+                )
         return len(rows)
 
     def _hits(self, q: Array) -> list[tuple[int, int]]:
@@ -126,7 +149,9 @@ class Scene:
 
 
 def representatives(q: Array, spread: float) -> NDArray[np.int64]:
-    """Rows of q (n, N) such that each row has one of them within `spread`, in the sum of the joints' differences [rad]."""
+    """Rows of q (n, N) such that each row has one of them within `spread`, in the sum of the joints' differences
+    [rad].
+    """
     left, kept, cell = np.arange(len(q)), [], 0.5 * spread
     while len(left):
         cells = np.round(q[left] / cell).astype(np.int64)
@@ -149,8 +174,11 @@ def _shapes(robot: Robot, path: Path) -> tuple[Any, Any]:
         with contextlib.redirect_stderr(io.StringIO()):
             geometry = pin.buildGeomFromUrdf(full, str(path), pin.GeometryType.COLLISION, package_dirs=folders)
     except (ValueError, RuntimeError) as error:
-        raise InputError(f"collision shapes of {robot.name} that can't be read ({str(error)[:120]})",
-                         "the meshes that its URDF names", "put them where the URDF says, or plan with --no-collision") from None
+        raise InputError(
+            f"collision shapes of {robot.name} that can't be read ({str(error)[:120]})",
+            "the meshes that its URDF names",
+            "put them where the URDF says, or plan with --no-collision",
+        ) from None
     locked = [j for j in range(1, full.njoints) if full.names[j] not in robot.joint_names]
     if locked:
         full, geometry = pin.buildReducedModel(full, geometry, locked, pin.neutral(full))
@@ -200,6 +228,9 @@ def _touching(robot: Robot, model: Any, geometry: Any, deepest: float) -> set[in
         if shape.parentFrame in carrying or shape.parentJoint != tip.parentJoint:
             continue
         place = coal.Transform3s(shape.placement.rotation, shape.placement.translation)
-        if coal.distance(shape.geometry, place, probe, where, request, coal.DistanceResult()) <= max(deepest, 0.0) + CLEARANCE:
+        if (
+            coal.distance(shape.geometry, place, probe, where, request, coal.DistanceResult())
+            <= max(deepest, 0.0) + CLEARANCE
+        ):
             out.add(number)
     return out

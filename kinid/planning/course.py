@@ -26,8 +26,8 @@ class Course:
     """Joints q(s) over the length s from 0 to `length` [m].
 
     Attributes:
-        length: [m]. nodes: where poses were solved, (k,). q: there, (k, N). slopes: largest |q′|, |q″|, |q‴| of each joint
-            along the path, (3, N).
+        length: [m]. nodes: where poses were solved, (k,). q: there, (k, N). slopes: largest |q′|, |q″|, |q‴| of each
+            joint along the path, (3, N).
     """
 
     length: float
@@ -60,22 +60,32 @@ class Course:
         """Jerks of the joints, (n, N)."""
         splines: list[Any] = self.__dict__["_splines"]
         s = np.clip(s, 0.0, self.length)
-        out: Array = (splines[1](s) * ddds[:, None] + 3.0 * splines[2](s) * (ds * dds)[:, None]
-                      + splines[3](s) * (ds**3)[:, None])  # fmt: skip
+        out: Array = (
+            splines[1](s) * ddds[:, None] + 3.0 * splines[2](s) * (ds * dds)[:, None] + splines[3](s) * (ds**3)[:, None]
+        )
         return out
 
     def pace(self, wanted: Pace, limits: Limits, share: float = 0.98) -> Pace:
         """The pace wanted, lowered until no joint can pass its limits along this course.
 
-        q̇ = q′ṡ, q̈ = q′s̈ + q″ṡ², q⃛ = q′s⃛ + 3q″ṡs̈ + q‴ṡ³. The speed may spend half of the acceleration's and a quarter of the
-        jerk's limit on the course's bends, the acceleration another quarter of the jerk's; what is left is for s̈ and s⃛.
+        q̇ = q′ṡ, q̈ = q′s̈ + q″ṡ², q⃛ = q′s⃛ + 3q″ṡs̈ + q‴ṡ³. The speed may spend half of the acceleration's and a
+        quarter of the jerk's limit on the course's bends, the acceleration another quarter of the jerk's; what is left
+        is for s̈ and s⃛.
         """
         first, second, third = self.slopes + 1e-12
         velocity, acceleration, jerk = (share * each for each in (limits.velocity, limits.acceleration, limits.jerk))
-        v = min(wanted.speed, *(float(np.min(most)) for most in (
-            velocity / first, np.sqrt(0.5 * acceleration / second), np.cbrt(0.25 * jerk / third))))  # fmt: skip
-        a = min(wanted.acceleration, float(np.min((acceleration - second * v**2) / first)),
-                float(np.min(jerk / (12.0 * second * v))))  # fmt: skip
+        v = min(
+            wanted.speed,
+            *(
+                float(np.min(most))
+                for most in (velocity / first, np.sqrt(0.5 * acceleration / second), np.cbrt(0.25 * jerk / third))
+            ),
+        )
+        a = min(
+            wanted.acceleration,
+            float(np.min((acceleration - second * v**2) / first)),
+            float(np.min(jerk / (12.0 * second * v))),
+        )
         j = min(wanted.jerk, float(np.min((jerk - 3.0 * second * v * a - third * v**3) / first)))
         return Pace(v, a, j)
 

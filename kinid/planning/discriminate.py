@@ -1,11 +1,11 @@
 """The experiment that tells candidate effects apart: what one predicts and the other, refitted, can't imitate.
 
-For every ordered pair (a, b) of candidates, a plausible amount of a changes the readings; the model with b takes up what it
-can of that change with all of its parameters and with what calibration leaves open (linearised least squares). What is left,
-in squared standard deviations of the noise, is the discrimination power of T-optimal design (Atkinson & Fedorov, Biometrika
-62, 1975), summed over the readings. It counts no further than a itself would be believed: what it does to a model with
-neither, less what lies so unevenly in time that chance explains it (`kinid.planning.distances`). The experiment is chosen whose
-worst pair, at its worst shape, is best.
+For every ordered pair (a, b) of candidates, a plausible amount of a changes the readings; the model with b takes up
+what it can of that change with all of its parameters and with what calibration leaves open (linearised least squares).
+What is left, in squared standard deviations of the noise, is the discrimination power of T-optimal design (Atkinson &
+Fedorov, Biometrika 62, 1975), summed over the readings. It counts no further than a itself would be believed: what it
+does to a model with neither, less what lies so unevenly in time that chance explains it (`kinid.planning.distances`).
+The experiment is chosen whose worst pair, at its worst shape, is best.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ class Verdict:
 
     Attributes:
         proposal: the experiment. duration: of all of it [s].
-        distances: squared, in noise, of each ordered pair (a, b): a's change that the model with b can't imitate, for each
-            plausible form of a, (forms,).
+        distances: squared, in noise, of each ordered pair (a, b): a's change that the model with b can't imitate, for
+            each plausible form of a, (forms,).
         lies: for each pair and form, phase and channel that hold most of it, and their share, 0…1.
     """
 
@@ -97,10 +97,16 @@ class Discrimination:
     def to_dict(self) -> dict[str, Any]:
         """For provenance and JSON."""
         return {
-            "effects": list(self.effects), "experiment": self.proposal.name, "title": self.proposal.title, "words": self.words,
-            "distance": self.distance, "sure": self.sure, "open": list(self.open), "refused": self.refused,
+            "effects": list(self.effects),
+            "experiment": self.proposal.name,
+            "title": self.proposal.title,
+            "words": self.words,
+            "distance": self.distance,
+            "sure": self.sure,
+            "open": list(self.open),
+            "refused": self.refused,
             "experiments": [dict(zip(("name", "title", "duration", "distance"), row)) for row in self.table],
-        }  # fmt: skip
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,14 +139,22 @@ class Judge:
         why = {effect.id: reason for effect, reason in candidate_effects(self.model, experiments[0].layout)}
         for effect in self.effects:
             if why.get(effect.id):
-                raise InputError(f"'{effect.id}' for {self.model}: {why[effect.id]}", "one that acts on these readings",
-                                 "choose another candidate, or another model")  # fmt: skip
+                raise InputError(
+                    f"'{effect.id}' for {self.model}: {why[effect.id]}",
+                    "one that acts on these readings",
+                    "choose another candidate, or another model",
+                )
             self.forms[effect.id] = forms(effect, [e.signals for e in experiments], base_of(self.model))
             if not self.forms[effect.id]:
-                raise InputError(f"effect '{effect.id}', which can't be made small", "effects that change readings by degrees",
-                                 "choose another candidate")  # fmt: skip
+                raise InputError(
+                    f"effect '{effect.id}', which can't be made small",
+                    "effects that change readings by degrees",
+                    "choose another candidate",
+                )
 
-    def __call__(self, proposal: Proposal, experiment: Experiment, duration: float, touch: NDArray[np.int64] | None) -> Verdict:
+    def __call__(
+        self, proposal: Proposal, experiment: Experiment, duration: float, touch: NDArray[np.int64] | None
+    ) -> Verdict:
         """How well an experiment tells."""
         s, model = experiment.signals, self.model
         named = model.parameters(s.layout)
@@ -202,7 +216,9 @@ class Judge:
 
     @staticmethod
     def _believed(x: Array, gram: Array, prior: Array, common: list[int], own: list[int], s: Signals) -> Array:
-        """Squared distance of each form of an effect (forms,) from the model with no candidate, as far as it is believed."""
+        """Squared distance of each form of an effect (forms,) from the model with no candidate, as far as it is
+        believed.
+        """
         distance, taken = left(gram, prior, common, own)
         share = [even(rest(x, column, common, taken[:, k], (-1, len(s))) ** 2, s.t) for k, column in enumerate(own)]
         out: Array = distance * np.array(share)
@@ -246,25 +262,32 @@ def criterion(verdict: Verdict, kept: Mapping[Pair, NDArray[np.bool_]]) -> float
 
 
 def counting(verdicts: Sequence[Verdict]) -> dict[Pair, NDArray[np.bool_]]:
-    """Which forms count: those that some experiment tells; where none tells any of a pair, those that come nearest to it.
+    """Which forms count: those that some experiment tells; where none tells any of a pair, those that come nearest to
+    it.
 
-    An effect that its rival can imitate, such as a special case of it, is told from it by no experiment, and needn't be: of
-    two that explain a log equally well the one with fewer parameters is named. What counts then are the rival's own forms.
+    An effect that its rival can imitate, such as a special case of it, is told from it by no experiment, and needn't
+    be: of two that explain a log equally well the one with fewer parameters is named. What counts then are the rival's
+        own forms.
     """
     best = {pair: np.max([verdict.distances[pair] for verdict in verdicts], axis=0) for pair in verdicts[0].distances}
     told = {pair: float(each.max()) >= HOPELESS for pair, each in best.items()}
     least = {pair: min(SURE, 0.5 * float(each.max())) for pair, each in best.items()}
-    kept = {(a, b): each >= least[a, b] if told[a, b] or not told[b, a] else np.zeros(len(each), np.bool_)
-            for (a, b), each in best.items()}  # fmt: skip
+    kept = {
+        (a, b): each >= least[a, b] if told[a, b] or not told[b, a] else np.zeros(len(each), np.bool_)
+        for (a, b), each in best.items()
+    }
     if not any(told.values()) or max(criterion(verdict, kept) for verdict in verdicts) >= HOPELESS:
         return kept
     # places that no one path visits, for instance: what is told by the experiment that tells most
-    seen = [{pair: kept[pair] & (each >= least[pair]) for pair, each in verdict.distances.items()} for verdict in verdicts]
+    seen = [
+        {pair: kept[pair] & (each >= least[pair]) for pair, each in verdict.distances.items()} for verdict in verdicts
+    ]
     return max(seen, key=lambda each: sum(int(forms.sum()) for forms in each.values()))
 
 
-def judge_for(planner: Planner, model: Model, values: Mapping[str, float], names: Sequence[str], *,
-              bandwidth: float = 3.0) -> Judge:  # fmt: skip
+def judge_for(
+    planner: Planner, model: Model, values: Mapping[str, float], names: Sequence[str], *, bandwidth: float = 3.0
+) -> Judge:
     """What compares experiments for these candidates.
 
     Raises:
@@ -277,8 +300,17 @@ def judge_for(planner: Planner, model: Model, values: Mapping[str, float], names
     return Judge(Bench(planner, joints, bandwidth), model, dict(values), chosen, planner.protocol.rate)
 
 
-def rank(planner: Planner, model: Model, names: Sequence[str], values: Mapping[str, float] | None = None, *,
-         duration: float = 20.0, depth: float = 0.004, place: Place = (0.0, 0.0), bandwidth: float = 3.0) -> Ranking:  # fmt: skip
+def rank(
+    planner: Planner,
+    model: Model,
+    names: Sequence[str],
+    values: Mapping[str, float] | None = None,
+    *,
+    duration: float = 20.0,
+    depth: float = 0.004,
+    place: Place = (0.0, 0.0),
+    bandwidth: float = 3.0,
+) -> Ranking:
     """All experiments on the list, the best first; arguments and errors as of `discriminate`."""
     judge = judge_for(planner, model, values or {}, names, bandwidth=bandwidth)
     bench = judge.bench
@@ -305,9 +337,17 @@ def rank(planner: Planner, model: Model, names: Sequence[str], values: Mapping[s
     return Ranking(judge, tuple(verdicts), kept, refused)
 
 
-def discriminate(planner: Planner, model: Model, names: Sequence[str], values: Mapping[str, float] | None = None, *,
-                 duration: float = 20.0, depth: float = 0.004, place: Place = (0.0, 0.0),
-                 bandwidth: float = 3.0) -> Discrimination:  # fmt: skip
+def discriminate(
+    planner: Planner,
+    model: Model,
+    names: Sequence[str],
+    values: Mapping[str, float] | None = None,
+    *,
+    duration: float = 20.0,
+    depth: float = 0.004,
+    place: Place = (0.0, 0.0),
+    bandwidth: float = 3.0,
+) -> Discrimination:
     """The experiment that tells candidate effects apart best, as a trajectory of the robot.
 
     Args:
@@ -317,17 +357,19 @@ def discriminate(planner: Planner, model: Model, names: Sequence[str], values: M
         bandwidth: in which the robot follows [Hz].
 
     Raises:
-        InputError: candidates that are unknown, in the model already, that act on different readings, or that nothing tells
-            apart; no experiment that the robot can do.
+        InputError: candidates that are unknown, in the model already, that act on different readings, or that nothing
+            tells apart; no experiment that the robot can do.
     """
     ranking = rank(planner, model, names, values, duration=duration, depth=depth, place=place, bandwidth=bandwidth)
     judge, kept, refused = ranking.judge, ranking.kept, dict(ranking.refused)
     if criterion(ranking.verdicts[0], kept) < HOPELESS:
         if refused and not any(v.proposal.touches for v in ranking.verdicts):  # what touches might have told
             raise _none(refused)
-        raise InputError(f"{' and '.join(names)}, which no experiment on the list tells apart for {model}",
-                         "effects of which one can't imitate the other",
-                         "learn one of them by other means: a calibration, a scale")  # fmt: skip
+        raise InputError(
+            f"{' and '.join(names)}, which no experiment on the list tells apart for {model}",
+            "effects of which one can't imitate the other",
+            "learn one of them by other means: a calibration, a scale",
+        )
     for verdict in ranking.verdicts:
         try:
             protocol = planner.protocol
@@ -338,19 +380,37 @@ def discriminate(planner: Planner, model: Model, names: Sequence[str], values: M
         break
     else:
         raise _none(refused)
-    table = tuple((v.proposal.name, v.proposal.title, v.duration, criterion(v, kept)) for v in ranking.verdicts
-                  if v.proposal.name not in refused)  # fmt: skip
-    lost = {f"{form.told()} from {b}": None for (a, b), seen in kept.items() if seen.any()
-            for form, ok in zip(judge.forms[a], seen) if not ok}  # fmt: skip
+    table = tuple(
+        (v.proposal.name, v.proposal.title, v.duration, criterion(v, kept))
+        for v in ranking.verdicts
+        if v.proposal.name not in refused
+    )
+    lost = {
+        f"{form.told()} from {b}": None
+        for (a, b), seen in kept.items()
+        if seen.any()
+        for form, ok in zip(judge.forms[a], seen)
+        if not ok
+    }
     left_out = {name: f"{why.found}; to mend it, {why.mend}" for name, why in refused.items()}
-    found = Discrimination(tuple(e.id for e in judge.effects), verdict.proposal, motion, criterion(verdict, kept),
-                           _words(judge, verdict, kept), table, left_out, tuple(lost))  # fmt: skip
+    found = Discrimination(
+        tuple(e.id for e in judge.effects),
+        verdict.proposal,
+        motion,
+        criterion(verdict, kept),
+        _words(judge, verdict, kept),
+        table,
+        left_out,
+        tuple(lost),
+    )
     facts = {**motion.provenance, "discrimination": found.to_dict()}
     return dataclasses.replace(found, trajectory=dataclasses.replace(motion, provenance=facts))
 
 
 def _gentle(planner: Planner, depth: float) -> float:
-    """The depth, or less: where slow pressing keeps to most of the guard's force, so that there is room for fast motion."""
+    """The depth, or less: where slow pressing keeps to most of the guard's force, so that there is room for fast
+    motion.
+    """
     guard, law = planner.protocol.guard, planner.law
     if guard is None or law is None:
         return depth
@@ -372,7 +432,9 @@ def _values(model: Model, values: Mapping[str, float], layout: Layout) -> dict[s
         name = full_name(given, named, model, "value for ")
         p = named[name]
         if not p.low <= value <= p.high:
-            raise InputError(f"{name} = {value:g} {p.unit}", f"a value from {p.low:g} to {p.high:g} {p.unit}", "correct it")
+            raise InputError(
+                f"{name} = {value:g} {p.unit}", f"a value from {p.low:g} to {p.high:g} {p.unit}", "correct it"
+            )
         whole[name] = float(value)
     return whole
 
@@ -383,8 +445,11 @@ def _tolerances(model: Model, values: Array, s: Signals, predicted: Array, candi
     What is itself a candidate isn't tolerated as well: it would have to be told from itself.
     """
     here = model.course(s, values)
-    return [predict_with(nuisance, model, values, s, here) - predicted for nuisance in nuisances(model, s)
-            if nuisance.effect.id not in candidates]  # fmt: skip
+    return [
+        predict_with(nuisance, model, values, s, here) - predicted
+        for nuisance in nuisances(model, s)
+        if nuisance.effect.id not in candidates
+    ]
 
 
 def _words(judge: Judge, verdict: Verdict, kept: Mapping[Pair, NDArray[np.bool_]]) -> str:
@@ -393,17 +458,36 @@ def _words(judge: Judge, verdict: Verdict, kept: Mapping[Pair, NDArray[np.bool_]
     for one, two in itertools.combinations(judge.effects, 2):
         parts.append(f"{one.id} shows as {one.signature}, {two.id} as {two.signature}")
     # the form that is hardest to tell decides, and is told
-    worst = {pair: int(np.argmin(np.where(kept[pair], each, np.inf))) for pair, each in verdict.distances.items()
-             if kept[pair].any()}  # fmt: skip
-    parts += [f"{b} can imitate {judge.forms[a][0].told()}; of two that explain the readings, the simpler one is believed"
-              for (a, b), seen in kept.items() if not seen.any()]  # fmt: skip
+    worst = {
+        pair: int(np.argmin(np.where(kept[pair], each, np.inf)))
+        for pair, each in verdict.distances.items()
+        if kept[pair].any()
+    }
+    parts += [
+        f"{b} can imitate {judge.forms[a][0].told()}; of two that explain the readings, the simpler one is believed"
+        for (a, b), seen in kept.items()
+        if not seen.any()
+    ]
     pair = min(worst, key=lambda key: float(verdict.distances[key][worst[key]]))
     form, (phase, channel, share) = judge.forms[pair[0]][worst[pair]], verdict.lies[pair][worst[pair]]
     distance = float(verdict.distances[pair][worst[pair]])
-    parts.append(f"hardest is {form.told()}: of what {pair[1]} can't imitate of it, {np.sqrt(distance):.3g} standard deviations, "
-                 f"{100 * share:.0f} % lies in {channel} in phase {phase}")  # fmt: skip
+    parts.append(
+        f"hardest is {form.told()}: of what {pair[1]} can't imitate of it, {np.sqrt(distance):.3g} standard "
+        f"deviations, "
+        f"{100 * share:.0f} % lies in {channel} in phase {phase}"
+    )
     doubt = "" if distance >= SURE else "; so little of it may stay open"
     return f"{verdict.proposal.title}: " + "; ".join(parts) + doubt
 
 
-__all__ = ["Discrimination", "Judge", "Ranking", "Verdict", "counting", "criterion", "discriminate", "judge_for", "rank"]
+__all__ = [
+    "Discrimination",
+    "Judge",
+    "Ranking",
+    "Verdict",
+    "counting",
+    "criterion",
+    "discriminate",
+    "judge_for",
+    "rank",
+]

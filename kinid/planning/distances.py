@@ -17,16 +17,17 @@ Array = NDArray[np.float64]
 SURE = 3.0
 #: directions that the rival's columns span less of than this are not its own
 THIN = 1e-9
-#: what counts of a change that lies in very few blocks: it is believed after all where none of the others speaks against it
+#: what counts of a change that lies in very few blocks: it is believed after all where none of the others speaks
+#: against it
 RARE = 0.1
 
 
 def even(squares: Array, t: Array) -> float:
     """What counts of a squared distance whose squares (channels, n) lie at times t [s], (n,): from `RARE` to 1.
 
-    Evidence is believed from k = `SURE` of its own standard errors on, which follow from its spread over blocks of time. An
-    amount α of a change gives each block α²gᵢ, and noise of 2α√gᵢ. With G = Σgᵢ and v = Σgᵢ²/G² − 1/n it is believed from
-    α²G = 4k²/(1 − k²v) on: as if G were G(1 − k²v), spread evenly.
+    Evidence is believed from k = `SURE` of its own standard errors on, which follow from its spread over blocks of
+    time. An amount α of a change gives each block α²gᵢ, and noise of 2α√gᵢ. With G = Σgᵢ and v = Σgᵢ²/G² − 1/n it is
+    believed from α²G = 4k²/(1 − k²v) on: as if G were G(1 − k²v), spread evenly.
     """
     block = (t / BLOCK).astype(np.int64)
     each = np.bincount(block, squares.sum(axis=0))
@@ -44,7 +45,9 @@ def rest(x: Array, column: int, others: list[int], taken: Array, shape: tuple[in
 
 
 def left(gram: Array, prior: Array, columns: list[int], forms: list[int]) -> tuple[Array, Array]:
-    """Squared length of each form beyond what the columns imitate, (forms,), and how much of each that takes, (c, forms)."""
+    """Squared length of each form beyond what the columns imitate, (forms,), and how much of each that takes, (c,
+    forms).
+    """
     inner = gram[np.ix_(columns, columns)] + np.diag(prior[columns])
     length = np.sqrt(np.maximum(np.diag(inner), 1e-300))
     cross = gram[np.ix_(columns, forms)]
@@ -64,7 +67,9 @@ def cells(experiment: Experiment, touch: NDArray[np.int64] | None) -> tuple[list
     several = touch is not None and touch.max() > 0
     number = touch[experiment.rows] if touch is not None else np.zeros(n, dtype=np.int64)
     cells, at = np.unique(which + len(names) * number, return_inverse=True)
-    told = [f"{names[cell % len(names)]}" + (f" of touch {cell // len(names) + 1}" if several else "") for cell in cells]
+    told = [
+        f"{names[cell % len(names)]}" + (f" of touch {cell // len(names) + 1}" if several else "") for cell in cells
+    ]
     return told, at
 
 

@@ -1,13 +1,15 @@
-"""The poke that tells most about a contact model: a multisine whose frequencies, amplitudes, phases and depth are optimised.
+"""The poke that tells most about a contact model: a multisine whose frequencies, amplitudes, phases and depth are
+optimised.
 
-The readings' sensitivities to the parameters, at values that are assumed, give Fisher's information; its determinant (D) or
-the sum of relative variances (A) is brought to its best by an interior-point method (casadi, ipopt), within limits of depth,
-force, speed and of the bandwidth in which the robot follows; of a robot also within what its joints can do.
+The readings' sensitivities to the parameters, at values that are assumed, give Fisher's information; its determinant
+(D) or the sum of relative variances (A) is brought to its best by an interior-point method (casadi, ipopt), within
+limits of depth, force, speed and of the bandwidth in which the robot follows; of a robot also within what its joints
+can do.
 
-What to expect: within the peak force and the time of the study's two sines, at most 3 Hz, an A-optimal poke leaves 0.53 to
-0.74 of their intervals, and more than three sines narrow them no further. For stiffness and exponent no motion at all within
-that force and 0.15 m/s leaves less than about half (`kinid.planning.ideal.least_halves`). With half as much force again all
-three fall to half or less.
+What to expect: within the peak force and the time of the study's two sines, at most 3 Hz, an A-optimal poke leaves 0.53
+to 0.74 of their intervals, and more than three sines narrow them no further. For stiffness and exponent no motion at
+all within that force and 0.15 m/s leaves less than about half (`kinid.planning.ideal.least_halves`). With half as much
+force again all three fall to half or less.
 """
 
 from __future__ import annotations
@@ -61,13 +63,18 @@ class Bounds:
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.deepest) and 0 <= self.shallowest < self.deepest):
-            raise InputError(f"depths from {self.shallowest} to {self.deepest} m", "0 ≤ shallowest < deepest", "correct them")
+            raise InputError(
+                f"depths from {self.shallowest} to {self.deepest} m", "0 ≤ shallowest < deepest", "correct them"
+            )
         for name in ("force", "speed", "bandwidth", "duration", "fade"):
             if not getattr(self, name) > 0:
                 raise InputError(f"a {name} of {getattr(self, name)}", "a positive number", "correct it")
         if self.bandwidth * self.duration < 1.0:
-            raise InputError(f"{self.duration:g} s within a bandwidth of {self.bandwidth:g} Hz", "time for one turn at least",
-                             "allow more time")  # fmt: skip
+            raise InputError(
+                f"{self.duration:g} s within a bandwidth of {self.bandwidth:g} Hz",
+                "time for one turn at least",
+                "allow more time",
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,20 +99,37 @@ class Excitation:
 
     def to_dict(self) -> dict[str, Any]:
         """For provenance and JSON."""
-        return {"criterion": self.criterion, "cost": self.cost, "signal": self.signal.to_dict(), "force": self.force,
-                "speed": self.speed, "deepest": self.deepest, "binding": list(self.binding),
-                "intervals": {name: each.to_dict() for name, each in self.intervals.items()}}  # fmt: skip
+        return {
+            "criterion": self.criterion,
+            "cost": self.cost,
+            "signal": self.signal.to_dict(),
+            "force": self.force,
+            "speed": self.speed,
+            "deepest": self.deepest,
+            "binding": list(self.binding),
+            "intervals": {name: each.to_dict() for name, each in self.intervals.items()},
+        }
 
 
-def expected_intervals(law: Law, signal: Multisine, *, noise: float = NOISE, rate: float = 500.0) -> dict[str, Interval]:
+def expected_intervals(
+    law: Law, signal: Multisine, *, noise: float = NOISE, rate: float = 500.0
+) -> dict[str, Interval]:
     """The 95 % intervals that a log of this motion phase gives, samples at a rate [Hz] with white noise [N]."""
     t = np.arange(round(signal.duration * rate)) / rate
     motion = signal(t)
     return intervals(_information(law, t, motion[0], motion[1], noise, 1.0), law.vector, _parameters(law))
 
 
-def optimise(law: Law, bounds: Bounds = Bounds(), *, sines: int = 3, criterion: str = "D", noise: float = NOISE,
-             rate: float = 500.0, joints: Joints | None = None) -> Excitation:  # fmt: skip
+def optimise(
+    law: Law,
+    bounds: Bounds = Bounds(),
+    *,
+    sines: int = 3,
+    criterion: str = "D",
+    noise: float = NOISE,
+    rate: float = 500.0,
+    joints: Joints | None = None,
+) -> Excitation:
     """The multisine that tells most about a contact law within bounds.
 
     Args:
@@ -132,14 +156,27 @@ def optimise(law: Law, bounds: Bounds = Bounds(), *, sines: int = 3, criterion: 
     t = np.arange(round(signal.duration * 1000)) / 1000
     motion = signal(t)
     force, speed, deepest = float(_force(law, t, motion).max()), float(np.abs(motion[1]).max()), float(motion[0].max())
-    reached = {"force": force / bounds.force, "speed": speed / bounds.speed, "deepest": deepest / bounds.deepest,
-               "bandwidth": max(s[1] for s in signal.sines) / bounds.bandwidth,
-               "joints": 0.0 if joints is None else float(joints(motion).max()) / JOINTS}  # fmt: skip
+    reached = {
+        "force": force / bounds.force,
+        "speed": speed / bounds.speed,
+        "deepest": deepest / bounds.deepest,
+        "bandwidth": max(s[1] for s in signal.sines) / bounds.bandwidth,
+        "joints": 0.0 if joints is None else float(joints(motion).max()) / JOINTS,
+    }
     t = np.arange(round(signal.duration * rate)) / rate
     motion = signal(t)
     matrix = _information(law, t, motion[0], motion[1], noise, 1.0)
-    return Excitation(signal, criterion, best[0], intervals(matrix, law.vector, _parameters(law)), force, speed, deepest,
-                      tuple(name for name, share in reached.items() if share > 0.99), matrix)  # fmt: skip
+    return Excitation(
+        signal,
+        criterion,
+        best[0],
+        intervals(matrix, law.vector, _parameters(law)),
+        force,
+        speed,
+        deepest,
+        tuple(name for name, share in reached.items() if share > 0.99),
+        matrix,
+    )
 
 
 def check_asked(sines: int, criterion: str, noise: float = NOISE) -> None:
@@ -175,14 +212,28 @@ def _room(law: Law, bounds: Bounds) -> tuple[float, float]:
     force = _force(law, t, np.stack([depth, np.full(200, np.ptp(depth) / bounds.duration)]))
     over = np.flatnonzero(force > bounds.force)
     if len(over) and over[0] < 2:
-        raise InputError(f"a force limit of {bounds.force:g} N, which is passed at {1e3 * bounds.shallowest:g} mm already",
-                         "room for a motion", "allow more force, or go less deep")  # fmt: skip
+        raise InputError(
+            f"a force limit of {bounds.force:g} N, which is passed at {1e3 * bounds.shallowest:g} mm already",
+            "room for a motion",
+            "allow more force, or go less deep",
+        )
     return bounds.shallowest, float(depth[over[0] - 1]) if len(over) else bounds.deepest
 
 
-def _search(law: Law, bounds: Bounds, room: tuple[float, float], sines: int, criterion: str, noise: float, rate: float,
-            number: int, joints: Joints | None) -> Multisine:  # fmt: skip
-    """One run of the interior-point method; variables: offset and amplitudes by the room's size, frequencies, phases."""
+def _search(
+    law: Law,
+    bounds: Bounds,
+    room: tuple[float, float],
+    sines: int,
+    criterion: str,
+    noise: float,
+    rate: float,
+    number: int,
+    joints: Joints | None,
+) -> Multisine:
+    """One run of the interior-point method; variables: offset and amplitudes by the room's size, frequencies,
+    phases.
+    """
     import casadi
 
     low, high = room
@@ -191,8 +242,12 @@ def _search(law: Law, bounds: Bounds, room: tuple[float, float], sines: int, cri
 
     def signal(x: Array) -> Multisine:
         a, f, p = x[1:].reshape(3, sines)
-        return Multisine(float(low + size * x[0]), tuple((float(size * u), float(v), float(w)) for u, v, w in zip(a, f, p)),
-                         bounds.duration, bounds.fade)  # fmt: skip
+        return Multisine(
+            float(low + size * x[0]),
+            tuple((float(size * u), float(v), float(w)) for u, v, w in zip(a, f, p)),
+            bounds.duration,
+            bounds.fade,
+        )
 
     def used(motion: Array) -> Array:
         return np.zeros(motion.shape[1]) if joints is None else joints(motion) / JOINTS
@@ -220,8 +275,14 @@ def _search(law: Law, bounds: Bounds, room: tuple[float, float], sines: int, cri
             motion = signal(np.array(arguments[0]).ravel())(t)
             matrix = _information(law, t, motion[0], motion[1], noise, rate / DESIGN_RATE)
             limit = bounds.force if np.isfinite(bounds.force) else 1e6
-            kept = np.concatenate([(motion[0, ::2] - low) / size, motion[1, ::2] / bounds.speed,
-                                   _force(law, t, motion)[::2] / limit, used(motion[:, ::2])])  # fmt: skip
+            kept = np.concatenate(
+                [
+                    (motion[0, ::2] - low) / size,
+                    motion[1, ::2] / bounds.speed,
+                    _force(law, t, motion)[::2] / limit,
+                    used(motion[:, ::2]),
+                ]
+            )
             return [casadi.DM(cost(matrix, criterion)), casadi.DM(kept)]
 
     told = Told()
@@ -229,9 +290,21 @@ def _search(law: Law, bounds: Bounds, room: tuple[float, float], sines: int, cri
     value, kept = told(x)
     count = len(t[::2])
     top = (bounds.deepest - low) / size
-    solver = casadi.nlpsol("search", "ipopt", {"x": x, "f": value, "g": kept}, {
-        "ipopt.hessian_approximation": "limited-memory", "ipopt.max_iter": STEPS, "ipopt.tol": 1e-4, "ipopt.acceptable_tol": 1e-3,
-        "ipopt.acceptable_iter": 4, "ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False})  # fmt: skip
+    solver = casadi.nlpsol(
+        "search",
+        "ipopt",
+        {"x": x, "f": value, "g": kept},
+        {
+            "ipopt.hessian_approximation": "limited-memory",
+            "ipopt.max_iter": STEPS,
+            "ipopt.tol": 1e-4,
+            "ipopt.acceptable_tol": 1e-3,
+            "ipopt.acceptable_iter": 4,
+            "ipopt.print_level": 0,
+            "ipopt.sb": "yes",
+            "print_time": False,
+        },
+    )
     slow = 1.0 / bounds.duration
     begin = np.concatenate([[0.5], *_start(bounds, size, sines, number)])
     found = solver(
@@ -240,15 +313,16 @@ def _search(law: Law, bounds: Bounds, room: tuple[float, float], sines: int, cri
         ubx=np.concatenate([[1.0], np.full(sines, 0.6), np.full(sines, bounds.bandwidth), np.full(sines, 20.0)]),
         lbg=np.concatenate([np.zeros(count), -np.ones(count), np.full(2 * count, -np.inf)]),
         ubg=np.concatenate([np.full(count, top), np.ones(3 * count)]),
-    )  # fmt: skip
+    )
     return signal(np.array(found["x"]).ravel())
 
 
 def _start(bounds: Bounds, size: float, sines: int, number: int) -> tuple[Array, Array, Array]:
     """Amplitudes by the room's size, frequencies and phases to begin a search with.
 
-    The first start is a swing near the bandwidth, which shows damping; the others are square waves of which the bandwidth
-    lets some harmonics through: half the time deep, half the time shallow, which shows stiffness and exponent.
+    The first start is a swing near the bandwidth, which shows damping; the others are square waves of which the
+    bandwidth lets some harmonics through: half the time deep, half the time shallow, which shows stiffness and
+    exponent.
     """
     high = 0.9 * bounds.bandwidth
     slow = max(1.0 / bounds.duration, high / 7.0)
@@ -277,10 +351,12 @@ def _kept(law: Law, bounds: Bounds, signal: Multisine, joints: Joints | None) ->
     def keeps(share: float) -> bool:
         motion = drawn(share)(t)
         return bool(
-            motion[0].min() >= floor - 1e-12 and motion[0].max() <= bounds.deepest + 1e-12
-            and np.abs(motion[1]).max() <= bounds.speed and _force(law, t, motion).max() <= bounds.force
+            motion[0].min() >= floor - 1e-12
+            and motion[0].max() <= bounds.deepest + 1e-12
+            and np.abs(motion[1]).max() <= bounds.speed
+            and _force(law, t, motion).max() <= bounds.force
             and (joints is None or joints(motion).max() <= JOINTS)
-        )  # fmt: skip
+        )
 
     if keeps(1.0):
         return signal
@@ -290,5 +366,7 @@ def _kept(law: Law, bounds: Bounds, signal: Multisine, joints: Joints | None) ->
         share = 0.5 * (low + high)
         low, high = (share, high) if keeps(share) else (low, share)
     if low == 0.0:
-        raise InputError("bounds that no signal keeps", "room for a motion", "allow more depth, force or speed, or faster joints")
+        raise InputError(
+            "bounds that no signal keeps", "room for a motion", "allow more depth, force or speed, or faster joints"
+        )
     return drawn(low)

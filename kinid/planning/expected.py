@@ -33,15 +33,20 @@ class Law:
 
     def __post_init__(self) -> None:
         if self.model.needs_log or not any(effect.base for effect in self.model.effects):
-            raise InputError(f"{self.model} for the expected contact force", "a contact law, with effects of contact alone",
-                             "name one with --model, such as hunt-crossley")  # fmt: skip
+            raise InputError(
+                f"{self.model} for the expected contact force",
+                "a contact law, with effects of contact alone",
+                "name one with --model, such as hunt-crossley",
+            )
         named = self.model.parameters(self.layout())
         complete = {name: p.nominal for name, p in named.items()}
         for given, value in self.values.items():
             name = full_name(given, named, self.model, "value for ")
             p = named[name]
             if not p.low <= value <= p.high:
-                raise InputError(f"{name} = {value:g} {p.unit}", f"a value from {p.low:g} to {p.high:g} {p.unit}", "correct it")
+                raise InputError(
+                    f"{name} = {value:g} {p.unit}", f"a value from {p.low:g} to {p.high:g} {p.unit}", "correct it"
+                )
             complete[name] = float(value)
         object.__setattr__(self, "values", complete)
 
@@ -54,15 +59,24 @@ class Law:
         """All values in the model's order, (p,)."""
         return np.array(list(self.values.values()))
 
-    def signals(self, t: Array, depth: Array, rate: Array, slip: Array | None = None, slip_rate: Array | None = None) -> Signals:
+    def signals(
+        self, t: Array, depth: Array, rate: Array, slip: Array | None = None, slip_rate: Array | None = None
+    ) -> Signals:
         """What drives the model along a motion.
 
         Args:
             t: [s]. depth [m], rate [m/s]: (n,). slip [m], slip_rate [m/s]: along both tangents, (2, n); default: none.
         """
         still = np.zeros((2, len(t)))
-        return Signals(self.layout(), t - t[0], np.diff(t, prepend=t[0]), depth, rate, still if slip is None else slip,
-                       still if slip_rate is None else slip_rate)  # fmt: skip
+        return Signals(
+            self.layout(),
+            t - t[0],
+            np.diff(t, prepend=t[0]),
+            depth,
+            rate,
+            still if slip is None else slip,
+            still if slip_rate is None else slip_rate,
+        )
 
     def __call__(self, signals: Signals) -> Array:
         """Forces along tangent1, tangent2 and normal [N], (3, n)."""

@@ -1,4 +1,5 @@
-"""Experiments worth choosing among: pokes, holds, slides and motion in the air, and how each becomes a robot's trajectory.
+"""Experiments worth choosing among: pokes, holds, slides and motion in the air, and how each becomes a robot's
+trajectory.
 
 All of them last about as long. A trajectory that can be driven is what an experiment is judged by, approach and retreat
 included: what the robot can't do is not on the list.
@@ -37,14 +38,18 @@ OVERHEAD = 1.5
 #: what each experiment varies and what it keeps: why it can tell effects apart
 WHY = {
     "long-hold": "the depth stays, so that what changes with time alone shows",
-    "hold-between-looks-in-the-air": "the air before and after tells what drifts without contact from what contact changes",
-    "slow-and-fast": "the same depths are passed at two rates, which sets what depends on the rate apart from what doesn't",
+    "hold-between-looks-in-the-air": "the air before and after tells what drifts without contact from what contact "
+    "changes",
+    "slow-and-fast": "the same depths are passed at two rates, which sets what depends on the rate apart from what "
+    "doesn't",
     "many-frequencies": "several rates at one depth set stiffness and loss apart at each of them",
     "slow-strokes": "the whole depth is passed again and again, so slowly that rates hardly count",
-    "strokes": "the whole depth is passed in and out many times at one rate, which shows loops and what changes with time",
+    "strokes": "the whole depth is passed in and out many times at one rate, which shows loops and what changes with "
+    "time",
     "fast-strokes": "the whole depth is passed in and out quickly, which shows what depends on the rate",
-    "alternating-strokes": "the same depths are passed at two rates by turns, so that nothing that changes with time is taken "
-                           "for what depends on the rate",
+    "alternating-strokes": "the same depths are passed at two rates by turns, so that nothing that changes with time "
+    "is taken "
+    "for what depends on the rate",
     "stairs": "rests at several depths on both ways set what depends on the depth apart from the way there",
     "several-depths": "the same motion at several depths shows what depends on the depth",
     "return-later": "the first place comes again after another, which sets time apart from place",
@@ -58,7 +63,7 @@ WHY = {
     "slow-turns": "the tool's weight turns through the sensor while inertia hardly counts",
     "fast-turns": "inertia counts beside the tool's weight",
     "free-motion": "all joints move without contact",
-}  # fmt: skip
+}
 #: drawn motions of all joints that are on the list, with a surface to touch and without
 FREE_MOTIONS = 2, 12
 
@@ -70,7 +75,8 @@ class Proposal:
     Attributes:
         name: kebab-case. title: in a few words, with its figures.
         touches: what is done to the surface; empty for motion in the air. pause: before and after each touch [s].
-        wrist: of a motion in the air, turns of the last three joints alone, at this frequency [Hz]; None: of all joints.
+        wrist: of a motion in the air, turns of the last three joints alone, at this frequency [Hz]; None: of all
+            joints.
         seed: of what is drawn. duration: of a motion in the air [s].
     """
 
@@ -88,8 +94,9 @@ class Proposal:
         return WHY.get(self.name.rstrip("-0123456789"), "")
 
 
-def proposals(duration: float, depth: float, place: Place = (0.0, 0.0), *, contact: bool = True,
-              bandwidth: float = 3.0) -> list[Proposal]:  # fmt: skip
+def proposals(
+    duration: float, depth: float, place: Place = (0.0, 0.0), *, contact: bool = True, bandwidth: float = 3.0
+) -> list[Proposal]:
     """The list.
 
     Args:
@@ -99,19 +106,27 @@ def proposals(duration: float, depth: float, place: Place = (0.0, 0.0), *, conta
     Raises:
         InputError: a duration, a depth or a bandwidth that leaves no room.
     """
-    for what, value, least, most, unit in (("duration", duration, 8.0, 600.0, "s"), ("depth", depth, 1e-5, DEEPEST, "m"),
-                                           ("bandwidth", bandwidth, 0.5, 100.0, "Hz")):  # fmt: skip
+    for what, value, least, most, unit in (
+        ("duration", duration, 8.0, 600.0, "s"),
+        ("depth", depth, 1e-5, DEEPEST, "m"),
+        ("bandwidth", bandwidth, 0.5, 100.0, "Hz"),
+    ):
         if not least <= value <= most:
-            raise InputError(f"experiments with a {what} of {value:g} {unit}", f"{least:g} to {most:g} {unit}",
-                             f"allow {'more' if value < least else 'less'}")  # fmt: skip
+            raise InputError(
+                f"experiments with a {what} of {value:g} {unit}",
+                f"{least:g} to {most:g} {unit}",
+                f"allow {'more' if value < least else 'less'}",
+            )
     out = list(_touching(duration, depth, place, bandwidth)) if contact else []
     slow, fast = 2.0 / duration, min(1.0, bandwidth)
     out += [
         Proposal("slow-turns", f"slow turns of the tool in the air ({slow:.2g} Hz)", wrist=slow, duration=duration),
         Proposal("fast-turns", f"fast turns of the tool in the air ({fast:.2g} Hz)", wrist=fast, duration=duration),
     ]
-    out += [Proposal(f"free-motion-{k + 1}", f"motion of all joints in the air, draw {k + 1}", seed=k, duration=duration)
-            for k in range(FREE_MOTIONS[0 if contact else 1])]  # fmt: skip
+    out += [
+        Proposal(f"free-motion-{k + 1}", f"motion of all joints in the air, draw {k + 1}", seed=k, duration=duration)
+        for k in range(FREE_MOTIONS[0 if contact else 1])
+    ]
     return list({proposal.title: proposal for proposal in out}.values())  # within a narrow bandwidth some are the same
 
 
@@ -131,35 +146,65 @@ def _touching(duration: float, depth: float, place: Place, bandwidth: float) -> 
     hold = one - 0.6
     yield Proposal("long-hold", f"a hold of {hold:.0f} s at {mm:.2g} mm", (Poke(place, still(depth), hold),))
     air = 0.3 * duration
-    yield Proposal("hold-between-looks-in-the-air", f"{air:.0f} s in the air, a hold at {mm:.2g} mm, {air:.0f} s in the air",
-                   (Poke(place, still(depth), 0.4 * duration - OVERHEAD),), pause=air)  # fmt: skip
+    yield Proposal(
+        "hold-between-looks-in-the-air",
+        f"{air:.0f} s in the air, a hold at {mm:.2g} mm, {air:.0f} s in the air",
+        (Poke(place, still(depth), 0.4 * duration - OVERHEAD),),
+        pause=air,
+    )
     half = 0.5 * duration - OVERHEAD
     slow, fast = max(0.1, 2.0 / half), 0.9 * bandwidth
-    yield Proposal("slow-and-fast", f"pokes at {slow:.2g} Hz and at {fast:.2g} Hz",
-                   (Poke(place, sine(slow, half), 0.2), Poke(place, sine(fast, half), 0.2)))  # fmt: skip
+    yield Proposal(
+        "slow-and-fast",
+        f"pokes at {slow:.2g} Hz and at {fast:.2g} Hz",
+        (Poke(place, sine(slow, half), 0.2), Poke(place, sine(fast, half), 0.2)),
+    )
     tones = tuple(np.geomspace(2.0 / one, fast, 4))
     parts = tuple((0.42 * depth * w, f) for w, f in zip((0.4, 0.2, 0.2, 0.2), tones))
-    yield Proposal("many-frequencies", f"one poke with sines from {tones[0]:.2g} to {tones[-1]:.2g} Hz",
-                   (Poke(place, Multisine(0.55 * depth, parts, one - 0.5), 0.5),))  # fmt: skip
+    yield Proposal(
+        "many-frequencies",
+        f"one poke with sines from {tones[0]:.2g} to {tones[-1]:.2g} Hz",
+        (Poke(place, Multisine(0.55 * depth, parts, one - 0.5), 0.5),),
+    )
     for name, f in (("slow-strokes", max(0.3, 2.0 / one)), ("strokes", min(1.0, fast)), ("fast-strokes", fast)):
         whole = Multisine(0.5 * depth, ((0.48 * depth, f),), one - 0.2)
         yield Proposal(name, f"one poke in and out at {f:.2g} Hz, as far as {mm:.2g} mm", (Poke(place, whole, 0.2),))
     f = max(0.3, 4.0 / one)
-    yield Proposal("alternating-strokes", f"one poke in and out, by turns at {f:.2g} and at {fast:.2g} Hz",
-                   (Poke(place, by_turns(f, fast, depth, one - 0.2), 0.2),))  # fmt: skip
-    yield Proposal("stairs", f"one poke that rests at five depths, up and down, as far as {mm:.2g} mm",
-                   (Poke(place, stairs(depth, one - 0.2), 0.2),))  # fmt: skip
+    yield Proposal(
+        "alternating-strokes",
+        f"one poke in and out, by turns at {f:.2g} and at {fast:.2g} Hz",
+        (Poke(place, by_turns(f, fast, depth, one - 0.2), 0.2),),
+    )
+    yield Proposal(
+        "stairs",
+        f"one poke that rests at five depths, up and down, as far as {mm:.2g} mm",
+        (Poke(place, stairs(depth, one - 0.2), 0.2),),
+    )
     third = duration / 3 - OVERHEAD
-    yield Proposal("several-depths", f"pokes to {mm / 3:.2g}, {2 * mm / 3:.2g} and {mm:.2g} mm",
-                   tuple(Poke(place, sine(0.8, third, k * depth / 3), 0.3) for k in (1, 2, 3)))  # fmt: skip
-    yield Proposal("return-later", f"a poke of {mm / 2:.2g} mm, one of {mm:.2g} mm elsewhere, and the first place again",
-                   (Poke(place, sine(0.8, third, 0.5 * depth), 0.3), Poke(shifted(0.01, 0.0), sine(0.8, third), 0.3),
-                    Poke(place, sine(0.8, third, 0.5 * depth), 0.3)))  # fmt: skip
+    yield Proposal(
+        "several-depths",
+        f"pokes to {mm / 3:.2g}, {2 * mm / 3:.2g} and {mm:.2g} mm",
+        tuple(Poke(place, sine(0.8, third, k * depth / 3), 0.3) for k in (1, 2, 3)),
+    )
+    yield Proposal(
+        "return-later",
+        f"a poke of {mm / 2:.2g} mm, one of {mm:.2g} mm elsewhere, and the first place again",
+        (
+            Poke(place, sine(0.8, third, 0.5 * depth), 0.3),
+            Poke(shifted(0.01, 0.0), sine(0.8, third), 0.3),
+            Poke(place, sine(0.8, third, 0.5 * depth), 0.3),
+        ),
+    )
     taps = max(2, int(duration / (OVERHEAD + 0.7)))
-    yield Proposal("taps", f"{taps} touches to {mm:.2g} mm with quick retreats",
-                   tuple(Poke(place, still(depth), 0.0) for _ in range(taps)))  # fmt: skip
+    yield Proposal(
+        "taps",
+        f"{taps} touches to {mm:.2g} mm with quick retreats",
+        tuple(Poke(place, still(depth), 0.0) for _ in range(taps)),
+    )
     twice = tuple(Poke(place, still(depth), 0.3 * duration - OVERHEAD) for _ in range(2))
-    yield Proposal("rest-between-holds", "two holds at one place with a rest in the air between them", twice, 0.1 * duration)
+    yield Proposal(
+        "rest-between-holds", "two holds at one place with a rest in the air between them", twice, 0.1 * duration
+    )
 
     pressed = 0.6 * depth
 
@@ -173,38 +218,57 @@ def _touching(duration: float, depth: float, place: Place, bandwidth: float) -> 
     yield Proposal("three-speeds", f"slides at {told} mm/s", tuple(there(length, v) for v in speeds))
     ways = duration - OVERHEAD - 0.4
     path = (shifted(-0.005, 0.0), shifted(0.005, 0.0), shifted(0.0, 0.0), shifted(0.0, 0.005), shifted(0.0, -0.005))
-    yield Proposal("reversals", "slides with reversals along both tangents", (Slide(path, pressed, 2 * 0.03 / ways, 0.2),))
+    yield Proposal(
+        "reversals", "slides with reversals along both tangents", (Slide(path, pressed, 2 * 0.03 / ways, 0.2),)
+    )
     ways = 0.5 * duration - OVERHEAD - 0.4
-    yield Proposal("two-loads", f"slides at {mm / 4:.2g} and {0.9 * mm:.2g} mm",
-                   tuple(there(0.012, 0.024 / ways, d) for d in (0.25 * depth, 0.9 * depth)))  # fmt: skip
+    yield Proposal(
+        "two-loads",
+        f"slides at {mm / 4:.2g} and {0.9 * mm:.2g} mm",
+        tuple(there(0.012, 0.024 / ways, d) for d in (0.25 * depth, 0.9 * depth)),
+    )
     ways = duration - 4 * (OVERHEAD + 0.4)
     if ways > 0.2 * duration:  # else there would be no slow slide among them
         slow = 2 * 2 * 0.012 * (1 + 1 / 9) / ways
         told = f"{1e3 * slow:.2g} and {9e3 * slow:.2g} mm/s, at {mm / 4:.2g} and {0.9 * mm:.2g} mm"
-        yield Proposal("speeds-and-loads", f"slides at {told}",
-                       tuple(there(0.012, v, d) for v in (slow, 9 * slow) for d in (0.25 * depth, 0.9 * depth)))  # fmt: skip
+        yield Proposal(
+            "speeds-and-loads",
+            f"slides at {told}",
+            tuple(there(0.012, v, d) for v in (slow, 9 * slow) for d in (0.25 * depth, 0.9 * depth)),
+        )
     ways = 0.5 * duration - OVERHEAD - 0.4
     star = tuple(shifted(x, y) for x, y in ((-0.004, -0.004), (0.004, 0.004), (0.004, -0.004), (-0.004, 0.004)))
-    yield Proposal("diagonals", f"slides along both diagonals at {mm / 4:.2g} and {0.9 * mm:.2g} mm",
-                   tuple(Slide(star, d, 2 * 0.0306 / ways, 0.2) for d in (0.25 * depth, 0.9 * depth)))  # fmt: skip
+    yield Proposal(
+        "diagonals",
+        f"slides along both diagonals at {mm / 4:.2g} and {0.9 * mm:.2g} mm",
+        tuple(Slide(star, d, 2 * 0.0306 / ways, 0.2) for d in (0.25 * depth, 0.9 * depth)),
+    )
 
 
-def drawn_at_random(seed: int, duration: float, depth: float, place: Place = (0.0, 0.0), *, contact: bool = True,
-                    bandwidth: float = 3.0) -> Proposal:  # fmt: skip
-    """An experiment that nobody thought about, of the same length and bounds: a poke or a slide, or else a motion in the air."""
+def drawn_at_random(
+    seed: int, duration: float, depth: float, place: Place = (0.0, 0.0), *, contact: bool = True, bandwidth: float = 3.0
+) -> Proposal:
+    """An experiment that nobody thought about, of the same length and bounds: a poke or a slide, or else a motion in
+    the air.
+    """
     rng = np.random.default_rng(seed)
     kind = rng.integers(2) if contact else 2
     one = duration - OVERHEAD
     if kind == 0:
         base = rng.uniform(0.3, 0.6) * depth
-        sines = tuple((base / 3 * a, float(f), float(w)) for a, f, w in
-                      zip(rng.uniform(0.2, 1.0, 3), rng.uniform(0.1, 0.7 * bandwidth, 3), rng.uniform(0, 6, 3)))  # fmt: skip
+        sines = tuple(
+            (base / 3 * a, float(f), float(w))
+            for a, f, w in zip(rng.uniform(0.2, 1.0, 3), rng.uniform(0.1, 0.7 * bandwidth, 3), rng.uniform(0, 6, 3))
+        )
         return Proposal("random-poke", "a poke at random", (Poke(place, Multisine(base, sines, one - 1.0), 1.0),))
     if kind == 1:
         corners = [tuple(np.add(place, (*rng.uniform(-0.008, 0.008, 2), 0.0)[: len(place)])) for _ in range(3)]
         length = sum(float(np.linalg.norm(np.subtract(b, a))) for a, b in zip(corners[:-1], corners[1:]))
-        return Proposal("random-slide", "a slide at random",
-                        (Slide(tuple(corners), rng.uniform(0.2, 0.9) * depth, 2 * length / (one - 1.0), 1.0),))  # fmt: skip
+        return Proposal(
+            "random-slide",
+            "a slide at random",
+            (Slide(tuple(corners), rng.uniform(0.2, 0.9) * depth, 2 * length / (one - 1.0), 1.0),),
+        )
     return Proposal("random-free-motion", "a motion in the air at random", seed=1000 + seed, duration=duration)
 
 
@@ -246,8 +310,9 @@ class Bench:
         reading = np.zeros((len(motion), 6))
         log = Log(motion.t, motion.q, motion.dq, motion.ddq, wrench=reading, phase=motion.phase, provenance=where)
         rig = self.planner.rig if proposal.touches else self.planner.rig.model_copy(update={"surface": None})
-        return from_wrench(log, rig, bias=(0.0,) * 6, robot=self.planner.robot, trust_wrench=True,
-                           differentiator=Differentiator())  # a plan's motion is exact
+        return from_wrench(
+            log, rig, bias=(0.0,) * 6, robot=self.planner.robot, trust_wrench=True, differentiator=Differentiator()
+        )  # a plan's motion is exact
 
     @cached_property
     def _design(self) -> Design:
@@ -256,7 +321,9 @@ class Bench:
 
     @cached_property
     def _posture(self) -> Array:
-        """From which turns of the tool begin: above the surface if there is one, else the middle of the joints' range."""
+        """From which turns of the tool begin: above the surface if there is one, else the middle of the joints'
+        range.
+        """
         p = self.planner
         if p.rig.surface is None or p.rig.surface.mesh is not None:
             return posture(p.limits, np.random.default_rng(0), 0)
@@ -277,8 +344,14 @@ class Bench:
             amplitudes = np.zeros((count, 1))
             amplitudes[-3:] = 1.0
             spread = np.linspace(0.0, 1.0, count)[:, None]
-            swing = Swing(self._posture, amplitudes, proposal.wrist * (1.0 + 0.3 * spread), np.pi * spread, proposal.duration,
-                          min(1.0, proposal.duration / 4))  # fmt: skip
+            swing = Swing(
+                self._posture,
+                amplitudes,
+                proposal.wrist * (1.0 + 0.3 * spread),
+                np.pi * spread,
+                proposal.duration,
+                min(1.0, proposal.duration / 4),
+            )
         assert swing is not None
         swing = design.fitted(swing)
         if swing is None:
@@ -291,8 +364,13 @@ class Bench:
         used = check(motion, p.limits, p.reach.torques(q, dq, ddq, zero), proposal.title)
         if design.scene is not None:
             design.scene.check(q, proposal.title)
-        facts = {"robot": p.robot.name, "asked": {"kind": proposal.name}, "swing": swing.to_dict(), "rate": rate,
-                 "used": [use.to_dict() for use in used]}  # fmt: skip
+        facts = {
+            "robot": p.robot.name,
+            "asked": {"kind": proposal.name},
+            "swing": swing.to_dict(),
+            "rate": rate,
+            "used": [use.to_dict() for use in used],
+        }
         return dataclasses.replace(motion, provenance=facts)
 
 
@@ -307,7 +385,11 @@ def expected_law(model: Model, values: dict[str, float]) -> Law | None:
     kept: list[str] = []
     for effect in model.effects:
         stages = {stage.value for stage in effect.stages()}
-        if effect.id in known and not stages & {"tool", "sensor", "acquisition", "joint"} and "wrench" not in effect.needs:
+        if (
+            effect.id in known
+            and not stages & {"tool", "sensor", "acquisition", "joint"}
+            and "wrench" not in effect.needs
+        ):
             try:
                 part = Model(*kept, effect)
             except InputError:  # it acts on one that was left out

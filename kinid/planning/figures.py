@@ -40,8 +40,15 @@ def tip_figure(motion: Trajectory) -> Figure:
     if motion.place is not None:
         rows.append(("depth [mm]", [("depth", 1e3 * motion.place[:, 2], BLUE)]))
         if np.ptp(motion.place[:, :2], axis=0).max() > 1e-6:  # else rounding
-            rows.append(("slip [mm]", [("along tangent 1", 1e3 * motion.place[:, 0], AXES[0]),
-                                       ("along tangent 2", 1e3 * motion.place[:, 1], AXES[1])]))  # fmt: skip
+            rows.append(
+                (
+                    "slip [mm]",
+                    [
+                        ("along tangent 1", 1e3 * motion.place[:, 0], AXES[0]),
+                        ("along tangent 2", 1e3 * motion.place[:, 1], AXES[1]),
+                    ],
+                )
+            )
     else:
         rows.append(("position [m]", [("xyz"[k], motion.tip[:, k], AXES[k]) for k in range(3)]))
     if motion.normal_force is not None and np.nan_to_num(motion.normal_force).any() and motion.place is not None:
@@ -94,10 +101,20 @@ def places_figure(motion: Trajectory) -> Figure:
     keep = thin(len(motion), motion.place[:, 0], motion.place[:, 1])
     inside = keep[motion.place[keep, 2] > 0]
     figure = go.Figure()
-    figure.add_scatter(x=1e3 * motion.place[keep, 0], y=1e3 * motion.place[keep, 1], mode="lines", name="in the air",
-                       line={"color": GREY, "width": 1})  # fmt: skip
-    figure.add_scatter(x=1e3 * motion.place[inside, 0], y=1e3 * motion.place[inside, 1], mode="markers", name="in the material",
-                       marker={"color": ORANGE, "size": 6})  # fmt: skip
+    figure.add_scatter(
+        x=1e3 * motion.place[keep, 0],
+        y=1e3 * motion.place[keep, 1],
+        mode="lines",
+        name="in the air",
+        line={"color": GREY, "width": 1},
+    )
+    figure.add_scatter(
+        x=1e3 * motion.place[inside, 0],
+        y=1e3 * motion.place[inside, 1],
+        mode="markers",
+        name="in the material",
+        marker={"color": ORANGE, "size": 6},
+    )
     figure.update_xaxes(title_text="along tangent 1 [mm]")
     figure.update_yaxes(title_text="along tangent 2 [mm]", scaleanchor="x")
     finish(figure, 520)
@@ -113,28 +130,49 @@ def _phases(figure: Any, motion: Trajectory) -> None:
     ends = np.append(starts[1:], len(motion))
     for k, (a, b) in enumerate(zip(starts.tolist(), ends.tolist())):
         x0, x1 = float(motion.t[a]), float(motion.t[b - 1])
-        figure.add_vrect(x0=x0, x1=x1, fillcolor=ORANGE if k % 2 else BLUE, opacity=0.06, line_width=0, row="all", col=1)
-        figure.add_annotation(x=0.5 * (x0 + x1), y=1.0, yref="y domain", yanchor="top", text=str(motion.phase[a]),
-                              showarrow=False, font={"size": 11, "color": GREY},
-                              textangle=-90 if x1 - x0 < 0.12 * motion.duration else 0)  # fmt: skip
+        figure.add_vrect(
+            x0=x0, x1=x1, fillcolor=ORANGE if k % 2 else BLUE, opacity=0.06, line_width=0, row="all", col=1
+        )
+        figure.add_annotation(
+            x=0.5 * (x0 + x1),
+            y=1.0,
+            yref="y domain",
+            yanchor="top",
+            text=str(motion.phase[a]),
+            showarrow=False,
+            font={"size": 11, "color": GREY},
+            textangle=-90 if x1 - x0 < 0.12 * motion.duration else 0,
+        )
 
 
 def _facts(motion: Trajectory) -> str:
     used = motion.provenance.get("used", ())
     rows = "".join(
         f"<tr><td>{html.escape(str(use['quantity']))}</td><td>{html.escape(str(use['joint']))}</td>"
-        f"<td>{100 * use['share']:.0f} %</td><td>{use['value']:.4g}</td><td>{use['limit']:.4g}</td><td>{use['t']:.2f}</td></tr>"
-        for use in used)  # fmt: skip
-    head = "".join(f"<th>{name}</th>" for name in ("quantity", "nearest to its limit", "used", "value", "limit", "at [s]"))
+        f"<td>{100 * use['share']:.0f} "
+        f"%</td><td>{use['value']:.4g}</td><td>{use['limit']:.4g}</td><td>{use['t']:.2f}</td></tr>"
+        for use in used
+    )
+    head = "".join(
+        f"<th>{name}</th>" for name in ("quantity", "nearest to its limit", "used", "value", "limit", "at [s]")
+    )
     table = f"<div class=scroll><table><tr>{head}</tr>{rows}</table></div>" if rows else ""
     expected = motion.provenance.get("intervals") or {}
     lines = "".join(
         f"<tr><td>{html.escape(name)}</td><td>{each['value']:.5g}</td><td>"
-        + ("open" if each["half"] is None else f"± {each['half']:.2g}") + f"</td><td>{html.escape(each['unit'])}</td></tr>"
+        + ("open" if each["half"] is None else f"± {each['half']:.2g}")
+        + f"</td><td>{html.escape(each['unit'])}</td></tr>"
         for name, each in expected.items()
     )
-    promised = ("<h2>Expected 95 % intervals</h2><div class=scroll><table><tr><th>parameter</th><th>assumed</th><th>interval</th>"
-                f"<th>unit</th></tr>{lines}</table></div>") if lines else ""  # fmt: skip
+    promised = (
+        (
+            "<h2>Expected 95 % intervals</h2><div "
+            "class=scroll><table><tr><th>parameter</th><th>assumed</th><th>interval</th>"
+            f"<th>unit</th></tr>{lines}</table></div>"
+        )
+        if lines
+        else ""
+    )
     notes = "".join(f"<p class=facts>{html.escape(str(note))}</p>" for note in motion.provenance.get("notes", ()))
     count = 0 if motion.touch is None else int(motion.touch.max()) + 1
     touches = f", {count} touch{'es' if count > 1 else ''}" if count else ""

@@ -36,15 +36,18 @@ def set_points(motion: Trajectory, robot: Robot, period: float = 1e-3, stiffness
 
     Args:
         motion: of the robot's joints. robot: with a tip frame. period: of the controller [s].
-        stiffness: of a Cartesian impedance [N/m]: set-points go ahead by the expected force over it, so that the tip goes
-            where the plan says in spite of the material.
+        stiffness: of a Cartesian impedance [N/m]: set-points go ahead by the expected force over it, so that the tip
+            goes where the plan says in spite of the material.
 
     Raises:
         InputError: another robot's joints, a period that is no time, or a stiffness without expected forces.
     """
     if motion.joint_names != robot.joint_names or robot.tip_frame is None:
-        raise InputError(f"a trajectory of {', '.join(motion.joint_names)}", f"the joints of {robot.name}, with a tip frame",
-                         "name the rig that it was planned for")  # fmt: skip
+        raise InputError(
+            f"a trajectory of {', '.join(motion.joint_names)}",
+            f"the joints of {robot.name}, with a tip frame",
+            "name the rig that it was planned for",
+        )
     if not (np.isfinite(period) and period > 0):
         raise InputError(f"a period of {period} s", "a positive time", "correct it")
     t: Array = np.arange(int(np.floor(motion.duration / period + 1e-9)) + 1, dtype=np.float64) * period
@@ -54,14 +57,18 @@ def set_points(motion: Trajectory, robot: Robot, period: float = 1e-3, stiffness
     positions = pose.position
     if stiffness is not None:
         if motion.force is None or not np.isfinite(motion.force).all():
-            raise InputError("a plan without expected forces", "the force at every sample", "plan with --model, or leave it out")
+            raise InputError(
+                "a plan without expected forces", "the force at every sample", "plan with --model, or leave it out"
+            )
         force = np.stack([np.interp(t, motion.t - motion.t[0], motion.force[:, k]) for k in range(3)], axis=1)
         positions = positions - force / stiffness
     return SetPoints(t, motion.phase[row], q, dq, positions, pose.rotation)
 
 
 def between(motion: Trajectory, row: NDArray[np.int64], since: Array) -> tuple[Array, Array]:
-    """Joints and velocities at times [s] since the samples of rows, by the polynomial of fifth degree that joins neighbours."""
+    """Joints and velocities at times [s] since the samples of rows, by the polynomial of fifth degree that joins
+    neighbours.
+    """
     h = (motion.t[row + 1] - motion.t[row])[:, None]
     u = since[:, None] / h
     a, b = row, row + 1

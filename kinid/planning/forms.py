@@ -1,4 +1,6 @@
-"""Candidates to tell apart: which are worth an experiment, what they plausibly look like, and what a refit can make of them."""
+"""Candidates to tell apart: which are worth an experiment, what they plausibly look like, and what a refit can make of
+them.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,8 @@ class Form:
     """A plausible amount of an effect: one of its parameters a step away from where the effect vanishes.
 
     Attributes:
-        effect: which. at: values of all its parameters, at which it does nothing. index: of the parameter that is moved.
+        effect: which. at: values of all its parameters, at which it does nothing. index: of the parameter that is
+            moved.
         step: how far. parameters: its own.
     """
 
@@ -49,8 +52,11 @@ class Form:
     def told(self) -> str:
         """In words."""
         null = self.effect.null
-        shapes = [f"{p.name} {v:.3g}{_unit(p)}" for p, v in zip(self.parameters, self.at)
-                  if p.name not in null and p.name.split("[")[0] not in null]  # fmt: skip
+        shapes = [
+            f"{p.name} {v:.3g}{_unit(p)}"
+            for p, v in zip(self.parameters, self.at)
+            if p.name not in null and p.name.split("[")[0] not in null
+        ]
         moved = self.parameters[self.index]
         amount = f"{moved.name} {self.values[self.index]:.3g}{_unit(moved)}"
         return ", ".join([f"{self.effect.id} with {amount}", *shapes])
@@ -64,22 +70,34 @@ def candidates(model: Model, names: Sequence[str]) -> list[Effect]:
     """
     chosen = [catalogue.get(name) for name in names]
     if len(set(names)) < 2 or len(set(names)) < len(names):
-        raise InputError(f"candidates {', '.join(names) or 'none'}", "two different effects or more", "name them as a,b")
+        raise InputError(
+            f"candidates {', '.join(names) or 'none'}", "two different effects or more", "name them as a,b"
+        )
     for effect in chosen:
         if effect.id in model:
-            raise InputError(f"candidate '{effect.id}' in the model {model}", "a model without the candidates", "leave it out")
+            raise InputError(
+                f"candidate '{effect.id}' in the model {model}", "a model without the candidates", "leave it out"
+            )
         if effect.base:
-            raise InputError(f"candidate '{effect.id}'", "effects to add, not a contact law",
-                             "hold models with each side by side: kinid compare")  # fmt: skip
+            raise InputError(
+                f"candidate '{effect.id}'",
+                "effects to add, not a contact law",
+                "hold models with each side by side: kinid compare",
+            )
         if effect.detector:
-            raise InputError(f"candidate '{effect.id}'", "effects that an experiment tells apart",
-                             "run kinid diagnose: it is recognised in the samples themselves")  # fmt: skip
+            raise InputError(
+                f"candidate '{effect.id}'",
+                "effects that an experiment tells apart",
+                "run kinid diagnose: it is recognised in the samples themselves",
+            )
     sides = {effect.id: _side(effect) for effect in chosen}
     for a, b in itertools.combinations(sides, 2):
         if sides[a] and sides[b] and sides[a] != sides[b]:
-            raise InputError(f"'{a}', which acts on {sides[a]}, and '{b}', which acts on {sides[b]}",
-                             "effects that change the same readings",
-                             "run kinid diagnose: any log that shows both tells them apart")  # fmt: skip
+            raise InputError(
+                f"'{a}', which acts on {sides[a]}, and '{b}', which acts on {sides[b]}",
+                "effects that change the same readings",
+                "run kinid diagnose: any log that shows both tells them apart",
+            )
     return chosen
 
 
@@ -103,7 +121,9 @@ def _thinned(points: list[Any]) -> list[Any]:
 
 
 def forms(effect: Effect, signals: Sequence[Signals], base: str | None) -> list[Form]:
-    """What an effect may plausibly look like in any of these experiments: each parameter by itself, at points of its shapes."""
+    """What an effect may plausibly look like in any of these experiments: each parameter by itself, at points of its
+    shapes.
+    """
     layout = signals[0].layout
     parameters, amplitude = effect.parameters(layout), amplitudes(effect, layout, base)
     shapes = set()

@@ -1,8 +1,9 @@
 """Motion in the air that tells most about the tool's load or about joint effects: sines in every joint.
 
-Each joint swings about a posture with a few sines (Swevers et al., IEEE Trans. Robotics and Automation 13, 1997, without the
-demand that all share one period). Candidates are drawn by a fixed seed, each as large as the joints' limits and the room
-allow; the one that tells most is improved by small changes while that helps (a random search with hill climbing).
+Each joint swings about a posture with a few sines (Swevers et al., IEEE Trans. Robotics and Automation 13, 1997,
+without the demand that all share one period). Candidates are drawn by a fixed seed, each as large as the joints' limits
+and the room allow; the one that tells most is improved by small changes while that helps (a random search with hill
+climbing).
 """
 
 from __future__ import annotations
@@ -66,13 +67,19 @@ class Swing:
         sine, cosine = self.amplitudes * np.sin(angle), self.amplitudes * np.cos(angle)
         u = [sine.sum(axis=2), (w * cosine).sum(axis=2), -(w**2 * sine).sum(axis=2), -(w**3 * cosine).sum(axis=2)]
         f = fading(t, self.duration, self.fade)[:, :, None]
-        return (self.base + f[0] * u[0], f[1] * u[0] + f[0] * u[1], f[2] * u[0] + 2 * f[1] * u[1] + f[0] * u[2],
-                f[3] * u[0] + 3 * f[2] * u[1] + 3 * f[1] * u[2] + f[0] * u[3])  # fmt: skip
+        return (
+            self.base + f[0] * u[0],
+            f[1] * u[0] + f[0] * u[1],
+            f[2] * u[0] + 2 * f[1] * u[1] + f[0] * u[2],
+            f[3] * u[0] + 3 * f[2] * u[1] + 3 * f[1] * u[2] + f[0] * u[3],
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """For provenance."""
         return {name: getattr(self, name).tolist() for name in ("base", "amplitudes", "frequencies", "phases")} | {
-            "duration": self.duration, "fade": self.fade}  # fmt: skip
+            "duration": self.duration,
+            "fade": self.fade,
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,8 +98,9 @@ class Design:
     """What stays the same while motions in the air are compared.
 
     Attributes:
-        rig: without a surface where nothing is touched. robot, limits, reach: of it. model, values: that motions are to tell of,
-            by full name. scene: what the arm may run into; None: collisions aren't looked for. criterion: "D" or "A".
+        rig: without a surface where nothing is touched. robot, limits, reach: of it. model, values: that motions are to
+            tell of, by full name. scene: what the arm may run into; None: collisions aren't looked for. criterion: "D"
+            or "A".
         rate: of the log [Hz].
     """
 
@@ -113,8 +121,10 @@ class Design:
         limits, share = self.limits, SHARE
         room = np.minimum(limits.upper - swing.base, swing.base - limits.lower)
         used = [np.abs(q - swing.base).max(axis=0) / np.minimum(room, np.pi)]
-        used += [np.abs(d).max(axis=0) / getattr(limits, name)
-                 for d, name in zip(derivatives, ("velocity", "acceleration", "jerk"))]  # fmt: skip
+        used += [
+            np.abs(d).max(axis=0) / getattr(limits, name)
+            for d, name in zip(derivatives, ("velocity", "acceleration", "jerk"))
+        ]
         largest = np.maximum(np.max(used, axis=0), 1e-9)
         swing = _scaled(swing, share / largest)
         for _ in range(8):
@@ -146,9 +156,13 @@ class Design:
         if experiment.layout.kind == "wrench":
             noise = np.asarray(self.rig.sensor.noise) if self.rig.sensor.noise is not None else WRENCH_NOISE
             noise = np.maximum(noise, 1e-9)
-            if not any(effect.constant for effect in self.model.effects):  # a fit estimates one constant a channel along
+            if not any(
+                effect.constant for effect in self.model.effects
+            ):  # a fit estimates one constant a channel along
                 constants = len(found)
-                steady = np.broadcast_to((noise[:, None] * np.eye(constants))[:, None, :], (constants, len(t), constants))
+                steady = np.broadcast_to(
+                    (noise[:, None] * np.eye(constants))[:, None, :], (constants, len(t), constants)
+                )
                 found = np.concatenate([found, steady], axis=2)
         return without(information(found, noise, self.rate / rate), constants), experiment
 
@@ -159,17 +173,28 @@ class Design:
             log = Log(t, q, dq, ddq, tau=np.zeros_like(q), phase=free, provenance=Provenance("the plan"))
             return from_joint_torques(log, self.rig, robot=self.robot, differentiator=Differentiator())
         log = Log(t, q, dq, ddq, wrench=np.zeros((len(t), 6)), phase=free, provenance=Provenance("the plan"))
-        return from_wrench(log, self.rig, bias=(0.0,) * 6, robot=self.robot, trust_wrench=True,
-                           differentiator=Differentiator())  # a plan's motion is exact
+        return from_wrench(
+            log, self.rig, bias=(0.0,) * 6, robot=self.robot, trust_wrench=True, differentiator=Differentiator()
+        )  # a plan's motion is exact
 
     def cost(self, swing: Swing) -> float:
         """What the search makes least."""
         return cost(self.told(swing, DESIGN_RATE)[0], self.criterion)
 
 
-def excite_free(rig: Rig, model: Model, values: dict[str, float] | None = None, *, bounds: Bounds = AIR,
-                start: Array | None = None, sines: int = 2, criterion: str = "D", rate: float = 500.0,
-                limits: Limits | None = None, collisions: bool = True) -> FreeExcitation:  # fmt: skip
+def excite_free(
+    rig: Rig,
+    model: Model,
+    values: dict[str, float] | None = None,
+    *,
+    bounds: Bounds = AIR,
+    start: Array | None = None,
+    sines: int = 2,
+    criterion: str = "D",
+    rate: float = 500.0,
+    limits: Limits | None = None,
+    collisions: bool = True,
+) -> FreeExcitation:
     """The free motion that tells most about effects of tool, sensor or joints.
 
     Args:
@@ -194,14 +219,16 @@ def excite_free(rig: Rig, model: Model, values: dict[str, float] | None = None, 
         base = np.asarray(start, dtype=float) if start is not None else posture(limits, rng, number)
         if base.shape != (robot.joint_count,) or not ((base > limits.lower) & (base < limits.upper)).all():
             shown = ", ".join(f"{v:g}" for v in base)
-            raise InputError(f"a posture ({shown})", f"{robot.joint_count} joints within their limits",
-                             "choose another with --start")  # fmt: skip
+            raise InputError(
+                f"a posture ({shown})", f"{robot.joint_count} joints within their limits", "choose another with --start"
+            )
         swing = design.fitted(swing_drawn(base, bounds, sines, rng))
         if swing is not None and ((value := design.cost(swing)) < (best[0] if best else np.inf)):
             best = value, swing
     if best is None:
-        raise InputError("no posture free to swing about", "room around the arm",
-                         "choose another with --start, or a farther surface")  # fmt: skip
+        raise InputError(
+            "no posture free to swing about", "room around the arm", "choose another with --start, or a farther surface"
+        )
     for number in range(CHANGED):
         changed = design.fitted(_changed(best[1], bounds, rng, 0.5 * 0.93**number))
         if changed is not None and (value := design.cost(changed)) < best[0]:
@@ -216,7 +243,9 @@ def _finished(design: Design, swing: Swing, value: float, rate: float) -> FreeEx
     tip = robot.kinematics(robot.tip_frame, q).position if robot.tip_frame else np.full((len(t), 3), np.nan)
     zero = np.zeros((len(t), 3))
     trajectory = Trajectory(t, np.full(len(t), "free"), q, dq, ddq, tip, robot.joint_names, None, zero, zero[:, 0])
-    used: tuple[Usage, ...] = check(trajectory, design.limits, design.reach.torques(q, dq, ddq, zero), "the free motion")
+    used: tuple[Usage, ...] = check(
+        trajectory, design.limits, design.reach.torques(q, dq, ddq, zero), "the free motion"
+    )
     if design.scene is not None:
         design.scene.check(q, "the free motion")
     matrix, experiment = design.told(swing, 4 * DESIGN_RATE)
@@ -226,8 +255,14 @@ def _finished(design: Design, swing: Swing, value: float, rate: float) -> FreeEx
     import dataclasses
 
     asked = {"kind": "free motion", "model": list(design.model.names), "criterion": design.criterion}
-    facts = {"robot": robot.name, "asked": asked, "swing": swing.to_dict(), "used": [use.to_dict() for use in used], "rate": rate,
-             "intervals": {name: each.to_dict() for name, each in expected.items()}}  # fmt: skip
+    facts = {
+        "robot": robot.name,
+        "asked": asked,
+        "swing": swing.to_dict(),
+        "used": [use.to_dict() for use in used],
+        "rate": rate,
+        "intervals": {name: each.to_dict() for name, each in expected.items()},
+    }
     return FreeExcitation(dataclasses.replace(trajectory, provenance=facts), swing, design.criterion, value, expected)
 
 
@@ -246,27 +281,40 @@ def posture(limits: Limits, rng: np.random.Generator, number: int) -> Array:
 
 
 def swing_drawn(base: Array, bounds: Bounds, sines: int, rng: np.random.Generator) -> Swing:
-    """Sines of random amplitude, frequency and phase in every joint about a base; their size is left to `Design.fitted`."""
+    """Sines of random amplitude, frequency and phase in every joint about a base; their size is left to
+    `Design.fitted`.
+    """
     shape = (len(base), sines)
     slow = 1.0 / bounds.duration
     # fast sines reach the acceleration limit with small angles: most of the octaves are slow
     frequencies = np.exp(rng.uniform(np.log(slow), np.log(max(bounds.bandwidth, 1.01 * slow)), shape))
-    return Swing(base, rng.uniform(0.2, 1.0, shape), frequencies, rng.uniform(0, 2 * np.pi, shape), bounds.duration,
-                 min(1.0, bounds.duration / 4))  # fmt: skip
+    return Swing(
+        base,
+        rng.uniform(0.2, 1.0, shape),
+        frequencies,
+        rng.uniform(0, 2 * np.pi, shape),
+        bounds.duration,
+        min(1.0, bounds.duration / 4),
+    )
 
 
 def _changed(swing: Swing, bounds: Bounds, rng: np.random.Generator, size: float) -> Swing:
     shape = swing.amplitudes.shape
     slow = 1.0 / bounds.duration
     return Swing(
-        swing.base, swing.amplitudes * np.exp(size * rng.normal(size=shape)),
+        swing.base,
+        swing.amplitudes * np.exp(size * rng.normal(size=shape)),
         np.clip(swing.frequencies * np.exp(size * rng.normal(size=shape)), slow, bounds.bandwidth),
-        swing.phases + size * rng.normal(size=shape), swing.duration, swing.fade,
-    )  # fmt: skip
+        swing.phases + size * rng.normal(size=shape),
+        swing.duration,
+        swing.fade,
+    )
 
 
 def _scaled(swing: Swing, factors: Array) -> Swing:
-    return Swing(swing.base, swing.amplitudes * factors[:, None], swing.frequencies, swing.phases, swing.duration, swing.fade)
+    return Swing(
+        swing.base, swing.amplitudes * factors[:, None], swing.frequencies, swing.phases, swing.duration, swing.fade
+    )
 
 
 __all__ = ["Design", "FreeExcitation", "Swing", "excite_free", "posture", "scene_of", "swing_drawn"]

@@ -1,8 +1,8 @@
 """What the best conceivable poke would tell: depths and speeds chosen at will, jumping from one to the next.
 
 No motion within the same bounds tells more than the optimal design measure over all pairs of depth and rate (Kiefer &
-Wolfowitz 1960). It is found by the multiplicative algorithm (Silvey, Titterington & Torsney 1978). It holds for laws without
-memory, whose force depends on depth and rate alone.
+Wolfowitz 1960). It is found by the multiplicative algorithm (Silvey, Titterington & Torsney 1978). It holds for laws
+without memory, whose force depends on depth and rate alone.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ def ideal_information(law: Law, bounds: Bounds, *, criterion: str, noise: float,
 def least_halves(law: Law, bounds: Bounds, *, noise: float, rate: float) -> dict[str, float] | None:
     """Half-widths of 95 % intervals that no motion within the bounds goes below, for each parameter by itself.
 
-    For each the c-optimal measure (Elfving, Annals of Mathematical Statistics 23, 1952), by the same kind of algorithm; no
-    motion has all of them at once. Arguments as of `ideal_information`; None for a law with memory.
+    For each the c-optimal measure (Elfving, Annals of Mathematical Statistics 23, 1952), by the same kind of algorithm;
+    no motion has all of them at once. Arguments as of `ideal_information`; None for a law with memory.
     """
     if has_memory(law):
         return None
@@ -73,16 +73,24 @@ def least_halves(law: Law, bounds: Bounds, *, noise: float, rate: float) -> dict
 
 
 def _ridged(rows: Array, weight: Array) -> Array:
-    """Information of a measure; a c-optimal one may leave other directions open, which a little of all of them closes."""
+    """Information of a measure; a c-optimal one may leave other directions open, which a little of all of them
+    closes.
+    """
     matrix = rows.T @ (weight[:, None] * rows)
     out: Array = matrix + RIDGE * np.trace(matrix) * np.eye(len(matrix))
     return out
 
 
 def _rows(law: Law, bounds: Bounds) -> Array:
-    """What relative changes of the parameters do to the force, at each pair of depth and rate that is allowed, (n, p)."""
-    pairs: list[Array] = [part.ravel().astype(np.float64) for part in np.meshgrid(
-        np.linspace(bounds.shallowest, bounds.deepest, DEPTHS), np.linspace(-bounds.speed, bounds.speed, RATES))]  # fmt: skip
+    """What relative changes of the parameters do to the force, at each pair of depth and rate that is allowed, (n,
+    p).
+    """
+    pairs: list[Array] = [
+        part.ravel().astype(np.float64)
+        for part in np.meshgrid(
+            np.linspace(bounds.shallowest, bounds.deepest, DEPTHS), np.linspace(-bounds.speed, bounds.speed, RATES)
+        )
+    ]
     signals = law.signals(np.arange(len(pairs[0]), dtype=np.float64), *pairs)
     named = law.model.parameters(law.layout())
     found = sensitivities(lambda values: law.model.predict(signals, values)[:1], law.vector, named)
@@ -92,4 +100,6 @@ def _rows(law: Law, bounds: Bounds) -> Array:
 
 def efficiency(reached: Array, ideal: Array, criterion: str) -> float:
     """In what share of its time the ideal one would tell as much as a motion, 0…1."""
-    return float(np.exp(2.0 * (cost(ideal, criterion) - cost(reached, criterion)) / (len(ideal) if criterion == "D" else 1)))
+    return float(
+        np.exp(2.0 * (cost(ideal, criterion) - cost(reached, criterion)) / (len(ideal) if criterion == "D" else 1))
+    )

@@ -1,4 +1,6 @@
-"""What a motion will tell about a model's parameters: sensitivities, information, and intervals before anything moves."""
+"""What a motion will tell about a model's parameters: sensitivities, information, and intervals before anything
+moves.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ OPEN = 1e-12
 
 @dataclass(frozen=True)
 class Interval:
-    """A 95 % interval that a motion is expected to give: around the value assumed, ± half; infinite where it tells nothing."""
+    """A 95 % interval that a motion is expected to give: around the value assumed, ± half; infinite where it tells
+    nothing.
+    """
 
     name: str
     value: float
@@ -71,7 +75,9 @@ def information(sensitivity: Array, noise: Array, repeats: float = 1.0) -> Array
 
 
 def without(matrix: Array, nuisance: int) -> Array:
-    """Information about all but the last `nuisance` parameters, when those have to be estimated too (Schur's complement)."""
+    """Information about all but the last `nuisance` parameters, when those have to be estimated too (Schur's
+    complement).
+    """
     if not nuisance:
         return matrix
     a, b, c = matrix[:-nuisance, :-nuisance], matrix[:-nuisance, -nuisance:], matrix[-nuisance:, -nuisance:]
@@ -99,4 +105,6 @@ def intervals(matrix: Array, values: Array, parameters: Mapping[str, Parameter])
         variance = (vectors[:, known] ** 2 / eigen[known]).sum(axis=1)
     open_ = (vectors[:, ~known] ** 2).sum(axis=1) > 1e-6
     half = np.where(open_, np.inf, Z95 * np.sqrt(variance) * size)
-    return {name: Interval(name, float(v), float(h), p.unit) for (name, p), v, h in zip(parameters.items(), values, half)}
+    return {
+        name: Interval(name, float(v), float(h), p.unit) for (name, p), v, h in zip(parameters.items(), values, half)
+    }

@@ -17,7 +17,8 @@ Array = NDArray[np.float64]
 
 #: kept from the URDF's position limits [rad or m]: controllers stop the arm a degree before them
 MARGIN = float(np.radians(1.0))
-#: where a URDF states none, which is usual: the LWR4's own acceleration [rad/s²]; and a jerk [rad/s³] that reaches it in 4 ms
+#: where a URDF states none, which is usual: the LWR4's own acceleration [rad/s²]; and a jerk [rad/s³] that reaches it
+#: in 4 ms
 ACCELERATION, JERK = 4.0, 1000.0
 
 
@@ -47,34 +48,56 @@ class Limits:
                 raise InputError(f"limits of {name} with {values.min():g} among them", "positive limits", "correct it")
         if not (self.lower < self.upper).all():
             j = int(np.flatnonzero(self.lower >= self.upper)[0])
-            raise InputError(f"{self.names[j]} with limits {self.lower[j]:g} … {self.upper[j]:g} after the margin",
-                             "a range to move in", "choose a smaller margin")  # fmt: skip
+            raise InputError(
+                f"{self.names[j]} with limits {self.lower[j]:g} … {self.upper[j]:g} after the margin",
+                "a range to move in",
+                "choose a smaller margin",
+            )
 
     @classmethod
-    def of(cls, robot: Robot, urdf: Path | None = None, *, margin: float = MARGIN, acceleration: float | None = None,
-           jerk: float | None = None) -> Limits:  # fmt: skip
+    def of(
+        cls,
+        robot: Robot,
+        urdf: Path | None = None,
+        *,
+        margin: float = MARGIN,
+        acceleration: float | None = None,
+        jerk: float | None = None,
+    ) -> Limits:
         """Those of a robot's URDF.
 
         Args:
             robot: whose. urdf: its file, which may state `acceleration` and `jerk` in its `<limit>` elements.
-            margin: kept from position limits [rad or m]. acceleration, jerk: for all joints instead of stated or default ones.
+            margin: kept from position limits [rad or m]. acceleration, jerk: for all joints instead of stated or
+                default ones.
         """
         model, n = robot.model, robot.joint_count
-        velocity, torque = (robot.from_tangent(np.atleast_2d(np.array(v, dtype=float)))[0]
-                            for v in (model.velocityLimit, model.effortLimit))  # fmt: skip
+        velocity, torque = (
+            robot.from_tangent(np.atleast_2d(np.array(v, dtype=float)))[0]
+            for v in (model.velocityLimit, model.effortLimit)
+        )
         stated = _stated(urdf, robot.joint_names) if urdf is not None else {}
         rates = {}
         for name, given, default in (("acceleration", acceleration, ACCELERATION), ("jerk", jerk, JERK)):
-            rates[name] = np.array([given if given is not None else stated.get((joint, name), default)
-                                    for joint in robot.joint_names])  # fmt: skip
-        names = tuple(name for name, given in (("acceleration", acceleration), ("jerk", jerk))
-                      if given is None and any(key[1] == name for key in stated))  # fmt: skip
+            rates[name] = np.array(
+                [given if given is not None else stated.get((joint, name), default) for joint in robot.joint_names]
+            )
+        names = tuple(
+            name
+            for name, given in (("acceleration", acceleration), ("jerk", jerk))
+            if given is None and any(key[1] == name for key in stated)
+        )
         return cls(
-            robot.joint_names, robot.lower + margin, robot.upper - margin,
+            robot.joint_names,
+            robot.lower + margin,
+            robot.upper - margin,
             # a URDF without a figure reads as zero or infinity
-            np.where(velocity > 0, velocity, np.inf), rates["acceleration"], rates["jerk"],
-            np.where(torque > 0, torque, np.inf) if n else torque, names,
-        )  # fmt: skip
+            np.where(velocity > 0, velocity, np.inf),
+            rates["acceleration"],
+            rates["jerk"],
+            np.where(torque > 0, torque, np.inf) if n else torque,
+            names,
+        )
 
     def replace(self, **changes: Array) -> Limits:
         """The same with others."""

@@ -27,7 +27,9 @@ LEVER = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Spot:
-    """A point of the surface and its outward normal, (3,) each; how the tool is tilted there, about both tangents [rad]."""
+    """A point of the surface and its outward normal, (3,) each; how the tool is tilted there, about both tangents
+    [rad].
+    """
 
     point: Array
     normal: Array
@@ -60,8 +62,11 @@ class Frames:
         t = self.tangent - (self.tangent @ normal) * normal
         size = np.linalg.norm(t)
         if size < 0.2:
-            raise InputError("a path over a mesh whose normal turns by nearly a right angle", "a patch that faces one way",
-                             "plan it in parts")  # fmt: skip
+            raise InputError(
+                "a path over a mesh whose normal turns by nearly a right angle",
+                "a patch that faces one way",
+                "plan it in parts",
+            )
         t = t / size
         s = np.cross(normal, t)
         c, d = np.cos(self.yaw), np.sin(self.yaw)
@@ -96,20 +101,28 @@ def spots(surface: Surface, touch: Touch, height: float) -> list[Spot]:
     for place in touch.corners:
         if isinstance(surface, Plane):
             if len(place) != 2:
-                raise InputError(f"the place {place} on a plane", "two numbers, along its tangents [m]", "leave one out")
-            out.append(Spot(surface.point + place[0] * surface.axes[0] + place[1] * surface.axes[1], surface.normal, tilt))
+                raise InputError(
+                    f"the place {place} on a plane", "two numbers, along its tangents [m]", "leave one out"
+                )
+            out.append(
+                Spot(surface.point + place[0] * surface.axes[0] + place[1] * surface.axes[1], surface.normal, tilt)
+            )
             continue
         if len(place) != 3:
             raise InputError(f"the place {place} on a mesh", "a point in the base frame, three numbers [m]", "add one")
         found = surface.locate(np.array([place]))
         if np.abs(found.depth[0]) > OFF:
-            raise InputError(f"the place {place}, {1e3 * abs(found.depth[0]):.0f} mm off the mesh", "a point on it",
-                             "move it there")  # fmt: skip
+            raise InputError(
+                f"the place {place}, {1e3 * abs(found.depth[0]):.0f} mm off the mesh", "a point on it", "move it there"
+            )
         spot = Spot(found.closest[0], found.axes[0, 2], tilt)
         up = surface.locate(spot.above(height)[None, :]).depth[0]
         if up > -0.5 * height:
-            raise InputError(f"the place {place}, above which the mesh leaves {-1e3 * up:.1f} mm of air",
-                             f"{1e3 * height:g} mm", "choose a place in the open, or a smaller --height")  # fmt: skip
+            raise InputError(
+                f"the place {place}, above which the mesh leaves {-1e3 * up:.1f} mm of air",
+                f"{1e3 * height:g} mm",
+                "choose a place in the open, or a smaller --height",
+            )
         out.append(spot)
     return out
 
@@ -149,8 +162,11 @@ def leg(surface: Surface, a: Spot, b: Spot, depth: float, frames: Frames) -> Pos
     u = np.linspace(0.0, 1.0, max(13, 1 + int(np.ceil(chord / MESH_STEP))))
     found = surface.locate(a.point + u[:, None] * (b.point - a.point))
     if np.abs(found.depth).max() > OFF:
-        raise InputError(f"a slide whose straight line lies {1e3 * np.abs(found.depth).max():.0f} mm off the mesh",
-                         "corners between which the surface is nearly straight", "add corners")  # fmt: skip
+        raise InputError(
+            f"a slide whose straight line lies {1e3 * np.abs(found.depth).max():.0f} mm off the mesh",
+            "corners between which the surface is nearly straight",
+            "add corners",
+        )
     normals = _smoothed(found.axes[:, 2], u * chord)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     points = _smoothed(found.closest, u * chord)
@@ -179,7 +195,9 @@ def in_surface(surface: Surface, t: Array, points: Array, velocities: Array) -> 
 
 
 def _smoothed(values: Array, s: Array) -> Array:
-    """A Gaussian average of `SMOOTH` over values (k, 3) at lengths s (k,), its weights cut off and renewed at the ends."""
+    """A Gaussian average of `SMOOTH` over values (k, 3) at lengths s (k,), its weights cut off and renewed at the
+    ends.
+    """
     weight = np.exp(-0.5 * ((s[:, None] - s[None, :]) / SMOOTH) ** 2)
     # mirrored about each end, so that it isn't drawn inwards there
     near = np.minimum(s, s[-1] - s)[:, None]

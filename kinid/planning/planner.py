@@ -42,7 +42,8 @@ class Guard:
     The approach is so slow that, from the moment the force is reached, the arm stops within a tenth more of it.
 
     Attributes:
-        force: normal, at which the motion stops and retracts [N]. reaction: of sensor and controller until it brakes [s].
+        force: normal, at which the motion stops and retracts [N]. reaction: of sensor and controller until it brakes
+            [s].
     """
 
     force: float
@@ -64,8 +65,8 @@ class Protocol:
     """How touches are carried out.
 
     Attributes:
-        height: above the surface between touches [m]. pause: standing there before and after each, where the sensor's zero
-            shows [s]. clearance: above the surface, from which the approach goes slowly [m].
+        height: above the surface between touches [m]. pause: standing there before and after each, where the sensor's
+            zero shows [s]. clearance: above the surface, from which the approach goes slowly [m].
         travel: pace in the air. contact: pace of the slow part. rate: samples a second [Hz].
         yaw: of the tool about its axis [rad]; None: what suits the arm best. guard: for fragile materials, or None.
         collisions: whether they are looked for.
@@ -83,8 +84,11 @@ class Protocol:
 
     def __post_init__(self) -> None:
         if not (0 < self.clearance < self.height < 1.0):
-            raise InputError(f"a height of {self.height} m with a clearance of {self.clearance} m",
-                             "0 < clearance < height < 1 m", "correct them")  # fmt: skip
+            raise InputError(
+                f"a height of {self.height} m with a clearance of {self.clearance} m",
+                "0 < clearance < height < 1 m",
+                "correct them",
+            )
         if not (np.isfinite(self.pause) and self.pause >= 0):
             raise InputError(f"a pause of {self.pause} s", "0 or more", "correct it")
         if self.yaw is not None and not np.isfinite(self.yaw):
@@ -109,7 +113,8 @@ class Planner:
     """Plans touches for the robot and surface of a rig.
 
     Attributes:
-        rig: with a robot and a surface. protocol: how. law: the force to expect; None: unknown. limits: default: the URDF's.
+        rig: with a robot and a surface. protocol: how. law: the force to expect; None: unknown. limits: default: the
+            URDF's.
     """
 
     rig: Rig
@@ -134,7 +139,9 @@ class Planner:
         """Of the rig."""
         surface = load_surface(self.rig)
         if surface is None:
-            raise InputError("a rig without [surface]", "the surface to touch", "add [surface] point and normal, or mesh")
+            raise InputError(
+                "a rig without [surface]", "the surface to touch", "add [surface] point and normal, or mesh"
+            )
         return surface
 
     @cached_property
@@ -166,7 +173,8 @@ class Planner:
         raise first
 
     def joints(self, place: Place, deepest: float) -> Callable[[Array], Array]:
-        """Depth and its first three derivatives (4, n) → share of velocity, acceleration and jerk that joints use there, (n,).
+        """Depth and its first three derivatives (4, n) → share of velocity, acceleration and jerk that joints use
+        there, (n,).
 
         Args:
             place: of a poke. deepest: that it may go [m].
@@ -202,8 +210,14 @@ class Planner:
         places = np.array([spot.point for each in spots for spot in each])
         return Scene.of(self.robot, self.rig.folder, self.surface, places=places, deepest=max(map(_deepest, touches)))
 
-    def _from(self, posture: Array, frames: paths.Frames, touches: Sequence[Touch], spots: list[list[paths.Spot]],
-              scene: Scene | None) -> Trajectory:  # fmt: skip
+    def _from(
+        self,
+        posture: Array,
+        frames: paths.Frames,
+        touches: Sequence[Touch],
+        spots: list[list[paths.Spot]],
+        scene: Scene | None,
+    ) -> Trajectory:
         pieces: list[_Piece] = []
         here, at = posture, spots[0][0]
         home, home_q = at, posture
@@ -215,8 +229,11 @@ class Planner:
         if at is not home:
             here = self._travel(pieces, at, home, frames, here, len(touches) - 1)
         if np.abs(here - home_q).max() > 1e-6:
-            raise InputError("touches after which the arm comes back in another posture", "places around which it can go in one",
-                             "plan them in parts")  # fmt: skip
+            raise InputError(
+                "touches after which the arm comes back in another posture",
+                "places around which it can go in one",
+                "plan them in parts",
+            )
         return self._sampled(pieces, touches, scene)
 
     def _contact_pace(self, deepest: float) -> Pace:
@@ -226,8 +243,9 @@ class Planner:
         slow = guard.speed(self.law.stiffness(deepest), pace.acceleration)
         return Pace(min(pace.speed, slow), pace.acceleration, pace.jerk)
 
-    def _travel(self, pieces: list[_Piece], a: paths.Spot, b: paths.Spot, frames: paths.Frames, here: Array,
-                touch: int) -> Array:  # fmt: skip
+    def _travel(
+        self, pieces: list[_Piece], a: paths.Spot, b: paths.Spot, frames: paths.Frames, here: Array, touch: int
+    ) -> Array:
         """Through the air from above one spot to above another; the joints there."""
         nodes, positions, rotations = paths.travel(a, b, frames, self.protocol.height)
         if nodes[-1] < 1e-9:
@@ -238,8 +256,16 @@ class Planner:
         last: Array = course.q[-1]
         return last
 
-    def _touch(self, pieces: list[_Piece], touch: Touch, corners: list[paths.Spot], frames: paths.Frames, here: Array,
-               number: int, approach: Pace) -> tuple[Array, paths.Spot]:  # fmt: skip
+    def _touch(
+        self,
+        pieces: list[_Piece],
+        touch: Touch,
+        corners: list[paths.Spot],
+        frames: paths.Frames,
+        here: Array,
+        number: int,
+        approach: Pace,
+    ) -> tuple[Array, paths.Spot]:
         height, what = self.protocol.height, f"the {touch.name}"
         down = self._down(corners[0], _deepest(touch), frames, here, what)
         low = height + touch.depth
@@ -282,8 +308,15 @@ class Planner:
         add("rest", up, rest(0.0, self.protocol.pause), self.protocol.pause)
         return up.q[0], end
 
-    def _down(self, spot: paths.Spot, deepest: float, frames: paths.Frames, here: Array | None, what: str,
-              below: Array | None = None) -> Course:  # fmt: skip
+    def _down(
+        self,
+        spot: paths.Spot,
+        deepest: float,
+        frames: paths.Frames,
+        here: Array | None,
+        what: str,
+        below: Array | None = None,
+    ) -> Course:
         """The course from above a spot into the material, solved from its top (`here`) or from its end (`below`)."""
         nodes, positions, rotations = paths.down(spot, self.protocol.height, deepest, frames)
         if here is not None:
@@ -322,15 +355,28 @@ class Planner:
                 gap = max(gap, *(float(np.abs(part[0] - before).max()) for part, before in zip(row, last)))
             last = [part[-1] for part in row]
         if gap > 1e-9:
-            raise InputError(f"a plan with a jump of {gap:.3g} between two of its parts", "joints that move continuously",
-                             "choose a signal that begins and ends at rest")  # fmt: skip
+            raise InputError(
+                f"a plan with a jump of {gap:.3g} between two of its parts",
+                "joints that move continuously",
+                "choose a signal that begins and ends at rest",
+            )
         counts = np.diff(edges)
         phase = np.repeat(np.array([piece.phase for piece in pieces]), counts)
         touch = np.repeat(np.array([piece.touch for piece in pieces], dtype=np.int64), counts)
         return self._complete(t, phase, touch, q, dq, ddq, touches, scene, gap)
 
-    def _complete(self, t: Array, phase: NDArray[np.str_], touch: NDArray[np.int64], q: Array, dq: Array, ddq: Array,
-                  touches: Sequence[Touch], scene: Scene | None, gap: float) -> Trajectory:  # fmt: skip
+    def _complete(
+        self,
+        t: Array,
+        phase: NDArray[np.str_],
+        touch: NDArray[np.int64],
+        q: Array,
+        dq: Array,
+        ddq: Array,
+        touches: Sequence[Touch],
+        scene: Scene | None,
+        gap: float,
+    ) -> Trajectory:
         """Tip, depth, expected forces, and all checks."""
         tip = self.robot.kinematics(self.robot.tip_frame or "", q, dq)
         place, rates, axes = paths.in_surface(self.surface, t, tip.position, tip.velocity)
@@ -350,35 +396,61 @@ class Planner:
             assumed = np.where(inside[:, None], guard.force * axes[:, 2], 0.0)
         if guard is not None and self.law is not None and normal.max() > guard.force:
             row = int(np.argmax(normal))
-            raise InputError(f"a {phase[row]} whose binding limit is the force: {normal[row]:.4g} N expected at "
-                             f"{1e3 * place[row, 2]:.3g} mm, of {guard.force:g} N allowed", "a force within the limit",
-                             "press less deep, or allow more")  # fmt: skip
-        asked: dict[str, Any] = {"touches": len(touches), "first": touches[0].to_dict(),
-                                 "corners": [[list(map(float, c)) for c in touch.corners] for touch in touches]}
+            raise InputError(
+                f"a {phase[row]} whose binding limit is the force: {normal[row]:.4g} N expected at "
+                f"{1e3 * place[row, 2]:.3g} mm, of {guard.force:g} N allowed",
+                "a force within the limit",
+                "press less deep, or allow more",
+            )
+        asked: dict[str, Any] = {
+            "touches": len(touches),
+            "first": touches[0].to_dict(),
+            "corners": [[list(map(float, c)) for c in touch.corners] for touch in touches],
+        }
         motion = Trajectory(
-            t, phase, q, dq, ddq, tip.position, self.robot.joint_names, place, force, normal,
-            np.full(len(t), np.inf if guard is None else guard.force), touch,
-        )  # fmt: skip
-        # what the arm would run into comes first: along a way into it joints may well be fast, which is not what forbids it
+            t,
+            phase,
+            q,
+            dq,
+            ddq,
+            tip.position,
+            self.robot.joint_names,
+            place,
+            force,
+            normal,
+            np.full(len(t), np.inf if guard is None else guard.force),
+            touch,
+        )
+        # what the arm would run into comes first: along a way into it joints may well be fast, which is not what
+        # forbids it
         checked = scene.check(q, depth=place[:, 2]) if scene is not None else 0
         used = check(motion, self.limits, self.reach.torques(q, dq, ddq, assumed), "a motion")
         return _with(motion, self._facts(used, asked, gap, checked, scene))
 
-    def _facts(self, used: tuple[Usage, ...], asked: dict[str, Any], gap: float, checked: int,
-               scene: Scene | None) -> dict[str, Any]:  # fmt: skip
+    def _facts(
+        self, used: tuple[Usage, ...], asked: dict[str, Any], gap: float, checked: int, scene: Scene | None
+    ) -> dict[str, Any]:
         import kinid as package
 
         limits = self.limits
         return {
-            "made_by": f"kinid {package.__version__}", "robot": self.robot.name, "asked": asked,
-            "rate": self.protocol.rate, "law": None if self.law is None else self.law.to_dict(),
-            "guard": None if self.protocol.guard is None else
-            {"force": self.protocol.guard.force, "reaction": self.protocol.guard.reaction, "then": "retract"},
-            "limits": {name: getattr(limits, name).tolist()
-                       for name in ("lower", "upper", "velocity", "acceleration", "jerk", "torque")},
-            "used": [use.to_dict() for use in used], "joins": gap, "postures_checked_for_collision": checked,
+            "made_by": f"kinid {package.__version__}",
+            "robot": self.robot.name,
+            "asked": asked,
+            "rate": self.protocol.rate,
+            "law": None if self.law is None else self.law.to_dict(),
+            "guard": None
+            if self.protocol.guard is None
+            else {"force": self.protocol.guard.force, "reaction": self.protocol.guard.reaction, "then": "retract"},
+            "limits": {
+                name: getattr(limits, name).tolist()
+                for name in ("lower", "upper", "velocity", "acceleration", "jerk", "torque")
+            },
+            "used": [use.to_dict() for use in used],
+            "joins": gap,
+            "postures_checked_for_collision": checked,
             "notes": list(() if scene is None else scene.notes),
-        }  # fmt: skip
+        }
 
 
 def _with(motion: Trajectory, facts: dict[str, Any]) -> Trajectory:
@@ -391,19 +463,26 @@ def _check_length(touches: Sequence[Touch], protocol: Protocol) -> None:
     """Refuse what would take longer than a plan may, before it is laid out."""
     seconds = sum(_least_time(touch) + 2 * protocol.pause for touch in touches)
     if seconds * protocol.rate > MOST_SAMPLES:
-        raise InputError(f"a plan of {seconds / 3600:.3g} h at least, {seconds * protocol.rate:.3g} samples at "
-                         f"{protocol.rate:g} Hz", f"{MOST_SAMPLES:.0e} samples at most",
-                         "plan it in parts, or with a lower --rate")  # fmt: skip
+        raise InputError(
+            f"a plan of {seconds / 3600:.3g} h at least, {seconds * protocol.rate:.3g} samples at {protocol.rate:g} Hz",
+            f"{MOST_SAMPLES:.0e} samples at most",
+            "plan it in parts, or with a lower --rate",
+        )
     for touch in touches:
         if _deepest(touch) > DEEPEST:
-            raise InputError(f"a {touch.name} {_deepest(touch):.3g} m deep", f"at most {DEEPEST:g} m: tools are no longer",
-                             "press less deep; depths are in m")  # fmt: skip
+            raise InputError(
+                f"a {touch.name} {_deepest(touch):.3g} m deep",
+                f"at most {DEEPEST:g} m: tools are no longer",
+                "press less deep; depths are in m",
+            )
         if isinstance(touch, Poke):
             highest = float(touch.signal(_often(touch))[0].min())
             if -highest > protocol.height:
-                raise InputError(f"a poke that rises {-1e3 * highest:.3g} mm above the surface",
-                                 f"at most the height between touches, {1e3 * protocol.height:g} mm",
-                                 "lower its amplitudes, press deeper, or raise --height")  # fmt: skip
+                raise InputError(
+                    f"a poke that rises {-1e3 * highest:.3g} mm above the surface",
+                    f"at most the height between touches, {1e3 * protocol.height:g} mm",
+                    "lower its amplitudes, press deeper, or raise --height",
+                )
 
 
 def _least_time(touch: Touch) -> float:

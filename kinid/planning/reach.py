@@ -39,10 +39,15 @@ class Reach:
 
     def __post_init__(self) -> None:
         if self.robot.tip_frame is None:
-            raise InputError(f"{self.robot.name} without a tip frame", "the point that touches", "name [robot] tip_frame")
+            raise InputError(
+                f"{self.robot.name} without a tip frame", "the point that touches", "name [robot] tip_frame"
+            )
         if self.robot.joint_count < 6:
-            raise InputError(f"{self.robot.name} with {self.robot.joint_count} joints between base and tip",
-                             "six or more, to place and turn the tool freely", "plan for another arm")  # fmt: skip
+            raise InputError(
+                f"{self.robot.name} with {self.robot.joint_count} joints between base and tip",
+                "six or more, to place and turn the tool freely",
+                "plan for another arm",
+            )
 
     @cached_property
     def packed(self) -> tuple[NDArray[Any], ...]:
@@ -72,21 +77,26 @@ class Reach:
             raise self._refusal(status, row, q, positions[row], what)
         jumps = np.abs(np.diff(q, axis=0)).max(axis=1, initial=0.0)
         if len(jumps) and jumps.max() > 0.5:
-            raise InputError(f"{what}, where {self.robot.name} has to jump from one posture to another at "
-                             f"({_shown(positions[int(jumps.argmax())])}) m", "a path clear of singularities",
-                             "move the surface, or turn the tool with --yaw")  # fmt: skip
+            raise InputError(
+                f"{what}, where {self.robot.name} has to jump from one posture to another at "
+                f"({_shown(positions[int(jumps.argmax())])}) m",
+                "a path clear of singularities",
+                "move the surface, or turn the tool with --yaw",
+            )
         return q
 
     def postures(self, position: Array, rotations: Array, what: str = "the place") -> Iterator[tuple[Array, int]]:
-        """Postures (N,) that reach a position with one of the rotations (k, 3, 3), and which; the most comfortable first.
+        """Postures (N,) that reach a position with one of the rotations (k, 3, 3), and which; the most comfortable
+        first.
 
         The same poses give the same postures: starting points are drawn by a fixed seed.
 
         Raises:
             InputError: none, and why the nearest one fails.
         """
-        lower, upper = (np.where(np.isfinite(v), v, s * np.pi)
-                        for v, s in ((self.limits.lower, -1.0), (self.limits.upper, 1.0)))  # fmt: skip
+        lower, upper = (
+            np.where(np.isfinite(v), v, s * np.pi) for v, s in ((self.limits.lower, -1.0), (self.limits.upper, 1.0))
+        )
         middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
         seeds = middle + 0.6 * half * np.random.default_rng(12).uniform(-1, 1, (SEEDS, len(middle)))
         found: list[tuple[float, Array, int]] = []
@@ -125,9 +135,17 @@ class Reach:
         c = self.columns
         out, cost = np.empty((len(positions), len(c))), np.full(len(positions), np.inf)
         status, row = kernel.solve_poses(
-            np.ascontiguousarray(start[c]), np.ascontiguousarray(positions, dtype=float),
-            np.ascontiguousarray(rotations, dtype=float), *self.packed, self.limits.lower[c], self.limits.upper[c],
-            SINGULARITY, patience, out, cost)  # fmt: skip
+            np.ascontiguousarray(start[c]),
+            np.ascontiguousarray(positions, dtype=float),
+            np.ascontiguousarray(rotations, dtype=float),
+            *self.packed,
+            self.limits.lower[c],
+            self.limits.upper[c],
+            SINGULARITY,
+            patience,
+            out,
+            cost,
+        )
         q = np.empty_like(out)
         q[:, c] = out
         return q, int(status), int(row), cost
@@ -137,11 +155,17 @@ class Reach:
         if status == 2:
             excess = np.maximum(q[row] - limits.upper, limits.lower - q[row])
             j = int(np.argmax(excess))
-            return InputError(f"{what} at ({_shown(position)}) m, which needs {limits.names[j]} at {q[row, j]:.3f} rad "
-                              f"(position limits {limits.lower[j]:.3f}, {limits.upper[j]:.3f})",
-                              "joints within their position limits", "move the surface, or turn the tool with --yaw")  # fmt: skip
-        return InputError(f"{what} at ({_shown(position)}) m, which {self.robot.name} can't reach with the tool upright on it",
-                          "poses within the arm's reach", "move the surface nearer, or make the motion smaller")  # fmt: skip
+            return InputError(
+                f"{what} at ({_shown(position)}) m, which needs {limits.names[j]} at {q[row, j]:.3f} rad "
+                f"(position limits {limits.lower[j]:.3f}, {limits.upper[j]:.3f})",
+                "joints within their position limits",
+                "move the surface, or turn the tool with --yaw",
+            )
+        return InputError(
+            f"{what} at ({_shown(position)}) m, which {self.robot.name} can't reach with the tool upright on it",
+            "poses within the arm's reach",
+            "move the surface nearer, or make the motion smaller",
+        )
 
 
 def _shown(position: Array) -> str:

@@ -38,7 +38,9 @@ def write_joint_trajectory(motion: Trajectory, path: Path, topic: str = TOPIC) -
     for t, q, dq, ddq in zip(motion.t - motion.t[0], motion.q, motion.dq, motion.ddq):
         nanoseconds = round(float(t) * 1e9)
         after = duration(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
-        points.append(types[TYPE + "Point"](positions=q, velocities=dq, accelerations=ddq, effort=none, time_from_start=after))
+        points.append(
+            types[TYPE + "Point"](positions=q, velocities=dq, accelerations=ddq, effort=none, time_from_start=after)
+        )
     header = types["std_msgs/msg/Header"](stamp=stamp(sec=0, nanosec=0), frame_id="")
     message = types[TYPE](header=header, joint_names=list(motion.joint_names), points=points)
     definition, _ = store.generate_msgdef(TYPE, ros_version=2)
@@ -53,5 +55,7 @@ def write_joint_trajectory(motion: Trajectory, path: Path, topic: str = TOPIC) -
 
 
 _TRAJECTORY = "std_msgs/Header header\nstring[] joint_names\ntrajectory_msgs/JointTrajectoryPoint[] points\n"
-_POINT = ("float64[] positions\nfloat64[] velocities\nfloat64[] accelerations\nfloat64[] effort\n"
-          "builtin_interfaces/Duration time_from_start\n")  # fmt: skip
+_POINT = (
+    "float64[] positions\nfloat64[] velocities\nfloat64[] accelerations\nfloat64[] effort\n"
+    "builtin_interfaces/Duration time_from_start\n"
+)

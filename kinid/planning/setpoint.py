@@ -1,4 +1,5 @@
-"""Set-point changes along a path: time-optimal with limited jerk (Berscheid & Kröger 2021, ruckig), and the trapezoid beside.
+"""Set-point changes along a path: time-optimal with limited jerk (Berscheid & Kröger 2021, ruckig), and the trapezoid
+beside.
 
 Lengths along the path in m.
 """
@@ -65,8 +66,11 @@ class Profile:
         """One after the other; the other begins where this one ends."""
         if not np.allclose(self.states[-1], other.states[0], rtol=0, atol=1e-9):
             raise ValueError(f"a motion that ends at {self.states[-1]} and one that begins at {other.states[0]}")
-        return Profile(np.append(self.times[:-1], self.duration + other.times), np.vstack([self.states[:-1], other.states]),
-                       np.append(self.jerks[:-1], other.jerks))  # fmt: skip
+        return Profile(
+            np.append(self.times[:-1], self.duration + other.times),
+            np.vstack([self.states[:-1], other.states]),
+            np.append(self.jerks[:-1], other.jerks),
+        )
 
 
 def rest(position: float, duration: float) -> Profile:
@@ -113,13 +117,16 @@ def change(start: float, end: float, pace: Pace, *, start_speed: float = 0.0, en
         j = jerks[k]
         states[k + 1] = p + u * (v + u * (a / 2 + u * j / 6)), v + u * (a + u * j / 2), a + u * j
     if abs(states[-1, 0] - end) > 1e-9 or abs(states[-1, 1] - end_speed) > 1e-9 or abs(states[-1, 2]) > 1e-9:
-        raise KinidError(f"ruckig's way from {start:g} to {end:g} m misses its end by {states[-1] - [end, end_speed, 0.0]}")
+        raise KinidError(
+            f"ruckig's way from {start:g} to {end:g} m misses its end by {states[-1] - [end, end_speed, 0.0]}"
+        )
     states[-1] = end, end_speed, 0.0
     return Profile(times, states, jerks)
 
 
 def trapezoid_duration(distance: float, pace: Pace) -> float:
-    """Time of the usual profile under the same limits [s]: a trapezoid of speed, its corners rounded by a moving average.
+    """Time of the usual profile under the same limits [s]: a trapezoid of speed, its corners rounded by a moving
+    average.
 
     An average over T seconds has a jerk of at most the acceleration's change within T, by T (Biagiotti & Melchiorri,
     Trajectory Planning for Automatic Machines and Robots, 2008, ch. 4): T = a/j, or 2 a/j where the trapezoid goes from

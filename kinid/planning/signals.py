@@ -69,10 +69,14 @@ class Multisine(Signal):
         if not (np.isfinite(self.duration) and self.duration > 0):
             raise InputError(f"a motion of {self.duration} s", "a positive duration", "correct it")
         if not (np.isfinite(self.fade) and 0 < self.fade <= self.duration / 2):
-            raise InputError(f"a fade of {self.fade} s in a motion of {self.duration} s", "at most half of it", "choose another")
+            raise InputError(
+                f"a fade of {self.fade} s in a motion of {self.duration} s", "at most half of it", "choose another"
+            )
         for sine in self.sines:
             if len(sine) not in (2, 3) or not np.isfinite(sine).all() or sine[1] <= 0:
-                raise InputError(f"a sine {sine}", "amplitude [m], frequency [Hz] and perhaps phase [rad]", "correct it")
+                raise InputError(
+                    f"a sine {sine}", "amplitude [m], frequency [Hz] and perhaps phase [rad]", "correct it"
+                )
         if not np.isfinite(self.depth):
             raise InputError(f"a depth of {self.depth} m", "a number", "correct it")
 
@@ -93,8 +97,13 @@ class Multisine(Signal):
 
     def to_dict(self) -> dict[str, Any]:
         """For provenance."""
-        return {"kind": "multisine", "depth": self.depth, "sines": [list(s) for s in self.sines], "duration": self.duration,
-                "fade": self.fade}  # fmt: skip
+        return {
+            "kind": "multisine",
+            "depth": self.depth,
+            "sines": [list(s) for s in self.sines],
+            "duration": self.duration,
+            "fade": self.fade,
+        }
 
 
 @final
@@ -113,14 +122,21 @@ class Sampled(Signal):
     def __post_init__(self) -> None:
         t, depths = np.asarray(self.t, dtype=float), np.asarray(self.depths, dtype=float)
         if t.ndim != 1 or t.shape != depths.shape or len(t) < FEWEST:
-            raise InputError(f"a signal of {t.shape} times and {depths.shape} depths", f"at least {FEWEST} of each",
-                             "write columns t [s] and depth [m]")  # fmt: skip
+            raise InputError(
+                f"a signal of {t.shape} times and {depths.shape} depths",
+                f"at least {FEWEST} of each",
+                "write columns t [s] and depth [m]",
+            )
         if not (np.isfinite(t).all() and np.isfinite(depths).all() and (np.diff(t) > 0).all()):
-            raise InputError("a signal with times that don't rise, or values that are no numbers", "t that rises, finite depth",
-                             "repair its table")  # fmt: skip
+            raise InputError(
+                "a signal with times that don't rise, or values that are no numbers",
+                "t that rises, finite depth",
+                "repair its table",
+            )
         if not 0 < self.fade <= (t[-1] - t[0]) / 2:
-            raise InputError(f"a fade of {self.fade} s in a motion of {t[-1] - t[0]:.3g} s", "at most half of it",
-                             "choose another")  # fmt: skip
+            raise InputError(
+                f"a fade of {self.fade} s in a motion of {t[-1] - t[0]:.3g} s", "at most half of it", "choose another"
+            )
         from scipy.interpolate import make_interp_spline
 
         object.__setattr__(self, "_spline", make_interp_spline(t - t[0], depths, k=5))

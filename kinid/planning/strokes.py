@@ -20,7 +20,9 @@ SHIFT = 0.4
 
 
 def by_turns(slow: float, fast: float, depth: float, duration: float) -> Sampled:
-    """In and out between `SHALLOW` and `DEEP` of a depth [m], one stroke at `slow`, then about as long at `fast` [Hz]."""
+    """In and out between `SHALLOW` and `DEEP` of a depth [m], one stroke at `slow`, then about as long at `fast`
+    [Hz].
+    """
     t = np.arange(int(duration * RATE) + 1) / RATE
     turn = 1.0 / slow
     # 0 … 1 … 0, smoothly: which of the two speeds it is

@@ -1,7 +1,7 @@
 """What is done to a surface: pokes, slides along polylines, and campaigns of them over a grid or a polygon.
 
-Places are along both tangents of the rig's plane from its point [m]; on a mesh they are points in the base frame, which are
-brought to the surface.
+Places are along both tangents of the rig's plane from its point [m]; on a mesh they are points in the base frame, which
+are brought to the surface.
 """
 
 from __future__ import annotations
@@ -43,12 +43,17 @@ class Poke:
         _check_place(self.place)
         _check_hold(self.hold)
         if not self.signal.base > 0:
-            raise InputError(f"a poke about a depth of {1e3 * self.signal.base:.4g} mm, in the air",
-                             "a depth in the material, above 0 m",
-                             "press deeper: depths count from the surface into the material")  # fmt: skip
+            raise InputError(
+                f"a poke about a depth of {1e3 * self.signal.base:.4g} mm, in the air",
+                "a depth in the material, above 0 m",
+                "press deeper: depths count from the surface into the material",
+            )
         if len(self.tilt) != 2 or not np.isfinite(self.tilt).all() or np.linalg.norm(self.tilt) > STEEPEST:
-            raise InputError(f"a tilt of {self.tilt} rad", f"angles about both tangents, {STEEPEST:g} rad at most together",
-                             "let the tool lean less")  # fmt: skip
+            raise InputError(
+                f"a tilt of {self.tilt} rad",
+                f"angles about both tangents, {STEEPEST:g} rad at most together",
+                "let the tool lean less",
+            )
 
     @property
     def corners(self) -> tuple[Place, ...]:
@@ -62,14 +67,21 @@ class Poke:
 
     def to_dict(self) -> dict[str, Any]:
         """For provenance."""
-        return {"kind": self.name, "place": list(self.place), "signal": self.signal.to_dict(), "hold": self.hold,
-                "tilt": list(self.tilt)}  # fmt: skip
+        return {
+            "kind": self.name,
+            "place": list(self.place),
+            "signal": self.signal.to_dict(),
+            "hold": self.hold,
+            "tilt": list(self.tilt),
+        }
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class Slide:
-    """Approach to a depth [m] at the first corner, hold [s], along the polyline at a speed [m/s], perhaps back; retract."""
+    """Approach to a depth [m] at the first corner, hold [s], along the polyline at a speed [m/s], perhaps back;
+    retract.
+    """
 
     corners: tuple[Place, ...]
     depth: float = 2.5e-3
@@ -94,8 +106,14 @@ class Slide:
 
     def to_dict(self) -> dict[str, Any]:
         """For provenance."""
-        return {"kind": self.name, "corners": [list(c) for c in self.corners], "depth": self.depth, "speed": self.speed,
-                "hold": self.hold, "back": self.back}  # fmt: skip
+        return {
+            "kind": self.name,
+            "corners": [list(c) for c in self.corners],
+            "depth": self.depth,
+            "speed": self.speed,
+            "hold": self.hold,
+            "back": self.back,
+        }
 
 
 Touch = Poke | Slide
@@ -113,8 +131,11 @@ def four_paths(length: float = 0.02, centre: Place = (0.0, 0.0), **options: Any)
 def grid(rows: int, columns: int, spacing: float, centre: Place = (0.0, 0.0)) -> list[Place]:
     """Places of a grid about a centre, along both tangents [m]."""
     if not (1 <= rows * columns <= MOST and rows > 0) or not (np.isfinite(spacing) and spacing > 0):
-        raise InputError(f"a grid of {rows} × {columns} places {spacing} m apart", f"1 to {MOST} places, a positive spacing",
-                         "correct it")  # fmt: skip
+        raise InputError(
+            f"a grid of {rows} × {columns} places {spacing} m apart",
+            f"1 to {MOST} places, a positive spacing",
+            "correct it",
+        )
     x = centre[0] + (np.arange(rows) - (rows - 1) / 2) * spacing
     y = centre[1] + (np.arange(columns) - (columns - 1) / 2) * spacing
     return [(float(a), float(b)) for a in x for b in y]
@@ -124,14 +145,18 @@ def within(polygon: Sequence[Place], spacing: float) -> list[Place]:
     """Places of a square grid that lie in a polygon (n, 2), or on its rim; it may be concave."""
     corners = np.asarray(polygon, dtype=float)
     if corners.ndim != 2 or corners.shape[0] < 3 or corners.shape[1] != 2 or not np.isfinite(corners).all():
-        raise InputError(f"a polygon of {len(polygon)} corners", "three or more places along both tangents", "add corners")
+        raise InputError(
+            f"a polygon of {len(polygon)} corners", "three or more places along both tangents", "add corners"
+        )
     _check_polygon(corners)
     if not (np.isfinite(spacing) and spacing > 0):
         raise InputError(f"a spacing of {spacing} m", "a positive length", "correct it")
     low, high = corners.min(axis=0), corners.max(axis=0)
     counts = np.floor((high - low) / spacing + 1e-9) + 1
     if counts.prod() > MOST:
-        raise InputError(f"a polygon with {counts.prod():.0f} places {spacing:g} m apart", f"at most {MOST}", "space them wider")
+        raise InputError(
+            f"a polygon with {counts.prod():.0f} places {spacing:g} m apart", f"at most {MOST}", "space them wider"
+        )
     # centred in the polygon's box, so that it doesn't matter where the box begins
     axes = [0.5 * (low[k] + high[k]) + (np.arange(counts[k]) - (counts[k] - 1) / 2) * spacing for k in (0, 1)]
     x, y = (part.ravel() for part in np.meshgrid(*axes, indexing="ij"))
@@ -141,17 +166,22 @@ def within(polygon: Sequence[Place], spacing: float) -> list[Place]:
         with np.errstate(divide="ignore", invalid="ignore"):
             crossing = ax + (y - ay) * (bx - ax) / (by - ay)
         inside ^= ((ay > y) != (by > y)) & (x < crossing)  # even-odd rule
-        along = np.clip(((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / max((bx - ax) ** 2 + (by - ay) ** 2, 1e-30), 0.0, 1.0)
+        along = np.clip(
+            ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / max((bx - ax) ** 2 + (by - ay) ** 2, 1e-30), 0.0, 1.0
+        )
         on_rim |= np.hypot(ax + along * (bx - ax) - x, ay + along * (by - ay) - y) < 1e-9
     found = inside | on_rim
     if not found.any():
-        raise InputError(f"a polygon that holds no place of a grid {spacing:g} m apart", "one place at least",
-                         "space them closer")  # fmt: skip
+        raise InputError(
+            f"a polygon that holds no place of a grid {spacing:g} m apart", "one place at least", "space them closer"
+        )
     return [(float(a), float(b)) for a, b in zip(x[found], y[found])]
 
 
 def shortest_tour(places: Sequence[Place]) -> list[int]:
-    """An order of places with little travel, from the first place back to it: nearest neighbours, then 2-opt (Croes 1958)."""
+    """An order of places with little travel, from the first place back to it: nearest neighbours, then 2-opt (Croes
+    1958).
+    """
     points = np.asarray(places, dtype=float)
     n = len(points)
     if n < 4:
@@ -205,14 +235,20 @@ def _check_polygon(corners: Array) -> None:
     crossing = np.argwhere(apart & apart.T)
     if len(crossing):
         i, j = crossing[0]
-        raise InputError(f"a polygon whose edges {i + 1} and {j + 1} cross", "edges that meet at corners alone",
-                         "name the corners in the order in which they lie around it")  # fmt: skip
+        raise InputError(
+            f"a polygon whose edges {i + 1} and {j + 1} cross",
+            "edges that meet at corners alone",
+            "name the corners in the order in which they lie around it",
+        )
 
 
 def _check_place(place: Place) -> None:
     if len(place) not in (2, 3) or not np.isfinite(place).all():
-        raise InputError(f"a place {place}", "two numbers along the tangents, or a point of a mesh in the base frame [m]",
-                         "correct it")  # fmt: skip
+        raise InputError(
+            f"a place {place}",
+            "two numbers along the tangents, or a point of a mesh in the base frame [m]",
+            "correct it",
+        )
 
 
 def _check_hold(hold: float) -> None:

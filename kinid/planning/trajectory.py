@@ -30,7 +30,8 @@ class Trajectory:
         tip: base frame [m], (n, 3). place: slip1, slip2, depth [m] where there is a surface, (n, 3), or None.
         force: expected of the material on the tool, base axes [N], (n, 3). normal_force: along the normal [N], (n,);
             both NaN where no model was given and the tip is in the material.
-        force_limit: the motion stops and retracts where the measured normal force passes this [N], (n,); infinite: no guard.
+        force_limit: the motion stops and retracts where the measured normal force passes this [N], (n,); infinite: no
+            guard.
         touch: number of the touch that a sample belongs to, from 0, (n,).
         joint_names: (N,). provenance: what was asked for, limits and how much of each is used.
     """
@@ -51,8 +52,17 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         n, joints = len(self.t), len(self.joint_names)
-        shapes = {"t": (n,), "q": (n, joints), "dq": (n, joints), "ddq": (n, joints), "tip": (n, 3), "place": (n, 3),
-                  "force": (n, 3), "normal_force": (n,), "force_limit": (n,)}  # fmt: skip
+        shapes = {
+            "t": (n,),
+            "q": (n, joints),
+            "dq": (n, joints),
+            "ddq": (n, joints),
+            "tip": (n, 3),
+            "place": (n, 3),
+            "force": (n, 3),
+            "normal_force": (n,),
+            "force_limit": (n,),
+        }
         for name, shape in shapes.items():
             value = getattr(self, name)
             if value is None:
@@ -118,12 +128,16 @@ def read_trajectory(path: Path, joint_names: tuple[str, ...] | None = None) -> T
     while f"q{count + 1}" in table:
         count += 1
     if "t" not in table or not count:
-        raise InputError(f"{path} with the columns {', '.join(list(table)[:8]) or 'none'}", "a trajectory: t, q1…qN",
-                         "name a file that kinid plan wrote")  # fmt: skip
+        raise InputError(
+            f"{path} with the columns {', '.join(list(table)[:8]) or 'none'}",
+            "a trajectory: t, q1…qN",
+            "name a file that kinid plan wrote",
+        )
     names = tuple(facts.get("joint_names") or joint_names or (f"joint_{j + 1}" for j in range(count)))
     if len(names) != count:
-        raise InputError(f"{count} joints in {path}", f"{len(names)}: {', '.join(names)}",
-                         "choose the rig that it was planned for")  # fmt: skip
+        raise InputError(
+            f"{count} joints in {path}", f"{len(names)}: {', '.join(names)}", "choose the rig that it was planned for"
+        )
 
     def block(*columns: str) -> Array | None:
         if any(name not in table for name in columns):
@@ -133,24 +147,37 @@ def read_trajectory(path: Path, joint_names: tuple[str, ...] | None = None) -> T
     t, q = np.asarray(table["t"], dtype=float), block(*(f"q{j + 1}" for j in range(count)))
     assert q is not None
     if len(t) < 6 or not np.isfinite(q).all() or not (np.diff(t) > 0).all():
-        raise InputError(f"{path} with {len(t)} samples, times that don't rise, or joints that are no numbers",
-                         "at least 6 samples at rising times", "repair the table")  # fmt: skip
+        raise InputError(
+            f"{path} with {len(t)} samples, times that don't rise, or joints that are no numbers",
+            "at least 6 samples at rising times",
+            "repair the table",
+        )
     dq, ddq = (block(*(f"{name}{j + 1}" for j in range(count))) for name in ("dq", "ddq"))
     if dq is None or ddq is None:
         from scipy.interpolate import make_interp_spline
 
         spline = make_interp_spline(t, q, k=5)
         dq, ddq = spline(t, 1), spline(t, 2)
-    single = {name: np.asarray(table[name], dtype=float) if name in table else None
-              for name in ("expected_normal_force", "force_limit")}  # fmt: skip
+    single = {
+        name: np.asarray(table[name], dtype=float) if name in table else None
+        for name in ("expected_normal_force", "force_limit")
+    }
     tip = block("tip_x", "tip_y", "tip_z")
     return Trajectory(
-        t, np.asarray(table.get("phase", np.full(len(t), "motion")), dtype=np.str_), q, dq, ddq,
-        np.full((len(t), 3), np.nan) if tip is None else tip, names, block("slip1", "slip2", "depth"),
-        block("expected_force_x", "expected_force_y", "expected_force_z"), single["expected_normal_force"],
-        single["force_limit"], np.asarray(table["touch"], dtype=np.int64) if "touch" in table else None,
+        t,
+        np.asarray(table.get("phase", np.full(len(t), "motion")), dtype=np.str_),
+        q,
+        dq,
+        ddq,
+        np.full((len(t), 3), np.nan) if tip is None else tip,
+        names,
+        block("slip1", "slip2", "depth"),
+        block("expected_force_x", "expected_force_y", "expected_force_z"),
+        single["expected_normal_force"],
+        single["force_limit"],
+        np.asarray(table["touch"], dtype=np.int64) if "touch" in table else None,
         {k: v for k, v in facts.items() if k not in ("kind", "version", "joint_names")},
-    )  # fmt: skip
+    )
 
 
 def read_columns(path: Path) -> dict[str, NDArray[Any]]:

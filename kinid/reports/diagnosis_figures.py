@@ -1,7 +1,7 @@
 """Pictures of a diagnosis: errors as effects are added, readings beside predictions, where the residual sits, loops.
 
-Before is vermilion, after is blue, measured is dark grey (Okabe and Ito, 2008): pairs that colour-blind readers tell apart;
-where both are bars or lines, hatching or dashes tell them as well.
+Before is vermilion, after is blue, measured is dark grey (Okabe and Ito, 2008): pairs that colour-blind readers tell
+apart; where both are bars or lines, hatching or dashes tell them as well.
 """
 
 from __future__ import annotations
@@ -41,7 +41,8 @@ class Shown:
     """What the pictures show, in the channels that people read.
 
     Attributes:
-        result: the diagnosis. before: view of its residual. after: of what is left with what was added; None where nothing was.
+        result: the diagnosis. before: view of its residual. after: of what is left with what was added; None where
+            nothing was.
         measured: readings in the view's channels, (channels, n), NaN where they don't count.
     """
 
@@ -58,7 +59,9 @@ class Shown:
         after = None
         if result.best.names != result.model.names:
             after = View.of(experiment, result.residual_after, experiment.noise, before.turned)
-        readings = np.where(experiment.valid, experiment.in_band(np.where(experiment.valid, experiment.measured, 0.0)), np.nan)
+        readings = np.where(
+            experiment.valid, experiment.in_band(np.where(experiment.valid, experiment.measured, 0.0)), np.nan
+        )
         return cls(result, before, after, before.readings(readings))
 
     @property
@@ -91,21 +94,45 @@ def ladder(result: Diagnosis) -> Figure:
     names = [_added(step.added, str(result.model)) for step in result.steps]
     errors = [step.held_out for step in result.steps]
     figure = go.Figure()
-    figure.add_bar(y=names, x=errors, orientation="h", name="held out", width=0.55, text=[f"{e:.3g}" for e in errors],
-                   textposition="outside", cliponaxis=False,
-                   marker={"color": [VERMILION, *[BLUE] * (len(errors) - 1)]},
-                   hovertemplate="%{y}: %{x:.4g} " + result.unit + " held out<extra></extra>")  # fmt: skip
-    figure.add_scatter(y=names, x=[step.train for step in result.steps], mode="markers", name="on samples seen",
-                       marker={"symbol": "line-ns-open", "size": 14, "color": INK, "line": {"width": 2}},
-                       hovertemplate="%{x:.4g} " + result.unit + " on samples seen<extra></extra>")  # fmt: skip
+    figure.add_bar(
+        y=names,
+        x=errors,
+        orientation="h",
+        name="held out",
+        width=0.55,
+        text=[f"{e:.3g}" for e in errors],
+        textposition="outside",
+        cliponaxis=False,
+        marker={"color": [VERMILION, *[BLUE] * (len(errors) - 1)]},
+        hovertemplate="%{y}: %{x:.4g} " + result.unit + " held out<extra></extra>",
+    )
+    figure.add_scatter(
+        y=names,
+        x=[step.train for step in result.steps],
+        mode="markers",
+        name="on samples seen",
+        marker={"symbol": "line-ns-open", "size": 14, "color": INK, "line": {"width": 2}},
+        hovertemplate="%{x:.4g} " + result.unit + " on samples seen<extra></extra>",
+    )
     allowed = float(np.hypot(result.left.noise, result.left.tolerance))
     top = 1.18 * max([*errors, result.noise_floor, 1e-12])
     top = float(np.clip(1.05 * allowed, top, 1.5 * top))
     if np.isfinite(result.noise_floor):
-        figure.add_vline(x=result.noise_floor, line={"color": INK, "width": 1.5, "dash": "dot"},
-                         annotation={"text": f"noise {result.noise_floor:.3g}", "yref": "paper", "y": 1.0, "yanchor": "bottom",
-                                     "xanchor": "left", "font": {"size": 12, "color": INK}})  # fmt: skip
-        figure.add_vrect(x0=result.noise_floor, x1=min(allowed, top), fillcolor=NOISE, opacity=0.25, line_width=0, layer="below")
+        figure.add_vline(
+            x=result.noise_floor,
+            line={"color": INK, "width": 1.5, "dash": "dot"},
+            annotation={
+                "text": f"noise {result.noise_floor:.3g}",
+                "yref": "paper",
+                "y": 1.0,
+                "yanchor": "bottom",
+                "xanchor": "left",
+                "font": {"size": 12, "color": INK},
+            },
+        )
+        figure.add_vrect(
+            x0=result.noise_floor, x1=min(allowed, top), fillcolor=NOISE, opacity=0.25, line_width=0, layer="below"
+        )
     style(figure, 110 + 46 * len(names))
     figure.update_xaxes(title_text=f"error [{result.unit} rms]", range=[0, top])
     figure.update_yaxes(autorange="reversed", automargin=True, showgrid=False)
@@ -134,7 +161,9 @@ def readings(shown: Shown) -> Iterator[Titled]:
             _line(figure, t[rows], predicted, name, colour, "solid" if shown.dense else dash, 1, legend=True)
             _line(figure, t[rows], view.residual[row][rows], name, colour, "solid", 2, legend=False)
         for sign in (-2, 2):
-            figure.add_hline(y=sign * shown.before.sigma[row], line={"color": INK, "width": 1, "dash": "dot"}, row=2, col=1)
+            figure.add_hline(
+                y=sign * shown.before.sigma[row], line={"color": INK, "width": 1, "dash": "dot"}, row=2, col=1
+            )
         figure.update_yaxes(title_text=f"[{shown.before.units[row]}]", row=1, col=1)
         figure.update_yaxes(title_text=f"left [{shown.before.units[row]}]", row=2, col=1)
         figure.update_xaxes(title_text="time [s]", row=2, col=1)
@@ -162,11 +191,15 @@ def loops(shown: Shown) -> Iterator[Titled]:
     for i in (1, 2):
         if f"tangential_force{i}" in channels and np.ptp(s.slip_rate[i - 1]) > 0:
             row = channels.index(f"tangential_force{i}")
-            yield from _loop(shown, row, 1e3 * s.slip_rate[i - 1], inside, f"speed along tangent {i} [mm/s]", "speed of sliding")
+            yield from _loop(
+                shown, row, 1e3 * s.slip_rate[i - 1], inside, f"speed along tangent {i} [mm/s]", "speed of sliding"
+            )
 
 
 def _loop(shown: Shown, row: int, x: Array, inside: Mask, label: str, over: str) -> Iterator[Titled]:
-    """A reading over a quantity, measured as points and predicted as a line: a picture for each model, on the same axes."""
+    """A reading over a quantity, measured as points and predicted as a line: a picture for each model, on the same
+    axes.
+    """
     import plotly.graph_objects as go
 
     use = np.flatnonzero(inside & np.isfinite(shown.measured[row]) & np.isfinite(x))
@@ -175,15 +208,24 @@ def _loop(shown: Shown, row: int, x: Array, inside: Mask, label: str, over: str)
     use = use[:: 1 + len(use) // MOST_LOOP]
     step = int(np.median(np.diff(use))) if len(use) > 1 else 1
     pieces = np.flatnonzero(np.diff(use) > 2 * step) + 1  # a line between two touches was no motion
-    values = [shown.measured[row][use], *(shown.measured[row][use] - view.residual[row][use] for _, view, _, _ in shown.lines)]
+    values = [
+        shown.measured[row][use],
+        *(shown.measured[row][use] - view.residual[row][use] for _, view, _, _ in shown.lines),
+    ]
     low, high = min(np.nanmin(v) for v in values), max(np.nanmax(v) for v in values)
     room = 0.05 * (high - low) + 1e-12
     for (name, view, colour, _), predicted in zip(shown.lines, values[1:]):
         figure = go.Figure()
-        figure.add_scatter(x=compact(x[use]), y=compact(values[0]), mode="markers", name="measured",
-                           marker={"size": 3, "color": NOISE})  # fmt: skip
-        figure.add_scatter(x=compact(np.insert(x[use], pieces, np.nan)), y=compact(np.insert(predicted, pieces, np.nan)),
-                           mode="lines", name=name, line={"color": colour, "width": 1.2})  # fmt: skip
+        figure.add_scatter(
+            x=compact(x[use]), y=compact(values[0]), mode="markers", name="measured", marker={"size": 3, "color": NOISE}
+        )
+        figure.add_scatter(
+            x=compact(np.insert(x[use], pieces, np.nan)),
+            y=compact(np.insert(predicted, pieces, np.nan)),
+            mode="lines",
+            name=name,
+            line={"color": colour, "width": 1.2},
+        )
         figure.update_xaxes(title_text=label)
         figure.update_yaxes(title_text=f"[{view.units[row]}]", range=[low - room, high + room])
         style(figure, 290)
@@ -195,10 +237,15 @@ def phase_bars(shown: Shown, row: int) -> Titled:
     """Rms of a channel in each phase."""
     names = phases(shown.before)
     order = list(dict.fromkeys(names.tolist()))
-    short = [phase_words(n).removeprefix("the ").replace("(by their motion)", "").replace("(by its motion)", "") for n in order]
+    short = [
+        phase_words(n).removeprefix("the ").replace("(by their motion)", "").replace("(by its motion)", "")
+        for n in order
+    ]
     heading = "phase (by its motion)" if shown.before.experiment.phase is None else "phase"
     masks = {html.escape(s.strip().strip("'")): names == n for s, n in zip(short, order)}
-    return bars(shown, row, {name: mask for name, mask in masks.items() if shown.before.samples[row][mask].any()}, heading)
+    return bars(
+        shown, row, {name: mask for name, mask in masks.items() if shown.before.samples[row][mask].any()}, heading
+    )
 
 
 def bars(shown: Shown, row: int, masks: dict[str, Mask], heading: str) -> Titled:
@@ -207,9 +254,13 @@ def bars(shown: Shown, row: int, masks: dict[str, Mask], heading: str) -> Titled
 
     figure = go.Figure()
     for name, view, colour, _ in shown.lines:
-        figure.add_bar(x=list(masks), y=[rms(view, row, m) for m in masks.values()], name=name,
-                       marker={"color": colour, "pattern": {"shape": "/" if name == "before" else "", "solidity": 0.35}},
-                       hovertemplate=f"%{{x}}: %{{y:.3g}} {view.units[row]} rms<extra>{name}</extra>")  # fmt: skip
+        figure.add_bar(
+            x=list(masks),
+            y=[rms(view, row, m) for m in masks.values()],
+            name=name,
+            marker={"color": colour, "pattern": {"shape": "/" if name == "before" else "", "solidity": 0.35}},
+            hovertemplate=f"%{{x}}: %{{y:.3g}} {view.units[row]} rms<extra>{name}</extra>",
+        )
     _noise(figure, shown, row)
     figure.update_xaxes(tickangle=-35, automargin=True)
     return _multiple(figure, shown, row, heading)
@@ -233,8 +284,14 @@ def profile(shown: Shown, row: int, x: Array, within: Mask, heading: str, count:
     at = compact(np.array([float(np.median(x[m])) if m.any() else np.nan for m in masks]))
     figure = go.Figure()
     for name, view, colour, dash in shown.lines:
-        figure.add_scatter(x=at, y=[rms(view, row, m) for m in masks], mode="lines+markers", name=name,
-                           line={"color": colour, "dash": dash, "width": 1.6}, marker={"size": 5})  # fmt: skip
+        figure.add_scatter(
+            x=at,
+            y=[rms(view, row, m) for m in masks],
+            mode="lines+markers",
+            name=name,
+            line={"color": colour, "dash": dash, "width": 1.6},
+            marker={"size": 5},
+        )
     _noise(figure, shown, row)
     return _multiple(figure, shown, row, heading)
 
@@ -280,16 +337,29 @@ def compact(values: Array) -> NDArray[np.float32]:
 
 def _line(figure: Any, x: Array, y: Array, name: str, colour: str, dash: str, row: int, *, legend: bool) -> None:
     shape = {"color": colour, "width": 1.3, "dash": dash}
-    figure.add_scatter(x=compact(x), y=compact(y), name=name, legendgroup=name, showlegend=legend, mode="lines", line=shape,
-                       row=row, col=1)  # fmt: skip
+    figure.add_scatter(
+        x=compact(x),
+        y=compact(y),
+        name=name,
+        legendgroup=name,
+        showlegend=legend,
+        mode="lines",
+        line=shape,
+        row=row,
+        col=1,
+    )
 
 
 def style(figure: Any, height: int) -> None:
     """House style for figures that share a page with text, down to the width of a phone."""
     figure.update_layout(
-        template="plotly_white", height=height, margin={"l": 58, "r": 12, "t": 24, "b": 44}, autosize=True,
-        font={"size": 12, "color": "#1f2937"}, hovermode="x unified",
+        template="plotly_white",
+        height=height,
+        margin={"l": 58, "r": 12, "t": 24, "b": 44},
+        autosize=True,
+        font={"size": 12, "color": "#1f2937"},
+        hovermode="x unified",
         legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0},
-    )  # fmt: skip
+    )
     figure.update_xaxes(title_standoff=6)
     figure.update_yaxes(title_standoff=4)

@@ -35,8 +35,24 @@ Array = NDArray[np.float64]
 MARK = {PRESENT: "●", INDISTINGUISHABLE: "◐"}
 STAND_IN_MARK = "○"
 #: first words of the headings of columns that hold numbers
-NUMBERS = ("evidence", "gain", "seen", "held", "over", "explained", "estimate", "from", "to", "lowest", "highest", "noise",
-           "signal", "step", "repeated", "flat")  # fmt: skip
+NUMBERS = (
+    "evidence",
+    "gain",
+    "seen",
+    "held",
+    "over",
+    "explained",
+    "estimate",
+    "from",
+    "to",
+    "lowest",
+    "highest",
+    "noise",
+    "signal",
+    "step",
+    "repeated",
+    "flat",
+)
 #: samples at the very same largest reading that are a flat top
 FLAT = 5
 #: channels whose residual is divided every way, at most
@@ -83,21 +99,30 @@ def diagnosis_page(result: Diagnosis, title: str, provenance: Provenance | None 
     """
     shown = Shown.of(result)
     curves = grid(loops(shown), wide=True) or "<p class=facts>Nothing is touched.</p>"
-    head = "".join((
-        _headline(result),
-        _section("Error as effects are added", drawing(ladder(result)) + _ladder_words(result)),
-        _section("Where the model fails", _where(result.where)),
-        _section("What is still left", _left(result)) if shown.after is not None and result.left_where else "",
-        _section("Effects", _effects(result)),
-        _section("What to measure next", _next(result)),
-        _section("The model, with its numbers", _model(result)),
-        _section("Measured against predicted", _key(shown, measured=True, dashed=not shown.dense) + (
-            "<p class=facts>Predictions of each half of the log come from a fit to the other half. Below each: what is left, "
-            "measured less predicted; dotted: ± 2 standard deviations of the noise.</p>") + grid(readings(shown), wide=True)),
-        _section("The residual, divided", _divided(shown)),
-        _section("Loops", _key(shown, measured=True, dashed=False) + curves),
-        _section("Quality of the data", _quality(result)),
-    ))  # fmt: skip
+    head = "".join(
+        (
+            _headline(result),
+            _section("Error as effects are added", drawing(ladder(result)) + _ladder_words(result)),
+            _section("Where the model fails", _where(result.where)),
+            _section("What is still left", _left(result)) if shown.after is not None and result.left_where else "",
+            _section("Effects", _effects(result)),
+            _section("What to measure next", _next(result)),
+            _section("The model, with its numbers", _model(result)),
+            _section(
+                "Measured against predicted",
+                _key(shown, measured=True, dashed=not shown.dense)
+                + (
+                    "<p class=facts>Predictions of each half of the log come from a fit to the other half. Below each: "
+                    "what is left, "
+                    "measured less predicted; dotted: ± 2 standard deviations of the noise.</p>"
+                )
+                + grid(readings(shown), wide=True),
+            ),
+            _section("The residual, divided", _divided(shown)),
+            _section("Loops", _key(shown, measured=True, dashed=False) + curves),
+            _section("Quality of the data", _quality(result)),
+        )
+    )
     return page(title, head, [], _provenance(result, provenance), STYLE)
 
 
@@ -105,29 +130,46 @@ def _headline(result: Diagnosis) -> str:
     before, after = result.steps[0].held_out, result.steps[-1].held_out
     cards = [("held-out error, as asked", f"{before:.3g} {result.unit}")]
     if result.added:
-        cards += [("with what was added", f"{after:.3g} {result.unit}"), ("explained of the error", percent(result.explained))]
-    cards += [("noise alone", f"{result.noise_floor:.3g} {result.unit}"),
-              ("left beside noise", f"{result.left.excess:.3g} {result.unit}"),
-              ("left, of the reading", f"{100 * result.left.share_of_reading:.2g} %"),
-              ("tolerance", f"{result.left.tolerance:.3g} {result.unit}")]  # fmt: skip
+        cards += [
+            ("with what was added", f"{after:.3g} {result.unit}"),
+            ("explained of the error", percent(result.explained)),
+        ]
+    cards += [
+        ("noise alone", f"{result.noise_floor:.3g} {result.unit}"),
+        ("left beside noise", f"{result.left.excess:.3g} {result.unit}"),
+        ("left, of the reading", f"{100 * result.left.share_of_reading:.2g} %"),
+        ("tolerance", f"{result.left.tolerance:.3g} {result.unit}"),
+    ]
     doubted = "".join(f"<li>{_e(doubt)}</li>" for doubt in doubts(result))
     shown = "".join(f"<div class=card><span>{_e(what)}</span><b>{_e(value)}</b></div>" for what, value in cards)
     return (
-        f'<p class="verdict {_e(result.verdict)}"><strong>{_e(result.verdict.capitalize())}.</strong> {_e(headline(result))}</p>'
+        f'<p class="verdict {_e(result.verdict)}"><strong>{_e(result.verdict.capitalize())}.</strong> '
+        f"{_e(headline(result))}</p>"
         + (f"<p>{_e(result.says)}</p>" if result.says else "")
-        + f"<div class=cards>{shown}</div>" + (f"<h3>Doubts</h3><ul>{doubted}</ul>" if doubted else "")
-    )  # fmt: skip
+        + f"<div class=cards>{shown}</div>"
+        + (f"<h3>Doubts</h3><ul>{doubted}</ul>" if doubted else "")
+    )
 
 
 def _ladder_words(result: Diagnosis) -> str:
-    rows = [(_e("as asked" if step.added is None else "+ " + step.added), number(step.train), number(step.held_out),
-             _ratio(step.held_out, result.noise_floor), "" if step.added is None else percent(step.explained))
-            for step in result.steps]  # fmt: skip
+    rows = [
+        (
+            _e("as asked" if step.added is None else "+ " + step.added),
+            number(step.train),
+            number(step.held_out),
+            _ratio(step.held_out, result.noise_floor),
+            "" if step.added is None else percent(step.explained),
+        )
+        for step in result.steps
+    ]
     heads = ("model", f"seen [{result.unit}]", f"held out [{result.unit}]", "over noise", "explained")
     return f"<p>{_e(leftover(result))}</p>{_table(heads, rows)}" + (
-        "<p class=facts>Root mean squares over the same samples on every rung. Bars: held out, from a fit to the other half of "
-        "the log; upright marks: samples seen; grey: what the tolerance allows beside noise. Explained: share of the first "
-        "model's squared error beyond noise that is gone.</p>")  # fmt: skip
+        "<p class=facts>Root mean squares over the same samples on every rung. Bars: held out, from a fit to the other "
+        "half of "
+        "the log; upright marks: samples seen; grey: what the tolerance allows beside noise. Explained: share of the "
+        "first "
+        "model's squared error beyond noise that is gone.</p>"
+    )
 
 
 def _ratio(error: float, noise: float) -> str:
@@ -136,13 +178,17 @@ def _ratio(error: float, noise: float) -> str:
 
 def _where(cells: Iterable[Cell]) -> str:
     items = "".join(
-        f'<li>{_e(cell.says)}<div class=track><div class=bar style="width:{max(1.0, 100 * cell.share):.0f}%"></div></div></li>'
+        f"<li>{_e(cell.says)}<div class=track><div class=bar "
+        f'style="width:{max(1.0, 100 * cell.share):.0f}%"></div></div></li>'
         for cell in cells
     )
     if not items:
         return "<p>Nothing beyond noise.</p>"
-    return (f"<ol class=where>{items}</ol><p class=facts>Shares are of the squared error beyond noise. Parts of different kinds "
-            "overlap: phases and channels together make up the whole.</p>")  # fmt: skip
+    return (
+        f"<ol class=where>{items}</ol><p class=facts>Shares are of the squared error beyond noise. Parts of different "
+        f"kinds "
+        "overlap: phases and channels together make up the whole.</p>"
+    )
 
 
 def _left(result: Diagnosis) -> str:
@@ -153,7 +199,9 @@ def _next(result: Diagnosis) -> str:
     """How to separate rivals, and where it stands how to see what this log doesn't show."""
     rivals = rivalries(result)
     hidden = sum(e.verdict == NOT_EXCITED and e.acts for e in result.effects)
-    out = "".join(f"<li><b>{_e(e.id)}</b> or {_e(' or '.join(e.equivalent_to))}: {_e(e.separate_by)}</li>" for e in rivals)
+    out = "".join(
+        f"<li><b>{_e(e.id)}</b> or {_e(' or '.join(e.equivalent_to))}: {_e(e.separate_by)}</li>" for e in rivals
+    )
     out = f"<ul>{out}</ul>" if out else "<p>No effect that was found has a rival that fits as well.</p>"
     if hidden:
         out += f"<p>This log cannot show {hidden} effects: what to record for each stands among the effects, above.</p>"
@@ -163,25 +211,35 @@ def _next(result: Diagnosis) -> str:
 def _effects(result: Diagnosis) -> str:
     """Every effect; what is absent or cannot be seen is folded away on a screen."""
     found = [e for e in by_verdict(result) if e.verdict in MARK]
-    table = _table(("effect", "verdict", "evidence", f"gain [{result.unit}]", "parameters (95 %)", "why", "how to tell"),
-                   [_row(e) for e in found], cards=True)  # fmt: skip
+    table = _table(
+        ("effect", "verdict", "evidence", f"gain [{result.unit}]", "parameters (95 %)", "why", "how to tell"),
+        [_row(e) for e in found],
+        cards=True,
+    )
     out = [table if found else "<p>None was found.</p>"]
     out.append(
-        "<p class=facts>Evidence: the gain in held-out squared error that the effect brings, over the gain's standard error; 4 "
-        "is the least that is accepted; none for marks in the samples. Gain: by how much the effect lowers the held-out error. A "
+        "<p class=facts>Evidence: the gain in held-out squared error that the effect brings, over the gain's standard "
+        "error; 4 "
+        "is the least that is accepted; none for marks in the samples. Gain: by how much the effect lowers the "
+        "held-out error. A "
         "stand-in takes off less than is left: it may only follow what the catalogue does not hold.</p>"
     )
-    folded = ((LEFT_OUT, "left out, as no more effects were asked for", "how to try"),
-              (NOT_EXCITED, "that this log cannot tell", "what to record"), (ABSENT, "absent", ""),
-              (FOREIGN, "that are not about logs of this kind", "what to record"))  # fmt: skip
+    folded = (
+        (LEFT_OUT, "left out, as no more effects were asked for", "how to try"),
+        (NOT_EXCITED, "that this log cannot tell", "what to record"),
+        (ABSENT, "absent", ""),
+        (FOREIGN, "that are not about logs of this kind", "what to record"),
+    )
     for group, words, last in folded:
         rest = [e for e in by_verdict(result) if e.group == group]
         if rest:
             heads = ("effect", "evidence", "why", last)
             rows = [(_name(e), _evidence(e), _e(e.says), _e(e.separate_by)) for e in rest]
             width = 4 if last or any(e.separate_by for e in rest) else 3
-            out.append(f"<details><summary>{len(rest)} {words}: {_e(', '.join(e.label for e in rest))}</summary>"
-                       f"{_table(heads[:width], [row[:width] for row in rows], cards=True)}</details>")  # fmt: skip
+            out.append(
+                f"<details><summary>{len(rest)} {words}: {_e(', '.join(e.label for e in rest))}</summary>"
+                f"{_table(heads[:width], [row[:width] for row in rows], cards=True)}</details>"
+            )
     return "".join(out)
 
 
@@ -230,13 +288,19 @@ def _bound(value: float) -> str:
 def _model(result: Diagnosis) -> str:
     shown = acting(result.fit.parameters).values()
     rows = [(_e(p.name), number(p.value), _bound(p.low), _bound(p.high), _e(p.unit)) for p in shown]
-    table = _table(("parameter", "estimate", "from", "to", "unit"), rows) + "<p class=facts>Intervals: 95 %.</p>" if rows else ""
+    table = (
+        _table(("parameter", "estimate", "from", "to", "unit"), rows) + "<p class=facts>Intervals: 95 %.</p>"
+        if rows
+        else ""
+    )
     return f"<p>{_e(str(result.best))}</p><pre>{_e(result.fit.equation())}</pre>{table}"
 
 
 def _divided(shown: Shown) -> str:
-    out = [_key(shown, measured=False, dashed=True),
-           "<p class=facts>Root mean square of what is left, where the error is largest. Dotted: noise.</p>"]  # fmt: skip
+    out = [
+        _key(shown, measured=False, dashed=True),
+        "<p class=facts>Root mean square of what is left, where the error is largest. Dotted: noise.</p>",
+    ]
     for row in shown.worst(MOST_DIVIDED):
         out += [f"<h3>{_e(sentence(channel_words(shown.before, row)))}</h3>", grid(multiples(shown, row))]
     return "".join(out)
@@ -249,9 +313,12 @@ def _quality(result: Diagnosis) -> str:
     gaps = int((s.dt == 0.0).sum()) - 1
     rate = f"{1 / float(np.median(steps)):.5g} Hz" if len(steps) else "single poses"
     lost = int((steps > 1.5 * np.median(steps)).sum()) if len(steps) else 0
-    facts = [f"{n} samples over {float(s.t[-1]):.4g} s at {rate}", f"{gaps} gap{'' if gaps == 1 else 's'}",
-             f"{lost} places where single samples are missing",
-             f"{100 * (1 - e.valid.mean()):.3g} % of the samples invalid"]  # fmt: skip
+    facts = [
+        f"{n} samples over {float(s.t[-1]):.4g} s at {rate}",
+        f"{gaps} gap{'' if gaps == 1 else 's'}",
+        f"{lost} places where single samples are missing",
+        f"{100 * (1 - e.valid.mean()):.3g} % of the samples invalid",
+    ]
     if s.joints is None:
         facts.append(f"in contact {100 * e.in_contact.mean():.3g} % of the time")
     if e.band is not None:
@@ -280,20 +347,32 @@ def _channel_quality(v: Array, noise: float) -> tuple[str, ...]:
 
 
 def _provenance(result: Diagnosis, provenance: Provenance | None) -> str:
-    steps = "".join(f"<li><code>{_e(str(step))}</code></li>" for step in provenance.steps) if provenance is not None else ""
+    steps = (
+        "".join(f"<li><code>{_e(str(step))}</code></li>" for step in provenance.steps) if provenance is not None else ""
+    )
     source = f"Log: {_e(provenance.source)}. " if provenance is not None else ""
-    return _section("Provenance", (
-        f"<p class=facts>{source}Asked about {_e(str(result.model))}; {len(result.effects)} effects of the catalogue looked at. "
-        f"kinid {_e(kinid.__version__)}, Python {platform.python_version()}, NumPy {np.__version__}.</p>"
-        + (f"<details open><summary>What was done to the samples</summary><ol>{steps}</ol></details>" if steps else "")
-    ))  # fmt: skip
+    return _section(
+        "Provenance",
+        (
+            f"<p class=facts>{source}Asked about {_e(str(result.model))}; {len(result.effects)} effects of the "
+            f"catalogue looked at. "
+            f"kinid {_e(kinid.__version__)}, Python {platform.python_version()}, NumPy {np.__version__}.</p>"
+            + (
+                f"<details open><summary>What was done to the samples</summary><ol>{steps}</ol></details>"
+                if steps
+                else ""
+            )
+        ),
+    )
 
 
 def _key(shown: Shown, *, measured: bool, dashed: bool) -> str:
     """Which line is which; `dashed` where the pictures below dash what is dashed."""
     words = {"before": f"before ({shown.result.model})", "after": f"after ({shown.result.best})"}
-    lines = [(words.get(name, name), colour, "dashed" if dashed and dash == "dash" else "solid")
-             for name, _, colour, dash in shown.lines]  # fmt: skip
+    lines = [
+        (words.get(name, name), colour, "dashed" if dashed and dash == "dash" else "solid")
+        for name, _, colour, dash in shown.lines
+    ]
     return key([("measured", INK, "solid"), *lines] if measured else lines)
 
 

@@ -54,15 +54,19 @@ def fit_page(fit: Fit, title: str) -> str:
     error = fit.error
     head = (
         f"<pre>{html.escape(fit.equation())}</pre>"
-        f"<div class=scroll><table><tr><th>parameter</th><th>estimate</th><th>95 % from</th><th>to</th><th>unit</th></tr>{rows}"
-        f"</table></div><p class=facts>error {error.train:.4g} {error.unit} rms on samples seen, {error.held_out:.4g} on "
+        f"<div class=scroll><table><tr><th>parameter</th><th>estimate</th><th>95 % "
+        f"from</th><th>to</th><th>unit</th></tr>{rows}"
+        f"</table></div><p class=facts>error {error.train:.4g} {error.unit} rms on samples seen, {error.held_out:.4g} "
+        f"on "
         f"samples held out; the noise is {error.noise_floor:.4g}.</p>"
         + "".join(f"<p class=facts>doubt: {html.escape(warning)}</p>" for warning in fit.warnings)
     )
     figures = _pictures({str(fit.model): fit})
     tracks = recursive_tracks(fit)
     if tracks:
-        figures.append(("Estimates over time, recursively (band: 95 %; where the log excites them)", _track_figure(fit, tracks)))
+        figures.append(
+            ("Estimates over time, recursively (band: 95 %; where the log excites them)", _track_figure(fit, tracks))
+        )
     return page(title, head, figures)
 
 
@@ -92,8 +96,13 @@ def _track_figure(fit: Fit, tracks: dict[str, Track]) -> Figure:
     from plotly.subplots import make_subplots
 
     rows = [(track, i, f"{law}: {name}") for law, track in tracks.items() for i, name in enumerate(track.names)]
-    figure = make_subplots(rows=len(rows), cols=1, shared_xaxes=True, vertical_spacing=0.3 / len(rows),
-                           subplot_titles=[title for _, _, title in rows])  # fmt: skip
+    figure = make_subplots(
+        rows=len(rows),
+        cols=1,
+        shared_xaxes=True,
+        vertical_spacing=0.3 / len(rows),
+        subplot_titles=[title for _, _, title in rows],
+    )
     t = fit.experiment.signals.t
     keep = np.arange(0, len(t), 1 + len(t) // MOST_POINTS)
     for row, (track, i, _) in enumerate(rows, start=1):
@@ -106,7 +115,9 @@ def _track_figure(fit: Fit, tracks: dict[str, Track]) -> Figure:
         held = value[np.isfinite(value)]
         if len(held):  # the first samples know next to nothing: they don't set the scale
             low, high = np.quantile(held, [0.05, 0.95])
-            figure.update_yaxes(range=[low - 0.5 * (high - low) - 1e-9, high + 0.5 * (high - low) + 1e-9], row=row, col=1)
+            figure.update_yaxes(
+                range=[low - 0.5 * (high - low) - 1e-9, high + 0.5 * (high - low) + 1e-9], row=row, col=1
+            )
     figure.update_xaxes(title_text="time [s]", row=len(rows), col=1)
     finish(figure, 190 * len(rows) + 60)
     return figure
@@ -116,8 +127,11 @@ def comparison_page(result: Comparison, title: str) -> str:
     """Models side by side: the table, force over depth, readings over time."""
     rows = "".join(
         f"<tr><td>{row.rank}. {html.escape(str(row.fit.model))}</td><td>{row.held_out:.4g}</td>"
-        + ("<td>reference</td><td></td>" if str(row.fit.model) == result.reference else
-           f"<td>{row.difference:+.3g}</td><td>{row.standard_error:.2g}</td>")
+        + (
+            "<td>reference</td><td></td>"
+            if str(row.fit.model) == result.reference
+            else f"<td>{row.difference:+.3g}</td><td>{row.standard_error:.2g}</td>"
+        )
         + "</tr>"
         for row in result.rows
     )
@@ -126,9 +140,12 @@ def comparison_page(result: Comparison, title: str) -> str:
         f"<th>± standard error</th></tr>{rows}</table></div>"
         f"<p class=facts>differences are to {html.escape(result.reference)}; "
         f"the noise is {result.noise_floor:.4g} {result.unit}.</p>"
-        + "".join(f"<p class=facts>doubt: {html.escape(f'{row.fit.model}: {warning}')}</p>"
-                  for row in result.rows for warning in row.fit.warnings)
-    )  # fmt: skip
+        + "".join(
+            f"<p class=facts>doubt: {html.escape(f'{row.fit.model}: {warning}')}</p>"
+            for row in result.rows
+            for warning in row.fit.warnings
+        )
+    )
     return page(title, head, _pictures({str(row.fit.model): row.fit for row in result.rows}))
 
 
@@ -150,11 +167,23 @@ def _loop_figure(fits: dict[str, Fit]) -> Figure:
     near = np.flatnonzero(experiment.valid & (depth > -1e-3))
     near = near[:: 1 + len(near) // MOST_POINTS]
     figure = go.Figure()
-    figure.add_scatter(x=1e3 * depth[near], y=normal_of(experiment, experiment.measured)[near], mode="markers", name="measured",
-                       marker={"size": 3, "color": GREY}, showlegend=False)  # fmt: skip
+    figure.add_scatter(
+        x=1e3 * depth[near],
+        y=normal_of(experiment, experiment.measured)[near],
+        mode="markers",
+        name="measured",
+        marker={"size": 3, "color": GREY},
+        showlegend=False,
+    )
     for (name, fit), colour in zip(fits.items(), COLOURS):
-        figure.add_scatter(x=1e3 * depth[near], y=normal_of(experiment, fit.predict())[near], mode="lines", name=name,
-                           line={"color": colour, "width": 1.2}, showlegend=False)  # fmt: skip
+        figure.add_scatter(
+            x=1e3 * depth[near],
+            y=normal_of(experiment, fit.predict())[near],
+            mode="lines",
+            name=name,
+            line={"color": colour, "width": 1.2},
+            showlegend=False,
+        )
     figure.update_xaxes(title_text="depth [mm]")
     figure.update_yaxes(title_text="normal force [N]")
     finish(figure, 460)
@@ -185,8 +214,10 @@ def _energies(fits: dict[str, Fit]) -> list[tuple[str, Figure | str]]:
     spans = [(float(np.nanmin(force[inside])), float(np.nanmax(force[inside]))) for force in readings.values()]
     low, high = min(span[0] for span in spans), max(span[1] for span in spans)
     room = 0.05 * (high - low) + 1e-12
-    panels = [(f"{name}: {energy_line(found[name])}", _panel(s.depth, force, found[name], drawn, (low - room, high + room)))
-              for name, force in readings.items()]  # fmt: skip
+    panels = [
+        (f"{name}: {energy_line(found[name])}", _panel(s.depth, force, found[name], drawn, (low - room, high + room)))
+        for name, force in readings.items()
+    ]
     names = key((f"cycle {i + 1} ({s.t[cycles[i].begin]:.3g} s)", colour, "solid") for colour, i in zip(COLOURS, drawn))
     return [("Energy lost in each way in and out (the area of its loop)", names + grid(panels))]
 
@@ -204,13 +235,30 @@ def _panel(depth: Array, force: Array, found: list[Loop], drawn: list[int], span
         rows = rows[np.isfinite(force[rows])]
         rows = rows[:: 1 + len(rows) // 600]
         figure.add_scatter(
-            x=1e3 * depth[rows], y=force[rows], mode="lines", fill="toself", opacity=0.7, showlegend=False,
-            line={"color": colour, "width": 1.2}, name=f"cycle {i + 1}",
+            x=1e3 * depth[rows],
+            y=force[rows],
+            mode="lines",
+            fill="toself",
+            opacity=0.7,
+            showlegend=False,
+            line={"color": colour, "width": 1.2},
+            name=f"cycle {i + 1}",
             hovertemplate=f"{1e3 * loop.lost:.4g} mJ lost of {1e3 * loop.put_in:.4g}<extra>cycle {i + 1}</extra>",
-        )  # fmt: skip
+        )
     energies = [f"{i + 1}: {_millijoules(found[i].lost, found[i].put_in)} mJ" for i in drawn if i < len(found)]
-    figure.add_annotation(text="<br>".join(energies), x=0.03, y=0.97, xref="paper", yref="paper", showarrow=False, align="left",
-                          xanchor="left", yanchor="top", font={"size": 12}, bgcolor="rgba(255,255,255,0.7)")  # fmt: skip
+    figure.add_annotation(
+        text="<br>".join(energies),
+        x=0.03,
+        y=0.97,
+        xref="paper",
+        yref="paper",
+        showarrow=False,
+        align="left",
+        xanchor="left",
+        yanchor="top",
+        font={"size": 12},
+        bgcolor="rgba(255,255,255,0.7)",
+    )
     figure.update_xaxes(title_text="depth [mm]")
     figure.update_yaxes(title_text="normal force [N]", range=span)
     finish(figure, 330)

@@ -49,8 +49,8 @@ figcaption{font-size:.9rem;font-weight:600;margin:.2rem 0}
 .grid{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,330px),1fr));gap:.4rem 1.2rem}
 .grid.wide{grid-template-columns:repeat(auto-fill,minmax(min(100%,480px),1fr))}
 .grid.wide>figure:only-child{grid-column:1/-1}
-.key{margin:.4rem 0}.key span{display:inline-block;margin-right:1.2rem}.key i{display:inline-block;width:1.6rem;height:0;
-border-top:3px solid;vertical-align:middle;margin-right:.35rem}
+.key{margin:.4rem 0}.key span{display:inline-block;margin-right:1.2rem}.key i{display:inline-block;width:1.6rem;
+height:0;border-top:3px solid;vertical-align:middle;margin-right:.35rem}
 @media (max-width:600px){body{padding:.6rem}td,th{padding-right:.55rem;font-size:.85rem}}
 @media print{@page{margin:12mm}body{max-width:none;padding:0;font-size:10.5pt}
 figure,li,tr{break-inside:avoid}h2,h3,.key,.facts{break-after:avoid}.scroll{overflow:visible}
@@ -58,11 +58,12 @@ td,th{font-size:8pt;padding-right:.4rem}.grid,.grid.wide{grid-template-columns:1
 *{print-color-adjust:exact;-webkit-print-color-adjust:exact}}
 """
 
-#: figures are drawn while the page is read, before it has its final width; a finger that strokes one scrolls the page; and for
-#: printing each is fitted to its column, and what is folded away is shown
+#: figures are drawn while the page is read, before it has its final width; a finger that strokes one scrolls the page;
+#: and for printing each is fitted to its column, and what is folded away is shown
 _FIT = """<script>
 (function(){
-  var all=function(f){document.querySelectorAll('.js-plotly-plot').forEach(f)},finger=matchMedia('(pointer:coarse)').matches;
+  var all=function(f){document.querySelectorAll('.js-plotly-plot').forEach(f)},
+    finger=matchMedia('(pointer:coarse)').matches;
   addEventListener('load',function(){all(function(p){Plotly.Plots.resize(p);if(finger)Plotly.relayout(p,{dragmode:false})})});
   addEventListener('beforeprint',function(){
     document.querySelectorAll('details').forEach(function(d){d.open=true});
@@ -82,30 +83,42 @@ def analysis_page(result: Analysis, title: str) -> str:
         figures.append(("Motion of the tip, base frame", tip_figure(result.tip)))
     if result.torques is not None:
         names = key((("measured", INK, "solid"), ("inverse dynamics", VERMILION, "solid"), ("residual", BLUE, "solid")))
-        figures.append(("Joint torques: measured, and inverse dynamics", names + drawing(torque_figure(result.torques))))
+        figures.append(
+            ("Joint torques: measured, and inverse dynamics", names + drawing(torque_figure(result.torques)))
+        )
     facts = result.summary()
     body = []
     if result.contact is not None:
-        body.append(f"<p class=facts>{facts['samples']} samples, {facts['invalid_samples']} invalid; in contact "
-                    f"{100 * facts['in_contact']:.1f} % of the time, {facts['touches']} touches.</p>")  # fmt: skip
+        body.append(
+            f"<p class=facts>{facts['samples']} samples, {facts['invalid_samples']} invalid; in contact "
+            f"{100 * facts['in_contact']:.1f} % of the time, {facts['touches']} touches.</p>"
+        )
     if result.torques is not None:
         rows = "".join(
             f"<tr><td>{html.escape(name)}</td><td>{row['measured_rms']:.3f}</td><td>{row['residual_rms']:.3f}</td></tr>"
             for name, row in facts["joint_torques"].items()
         )
-        body.append("<div class=scroll><table><tr><th>joint</th><th>measured rms [N·m]</th><th>residual rms [N·m]</th></tr>"
-                    f"{rows}</table></div>")  # fmt: skip
+        body.append(
+            "<div class=scroll><table><tr><th>joint</th><th>measured rms [N·m]</th><th>residual rms [N·m]</th></tr>"
+            f"{rows}</table></div>"
+        )
     steps = "".join(f"<li><code>{html.escape(str(step))}</code></li>" for step in result.provenance.steps)
-    tail = f"<details><summary>Provenance of {html.escape(result.provenance.source)}</summary><ol>{steps}</ol></details>"
+    tail = (
+        f"<details><summary>Provenance of {html.escape(result.provenance.source)}</summary><ol>{steps}</ol></details>"
+    )
     return page(title, "".join(body), figures, tail)
 
 
 def page(title: str, head: str, figures: Sequence[tuple[str, Figure | str]], tail: str = "", style: str = "") -> str:
-    """One self-contained HTML page of titled figures, or of HTML with figures in it; `style` is added to the house's."""
+    """One self-contained HTML page of titled figures, or of HTML with figures in it; `style` is added to the
+    house's.
+    """
     from plotly.offline import get_plotlyjs
 
-    parts = [f"<section><h2>{html.escape(name)}</h2>{figure if isinstance(figure, str) else drawing(figure)}</section>"
-             for name, figure in figures]  # fmt: skip
+    parts = [
+        f"<section><h2>{html.escape(name)}</h2>{figure if isinstance(figure, str) else drawing(figure)}</section>"
+        for name, figure in figures
+    ]
     return (
         "<!doctype html><html lang=en><head><meta charset=utf-8>"
         '<meta name=viewport content="width=device-width,initial-scale=1">'
@@ -120,8 +133,12 @@ def drawing(figure: Figure, caption: str = "") -> str:
     """A figure as part of a page, as wide as its place."""
     # named by what it shows: the same page each time
     name = hashlib.sha256(f"{caption}{figure.to_json()}".encode()).hexdigest()[:12]
-    drawn = figure.to_html(full_html=False, include_plotlyjs=False, div_id=f"figure-{name}",
-                           config={"displaylogo": False, "responsive": True, "displayModeBar": False})  # fmt: skip
+    drawn = figure.to_html(
+        full_html=False,
+        include_plotlyjs=False,
+        div_id=f"figure-{name}",
+        config={"displaylogo": False, "responsive": True, "displayModeBar": False},
+    )
     return f"<figure>{f'<figcaption>{html.escape(caption)}</figcaption>' if caption else ''}{drawn}</figure>"
 
 
@@ -133,8 +150,10 @@ def grid(figures: Iterable[tuple[str, Figure]], *, wide: bool = False) -> str:
 
 def key(entries: Iterable[Entry]) -> str:
     """Which colour is which, as text that wraps on a narrow screen; once for many pictures."""
-    spans = (f'<span><i style="border-color:{colour};border-top-style:{dash}"></i>{html.escape(name)}</span>'
-             for name, colour, dash in entries)  # fmt: skip
+    spans = (
+        f'<span><i style="border-color:{colour};border-top-style:{dash}"></i>{html.escape(name)}</span>'
+        for name, colour, dash in entries
+    )
     return f"<p class=key>{''.join(spans)}</p>"
 
 
@@ -162,9 +181,24 @@ def contact_figures(touch: ContactSeries) -> list[tuple[str, Figure | str]]:
             line(time, t, values, name, colour, i, legend=False)
         time.update_yaxes(title_text=label, row=i, col=1)
     # one shape a touch over the whole height, added at once: adding them one by one takes seconds
-    time.update_layout(shapes=[
-        {"type": "rect", "xref": "x", "yref": "paper", "x0": a, "x1": b, "y0": 0, "y1": 1, "fillcolor": ORANGE, "opacity": 0.1,
-         "line": {"width": 0}, "layer": "below"} for a, b in _runs(touch.in_contact, touch.t - touch.t[0])])  # fmt: skip
+    time.update_layout(
+        shapes=[
+            {
+                "type": "rect",
+                "xref": "x",
+                "yref": "paper",
+                "x0": a,
+                "x1": b,
+                "y0": 0,
+                "y1": 1,
+                "fillcolor": ORANGE,
+                "opacity": 0.1,
+                "line": {"width": 0},
+                "layer": "below",
+            }
+            for a, b in _runs(touch.in_contact, touch.t - touch.t[0])
+        ]
+    )
     time.update_xaxes(title_text="time [s]", row=len(rows), col=1)
     finish(time, 170 * len(rows) + 60)
     pairs = any(len(lines) > 1 for _, lines in rows)
@@ -186,8 +220,13 @@ def _loop(touch: ContactSeries, inside: NDArray[np.bool_]) -> Figure:
     for i, name in enumerate(order):
         rows = np.flatnonzero(inside & (names == name))
         rows = rows[:: 1 + len(rows) // MOST_POINTS]
-        figure.add_scatter(x=1e3 * touch.depth[rows], y=touch.normal_force[rows], mode="markers", name=str(name),
-                           marker={"size": 3, "color": palette[i % len(palette)]})  # fmt: skip
+        figure.add_scatter(
+            x=1e3 * touch.depth[rows],
+            y=touch.normal_force[rows],
+            mode="markers",
+            name=str(name),
+            marker={"size": 3, "color": palette[i % len(palette)]},
+        )
     figure.update_xaxes(title_text="depth [mm]")
     figure.update_yaxes(title_text="normal force [N]")
     finish(figure, 420)
@@ -219,14 +258,17 @@ def torque_figure(torques: JointTorques) -> Figure:
 
     count = torques.measured.shape[1]
     titles = [f"{html.escape(name)}: residual rms {rms:.2f} N·m" for name, rms in zip(torques.joint_names, torques.rms)]
-    figure = make_subplots(rows=count, cols=1, shared_xaxes=True, vertical_spacing=0.3 / (count + 4), subplot_titles=titles)
+    figure = make_subplots(
+        rows=count, cols=1, shared_xaxes=True, vertical_spacing=0.3 / (count + 4), subplot_titles=titles
+    )
     keep = thin(len(torques.t), *torques.residual.T[:3])
     t = torques.t[keep] - torques.t[0]
     for j in range(count):
         for values, name, colour in (
-            (torques.measured, "measured", INK), (torques.predicted, "inverse dynamics", VERMILION),
+            (torques.measured, "measured", INK),
+            (torques.predicted, "inverse dynamics", VERMILION),
             (torques.residual, "residual", BLUE),
-        ):  # fmt: skip
+        ):
             line(figure, t, values[keep, j], name, colour, j + 1, legend=False)
         figure.update_yaxes(title_text="[N·m]", row=j + 1, col=1)
     figure.update_xaxes(title_text="time [s]", row=count, col=1)
@@ -249,8 +291,17 @@ def thin(n: int, *shapes: Array) -> NDArray[np.int64]:
 
 def line(figure: Figure, x: Array, y: Array, name: str, colour: str, row: int, legend: bool = True) -> None:
     """A line over time in one row of a figure."""
-    figure.add_scatter(x=x, y=y, name=name, legendgroup=name, showlegend=legend, mode="lines",
-                       line={"color": colour, "width": 1.4}, row=row, col=1)  # fmt: skip
+    figure.add_scatter(
+        x=x,
+        y=y,
+        name=name,
+        legendgroup=name,
+        showlegend=legend,
+        mode="lines",
+        line={"color": colour, "width": 1.4},
+        row=row,
+        col=1,
+    )
 
 
 def _runs(flag: NDArray[np.bool_], t: Array, most: int = 60) -> list[tuple[float, float]]:
@@ -263,6 +314,9 @@ def _runs(flag: NDArray[np.bool_], t: Array, most: int = 60) -> list[tuple[float
 def finish(figure: Any, height: int) -> None:
     """House style of a figure, of this height [px]."""
     figure.update_layout(
-        template="plotly_white", height=height, margin={"l": 70, "r": 20, "t": 40, "b": 50},
-        legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0}, hovermode="x unified",
-    )  # fmt: skip
+        template="plotly_white",
+        height=height,
+        margin={"l": 70, "r": 20, "t": 40, "b": 50},
+        legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0},
+        hovermode="x unified",
+    )

@@ -1,4 +1,6 @@
-"""What a residual looks like, whatever made it: where it sits in a log, what it follows there, in words that a reader has."""
+"""What a residual looks like, whatever made it: where it sits in a log, what it follows there, in words that a reader
+has.
+"""
 
 from kinid.residuals.localization import Cell, where
 

@@ -2,8 +2,9 @@
 
 What noise explains is taken off first: white noise of each channel, sample by sample. Channels of different units are
 pooled after division by the noise of their unit, so that among channels of one unit shares are of squared newtons (or
-newton metres). A part other than a phase is named only if, in its channel, it holds `LIFT` times the error that its samples
-would hold if error were spread evenly within each phase, and blocks of half a second agree (`SURE` standard errors).
+newton metres). A part other than a phase is named only if, in its channel, it holds `LIFT` times the error that its
+samples would hold if error were spread evenly within each phase, and blocks of half a second agree (`SURE` standard
+errors).
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ from kinid.residuals.words import channel_words, number, percent
 
 Array = NDArray[np.float64]
 
-#: error in a part over what evenly spread error would put there, and by how much it must exceed it as a share of its channel
+#: error in a part over what evenly spread error would put there, and by how much it must exceed it as a share of its
+#: channel
 LIFT, MARGIN = 1.5, 0.1
 #: parts with less of the whole error are not worth a sentence
 LEAST = 0.05
@@ -44,8 +46,8 @@ class Cell:
     """A part of the log that holds a share of the error.
 
     Attributes:
-        channel: of the reading. by: what the log was divided by ("phase", "depth", "depth_rate", "loading", "slip", "frequency",
-            "place", "pose", "time"); phase: the phase, where it was divided by that, else "".
+        channel: of the reading. by: what the log was divided by ("phase", "depth", "depth_rate", "loading", "slip",
+            "frequency", "place", "pose", "time"); phase: the phase, where it was divided by that, else "".
         share: of the whole squared error beyond the noise, 0…1. rms: of the residual there, in `unit`.
         says: in words.
     """
@@ -60,16 +62,23 @@ class Cell:
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return {"channel": self.channel, "phase": self.phase, "share": self.share, "says": self.says, "by": self.by,
-                "rms": self.rms, "unit": self.unit}  # fmt: skip
+        return {
+            "channel": self.channel,
+            "phase": self.phase,
+            "share": self.share,
+            "says": self.says,
+            "by": self.by,
+            "rms": self.rms,
+            "unit": self.unit,
+        }
 
 
 def where(experiment: Experiment, residual: Array, sigma: Array, most: int = 8) -> tuple[Cell, ...]:
     """Cells in which the error sits, the largest share first.
 
-    Every phase of every channel is a candidate; other parts only where error is concentrated, one of each kind a channel.
-    At least half of what is told is phases, where there are so many. Forces of a wrench that touches are read along the
-    contact's axes, unless one axis of the sensor tells more plainly.
+    Every phase of every channel is a candidate; other parts only where error is concentrated, one of each kind a
+    channel. At least half of what is told is phases, where there are so many. Forces of a wrench that touches are read
+    along the contact's axes, unless one axis of the sensor tells more plainly.
 
     Args:
         experiment: what was predicted.
@@ -123,9 +132,16 @@ def _constant_cells(view: View) -> Iterator[Cell]:
         explained = min(1.0, count * level**2 / error)
         share = _part_of(view, explained * error / view.scale[row] ** 2)
         if explained >= CONSTANT and share >= LEAST:
-            yield Cell(channel, "time", "", share, abs(level), view.units[row],
-                       f"{percent(share)} of the error is in {channel_words(view, row)} and is the same at all times: about "
-                       f"{number(level)} {view.units[row]} ({percent(explained)} of it)")  # fmt: skip
+            yield Cell(
+                channel,
+                "time",
+                "",
+                share,
+                abs(level),
+                view.units[row],
+                f"{percent(share)} of the error is in {channel_words(view, row)} and is the same at all times: about "
+                f"{number(level)} {view.units[row]} ({percent(explained)} of it)",
+            )
 
 
 def _part_cells(view: View, names: NDArray[np.str_], way: Moving, told: set[str]) -> Iterator[Cell]:
@@ -151,8 +167,11 @@ def _part_cells(view: View, names: NDArray[np.str_], way: Moving, told: set[str]
         for share, part in found.values():
             rms, unit = _rms(view, row, part), view.units[row]
             amount = float(samples[part.mask].sum() / samples.sum())
-            says = (f"{percent(share)} of the error is in {channel_words(view, row)} {part.words}, in {percent(amount)} of the "
-                    f"samples ({number(rms)} {unit} rms)")  # fmt: skip
+            says = (
+                f"{percent(share)} of the error is in {channel_words(view, row)} {part.words}, in {percent(amount)} of "
+                f"the "
+                f"samples ({number(rms)} {unit} rms)"
+            )
             if part.by == "time":
                 says += f": it {_trend(parts, part, error, samples)} with time"
             else:
@@ -174,7 +193,9 @@ def _concentrated(part: Part, error: Array, samples: Array, even: Array, block: 
         return False
     level, spread, blocks = _mean(error, samples, part.mask, block)
     other, beside, _ = _mean(error, samples, part.within & ~part.mask, block)
-    return blocks >= 2 and level - other > SURE * float(np.hypot(max(spread, SCATTER * level / np.sqrt(blocks)), beside))
+    return blocks >= 2 and level - other > SURE * float(
+        np.hypot(max(spread, SCATTER * level / np.sqrt(blocks)), beside)
+    )
 
 
 def _mean(error: Array, samples: Array, mask: NDArray[np.bool_], block: NDArray[np.int64]) -> tuple[float, float, int]:
@@ -220,11 +241,20 @@ def _frequency_cells(view: View) -> Iterator[Cell]:
             share = _part_of(view, line / scale**2)
             if share >= LINE:
                 lines.append(np.abs(f - mains) <= NEAR)
-                yield Cell(channel, "frequency", "", share, amplitude / np.sqrt(2), unit,
-                           f"{percent(share)} of the error is a line at {mains:.0f} Hz in {channel_words(view, row)}, with an "
-                           f"amplitude of {number(amplitude)} {unit}")  # fmt: skip
+                yield Cell(
+                    channel,
+                    "frequency",
+                    "",
+                    share,
+                    amplitude / np.sqrt(2),
+                    unit,
+                    f"{percent(share)} of the error is a line at {mains:.0f} Hz in {channel_words(view, row)}, with an "
+                    f"amplitude of {number(amplitude)} {unit}",
+                )
         rest = np.where(np.any([f == 0.0, *lines], axis=0), floor, power)  # a constant is no frequency
-        _, own = spectrum(view, np.where(np.isfinite(view.residual[row]), measured[row] - np.nanmean(measured[row]), np.nan), run)
+        _, own = spectrum(
+            view, np.where(np.isfinite(view.residual[row]), measured[row] - np.nanmean(measured[row]), np.nan), run
+        )
         best: Cell | None = None
         for low, high in zip(BANDS[:-1], BANDS[1:]):
             band = (f >= low) & (f < high)
@@ -234,24 +264,46 @@ def _frequency_cells(view: View) -> Iterator[Cell]:
             mine = inside / max(float(rest.sum() - len(f) * floor), 1e-300)
             usual = float(own[band].sum() / max(own.sum(), 1e-300))
             share = _part_of(view, inside / scale**2)
-            if share < LEAST or mine < LIFT * usual or mine < usual + MARGIN or (best is not None and share < best.share):
+            if (
+                share < LEAST
+                or mine < LIFT * usual
+                or mine < usual + MARGIN
+                or (best is not None and share < best.share)
+            ):
                 continue
-            span = f"below {high:g} Hz" if low == 0 else f"above {low:g} Hz" if high > f[-1] else f"from {low:g} to {high:g} Hz"
+            span = (
+                f"below {high:g} Hz"
+                if low == 0
+                else f"above {low:g} Hz"
+                if high > f[-1]
+                else f"from {low:g} to {high:g} Hz"
+            )
             rms = float(np.sqrt(max(float(rest[band].sum()), 0.0) / n))
-            best = Cell(channel, "frequency", "", share, rms, unit,
-                        f"{percent(share)} of the error is in {channel_words(view, row)} {span}, where the reading itself "
-                        f"has {percent(usual)} of what moves in it ({number(rms)} {unit} rms)")  # fmt: skip
+            best = Cell(
+                channel,
+                "frequency",
+                "",
+                share,
+                rms,
+                unit,
+                f"{percent(share)} of the error is in {channel_words(view, row)} {span}, where the reading itself "
+                f"has {percent(usual)} of what moves in it ({number(rms)} {unit} rms)",
+            )
         if best is not None:
             yield best
 
 
 def _fullest(view: View, values: Array) -> slice:
-    """Samples of the log's piece without gaps that holds the most of the squared values: the longest may lie in the air."""
+    """Samples of the log's piece without gaps that holds the most of the squared values: the longest may lie in the
+    air.
+    """
     return max(view.experiment.signals.runs, key=lambda run: float(np.nansum(values[run] ** 2)), default=slice(0, 0))
 
 
 def spectrum(view: View, values: Array, run: slice | None = None) -> tuple[Array, Array]:
-    """Frequencies [Hz] and energy at each, whose sum is that of the squared values; from one piece of the log, scaled up."""
+    """Frequencies [Hz] and energy at each, whose sum is that of the squared values; from one piece of the log, scaled
+    up.
+    """
     from scipy.fft import next_fast_len, rfft
 
     piece = np.nan_to_num(values[run or _fullest(view, values)])
@@ -261,7 +313,9 @@ def spectrum(view: View, values: Array, run: slice | None = None) -> tuple[Array
     power = np.abs(rfft(piece, size)) ** 2 / size
     power[1 : (size + 1) // 2] *= 2.0
     energy, whole = float(power.sum()), float(np.nansum(values**2))
-    return np.asarray(np.fft.rfftfreq(size, view.period), dtype=np.float64), power * (whole / energy if energy > 0 else 1.0)
+    return np.asarray(np.fft.rfftfreq(size, view.period), dtype=np.float64), power * (
+        whole / energy if energy > 0 else 1.0
+    )
 
 
 def _line(f: Array, power: Array, mains: float, n: float) -> tuple[float, float]:

@@ -35,8 +35,17 @@ TURNING = 2.0
 #: added to names of phases that the log doesn't have
 BY_MOTION = " (by its motion)"
 
-PLURAL = {"free": "free motion", "approach": "the approach", "hold": "the holds", "poke": "the pokes", "slide": "the slides",
-          "retract": "the retraction", "rest": "the rests", "moving": "motion", "at rest": "standstill"}  # fmt: skip
+PLURAL = {
+    "free": "free motion",
+    "approach": "the approach",
+    "hold": "the holds",
+    "poke": "the pokes",
+    "slide": "the slides",
+    "retract": "the retraction",
+    "rest": "the rests",
+    "moving": "motion",
+    "at rest": "standstill",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +54,8 @@ class Part:
 
     Attributes:
         by: what the log was divided by. words: after "is" or "is in the normal force", e.g. "deeper than 3.2 mm".
-        mask: its groups, (g,). within: what it is a part of, (g,): parts of the material's surface are parts of contact.
+        mask: its groups, (g,). within: what it is a part of, (g,): parts of the material's surface are parts of
+            contact.
         phase: its name, where it is one. only: the channel that it concerns; "" for all.
     """
 
@@ -135,7 +145,9 @@ def _contact_phases(view: View) -> NDArray[np.str_]:
     pressing = _ways(view, s.depth)
     sliding = np.maximum(*(_ways(view, s.slip[i]) for i in range(2)))
     presses = _sharp(view, pressing > _still(view, s.depth, STILL))
-    slides = _sharp(view, (sliding > max(_still(view, s.slip[i], SLIDING) for i in range(2))) & (sliding > 0.5 * pressing))
+    slides = _sharp(
+        view, (sliding > max(_still(view, s.slip[i], SLIDING) for i in range(2))) & (sliding > 0.5 * pressing)
+    )
     depth = view.at(s.depth)
     kind = np.where(~view.touching, 0, np.where(slides, 1, np.where(presses, 2, 3))).astype(np.int8)
     kind = _steady(kind, view)
@@ -231,8 +243,11 @@ def _quarters(by: str, what: str, x: Array, within: Mask, factor: float, unit: s
     for a, b in zip(cuts[:-1], cuts[1:]):
         if b <= a:
             continue
-        words = (f"{what} above {number(factor * a)} {unit}" if b == top else
-                 f"{what} of {span(factor * a, factor * b)} {unit}")  # fmt: skip
+        words = (
+            f"{what} above {number(factor * a)} {unit}"
+            if b == top
+            else f"{what} of {span(factor * a, factor * b)} {unit}"
+        )
         yield Part(by, words, within & (x >= a) & ((x < b) | (b == top)), within)
 
 
@@ -254,7 +269,9 @@ def _places(view: View, inside: Mask) -> Iterator[Part]:
                 if len(edges[axis]) > 2:
                     a, b = 1e3 * edges[axis][k], 1e3 * edges[axis][k + 1]
                     where.append(f"slip {axis + 1} of {span(a, b)} mm")
-            yield Part("place", f"at the place with {' and '.join(where)}", inside & (index[0] == i) & (index[1] == j), inside)
+            yield Part(
+                "place", f"at the place with {' and '.join(where)}", inside & (index[0] == i) & (index[1] == j), inside
+            )
 
 
 def _tool_parts(view: View) -> Iterator[Part]:
@@ -286,7 +303,10 @@ def _joint_parts(view: View) -> Iterator[Part]:
         for sign, words in ((1, "while it moves forwards"), (-1, "while it moves backwards")):
             yield Part("pose", words, sign * dq > STANDING * top, everything, only=channel)
         yield Part("pose", "while it stands", np.abs(dq) <= STANDING * top, everything, only=channel)
-        for x, what, unit in ((np.abs(dq), "at speeds", speed), (q, "at positions", place),
-                              (np.abs(ddq), "at accelerations", push)):  # fmt: skip
+        for x, what, unit in (
+            (np.abs(dq), "at speeds", speed),
+            (q, "at positions", place),
+            (np.abs(ddq), "at accelerations", push),
+        ):
             for part in _quarters("pose", what, x, everything, 1.0, unit, 1e-6):
                 yield Part("pose", part.words, part.mask, everything, only=channel)

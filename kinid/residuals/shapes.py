@@ -1,7 +1,9 @@
-"""What a residual does within a part of a log: decays, grows, stays constant, follows a quantity, swings; only what is measured.
+"""What a residual does within a part of a log: decays, grows, stays constant, follows a quantity, swings; only what is
+measured.
 
-Each description is a least-squares fit to the residual there. `explained` is the share of the squared error beyond noise
-that it takes away. One is said only if that is at least `ENOUGH`, and at least `MORE` above what a constant explains.
+Each description is a least-squares fit to the residual there. `explained` is the share of the squared error beyond
+noise that it takes away. One is said only if that is at least `ENOUGH`, and at least `MORE` above what a constant
+explains.
 """
 
 from __future__ import annotations
@@ -54,8 +56,8 @@ def shape(view: View, row: int, mask: Mask, way: Moving, *, held: bool) -> Shape
 
     Args:
         view: the residual. row: of the channel. mask: the groups, (g,). way: how the tip moves in this log.
-        held: whether the depth is held there, or nothing is touched: then time since the beginning of each stretch may be
-            the reason, and motion, which there is hardly any of, is not.
+        held: whether the depth is held there, or nothing is touched: then time since the beginning of each stretch may
+            be the reason, and motion, which there is hardly any of, is not.
     """
     use = mask & (view.samples[row] > 0)
     error = float(view.excess[row][use].sum()) * view.scale[row] ** 2
@@ -112,9 +114,14 @@ def _reasons(view: View, row: int, way: Moving) -> list[tuple[str, Array]]:
         j = row
         q, dq, ddq = (view.at(x[j]) for x in (s.joints.q, s.joints.dq, s.joints.ddq))
         top = max(float(np.abs(dq).max(initial=0.0)), 1e-12)
-        out += [*_turns("changes sign with the direction of motion", np.where(np.abs(dq) > STANDING * top, np.sign(dq), 0.0)),
-                ("follows the speed", dq[None]), ("follows the acceleration", ddq[None]),
-                ("follows the position", q[None])]  # fmt: skip
+        out += [
+            *_turns(
+                "changes sign with the direction of motion", np.where(np.abs(dq) > STANDING * top, np.sign(dq), 0.0)
+            ),
+            ("follows the speed", dq[None]),
+            ("follows the acceleration", ddq[None]),
+            ("follows the position", q[None]),
+        ]
         if s.joints.known:
             out.append(("follows the torque that the joint carries", view.at(s.joints.rigid[j])[None]))
     elif view.touching.any():
@@ -122,14 +129,18 @@ def _reasons(view: View, row: int, way: Moving) -> list[tuple[str, Array]]:
         measured = view.at(np.nan_to_num(view.readings(view.experiment.measured)))
         if channel.startswith("tangential"):
             i = int(channel[-1]) - 1
-            out += [*_turns("changes sign with the direction of sliding", *_sliding(view, way, i)),
-                    ("follows the speed of sliding", view.at(s.slip_rate[i])[None]),
-                    ("follows the slip", view.at(s.slip[i])[None])]  # fmt: skip
+            out += [
+                *_turns("changes sign with the direction of sliding", *_sliding(view, way, i)),
+                ("follows the speed of sliding", view.at(s.slip_rate[i])[None]),
+                ("follows the slip", view.at(s.slip[i])[None]),
+            ]
         if channel in view.channels and "normal_force" in view.channels and channel != "normal_force":
             out.append(("follows the normal force", measured[view.channels.index("normal_force")][None]))
-        out += [*_turns("changes sign with the direction of pressing", way.normal),
-                ("follows the speed of pressing", np.where(depth > 0, view.at(s.depth_rate), 0.0)[None]),
-                ("follows the depth", depth[None])]  # fmt: skip
+        out += [
+            *_turns("changes sign with the direction of pressing", way.normal),
+            ("follows the speed of pressing", np.where(depth > 0, view.at(s.depth_rate), 0.0)[None]),
+            ("follows the depth", depth[None]),
+        ]
         if channel == "normal_force":
             out.append(("follows the force itself", measured[row][None]))
     return out
@@ -155,7 +166,8 @@ def _turns(words: str, *directions: NDArray[np.int8] | Array) -> list[tuple[str,
 
 
 def _sliding(view: View, way: Moving, i: int) -> tuple[Array, Array]:
-    """Component of the direction of sliding along one tangent, (g,): zero at rest, and as dry friction keeps it at rest.
+    """Component of the direction of sliding along one tangent, (g,): zero at rest, and as dry friction keeps it at
+    rest.
 
     A bristle keeps the last direction until the tip slides another way, or leaves.
     """
@@ -169,7 +181,9 @@ def _sliding(view: View, way: Moving, i: int) -> tuple[Array, Array]:
 
 
 def _settling(view: View, row: int, use: Mask, error: float) -> Shape | None:
-    """Each stretch settles from one level to another, all with one time constant (variable projection over its grid)."""
+    """Each stretch settles from one level to another, all with one time constant (variable projection over its
+    grid).
+    """
     step = view.period * float(np.median(view.count))
     least = max(FEWEST, round(SHORTEST / step))
     stretches = [(a, b) for a, b in runs(use, view.piece) if b - a >= least]
@@ -220,7 +234,9 @@ def _settling(view: View, row: int, use: Mask, error: float) -> Shape | None:
 
 
 def _swing(view: View, row: int, use: Mask, level: float, usual: float) -> Shape | None:
-    """One frequency that holds most of the error in the longest stretch, where that is no quieter than `usual`, squared."""
+    """One frequency that holds most of the error in the longest stretch, where that is no quieter than `usual`,
+    squared.
+    """
     stretches = runs(use, view.piece)
     a, b = max(stretches, key=lambda ab: ab[1] - ab[0])
     s = view.experiment.signals

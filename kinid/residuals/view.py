@@ -1,4 +1,6 @@
-"""A residual as a reader sees it: wrenches in the contact frame, in means short enough to keep what moves, beside the motion."""
+"""A residual as a reader sees it: wrenches in the contact frame, in means short enough to keep what moves, beside the
+motion.
+"""
 
 from __future__ import annotations
 
@@ -81,7 +83,9 @@ class View:
         return cls(experiment, channels, tuple(units.tolist()), turned, residual, noise, edge, count)
 
     def readings(self, values: Array) -> Array:
-        """Readings (channels of the log, n) in this view's channels; where these are the contact's, without the rig's tool."""
+        """Readings (channels of the log, n) in this view's channels; where these are the contact's, without the rig's
+        tool.
+        """
         if not self.turned:
             return values
         sensor = self.experiment.signals.sensor
@@ -91,7 +95,9 @@ class View:
 
     @cached_property
     def scale(self) -> Array:
-        """What errors are divided by before channels are pooled: the noise of all channels of the same unit, (channels,)."""
+        """What errors are divided by before channels are pooled: the noise of all channels of the same unit,
+        (channels,).
+        """
         units = np.array(self.units)
         return np.array([np.sqrt(np.mean(self.sigma[units == unit] ** 2)) for unit in self.units])
 
@@ -171,7 +177,8 @@ def groups(experiment: Experiment, most: int) -> tuple[NDArray[np.int64], Array]
 
 
 def to_contact(experiment: Experiment, wrench: Array) -> Array:
-    """A wrench (6, n) with its forces along tangent 1, tangent 2 and normal, and its torques about the tip, in sensor axes.
+    """A wrench (6, n) with its forces along tangent 1, tangent 2 and normal, and its torques about the tip, in sensor
+    axes.
 
     About the sensor's origin a force at the tip would be read twice, as itself and as its torque.
     """
@@ -180,7 +187,9 @@ def to_contact(experiment: Experiment, wrench: Array) -> Array:
     out = np.array(wrench, dtype=float)
     out[:3] = np.einsum("nij,jn->in", sensor.to_contact, wrench[:3])
     (x, y, z), force = sensor.tip, wrench[:3]
-    for row, moment in enumerate((y * force[2] - z * force[1], z * force[0] - x * force[2], x * force[1] - y * force[0])):
+    for row, moment in enumerate(
+        (y * force[2] - z * force[1], z * force[0] - x * force[2], x * force[1] - y * force[0])
+    ):
         out[3 + row] -= moment
     return out
 

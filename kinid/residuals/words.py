@@ -36,7 +36,9 @@ def sentence(words: str) -> str:
 
 
 def span(a: float, b: float) -> str:
-    """From one number to another, with as many digits as tell them apart; "about" one where next to nothing lies between."""
+    """From one number to another, with as many digits as tell them apart; "about" one where next to nothing lies
+    between.
+    """
     if abs(b - a) < 1e-3 * max(abs(a), abs(b)):
         return f"about {number((a + b) / 2)}"
     digits = int(np.clip(1 - np.floor(np.log10(max(abs(b - a), 1e-9))), 0, 9))

@@ -1,1 +1,3 @@
-"""The robot: kinematics, the estimate of its motion, the wrench at its sensor, joint torques, and the surface that it touches."""
+"""The robot: kinematics, the estimate of its motion, the wrench at its sensor, joint torques, and the surface that it
+touches.
+"""

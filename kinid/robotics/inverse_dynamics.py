@@ -66,15 +66,18 @@ def joint_torques(
 ) -> JointTorques:
     """Predict joint torques by inverse dynamics and set them beside the measured ones.
 
-    With a wrench in the log, everything beyond the sensor is what the sensor says: τ = ID(arm) − Jᵀ w, with w the load on
-    the tool at the sensor's origin. Without one, the rig's tool is added to the arm, and there is no contact.
+    With a wrench in the log, everything beyond the sensor is what the sensor says: τ = ID(arm) − Jᵀ w, with w the load
+    on the tool at the sensor's origin. Without one, the rig's tool is added to the arm, and there is no contact.
 
     Raises:
         InputError: no torques or positions in the log, or no valid sample.
     """
     if log.tau is None:
-        raise InputError(f"no joint torques in {log.provenance.source}", "tau1…tauN [N·m], link side",
-                         "name their columns in [columns] of the rig")  # fmt: skip
+        raise InputError(
+            f"no joint torques in {log.provenance.source}",
+            "tau1…tauN [N·m], link side",
+            "name their columns in [columns] of the rig",
+        )
     robot = robot or Robot.load(rig)
     motion = joint_motion(log, robot, differentiator)
     provenance = log.provenance.then("inverse dynamics", robot=robot.name)

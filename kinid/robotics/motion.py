@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 STATIC_PERIOD = 0.1
 #: positions within this are no degrees, or too few to tell [rad]
 MORE_THAN_A_TURN = 2 * np.pi + 0.1
-#: the motion of the latest log is kept while the log is, where it holds no more positions than this: contact frame, inertial
-#: loads and draws ask for the same one
+#: the motion of the latest log is kept while the log is, where it holds no more positions than this: contact frame,
+#: inertial loads and draws ask for the same one
 MANY_KEPT = 1_000_000
 
 
@@ -35,7 +35,8 @@ _LATEST_OWN: weakref.WeakKeyDictionary[Log, dict[str, Smoothed]] = weakref.WeakK
 class JointMotion:
     """Joint positions with both derivatives, (n, N) each, in the log's order; `facts` says where they came from.
 
-    `smoothed` is the estimate that they are, with its standard deviations; None where they are as logged or differentiated.
+    `smoothed` is the estimate that they are, with its standard deviations; None where they are as logged or
+    differentiated.
     """
 
     q: Array
@@ -80,7 +81,8 @@ def joint_motion(log: Log, robot: Robot, differentiator: Differentiator | None =
         raise InputError(
             f"{log.q.shape[1]} joints in {where}",
             f"{robot.joint_count} for {robot.name} ({', '.join(robot.joint_names)})",
-            "list the log's joints in [robot] joints, or name the columns in [columns]")  # fmt: skip
+            "list the log's joints in [robot] joints, or name the columns in [columns]",
+        )
     _refuse_degrees(log.q, robot, where)
     return axes_motion(log, differentiator)
 
@@ -88,20 +90,32 @@ def joint_motion(log: Log, robot: Robot, differentiator: Differentiator | None =
 def axes_motion(log: Log, differentiator: Differentiator | None = None) -> JointMotion:
     """The same of axes without a robot."""
     if log.q is None:
-        raise InputError(f"no joint positions in {log.provenance.source}", "q1…qN",
-                         "name their columns in [columns] of the rig")  # fmt: skip
+        raise InputError(
+            f"no joint positions in {log.provenance.source}", "q1…qN", "name their columns in [columns] of the rig"
+        )
     if log.period >= STATIC_PERIOD and log.dq is None:
         still = np.zeros_like(log.q)
-        return JointMotion(log.q, still, still if log.ddq is None else log.ddq,
-                           {"velocities": "zero: the log holds poses at rest"})  # fmt: skip
+        return JointMotion(
+            log.q, still, still if log.ddq is None else log.ddq, {"velocities": "zero: the log holds poses at rest"}
+        )
     if differentiator is None:
         kept = _LATEST.get(log)
         if kept is not None:
             return kept
         made = smooth_motion(log.t, log.q, log.pieces, log.dq, log.ddq, _slower(log))
-        facts = {"motion": "smoothed from " + " and ".join(
-            name for name, there in (("positions", True), ("velocities", log.dq is not None),
-                                     ("accelerations", log.ddq is not None)) if there), **made.facts}  # fmt: skip
+        facts = {
+            "motion": "smoothed from "
+            + " and ".join(
+                name
+                for name, there in (
+                    ("positions", True),
+                    ("velocities", log.dq is not None),
+                    ("accelerations", log.ddq is not None),
+                )
+                if there
+            ),
+            **made.facts,
+        }
         warnings = warnings_of(made, [f"q{j + 1}" for j in range(log.q.shape[1])], log.period)
         if warnings:
             facts["warnings"] = warnings
@@ -116,7 +130,11 @@ def axes_motion(log: Log, differentiator: Differentiator | None = None) -> Joint
 def _slower(log: Log) -> int:
     """How many samples there are for one that the joints' own stream had, where they were interpolated."""
     for step in log.provenance.steps:
-        if step.name == "merge" and step.facts.get("stream") == "joints" and "interpolation" in str(step.facts.get("method")):
+        if (
+            step.name == "merge"
+            and step.facts.get("stream") == "joints"
+            and "interpolation" in str(step.facts.get("method"))
+        ):
             return max(1, round(1.0 / (float(step.facts["rate"]) * log.period)))
     return 1
 
@@ -159,12 +177,19 @@ def _differentiated(log: Log, q: Array, differentiator: Differentiator) -> Joint
         if log.ddq is not None:
             return JointMotion(q, log.dq, log.ddq, facts)
         made = differentiator(log.t, log.dq, log.pieces)
-        facts = {"accelerations": "derivative of the logged velocities", "bandwidth_hz": made.bandwidth,
-                 "window_samples": made.window}  # fmt: skip
+        facts = {
+            "accelerations": "derivative of the logged velocities",
+            "bandwidth_hz": made.bandwidth,
+            "window_samples": made.window,
+        }
         return JointMotion(q, log.dq, made.first, facts)
     made = differentiator(log.t, q, log.pieces)
-    facts = {"velocities": "derivative of the logged positions", "accelerations": "second derivative",
-             "bandwidth_hz": made.bandwidth, "window_samples": made.window}  # fmt: skip
+    facts = {
+        "velocities": "derivative of the logged positions",
+        "accelerations": "second derivative",
+        "bandwidth_hz": made.bandwidth,
+        "window_samples": made.window,
+    }
     ddq = made.second
     if log.ddq is not None:
         ddq, facts["accelerations"] = log.ddq, "logged"
@@ -186,7 +211,8 @@ def _refuse_degrees(q: Array, robot: Robot, where: str) -> None:
         raise InputError(
             f"q{j + 1} up to {largest[j]:.4g} in {where}, beyond {reach[j]:.4g} rad and plausible in degrees",
             "joint positions in radians",
-            'say so in the rig: [columns] q = {unit = "deg"} (for each of q1…qN where they differ)')  # fmt: skip
+            'say so in the rig: [columns] q = {unit = "deg"} (for each of q1…qN where they differ)',
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +221,8 @@ class TipMotion:
 
     Attributes:
         t: [s], (n,). position [m], velocity [m/s]: (n, 3).
-        force: what pushes the tool at the tip once the tool's own load is taken away [N], (n, 3); None without a wrench.
+        force: what pushes the tool at the tip once the tool's own load is taken away [N], (n, 3); None without a
+            wrench.
         facts: where the motion came from.
     """
 

@@ -95,8 +95,11 @@ class Robot:
             InputError: no `[robot]`, no such model, frame or joint, or a URDF that can't be trusted or read.
         """
         if rig.robot is None:
-            raise InputError("a rig without [robot]", "a robot to turn joints into motion",
-                             'add [robot] with model = "lwr4plus" or your URDF')  # fmt: skip
+            raise InputError(
+                "a rig without [robot]",
+                "a robot to turn joints into motion",
+                'add [robot] with model = "lwr4plus" or your URDF',
+            )
         return cls.from_spec(rig.robot, rig.folder)
 
     @classmethod
@@ -104,9 +107,14 @@ class Robot:
         """The robot of a rig's `[robot]` table; a URDF path is relative to `folder`."""
         path = kinid.urdf.path(spec.model, folder)
         return cls.from_urdf(
-            path, name=spec.model, joints=spec.joints, sensor_frame=spec.sensor_frame, tip_frame=spec.tip_frame,
-            gravity=spec.gravity, compliance=spec.compliance,
-        )  # fmt: skip
+            path,
+            name=spec.model,
+            joints=spec.joints,
+            sensor_frame=spec.sensor_frame,
+            tip_frame=spec.tip_frame,
+            gravity=spec.gravity,
+            compliance=spec.compliance,
+        )
 
     @classmethod
     def from_urdf(
@@ -133,19 +141,29 @@ class Robot:
             joints = [joint for joint in on_path if joint in movable] or movable
         for joint in joints:
             if joint not in movable:
-                raise InputError(f"joint '{joint}' in [robot] joints", f"a one-axis joint of {name}", near(joint, movable))
+                raise InputError(
+                    f"joint '{joint}' in [robot] joints", f"a one-axis joint of {name}", near(joint, movable)
+                )
         if len(set(joints)) != len(joints):
             raise InputError(f"[robot] joints {list(joints)}", "each joint once", "remove the doubled name")
         locked = [j for j in range(1, full.njoints) if full.names[j] not in set(joints)]
         model = _lock(full, locked) if locked else full
         model.gravity = pin.Motion(np.asarray(gravity, dtype=float), np.zeros(3))
         robot = cls(
-            name, model, tuple(joints), sensor_frame, tip_frame, np.asarray(gravity, dtype=float),
+            name,
+            model,
+            tuple(joints),
+            sensor_frame,
+            tip_frame,
+            np.asarray(gravity, dtype=float),
             np.zeros((3, 3)) if compliance is None else np.asarray(compliance, dtype=float),
-        )  # fmt: skip
+        )
         if sensor_frame and tip_frame and robot._parent(sensor_frame) != robot._parent(tip_frame):
-            raise InputError(f"a joint between '{sensor_frame}' and '{tip_frame}' of {name}",
-                             "a tip that is fixed to the sensor", "choose frames on the same link")  # fmt: skip
+            raise InputError(
+                f"a joint between '{sensor_frame}' and '{tip_frame}' of {name}",
+                "a tip that is fixed to the sensor",
+                "choose frames on the same link",
+            )
         return robot
 
     @property
@@ -188,7 +206,8 @@ class Robot:
         )
 
     def bodies(self, frame: str) -> tuple[Array, Array, Array]:
-        """What each joint on the way to a frame carries, in the axes of `chain`: mass [kg], com [m], inertia about it [kg·m²].
+        """What each joint on the way to a frame carries, in the axes of `chain`: mass [kg], com [m], inertia about it
+        [kg·m²].
 
         Returns:
             Arrays (N,), (N, 3), (N, 9) row-major.
@@ -199,11 +218,17 @@ class Robot:
         model = self.model
         ids = [j for j in model.supports[self.frame(frame).parentJoint] if j > 0]
         if len(ids) != model.njoints - 1:
-            raise InputError(f"{model.njoints - 1} joints of {self.name}, {len(ids)} of them up to '{frame}'",
-                             "one serial arm", "name its joints in [robot] joints; the others are locked")  # fmt: skip
+            raise InputError(
+                f"{model.njoints - 1} joints of {self.name}, {len(ids)} of them up to '{frame}'",
+                "one serial arm",
+                "name its joints in [robot] joints; the others are locked",
+            )
         turned = [(z_onto(joint_axis(model, j)[0]), model.inertias[j]) for j in ids]
-        return (np.array([body.mass for _, body in turned]), np.array([align.T @ body.lever for align, body in turned]),
-                np.array([(align.T @ body.inertia @ align).ravel() for align, body in turned]))  # fmt: skip
+        return (
+            np.array([body.mass for _, body in turned]),
+            np.array([align.T @ body.lever for align, body in turned]),
+            np.array([(align.T @ body.inertia @ align).ravel() for align, body in turned]),
+        )
 
     def frame(self, name: str) -> Any:
         """Pinocchio's frame of that name; where a link and a joint share it, the link's."""
@@ -223,25 +248,38 @@ class Robot:
         still = np.zeros_like(q)
         out = np.empty((len(q), kernel.POSE_COLUMNS))
         kernel.poses(
-            q, still if dq is None else chain.select(np.atleast_2d(np.asarray(dq, dtype=float))),
+            q,
+            still if dq is None else chain.select(np.atleast_2d(np.asarray(dq, dtype=float))),
             still if ddq is None else chain.select(np.atleast_2d(np.asarray(ddq, dtype=float))),
-            chain.turns, chain.shifts, chain.prismatic, out,
-        )  # fmt: skip
+            chain.turns,
+            chain.shifts,
+            chain.prismatic,
+            out,
+        )
         return Kinematics(
-            rotation=out[:, 0:9].reshape(-1, 3, 3), position=out[:, 9:12], angular_velocity=out[:, 12:15],
-            velocity=out[:, 15:18], angular_acceleration=out[:, 18:21], acceleration=out[:, 21:24],
-        )  # fmt: skip
+            rotation=out[:, 0:9].reshape(-1, 3, 3),
+            position=out[:, 9:12],
+            angular_velocity=out[:, 12:15],
+            velocity=out[:, 15:18],
+            angular_acceleration=out[:, 18:21],
+            acceleration=out[:, 21:24],
+        )
 
     def with_tool(self, tool: ToolSpec) -> Robot:
         """The same arm carrying the tool, whose weight and inertia hang on the sensor frame's link."""
         if self.sensor_frame is None:
-            raise InputError(f"[tool] on {self.name} without a sensor frame", "the frame that [tool] com is in",
-                             "name [robot] sensor_frame")  # fmt: skip
+            raise InputError(
+                f"[tool] on {self.name} without a sensor frame",
+                "the frame that [tool] com is in",
+                "name [robot] sensor_frame",
+            )
         model = self.model.copy()
         frame = self.frame(self.sensor_frame)
         inertia = pin.Inertia(tool.mass, np.asarray(tool.com), tool.inertia_matrix)
         model.appendBodyToJoint(frame.parentJoint, inertia, frame.placement)
-        return Robot(self.name, model, self.joint_names, self.sensor_frame, self.tip_frame, self.gravity, self.compliance)
+        return Robot(
+            self.name, model, self.joint_names, self.sensor_frame, self.tip_frame, self.gravity, self.compliance
+        )
 
     def is_prismatic(self, joint: str) -> bool:
         """Whether a joint slides."""
@@ -298,7 +336,9 @@ def _parsed(path: Path) -> Any:
             said.seek(0)
             lines = [line.split("]")[-1].strip() for line in said.read().decode(errors="replace").splitlines()]
             cause = "; ".join(dict.fromkeys(line for line in (*lines, str(error)) if line))[:300]
-            raise InputError(f"{path}, which Pinocchio can't read ({cause})", "a URDF of one arm", "correct it there") from None
+            raise InputError(
+                f"{path}, which Pinocchio can't read ({cause})", "a URDF of one arm", "correct it there"
+            ) from None
         finally:
             os.dup2(kept, 2)
             os.close(kept)

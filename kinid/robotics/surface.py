@@ -140,16 +140,20 @@ class Mesh(Surface):
         vertices = np.asarray(self.vertices, dtype=np.float64)
         faces = np.asarray(self.faces, dtype=np.int64)
         if vertices.size == 0 or faces.size == 0:
-            raise InputError(f"no triangles in {self.source}", "a triangle mesh",
-                             "save it as STL, OBJ or PLY")  # fmt: skip
+            raise InputError(f"no triangles in {self.source}", "a triangle mesh", "save it as STL, OBJ or PLY")
         if faces.min() < 0 or faces.max() >= len(vertices) or not np.isfinite(vertices).all():
-            raise InputError(f"vertices of {self.source} that are absent or not numbers",
-                             "faces of vertices with finite coordinates in m",
-                             "save it again from its source")  # fmt: skip
+            raise InputError(
+                f"vertices of {self.source} that are absent or not numbers",
+                "faces of vertices with finite coordinates in m",
+                "save it again from its source",
+            )
         vertices, faces, slivers = _clean(vertices, faces)
         if len(faces) == 0:
-            raise InputError(f"only triangles without an area in {self.source}", "a triangle mesh in m",
-                             "check its scale and save it again")  # fmt: skip
+            raise InputError(
+                f"only triangles without an area in {self.source}",
+                "a triangle mesh in m",
+                "check its scale and save it again",
+            )
         object.__setattr__(self, "vertices", frozen(vertices))
         object.__setattr__(self, "faces", frozen(faces, dtype=np.int64))
         object.__setattr__(self, "tangent", None if self.tangent is None else frozen(self.tangent))
@@ -195,9 +199,11 @@ def _inside(folder: Path, name: str) -> Path:
     except (OSError, ValueError, RuntimeError) as error:  # a ring of links, a zero byte
         raise InputError(f"[surface] mesh = {name!r} ({error})", "the name of a file", "correct it") from None
     if not path.is_relative_to(folder.resolve()):
-        raise InputError(f"[surface] mesh = '{name}', which leaves the rig's folder",
-                         "a mesh beside or below rig.toml",
-                         "copy it there and name it relative to rig.toml")  # fmt: skip
+        raise InputError(
+            f"[surface] mesh = '{name}', which leaves the rig's folder",
+            "a mesh beside or below rig.toml",
+            "copy it there and name it relative to rig.toml",
+        )
     return path
 
 
@@ -211,16 +217,21 @@ def _read(path: Path) -> tuple[Array, Index]:
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise InputError(f"no readable mesh at {path} ({error.strerror})",
-                         "the file that [surface] mesh names, relative to rig.toml",
-                         "correct the name or put the file there") from None  # fmt: skip
+        raise InputError(
+            f"no readable mesh at {path} ({error.strerror})",
+            "the file that [surface] mesh names, relative to rig.toml",
+            "correct the name or put the file there",
+        ) from None
     try:
         # from memory, so that an OBJ file can't have materials read from elsewhere
         mesh: Any = trimesh.load(io.BytesIO(data), file_type=kind[1:], force="mesh", process=False)
         return np.array(mesh.vertices, dtype=np.float64), np.array(mesh.faces, dtype=np.int64)
     except Exception as error:  # trimesh's readers raise whatever comes up in a broken file
-        raise InputError(f"{path} that can't be read as {kind[1:].upper()} ({str(error)[:80]})",
-                         "a triangle mesh", "save it again from its source") from None  # fmt: skip
+        raise InputError(
+            f"{path} that can't be read as {kind[1:].upper()} ({str(error)[:80]})",
+            "a triangle mesh",
+            "save it again from its source",
+        ) from None
 
 
 def _clean(vertices: Array, faces: Index) -> tuple[Array, Index, int]:
@@ -316,17 +327,21 @@ def _check(vertices: Array, faces: Index, slivers: int, source: str) -> tuple[st
     count = np.bincount(edge)
     balance = np.bincount(edge, weights=np.where(start < end, 1.0, -1.0).reshape(-1))
     if (against := int(((count == 2) & (balance != 0)).sum())) > 0:
-        raise InputError(f"{against} edges of {source} whose two faces are wound against each other",
-                         "faces that all turn the same way round, counter-clockwise seen from outside",
-                         "recompute the outward normals where the mesh was made, save it again")  # fmt: skip
+        raise InputError(
+            f"{against} edges of {source} whose two faces are wound against each other",
+            "faces that all turn the same way round, counter-clockwise seen from outside",
+            "recompute the outward normals where the mesh was made, save it again",
+        )
     a, b, c = np.moveaxis(vertices[faces], 1, 0) - vertices.mean(axis=0)
     volume = float(np.einsum("ij,ij", a, np.cross(b, c))) / 6.0
     if (rim := int((balance != 0).sum())) > 0:
         notes.append(f"{source} is not closed ({rim} open edges): material is taken to be behind its faces")
     elif volume < -MERGE * float(np.prod(np.ptp(vertices, axis=0))):
-        raise InputError(f"{source} inside out (its faces enclose {volume:.3g} m³)",
-                         "normals that point out of the material",
-                         "flip its faces (reverse its normals) and save it again")  # fmt: skip
+        raise InputError(
+            f"{source} inside out (its faces enclose {volume:.3g} m³)",
+            "normals that point out of the material",
+            "flip its faces (reverse its normals) and save it again",
+        )
     if (many := int((count > 2).sum())) > 0:
         notes.append(f"{source} has {many} edges with more than two faces: the sign is unsure near them")
     if slivers:

@@ -47,7 +47,8 @@ class Reading:
 def tool_load(tool: ToolSpec, motion: Kinematics, gravity: Array) -> Array:
     """What gravity and inertia put on the sensor, in sensor axes about its origin, (n, 6) [N, N·m].
 
-    Newton-Euler of one rigid body: f = m (g − a_com), τ = com × f − (I α + ω × I ω), with a_com = a + α × c + ω × (ω × c).
+    Newton-Euler of one rigid body: f = m (g − a_com), τ = com × f − (I α + ω × I ω), with a_com = a + α × c + ω × (ω ×
+    c).
     """
     turn = np.swapaxes(motion.rotation, 1, 2)  # base to sensor
     com, inertia = np.asarray(tool.com), tool.inertia_matrix
@@ -78,8 +79,11 @@ def read_wrench(
         InputError: no sensor frame, or a wrench that gravity in free motion contradicts.
     """
     if log.wrench is None or robot.sensor_frame is None:
-        raise InputError(f"a wrench without the frame it is measured in ({robot.name} has no 'ft_sensor')",
-                         "the sensor's frame", "name it in [robot] sensor_frame")  # fmt: skip
+        raise InputError(
+            f"a wrench without the frame it is measured in ({robot.name} has no 'ft_sensor')",
+            "the sensor's frame",
+            "name it in [robot] sensor_frame",
+        )
     wrench = np.asarray(log.wrench)
     if rig.sensor.wrench_frame == "base":
         rotation = robot.kinematics(robot.sensor_frame, motion.q).rotation
@@ -95,14 +99,23 @@ def read_wrench(
         load = tool_load(rig.tool or ToolSpec(mass=0.0), kinematics, robot.gravity)
         if rig.tool is not None and rig.tool.mass > 0 and not trust:
             force = ((wrench[usable] - offset) @ inverse.T)[:, :3]
-            refuse_contradicted(force, load[:, :3], kinematics.rotation,
-                                rig.tool.mass * float(np.linalg.norm(robot.gravity)),
-                                rig.sensor.wrench_frame, log.provenance.source)  # fmt: skip
+            refuse_contradicted(
+                force,
+                load[:, :3],
+                kinematics.rotation,
+                rig.tool.mass * float(np.linalg.norm(robot.gravity)),
+                rig.sensor.wrench_frame,
+                log.provenance.source,
+            )
         if not origin:
             offset, origin = np.median(wrench[usable] - load @ crosstalk.T, axis=0), "median of free motion"
     origin = origin or "none: no free motion to learn it from"
-    facts |= {"bias_from": origin, "bias": [float(b) for b in offset], "wrench_frame": rig.sensor.wrench_frame,
-              "crosstalk": "rig" if rig.sensor.crosstalk is not None else "none"}  # fmt: skip
+    facts |= {
+        "bias_from": origin,
+        "bias": [float(b) for b in offset],
+        "wrench_frame": rig.sensor.wrench_frame,
+        "crosstalk": "rig" if rig.sensor.crosstalk is not None else "none",
+    }
     return Reading(wrench, inverse, offset, facts)
 
 
@@ -111,7 +124,9 @@ def _given_bias(bias: Bias, rig: Rig) -> tuple[Array, str]:
     if not isinstance(bias, str):
         offset = np.asarray(bias, dtype=float)
         if offset.shape != (6,) or not np.isfinite(offset).all():
-            raise InputError(f"a bias of {list(np.ravel(offset))}", "six finite numbers fx fy fz tx ty tz", "correct it")
+            raise InputError(
+                f"a bias of {list(np.ravel(offset))}", "six finite numbers fx fy fz tx ty tz", "correct it"
+            )
         return offset, "given"
     if bias not in ("auto", "none"):
         raise InputError(f"bias '{bias}'", "'auto', 'none' or six numbers", "choose one of them")
@@ -123,8 +138,8 @@ def _given_bias(bias: Bias, rig: Rig) -> tuple[Array, str]:
 def refuse_contradicted(force: Array, weight: Array, rotation: Array, scale: float, frame: str, where: str) -> None:
     """Ask gravity whether the wrench has the sign and the axes of the log format.
 
-    Four readings are tried on free motion: as it is, with the opposite sign, in the other axes, and both. With turning in
-    the data each may have a bias of its own; without, gravity alone must tell, so that more contrast is asked for.
+    Four readings are tried on free motion: as it is, with the opposite sign, in the other axes, and both. With turning
+    in the data each may have a bias of its own; without, gravity alone must tell, so that more contrast is asked for.
 
     Args:
         force: measured, sensor axes [N], (n, 3). weight: the tool's load predicted there, (n, 3).
@@ -137,8 +152,11 @@ def refuse_contradicted(force: Array, weight: Array, rotation: Array, scale: flo
     # the rig's word on the axes has been followed: a wrench in others has been turned once too little or too often
     other, way = ("sensor", "nji,nj->ni") if frame == "base" else ("base", "nij,nj->ni")
     turned = np.einsum(way, rotation, weight)
-    readings = {"with the opposite sign": -weight, f"as axes of the {other}": turned,
-                f"as axes of the {other} with the opposite sign": -turned}  # fmt: skip
+    readings = {
+        "with the opposite sign": -weight,
+        f"as axes of the {other}": turned,
+        f"as axes of the {other} with the opposite sign": -turned,
+    }
     spread = float(np.sqrt(np.mean(np.sum((weight - weight.mean(axis=0)) ** 2, axis=1))))
     # turning tells, whatever the bias: it is a constant
     errors = {name: _spread(force - load) for name, load in readings.items()}
@@ -147,8 +165,11 @@ def refuse_contradicted(force: Array, weight: Array, rotation: Array, scale: flo
         if spread > 0.2 * scale:
             return
         # the little turning that there may be must not speak against a reading
-        errors = {name: float(np.sum((force - load).mean(axis=0) ** 2))
-                  for name, load in readings.items() if errors[name] <= 1.1 * present}  # fmt: skip
+        errors = {
+            name: float(np.sum((force - load).mean(axis=0) ** 2))
+            for name, load in readings.items()
+            if errors[name] <= 1.1 * present
+        }
         present = float(np.sum((force - weight).mean(axis=0) ** 2))
         if not errors or present < (1.5 * scale) ** 2 or min(errors.values()) >= SUSPICION * present:
             return
@@ -160,7 +181,8 @@ def refuse_contradicted(force: Array, weight: Array, rotation: Array, scale: flo
         f"a wrench in {where} that gravity in free motion explains {present / max(errors[best], 1e-12):.3g} times "
         f"better {' or '.join(same)}",
         f"loads on the tool in {frame} axes: at rest in the air a tool reads m·Rᵀ·g",
-        f"{' or '.join(remedies)}; a base that is tilted or hung needs [robot] gravity; --trust-wrench passes it as it is",
+        f"{' or '.join(remedies)}; a base that is tilted or hung needs [robot] gravity; --trust-wrench passes it as it "
+        f"is",
     )
 
 

@@ -1,9 +1,10 @@
 """One axis between two gaps: how strongly its jerk varies along the way, and the state that follows.
 
 A single intensity of the jerk fails: it differs a thousandfold between holds, touches and reversals. A bank of Kalman
-filters, each with an intensity that stays as it is, runs over the positions forwards and backwards; which one foretells them
-best from moment to moment, a hidden Markov chain tells. From there the intensity climbs to where the likelihood of all
-measurements is greatest (the quotient of found and expected energy of the jerk, in windows of a few degrees of freedom).
+filters, each with an intensity that stays as it is, runs over the positions forwards and backwards; which one foretells
+them best from moment to moment, a hidden Markov chain tells. From there the intensity climbs to where the likelihood of
+all measurements is greatest (the quotient of found and expected energy of the jerk, in windows of a few degrees of
+freedom).
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from kinid.kernels.state_space import ORDER
 
 Array = NDArray[np.float64]
 
-#: intensities of the bank, in units of the noise's variance: a bandwidth an octave, from 1/512 of a sample's angular rate on
+#: intensities of the bank, in units of the noise's variance: a bandwidth an octave, from 1/512 of a sample's angular
+#: rate on
 LEVELS = 2.0 ** (2 * ORDER * np.arange(-9, 5))
 #: probability that the level moves up, or down, from one sample to the next
 SWITCH = 0.02
@@ -29,13 +31,16 @@ WINDOW, CLIMBS = 2.0, 4
 HASTE = 2.0
 #: greatest factor of a climb, and the range of intensities in units of the noise's variance
 STRIDE, LEAST, MOST = 1e3, 2.0 ** (-24 * ORDER), 2.0 ** (10 * ORDER)
-#: log-likelihood that each degree of freedom of an intensity that varies must be worth; a search that gains less is at its end
+#: log-likelihood that each degree of freedom of an intensity that varies must be worth; a search that gains less is at
+#: its end
 WORTH, SETTLED = 1.0, 0.01
 #: a search gains at most so many times more than its last climb did
 REMAINS = 10.0
-#: an intensity that was a single one must be worth so many times as much to vary: a verdict of the motion, not of a measurement
+#: an intensity that was a single one must be worth so many times as much to vary: a verdict of the motion, not of a
+#: measurement
 AGAIN = 2.0
-#: noise is put right where less than a share of it is found, by no more than another at a time, from so many degrees of freedom
+#: noise is put right where less than a share of it is found, by no more than another at a time, from so many degrees of
+#: freedom
 LOUD, QUIETER, ENOUGH = 0.7, 1e-2, 30.0
 #: where digits are lost, positions are held to this share of their size at best, and to this variance
 FINEST, TINY = 1e-9, 1e-200
@@ -48,7 +53,8 @@ class Axis:
     """Measurements of one axis in one piece, in units of the median sample time.
 
     Attributes:
-        tau: steps of time, the first of them 0, (n,). value, variance: measurements, of positions, or with rates as well, (n, c).
+        tau: steps of time, the first of them 0, (n,). value, variance: measurements, of positions, or with rates as
+            well, (n, c).
         noise: variance of a position. jerk: intensity of each step, (n,).
         quieter: share of its variance that each kind of measurement may turn out to have, (c,).
         single: one intensity does for all steps.
@@ -90,10 +96,11 @@ class Axis:
         return jerk[np.minimum(np.searchsorted(there, np.arange(n)), len(there) - 1)]
 
     def climb(self) -> None:
-        """Bring intensities, and noise that differences of a fast motion made too large, nearer to the greatest likelihood.
+        """Bring intensities, and noise that differences of a fast motion made too large, nearer to the greatest
+        likelihood.
 
-        An intensity that varies must be worth it: where it gains less than a unit of log-likelihood a degree of freedom that
-        was fitted, a single one does as well, and follows noise less.
+        An intensity that varies must be worth it: where it gains less than a unit of log-likelihood a degree of freedom
+        that was fitted, a single one does as well, and follows noise less.
         """
         n, c = self.value.shape
         if n <= ORDER:
@@ -105,7 +112,9 @@ class Axis:
             return float(intensity.score(self.tau, self.value, self.variance, jerk, *begin, work, out, fits))
 
         def grown(jerk: Array, factor: Array | float) -> Array:
-            kept: Array = np.clip(jerk * np.clip(factor**HASTE, 1.0 / STRIDE, STRIDE), LEAST * self.noise, MOST * self.noise)
+            kept: Array = np.clip(
+                jerk * np.clip(factor**HASTE, 1.0 / STRIDE, STRIDE), LEAST * self.noise, MOST * self.noise
+            )
             return kept
 
         for _ in range(CLIMBS):
@@ -136,7 +145,8 @@ class Axis:
     def sound(self) -> tuple[Array, Array, Array]:
         """What `smoothed` gives, of positions alone, or of noisier ones, where it is not a number.
 
-        No finite log shall end without an estimate: measurements that differ a billion times in size can lose all digits.
+        No finite log shall end without an estimate: measurements that differ a billion times in size can lose all
+        digits.
         """
         made = self.smoothed()
         for louder in (1.0, 1e6, 1e12):
@@ -154,11 +164,15 @@ class Axis:
         """State before the first sample, and its covariance."""
         there = np.flatnonzero(self.variance[:, 0] < np.inf)[: ORDER + 1]
         return _before(
-            np.diff(np.cumsum(self.tau[: there[-1] + 1])[there], prepend=0.0), self.value[there, 0], self.variance[there, 0]
+            np.diff(np.cumsum(self.tau[: there[-1] + 1])[there], prepend=0.0),
+            self.value[there, 0],
+            self.variance[there, 0],
         )
 
     def smoothed(self, random: Array | None = None) -> tuple[Array, Array, Array]:
-        """State (n, d), its standard deviations (n, d), and draws of its error (m, n, 3) from normal numbers (m, n, d)."""
+        """State (n, d), its standard deviations (n, d), and draws of its error (m, n, 3) from normal numbers (m, n,
+        d).
+        """
         n = len(self.tau)
         state, sd = np.empty((n, ORDER)), np.empty((n, ORDER))
         random = np.empty((0, n, ORDER)) if random is None else random

@@ -18,9 +18,11 @@ from kinid.signal.noise import DIGITS, FLOOR, ROBUST, divided_differences, evenl
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
-#: stamps are looked at that are this far from an even clock, in samples; noise that an even one takes off, on a logarithmic scale
+#: stamps are looked at that are this far from an even clock, in samples; noise that an even one takes off, on a
+#: logarithmic scale
 JITTER, EVEN = 1e-6, -0.4
-#: noise of the axes that times of their own take off: of two axes that move together, any noise can lose half of its variance
+#: noise of the axes that times of their own take off: of two axes that move together, any noise can lose half of its
+#: variance
 OWN_TIMES, FEW = -0.6, 0.95
 #: order of the differences that a smooth motion has next to none of; turns in which times, speeds and noise are found
 ORDER, TURNS = 4, 6
@@ -54,7 +56,10 @@ def time_steps(t: Array, value: Array, runs: Sequence[Rows], unit: float) -> lis
     if value.shape[1] > 1 and len(rows) >= FEWEST:
         late = _late(value[rows], steps[longest])
         if late is not None:
-            return [_moved(tau, own) for tau, own in zip(steps, (_late(value[r], tau, ask=False) for r, tau in zip(runs, steps)))]
+            return [
+                _moved(tau, own)
+                for tau, own in zip(steps, (_late(value[r], tau, ask=False) for r, tau in zip(runs, steps)))
+            ]
     return steps
 
 
@@ -68,8 +73,10 @@ def _moved(tau: Array, late: Array | None) -> Array:
 
 def _quieter(before: Array, after: Array, tau: Array, other: Array) -> float:
     """Logarithm of the noise of positions (n, k) at other times over that at these, the mean of all axes."""
-    gain = [np.log(max(white(y, other), least) / max(white(x, tau), least))
-            for x, y, least in zip(before.T, after.T, _least(before))]  # fmt: skip
+    gain = [
+        np.log(max(white(y, other), least) / max(white(x, tau), least))
+        for x, y, least in zip(before.T, after.T, _least(before))
+    ]
     return float(np.mean(gain))
 
 
@@ -91,10 +98,11 @@ def _least(x: Array) -> Array:
 
 
 def _late(x: Array, tau: Array, ask: bool = True) -> Array | None:
-    """How much later than its stamp each row was measured, in samples, (n,); None where that explains too little of the noise.
+    """How much later than its stamp each row was measured, in samples, (n,); None where that explains too little of the
+    noise.
 
-    Positions less the way since their stamp, y = x − v δ, are to be smooth: δ minimises Σ |D (x − v δ)|²/s² + Σ δ²/σ², D divided
-    differences, s the noise of each axis that is left, σ² = (ν σ₀² + δ²)/(ν + 1) with the usual size σ₀ of δ,
+    Positions less the way since their stamp, y = x − v δ, are to be smooth: δ minimises Σ |D (x − v δ)|²/s² + Σ δ²/σ²,
+    D divided differences, s the noise of each axis that is left, σ² = (ν σ₀² + δ²)/(ν + 1) with the usual size σ₀ of δ,
     as Student's distribution has it (K. L. Lange et al., J. Am. Stat. Assoc. 84, 1989).
 
     Args:

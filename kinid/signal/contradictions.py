@@ -16,11 +16,14 @@ SURE, SHARE = 5.0, 1e-4
 SCALE, SAMPLES, LEAST_DELAY = 0.02, 0.5, 1e-3
 
 
-def contradictions(facts: Mapping[str, Any], what: str, names: Sequence[str], largest: Array, period: float) -> list[str]:
+def contradictions(
+    facts: Mapping[str, Any], what: str, names: Sequence[str], largest: Array, period: float
+) -> list[str]:
     """At most a sentence each for offsets, scales and delays that are large.
 
     Args:
-        facts: as `Smoothed.facts` has them of these rates. what: "velocities" or "accelerations". names: of the axes, (k,).
+        facts: as `Smoothed.facts` has them of these rates. what: "velocities" or "accelerations". names: of the axes,
+            (k,).
         largest: greatest rate of each axis, (k,). period: sample time [s].
     """
     unit = "/s" if what == "velocities" else "/s²"
@@ -31,16 +34,22 @@ def contradictions(facts: Mapping[str, Any], what: str, names: Sequence[str], la
     off = (np.abs(bias) > SURE * errors[:, 0]) & (np.abs(bias) > SHARE * largest)
     if off.any():
         figures = [f"{names[j]} {bias[j]:+.3g} ± {errors[j, 0]:.1g}{unit}" for j in np.flatnonzero(off).tolist()]
-        out.append(f"logged {what} are offset from the derivative of the positions, {', '.join(figures)}; "
-                   + (done or "the offset was taken out"))  # fmt: skip
+        out.append(
+            f"logged {what} are offset from the derivative of the positions, {', '.join(figures)}; "
+            + (done or "the offset was taken out")
+        )
     off = (np.abs(gain - 1.0) > SCALE) & (np.abs(gain - 1.0) > SURE * errors[:, 1]) & (gain != 0.0)
     if off.any():
         figures = [f"{names[j]} {gain[j]:.4g} ± {errors[j, 1]:.1g}" for j in np.flatnonzero(off).tolist()]
-        out.append(f"logged {what} are not the derivative of the positions but a multiple, {', '.join(figures)}; "
-                   f"{done + '; ' if done else ''}state their unit or scale in [columns]")  # fmt: skip
+        out.append(
+            f"logged {what} are not the derivative of the positions but a multiple, {', '.join(figures)}; "
+            f"{done + '; ' if done else ''}state their unit or scale in [columns]"
+        )
     off = (np.abs(delay) > max(SAMPLES * period, LEAST_DELAY)) & (np.abs(delay) > SURE * errors[:, 2])
     if off.any():
         at = np.flatnonzero(off).tolist()
         figures = [f"{names[j]} {1e3 * abs(delay[j]):.3g} ms {'after' if delay[j] > 0 else 'before'}" for j in at]
-        out.append(f"logged {what} do not come with the positions, {', '.join(figures)}; " + (done or "they were moved back"))
+        out.append(
+            f"logged {what} do not come with the positions, {', '.join(figures)}; " + (done or "they were moved back")
+        )
     return out

@@ -52,8 +52,11 @@ class Differentiator:
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.bandwidth) and self.bandwidth > 0):
-            raise InputError(f"a differentiator bandwidth of {self.bandwidth} Hz", "a positive frequency in Hz",
-                             "give one well below half the sampling rate, e.g. 25")  # fmt: skip
+            raise InputError(
+                f"a differentiator bandwidth of {self.bandwidth} Hz",
+                "a positive frequency in Hz",
+                "give one well below half the sampling rate, e.g. 25",
+            )
         if self.order < 2:
             raise InputError(f"a differentiator of order {self.order}", "2 or more", "leave it at 4")
 

@@ -29,7 +29,8 @@ WHOLE = 0.98
 FEWEST = 3
 #: from so many gaps on a step is believed that no two neighbours are apart, found by so many descents
 MANY, DESCENTS = 12, 8
-#: an axis has moved on from a repeated position by so many times its noise, and so many times the steps before and after
+#: an axis has moved on from a repeated position by so many times its noise, and so many times the steps before and
+#: after
 MOVED_ON, CAUGHT_UP = 6.0, 1.5
 #: a position that stands alone is off by so many times the noise
 ALONE = 8.0
@@ -38,7 +39,8 @@ EDGE = 0.03
 
 
 def white(x: Array, tau: Array | None = None) -> float:
-    """Standard deviation of white noise on smooth positions (n,), robustly, from the least of several orders of differences.
+    """Standard deviation of white noise on smooth positions (n,), robustly, from the least of several orders of
+    differences.
 
     Args:
         x: positions, (n,). tau: steps of time before each, (n,); None: all alike.
@@ -53,7 +55,9 @@ def is_noise(x: Array, tau: Array | None = None) -> bool:
 
 
 def evenly(t: Array, unit: float) -> Array:
-    """Steps of time before each sample, (n,), in units of the median one, of a clock that ticks evenly and drops samples."""
+    """Steps of time before each sample, (n,), in units of the median one, of a clock that ticks evenly and drops
+    samples.
+    """
     steps = np.diff(t, prepend=t[0]) / unit
     return np.where(steps > 0.5, np.maximum(np.round(steps), 1.0), steps)
 
@@ -79,7 +83,9 @@ def _spread(x: Array, tau: Array | None, moved: bool = False) -> dict[int, float
 
 
 def divided_differences(t: Array, order: int) -> Array:
-    """Weights of divided differences over uneven times (n,), of white noise of variance 1 their variance is 1, (order + 1, m)."""
+    """Weights of divided differences over uneven times (n,), of white noise of variance 1 their variance is 1, (order +
+    1, m).
+    """
     m = len(t) - order
     at = [t[i : i + m] for i in range(order + 1)]
     weights = np.ones((order + 1, m))
@@ -92,7 +98,9 @@ def divided_differences(t: Array, order: int) -> Array:
 
 
 def weighted_differences(x: Array, weights: Array) -> Array:
-    """Differences of positions (n,), or of rows of them (n, k), with weights of `divided_differences`, (m,) or (m, k)."""
+    """Differences of positions (n,), or of rows of them (n, k), with weights of `divided_differences`, (m,) or (m,
+    k).
+    """
     m = weights.shape[1]
     return np.asarray(sum((w * x[i : i + m].T).T for i, w in enumerate(weights)))
 
@@ -120,7 +128,9 @@ def lattice(x: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Positions:
-    """Positions of one axis as measurements: values (n,), their variances (n,), noise of a sample, the step, and least noise."""
+    """Positions of one axis as measurements: values (n,), their variances (n,), noise of a sample, the step, and least
+    noise.
+    """
 
     value: Array
     variance: Array
@@ -132,9 +142,10 @@ class Positions:
 def positions(x: Array, tau: Array | None = None, every: int = 1) -> Positions:
     """What positions (n,) say, and how surely; `tau` are the steps of time before them, (n,), None where all are alike.
 
-    On a lattice, samples that rest on one value are one measurement: each has the variance of the step, d²/12, times their
-    number m. Where one value gives way to the next, the position is at the edge between them, to within the way d/m that it
-    goes in a sample. Samples interpolated between others so many times slower are taken one in so many, with steps interpolated.
+    On a lattice, samples that rest on one value are one measurement: each has the variance of the step, d²/12, times
+    their number m. Where one value gives way to the next, the position is at the edge between them, to within the way
+    d/m that it goes in a sample. Samples interpolated between others so many times slower are taken one in so many,
+    with steps interpolated.
     """
     step = lattice(x)
     least = FLOOR * float(np.ptp(x)) + DIGITS * float(np.abs(x).max(initial=0.0)) + 1e-100
@@ -161,11 +172,12 @@ def positions(x: Array, tau: Array | None = None, every: int = 1) -> Positions:
 def wrong(x: Array, tau: Array, noise: float, grid: float) -> NDArray[np.bool_]:
     """Positions (n,) that stand alone, or repeat the one before them while the axis moves on, (n,).
 
-    Differences of order four show a single position that is off as their own weights. Where the motion itself turns at once, what
-    is left beside that is more than noise.
+    Differences of order four show a single position that is off as their own weights. Where the motion itself turns at
+    once, what is left beside that is more than noise.
 
     Args:
-        x: positions. tau: steps of time before them. noise: of a position. grid: step of the lattice that they lie on, or 0.
+        x: positions. tau: steps of time before them. noise: of a position. grid: step of the lattice that they lie on,
+            or 0.
     """
     out, size = np.zeros(len(x), np.bool_), max(noise, grid)
     same = np.diff(x, prepend=np.nan) == 0.0

@@ -21,7 +21,8 @@ Rows = NDArray[np.int64]
 
 #: blocks that standard errors are told from, and those by which what is off must exceed them
 BLOCKS, SURE = 24, 4.0
-#: a gain closer to 1 than this is 1: rates come from the encoder that positions come from, in the wrong unit or in the right one
+#: a gain closer to 1 than this is 1: rates come from the encoder that positions come from, in the wrong unit or in the
+#: right one
 GAIN = 0.05
 #: no unit is so many times another: what has such a gain is no rate of the positions
 ALIEN = 1e7
@@ -46,9 +47,11 @@ class Learnt:
     """What is known of one axis' logged rate.
 
     Attributes:
-        bias [unit of the rate], gain [1], delay [s]: as they are taken out; 0, 1, 0 where they can't be told from nothing.
+        bias [unit of the rate], gain [1], delay [s]: as they are taken out; 0, 1, 0 where they can't be told from
+        nothing.
         scale: the gain as it was found, whether it is taken out or not.
-        noise: standard deviation of white noise that weighs as much as what is left. memory: its variance over that of a sample.
+        noise: standard deviation of white noise that weighs as much as what is left. memory: its variance over that of
+            a sample.
         lag: what is left follows the next derivative but one, so many times: a filter that is no plain delay [s²].
         errors: standard errors of bias, gain and delay, infinite where nothing tells them, (3,).
         quieter: share of its variance that it may turn out to have.
@@ -82,7 +85,9 @@ class Learnt:
 
 
 def learn(t: Array, x: Array, pieces: Sequence[tuple[Rows, Axis]], logged: Array, order: int, unit: float) -> Learnt:
-    """Hold a logged rate (n,) of this order against the pieces' estimate of it; `x` are the positions as logged, (n,)."""
+    """Hold a logged rate (n,) of this order against the pieces' estimate of it; `x` are the positions as logged,
+    (n,).
+    """
     states = [axis.smoothed()[:2] for _, axis in pieces]
     positions = [x[rows] - state[:, 0] for (rows, _), (state, _) in zip(pieces, states)]
     times = [t[rows] for rows, _ in pieces]
@@ -99,7 +104,9 @@ def learn(t: Array, x: Array, pieces: Sequence[tuple[Rows, Axis]], logged: Array
         one, a, d, own = (np.concatenate(x) for x in (seen, rate, after, variance))
         good = np.isfinite(one)
         if good.sum() < 8:
-            return Learnt(0.0, 1.0, 0.0, 1.0, np.inf, 1.0, 0.0, errors, 1.0, [np.ones(len(at), np.float32) for at in times])
+            return Learnt(
+                0.0, 1.0, 0.0, 1.0, np.inf, 1.0, 0.0, errors, 1.0, [np.ones(len(at), np.float32) for at in times]
+            )
         bias, gain, more, scale, errors, noise = _regress(one[good], a[good], d[good], own[good], noise, bias, scale)
         delay = delay + more
         if abs(more) < 0.02 * unit:
@@ -113,10 +120,12 @@ def learn(t: Array, x: Array, pieces: Sequence[tuple[Rows, Axis]], logged: Array
     least = max(white(plain) / abs(gain), step, floor)
     noise, memory = _noise(left, variance, below, plain / gain, unit, least)
     quieter = min(1.0, (max(step, floor) / noise) ** 2) if noise < UNUSUAL * least else 1.0
-    if not 1.0 / ALIEN < abs(scale) < ALIEN or _derived([x[rows] for rows, _ in pieces], positions, left, pieces[0][1].tau):
+    if not 1.0 / ALIEN < abs(scale) < ALIEN or _derived(
+        [x[rows] for rows, _ in pieces], positions, left, pieces[0][1].tau
+    ):
         noise = np.inf
-    # what is not known of the rate, and a lag that is no delay, stay in it as errors; those of offset and gain last, and
-    # weigh as white noise does that leads as far away
+    # what is not known of the rate, and a lag that is no delay, stay in it as errors; those of offset and gain last,
+    # and weigh as white noise does that leads as far away
     lasting = (LONGEST / unit) ** 0.5 if unit < LONGEST else 1.0
     known = np.where(np.isfinite(errors), errors, 0.0) / abs(scale or 1.0)
     lag, spread = 0.0, [lasting * (known[0] + known[1] * np.abs(a)) for a in rate]
@@ -136,11 +145,15 @@ def together(several: Sequence[Learnt]) -> list[Learnt]:
         return list(several)
     weight = np.array([1.0 / one.errors[2] ** 2 for one in known])
     common = float(weight @ [one.delay for one in known] / weight.sum())
-    return [one if one.delay else replace(one, delay=common) if abs(common) < SURE * one.errors[2] else one for one in several]
+    return [
+        one if one.delay else replace(one, delay=common) if abs(common) < SURE * one.errors[2] else one
+        for one in several
+    ]
 
 
-def _regress(z: Array, rate: Array, after: Array, own: Array, noise: float, bias: float, scale: float
-             ) -> tuple[float, float, float, float, Array, float]:  # fmt: skip
+def _regress(
+    z: Array, rate: Array, after: Array, own: Array, noise: float, bias: float, scale: float
+) -> tuple[float, float, float, float, Array, float]:
     """Bias, gain and delay that are surely there, the gain as found, their standard errors, and the noise that is left.
 
     Blocks that are left out in turn tell the errors, whatever memory the noise has (Künsch 1989).
@@ -194,14 +207,17 @@ def _jackknife(squares: Array, products: Array) -> tuple[Array, Array]:
 def _lag(left: Array, jerk: Array, own: Array, noise: float) -> float:
     """How much of what is left goes with the next derivative but one, with twice its error [s²].
 
-    A rate that was filtered is v + κ v̈ with κ > 0 beside its delay; what the estimate itself smoothed away has the other sign.
+    A rate that was filtered is v + κ v̈ with κ > 0 beside its delay; what the estimate itself smoothed away has the
+    other sign.
     """
     good = np.isfinite(left) & np.isfinite(jerk) & np.isfinite(own)
     if good.sum() < BLOCKS or not noise < np.inf:
         return 0.0
     weight = 1.0 / (own[good] + noise**2)
-    squares, products = (np.add.reduceat(x, np.linspace(0, good.sum(), BLOCKS + 1).astype(int)[:-1])
-                         for x in (weight * jerk[good] ** 2, weight * jerk[good] * left[good]))  # fmt: skip
+    squares, products = (
+        np.add.reduceat(x, np.linspace(0, good.sum(), BLOCKS + 1).astype(int)[:-1])
+        for x in (weight * jerk[good] ** 2, weight * jerk[good] * left[good])
+    )
     if not squares.sum() > 0.0:
         return 0.0
     found = products.sum() / squares.sum()
@@ -209,13 +225,15 @@ def _lag(left: Array, jerk: Array, own: Array, noise: float) -> float:
     return float(found + 2.0 * error) if found > 2.0 * error else 0.0
 
 
-def _noise(left: Sequence[Array], own: Sequence[Array], below: Sequence[Array], logged: Array, unit: float, least: float
-           ) -> tuple[float, float]:  # fmt: skip
-    """Standard deviation of white noise that weighs as much as what is left, and how many times its variance is a sample's.
+def _noise(
+    left: Sequence[Array], own: Sequence[Array], below: Sequence[Array], logged: Array, unit: float, least: float
+) -> tuple[float, float]:
+    """Standard deviation of white noise that weighs as much as what is left, and how many times its variance is a
+    sample's.
 
     Means over m samples have the variance s²/m of white noise; what has a memory has more. Of the estimate's own error
-    they hold little, for its integral is the position's error: 2 P/(m h)². Where positions tell too little, differences of
-    the logged rate's own means tell its memory (Allan 1966), as far as what is left allows it.
+    they hold little, for its integral is the position's error: 2 P/(m h)². Where positions tell too little, differences
+    of the logged rate's own means tell its memory (Allan 1966), as far as what is left allows it.
     """
     variance, noisy = least**2, True
     sample = variance
@@ -245,7 +263,9 @@ def _noise(left: Sequence[Array], own: Sequence[Array], below: Sequence[Array], 
 
 
 def _derived(x: Sequence[Array], off: Sequence[Array], left: Sequence[Array], tau: Array) -> bool:
-    """Whether the noise of the rates, `left`, is that of the positions, `off`: rates made of positions tell nothing new."""
+    """Whether the noise of the rates, `left`, is that of the positions, `off`: rates made of positions tell nothing
+    new.
+    """
     if not is_noise(x[0], tau) and not lattice(np.concatenate(x)):
         return False
     theirs, ours = [], []
@@ -280,10 +300,12 @@ def _cut(x: Array, lag: int) -> Array:
 
 
 def _nearby(left: Array, own: Array, spread: Array, noise: float) -> NDArray[np.float32]:
-    """How many times the variance is greater nearby, at least 1, (n,): where turns are filtered away, or noise comes and goes.
+    """How many times the variance is greater nearby, at least 1, (n,): where turns are filtered away, or noise comes
+    and goes.
 
     Args:
-        left: of the rate beside the estimate. own: variance of the estimate. spread: of what is known to be uncertain, (n,).
+        left: of the rate beside the estimate. own: variance of the estimate. spread: of what is known to be uncertain,
+            (n,).
     """
     from scipy.ndimage import maximum_filter1d, uniform_filter1d
 

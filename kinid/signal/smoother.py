@@ -1,8 +1,8 @@
 """Positions, velocities and accelerations that agree with each other, with their standard deviations.
 
-A fixed-interval smoother (Rauch, Tung & Striebel 1965; Särkkä 2013, ch. 8) over a point driven by white jerk whose intensity
-follows the motion. Positions come first; what was logged of velocities and accelerations is then held against them (bias,
-gain, delay, noise and its memory), put right where it is off, and smoothed together with them.
+A fixed-interval smoother (Rauch, Tung & Striebel 1965; Särkkä 2013, ch. 8) over a point driven by white jerk whose
+intensity follows the motion. Positions come first; what was logged of velocities and accelerations is then held against
+them (bias, gain, delay, noise and its memory), put right where it is off, and smoothed together with them.
 """
 
 from __future__ import annotations
@@ -67,7 +67,9 @@ class Smoothed:
         return Smoothed(value, first, second, self.sd, self.facts, self._tracks)
 
     def error(self, number: int) -> tuple[Array, Array, Array]:
-        """A sample of the estimate's error with its memory (Durbin & Koopman 2002), (n, k) each; 0 where nothing is known."""
+        """A sample of the estimate's error with its memory (Durbin & Koopman 2002), (n, k) each; 0 where nothing is
+        known.
+        """
         out = [np.zeros_like(self.value) for _ in range(3)]
 
         def add(j: int) -> None:
@@ -83,7 +85,12 @@ class Smoothed:
 
 
 def smooth_motion(
-    t: Array, value: Array, pieces: Iterable[slice], first: Array | None = None, second: Array | None = None, every: int = 1
+    t: Array,
+    value: Array,
+    pieces: Iterable[slice],
+    first: Array | None = None,
+    second: Array | None = None,
+    every: int = 1,
 ) -> Smoothed:
     """Smooth positions, and rates where they were measured.
 
@@ -148,7 +155,9 @@ def smooth_motion(
     return Smoothed(out[0], out[1], out[2], (sd[0], sd[1], sd[2]), facts, tuple(tracks))
 
 
-def _with_rates(t: Array, value: Array, tracks: Sequence[Track], logged: Array, order: int, unit: float) -> list[Learnt]:
+def _with_rates(
+    t: Array, value: Array, tracks: Sequence[Track], logged: Array, order: int, unit: float
+) -> list[Learnt]:
     """Learn what logged rates (n, k) of this order are worth, and take them among the axes' measurements."""
     which, size = range(len(tracks)), logged.size
     learnt = together(_each(lambda j: learn(t, value[:, j], tracks[j].pieces, logged[:, j], order, unit), which, size))

@@ -14,7 +14,8 @@ ROBUST = 1.4826
 
 
 def white_noise(signal: Array) -> float:
-    """Standard deviation of the white noise on a smooth signal (n,): from third differences, robustly; 0 of fewer than 8 samples.
+    """Standard deviation of the white noise on a smooth signal (n,): from third differences, robustly; 0 of fewer than
+    8 samples.
 
     Of a smooth signal a third difference has next to nothing, and the median absolute deviation ignores the few samples
     at impacts.

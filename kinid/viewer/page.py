@@ -1,4 +1,6 @@
-"""The page of the viewer: one HTML text with everything in it, meshcat's renderer included; it asks nobody for anything."""
+"""The page of the viewer: one HTML text with everything in it, meshcat's renderer included; it asks nobody for
+anything.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,9 @@ def page(scene: dict[str, Any], legend: str = LEGEND) -> str:
 
 
 def _renderer() -> str:
-    """Source of meshcat's renderer; found without importing meshcat, whose server isn't used and takes a second to load."""
+    """Source of meshcat's renderer; found without importing meshcat, whose server isn't used and takes a second to
+    load.
+    """
     spec = importlib.util.find_spec("meshcat")
     for place in (spec.submodule_search_locations or ()) if spec is not None else ():
         file = Path(place) / "viewer" / "dist" / "main.min.js"

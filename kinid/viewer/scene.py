@@ -28,8 +28,12 @@ FRAMES = 50.0
 #: the largest force is drawn so long [m]
 ARROW = 0.16
 #: viridis at seven places: dark is low, also to colour-blind readers and in grey
-VIRIDIS = np.array([[68, 1, 84], [68, 57, 131], [49, 104, 142], [33, 145, 140], [53, 183, 121], [144, 215, 67], [253, 231, 37]])
-INFERNO = np.array([[0, 0, 4], [51, 10, 95], [120, 28, 109], [188, 55, 84], [237, 105, 37], [251, 180, 26], [252, 255, 164]])
+VIRIDIS = np.array(
+    [[68, 1, 84], [68, 57, 131], [49, 104, 142], [33, 145, 140], [53, 183, 121], [144, 215, 67], [253, 231, 37]]
+)
+INFERNO = np.array(
+    [[0, 0, 4], [51, 10, 95], [120, 28, 109], [188, 55, 84], [237, 105, 37], [251, 180, 26], [252, 255, 164]]
+)
 UNKNOWN = (214, 217, 222, 255)
 #: layer that shows where the model fails
 FAILS = "model fails"
@@ -43,7 +47,8 @@ def map_scene(
     """A map's colours by property; with `shape` its vertices and faces too.
 
     Args:
-        grown: the map. shown: property that is shown first. method: between probes. cells: along the longer side of a plane.
+        grown: the map. shown: property that is shown first. method: between probes. cells: along the longer side of a
+            plane.
     """
     if isinstance(grown.surface, Plane):
         ticks = grown.grid(cells)
@@ -65,7 +70,9 @@ def map_scene(
         low, high = float(np.nanmin(values)), float(np.nanmax(values))
         spread = float(np.nanstd(values)) or abs(high) or 1.0
         doubt = np.nan_to_num(guess.sd / spread, nan=0.0)
-        layers.append(_layer(item.name, item.unit, guess.mean, low, high, VIRIDIS, doubt, bool(np.isfinite(guess.sd).any())))
+        layers.append(
+            _layer(item.name, item.unit, guess.mean, low, high, VIRIDIS, doubt, bool(np.isfinite(guess.sd).any()))
+        )
     misfit = grown.misfit
     if np.isfinite(misfit).any():
         # of the nearest probe: a residual belongs to a place, nothing is guessed between
@@ -78,9 +85,13 @@ def map_scene(
         layer = _layer(FAILS, "residual / noise", field, 0.0, 1.5, INFERNO, np.zeros(len(field)), False)
         layers.append(layer | {"low": "1", "high": "30"})
     out: dict[str, Any] = {
-        "vertices": len(vertices), "layers": layers, "shown": shown or layers[0]["name"], "probes": packed(grown.places, "<f4"),
-        "size": size, "facts": f"{len(grown)} probes with {grown.model}; between them: {method}",
-    }  # fmt: skip
+        "vertices": len(vertices),
+        "layers": layers,
+        "shown": shown or layers[0]["name"],
+        "probes": packed(grown.places, "<f4"),
+        "size": size,
+        "facts": f"{len(grown)} probes with {grown.model}; between them: {method}",
+    }
     if shape:
         out |= {"positions": packed(vertices, "<f4"), "faces": packed(faces, "<u4")}
     return out
@@ -111,8 +122,14 @@ def robot_scene(rig: Rig, robot: Robot) -> dict[str, Any]:
             size = (2 * np.asarray(g.halfSide)).tolist()
         else:
             size = [g.radius, 2 * g.halfLength] if kind == "cylinder" else [g.radius]
-        joints[item.parentJoint].append({"kind": kind, "size": size, "color": np.asarray(item.meshColor).tolist(),
-                                         "matrix": item.placement.homogeneous.T.ravel().tolist()})  # fmt: skip
+        joints[item.parentJoint].append(
+            {
+                "kind": kind,
+                "size": size,
+                "color": np.asarray(item.meshColor).tolist(),
+                "matrix": item.placement.homogeneous.T.ravel().tolist(),
+            }
+        )
     if not any(joints[1:]):
         for j in range(1, robot.model.njoints):
             joints[robot.model.parents[j]].append(_stick(np.asarray(robot.model.jointPlacements[j].translation)))
@@ -141,8 +158,12 @@ def motion_scene(log: Log, rig: Rig, robot: Robot, model: str | None = None) -> 
         pin.forwardKinematics(robot.model, data, row)
         for j in range(robot.model.njoints):
             poses[i, j] = pin.SE3ToXYZQUAT(data.oMi[j])
-    out: dict[str, Any] = {"t": packed(log.t[keep] - log.t[keep[0]], "<f4"), "poses": packed(poses, "<f4"), "n": len(keep),
-                           "joints": robot.model.njoints}  # fmt: skip
+    out: dict[str, Any] = {
+        "t": packed(log.t[keep] - log.t[keep[0]], "<f4"),
+        "poses": packed(poses, "<f4"),
+        "n": len(keep),
+        "joints": robot.model.njoints,
+    }
     if log.phase is not None:
         out["phase"] = np.asarray(log.phase)[keep].tolist()
     forces = _forces(log, rig, robot, model)
@@ -208,7 +229,9 @@ def map_patch(grown: PropertyMap, ground: float) -> dict[str, Any] | None:
 
 
 def _block(surface: Plane, low: Array, high: Array, ground: float) -> dict[str, Any]:
-    """From corner to corner along both tangents [m]; down to the ground where that is not far and the surface lies level."""
+    """From corner to corner along both tangents [m]; down to the ground where that is not far and the surface lies
+    level.
+    """
     side, height = float((high - low).max()), float(surface.point[2]) - ground
     level = surface.normal[2] > 0.99 and 0.05 * side < height < 3.0 * side
     thick = height if level else 0.25 * side
@@ -219,7 +242,9 @@ def _block(surface: Plane, low: Array, high: Array, ground: float) -> dict[str, 
 
 
 def axes_scene(grown: PropertyMap) -> dict[str, Any] | None:
-    """Where the axes of a map on a plane run: its point, its axes, and its extent along both tangents [m]; None on a mesh."""
+    """Where the axes of a map on a plane run: its point, its axes, and its extent along both tangents [m]; None on a
+    mesh.
+    """
     if not isinstance(grown.surface, Plane):
         return None
     low, high = _extent(grown)
@@ -228,7 +253,9 @@ def axes_scene(grown: PropertyMap) -> dict[str, Any] | None:
 
 
 def ground_scene(grown: PropertyMap) -> dict[str, Any]:
-    """A level ground under a map that is seen without a robot: its middle [m], and the size of what stands on it [m]."""
+    """A level ground under a map that is seen without a robot: its middle [m], and the size of what stands on it
+    [m].
+    """
     if isinstance(grown.surface, Plane):
         low, high = _extent(grown)
         corners = grown.raised(np.array([[u, v] for u in (low[0], high[0]) for v in (low[1], high[1])]))
@@ -300,7 +327,9 @@ def packed(values: NDArray[Any], kind: str) -> str:
 
 
 def colours(field: Array, low: float, high: float, scale: NDArray[Any], doubt: Array) -> NDArray[np.uint8]:
-    """RGBA of values, (n, 4); unknown ones in grey; the larger the doubt (deviation over spread), the more transparent."""
+    """RGBA of values, (n, 4); unknown ones in grey; the larger the doubt (deviation over spread), the more
+    transparent.
+    """
     place = np.clip((np.nan_to_num(field) - low) / (high - low if high > low else 1.0), 0.0, 1.0) * (len(scale) - 1)
     at = np.minimum(place.astype(int), len(scale) - 2)
     part = (place - at)[:, None]
@@ -315,8 +344,15 @@ def _layer(
     name: str, unit: str, field: Array, low: float, high: float, scale: NDArray[Any], doubt: Array, fades: bool
 ) -> dict[str, Any]:
     stops = [f"rgb({r},{g},{b})" for r, g, b in scale.tolist()]
-    return {"name": name, "unit": unit, "low": f"{low:.4g}", "high": f"{high:.4g}", "stops": stops, "fades": fades,
-            "colors": packed(colours(field, low, high, scale, doubt), "u1")}  # fmt: skip
+    return {
+        "name": name,
+        "unit": unit,
+        "low": f"{low:.4g}",
+        "high": f"{high:.4g}",
+        "stops": stops,
+        "fades": fades,
+        "colors": packed(colours(field, low, high, scale, doubt), "u1"),
+    }
 
 
 def _quads(rows: int, columns: int) -> NDArray[np.int64]:

@@ -45,8 +45,11 @@ class ViewServer:
         try:
             self._server = ThreadingHTTPServer((LOOPBACK, port), Handler)
         except OSError as error:
-            raise InputError(f"port {port}, which can't be had ({error.strerror})", "a free port of this machine",
-                             "choose another --port, or 0 for any") from None  # fmt: skip
+            raise InputError(
+                f"port {port}, which can't be had ({error.strerror})",
+                "a free port of this machine",
+                "choose another --port, or 0 for any",
+            ) from None
         self._server.daemon_threads = True
         self.port = int(self._server.server_address[1])
         self.url = f"http://{LOOPBACK}:{self.port}/"

@@ -24,7 +24,8 @@ class View:
     """What is looked at, and how it changes: `scene()` is all of it, `changed()` what is new since it was last asked.
 
     Attributes:
-        target: a map, a log, or a folder of logs. rig: default beside the target. shown: property. method: between probes.
+        target: a map, a log, or a folder of logs. rig: default beside the target. shown: property. method: between
+            probes.
         model: that predicts the forces of a log, and that is fitted to the touches of a folder.
     """
 
@@ -50,7 +51,9 @@ class View:
         if self._kind != "map" or self.rig is not None:
             self._rig = Rig.load(rig)
             if self._rig.robot is None:
-                raise InputError(f"no [robot] in {rig}", "a robot to show", 'add [robot] with model = "lwr4plus" or your URDF')
+                raise InputError(
+                    f"no [robot] in {rig}", "a robot to show", 'add [robot] with model = "lwr4plus" or your URDF'
+                )
             self._robot = Robot.load(self._rig)
         else:
             self._find_arm()
@@ -60,7 +63,9 @@ class View:
         self._update()
 
     def _find_arm(self) -> None:
-        """The arm that a map was made with, where its last log and the rig beside that still tell: else there is none."""
+        """The arm that a map was made with, where its last log and the rig beside that still tell: else there is
+        none.
+        """
         self._map = PropertyMap.read(self.target)
         log = self._log()
         if log is None:
@@ -68,7 +73,11 @@ class View:
         try:
             rig = Rig.load(log.parent / "rig.toml")
             surface = load_surface(rig)
-            if rig.robot is None or not isinstance(surface, Plane | Mesh) or not same_surface(surface, self._map.surface):
+            if (
+                rig.robot is None
+                or not isinstance(surface, Plane | Mesh)
+                or not same_surface(surface, self._map.surface)
+            ):
                 return
             self._rig, self._robot = rig, Robot.load(rig)
             self._moving(log)
@@ -82,11 +91,17 @@ class View:
     def _check_options(self) -> None:
         """Refuse what says nothing about the target, and effects that nobody knows."""
         if self._kind == "map" and self.model is not None:
-            raise InputError(f"--model {self.model} for a map, which is fitted already", "a log or a folder of logs",
-                             "leave --model out, or map the logs anew with kinid map --model")  # fmt: skip
+            raise InputError(
+                f"--model {self.model} for a map, which is fitted already",
+                "a log or a folder of logs",
+                "leave --model out, or map the logs anew with kinid map --model",
+            )
         if self._kind == "log" and self.shown is not None:
-            raise InputError(f"--property {self.shown} for a log, which has no properties", "a map or a folder of logs",
-                             "leave --property out, or map the log with kinid map")  # fmt: skip
+            raise InputError(
+                f"--property {self.shown} for a log, which has no properties",
+                "a map or a folder of logs",
+                "leave --property out, or map the log with kinid map",
+            )
         if self.model is not None:
             effects = self._effects
             if not effects:
@@ -139,12 +154,23 @@ class View:
         return out if patch is None else out | {"patch": patch}
 
     def facts(self) -> dict[str, Any]:
-        """What is shown, in the words of JSON: the kind of target, the map's model, probes and colours, the log that moves."""
-        out: dict[str, Any] = {"target": str(self.target), "kind": self._kind, "method": self.method,
-                               "log": None if self._shown_log is None else str(self._shown_log)}  # fmt: skip
+        """What is shown, in the words of JSON: the kind of target, the map's model, probes and colours, the log that
+        moves.
+        """
+        out: dict[str, Any] = {
+            "target": str(self.target),
+            "kind": self._kind,
+            "method": self.method,
+            "log": None if self._shown_log is None else str(self._shown_log),
+        }
         if self._map is not None and len(self._map):
             layers = scenes.layers_of(self._map)
-            out |= {"model": self._map.model, "probes": len(self._map), "colours": layers, "shown": self.shown or layers[0]}
+            out |= {
+                "model": self._map.model,
+                "probes": len(self._map),
+                "colours": layers,
+                "shown": self.shown or layers[0],
+            }
         return out
 
     def changed(self) -> dict[str, Any] | None:
@@ -171,7 +197,9 @@ class View:
         assert self._robot is not None
         log = read(path, self._rig, robot=self._robot)
         if log.q is None:
-            raise InputError(f"no joint positions in {path}", "q1…qN, to show the arm with", "view the map of it instead")
+            raise InputError(
+                f"no joint positions in {path}", "q1…qN, to show the arm with", "view the map of it instead"
+            )
         self._shown_log = path
         motion = scenes.motion_scene(log, self._rig, self._robot, self.model)
         return {"motion": motion, "facts": f"{path.name}: {len(log)} samples, {log.t[-1] - log.t[0]:.1f} s"}
@@ -180,9 +208,13 @@ class View:
         if self._kind == "log":
             return self.target
         if self._kind == "map":
-            sources = [Path(probe.source.split("#")[0]) for probe in self._map.probes[-1:]] if self._map is not None else []
+            sources = (
+                [Path(probe.source.split("#")[0]) for probe in self._map.probes[-1:]] if self._map is not None else []
+            )
             return next((path for path in sources if path.is_file()), None)
-        found = [path for path in logs_in([self.target]) if str(path) not in self._bad] if self._kind == "folder" else []
+        found = (
+            [path for path in logs_in([self.target]) if str(path) not in self._bad] if self._kind == "folder" else []
+        )
         return found[-1] if found else None
 
     def _update(self) -> bool:

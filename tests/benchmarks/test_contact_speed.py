@@ -130,7 +130,9 @@ class CppLoop:
 
     def __init__(self, folder: Path, work: Work) -> None:
         compiler = shutil.which("g++") or shutil.which("clang++")
-        eigen = next((p for p in ("/usr/include/eigen3", "/usr/local/include/eigen3") if Path(p, "Eigen").is_dir()), None)
+        eigen = next(
+            (p for p in ("/usr/include/eigen3", "/usr/local/include/eigen3") if Path(p, "Eigen").is_dir()), None
+        )
         headers = Path(pin.__file__).parents[4] / "include"
         if compiler is None:
             pytest.skip("no C++ compiler (g++ or clang++)")
@@ -140,13 +142,32 @@ class CppLoop:
             pytest.skip(f"no Pinocchio headers at {headers}")
         self.program, self.input, self.output = folder / "loop", folder / "in.bin", folder / "out.bin"
         # header-only: what the wheel's library holds was not compiled for this machine
-        limits = ("BOOST_MPL_LIMIT_LIST_SIZE=30", "BOOST_MPL_LIMIT_VECTOR_SIZE=30",
-                  "BOOST_MPL_CFG_NO_PREPROCESSED_HEADERS", "BOOST_FUSION_INVOKE_MAX_ARITY=12")  # fmt: skip
+        limits = (
+            "BOOST_MPL_LIMIT_LIST_SIZE=30",
+            "BOOST_MPL_LIMIT_VECTOR_SIZE=30",
+            "BOOST_MPL_CFG_NO_PREPROCESSED_HEADERS",
+            "BOOST_FUSION_INVOKE_MAX_ARITY=12",
+        )
         built = subprocess.run(
-            [compiler, "-std=c++17", "-O3", "-march=native", "-DNDEBUG", *(f"-D{name}" for name in limits),
-             "-isystem", str(headers), "-isystem", eigen, str(Path(__file__).parent / "pinocchio_loop.cpp"),
-             "-o", str(self.program)], capture_output=True, text=True, check=False,
-        )  # fmt: skip
+            [
+                compiler,
+                "-std=c++17",
+                "-O3",
+                "-march=native",
+                "-DNDEBUG",
+                *(f"-D{name}" for name in limits),
+                "-isystem",
+                str(headers),
+                "-isystem",
+                eigen,
+                str(Path(__file__).parent / "pinocchio_loop.cpp"),
+                "-o",
+                str(self.program),
+            ],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
         if built.returncode:
             pytest.skip(f"pinocchio_loop.cpp does not compile here: {built.stderr[:300]}")
         kinds = {"JointModelRX": 0, "JointModelRY": 1, "JointModelRZ": 2, "JointModelRevoluteUnaligned": 3}
@@ -173,7 +194,9 @@ def _flat(place: Any) -> list[float]:
     return [*np.asarray(place.rotation).ravel(), *place.translation]
 
 
-def say(capsys: pytest.CaptureFixture[str], what: str, figure: float, unit: str, limit: float, *, least: bool = False) -> None:
+def say(
+    capsys: pytest.CaptureFixture[str], what: str, figure: float, unit: str, limit: float, *, least: bool = False
+) -> None:
     """One line on the terminal."""
     good = figure >= limit if least else figure <= limit
     sign = "≥" if least else "≤"
@@ -202,12 +225,17 @@ def test_kernel_beside_the_python_loop(work: Work, benchmark: Any, capsys: pytes
         loop = min(loop, fastest(lambda: by_python(work, 5000), 1) / 5000)
         batch = min(batch, fastest(run, 3) / SAMPLES)
     with capsys.disabled():
-        print(f"\nper sample: kernel {1e6 * batch:.3f} µs, Python loop {1e6 * loop:.2f} µs, ratio {loop / batch:.0f}", end="")
+        print(
+            f"\nper sample: kernel {1e6 * batch:.3f} µs, Python loop {1e6 * loop:.2f} µs, ratio {loop / batch:.0f}",
+            end="",
+        )
     say(capsys, "kernel, pose + twist + contact quantities", 1e6 * batch, "µs a sample", KERNEL_US)
     say(capsys, "times faster than the Python loop", loop / batch, "", PYTHON_RATIO, least=True)
 
 
-def test_kernel_beside_the_cpp_loop(work: Work, benchmark: Any, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_kernel_beside_the_cpp_loop(
+    work: Work, benchmark: Any, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     if benchmark.disabled:
         pytest.skip("compiling takes half a minute: pytest tests/benchmarks --benchmark-enable --benchmark-only")
     loop, run = CppLoop(tmp_path, work), by_kernel(work)
@@ -218,7 +246,10 @@ def test_kernel_beside_the_cpp_loop(work: Work, benchmark: Any, capsys: pytest.C
     for _ in range(5):
         native, batch = min(native, loop(3) / SAMPLES), min(batch, fastest(run, 3) / SAMPLES)
     with capsys.disabled():
-        print(f"\nper sample: kernel {1e6 * batch:.3f} µs, C++ loop {1e6 * native:.3f} µs, ratio {native / batch:.1f}", end="")
+        print(
+            f"\nper sample: kernel {1e6 * batch:.3f} µs, C++ loop {1e6 * native:.3f} µs, ratio {native / batch:.1f}",
+            end="",
+        )
 
 
 # A whole log
@@ -318,7 +349,9 @@ print(size, status("VmHWM") - before)
 @KINDS
 def test_memory_of_a_long_log(kind: str, benchmark: Any, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     if benchmark.disabled or not os.path.exists("/proc/self/status"):
-        pytest.skip("measured with the benchmarks, on Linux: pytest tests/benchmarks --benchmark-enable --benchmark-only")
+        pytest.skip(
+            "measured with the benchmarks, on Linux: pytest tests/benchmarks --benchmark-enable --benchmark-only"
+        )
     log = write_log(tmp_path, LONG, kind == "with derivatives", jitter=0.01 if "jittered" in kind else 0.0)
     import pyarrow.parquet as pq
 
@@ -327,5 +360,11 @@ def test_memory_of_a_long_log(kind: str, benchmark: Any, capsys: pytest.CaptureF
     run = lambda *warm: subprocess.run([*command, *warm], check=True, capture_output=True, text=True).stdout  # noqa: E731
     size, peak = map(int, benchmark.pedantic(run, ("warm",), rounds=1).split())
     _, cold = map(int, run().split())
-    say(capsys, f"memory of {LONG} samples, {kind}: {peak / 1e6:.0f} MB over a log of {size / 1e6:.0f} MB "
-        f"(with the compiled code: {cold / 1e6:.0f} MB)", peak / size, "logs", LOGS_OF_MEMORY)  # fmt: skip
+    say(
+        capsys,
+        f"memory of {LONG} samples, {kind}: {peak / 1e6:.0f} MB over a log of {size / 1e6:.0f} MB "
+        f"(with the compiled code: {cold / 1e6:.0f} MB)",
+        peak / size,
+        "logs",
+        LOGS_OF_MEMORY,
+    )

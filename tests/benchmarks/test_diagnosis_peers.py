@@ -2,9 +2,10 @@
 
     pytest tests/benchmarks/test_diagnosis_peers.py --benchmark-enable -s
 
-Peers get what they need and more: the starting model already fitted, of each effect the columns of finite simulated change at the
-shape that follows the residual best, and (STLSQ) a threshold chosen by error on a held-out half. Effects that are marks in the
-samples have no columns, so that no case hides one. pysindy is no dependency of the project; without it the test is skipped.
+Peers get what they need and more: the starting model already fitted, of each effect the columns of finite simulated
+change at the shape that follows the residual best, and (STLSQ) a threshold chosen by error on a held-out half. Effects
+that are marks in the samples have no columns, so that no case hides one. pysindy is no dependency of the project;
+without it the test is skipped.
 """
 
 from __future__ import annotations
@@ -36,10 +37,11 @@ THRESHOLDS = (0.02, 0.05, 0.1, 0.2, 0.4)
 
 @dataclass(frozen=True)
 class Columns:
-    """A case in linear form: residual (m,) of the starting model, change (m, p) per column, each of rms 1 in units of noise.
+    """A case in linear form: residual (m,) of the starting model, change (m, p) per column, each of rms 1 in units of
+    noise.
 
-    `own` (m, k) are changes that the starting model's parameters make; `owner` names the effect of each column; `even` is half
-    of the samples, in blocks of half a second.
+    `own` (m, k) are changes that the starting model's parameters make; `owner` names the effect of each column; `even`
+    is half of the samples, in blocks of half a second.
     """
 
     residual: Array
@@ -151,7 +153,9 @@ def brief(names: list[str]) -> str:
 
 def chosen() -> Iterator[Case]:
     """Cases that hide one effect with columns, and cases that hide nothing."""
-    single = (c for c in cases("single", 60, REPORT, "force-depth") if not any(effects.get(n).detector for n in c.truth))
+    single = (
+        c for c in cases("single", 60, REPORT, "force-depth") if not any(effects.get(n).detector for n in c.truth)
+    )
     yield from itertools.islice(single, SINGLE)
     yield from cases("none", NONE, REPORT, "force-depth")
 
@@ -170,7 +174,11 @@ def test_beside_peers(benchmark: Any, capsys: pytest.CaptureFixture[str]) -> Non
             data = linear(case)
             told = dict(zip(names, (list(found.added), stlsq(data, pysindy), forward(data))))
             with capsys.disabled():
-                print(f"\n{case.name:<52} " + " | ".join(f"{name}: {brief(t)}" for name, t in told.items()), end="", flush=True)
+                print(
+                    f"\n{case.name:<52} " + " | ".join(f"{name}: {brief(t)}" for name, t in told.items()),
+                    end="",
+                    flush=True,
+                )
             for name, t in told.items():
                 if case.truth:
                     first[name] += t[:1] == list(case.truth)
@@ -183,8 +191,10 @@ def test_beside_peers(benchmark: Any, capsys: pytest.CaptureFixture[str]) -> Non
     with capsys.disabled():
         print(f"\n\n{'':<18}{'named first':>14}{'nothing else':>15}{'false effects':>15}{'false alarms':>15}")
         for name in names:
-            print(f"{name:<18}{f'{first[name]} of {SINGLE}':>14}{f'{exact[name]} of {SINGLE}':>15}"
-                  f"{f'{extra[name] / SINGLE:.1f} a case':>15}{f'{alarms[name]} of {NONE}':>15}")  # fmt: skip
+            print(
+                f"{name:<18}{f'{first[name]} of {SINGLE}':>14}{f'{exact[name]} of {SINGLE}':>15}"
+                f"{f'{extra[name] / SINGLE:.1f} a case':>15}{f'{alarms[name]} of {NONE}':>15}"
+            )
     for name in names[1:]:
         assert exact["kinid"] >= exact[name]
         assert alarms["kinid"] <= alarms[name]

@@ -1,7 +1,7 @@
 """How long a diagnosis takes, and how much memory.
 
-A normal run compares results alone; `pytest tests/benchmarks --benchmark-enable --benchmark-only -s` takes times and prints them
-beside what they should be. No time is ever asserted.
+A normal run compares results alone; `pytest tests/benchmarks --benchmark-enable --benchmark-only -s` takes times and
+prints them beside what they should be. No time is ever asserted.
 """
 
 from __future__ import annotations
@@ -35,7 +35,9 @@ MINUTES = ("single", "pair", "none", "outside")
 
 
 def sliding(seconds: float, rate: float) -> kinid.Log:
-    """Pokes, holds and slides without end on a material that relaxes, which the model lacks; the whole catalogue of a tester."""
+    """Pokes, holds and slides without end on a material that relaxes, which the model lacks; the whole catalogue of a
+    tester.
+    """
     n = round(seconds * rate)
     t = np.arange(n) / rate
     rng = np.random.default_rng(0)
@@ -43,8 +45,12 @@ def sliding(seconds: float, rate: float) -> kinid.Log:
     at = t % 12.0
     depth = np.interp(at, [0, 1, 1.2, 3, 8, 11, 11.3, 12], [-1e-3, -1e-3, 2.5e-3, 2.5e-3, 2.5e-3, 2.5e-3, -1e-3, -1e-3])
     depth = depth + 0.8e-3 * np.sin(2 * np.pi * 0.25 * (at - 3) ** 2 / 2) * ((at > 3) & (at < 11))
-    slip = np.stack([3e-3 * np.sin(2 * np.pi * 0.5 * (at - 6)) * (at > 6) * (at < 8),
-                     3e-3 * np.sin(2 * np.pi * 0.5 * (at - 8)) * (at > 8) * (at < 10)])  # fmt: skip
+    slip = np.stack(
+        [
+            3e-3 * np.sin(2 * np.pi * 0.5 * (at - 6)) * (at > 6) * (at < 8),
+            3e-3 * np.sin(2 * np.pi * 0.5 * (at - 8)) * (at > 8) * (at < 10),
+        ]
+    )
     smooth = np.hanning(round(0.06 * rate))
     depth, slip = (np.apply_along_axis(np.convolve, -1, x, smooth / smooth.sum(), "same") for x in (depth, slip))
     depth_rate = np.gradient(depth, 1 / rate)
@@ -55,12 +61,21 @@ def sliding(seconds: float, rate: float) -> kinid.Log:
     rub = -0.35 * np.maximum(normal, 0) * _direction(np.diff(slip, axis=1, prepend=slip[:, :1]), depth > 0)
     noise = 0.02 * rng.standard_normal((3, n))
     phase = np.array(["free", "approach", "hold", "poke", "slide", "retract"])[
-        np.searchsorted([1, 1.2, 3, 6, 11], at, side="right")]  # fmt: skip
+        np.searchsorted([1, 1.2, 3, 6, 11], at, side="right")
+    ]
     phase[at > 11.4] = "free"
-    return kinid.Log(t=t, phase=phase, contact={
-        "depth": depth, "normal_force": normal + noise[0], "slip1": slip[0], "slip2": slip[1],
-        "tangential_force1": rub[0] + noise[1], "tangential_force2": rub[1] + noise[2],
-    })  # fmt: skip
+    return kinid.Log(
+        t=t,
+        phase=phase,
+        contact={
+            "depth": depth,
+            "normal_force": normal + noise[0],
+            "slip1": slip[0],
+            "slip2": slip[1],
+            "tangential_force1": rub[0] + noise[1],
+            "tangential_force2": rub[1] + noise[2],
+        },
+    )
 
 
 def _direction(steps: Array, inside: NDArray[np.bool_]) -> Array:
@@ -77,7 +92,9 @@ def _direction(steps: Array, inside: NDArray[np.bool_]) -> Array:
 
 
 def report(seconds: float, rate: float) -> None:
-    """For a process of its own: time of a diagnosis, without what is loaded and compiled once, and the most memory held."""
+    """For a process of its own: time of a diagnosis, without what is loaded and compiled once, and the most memory
+    held.
+    """
     import resource
 
     kinid.diagnose(sliding(24.0, 250.0), kinid.Rig(), model=kinid.Model(*MODEL))
@@ -101,7 +118,9 @@ def test_what_is_timed_is_right() -> None:
 
 @pytest.mark.benchmark
 @pytest.mark.parametrize(("seconds", "rate", "asked"), [(60.0, 500.0, SHORT_S), (600.0, 1000.0, LONG_S)])
-def test_time_and_memory(seconds: float, rate: float, asked: float, benchmark: Any, capsys: pytest.CaptureFixture[str]) -> None:
+def test_time_and_memory(
+    seconds: float, rate: float, asked: float, benchmark: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
     if benchmark.disabled:
         pytest.skip("takes times: pytest tests/benchmarks --benchmark-enable")
     here = Path(__file__)
@@ -109,8 +128,13 @@ def test_time_and_memory(seconds: float, rate: float, asked: float, benchmark: A
     out: list[str] = []
 
     def run() -> None:
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False,
-                              env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)})  # fmt: skip
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            capture_output=True,
+            text=True,
+            check=False,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+        )
         assert done.returncode == 0, done.stderr
         out[:] = done.stdout.split()
 
@@ -122,8 +146,10 @@ def test_time_and_memory(seconds: float, rate: float, asked: float, benchmark: A
         what = f"diagnosis of {seconds:.0f} s at {rate:.0f} Hz"
         mark = "PASS" if took <= asked else "FAIL"
         print(f"\n{mark} {what}: {took:.1f} s, {busy:.1f} s of cores (≤ {asked:g}); found {', '.join(out[5:])}")
-        print(f"{'PASS' if most <= MEMORY_GIB else 'FAIL'} {what}: {most:.2f} GiB held at most (≤ {MEMORY_GIB:g}), "
-              f"{before:.2f} GiB of them before it began")  # fmt: skip
+        print(
+            f"{'PASS' if most <= MEMORY_GIB else 'FAIL'} {what}: {most:.2f} GiB held at most (≤ {MEMORY_GIB:g}), "
+            f"{before:.2f} GiB of them before it began"
+        )
 
 
 @pytest.mark.benchmark
@@ -149,7 +175,9 @@ def test_time_of_the_hidden_suite(benchmark: Any, capsys: pytest.CaptureFixture[
     with capsys.disabled():
         within = sum(seconds <= SHORT_S for seconds, _ in took)
         mark, median = "PASS" if within == len(took) else "FAIL", np.median([seconds for seconds, _ in took])
-        print(f"\n{mark} diagnosis of 60 s with hidden effects: {within} of {len(took)} logs within {SHORT_S:g} s, "
-              f"median {median:.1f} s")  # fmt: skip
+        print(
+            f"\n{mark} diagnosis of 60 s with hidden effects: {within} of {len(took)} logs within {SHORT_S:g} s, "
+            f"median {median:.1f} s"
+        )
         for seconds, name in sorted(took, reverse=True)[:5]:
             print(f"  {seconds:.1f} s {name}")

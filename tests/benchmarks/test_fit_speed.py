@@ -52,8 +52,9 @@ def casadi_fit(depth: Array, rate: Array, force: Array) -> Any:
     scale = casadi.DM([1e3, 1e2, 1.0])
     q = p * scale
     r = casadi.power(depth, q[2]) * (q[0] + q[1] * rate) - force
-    solver = casadi.nlpsol("s", "ipopt", {"x": p, "f": casadi.sumsqr(r)},
-                           {"print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes"})  # fmt: skip
+    solver = casadi.nlpsol(
+        "s", "ipopt", {"x": p, "f": casadi.sumsqr(r)}, {"print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes"}
+    )
     return lambda: np.array(solver(x0=[1.0, 1.0, 1.2])["x"]).ravel() * [1e3, 1e2, 1.0]
 
 
@@ -66,7 +67,9 @@ def median_time(run: Any, rounds: int) -> float:
     return float(np.median(times))
 
 
-def test_hunt_crossley_offline(poke: tuple[Array, Array, Array], benchmark: Any, capsys: pytest.CaptureFixture[str]) -> None:
+def test_hunt_crossley_offline(
+    poke: tuple[Array, Array, Array], benchmark: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
     found = benchmark(fit_power_law, *poke)
     mine = np.array([found.stiffness, found.damping, found.exponent])
     reference = scipy_fit(*poke)

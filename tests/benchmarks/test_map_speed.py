@@ -27,8 +27,12 @@ Surface = tuple[Array, Array, float, Array, Array]
 def franke(p: Array) -> Array:
     """Franke's test surface (1982) on the square of 0.1 m."""
     x, y = 90 * p[:, 0], 90 * p[:, 1]
-    out: Array = (0.75 * np.exp(-((x - 2) ** 2 + (y - 2) ** 2) / 4) + 0.75 * np.exp(-((x + 1) ** 2) / 49 - (y + 1) / 10)
-                  + 0.5 * np.exp(-((x - 7) ** 2 + (y - 3) ** 2) / 4) - 0.2 * np.exp(-((x - 4) ** 2) - (y - 7) ** 2))  # fmt: skip
+    out: Array = (
+        0.75 * np.exp(-((x - 2) ** 2 + (y - 2) ** 2) / 4)
+        + 0.75 * np.exp(-((x + 1) ** 2) / 49 - (y + 1) / 10)
+        + 0.5 * np.exp(-((x - 7) ** 2 + (y - 3) ** 2) / 4)
+        - 0.2 * np.exp(-((x - 4) ** 2) - (y - 7) ** 2)
+    )
     return out
 
 
@@ -61,7 +65,9 @@ def scikit_learn(surface: Surface) -> Any:
     kernels = pytest.importorskip("sklearn.gaussian_process.kernels")
     places, values, noise, _, _ = surface
     kernel = kernels.ConstantKernel(1.0) * kernels.Matern(0.02, (1e-3, 1.0), nu=2.5)
-    return process.GaussianProcessRegressor(kernel, alpha=(noise / values.std()) ** 2, normalize_y=True).fit(places, values)
+    return process.GaussianProcessRegressor(kernel, alpha=(noise / values.std()) ** 2, normalize_y=True).fit(
+        places, values
+    )
 
 
 def timed(work: Callable[[], Any], rounds: int = 3) -> float:
@@ -76,8 +82,10 @@ def timed(work: Callable[[], Any], rounds: int = 3) -> float:
 
 def grown(surface: Surface, count: int) -> PropertyMap:
     places, values, noise, _, _ = surface
-    probes = [Probe(np.array([*p, 0.0]), np.array([1e3 * (v + 1)]), np.array([[(1e3 * noise) ** 2]]), source=str(i))
-              for i, (p, v) in enumerate(zip(places[:count], values[:count]))]  # fmt: skip
+    probes = [
+        Probe(np.array([*p, 0.0]), np.array([1e3 * (v + 1)]), np.array([[(1e3 * noise) ** 2]]), source=str(i))
+        for i, (p, v) in enumerate(zip(places[:count], values[:count]))
+    ]
     return PropertyMap(Plane(np.zeros(3), np.eye(3)), (Property("stiffness", "N/m"),), tuple(probes), "truth")
 
 
@@ -96,7 +104,9 @@ def test_all_three_find_the_surface(surface: Surface) -> None:
 
 
 def test_the_speed_of_a_map(benchmark: Any, surface: Surface) -> None:
-    """600 probes with uncertainty; an added probe; 200 × 200 queries with and without uncertainty; beside the others."""
+    """600 probes with uncertainty; an added probe; 200 × 200 queries with and without uncertainty; beside the
+    others.
+    """
     *_, queries, _ = surface
     places, values, noise, _, _ = surface
     whole = ours(surface)
@@ -112,9 +122,12 @@ def test_the_speed_of_a_map(benchmark: Any, surface: Surface) -> None:
     asked, asked_sd = timed(lambda: whole.at(queries, sd=False)), timed(lambda: whole.at(queries))
     sk, rbf = timed(lambda: scikit_learn(surface), 1), timed(lambda: scipy_rbf(surface)(10 * queries), 2)
     flat = timed(lambda: interpolator("triangles", PlaneGround(places), values, np.full(600, noise)).at(queries), 2)
-    print(f"\n600 probes {fit:.3f} s ({sk / fit:.1f} × faster than scikit-learn's fit); added {1e3 * added:.2f} ms; "
-          f"200 × 200 queries {asked:.3f} s, with uncertainty {asked_sd:.3f} s; scipy's spline with its queries {rbf:.2f} s; "
-          f"triangles with their queries {flat:.2f} s")  # fmt: skip
+    print(
+        f"\n600 probes {fit:.3f} s ({sk / fit:.1f} × faster than scikit-learn's fit); added {1e3 * added:.2f} ms; "
+        f"200 × 200 queries {asked:.3f} s, with uncertainty {asked_sd:.3f} s; scipy's spline with its queries "
+        f"{rbf:.2f} s; "
+        f"triangles with their queries {flat:.2f} s"
+    )
 
 
 def test_the_speed_of_the_viewers_colours(benchmark: Any, surface: Surface) -> None:

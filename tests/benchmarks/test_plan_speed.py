@@ -12,7 +12,8 @@ from kinid.planning import Law, Multisine, Planner, Poke, grid, shortest_tour
 from kinid.planning.excite import Bounds, optimise
 
 TABLES: dict[str, Any] = {
-    "robot": {"model": "lwr4plus"}, "tool": {"mass": 0.24, "com": (0.0, 0.0, 0.049)},
+    "robot": {"model": "lwr4plus"},
+    "tool": {"mass": 0.24, "com": (0.0, 0.0, 0.049)},
     "surface": {"point": (0.55, 0.0, 0.10), "normal": (0, 0, 1), "tangent": (1, 0, 0)},
 }
 
@@ -45,9 +46,15 @@ def test_planning(benchmark: Any, capsys: pytest.CaptureFixture[str]) -> None:
     figures = {
         "one poke": (least(lambda: Planner(rig, law=law).plan([Poke()]), 10), 0.050),
         "a campaign of 100 pokes": (least(campaign, 3), 3.0),
-        "an optimised excitation": (least(lambda: optimise(law, Bounds(force=8.0, speed=0.15), criterion="A"), 2), 10.0),
+        "an optimised excitation": (
+            least(lambda: optimise(law, Bounds(force=8.0, speed=0.15), criterion="A"), 2),
+            10.0,
+        ),
     }
     with capsys.disabled():
         print()
         for name, (seconds, asked) in figures.items():
-            print(f"{'PASS' if seconds <= asked else 'FAIL'} planning {name}: {1e3 * seconds:.0f} ms (≤ {1e3 * asked:.0f})")
+            print(
+                f"{'PASS' if seconds <= asked else 'FAIL'} planning {name}: {1e3 * seconds:.0f} ms (≤ "
+                f"{1e3 * asked:.0f})"
+            )

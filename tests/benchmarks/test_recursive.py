@@ -13,7 +13,15 @@ import pytest
 
 from kinid.contact.online import OnlineContact, OnlineEstimator
 from kinid.data.rig import Rig
-from kinid.estimators import Constant, HuntCrossleyKalman, KelvinVoigt, RecursiveLeastSquares, Scheduled, SingleStage, TwoStage
+from kinid.estimators import (
+    Constant,
+    HuntCrossleyKalman,
+    KelvinVoigt,
+    RecursiveLeastSquares,
+    Scheduled,
+    SingleStage,
+    TwoStage,
+)
 from kinid.lab.scripted import RIG, scripted_poke
 
 N = 100_000
@@ -51,7 +59,10 @@ def test_batch(benchmark, log, estimator):
     track = benchmark.pedantic(estimator.run, log, rounds=20, warmup_rounds=2)
     np.testing.assert_allclose(track.theta[-1], TRUTH, atol=0.2)
     if benchmark.stats:
-        print(f"\n{1e6 * benchmark.stats.stats.min / N:.4f} µs a sample (median {1e6 * benchmark.stats.stats.median / N:.4f})")
+        print(
+            f"\n{1e6 * benchmark.stats.stats.min / N:.4f} µs a sample (median "
+            f"{1e6 * benchmark.stats.stats.median / N:.4f})"
+        )
 
 
 def test_ratio_to_others(benchmark, log):
@@ -136,9 +147,12 @@ def nothing(duration):
 
 
 KINDS = {
-    "Kelvin-Voigt": KelvinVoigt(), "single stage": SingleStage(), "scheduled": SingleStage(forgetting=Scheduled(5.0, 2.0)),
-    "two stages": TwoStage(), "Kalman bank": HuntCrossleyKalman(),
-}  # fmt: skip
+    "Kelvin-Voigt": KelvinVoigt(),
+    "single stage": SingleStage(),
+    "scheduled": SingleStage(forgetting=Scheduled(5.0, 2.0)),
+    "two stages": TwoStage(),
+    "Kalman bank": HuntCrossleyKalman(),
+}
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -30,8 +30,10 @@ def test_seconds(benchmark, name: str, code: str, most: float) -> None:
         return
     times = [run(code) for _ in range(11)]
     nothing = [run("pass") for _ in range(11)]
-    print(f"{name}: median {statistics.median(times):.3f} s, of which the interpreter itself "
-          f"{statistics.median(nothing):.3f} s")  # fmt: skip
+    print(
+        f"{name}: median {statistics.median(times):.3f} s, of which the interpreter itself "
+        f"{statistics.median(nothing):.3f} s"
+    )
     assert statistics.median(times) <= most
 
 

@@ -79,13 +79,20 @@ def test_a_material_that_pulls_sideways_loses_it_too(slippery: Scripted) -> None
 
 def test_what_one_log_can_not_tell_apart_is_said(slippery: Scripted) -> None:
     """One slide along the first tangent: across it, a tilt and a material that pulls sideways look the same."""
-    said = told_apart(fit_model(Model("kelvin-voigt", "surface-tilt", "coupled-stiffness"),
-                                contact_series(slippery.log, RIG_READ), held_out=False))  # fmt: skip
+    said = told_apart(
+        fit_model(
+            Model("kelvin-voigt", "surface-tilt", "coupled-stiffness"),
+            contact_series(slippery.log, RIG_READ),
+            held_out=False,
+        )
+    )
     print("\n".join(said))
     for name in ("surface-tilt.slope2", "coupled-stiffness.stiffness-2n"):
         assert any(name in line for line in said)
     # a turned sensor carries no moment to its origin, a tilted surface does: the torques tell these two apart
-    turned = fit_model(Model("kelvin-voigt", "surface-tilt", "sensor-misalignment"), slippery.log, RIG_READ, held_out=False)
+    turned = fit_model(
+        Model("kelvin-voigt", "surface-tilt", "sensor-misalignment"), slippery.log, RIG_READ, held_out=False
+    )
     assert not told_apart(turned)
 
 

@@ -31,7 +31,9 @@ def change(log: Path, **columns: np.ndarray | None) -> None:
 
 def test_forces_and_depth_are_those_of_the_experiment(run: Run, log: Path, scripted: Scripted) -> None:
     out = log.parent / "contact.parquet"
-    code, said, _ = run("contact", log, "-o", out, "--plot", log.parent / "plot.html", "--json", log.parent / "facts.json")
+    code, said, _ = run(
+        "contact", log, "-o", out, "--plot", log.parent / "plot.html", "--json", log.parent / "facts.json"
+    )
     assert code == 0
     assert "normal_force" in said
     table = pq.read_table(out)
@@ -59,15 +61,18 @@ def test_csv_with_other_names_and_degrees(run: Run, log: Path, tmp_path: Path) -
             continue
         header.append(names.get(name, name))
         columns.append(np.asarray(values) * (1e3 if name == "t" else np.rad2deg(1) if name.startswith("q") else 1))
-    np.savetxt(tmp_path / "mine.csv", np.column_stack(columns), delimiter=",", header=",".join(header), comments="", fmt="%.9g")
+    np.savetxt(
+        tmp_path / "mine.csv", np.column_stack(columns), delimiter=",", header=",".join(header), comments="", fmt="%.9g"
+    )
     mapping = "[columns]\nt = { column = 'time_ms', unit = 'ms' }\n" + "".join(
-        f"q{j} = {{ column = 'joint{j}_deg', unit = 'deg' }}\n" for j in range(1, 8))  # fmt: skip
+        f"q{j} = {{ column = 'joint{j}_deg', unit = 'deg' }}\n" for j in range(1, 8)
+    )
     (tmp_path / "rig.toml").write_text(RIG + mapping)
     code, said, err = run("contact", tmp_path / "mine.csv", "-o", tmp_path / "out.csv")
     assert code == 0, err
-    assert (tmp_path / "out.csv").read_text().startswith('"t","depth"') or (tmp_path / "out.csv").read_text().startswith(
-        "t,depth"
-    )
+    assert (tmp_path / "out.csv").read_text().startswith('"t","depth"') or (
+        tmp_path / "out.csv"
+    ).read_text().startswith("t,depth")
 
 
 def test_motion_is_smoothed_unless_a_bandwidth_is_asked_for(run: Run, log: Path) -> None:
@@ -163,13 +168,19 @@ URDF = '<?xml version="1.0"?>{doctype}<robot name="r"><link name="base">{geometr
     ("text", "words"),
     [
         (URDF.format(doctype='<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;">]>', geometry=""), ("entit",)),
-        (URDF.format(doctype="", geometry='<visual><geometry><mesh filename="../../secret.stl"/></geometry></visual>'),
-         ("secret.stl",)),
+        (
+            URDF.format(
+                doctype="", geometry='<visual><geometry><mesh filename="../../secret.stl"/></geometry></visual>'
+            ),
+            ("secret.stl",),
+        ),
         (URDF.format(doctype="", geometry="")[:-12], ("my.urdf",)),
         (URDF.format(doctype="", geometry=""), ("tip_frame",)),
     ],
-)  # fmt: skip
-def test_bad_urdfs_are_refused_in_one_line(run: Run, log: Path, text: str, words: tuple[str, ...], refused: Refused) -> None:
+)
+def test_bad_urdfs_are_refused_in_one_line(
+    run: Run, log: Path, text: str, words: tuple[str, ...], refused: Refused
+) -> None:
     (log.parent / "my.urdf").write_text(text)
     (log.parent / "rig.toml").write_text(SURFACE.replace("lwr4plus", "my.urdf"))
     refused(run("contact", log), *words)
@@ -205,7 +216,8 @@ def test_a_material_tester_needs_no_robot(run: Run, tmp_path: Path) -> None:
     depth = 2.0 * np.sin(t)
     np.savetxt(tmp_path / "tester.csv", np.column_stack([t, depth, np.maximum(depth, 0)]), delimiter=",")
     (tmp_path / "rig.toml").write_text(
-        "[columns]\nt = {column = 0}\ndepth = {column = 1, unit = 'mm'}\nnormal_force = {column = 2}\n")  # fmt: skip
+        "[columns]\nt = {column = 0}\ndepth = {column = 1, unit = 'mm'}\nnormal_force = {column = 2}\n"
+    )
     code, said, err = run("contact", tmp_path / "tester.csv", "-o", tmp_path / "out.npz")
     assert code == 0, err
     assert "unknown" in said  # slip
@@ -251,12 +263,17 @@ def test_outputs_replace_neither_inputs_nor_each_other(run: Run, refused: Refuse
 def test_what_the_urdf_parser_says_goes_into_the_line(log: Path) -> None:
     """In a process of its own: the parser, which is C++, writes past Python's error stream."""
     (log.parent / "my.urdf").write_text(
-        '<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="revolute"><parent link="a"/><child link="b"/>'
+        '<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="revolute"><parent link="a"/><child '
+        'link="b"/>'
         "</joint></robot>"
     )
     (log.parent / "rig.toml").write_text(SURFACE.replace("lwr4plus", "my.urdf"))
-    done = subprocess.run([sys.executable, "-c", "from kinid.cli import main; main()", "contact", log], check=False,
-                          capture_output=True, text=True)  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-c", "from kinid.cli import main; main()", "contact", log],
+        check=False,
+        capture_output=True,
+        text=True,
+    )
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert "limits" in done.stderr

@@ -38,9 +38,13 @@ def test_the_whole_story(run: Run, refused: Refused, tmp_path: Path, monkeypatch
     code, said, err = run("demo", "-o", out, "--real", tmp_path / "none", "--json", tmp_path / "summary.json", "--open")
     assert code == 0, err
     assert "\x1b[" not in said, "colours where the output is piped"
-    # what it found, by its own files: the effect that was hidden, its size within a fifth, and the error down to twice the noise
+    # what it found, by its own files: the effect that was hidden, its size within a fifth, and the error down to twice
+    # the noise
     summary = json.loads((tmp_path / "summary.json").read_text())
-    found, truth = json.loads((out / "found.json").read_text()), json.loads((out / "truth" / "log.json").read_text())["hidden"]
+    found, truth = (
+        json.loads((out / "found.json").read_text()),
+        json.loads((out / "truth" / "log.json").read_text())["hidden"],
+    )
     assert summary["added"] == found["added"] == [truth["effect"]] == ["relaxation"]
     for name, value in truth["parameters"].items():
         assert summary["parameters"]["relaxation"][name] == pytest.approx(value, rel=0.2)
@@ -49,7 +53,17 @@ def test_the_whole_story(run: Run, refused: Refused, tmp_path: Path, monkeypatch
     assert f"{summary['error']['before']:.3g} → {summary['error']['after']:.3g}" in said
     # every command it shows names files that are there, and every file that it names is there
     shown = [line for line in said.splitlines() if line.startswith("$ kinid ")]
-    assert [line.split()[2] for line in shown] == ["lab", "contact", "fit", "compare", "diagnose", "lab", "map", "view", "view"]
+    assert [line.split()[2] for line in shown] == [
+        "lab",
+        "contact",
+        "fit",
+        "compare",
+        "diagnose",
+        "lab",
+        "map",
+        "view",
+        "view",
+    ]
     for path in summary["files"].values():
         assert Path(path).stat().st_size > 1e5
         assert path in said
@@ -75,8 +89,14 @@ def test_the_whole_story(run: Run, refused: Refused, tmp_path: Path, monkeypatch
 @pytest.mark.real
 def test_the_measured_arm(run: Run, tmp_path: Path, real_data: Path) -> None:
     (tmp_path / "rig.toml").write_text(LWR4PLUS_MOTION)
-    code, said, err = run("contact", real_data / "lwr4plus-motion" / "measurements_1.npz", "--rig", tmp_path / "rig.toml",
-                          "--plot", tmp_path / "arm.html")  # fmt: skip
+    code, said, err = run(
+        "contact",
+        real_data / "lwr4plus-motion" / "measurements_1.npz",
+        "--rig",
+        tmp_path / "rig.toml",
+        "--plot",
+        tmp_path / "arm.html",
+    )
     assert code == 0, err
     assert (tmp_path / "arm.html").stat().st_size > 1e6
     assert "joint_7" in said
@@ -85,8 +105,16 @@ def test_the_measured_arm(run: Run, tmp_path: Path, real_data: Path) -> None:
 def test_stopped_by_the_user(tmp_path: Path) -> None:
     """Ctrl-C ends in code 130 and one line; what is there is whole, and the next run takes it for its own."""
     out = tmp_path / "out"
-    command = [sys.executable, "-c", "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-               "from kinid.cli import main; main()", "demo", "-o", str(out), "--real", str(tmp_path)]  # fmt: skip
+    command = [
+        sys.executable,
+        "-c",
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\nfrom kinid.cli import main; main()",
+        "demo",
+        "-o",
+        str(out),
+        "--real",
+        str(tmp_path),
+    ]
     demo = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     until = time.monotonic() + 120
     while not (out / "log.parquet").is_file() and time.monotonic() < until:
@@ -127,7 +155,10 @@ def test_the_end_admits_what_went_wrong(added: list[str], ending: str) -> None:
             self.lines.append(line)
 
     tell = Teller()
-    facts = {"error": {"before": 1.0, "after": 0.5, "noise_floor": 0.4, "unit": "N"}, "files": {"report": "r", "scene": "s"}}
+    facts = {
+        "error": {"before": 1.0, "after": 0.5, "noise_floor": 0.4, "unit": "N"},
+        "files": {"report": "r", "scene": "s"},
+    }
     truth = {"effect": "relaxation", "parameters": {"ratio": 0.3}}
     demo_module._farewell(tell, facts | {"truth": truth, "added": added, "parameters": {}, "seconds": 3.0})  # type: ignore[arg-type]
     assert tell.lines[-2].endswith(ending)

@@ -24,17 +24,35 @@ def tester(tmp_path: Path) -> Path:
     t = np.arange(4000) / 250
     turn = 2 * np.pi * (0.3 * t + 0.02 * t**2)
     depth, rate = 4e-3 * np.sin(turn), 4e-3 * np.cos(turn) * 2 * np.pi * (0.3 + 0.04 * t)
-    force = np.where(depth > 0, 700 * depth + DAMPING * rate, 0) + np.random.default_rng(0).normal(scale=0.03, size=len(t))
+    force = np.where(depth > 0, 700 * depth + DAMPING * rate, 0) + np.random.default_rng(0).normal(
+        scale=0.03, size=len(t)
+    )
     folder = tmp_path / "tester"
     folder.mkdir()
-    np.savetxt(folder / "log.csv", np.column_stack([t, depth, force]), delimiter=",", header="t,depth,normal_force", comments="")
+    np.savetxt(
+        folder / "log.csv",
+        np.column_stack([t, depth, force]),
+        delimiter=",",
+        header="t,depth,normal_force",
+        comments="",
+    )
     return folder / "log.csv"
 
 
 def test_the_whole_way(run: Run, tester: Path) -> None:
     folder = tester.parent
-    code, said, err = run("diagnose", tester, "--model", "hooke", "--json", folder / "d.json", "--report", folder / "d.html",
-                          "-o", folder / "d.parquet")  # fmt: skip
+    code, said, err = run(
+        "diagnose",
+        tester,
+        "--model",
+        "hooke",
+        "--json",
+        folder / "d.json",
+        "--report",
+        folder / "d.html",
+        "-o",
+        folder / "d.parquet",
+    )
     assert code == 0, err
     assert "Traceback" not in err
     facts = json.loads((folder / "d.json").read_text(), parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
@@ -70,7 +88,9 @@ def test_an_adequate_model_is_left_alone(run: Run, tester: Path) -> None:
 
 def test_add_and_stop(run: Run, tester: Path) -> None:
     target = tester.parent / "d.json"
-    code, _, err = run("diagnose", tester, "--model", "kelvin-voigt", "--add", "relaxation", "--max-effects", 1, "--json", target)
+    code, _, err = run(
+        "diagnose", tester, "--model", "kelvin-voigt", "--add", "relaxation", "--max-effects", 1, "--json", target
+    )
     assert code == 0, err
     assert json.loads(target.read_text())["added"] == ["relaxation"]
     code, _, err = run("diagnose", tester, "--model", "hooke", "--max-effects", 0, "--json", target)
@@ -82,9 +102,14 @@ def test_add_and_stop(run: Run, tester: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "words"),
-    [("relaxation", ("hysteresis", "ratio", "hold")), ("time-offset", ("sensor-lag", "delay")),
-     ("joint-coulomb-friction", ("coulomb", "N·m")), ("saturation", ("limit",)), ("hooke", ("base law", "stiffness"))],
-)  # fmt: skip
+    [
+        ("relaxation", ("hysteresis", "ratio", "hold")),
+        ("time-offset", ("sensor-lag", "delay")),
+        ("joint-coulomb-friction", ("coulomb", "N·m")),
+        ("saturation", ("limit",)),
+        ("hooke", ("base law", "stiffness")),
+    ],
+)
 def test_effects_are_explained(run: Run, name: str, words: tuple[str, ...]) -> None:
     code, said, err = run("diagnose", "--explain", name)
     assert code == 0, err
@@ -140,7 +165,9 @@ def test_bad_logs_are_refused_in_one_line(run: Run, refused: Refused, tester: Pa
 
 def test_nothing_half_written_is_left(run: Run, tester: Path) -> None:
     """What can't be written is said before the work, and what can isn't either."""
-    code, _, _ = run("diagnose", tester, "--model", "hooke", "--json", tester.parent / "d.json", "--report", "nowhere/d.html")
+    code, _, _ = run(
+        "diagnose", tester, "--model", "hooke", "--json", tester.parent / "d.json", "--report", "nowhere/d.html"
+    )
     assert code == 2
     assert sorted(path.name for path in tester.parent.iterdir()) == ["log.csv"]
 

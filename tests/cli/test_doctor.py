@@ -48,9 +48,11 @@ def test_what_is_missing_is_named(run: Run, tmp_path: Path, monkeypatch: pytest.
     assert code == 1
     assert "something that is needed is missing" in said
     assert findings(tmp_path / "doctor.json")["libraries"] == {
-        "name": "libraries", "state": "bad", "says": "a-library-that-nobody-wrote not installed",
+        "name": "libraries",
+        "state": "bad",
+        "says": "a-library-that-nobody-wrote not installed",
         "mend": "pip install a-library-that-nobody-wrote",
-    }  # fmt: skip
+    }
 
 
 def test_what_is_optional_may_be_absent(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,8 +17,18 @@ Refused = Callable[..., None]
 
 def test_fit_prints_and_writes_what_the_contract_says(run: Run, log: Path) -> None:
     folder = log.parent
-    code, said, err = run("fit", log, "--model", "kelvin-voigt,coulomb-friction", "--json", folder / "f.json",
-                          "--plot", folder / "f.html", "-o", folder / "f.parquet")  # fmt: skip
+    code, said, err = run(
+        "fit",
+        log,
+        "--model",
+        "kelvin-voigt,coulomb-friction",
+        "--json",
+        folder / "f.json",
+        "--plot",
+        folder / "f.html",
+        "-o",
+        folder / "f.parquet",
+    )
     assert code == 0, err
     assert "kelvin-voigt.stiffness" in said
     facts = json.loads((folder / "f.json").read_text())
@@ -36,8 +46,22 @@ def test_fit_prints_and_writes_what_the_contract_says(run: Run, log: Path) -> No
 
 def test_compare_ranks(run: Run, log: Path) -> None:
     folder = log.parent
-    code, said, err = run("compare", log, "--model", "hooke", "--model", "kelvin-voigt", "--model", "hertz",
-                          "--reference", "hooke", "--json", folder / "c.json", "--plot", folder / "c.html")  # fmt: skip
+    code, said, err = run(
+        "compare",
+        log,
+        "--model",
+        "hooke",
+        "--model",
+        "kelvin-voigt",
+        "--model",
+        "hertz",
+        "--reference",
+        "hooke",
+        "--json",
+        folder / "c.json",
+        "--plot",
+        folder / "c.html",
+    )
     assert code == 0, err
     facts = json.loads((folder / "c.json").read_text())
     assert facts["models"][0]["model"] == ["kelvin-voigt"]
@@ -63,7 +87,9 @@ def test_coupling_is_fitted_and_taken_out(run: Run, log: Path) -> None:
     fit = log.parent / "fit.json"
     code, _, err = run("fit", log, "--model", "kelvin-voigt,coulomb-friction,sensor-crosstalk", "--json", fit)
     assert code == 0, err
-    code, said, err = run("contact", log, "--compensate", fit, "-o", log.parent / "out.parquet", "--json", log.parent / "s.json")
+    code, said, err = run(
+        "contact", log, "--compensate", fit, "-o", log.parent / "out.parquet", "--json", log.parent / "s.json"
+    )
     assert code == 0, err
     assert "coupling taken out (sensor-crosstalk)" in said
     table = pq.read_table(log.parent / "out.parquet")

@@ -80,14 +80,19 @@ def test_a_summary_for_scripts(path: tuple[str, ...]) -> None:
 
 
 COMPLETED = [
-    ("kinid di", "diagnose"), ("kinid plan ex", "excite"), ("kinid fit --mo", "--model"),
+    ("kinid di", "diagnose"),
+    ("kinid plan ex", "excite"),
+    ("kinid fit --mo", "--model"),
     ("kinid fit log.csv --model kel", "kelvin-voigt"),
     ("kinid compare log.csv --model hooke,stri", "hooke,stribeck-friction"),
-    ("kinid diagnose log.csv --add relax", "relaxation"), ("kinid diagnose --explain stribeck", "stribeck-friction"),
+    ("kinid diagnose log.csv --add relax", "relaxation"),
+    ("kinid diagnose --explain stribeck", "stribeck-friction"),
     ("kinid plan discriminate --effects relaxation,stiffness-d", "relaxation,stiffness-drift"),
-    ("kinid lab poke --hide relax", "relaxation"), ("kinid map logs --model kelvin-voigt,coul", "kelvin-voigt,coulomb-friction"),
-    ("kinid view log.csv --model hertz,relax", "hertz,relaxation"), ("kinid map logs --method tri", "triangles"),
-]  # fmt: skip
+    ("kinid lab poke --hide relax", "relaxation"),
+    ("kinid map logs --model kelvin-voigt,coul", "kelvin-voigt,coulomb-friction"),
+    ("kinid view log.csv --model hertz,relax", "hertz,relaxation"),
+    ("kinid map logs --method tri", "triangles"),
+]
 
 
 def test_a_model_goes_on_with_what_it_lacks() -> None:
@@ -102,8 +107,13 @@ def test_a_model_goes_on_with_what_it_lacks() -> None:
 def completions(typed: str) -> list[str]:
     """What a shell offers for the last word."""
     asked = {"_KINID_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(len(typed.split()) - 1)}
-    done = subprocess.run([sys.executable, "-c", "from kinid.cli import main; main()"], env=os.environ | asked, check=True,
-                          capture_output=True, text=True)  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-c", "from kinid.cli import main; main()"],
+        env=os.environ | asked,
+        check=True,
+        capture_output=True,
+        text=True,
+    )
     return [line for line in done.stdout.splitlines() if line]
 
 

@@ -1,4 +1,6 @@
-"""Logs that hold contact quantities themselves, as a material tester's do, and the flag that says where there is contact."""
+"""Logs that hold contact quantities themselves, as a material tester's do, and the flag that says where there is
+contact.
+"""
 
 from __future__ import annotations
 
@@ -59,8 +61,13 @@ def ramp(noise: float, seconds: float, seed: int, rate: float = 1000.0) -> tuple
     t = np.arange(int(3 * seconds * rate)) / rate
     force = np.interp(t, [seconds, 1.5 * seconds, 2 * seconds], [0, 1, 0]) * 20 * noise
     measured = force + noise * np.random.default_rng(seed).normal(size=len(t))
-    return Log(t, contact={"depth": np.interp(t, [0, 1.5 * seconds, 3 * seconds], [-4e-3, 4e-3, -4e-3]),
-                           "normal_force": measured}), force  # fmt: skip
+    return Log(
+        t,
+        contact={
+            "depth": np.interp(t, [0, 1.5 * seconds, 3 * seconds], [-4e-3, 4e-3, -4e-3]),
+            "normal_force": measured,
+        },
+    ), force
 
 
 def touches(touch: ContactSeries) -> int:

@@ -32,7 +32,9 @@ def test_a_spring_gives_everything_back() -> None:
 
 
 def test_hunt_crossley_loses_more_the_deeper_and_nothing_at_the_surface() -> None:
-    """∮ B δⁿ δ̇ dδ over a half sine of amplitude A: B A^(n+2) w ∫ sinⁿ cos² from 0 to π, √π Γ(n/2 + ½)/(2 Γ(n/2 + 2))."""
+    """∮ B δⁿ δ̇ dδ over a half sine of amplitude A: B A^(n+2) w ∫ sinⁿ cos² from 0 to π, √π Γ(n/2 + ½)/(2 Γ(n/2 +
+    2)).
+    """
     from scipy.special import gamma
 
     a, w, n, b = 4e-3, 7.0, 1.4, 900.0

@@ -116,10 +116,21 @@ class Foreign:
 
 def numbers(estimate: Estimate) -> Any:
     """All that an estimate says."""
-    return np.concatenate([
-        estimate.values, estimate.variance, estimate.covariance.ravel(),
-        [estimate.innovation, estimate.noise, estimate.excitation, estimate.status, estimate.updates, estimate.skipped],
-    ])  # fmt: skip
+    return np.concatenate(
+        [
+            estimate.values,
+            estimate.variance,
+            estimate.covariance.ravel(),
+            [
+                estimate.innovation,
+                estimate.noise,
+                estimate.excitation,
+                estimate.status,
+                estimate.updates,
+                estimate.skipped,
+            ],
+        ]
+    )
 
 
 @pytest.mark.parametrize("kind", MAKERS)
@@ -154,7 +165,9 @@ def test_arrays_of_every_kind_are_taken(scripted: Scripted, rig: Rig) -> None:
 
 
 def test_accelerations_follow_the_velocities_that_are_given(rig: Rig) -> None:
-    """Joint 2 swings at 2 Hz; its acceleration, read from what the tool's mass takes of the force, lags by two filters."""
+    """Joint 2 swings at 2 Hz; its acceleration, read from what the tool's mass takes of the force, lags by two
+    filters.
+    """
     n = OnlineContact(rig).joint_count
     t = np.arange(0.0, 2.0, 1e-3)
     angle = 0.1 * np.sin(2 * np.pi * 2.0 * t)
@@ -177,7 +190,8 @@ def test_accelerations_follow_the_velocities_that_are_given(rig: Rig) -> None:
     given, own = force(True, False), force(False, False)
     error = [np.abs(some - truth).max() / swing for some in (given, own)]
     print(f"force of the tool's inertia, error over its swing: rates given {error[0]:.3f}, none given {error[1]:.3f}")
-    # a low-pass of 40 Hz lags by 2π·2/(2π·40) = 5 % of a radian at 2 Hz; with rates given there is one of them, else two
+    # a low-pass of 40 Hz lags by 2π·2/(2π·40) = 5 % of a radian at 2 Hz; with rates given there is one of them, else
+    # two
     assert error[0] < 0.06
     assert error[0] < error[1] < 0.12
 
@@ -208,7 +222,9 @@ def test_what_is_not_finite_is_marked_and_poisons_nothing(scripted: Scripted, ri
     loop = OnlineEstimator(OnlineContact(rig), make(), takes)
     machine, motion = loop.estimator.machine, causal.carve(loop.contact.store).motion  # type: ignore[attr-defined]
     dq = np.gradient(scripted.log.q, scripted.log.t, axis=0)  # type: ignore[arg-type]
-    faults = [(part, value) for part in ("q", "dq", "ddq", "wrench") for value in (np.nan, np.inf, -np.inf)] + [("q", 1e300)]
+    faults = [(part, value) for part in ("q", "dq", "ddq", "wrench") for value in (np.nan, np.inf, -np.inf)] + [
+        ("q", 1e300)
+    ]
     used = skipped = 0
     for k in range(0, len(dq), 2):
         t = float(scripted.log.t[k])
@@ -246,9 +262,18 @@ def test_samples_of_another_shape_are_named(rig: Rig) -> None:
     loop = OnlineEstimator(OnlineContact(rig), KelvinVoigt().online())
     q, w = np.zeros(7), np.zeros(6)
     for bad in (
-        (0.0, q[:6], w), (0.0, q, w[:3]), (0.0, q[None], w), (0.0, 0.0, w), (0.0, q, None), (0.0, "seven", w), (None, q, w),
-        ("now", q, w), (0.0, [[1.0], [2.0, 3.0]], w), (0.0, q, w, q[:3]), (0.0, q, w, q, q[:3]),
-    ):  # fmt: skip
+        (0.0, q[:6], w),
+        (0.0, q, w[:3]),
+        (0.0, q[None], w),
+        (0.0, 0.0, w),
+        (0.0, q, None),
+        (0.0, "seven", w),
+        (None, q, w),
+        ("now", q, w),
+        (0.0, [[1.0], [2.0, 3.0]], w),
+        (0.0, q, w, q[:3]),
+        (0.0, q, w, q, q[:3]),
+    ):
         with pytest.raises(InputError, match=r"\(7,\) and \(6,\)"):
             loop.update(*bad)  # type: ignore[arg-type]
         with pytest.raises(InputError, match=r"\(7,\) and \(6,\)"):

@@ -28,7 +28,8 @@ Array = NDArray[np.float64]
 
 POSE = (0.2, 0.5, -0.1, -1.2, 0.3, 0.9, 0.0)
 TOOL = {"mass": 0.3, "com": [0.004, -0.006, 0.049], "inertia": [4e-4, 5e-4, 1e-4, 1e-5, -2e-5, 3e-5]}
-#: kinematics and statics are asked for of the motion as it was logged; what the smoother makes of it has tests of its own
+#: kinematics and statics are asked for of the motion as it was logged; what the smoother makes of it has tests of its
+#: own
 AS_LOGGED = Differentiator()
 contact_series = partial(contact.contact_series, differentiator=AS_LOGGED)
 tip_motion = partial(contact.tip_motion, differentiator=AS_LOGGED)
@@ -107,11 +108,14 @@ def test_what_was_planted_comes_back(seed: int, swing: Callable[..., Any], weigh
     inertia = np.trace(half @ half.T) * np.eye(3) - half @ half.T
     rig = make_rig(
         robot={"gravity": rng.normal(size=3) * 8, "joints": order},
-        tool={"mass": rng.uniform(0.1, 2), "com": rng.normal(size=3) * 0.05,
-              "inertia": [*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]},
+        tool={
+            "mass": rng.uniform(0.1, 2),
+            "com": rng.normal(size=3) * 0.05,
+            "inertia": [*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]],
+        },
         surface={"point": rng.normal(size=3), "normal": normal * 3, "tangent": tangent},
         sensor={"bias": rng.normal(size=6) * 4, "crosstalk": (np.eye(6) + 0.05 * rng.normal(size=(6, 6))).tolist()},
-    )  # fmt: skip
+    )
     robot = Robot.load(rig)
     t = np.arange(150) / 100
     q, dq, ddq = swing(POSE, seed=seed, size=1.0, speed=6.0)(t)
@@ -126,10 +130,16 @@ def test_what_was_planted_comes_back(seed: int, swing: Callable[..., Any], weigh
     tip = np.array([place.translation for place in places(robot, "tool_tip", q)]) - np.array(rig.surface.point)
     rate = twists(robot, "tool_tip", q, dq)[:, :3]
     expected = {
-        "depth": -tip @ n, "slip1": tip @ t1, "slip2": tip @ t2,
-        "depth_rate": -rate @ n, "slip_rate1": rate @ t1, "slip_rate2": rate @ t2,
-        "normal_force": force @ n, "tangential_force1": force @ t1, "tangential_force2": force @ t2,
-    }  # fmt: skip
+        "depth": -tip @ n,
+        "slip1": tip @ t1,
+        "slip2": tip @ t2,
+        "depth_rate": -rate @ n,
+        "slip_rate1": rate @ t1,
+        "slip_rate2": rate @ t2,
+        "normal_force": force @ n,
+        "tangential_force1": force @ t1,
+        "tangential_force2": force @ t2,
+    }
     for name in CONTACT:
         np.testing.assert_allclose(getattr(touch, name), expected[name], rtol=0, atol=EXACT, err_msg=name)
     np.testing.assert_allclose(touch.moment, np.array([t1, t2, n]) @ moment.T, rtol=0, atol=EXACT)
@@ -165,7 +175,9 @@ def test_power_at_the_contact_is_power_at_the_joints(poke: Any) -> None:
     )
     data, joints = robot.model.createData(), np.empty(len(log))
     for i, row in enumerate(robot.configuration(log.q)):
-        jacobian = pin.computeFrameJacobian(robot.model, data, row, robot.model.getFrameId("tool_tip"), pin.LOCAL_WORLD_ALIGNED)
+        jacobian = pin.computeFrameJacobian(
+            robot.model, data, row, robot.model.getFrameId("tool_tip"), pin.LOCAL_WORLD_ALIGNED
+        )
         joints[i] = np.concatenate([force[i], moment[i]]) @ jacobian @ log.dq[i]
     assert np.abs(joints).max() > 1
     np.testing.assert_allclose(contact, joints, atol=EXACT)
@@ -285,8 +297,12 @@ def test_joint_order_of_the_log_does_not_matter(poke: Any) -> None:
 # The sensor
 
 
-def free_then_pressed(swing: Callable[..., Any], weighed: Callable[..., Any], rig: Rig, phase: bool) -> tuple[Log, Array, Rig]:
-    """A log whose second half is lower and has a contact force, that force (n, 3), and the rig with a surface between."""
+def free_then_pressed(
+    swing: Callable[..., Any], weighed: Callable[..., Any], rig: Rig, phase: bool
+) -> tuple[Log, Array, Rig]:
+    """A log whose second half is lower and has a contact force, that force (n, 3), and the rig with a surface
+    between.
+    """
     robot = Robot.load(rig)
     t = np.arange(800) / 400
     up = swing(np.add(POSE, [0, -0.5, 0, 0, 0, 0, 0]), size=0.3)(t[:400])
@@ -327,7 +343,9 @@ def test_a_wrench_in_base_axes(poke: Any) -> None:
     turn = np.array([place.rotation for place in places(robot, "ft_sensor", log.q)])
     base = np.einsum("nij,nkj->nki", turn, log.wrench.reshape(-1, 2, 3)).reshape(-1, 6)
     here = contact_series(log, rig, trust_wrench=True, bias="none")
-    there = contact_series(log.replace(wrench=base), make_rig(sensor={"wrench_frame": "base"}), trust_wrench=True, bias="none")
+    there = contact_series(
+        log.replace(wrench=base), make_rig(sensor={"wrench_frame": "base"}), trust_wrench=True, bias="none"
+    )
     np.testing.assert_allclose(table(there), table(here), atol=EXACT)
 
 
@@ -573,8 +591,17 @@ def test_tip_motion_without_a_surface(poke: Any) -> None:
     np.testing.assert_allclose(found.force, force, atol=EXACT)
     columns = found.columns()
     assert list(columns) == [
-        "t", "tip_x", "tip_y", "tip_z", "tip_vx", "tip_vy", "tip_vz", "force_x", "force_y", "force_z",
-    ]  # fmt: skip
+        "t",
+        "tip_x",
+        "tip_y",
+        "tip_z",
+        "tip_vx",
+        "tip_vy",
+        "tip_vz",
+        "force_x",
+        "force_y",
+        "force_z",
+    ]
     assert tip_motion(log.replace(wrench=None), bare).force is None
     with pytest.raises(InputError, match=r"a rig without \[surface\]"):
         contact_series(log, bare)

@@ -33,9 +33,14 @@ class Bench:
         return ArmState.of(self.robot, self.pose if q is None else q, dq, wrench)
 
     def run(
-        self, command: Callable[[int, ArmState], Array], steps: int, contact: Callable[[ArmState], Array] | None = None,
-        period: float = 1e-3, fine: int = 2, dq: Array | None = None,
-    ) -> dict[str, Array]:  # fmt: skip
+        self,
+        command: Callable[[int, ArmState], Array],
+        steps: int,
+        contact: Callable[[ArmState], Array] | None = None,
+        period: float = 1e-3,
+        fine: int = 2,
+        dq: Array | None = None,
+    ) -> dict[str, Array]:
         model = self.robot.model
         data = model.createData()
         q, dq = self.pose.copy(), np.zeros(model.nv) if dq is None else dq.copy()

@@ -1,4 +1,6 @@
-"""Haptic rendering of a map: laws, friction cone, frames, energy at 1 kHz; and the arm whose stiffness follows a map."""
+"""Haptic rendering of a map: laws, friction cone, frames, energy at 1 kHz; and the arm whose stiffness follows a
+map.
+"""
 
 from __future__ import annotations
 
@@ -63,11 +65,14 @@ def fall(rendering: HapticRendering, mass: float, push: Array, steps: int, veloc
     return np.array(energy), np.array(places)
 
 
-@pytest.mark.parametrize(("law", "expected"), [
-    (Hooke(), 1200.0 * 0.004),
-    (KelvinVoigt(), 1200.0 * 0.004 + 4.0 * 0.03),
-    (HuntCrossley(), 0.004**1.4 * (1200.0 + 4.0 * 0.03)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("law", "expected"),
+    [
+        (Hooke(), 1200.0 * 0.004),
+        (KelvinVoigt(), 1200.0 * 0.004 + 4.0 * 0.03),
+        (HuntCrossley(), 0.004**1.4 * (1200.0 + 4.0 * 0.03)),
+    ],
+)
 def test_laws(law: Any, expected: float) -> None:
     rendering = HapticRendering(Uniform(MATERIAL), HapticSettings(law, passivity=Observer(0.0)))
     rendering.command(np.array([0, 0, -0.0039]), np.zeros(3))
@@ -129,8 +134,13 @@ def test_a_turned_plane_leaves_the_behaviour(seed: int) -> None:
 def test_energy_of_an_undamped_device_is_bounded(law: Any, mass: float, stiffness: float) -> None:
     """20 s of bouncing and sliding at 1 kHz: never more energy than it came with, but for one touch's debt."""
     material = Properties(stiffness, 1.0, 1.0, 0.3)
-    energy, _ = fall(HapticRendering(Uniform(material), HapticSettings(law)), mass, np.array([0, 0, -1.0]), 20_000,
-                     np.array([0.05, 0.02, -0.1]))  # fmt: skip
+    energy, _ = fall(
+        HapticRendering(Uniform(material), HapticSettings(law)),
+        mass,
+        np.array([0, 0, -1.0]),
+        20_000,
+        np.array([0.05, 0.02, -0.1]),
+    )
     start = energy[0]
     # a spring held for T is a damper of −K T/2: through half a swing √(K m) T v² π/4, v the speed of the touch
     speed = np.sqrt(2 * start / mass)
@@ -149,7 +159,9 @@ def test_without_the_passivity_controller_a_held_spring_gives_energy() -> None:
 
 def test_damping_that_a_device_needs_by_itself() -> None:
     """Colgate's bound K T/2 + B: a device with that much damping bounces down without the controller."""
-    rendering = HapticRendering(Uniform(Properties(2000.0, 1.5)), HapticSettings(KelvinVoigt(), passivity=Observer(0.0)))
+    rendering = HapticRendering(
+        Uniform(Properties(2000.0, 1.5)), HapticSettings(KelvinVoigt(), passivity=Observer(0.0))
+    )
     assert rendering.needed_damping(0, 0) == pytest.approx(2.5)
 
 
@@ -163,7 +175,10 @@ def test_a_map_with_a_step_in_stiffness_gives_no_energy() -> None:
     path = path * 20
     gains = {}
     for most in (0.0, 20.0, 100.0):
-        rendering, before = HapticRendering(surface, HapticSettings(Hooke(), passivity=Observer(most), mass=0.2)), path[0]
+        rendering, before = (
+            HapticRendering(surface, HapticSettings(Hooke(), passivity=Observer(most), mass=0.2)),
+            path[0],
+        )
         for x in path:
             found = rendering.command(x, (x - before) / PERIOD)
             before = x
@@ -181,14 +196,21 @@ def test_a_slow_poke_agrees_with_the_continuous_equation() -> None:
     law, mass = HuntCrossley(), 0.2
     material = Properties(900.0, 200.0, 1.2)
     steps = 60
-    _, places = fall(HapticRendering(Uniform(material), HapticSettings(law)), mass, np.array([0, 0, -1.0]), steps,
-                     np.array([0, 0, -0.05]))  # fmt: skip
+    _, places = fall(
+        HapticRendering(Uniform(material), HapticSettings(law)),
+        mass,
+        np.array([0, 0, -1.0]),
+        steps,
+        np.array([0, 0, -0.05]),
+    )
 
     def slope(_: float, y: Array) -> list[float]:
         force = law.force(-y[0], -y[1], material) if y[0] < 0 else 0.0
         return [y[1], (force - 1.0) / mass]
 
-    exact = solve_ivp(slope, (0, steps * PERIOD), [1e-3, -0.05], t_eval=np.arange(steps) * PERIOD, rtol=1e-9, atol=1e-12)
+    exact = solve_ivp(
+        slope, (0, steps * PERIOD), [1e-3, -0.05], t_eval=np.arange(steps) * PERIOD, rtol=1e-9, atol=1e-12
+    )
     # half a period's lag at 0.1 m/s is 0.05 mm
     np.testing.assert_allclose(places[:, 2], exact.y[0], atol=1e-4)
 
@@ -200,9 +222,16 @@ def test_force_limit_and_joint_torques(bench: Any) -> None:
     np.testing.assert_allclose(rendering.torques(state) - state.gravity, state.jacobian[2] * 8.0, atol=1e-9)
 
 
-@pytest.mark.parametrize("bad", [
-    {"period": 0.0}, {"period": np.nan}, {"shear": -1.0}, {"force_limit": 0.0}, {"force_limit": np.nan},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"period": 0.0},
+        {"period": np.nan},
+        {"shear": -1.0},
+        {"force_limit": 0.0},
+        {"force_limit": np.nan},
+    ],
+)
 def test_bad_settings_are_refused(bad: dict[str, float]) -> None:
     with pytest.raises(InputError):
         HapticSettings(**bad)
@@ -224,10 +253,11 @@ def test_numbers_of_numpy_pass_and_truth_values_do_not() -> None:
 @pytest.mark.parametrize("passivity", [Observer(), EnergyTank()])
 @pytest.mark.parametrize("mass", [0.01, 0.05, 0.3, 1.0])
 def test_energy_of_a_device_on_any_material_is_bounded(mass: float, passivity: Any) -> None:
-    """Stiff, strongly damped and both, on light devices and heavy ones: a spring's debt of one touch, and it never builds up.
+    """Stiff, strongly damped and both, on light devices and heavy ones: a spring's debt of one touch, and it never
+    builds up.
 
-    A held spring gives up to ½ π T √(K/m) of a touch's energy, half of it at the stiffness that is still rendered, before the
-    controller knows; a touch may bring a debt of the one before.
+    A held spring gives up to ½ π T √(K/m) of a touch's energy, half of it at the stiffness that is still rendered,
+    before the controller knows; a touch may bring a debt of the one before.
     """
     worst, softened = 0.0, 0
     for stiffness in (732.0, 2e4, 1e5):
@@ -241,7 +271,10 @@ def test_energy_of_a_device_on_any_material_is_bounded(mass: float, passivity: A
                 worst = max(worst, (energy.max() - energy[0]) / start)
                 at = rendering.settings
                 softened += stiffness > at.most_stiffness or damping > at.most_damping
-    print(f"{type(passivity).__name__}, {1e3 * mass:g} g: at most {100 * worst:.0f} % more energy; {softened} of 18 softened")
+    print(
+        f"{type(passivity).__name__}, {1e3 * mass:g} g: at most {100 * worst:.0f} % more energy; {softened} of 18 "
+        f"softened"
+    )
     assert softened
     assert worst < 0.5
 
@@ -249,7 +282,9 @@ def test_energy_of_a_device_on_any_material_is_bounded(mass: float, passivity: A
 def test_softening_is_said_and_nothing_else_is_softened() -> None:
     inside, fast = np.array([0, 0, -2e-3]), np.array([0, 0, -0.1])
     for mass, limited in ((0.05, True), (0.5, False)):
-        rendering = HapticRendering(Uniform(Properties(732.0, 150.0)), HapticSettings(mass=mass, passivity=Observer(0.0)))
+        rendering = HapticRendering(
+            Uniform(Properties(732.0, 150.0)), HapticSettings(mass=mass, passivity=Observer(0.0))
+        )
         found = rendering.command(inside, fast)
         assert found.limited == limited
         assert found.force[2] == pytest.approx(732.0 * 2e-3 + (15.0 if not limited else 0.05 / PERIOD * 0.1))
@@ -287,9 +322,12 @@ def adaptive(bench: Any, surface: Any, schedule: Schedule, below: float) -> tupl
 
 
 def test_the_same_push_gives_the_same_force_on_every_material(bench: Any) -> None:
-    """Set-point 10 mm below a soft and a hard material: the closed loop settles at the same force; a plain one doesn't."""
+    """Set-point 10 mm below a soft and a hard material: the closed loop settles at the same force; a plain one
+    doesn't.
+    """
     at, forces, plain = bench.state().position, [], []
     for stiffness in (600.0, 4000.0):
+
         def contact(state: Any, k: float = stiffness) -> Array:
             depth = at[2] - state.position[2]
             return np.array([0, 0, max(0.0, k * depth - 20 * state.twist[2]) if depth > 0 else 0.0, 0, 0, 0])
@@ -311,7 +349,9 @@ def test_the_same_push_gives_the_same_force_on_every_material(bench: Any) -> Non
 
 
 def test_stiffening_is_paid_by_the_tank(bench: Any) -> None:
-    """Over a border to a soft place, spring stretched, arm at rest: the energy put in is what the tank held, no more."""
+    """Over a border to a soft place, spring stretched, arm at rest: the energy put in is what the tank held, no
+    more.
+    """
     state = bench.state()
     plane = Plane(state.position - [0.05, 0, 0])
     surface = Halves(Properties(4000.0), Properties(300.0))
@@ -361,10 +401,11 @@ def test_bad_schedules_are_refused(bad: dict[str, float]) -> None:
     [
         (np.zeros(2), np.zeros(3), "device position of shape"),
         (np.zeros(3), np.full(3, np.nan), "device velocity with 3 values"),
-        ("here", np.zeros(3), "device position 'here'"), (np.zeros(3), None, "device velocity"),
+        ("here", np.zeros(3), "device position 'here'"),
+        (np.zeros(3), None, "device velocity"),
         (np.zeros((1, 3)), np.zeros(3), "device position of shape"),
     ],
-)  # fmt: skip
+)
 def test_what_a_driver_must_not_send(position: Any, velocity: Any, match: str) -> None:
     with pytest.raises(InputError, match=match):
         HapticRendering(Uniform(Properties(500.0))).command(position, velocity)
@@ -373,11 +414,16 @@ def test_what_a_driver_must_not_send(position: Any, velocity: Any, match: str) -
 @pytest.mark.parametrize(
     ("bad", "match"),
     [
-        ({"law": "hunt-crosley"}, "law 'hunt-crosley'.*HuntCrossley"), ({"law": Hooke}, "law"), ({"surface": "table"}, "surface"),
-        ({"passivity": "tank"}, "passivity 'tank'"), ({"shear": "500"}, "shear"), ({"period": "1 ms"}, "period"),
-        ({"force_limit": "8"}, "force_limit"), ({"force_limit": np.nan}, "force_limit"),
+        ({"law": "hunt-crosley"}, "law 'hunt-crosley'.*HuntCrossley"),
+        ({"law": Hooke}, "law"),
+        ({"surface": "table"}, "surface"),
+        ({"passivity": "tank"}, "passivity 'tank'"),
+        ({"shear": "500"}, "shear"),
+        ({"period": "1 ms"}, "period"),
+        ({"force_limit": "8"}, "force_limit"),
+        ({"force_limit": np.nan}, "force_limit"),
     ],
-)  # fmt: skip
+)
 def test_settings_of_the_wrong_kind(bad: Any, match: str) -> None:
     with pytest.raises(InputError, match=match):
         HapticSettings(**bad)
@@ -392,7 +438,10 @@ def test_properties_planes_and_jacobians_of_the_wrong_kind() -> None:
     with pytest.raises(InputError, match="a material"):
         Uniform((700.0, 1.0))  # type: ignore[arg-type]
     pair = type("Pair", (), {"properties": lambda self, x, y: (700.0, 1.0)})()
-    for ask in (lambda: HapticRendering(pair).command(-1e-3 * np.ones(3), np.zeros(3)), lambda: Environment.at(pair, 0.0, 0.0)):
+    for ask in (
+        lambda: HapticRendering(pair).command(-1e-3 * np.ones(3), np.zeros(3)),
+        lambda: Environment.at(pair, 0.0, 0.0),
+    ):
         with pytest.raises(InputError, match="of the map at"):
             ask()
     for bad in ((Properties("stiff"), "stiffness stiff"), (Properties(500.0, None), "damping None")):  # type: ignore[arg-type]

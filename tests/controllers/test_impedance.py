@@ -44,12 +44,28 @@ def spring(rng: Any) -> Array:
     return a @ a.T
 
 
-def wrench(at: tuple[Array, Array], target: tuple[Array, Array], stiffness: Array, twist: Array | None = None,
-           damping: Array | None = None) -> Array:  # fmt: skip
+def wrench(
+    at: tuple[Array, Array],
+    target: tuple[Array, Array],
+    stiffness: Array,
+    twist: Array | None = None,
+    damping: Array | None = None,
+) -> Array:
     """The kernel's wrench: an arm whose joints are the tip's own six motions."""
     out, zero = np.empty(6), np.zeros(6)
-    impedance_torque(*at, np.eye(6), zero if twist is None else twist, zero, *target, zero, stiffness,
-                     np.zeros((6, 6)) if damping is None else damping, 0.0, np.full(6, np.inf), out)  # fmt: skip
+    impedance_torque(
+        *at,
+        np.eye(6),
+        zero if twist is None else twist,
+        zero,
+        *target,
+        zero,
+        stiffness,
+        np.zeros((6, 6)) if damping is None else damping,
+        0.0,
+        np.full(6, np.inf),
+        out,
+    )
     return out
 
 
@@ -63,7 +79,8 @@ def test_wrench_is_the_gradient_of_the_potential(seed: int) -> None:
     rng = np.random.default_rng(seed)
     at, target, k, h = pose(rng), pose(rng), spring(rng), 1e-5
     slope = [
-        (potential(*moved(at, h * e), *target, k) - potential(*moved(at, -h * e), *target, k)) / (2 * h) for e in np.eye(6)
+        (potential(*moved(at, h * e), *target, k) - potential(*moved(at, -h * e), *target, k)) / (2 * h)
+        for e in np.eye(6)
     ]
     # central differences: h² times third derivatives, and 1e-15 V / h
     np.testing.assert_allclose(wrench(at, target, k), -np.array(slope), atol=1e-6)
@@ -166,8 +183,10 @@ def test_closed_loop_only_loses_energy(bench: Any) -> None:
     energy = []
 
     def command(_: int, state: ArmState) -> Array:
-        energy.append(0.5 * state.dq @ state.mass @ state.dq
-                      + potential(state.rotation, state.position, target.rotation, target.position, k))  # fmt: skip
+        energy.append(
+            0.5 * state.dq @ state.mass @ state.dq
+            + potential(state.rotation, state.position, target.rotation, target.position, k)
+        )
         return control.command(state)
 
     run = bench.run(command, 1200)
@@ -210,7 +229,7 @@ def lateral(bench: Any, kind: type[Impedance]) -> tuple[float, float]:
 
     def command(i: int, state: ArmState) -> Array:
         t = i * 1e-3
-        z, v, a = (0.01 * np.array([np.cos(omega * t) - 1, -omega * np.sin(omega * t), -(omega**2) * np.cos(omega * t)]))
+        z, v, a = 0.01 * np.array([np.cos(omega * t) - 1, -omega * np.sin(omega * t), -(omega**2) * np.cos(omega * t)])
         up = np.eye(6)[2]
         return control.toward(Target(start.rotation, start.position + z * up[:3], v * up, a * up)).command(state)
 
@@ -221,7 +240,10 @@ def lateral(bench: Any, kind: type[Impedance]) -> tuple[float, float]:
 def test_a_normal_command_moves_sideways_unless_the_inertia_is_decoupled(bench: Any) -> None:
     plain, stroke = lateral(bench, Impedance)
     decoupled, other = lateral(bench, DecoupledImpedance)
-    print(f"lateral displacement of a 20 mm, 4 Hz normal command: plain {1e3 * plain:.3f} mm, decoupled {1e3 * decoupled:.4f} mm")
+    print(
+        f"lateral displacement of a 20 mm, 4 Hz normal command: plain {1e3 * plain:.3f} mm, decoupled "
+        f"{1e3 * decoupled:.4f} mm"
+    )
     assert plain > 5e-4
     assert decoupled < 0.05 * plain
     assert min(stroke, other) > 0.015
@@ -292,7 +314,10 @@ def test_unstable_gains_are_refused_before_they_run(bench: Any) -> None:
     loaded = ArmState.of(robot, bench.pose, rotor=np.full(7, 0.4))
     np.testing.assert_allclose(loaded.mass, state.mass, atol=1e-12)
     controller(bench, null_damping=5.0).check(loaded, 1e-3)
-    for ratio, words in ((0.05, "damping ratio of 0.05 .* too low.*raise it"), (2.0, "ratio of 2 .* too high.*lower it")):
+    for ratio, words in (
+        (0.05, "damping ratio of 0.05 .* too low.*raise it"),
+        (2.0, "ratio of 2 .* too high.*lower it"),
+    ):
         with pytest.raises(InputError, match=words):
             controller(bench, ratio=ratio).check(light, 1e-3)
     with pytest.raises(InputError, match="period"):
@@ -328,16 +353,27 @@ def test_an_arm_without_null_space_needs_no_null_damping() -> None:
 @pytest.mark.parametrize(
     ("bad", "match"),
     [
-        ({"translation": -1.0}, "negative"), ({"translation": 5300.0}, "at most 5200"), ({"rotation": np.nan}, "rotation"),
-        ({"translation": (1.0, -2.0, 3.0)}, "negative"), ({"ratio": -0.1}, "ratio"), ({"ratio": 3.0}, "ratio"),
-        ({"null_damping": -1.0}, "null_damping"), ({"axes": np.ones((3, 3))}, "orthonormal"),
-        ({"damping": -np.eye(6)}, "can give energy"), ({"damping": np.triu(np.ones((6, 6)))}, "can give energy"),
-        ({"damping": np.eye(3)}, "shape"), ({"translation": "a"}, "translation stiffness 'a'"),
-        ({"rotation": None}, "rotation stiffness"), ({"translation": (1.0, 2.0)}, "translation stiffness"),
-        ({"axes": np.diag([1.0, 1.0, -1.0])}, "right-handed"), ({"axes": "xyz"}, "axes of the stiffness 'xyz'"),
-        ({"ratio": "0.7"}, "ratio"), ({"null_damping": "5"}, "null_damping"), ({"damping": "much"}, "damping 'much'"),
+        ({"translation": -1.0}, "negative"),
+        ({"translation": 5300.0}, "at most 5200"),
+        ({"rotation": np.nan}, "rotation"),
+        ({"translation": (1.0, -2.0, 3.0)}, "negative"),
+        ({"ratio": -0.1}, "ratio"),
+        ({"ratio": 3.0}, "ratio"),
+        ({"null_damping": -1.0}, "null_damping"),
+        ({"axes": np.ones((3, 3))}, "orthonormal"),
+        ({"damping": -np.eye(6)}, "can give energy"),
+        ({"damping": np.triu(np.ones((6, 6)))}, "can give energy"),
+        ({"damping": np.eye(3)}, "shape"),
+        ({"translation": "a"}, "translation stiffness 'a'"),
+        ({"rotation": None}, "rotation stiffness"),
+        ({"translation": (1.0, 2.0)}, "translation stiffness"),
+        ({"axes": np.diag([1.0, 1.0, -1.0])}, "right-handed"),
+        ({"axes": "xyz"}, "axes of the stiffness 'xyz'"),
+        ({"ratio": "0.7"}, "ratio"),
+        ({"null_damping": "5"}, "null_damping"),
+        ({"damping": "much"}, "damping 'much'"),
     ],
-)  # fmt: skip
+)
 def test_gains_that_make_no_sense_are_refused(bad: dict[str, Any], match: str) -> None:
     with pytest.raises(InputError, match=match):
         Gains(**bad)
@@ -363,7 +399,12 @@ def test_other_bad_input_is_refused(bench: Any) -> None:
         ArmState.of(bench.robot, bench.pose, rotor=np.full(6, 0.4))
     with pytest.raises(InputError, match="a state's wrench of shape"):
         ArmState.of(bench.robot, bench.pose, wrench=np.zeros(3))
-    for name, value in (("dq", np.full(7, np.nan)), ("mass", np.eye(6)), ("jacobian", "J"), ("position", np.full(3, np.inf))):
+    for name, value in (
+        ("dq", np.full(7, np.nan)),
+        ("mass", np.eye(6)),
+        ("jacobian", "J"),
+        ("position", np.full(3, np.inf)),
+    ):
         with pytest.raises(InputError, match=f"a state's {name}"):
             dataclasses.replace(at, **{name: value})
     with pytest.raises(InputError, match="torque limits"):

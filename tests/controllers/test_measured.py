@@ -121,8 +121,12 @@ def test_a_map_on_a_mesh() -> None:
     x, y = (part.ravel() for part in np.meshgrid(ticks, ticks, indexing="ij"))
     vertices = np.column_stack([x, y, np.zeros(81)])
     corner = np.array([9 * i + j for i in range(8) for j in range(8)])
-    faces = np.vstack([np.column_stack([corner, corner + 9, corner + 10]), np.column_stack([corner, corner + 10, corner + 1])])
-    probes = tuple(Probe(v, np.array([stiffness(v[0], v[1]), 8.0, 0.5]), np.diag([25.0, 1e-4, 1e-4])) for v in vertices[::2])
+    faces = np.vstack(
+        [np.column_stack([corner, corner + 9, corner + 10]), np.column_stack([corner, corner + 10, corner + 1])]
+    )
+    probes = tuple(
+        Probe(v, np.array([stiffness(v[0], v[1]), 8.0, 0.5]), np.diag([25.0, 1e-4, 1e-4])) for v in vertices[::2]
+    )
     grown = PropertyMap(Mesh(vertices, faces), KV, probes)
     rendering = HapticRendering(grown, HapticSettings(mass=0.2))
     rendering.command(np.array([0.01, -0.005, 1e-3]), np.zeros(3))

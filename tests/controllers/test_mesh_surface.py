@@ -43,11 +43,42 @@ def box(low: tuple[float, float, float], high: tuple[float, float, float]) -> Me
 def ball(radius: float, parts: int = 4) -> Mesh:
     """An icosahedron, each face cut into four so many times, on a sphere."""
     g = (1 + 5**0.5) / 2
-    v = [(-1, g, 0), (1, g, 0), (-1, -g, 0), (1, -g, 0), (0, -1, g), (0, 1, g), (0, -1, -g), (0, 1, -g), (g, 0, -1), (g, 0, 1),
-         (-g, 0, -1), (-g, 0, 1)]  # fmt: skip
-    f = [(0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11), (1, 5, 9), (5, 11, 4), (11, 10, 2), (10, 7, 6), (7, 1, 8),
-         (3, 9, 4), (3, 4, 2), (3, 2, 6), (3, 6, 8), (3, 8, 9), (4, 9, 5), (2, 4, 11), (6, 2, 10), (8, 6, 7),
-         (9, 8, 1)]  # fmt: skip
+    v = [
+        (-1, g, 0),
+        (1, g, 0),
+        (-1, -g, 0),
+        (1, -g, 0),
+        (0, -1, g),
+        (0, 1, g),
+        (0, -1, -g),
+        (0, 1, -g),
+        (g, 0, -1),
+        (g, 0, 1),
+        (-g, 0, -1),
+        (-g, 0, 1),
+    ]
+    f = [
+        (0, 11, 5),
+        (0, 5, 1),
+        (0, 1, 7),
+        (0, 7, 10),
+        (0, 10, 11),
+        (1, 5, 9),
+        (5, 11, 4),
+        (11, 10, 2),
+        (10, 7, 6),
+        (7, 1, 8),
+        (3, 9, 4),
+        (3, 4, 2),
+        (3, 2, 6),
+        (3, 6, 8),
+        (3, 8, 9),
+        (4, 9, 5),
+        (2, 4, 11),
+        (6, 2, 10),
+        (8, 6, 7),
+        (9, 8, 1),
+    ]
     corners = np.array(v, dtype=float)[np.array(f)]
     for _ in range(parts):
         a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
@@ -70,8 +101,13 @@ def room() -> Mesh:
     return Mesh(v, np.array([[0, 1, 2], [0, 2, 3], [0, 5, 1], [0, 4, 5], [0, 6, 4], [0, 3, 6]]))
 
 
-def feel(mesh: Mesh, materials: Uniform = SMOOTH, law: KelvinVoigt | Hooke | HuntCrossley | None = None,
-         passivity: Passivity = FREE, shear: float = 500.0) -> HapticRendering:  # fmt: skip
+def feel(
+    mesh: Mesh,
+    materials: Uniform = SMOOTH,
+    law: KelvinVoigt | Hooke | HuntCrossley | None = None,
+    passivity: Passivity = FREE,
+    shear: float = 500.0,
+) -> HapticRendering:
     return HapticRendering(materials, HapticSettings(law or Hooke(), MeshSurface(mesh), shear, passivity=passivity))
 
 
@@ -142,7 +178,9 @@ def test_a_thin_wall_isn_t_pushed_through() -> None:
 
 
 def test_over_an_edge_the_force_goes_on_without_a_jump() -> None:
-    """Along the top, round the edge, down the side, 2 mm deep: the force turns, and over the edge there is none left."""
+    """Along the top, round the edge, down the side, 2 mm deep: the force turns, and over the edge there is none
+    left.
+    """
     mesh = box((-0.1, -0.1, -0.1), (0.0, 0.1, 0.0))
     # the device stays at 2 mm inside the top until it leaves the box through the side
     x = np.linspace(-0.02, 0.004, 800)
@@ -187,7 +225,9 @@ def test_a_map_on_a_mesh_is_read_where_the_proxy_is() -> None:
 def toss(
     rendering: HapticRendering, mass: float, towards: Array, start: Array, velocity: Array, steps: int
 ) -> tuple[Array, Array]:
-    """A device without damping, drawn to a point by a soft spring, force held each period: its energy, and where it was."""
+    """A device without damping, drawn to a point by a soft spring, force held each period: its energy, and where it
+    was.
+    """
     x, v, pull = start.astype(float), velocity.astype(float), 20.0
     energy, places = [], []
     for _ in range(steps):
@@ -211,7 +251,11 @@ def test_energy_of_an_undamped_device_on_a_mesh_is_bounded(shape: str, passivity
     energy, places = toss(rendering, mass, np.zeros(3), start, np.array([0.1, 0.05, -0.1]), 10_000)
     assert np.isfinite(energy).all()
     speed = np.sqrt(2 * energy[0] / mass)
-    slack = 2 * np.sqrt(stiffness * mass) * PERIOD * speed**2 if isinstance(passivity, Observer) else 2e-3 + 0.05 * energy[0]
+    slack = (
+        2 * np.sqrt(stiffness * mass) * PERIOD * speed**2
+        if isinstance(passivity, Observer)
+        else 2e-3 + 0.05 * energy[0]
+    )
     assert energy.max() < energy[0] + slack
     inside = mesh.locate(places).depth > 0
     assert inside.sum() > 100  # it touched, and it let go

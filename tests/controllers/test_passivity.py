@@ -53,7 +53,9 @@ def test_a_tank_affords_what_it_holds() -> None:
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 10_000), st.sampled_from([1e-4, 5e-3]))
 def test_a_tank_never_gives_more_than_it_had(seed: int, capacity: float) -> None:
-    """Any force on a mass that nothing else holds: the mass never has more energy than came with it and was in the tank."""
+    """Any force on a mass that nothing else holds: the mass never has more energy than came with it and was in the
+    tank.
+    """
     rng = np.random.default_rng(seed)
     ledger, mass = EnergyTank(capacity, filling=capacity).open(PERIOD), 0.2
     v, strongest, most = 0.3 * float(rng.normal()), 8.0, 0.0
@@ -91,7 +93,9 @@ def drop(rendering: HapticRendering, mass: float, steps: int) -> Array:
 def test_energy_of_an_undamped_device_behind_a_tank_is_bounded(law: Hooke, mass: float, stiffness: float) -> None:
     """20 s at 1 kHz; without a tank the same spring drives the device away (`test_haptic.py`)."""
     tank = EnergyTank(filling=1e-3)
-    energy = drop(HapticRendering(Uniform(Properties(stiffness, 1.0)), HapticSettings(law, passivity=tank)), mass, 20_000)
+    energy = drop(
+        HapticRendering(Uniform(Properties(stiffness, 1.0)), HapticSettings(law, passivity=tank)), mass, 20_000
+    )
     force = stiffness * 0.1 * np.sqrt(mass / stiffness) + 2.0
     assert energy.max() < energy[0] + tank.filling + 0.5 * force**2 / mass * PERIOD**2
     assert np.isfinite(energy).all()
@@ -105,15 +109,21 @@ def test_a_border_in_stiffness_can_t_be_harvested(passivity: Passivity) -> None:
         def properties(self, x: float, y: float) -> Properties:
             return Properties(300.0 if x < 0 else 1500.0)
 
-    legs = [((-0.01, 0.001), (-0.01, -0.006)), ((-0.01, -0.006), (0.01, -0.006)), ((0.01, -0.006), (0.01, 0.001)),
-            ((0.01, 0.001), (-0.01, 0.001))]  # fmt: skip
+    legs = [
+        ((-0.01, 0.001), (-0.01, -0.006)),
+        ((-0.01, -0.006), (0.01, -0.006)),
+        ((0.01, -0.006), (0.01, 0.001)),
+        ((0.01, 0.001), (-0.01, 0.001)),
+    ]
     lap = np.concatenate([np.linspace(a, b, 300) for a, b in legs])
     path = np.tile(lap, (40, 1))
     rendering = HapticRendering(Halves(), HapticSettings(Hooke(), passivity=passivity, mass=0.2))
     won, before, last = [], path[0], np.zeros(2)
     for at in path:
         won.append(float(last @ (at - before)))
-        found = rendering.command(np.array([at[0], 0, at[1]]), np.array([at[0] - before[0], 0, at[1] - before[1]]) / PERIOD)
+        found = rendering.command(
+            np.array([at[0], 0, at[1]]), np.array([at[0] - before[0], 0, at[1] - before[1]]) / PERIOD
+        )
         last, before = found.force[[0, 2]], at
     one = 0.5 * (1500 - 300) * 0.006**2
     assert sum(won) < 0.031 if isinstance(passivity, EnergyTank) else sum(won) < 2 * one
@@ -133,7 +143,9 @@ def test_a_full_tank_renders_the_material_as_it_is() -> None:
 
 @pytest.mark.parametrize("mass", [0.03, 0.05, 0.1])
 def test_the_default_tank_acts_for_light_devices(mass: float) -> None:
-    """A fall that a sampled spring would drive on without end: the tank as it comes gives its millijoule and no more."""
+    """A fall that a sampled spring would drive on without end: the tank as it comes gives its millijoule and no
+    more.
+    """
     seen = []
 
     class Watched(HapticRendering):
@@ -142,7 +154,9 @@ def test_the_default_tank_acts_for_light_devices(mass: float) -> None:
             return seen[-1]
 
     energy = drop(Watched(Uniform(Properties(1500.0)), HapticSettings(Hooke(), passivity=EnergyTank())), mass, 20_000)
-    wild = drop(HapticRendering(Uniform(Properties(1500.0)), HapticSettings(Hooke(), passivity=Observer(0.0))), mass, 20_000)
+    wild = drop(
+        HapticRendering(Uniform(Properties(1500.0)), HapticSettings(Hooke(), passivity=Observer(0.0))), mass, 20_000
+    )
     late = 0.5 * (1500.0 * 0.1 * np.sqrt(mass / 1500.0) + 2.0) ** 2 / mass * PERIOD**2
     assert energy.max() < energy[0] + EnergyTank().filling + late
     assert wild.max() > energy[0] + 10 * EnergyTank().filling

@@ -89,7 +89,9 @@ def test_nyquist_against_roots_without_delay() -> None:
     for stiffness in (200.0, 2000.0, 20_000.0, 80_000.0):
         for hand in (0.1, 1.0, 8.0):
             o, e = Teleoperator(delay=0.0, hand_damping=hand), Environment(stiffness, 0.5)
-            slave = np.array([o.slave_mass, o.slave_damping + o.coupling_damping + e.damping, o.coupling_stiffness + stiffness])
+            slave = np.array(
+                [o.slave_mass, o.slave_damping + o.coupling_damping + e.damping, o.coupling_stiffness + stiffness]
+            )
             master = np.array([o.moving_mass, o.master_damping + hand, o.hand_stiffness])
             reflected = np.polymul([e.damping, stiffness], [o.coupling_damping, o.coupling_stiffness])
             expected = bool((np.roots(np.polyadd(np.polymul(slave, master), reflected)).real < 0).all())
@@ -156,14 +158,24 @@ def test_environment_from_a_map() -> None:
     assert Environment.at(Uniform(Properties(700.0, 8.0)), 0, 0) == Environment(700.0, 8.0)
 
 
-@pytest.mark.parametrize(("bad", "match"), [
-    ({"master_damping": 0.0, "hand_damping": 0.0}, "without damping on a delayed line"),
-    ({"hand_stiffness": -1.0}, "hand_stiffness"),
-    ({"master_mass": 0.0}, "master_mass"), ({"slave_mass": np.nan}, "slave_mass"), ({"delay": -0.1}, "delay"),
-    ({"coupling_damping": -1.0}, "coupling_damping"), ({"coupling_stiffness": 0.0}, "hold"), ({"period": 0.0}, "period"),
-    ({"coupling_damping": 5000.0}, "too strong"), ({"most_damping": 5000.0}, "most_damping"),
-    ({"tank": 0.0}, "tank"), ({"slave_mass": "2"}, "slave_mass"), ({"delay": None}, "delay"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("bad", "match"),
+    [
+        ({"master_damping": 0.0, "hand_damping": 0.0}, "without damping on a delayed line"),
+        ({"hand_stiffness": -1.0}, "hand_stiffness"),
+        ({"master_mass": 0.0}, "master_mass"),
+        ({"slave_mass": np.nan}, "slave_mass"),
+        ({"delay": -0.1}, "delay"),
+        ({"coupling_damping": -1.0}, "coupling_damping"),
+        ({"coupling_stiffness": 0.0}, "hold"),
+        ({"period": 0.0}, "period"),
+        ({"coupling_damping": 5000.0}, "too strong"),
+        ({"most_damping": 5000.0}, "most_damping"),
+        ({"tank": 0.0}, "tank"),
+        ({"slave_mass": "2"}, "slave_mass"),
+        ({"delay": None}, "delay"),
+    ],
+)
 def test_a_line_that_makes_no_sense_is_refused(bad: dict[str, Any], match: str) -> None:
     with pytest.raises(InputError, match=match):
         Teleoperator(**bad)

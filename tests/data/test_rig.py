@@ -135,7 +135,11 @@ def test_a_rig_can_not_be_changed(tmp_path: Path) -> None:
         ('[robot]\nmodel = "ur5"\ngravity = [0, 0, inf]', "gravity", "finite numbers"),
         ("[robot]\nmodel = 5", "[robot] model = 5", "string"),
         ('[robot]\nmodel = "x"\njoints = "joint_1"', "joints = 'joint_1'", "a list"),
-        ('[robot]\nmodel = "x"\ncompliance = [[1, 0, 0], [0, 1, 0]]', "compliance = [[1, 0, 0], [0, 1, 0]]", "a list of 3"),
+        (
+            '[robot]\nmodel = "x"\ncompliance = [[1, 0, 0], [0, 1, 0]]',
+            "compliance = [[1, 0, 0], [0, 1, 0]]",
+            "a list of 3",
+        ),
         # surfaces that are none
         ("[surface]\npoint = [0, 0, 0]\nnormal = [0, 0, 0]", "normal", "not of zero length"),
         ("[surface]\npoint = [0, 0, 0]\nnormal = [0, 0, 1]\ntangent = [0, 0, 0]", "tangent", "not of zero length"),
@@ -248,7 +252,21 @@ VALUES: st.SearchStrategy[Any] = st.recursive(
     lambda inner: st.lists(inner, max_size=7) | st.dictionaries(st.text(max_size=8), inner, max_size=4),
     max_leaves=8,
 )
-KEYS = ("model", "mass", "com", "point", "normal", "tangent", "mesh", "noise", "crosstalk", "bias", "column", "unit", "q")
+KEYS = (
+    "model",
+    "mass",
+    "com",
+    "point",
+    "normal",
+    "tangent",
+    "mesh",
+    "noise",
+    "crosstalk",
+    "bias",
+    "column",
+    "unit",
+    "q",
+)
 
 
 @settings(max_examples=300, deadline=None)

@@ -39,8 +39,11 @@ def test_a_stream_is_frozen_and_checked() -> None:
         s.values[0] = 5
     with pytest.raises(dataclasses.FrozenInstanceError):
         s.name = "other"  # type: ignore[misc]
-    for t, values, found in (([], np.empty((0, 1)), "no samples"), ([0, np.nan], [1, 2], "not a number in sample 2"),
-                             ([0, 1], [1, 2, 3], "shape")):  # fmt: skip
+    for t, values, found in (
+        ([], np.empty((0, 1)), "no samples"),
+        ([0, np.nan], [1, 2], "not a number in sample 2"),
+        ([0, 1], [1, 2, 3], "shape"),
+    ):
         with pytest.raises(InputError, match=found):
             stream(t, values)
 

@@ -43,9 +43,12 @@ class Tester:
         contact = {"depth": self.depth.copy(), "normal_force": force + NOISE * rng.standard_normal(len(force))}
         if rub is not None:
             zero = np.zeros_like(force)
-            contact |= {"slip1": self.slip.copy(), "slip2": zero,
-                        "tangential_force1": rub + NOISE * rng.standard_normal(len(force)),
-                        "tangential_force2": NOISE * rng.standard_normal(len(force))}  # fmt: skip
+            contact |= {
+                "slip1": self.slip.copy(),
+                "slip2": zero,
+                "tangential_force1": rub + NOISE * rng.standard_normal(len(force)),
+                "tangential_force2": NOISE * rng.standard_normal(len(force)),
+            }
         return kinid.Log(t=self.t.copy(), contact=contact, phase=self.phase if phase else None)
 
     def kelvin_voigt(self) -> Array:
@@ -55,8 +58,15 @@ class Tester:
     def relaxing(self) -> Array:
         """The same, and a share of the spring's force decays; solved to 1e-9 at steps of its own."""
         elastic = CubicSpline(self.t, STIFFNESS * np.maximum(self.depth, 0.0))
-        flow = solve_ivp(lambda t, y: (elastic(t) - y) / DECAY, (self.t[0], self.t[-1]), [0.0], t_eval=self.t, rtol=1e-9,
-                         atol=1e-9, max_step=0.02)  # fmt: skip
+        flow = solve_ivp(
+            lambda t, y: (elastic(t) - y) / DECAY,
+            (self.t[0], self.t[-1]),
+            [0.0],
+            t_eval=self.t,
+            rtol=1e-9,
+            atol=1e-9,
+            max_step=0.02,
+        )
         spring = np.maximum(STIFFNESS * self.depth - SHARE * flow.y[0], 0.0)
         return np.where(self.depth > 0, spring + DAMPING * self.rate, 0.0)
 
@@ -80,8 +90,14 @@ def _moves() -> Tester:
         at = k * touch
         knots += [at, at + 0.4, at + 0.4 + fast, at + 2.0, at + 3.5, at + 3.5 + fast]
         heights += [-1e-3, -1e-3, deep, deep, deep, -1e-3]
-        names += [(at, "free"), (at + 0.4, "approach"), (at + 0.4 + fast, "hold"), (at + 2.0, "slide"), (at + 3.5, "retract"),
-                  (at + 3.5 + fast, "free")]  # fmt: skip
+        names += [
+            (at, "free"),
+            (at + 0.4, "approach"),
+            (at + 0.4 + fast, "hold"),
+            (at + 2.0, "slide"),
+            (at + 3.5, "retract"),
+            (at + 3.5 + fast, "free"),
+        ]
     fine = np.arange(round(4 * touch * RATE)) / RATE
     from scipy.ndimage import gaussian_filter1d
 

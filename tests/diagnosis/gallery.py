@@ -1,4 +1,6 @@
-"""Reports on measured logs as pages; `make gallery` keeps them. They hold measured samples: no part of the repository."""
+"""Reports on measured logs as pages; `make gallery` keeps them. They hold measured samples: no part of the
+repository.
+"""
 
 from __future__ import annotations
 
@@ -22,10 +24,15 @@ def keep(found: Diagnosis, name: str) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / f"{name}.html", page)
     write_text(folder / f"{name}.txt", _line(found))
-    rows = "".join(f'<li><a href="{html.escape(p.stem)}.html">{html.escape(p.stem)}</a>: {html.escape(p.read_text("utf-8"))}</li>'
-                   for p in sorted(folder.glob("*.txt")))  # fmt: skip
-    write_text(folder / "index.html", f"<!doctype html><meta charset=utf-8><meta name=viewport content='width=device-width'>"
-               f"<title>Diagnoses of measured logs</title><h1>Diagnoses of measured logs</h1><ul>{rows}</ul>")  # fmt: skip
+    rows = "".join(
+        f'<li><a href="{html.escape(p.stem)}.html">{html.escape(p.stem)}</a>: {html.escape(p.read_text("utf-8"))}</li>'
+        for p in sorted(folder.glob("*.txt"))
+    )
+    write_text(
+        folder / "index.html",
+        f"<!doctype html><meta charset=utf-8><meta name=viewport content='width=device-width'>"
+        f"<title>Diagnoses of measured logs</title><h1>Diagnoses of measured logs</h1><ul>{rows}</ul>",
+    )
 
 
 def _line(found: Diagnosis) -> str:

@@ -47,13 +47,18 @@ def short(tester: Tester, rows: slice = slice(None), **columns: Any) -> kinid.Lo
     """Part of a log of depth and force, with columns replaced; None takes one away."""
     log = tester.log(tester.kelvin_voigt())
     contact = {name: values for name, values in {**log.contact, **columns}.items() if values is not None}
-    return kinid.Log(t=log.t[rows], contact={name: values[rows] for name, values in contact.items()}, phase=log.phase[rows])
+    return kinid.Log(
+        t=log.t[rows], contact={name: values[rows] for name, values in contact.items()}, phase=log.phase[rows]
+    )
 
 
-# ------------------------------------------------------------------------------------------------ what a user does with it
+# ------------------------------------------------------------------------------------------------ what a user does with
+# it
 
 
-def test_the_effect_is_found_added_and_the_error_falls_to_the_noise(fit: Fit, found: Diagnosis, relaxing_log: kinid.Log) -> None:
+def test_the_effect_is_found_added_and_the_error_falls_to_the_noise(
+    fit: Fit, found: Diagnosis, relaxing_log: kinid.Log
+) -> None:
     assert found.verdict == "missing"
     assert found.added == ("relaxation",)
     touch = kinid.contact_series(relaxing_log, RIG)
@@ -64,7 +69,8 @@ def test_the_effect_is_found_added_and_the_error_falls_to_the_noise(fit: Fit, fo
         for p in (better[f"relaxation.{name}"], found["relaxation"].parameters[f"{name}"]):
             assert abs(p.value - truth) < 3 * (p.high - p.low) / 2
             assert p.high - p.low < 0.1 * truth
-    # noise of 0.02 N, and of 4 000 samples of three channels nothing but that: 10 % is for the corners of a rubbing tool
+    # noise of 0.02 N, and of 4 000 samples of three channels nothing but that: 10 % is for the corners of a rubbing
+    # tool
     assert found.steps[-1].held_out == pytest.approx(NOISE, rel=0.1)
     assert found.noise_floor == pytest.approx(NOISE, rel=0.1)
 
@@ -90,8 +96,17 @@ def test_nothing_is_missing_where_nothing_is(nothing: Diagnosis) -> None:
 
 def test_what_no_slip_can_show_is_not_called_absent(nothing: Diagnosis) -> None:
     """No slip, no tangential force, no robot."""
-    for name in ("coulomb-friction", "viscous-friction", "presliding", "friction-anisotropy", "stiffness-inhomogeneity",
-                 "tool-mass", "sensor-crosstalk", "joint-coulomb-friction", "payload"):  # fmt: skip
+    for name in (
+        "coulomb-friction",
+        "viscous-friction",
+        "presliding",
+        "friction-anisotropy",
+        "stiffness-inhomogeneity",
+        "tool-mass",
+        "sensor-crosstalk",
+        "joint-coulomb-friction",
+        "payload",
+    ):
         assert nothing[name].verdict == "not-excited", name
 
 
@@ -153,8 +168,12 @@ def test_facts_as_json(found: Diagnosis, nothing: Diagnosis) -> None:
             assert {"channel", "phase", "share", "says"} <= set(cell)
             assert 0 <= cell["share"] <= 1
         for effect in facts["effects"]:
-            assert {"id", "verdict", "evidence", "equivalent_to", "held_out_gain", "parameters", "separate_by"} <= set(effect)
-            assert effect["evidence"] is None or isinstance(effect["evidence"], float | int)  # None for marks in the samples
+            assert {"id", "verdict", "evidence", "equivalent_to", "held_out_gain", "parameters", "separate_by"} <= set(
+                effect
+            )
+            assert effect["evidence"] is None or isinstance(
+                effect["evidence"], float | int
+            )  # None for marks in the samples
             assert isinstance(effect["separate_by"], str)
             for p in effect["parameters"].values():
                 assert set(p) == {"value", "low", "high", "unit"}
@@ -231,14 +250,17 @@ def test_what_was_given_stays_as_it_was(relaxing_log: kinid.Log) -> None:
     assert model.names == ("kelvin-voigt", "coulomb-friction")
 
 
-# ------------------------------------------------------------------------------------------------------- what is asked for
+# ------------------------------------------------------------------------------------------------------- what is asked
+# for
 
 
 def test_a_name_for_several_effects_can_be_forced(tester: Tester) -> None:
     """What the model has of them is no twin."""
     force = tester.kelvin_voigt()
     model = kinid.Model("kelvin-voigt", "coulomb-friction")
-    found = kinid.diagnose(tester.log(force, tester.rubbing(force)), RIG, model=model, add=["dahl-friction"], max_effects=1)
+    found = kinid.diagnose(
+        tester.log(force, tester.rubbing(force)), RIG, model=model, add=["dahl-friction"], max_effects=1
+    )
     assert found.added == ("presliding",)
 
 
@@ -259,7 +281,9 @@ def test_what_is_printed_is_what_a_reader_wants(found: Diagnosis) -> None:
 
 def test_an_effect_can_be_forced(tester: Tester) -> None:
     """Nothing asks for it: it joins, and the held-out error doesn't fall."""
-    result = kinid.diagnose(tester.log(tester.kelvin_voigt()), RIG, model=kinid.Model("kelvin-voigt"), add=["relaxation"])
+    result = kinid.diagnose(
+        tester.log(tester.kelvin_voigt()), RIG, model=kinid.Model("kelvin-voigt"), add=["relaxation"]
+    )
     assert result.added == ("relaxation",)
     assert "relaxation" in result.best
     assert result.steps[1].held_out == pytest.approx(result.steps[0].held_out, rel=0.01)
@@ -270,7 +294,9 @@ def test_an_effect_can_be_forced(tester: Tester) -> None:
 def test_forced_effects_may_need_one_another(tester: Tester) -> None:
     force = tester.kelvin_voigt()
     log = tester.log(force, tester.rubbing(force))
-    result = kinid.diagnose(log, RIG, model=kinid.Model("kelvin-voigt"), add=["coulomb-friction", "presliding"], max_effects=2)
+    result = kinid.diagnose(
+        log, RIG, model=kinid.Model("kelvin-voigt"), add=["coulomb-friction", "presliding"], max_effects=2
+    )
     assert result.added == ("coulomb-friction", "presliding")
     assert result["coulomb-friction"].parameters["coefficient"].value == pytest.approx(0.4, rel=0.02)
 
@@ -323,7 +349,9 @@ def test_names_are_checked(fit: Fit, tester: Tester) -> None:
     refused("coulomb-friction", "each effect once", data=fit, add=["coulomb-friction"])
     refused("bases", data=fit, add=["hertz"])
     refused("joint torques", "leave it out", data=fit, add=["joint-coulomb-friction"])
-    refused("lacks the channels", "leave it out", data=short(tester), model=kinid.Model("hooke"), add=["sensor-crosstalk"])
+    refused(
+        "lacks the channels", "leave it out", data=short(tester), model=kinid.Model("hooke"), add=["sensor-crosstalk"]
+    )
 
 
 def test_an_effect_that_needs_another_is_refused(tester: Tester) -> None:

@@ -1,4 +1,6 @@
-"""The report and the terminal say what the diagnosis holds, and no file's name or effect's text gets out of its quotes."""
+"""The report and the terminal say what the diagnosis holds, and no file's name or effect's text gets out of its
+quotes.
+"""
 
 from __future__ import annotations
 
@@ -38,25 +40,54 @@ def found() -> Diagnosis:
     rate = np.gradient(depth, 1 / 400)
     force = np.where(depth > 0, 800 * depth + 12 * rate, 0.0) + NOISE * rng.standard_normal(n)
     pair = np.stack([6e-3 * np.sin(0.3 * t), np.zeros(n)])
-    signals = Signals(Layout(("normal_force",), "contact"), t, np.diff(t, prepend=0.0), depth, rate, pair,
-                      np.gradient(pair, 1 / 400, axis=1), measured=force[None])  # fmt: skip
-    experiment = Experiment(signals, force[None], np.ones(n, np.bool_), np.array([NOISE]), None, depth > 0, np.arange(n))
+    signals = Signals(
+        Layout(("normal_force",), "contact"),
+        t,
+        np.diff(t, prepend=0.0),
+        depth,
+        rate,
+        pair,
+        np.gradient(pair, 1 / 400, axis=1),
+        measured=force[None],
+    )
+    experiment = Experiment(
+        signals, force[None], np.ones(n, np.bool_), np.array([NOISE]), None, depth > 0, np.arange(n)
+    )
     model, best = Model("hooke"), Model("hooke", "viscous-damping")
     fits = [fit_model(m, experiment) for m in (model, best)]
     before, after = (held_out_residual(f.state) for f in fits)
     names = (None, "viscous-damping")
-    steps = tuple(Step(added, f.model.names, f.error.train, f.error.held_out, explained)
-                  for added, f, explained in zip(names, fits, (0.0, 0.993)))  # fmt: skip
+    steps = tuple(
+        Step(added, f.model.names, f.error.train, f.error.held_out, explained)
+        for added, f, explained in zip(names, fits, (0.0, 0.993))
+    )
     damping = {"damping": dataclasses.replace(fits[1]["damping"], high=float("inf"))}
     effects = (
         EffectVerdict("adhesion", "not-excited", 0.0, (), 0.0, {}, "a slow retraction " + SPITE, "nothing pulls"),
         EffectVerdict("relaxation", "absent", -7.5, (), 0.0, {}, "", "no decay"),
-        EffectVerdict("viscous-damping", "present", 812.4, ("hunt-crossley-damping",), 0.05, damping, "several depths", "loops"),
+        EffectVerdict(
+            "viscous-damping", "present", 812.4, ("hunt-crossley-damping",), 0.05, damping, "several depths", "loops"
+        ),
     )
     return Diagnosis(
-        model, best, "missing", SPITE, ("viscous-damping",), steps, fits[0].error.noise_floor, "N",
-        where(experiment, before, experiment.noise), where(experiment, after, experiment.noise),
-        lack_of_fit(fits[1].state, after), effects, experiment, before, after, fits[1], ("the log is short",))  # fmt: skip
+        model,
+        best,
+        "missing",
+        SPITE,
+        ("viscous-damping",),
+        steps,
+        fits[0].error.noise_floor,
+        "N",
+        where(experiment, before, experiment.noise),
+        where(experiment, after, experiment.noise),
+        lack_of_fit(fits[1].state, after),
+        effects,
+        experiment,
+        before,
+        after,
+        fits[1],
+        ("the log is short",),
+    )
 
 
 class Outline(HTMLParser):
@@ -70,7 +101,9 @@ class Outline(HTMLParser):
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         if tag not in ("meta", "link", "br", "img"):
             self.open.append(tag)
-        self.asks += [value for name, value in attrs if name in ("src", "href") and value and not value.startswith("data:")]
+        self.asks += [
+            value for name, value in attrs if name in ("src", "href") and value and not value.startswith("data:")
+        ]
 
     def handle_endtag(self, tag: str) -> None:
         assert self.open.pop() == tag, f"</{tag}> closes something else"
@@ -97,8 +130,17 @@ def test_the_page_tells_what_was_found_and_asks_nobody(found: Diagnosis) -> None
         assert effect.id in page.text
         assert effect.says in page.text
         assert effect.separate_by in page.text
-    for word in ("812", "as good: hunt-crossley-damping", "N·s/m", "open]", "the log is short", "8000 samples", "400 Hz",
-                 "rows 8000", found.fit.equation().splitlines()[1]):  # fmt: skip
+    for word in (
+        "812",
+        "as good: hunt-crossley-damping",
+        "N·s/m",
+        "open]",
+        "the log is short",
+        "8000 samples",
+        "400 Hz",
+        "rows 8000",
+        found.fit.equation().splitlines()[1],
+    ):
         assert word in page.text, word
 
 
@@ -110,7 +152,9 @@ def test_text_stays_text(found: Diagnosis) -> None:
 
 
 def test_after_is_left_out_where_nothing_was_added(found: Diagnosis) -> None:
-    alone = dataclasses.replace(found, best=found.model, verdict="unexplained", added=(), steps=found.steps[:1], effects=())
+    alone = dataclasses.replace(
+        found, best=found.model, verdict="unexplained", added=(), steps=found.steps[:1], effects=()
+    )
     text = Outline(diagnosis_page(alone, "log")).text
     assert "Unexplained." in text
     assert "after (" not in text
@@ -155,11 +199,19 @@ def test_pictures_show_the_numbers(found: Diagnosis) -> None:
     np.testing.assert_allclose(np.subtract(measured.y, before.y), found.residual[0][rows], atol=1e-5)
     phase, *divided = multiples(shown, 0)
     headings = [heading for heading, _ in divided]
-    assert headings == ["depth [mm]", "speed of pressing [mm/s]", "speed of sliding [mm/s]", "direction", "place on the surface",
-                        "frequency [Hz]", "time [s]"]  # fmt: skip
+    assert headings == [
+        "depth [mm]",
+        "speed of pressing [mm/s]",
+        "speed of sliding [mm/s]",
+        "direction",
+        "place on the surface",
+        "frequency [Hz]",
+        "time [s]",
+    ]
     bars = {trace.name: dict(zip(trace.x, trace.y)) for trace in phase[1].data}
     inside = found.experiment.in_contact
-    # what moves in contact is a poke but for touches too brief to tell: the root mean square there is the poke's to a few percent
+    # what moves in contact is a poke but for touches too brief to tell: the root mean square there is the poke's to a
+    # few percent
     assert bars["before"]["pokes"] == pytest.approx(np.sqrt(np.mean(found.residual[0][inside] ** 2)), rel=0.05)
     assert bars["after"]["pokes"] == pytest.approx(NOISE, rel=0.05)
     for heading, loop in loops(shown):
@@ -196,10 +248,26 @@ def test_the_terminal_tells_the_same(found: Diagnosis, capsys: pytest.CaptureFix
     ("verdict", "added", "begins"),
     [
         ("adequate", (), "The model is adequate: the held-out error is 0.5 N, and noise alone is 0.03 N."),
-        ("missing", ("relaxation",), "The model lacks relaxation: with it the held-out error falls from 0.5 to 0.1 N; noise"),
-        ("missing", ("a", "b", "c"), "The model lacks a, b and c: with them the held-out error falls from 0.5 to 0.1 N; noise"),
-        ("unexplained", (), "Something is missing that the catalogue does not hold: the held-out error is 0.5 N; noise"),
-        ("unexplained", ("a",), "Something is missing that the catalogue does not hold. a helps, but does not suffice: the"),
+        (
+            "missing",
+            ("relaxation",),
+            "The model lacks relaxation: with it the held-out error falls from 0.5 to 0.1 N; noise",
+        ),
+        (
+            "missing",
+            ("a", "b", "c"),
+            "The model lacks a, b and c: with them the held-out error falls from 0.5 to 0.1 N; noise",
+        ),
+        (
+            "unexplained",
+            (),
+            "Something is missing that the catalogue does not hold: the held-out error is 0.5 N; noise",
+        ),
+        (
+            "unexplained",
+            ("a",),
+            "Something is missing that the catalogue does not hold. a helps, but does not suffice: the",
+        ),
     ],
 )
 def test_headlines(found: Diagnosis, verdict: str, added: tuple[str, ...], begins: str) -> None:
@@ -210,30 +278,47 @@ def test_headlines(found: Diagnosis, verdict: str, added: tuple[str, ...], begin
 
 def test_what_was_forced_and_brings_nothing_is_not_lacking(found: Diagnosis) -> None:
     idle = dataclasses.replace(found.effects[0], id="relaxation", verdict="not-excited", equivalent_to=())
-    steps = tuple(Step(name, ("hooke",), error, error) for name, error in ((None, 0.5), ("hysteresis", 0.1), ("relaxation", 0.1)))
+    steps = tuple(
+        Step(name, ("hooke",), error, error) for name, error in ((None, 0.5), ("hysteresis", 0.1), ("relaxation", 0.1))
+    )
     result = dataclasses.replace(found, added=("hysteresis", "relaxation"), effects=(idle,), steps=steps)
-    assert headline(result).startswith("The model lacks hysteresis: with all that was added the held-out error falls from 0.5 to")
+    assert headline(result).startswith(
+        "The model lacks hysteresis: with all that was added the held-out error falls from 0.5 to"
+    )
 
 
 def test_what_is_left_is_said_with_what_may_be(found: Diagnosis) -> None:
-    """Noise for noise; else its size beside noise, as a share of the reading, how long it remembers itself, and the tolerance."""
+    """Noise for noise; else its size beside noise, as a share of the reading, how long it remembers itself, and the
+    tolerance.
+    """
     rms, allowed = f"{found.left.rms:.3g}", f"{found.left.tolerance:.3g}"
     assert leftover(found) == f"{rms} N are left, and noise explains them. The tolerance is {allowed} N."
     left = dataclasses.replace(found.left, rms=0.5, noise=0.3, excess=0.4, reading=4.0, memory=0.126, tolerance=0.08)
     assert leftover(dataclasses.replace(found, left=left)) == (
         "0.5 N are left. Beside noise they are 0.4 N, 10 % of the reading, and remember themselves for 0.13 s. "
-        "The tolerance is 0.08 N.")  # fmt: skip
+        "The tolerance is 0.08 N."
+    )
 
 
 def test_a_stand_in_is_said_to_be_one(found: Diagnosis, capsys: pytest.CaptureFixture[str]) -> None:
     """On the page, on the terminal and in the first line; the other addition, which is none, still helps."""
     damping = found.effects[-1]
-    follows = dataclasses.replace(damping, id="hysteresis", verdict="indistinguishable", equivalent_to=(), separate_by="",
-                                  says="it takes off less than it leaves", stand_in=True)  # fmt: skip
+    follows = dataclasses.replace(
+        damping,
+        id="hysteresis",
+        verdict="indistinguishable",
+        equivalent_to=(),
+        separate_by="",
+        says="it takes off less than it leaves",
+        stand_in=True,
+    )
     steps = (*found.steps, dataclasses.replace(found.steps[-1], added="hysteresis"))
-    result = dataclasses.replace(found, verdict="unexplained", added=("viscous-damping", "hysteresis"), steps=steps,
-                                 effects=(damping, follows))  # fmt: skip
-    says = "viscous-damping or hunt-crossley-damping helps, but does not suffice, and hysteresis is a stand-in for it: the"
+    result = dataclasses.replace(
+        found, verdict="unexplained", added=("viscous-damping", "hysteresis"), steps=steps, effects=(damping, follows)
+    )
+    says = (
+        "viscous-damping or hunt-crossley-damping helps, but does not suffice, and hysteresis is a stand-in for it: the"
+    )
     assert f"does not hold. {says}" in headline(result)
     alone = dataclasses.replace(result, added=("hysteresis",), steps=found.steps, effects=(follows,))
     assert "does not hold. hysteresis is a stand-in for it: the" in headline(alone)
@@ -255,20 +340,28 @@ def test_marks_in_the_samples_have_no_evidence(found: Diagnosis, capsys: pytest.
     assert "inf" not in Outline(diagnosis_page(result, "log")).text.replace("infinite", "").replace("information", "")
 
 
-@pytest.mark.parametrize(("last", "says"), [
-    (0.5, "helps, but does not suffice: the held-out error falls from 1 to 0.5 N"),
-    (0.998, "-damping does not suffice: the held-out error stays 1 N"),
-    (1.2, "-damping does not suffice: the held-out error rises from 1 to 1.2 N"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("last", "says"),
+    [
+        (0.5, "helps, but does not suffice: the held-out error falls from 1 to 0.5 N"),
+        (0.998, "-damping does not suffice: the held-out error stays 1 N"),
+        (1.2, "-damping does not suffice: the held-out error rises from 1 to 1.2 N"),
+    ],
+)
 def test_an_error_that_does_not_fall_is_not_said_to(found: Diagnosis, last: float, says: str) -> None:
     steps = tuple(dataclasses.replace(step, held_out=error) for step, error in zip(found.steps, (1.0, last)))
     assert says in headline(dataclasses.replace(found, verdict="unexplained", steps=steps))
 
 
-@pytest.mark.parametrize(("errors", "said"), [((1.0, 1.2, 0.1), True), ((1.0, 0.6, 0.1), False), ((1.0, 0.1, 0.2), False)])
+@pytest.mark.parametrize(
+    ("errors", "said"), [((1.0, 1.2, 0.1), True), ((1.0, 0.6, 0.1), False), ((1.0, 0.1, 0.2), False)]
+)
 def test_a_rung_that_rises_says_that_it_helps_beside_the_next(
-        found: Diagnosis, errors: tuple[float, ...], said: bool, capsys: pytest.CaptureFixture[str]) -> None:  # fmt: skip
-    steps = tuple(Step(name, ("hooke",), error, error) for name, error in zip((None, "relaxation", "hysteresis"), errors))
+    found: Diagnosis, errors: tuple[float, ...], said: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    steps = tuple(
+        Step(name, ("hooke",), error, error) for name, error in zip((None, "relaxation", "hysteresis"), errors)
+    )
     show_diagnosis(dataclasses.replace(found, added=("relaxation", "hysteresis"), steps=steps))
     lines = capsys.readouterr().out.splitlines()
     first, last = (next(line for line in lines if f"+ {name}" in line) for name in ("relaxation", "hysteresis"))
@@ -276,8 +369,15 @@ def test_a_rung_that_rises_says_that_it_helps_beside_the_next(
     assert ("helps only as readings are weighed" in last) is (errors[2] > errors[1])
 
 
-@pytest.mark.parametrize(("value", "low", "high", "says"), [
-    (1e-6, 1e-6, 3e-5, "at most 3e-05"), (4.0, 2.0, 4.0, "at least 2"), (3.0, 2.0, 4.0, ""), (3.0, 3.0, 3.0, ""),
-    (3.0, -np.inf, np.inf, "")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("value", "low", "high", "says"),
+    [
+        (1e-6, 1e-6, 3e-5, "at most 3e-05"),
+        (4.0, 2.0, 4.0, "at least 2"),
+        (3.0, 2.0, 4.0, ""),
+        (3.0, 3.0, 3.0, ""),
+        (3.0, -np.inf, np.inf, ""),
+    ],
+)
 def test_an_estimate_at_the_end_of_its_interval_has_one_side(value: float, low: float, high: float, says: str) -> None:
     assert one_sided(FittedParameter("presliding.length", value, low, high, "m"), "{:g}".format) == says

@@ -60,8 +60,8 @@ def test_what_is_remembered_over_a_gap_is_not_held_against_the_model(begins: flo
 
 @pytest.mark.parametrize("lost", [(13.2, 15.6), (19.0, 21.9), (-1.0, 4.0)])
 def test_a_loop_whose_beginning_is_lost_is_a_loop(lost: tuple[float, float]) -> None:
-    """A loop over depth, F (1 + 0.2 z); samples lost from the air until deep in the material, or a log that begins there: how z
-    got there isn't known.
+    """A loop over depth, F (1 + 0.2 z); samples lost from the air until deep in the material, or a log that begins
+    there: how z got there isn't known.
     """
     t, depth, _ = motion(250.0)
     z = np.zeros_like(t)
@@ -79,11 +79,15 @@ def test_a_loop_whose_beginning_is_lost_is_a_loop(lost: tuple[float, float]) -> 
 
 
 def test_a_material_remembers_over_short_gaps() -> None:
-    """A sixth of a second lost in every other touch: relaxation is found as in the whole log, with rows or readings gone."""
+    """A sixth of a second lost in every other touch: relaxation is found as in the whole log, with rows or readings
+    gone.
+    """
     whole = poked()
     gone = (whole.t % 12.0 > 3.4) & (whole.t % 12.0 < 3.57)
     rows = kinid.Log(t=whole.t[~gone], contact={name: x[~gone] for name, x in whole.contact.items()})
-    cells = kinid.Log(t=whole.t, contact={**whole.contact, "normal_force": np.where(gone, np.nan, whole.contact["normal_force"])})
+    cells = kinid.Log(
+        t=whole.t, contact={**whole.contact, "normal_force": np.where(gone, np.nan, whole.contact["normal_force"])}
+    )
     told = []
     for log in (whole, rows, cells):
         found = kinid.diagnose(log, RIG, model=kinid.Model("kelvin-voigt"))
@@ -104,7 +108,9 @@ def test_friction_that_turns_at_once_is_within_the_catalogue(rate: float, shaky:
     depth = np.where(t % 6.0 < 1.0, -2e-3, 4e-3 + 1e-3 * np.sin(2 * np.pi * 0.7 * t))
     depth = np.convolve(np.pad(depth, 25, mode="edge"), np.ones(51) / 51, mode="valid")
     far = np.array([4e-3, 9e-3, 2e-3])[(t // 3.0).astype(int) % 3]
-    speed = np.where(t % 3.0 < 2.0, np.pi * far * np.sin(2 * np.pi * t), 0.0)  # there and back, twice, and a second of rest
+    speed = np.where(
+        t % 3.0 < 2.0, np.pi * far * np.sin(2 * np.pi * t), 0.0
+    )  # there and back, twice, and a second of rest
     slip, press = np.cumsum(speed) / rate, np.gradient(depth, t)
     sign = np.where(np.abs(speed) > 2e-4, np.sign(speed), 0.0)
     last = np.maximum.accumulate(np.where(sign != 0, np.arange(len(t)), 0))
@@ -113,12 +119,17 @@ def test_friction_that_turns_at_once_is_within_the_catalogue(rate: float, shaky:
     normal = np.where(depth > 0, np.maximum(STIFFNESS * depth + DAMPING * press, 0.0), 0.0)
     rng = np.random.default_rng(5)
     zero = np.zeros_like(t)
-    log = kinid.Log(t=t, contact={
-        "depth": depth, "slip1": slip + shaky * rng.standard_normal(len(t)), "slip2": zero,
-        "normal_force": normal + NOISE * rng.standard_normal(len(t)),
-        "tangential_force1": -MU * normal * sign + NOISE * rng.standard_normal(len(t)),
-        "tangential_force2": NOISE * rng.standard_normal(len(t)),
-    })  # fmt: skip
+    log = kinid.Log(
+        t=t,
+        contact={
+            "depth": depth,
+            "slip1": slip + shaky * rng.standard_normal(len(t)),
+            "slip2": zero,
+            "normal_force": normal + NOISE * rng.standard_normal(len(t)),
+            "tangential_force1": -MU * normal * sign + NOISE * rng.standard_normal(len(t)),
+            "tangential_force2": NOISE * rng.standard_normal(len(t)),
+        },
+    )
     found = kinid.diagnose(log, RIG, model=kinid.Model("kelvin-voigt", "coulomb-friction"))
     assert found.verdict == "missing"
     assert found.added[0] == "presliding"
@@ -156,7 +167,9 @@ def test_a_turned_depth_is_refused() -> None:
     assert [w for w in kinid.Model("hooke").fit(kinid.contact_series(turned, RIG)).warnings if "depth is negative" in w]
     # a surface that is stated 1.5 mm too deep leaves as much force outside as inside
     shifted = dataclasses.replace(log, contact={**log.contact, "depth": log.contact["depth"] - 1.5e-3})
-    assert not [w for w in kinid.Model("hooke").fit(kinid.contact_series(shifted, RIG)).warnings if "depth is negative" in w]
+    assert not [
+        w for w in kinid.Model("hooke").fit(kinid.contact_series(shifted, RIG)).warnings if "depth is negative" in w
+    ]
 
 
 def test_turned_tangential_forces_are_refused() -> None:
@@ -164,12 +177,20 @@ def test_turned_tangential_forces_are_refused() -> None:
     t = np.arange(0, 8, 2e-3)
     depth, speed = 2e-3 * np.sin(np.pi * t / 8), 0.02 * np.cos(2 * np.pi * t)
     rub = 0.5 * 800 * depth * np.tanh(speed / 1e-3)
-    contact = {"depth": depth, "normal_force": 800 * depth, "slip1": np.cumsum(speed) * 2e-3, "slip2": 0 * t,
-               "tangential_force1": rub, "tangential_force2": 0 * t}  # fmt: skip
+    contact = {
+        "depth": depth,
+        "normal_force": 800 * depth,
+        "slip1": np.cumsum(speed) * 2e-3,
+        "slip2": 0 * t,
+        "tangential_force1": rub,
+        "tangential_force2": 0 * t,
+    }
     rng = np.random.default_rng(5)
     noise = {name: contact[name] + NOISE * rng.standard_normal(len(t)) for name in contact if "force" in name}
     with pytest.raises(InputError, match="points along the slip"):
-        kinid.diagnose(kinid.Log(t=t, contact={**contact, **noise}), RIG, model=kinid.Model("hooke", "coulomb-friction"))
+        kinid.diagnose(
+            kinid.Log(t=t, contact={**contact, **noise}), RIG, model=kinid.Model("hooke", "coulomb-friction")
+        )
     right = kinid.Log(t=t, contact={**contact, **noise, "tangential_force1": -noise["tangential_force1"]})
     fit = kinid.Model("hooke", "coulomb-friction").fit(kinid.contact_series(right, RIG))
     assert not [w for w in fit.warnings if "along the slip" in w]
@@ -199,7 +220,9 @@ def test_a_reading_beyond_all_measure_is_refused() -> None:
 
 
 def test_a_damping_that_gives_energy_is_not_believed() -> None:
-    """A force that comes early looks like a dashpot that pushes: that stands in for a clock, and for the relaxation beside it."""
+    """A force that comes early looks like a dashpot that pushes: that stands in for a clock, and for the relaxation
+    beside it.
+    """
     found = kinid.diagnose(poked(late=-0.02), RIG, model=kinid.Model("hooke"))
     assert "time-offset" in found.added
     assert not {"viscous-damping", "hunt-crossley-damping"} & set(found.added)
@@ -236,7 +259,9 @@ def test_a_bias_beyond_what_calibration_is_trusted_to_is_told_beside_what_was_ad
 
 @pytest.mark.parametrize("size", [0.1, 0.4])
 def test_what_is_left_that_looks_like_an_effect_does_not_leave_it_absent(size: float) -> None:
-    """A pull at a tool that leaves, only within 0.8 mm of the surface: not the catalogue's adhesion, but no proof of none."""
+    """A pull at a tool that leaves, only within 0.8 mm of the surface: not the catalogue's adhesion, but no proof of
+    none.
+    """
     t, depth, speed = motion()
     force = np.where(depth > 0, np.maximum(STIFFNESS * depth + DAMPING * speed, 0.0), 0.0)
     force -= np.where((speed < 0) & (np.abs(depth) < 8e-4), size * (1.0 - (depth / 8e-4) ** 2), 0.0)
@@ -261,15 +286,23 @@ def test_a_tangential_force_without_its_slip_is_doubted() -> None:
     t = np.arange(0, 8, 4e-3)
     depth = 2e-3 * np.sin(np.pi * t / 8)
     rng = np.random.default_rng(2)
-    contact = {"depth": depth, "normal_force": 800 * depth + NOISE * rng.standard_normal(len(t)),
-               "slip1": 0.004 * np.sin(3 * t), "slip2": 0.003 * np.cos(2 * t),
-               "tangential_force1": -320 * depth * np.sign(np.cos(3 * t)) + NOISE * rng.standard_normal(len(t)),
-               "tangential_force2": 320 * depth * np.sign(np.sin(2 * t)) + NOISE * rng.standard_normal(len(t))}  # fmt: skip
+    contact = {
+        "depth": depth,
+        "normal_force": 800 * depth + NOISE * rng.standard_normal(len(t)),
+        "slip1": 0.004 * np.sin(3 * t),
+        "slip2": 0.003 * np.cos(2 * t),
+        "tangential_force1": -320 * depth * np.sign(np.cos(3 * t)) + NOISE * rng.standard_normal(len(t)),
+        "tangential_force2": 320 * depth * np.sign(np.sin(2 * t)) + NOISE * rng.standard_normal(len(t)),
+    }
     model = kinid.Model("hooke", "coulomb-friction")
 
     def doubts(without: str) -> list[str]:
         left = {name: values for name, values in contact.items() if name != without}
-        return [w for w in model.fit(kinid.contact_series(kinid.Log(t=t, contact=left), RIG)).warnings if "without slip" in w]
+        return [
+            w
+            for w in model.fit(kinid.contact_series(kinid.Log(t=t, contact=left), RIG)).warnings
+            if "without slip" in w
+        ]
 
     assert doubts("slip2")
     assert "tangential_force2 without slip2" in doubts("slip2")[0]
@@ -277,10 +310,17 @@ def test_a_tangential_force_without_its_slip_is_doubted() -> None:
     assert not doubts("tangential_force2")
 
 
-@pytest.mark.parametrize(("slips", "forces", "doubt"), [
-    ((1, 2), (1, 2), ""), ((2, 1), (1, 2), "are they exchanged?"), ((1, 2), (1,), "slip2 without tangential_force2"),
-])  # fmt: skip
-def test_exchanged_slips_and_a_missing_force_are_doubted(slips: tuple[int, ...], forces: tuple[int, ...], doubt: str) -> None:
+@pytest.mark.parametrize(
+    ("slips", "forces", "doubt"),
+    [
+        ((1, 2), (1, 2), ""),
+        ((2, 1), (1, 2), "are they exchanged?"),
+        ((1, 2), (1,), "slip2 without tangential_force2"),
+    ],
+)
+def test_exchanged_slips_and_a_missing_force_are_doubted(
+    slips: tuple[int, ...], forces: tuple[int, ...], doubt: str
+) -> None:
     """Friction against circles of slip, its columns mixed up or left out."""
     t = np.arange(5000) / 250.0
     rng = np.random.default_rng(7)
@@ -289,8 +329,12 @@ def test_exchanged_slips_and_a_missing_force_are_doubted(slips: tuple[int, ...],
     normal = np.where(depth > 0, 800.0 * depth, 0.0)
     contact = {"depth": depth, "normal_force": normal + 0.02 * rng.standard_normal(len(t))}
     contact |= {f"slip{i}": np.cumsum(rate[k - 1]) / 250.0 for i, k in zip((1, 2), slips)}
-    contact |= {f"tangential_force{i}": -0.4 * normal * rate[i - 1] / 0.01 + 0.02 * rng.standard_normal(len(t)) for i in forces}
-    found = kinid.diagnose(kinid.Log(t=t, contact=contact), RIG, model=kinid.Model("hooke", "coulomb-friction"), max_effects=0)
+    contact |= {
+        f"tangential_force{i}": -0.4 * normal * rate[i - 1] / 0.01 + 0.02 * rng.standard_normal(len(t)) for i in forces
+    }
+    found = kinid.diagnose(
+        kinid.Log(t=t, contact=contact), RIG, model=kinid.Model("hooke", "coulomb-friction"), max_effects=0
+    )
     told = [w for w in found.warnings if "exchanged" in w or "without tangential_force" in w]
     assert len(told) == bool(doubt)
     assert all(doubt in w for w in told)
@@ -321,8 +365,14 @@ def test_rivals_stand_in_the_first_line(tester: Tester) -> None:
     """A dead zone of the sensor is a surface elsewhere, or a soft skin: the first line must not choose."""
     log = tester.log(tester.kelvin_voigt())
     force = log.contact["normal_force"]
-    dead = dataclasses.replace(log, contact={**log.contact, "normal_force": np.sign(force) * np.maximum(np.abs(force) - 0.15, 0.0)
-                                             + NOISE * np.random.default_rng(1).standard_normal(len(force))})  # fmt: skip
+    dead = dataclasses.replace(
+        log,
+        contact={
+            **log.contact,
+            "normal_force": np.sign(force) * np.maximum(np.abs(force) - 0.15, 0.0)
+            + NOISE * np.random.default_rng(1).standard_normal(len(force)),
+        },
+    )
     found = kinid.diagnose(dead, RIG, model=kinid.Model("kelvin-voigt"))
     rivals = [e for name in found.added for e in found[name].equivalent_to]
     assert ("this log can't tell which" in headline(found)) == bool(rivals)

@@ -24,7 +24,11 @@ SEED = 2001
 
 def told(kind: str, *worlds: tuple[str, int, int]) -> list[Told]:
     """What is said of cases number `first` to `last` of a kind in each world."""
-    found = [run(Job(kind, number, SEED, world, refit=False)) for world, first, last in worlds for number in range(first, last)]
+    found = [
+        run(Job(kind, number, SEED, world, refit=False))
+        for world, first, last in worlds
+        for number in range(first, last)
+    ]
     print("\n" + "\n".join(t.line() for t in found), end="")
     assert not [t.crash for t in found if t.crash]
     return found
@@ -51,7 +55,9 @@ def test_adding_what_is_there_does_not_raise_the_error() -> None:
 
 
 def test_two_effects_that_help_only_together() -> None:
-    """A surface that is deeper than stated, and a stiffer layer that begins there: alone, neither makes the law fit better."""
+    """A surface that is deeper than stated, and a stiffer layer that begins there: alone, neither makes the law fit
+    better.
+    """
     hidden = case("pair", 11, 11001, "wrench")
     assert hidden.truth == {"stiffening-layer", "surface-offset"}
     found = kinid.diagnose(hidden.log, hidden.rig, model=kinid.Model(*hidden.model), max_effects=2)
@@ -62,8 +68,8 @@ def test_two_effects_that_help_only_together() -> None:
 
 
 def test_an_offset_within_a_step_of_the_converter_is_no_finding() -> None:
-    """Some joints rest on one step; what speaks for an offset is no more than every torque sensor has: one of 0.05 N·m explains
-    as much as the best."""
+    """Some joints rest on one step; what speaks for an offset is no more than every torque sensor has: one of 0.05 N·m
+    explains as much as the best."""
     hidden = case("pair", 4, 19001, "joints")
     assert hidden.truth == {"joint-torque-offset", "quantization"}
     found = kinid.diagnose(hidden.log, hidden.rig, model=kinid.Model(*hidden.model))
@@ -92,14 +98,16 @@ def test_what_a_log_can_not_show_is_not_called_absent() -> None:
     assert not [t.line() for t in found if t.absent]
 
 
-# ------------------------------------------------------------------------------------------------------- the whole study
+# ------------------------------------------------------------------------------------------------------- the whole
+# study
 
 
 @pytest.mark.slow
 def test_the_whole_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Figures beside what was asked for.
 
-    A share that was asked for is taken to be missed where so few hits would come once in a hundred studies if it were the true
+    A share that was asked for is taken to be missed where so few hits would come once in a hundred studies if it were
+    the true
     one: so many cases can't tell 95 % from 94 %. Which figures fell short, if only by chance, is printed all the same.
     """
     folder = Path(os.environ.get("KINID_ARTEFACTS") or tmp_path)
@@ -121,7 +129,8 @@ def test_the_whole_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert result.median_ratio <= 1.02
 
 
-# ----------------------------------------------------------------------------------------------------- how it is counted
+# ----------------------------------------------------------------------------------------------------- how it is
+# counted
 
 
 def case_of(kind: str = "single", truth: tuple[str, ...] = ("a",), **more: object) -> Told:
@@ -139,10 +148,20 @@ def test_cases_are_counted_as_they_are() -> None:
     crash = case_of(crash="ValueError: no")
     one = case_of("pair", ("a", "b"), added=("a",), declared=(("a",),), quiet={"b": 0.502})
     both = case_of("pair", ("a", "b"), added=("b", "a"), declared=(("b",), ("a",)))
-    assert [t.right for t in (good, rival, wrong, alarm, blind, crash, both)] == [True, False, False, False, False, False, True]
+    assert [t.right for t in (good, rival, wrong, alarm, blind, crash, both)] == [
+        True,
+        False,
+        False,
+        False,
+        False,
+        False,
+        True,
+    ]
     assert not small.counts
     assert not one.counts  # the other one is worth less than 1 %
-    shares = {f.name: (f.hits, f.cases) for f in figures([good, rival, wrong, small, alarm, blind, crash, one, both]).shares}
+    shares = {
+        f.name: (f.hits, f.cases) for f in figures([good, rival, wrong, small, alarm, blind, crash, one, both]).shares
+    }
     assert shares["one hidden: named first"] == (1, 4)
     assert shares["one hidden: in the declared set"] == (2, 4)
     assert shares["nothing hidden: false alarms"] == (1, 1)

@@ -44,7 +44,9 @@ def touches(seed: int = 0) -> Experiment:
     measured += NOISE * rng.standard_normal(measured.shape)
     depth_rate = np.gradient(depths, 1 / RATE)
     signals = Signals(Layout(CHANNELS, "contact"), times, dt, depths, depth_rate, whole, rate, measured=measured)
-    return Experiment(signals, measured, np.ones(6 * n, np.bool_), np.full(3, NOISE), phases_, depths > 0, np.arange(6 * n))
+    return Experiment(
+        signals, measured, np.ones(6 * n, np.bool_), np.full(3, NOISE), phases_, depths > 0, np.arange(6 * n)
+    )
 
 
 def noise(experiment: Experiment, seed: int = 1) -> Array:
@@ -144,7 +146,9 @@ def test_noise_swings_at_no_frequency_though_errors_are_elsewhere(seed: int) -> 
 
 
 def test_frequencies_are_those_of_the_piece_that_holds_the_error() -> None:
-    """A gap leaves most of the log in one piece without the error: its noise is at all frequencies, and says nothing."""
+    """A gap leaves most of the log in one piece without the error: its noise is at all frequencies, and says
+    nothing.
+    """
     e = touches()
     begins = round(15 * RATE)
     dt = e.signals.dt.copy()
@@ -265,8 +269,9 @@ def wrench(rotation: Array, tip: Array) -> Experiment:
     nothing = np.zeros((3, len(e.signals)))
     sensor = SensorMotion(to_contact, tip, nothing, nothing, nothing, np.zeros((6, len(e.signals))), 0.0, np.zeros(3))
     measured = np.zeros((6, len(e.signals)))
-    signals = dataclasses.replace(e.signals, layout=Layout(("fx", "fy", "fz", "tx", "ty", "tz"), "wrench"), sensor=sensor,
-                                  measured=measured)  # fmt: skip
+    signals = dataclasses.replace(
+        e.signals, layout=Layout(("fx", "fy", "fz", "tx", "ty", "tz"), "wrench"), sensor=sensor, measured=measured
+    )
     return dataclasses.replace(e, signals=signals, measured=measured, noise=np.array([NOISE] * 3 + [NOISE / 30] * 3))
 
 
@@ -305,7 +310,9 @@ def test_joints_are_told_by_name_and_by_the_direction_of_motion() -> None:
     joints = JointMotion(q, dq, ddq, np.zeros_like(q), False)
     signals = Signals(layout, t, np.diff(t, prepend=0.0), none, none, pair, pair, joints=joints)
     signals.dt[0] = 0.0
-    e = Experiment(signals, np.zeros_like(q), np.ones(len(t), np.bool_), np.full(2, 0.05), None, none > 0, np.arange(len(t)))
+    e = Experiment(
+        signals, np.zeros_like(q), np.ones(len(t), np.bool_), np.full(2, 0.05), None, none > 0, np.arange(len(t))
+    )
     r = 0.05 * rng.standard_normal(q.shape)
     r[1] += np.where(dq[1] > 0, 1.0, -1.0)
     first = where(e, r, e.noise)[0]
@@ -323,9 +330,18 @@ def test_single_samples_far_apart_are_no_stretch() -> None:
     rows = slice(0, 12000, 300)
     s = e.signals
     thin = dataclasses.replace(
-        s, t=s.t[rows], dt=np.zeros(40), depth=s.depth[rows], depth_rate=np.zeros(40), slip=s.slip[:, rows],
-        slip_rate=np.zeros((2, 40)), measured=e.measured[:, rows])  # fmt: skip
-    poses = Experiment(thin, e.measured[:, rows], np.ones(40, np.bool_), e.noise, None, s.depth[rows] > 0, np.arange(40))
+        s,
+        t=s.t[rows],
+        dt=np.zeros(40),
+        depth=s.depth[rows],
+        depth_rate=np.zeros(40),
+        slip=s.slip[:, rows],
+        slip_rate=np.zeros((2, 40)),
+        measured=e.measured[:, rows],
+    )
+    poses = Experiment(
+        thin, e.measured[:, rows], np.ones(40, np.bool_), e.noise, None, s.depth[rows] > 0, np.arange(40)
+    )
     cells = where(poses, np.where(s.depth[rows] > 0, 0.5, 0.0) * np.ones((3, 1)), e.noise)
     assert cells[0].share > 0
     assert not any(cell.by == "frequency" for cell in cells)

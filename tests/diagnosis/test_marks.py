@@ -22,7 +22,11 @@ def test_hum_of_a_grid_that_is_off_by_a_little_has_true_intervals() -> None:
     for seed in range(10):
         rng = np.random.default_rng(seed)
         size, phase, grid = rng.uniform(0.05, 0.3), rng.uniform(0.0, 2 * np.pi), 50.0 + rng.uniform(-0.1, 0.1)
-        force = 800.0 * np.maximum(depth, 0.0) + size * np.sin(2 * np.pi * grid * t + phase) + 0.02 * rng.standard_normal(len(t))
+        force = (
+            800.0 * np.maximum(depth, 0.0)
+            + size * np.sin(2 * np.pi * grid * t + phase)
+            + 0.02 * rng.standard_normal(len(t))
+        )
         found = kinid.diagnose(log_of(force, t, depth), kinid.Rig(), model=kinid.Model("hooke"))
         assert found.added == ("mains-hum",)
         hum = next(effect for effect in found.best.effects if effect.id == "mains-hum")
@@ -41,11 +45,16 @@ def test_channels_without_a_mark_are_not_shown() -> None:
     depth = -1e-3 + 4e-3 * np.maximum(0.0, np.sin(2 * np.pi * 0.3 * t))
     speed = 0.01 * np.sign(np.sin(2 * np.pi * 0.05 * t))
     normal = 800.0 * np.maximum(depth, 0.0)
-    log = kinid.Log(t=t, contact={
-        "depth": depth, "normal_force": np.minimum(normal + 0.02 * rng.standard_normal(len(t)), 1.9),
-        "slip1": np.cumsum(speed) / 400.0, "slip2": np.zeros_like(t),
-        "tangential_force1": -0.3 * normal * np.sign(speed) + 0.02 * rng.standard_normal(len(t)),
-    })  # fmt: skip
+    log = kinid.Log(
+        t=t,
+        contact={
+            "depth": depth,
+            "normal_force": np.minimum(normal + 0.02 * rng.standard_normal(len(t)), 1.9),
+            "slip1": np.cumsum(speed) / 400.0,
+            "slip2": np.zeros_like(t),
+            "tangential_force1": -0.3 * normal * np.sign(speed) + 0.02 * rng.standard_normal(len(t)),
+        },
+    )
     found = kinid.diagnose(log, kinid.Rig(), model=kinid.Model("hooke", "coulomb-friction"))
     assert "saturation" in found.added
     assert list(acting(found["saturation"].parameters)) == ["limit[normal_force]"]

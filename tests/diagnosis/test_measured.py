@@ -40,17 +40,26 @@ def ask(log: kinid.Log, rig: kinid.Rig, *model: str, most: int = 6, page: str = 
 def of_contact(found: Diagnosis) -> list[str]:
     """Effects that a diagnosis says are there and that need a touch."""
     needs = {"geometry", "elastic", "normal", "friction"}
-    return [e.id for e in found.effects if e.verdict in ("present", "indistinguishable")
-            and needs & {stage.value for stage in effects.get(e.id).stages()}]  # fmt: skip
+    return [
+        e.id
+        for e in found.effects
+        if e.verdict in ("present", "indistinguishable")
+        and needs & {stage.value for stage in effects.get(e.id).stages()}
+    ]
 
 
-# ----------------------------------------------------------------------------------------------------------- joint torques
+# ----------------------------------------------------------------------------------------------------------- joint
+# torques
 
 
 @pytest.fixture(scope="module")
 def arms(real_data: Path) -> list[Diagnosis]:
-    """An arm in free motion, recorded twice with the same machine; the model begins with its published inertia alone."""
-    return [ask(*lwr4plus(number)(real_data), "rigid-body", most=3, page=f"lwr4plus-motion-{number}") for number in (1, 2)]
+    """An arm in free motion, recorded twice with the same machine; the model begins with its published inertia
+    alone.
+    """
+    return [
+        ask(*lwr4plus(number)(real_data), "rigid-body", most=3, page=f"lwr4plus-motion-{number}") for number in (1, 2)
+    ]
 
 
 def test_the_arm_lacks_friction_and_offsets(arms: list[Diagnosis]) -> None:
@@ -91,7 +100,8 @@ def test_the_drive_ends_at_friction_that_depends_on_direction(real_data: Path) -
     assert inertia.value == pytest.approx(95.1, rel=0.02)  # kg; the benchmark's own identification gives 95.1
 
 
-# -------------------------------------------------------------------------------------------------------------- materials
+# --------------------------------------------------------------------------------------------------------------
+# materials
 
 
 def test_silicone_remembers(real_data: Path) -> None:
@@ -118,10 +128,18 @@ def test_a_phantom_is_not_the_same_everywhere(real_data: Path) -> None:
     away = touch - touch.mean(axis=0)
     place = np.repeat(away @ np.linalg.svd(away, full_matrices=False)[2][:2].T, depth.shape[1], axis=0)
     still = np.zeros(depth.size)
-    log = kinid.Log(t=np.add.outer(2.0 * np.arange(len(depth)), 0.1 * np.arange(depth.shape[1])).ravel(), contact={
-        "depth": depth.ravel(), "depth_rate": still, "normal_force": load.ravel(), "slip1": place[:, 0].copy(),
-        "slip2": place[:, 1].copy(), "slip_rate1": still, "slip_rate2": still,
-    })  # fmt: skip
+    log = kinid.Log(
+        t=np.add.outer(2.0 * np.arange(len(depth)), 0.1 * np.arange(depth.shape[1])).ravel(),
+        contact={
+            "depth": depth.ravel(),
+            "depth_rate": still,
+            "normal_force": load.ravel(),
+            "slip1": place[:, 0].copy(),
+            "slip2": place[:, 1].copy(),
+            "slip_rate1": still,
+            "slip_rate2": still,
+        },
+    )
     found = ask(log, kinid.Rig(), "hooke", "surface-offset", page="phantom-probing")
     assert "stiffness-inhomogeneity" in found.added
     assert found.added[0] == "stiffness-inhomogeneity"
@@ -129,15 +147,20 @@ def test_a_phantom_is_not_the_same_everywhere(real_data: Path) -> None:
     assert found.steps[-1].held_out < 0.0945  # N; a line for each probe leaves 0.069 N
 
 
-# ------------------------------------------------------------------------------------------------------- a tool in the air
+# ------------------------------------------------------------------------------------------------------- a tool in the
+# air
 
 
 def test_payload_and_bias_from_poses(real_data: Path) -> None:
     """Two dozen attitudes at rest, of a sensor with a tool that the rig does not know: 9.4 → 0.09 N."""
     log, rig = poses(real_data)
     raw = np.genfromtxt(real_data / "med14-ft-imu" / "0-calibration_fts-accel.csv", delimiter=",", skip_header=1)
-    found = ask(dataclasses.replace(log, wrench=raw[:, :6]), kinid.Rig.parse({"robot": {"model": "lwr4plus"}}), "none",
-                page="med14-poses")  # fmt: skip
+    found = ask(
+        dataclasses.replace(log, wrench=raw[:, :6]),
+        kinid.Rig.parse({"robot": {"model": "lwr4plus"}}),
+        "none",
+        page="med14-poses",
+    )
     assert set(found.added) == {"sensor-bias", "tool-mass", "tool-com"}
     assert found.steps[-1].held_out < 0.1
     assert rig.tool is not None  # by least squares on the same poses
@@ -148,17 +171,23 @@ def test_payload_and_bias_from_poses(real_data: Path) -> None:
     assert found.noise_floor < 0.2
 
 
-LINK = ('<link name="{name}"><inertial><mass value="0.1"/><origin xyz="0 0 0"/>'
-        '<inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>')  # fmt: skip
-JOINT = ('<joint name="j{k}" type="revolute"><parent link="l{before}"/><child link="l{k}"/><origin xyz="0 0 0" rpy="{rpy}"/>'
-         '<axis xyz="{axis}"/><limit lower="-7" upper="7" effort="100" velocity="100"/></joint>')  # fmt: skip
+LINK = (
+    '<link name="{name}"><inertial><mass value="0.1"/><origin xyz="0 0 0"/>'
+    '<inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+)
+JOINT = (
+    '<joint name="j{k}" type="revolute"><parent link="l{before}"/><child link="l{k}"/><origin xyz="0 0 0" rpy="{rpy}"/>'
+    '<axis xyz="{axis}"/><limit lower="-7" upper="7" effort="100" velocity="100"/></joint>'
+)
 
 
 def turning(real: Path, folder: Path) -> tuple[kinid.Log, kinid.Rig]:
-    """The same tool while the arm turns it by half a turn in 6 s: a wrist of three axes stands for the arm, whose joints were
-    not recorded; orientation and wrench have clocks of their own."""
-    wrench, attitude = (np.genfromtxt(real / "med14-ft-imu" / f"1-baseline_{name}.csv", delimiter=",", skip_header=1)
-                        for name in ("wrench", "orientations"))  # fmt: skip
+    """The same tool while the arm turns it by half a turn in 6 s: a wrist of three axes stands for the arm, whose
+    joints were not recorded; orientation and wrench have clocks of their own."""
+    wrench, attitude = (
+        np.genfromtxt(real / "med14-ft-imu" / f"1-baseline_{name}.csv", delimiter=",", skip_header=1)
+        for name in ("wrench", "orientations")
+    )
     rotation = attitude[:, 1:].reshape(-1, 3, 3)
     angle = np.unwrap(Rotation.from_matrix(rotation[0].T @ rotation).as_euler("YXZ"), axis=0)
     t, rows = np.unique(1e-6 * (wrench[:, 0] - attitude[0, 0]), return_index=True)
@@ -167,11 +196,17 @@ def turning(real: Path, folder: Path) -> tuple[kinid.Log, kinid.Rig]:
     q = np.stack([np.interp(t[inside], known, a) for a in angle.T], axis=1)
     first = " ".join(map(str, Rotation.from_matrix(rotation[0]).as_euler("xyz")))
     axes = (("0 1 0", first), ("1 0 0", "0 0 0"), ("0 0 1", "0 0 0"))
-    text = "".join([*(LINK.format(name=f"l{k}") for k in range(4)),
-                    *(JOINT.format(k=k + 1, before=k, axis=axis, rpy=rpy) for k, (axis, rpy) in enumerate(axes))])  # fmt: skip
+    text = "".join(
+        [
+            *(LINK.format(name=f"l{k}") for k in range(4)),
+            *(JOINT.format(k=k + 1, before=k, axis=axis, rpy=rpy) for k, (axis, rpy) in enumerate(axes)),
+        ]
+    )
     (folder / "wrist.urdf").write_text(f'<robot name="wrist">{text}</robot>')
     rig = kinid.Rig.parse({"robot": {"model": str(folder / "wrist.urdf"), "sensor_frame": "l3", "tip_frame": "l3"}})
-    return kinid.Log(t=t[inside], q=q, wrench=wrench[rows][inside][:, 1:], phase=np.full(int(inside.sum()), "free")), rig
+    return kinid.Log(
+        t=t[inside], q=q, wrench=wrench[rows][inside][:, 1:], phase=np.full(int(inside.sum()), "free")
+    ), rig
 
 
 def test_vibration_is_not_contact(real_data: Path, tmp_path: Path) -> None:
@@ -186,7 +221,8 @@ def test_vibration_is_not_contact(real_data: Path, tmp_path: Path) -> None:
     assert any("above" in cell.says and "Hz" in cell.says for cell in found.left_where)
 
 
-# ---------------------------------------------------------------------------------------------------------- planted effects
+# ---------------------------------------------------------------------------------------------------------- planted
+# effects
 
 
 @pytest.fixture(scope="module")
@@ -226,6 +262,8 @@ def test_a_planted_clock_is_read(planted: dict[tuple[str, str], Case]) -> None:
     """The drive's own loop adds about a millisecond to what was planted."""
     case = planted["drive-friction", "time-offset"]
     late = float(case.note.split("late by ")[1].split()[0])
-    delay = kinid.diagnose(case.log, case.rig, model=kinid.Model(*case.true_model), max_effects=0).fit["time-offset.delay"]
+    delay = kinid.diagnose(case.log, case.rig, model=kinid.Model(*case.true_model), max_effects=0).fit[
+        "time-offset.delay"
+    ]
     print(f"\nplanted {1e3 * late:.2f} ms, found {1e3 * delay.value:.2f} ms", end="")
     assert abs(delay.value) == pytest.approx(abs(late), abs=1.5e-3)

@@ -36,11 +36,15 @@ def _off(state: State, share: float) -> State:
 
 
 def test_what_the_model_does_itself_is_no_effects_merit(fitted: State) -> None:
-    """A gain of the one sensor is the stiffness: it promises nothing, wherever a search ended; others promise no more there."""
+    """A gain of the one sensor is the stiffness: it promises nothing, wherever a search ended; others promise no more
+    there.
+    """
     state = _off(fitted, 2.0)
     assert state.cost > fitted.cost + 1.0
     for name in ("sensor-gain", "relaxation", "stiffening-layer"):
-        here, there = (points[0].predicted_gain if (points := screen(s, effects.get(name))) else 0.0 for s in (fitted, state))
+        here, there = (
+            points[0].predicted_gain if (points := screen(s, effects.get(name))) else 0.0 for s in (fitted, state)
+        )
         # to first order all that is left to gain is the model's own; what isn't, is curved: of second order
         assert abs(there - here) < 0.1 * (state.cost - fitted.cost) + 0.05 * abs(here)
 
@@ -71,12 +75,16 @@ def test_a_refit_ends_no_higher_than_the_model_without_the_effect(fitted: State)
 
 
 def test_what_no_law_has_leaves_little_work(tester: Tester, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A spring that yields behind a play, and pulls: the catalogue's loops and bonds mop it up, each a little better."""
+    """A spring that yields behind a play, and pulls: the catalogue's loops and bonds mop it up, each a little
+    better.
+    """
     play, yielding = 0.0, []
     for depth in np.maximum(tester.depth, 0.0):
         play = min(max(play, depth - 4e-4), depth + 4e-4) if depth > 0.0 else 0.0
         yielding.append(play)
-    force = 900.0 * np.array(yielding) * (1.0 + 0.4 * np.sin(2e3 * tester.depth)) + 9.0 * tester.rate * (tester.depth > 0)
+    force = 900.0 * np.array(yielding) * (1.0 + 0.4 * np.sin(2e3 * tester.depth)) + 9.0 * tester.rate * (
+        tester.depth > 0
+    )
     asked: list[int] = []
     course = kinid.Model.course
     monkeypatch.setattr(kinid.Model, "course", lambda *a, **k: (asked.append(1), course(*a, **k))[1])

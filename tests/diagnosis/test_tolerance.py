@@ -1,4 +1,6 @@
-"""What may be left, what is called left, and what follows from it: verdicts, stand-ins, absences, noise that is too small."""
+"""What may be left, what is called left, and what follows from it: verdicts, stand-ins, absences, noise that is too
+small.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ RIG = kinid.Rig()
 
 
 def strange(tester: Tester, size: float, force: Array | None = None) -> Array:
-    """A spring and a dashpot, and a force over depth that no law has: three swings on the way down, of so many newtons."""
+    """A spring and a dashpot, and a force over depth that no law has: three swings on the way down, of so many
+    newtons.
+    """
     swings = np.sin(2.0 * np.pi * tester.depth / 1.1e-3)
     return np.where(tester.depth > 0, (tester.kelvin_voigt() if force is None else force) + size * swings, 0.0)
 
@@ -35,10 +39,13 @@ def unexplained(tester: Tester) -> Diagnosis:
     return kinid.diagnose(tester.log(strange(tester, 0.3)), RIG, model=kinid.Model("kelvin-voigt"))
 
 
-# -------------------------------------------------------------------------------------------------------------- tolerance
+# --------------------------------------------------------------------------------------------------------------
+# tolerance
 
 
-def test_a_tolerance_larger_than_what_is_left_turns_unexplained_into_adequate(tester: Tester, unexplained: Diagnosis) -> None:
+def test_a_tolerance_larger_than_what_is_left_turns_unexplained_into_adequate(
+    tester: Tester, unexplained: Diagnosis
+) -> None:
     """The same numbers, and another verdict: the tolerance decides what matters, not what is found."""
     assert unexplained.verdict == "unexplained"
     assert unexplained.left.excess > unexplained.left.tolerance
@@ -51,14 +58,18 @@ def test_a_tolerance_larger_than_what_is_left_turns_unexplained_into_adequate(te
     plain = kinid.diagnose(log, RIG, model=model, max_effects=0)
     assert plain.verdict == "unexplained"
     assert kinid.diagnose(log, RIG, model=model, max_effects=0, tolerance=1.1 * plain.left.excess).verdict == "adequate"
-    assert kinid.diagnose(log, RIG, model=model, max_effects=0, tolerance=0.9 * plain.left.excess).verdict == "unexplained"
+    assert (
+        kinid.diagnose(log, RIG, model=model, max_effects=0, tolerance=0.9 * plain.left.excess).verdict == "unexplained"
+    )
 
 
 def test_what_is_not_stated_is_two_percent_of_the_readings_or_the_noise(tester: Tester, unexplained: Diagnosis) -> None:
     log = tester.log(strange(tester, 0.3))
     reading = np.sqrt(np.mean(log.contact["normal_force"][tester.depth > 0] ** 2))
     assert unexplained.left.reading == pytest.approx(reading, rel=0.02)
-    assert unexplained.left.tolerance == pytest.approx(max(TOLERANCE * unexplained.left.reading, unexplained.left.noise))
+    assert unexplained.left.tolerance == pytest.approx(
+        max(TOLERANCE * unexplained.left.reading, unexplained.left.noise)
+    )
 
 
 @pytest.mark.parametrize("tolerance", [-0.1, float("nan"), float("inf")])
@@ -81,8 +92,11 @@ def test_the_numbers_stand_in_the_json(tester: Tester, unexplained: Diagnosis) -
         facts = json.loads(json.dumps(found.to_dict(), allow_nan=False))
         noise, errors = found.left.noise, [step["error"]["held_out"] for step in facts["steps"]]
         assert facts["tolerance"] == found.left.tolerance
-        assert facts["left"] == {"rms": pytest.approx(errors[-1]), "share_of_reading": pytest.approx(found.left.share_of_reading),
-                                 "memory_s": found.left.memory}  # fmt: skip
+        assert facts["left"] == {
+            "rms": pytest.approx(errors[-1]),
+            "share_of_reading": pytest.approx(found.left.share_of_reading),
+            "memory_s": found.left.memory,
+        }
         beyond = max(errors[0] ** 2 - noise**2, 1e-300)
         for step, error in zip(facts["steps"], errors):
             assert step["explained"] == pytest.approx(np.clip((errors[0] ** 2 - error**2) / beyond, 0.0, 1.0), abs=1e-9)
@@ -95,7 +109,8 @@ def test_what_is_left_remembers_itself_and_noise_does_not(tester: Tester, unexpl
     assert unexplained.left.memory > 0.05  # swings as a tool is pressed in, in a quarter of a second
 
 
-# -------------------------------------------------------------------------------------------------------------- stand-ins
+# --------------------------------------------------------------------------------------------------------------
+# stand-ins
 
 
 def test_what_takes_off_less_than_is_left_is_a_stand_in(tester: Tester) -> None:
@@ -121,7 +136,8 @@ def test_what_takes_off_most_stays_present_beside_what_is_left(tester: Tester) -
     assert found.explained > 0.7
 
 
-# ---------------------------------------------------------------------------------------------------- absent, not excited
+# ---------------------------------------------------------------------------------------------------- absent, not
+# excited
 
 
 @pytest.mark.parametrize(("name", "model"), [("relaxation", "kelvin-voigt"), ("damping", "hooke")])
@@ -138,15 +154,26 @@ def test_what_a_look_at_the_residual_shows_is_never_not_excited(tester: Tester, 
         assert told.verdict in ("present", "indistinguishable") or told.left_out, (most, told.verdict, told.says)
 
 
-@pytest.mark.parametrize("effect", ["relaxation", "hysteresis", "stress-softening", "adhesion", "time-offset", "surface-offset"])
+@pytest.mark.parametrize(
+    "effect", ["relaxation", "hysteresis", "stress-softening", "adhesion", "time-offset", "surface-offset"]
+)
 @pytest.mark.parametrize("share", [5.0, 10.0])
 def test_an_effect_of_five_times_what_is_left_shows(tester: Tester, effect: str, share: float) -> None:
-    """Each planted by the catalogue's own law: what a refitted model cannot take up of it is `share` times the noise."""
-    size = {"relaxation": {"ratio": 0.3, "time-constant": 0.4}, "hysteresis": {"amplitude": 0.3, "length": 1e-3},
-            "stress-softening": {"ratio": 0.3, "length": 1e-3}, "adhesion": {"force": 0.6, "length": 4e-4},
-            "time-offset": {"delay": 0.02}, "surface-offset": {"offset": 5e-4}}[effect]  # fmt: skip
+    """Each planted by the catalogue's own law: what a refitted model cannot take up of it is `share` times the
+    noise.
+    """
+    size = {
+        "relaxation": {"ratio": 0.3, "time-constant": 0.4},
+        "hysteresis": {"amplitude": 0.3, "length": 1e-3},
+        "stress-softening": {"ratio": 0.3, "length": 1e-3},
+        "adhesion": {"force": 0.6, "length": 4e-4},
+        "time-offset": {"delay": 0.02},
+        "surface-offset": {"offset": 5e-4},
+    }[effect]
     model, larger = kinid.Model("kelvin-voigt"), kinid.Model("kelvin-voigt", effect)
-    values = {"kelvin-voigt.stiffness": 800.0, "kelvin-voigt.damping": 6.0} | {f"{effect}.{k}": v for k, v in size.items()}
+    values = {"kelvin-voigt.stiffness": 800.0, "kelvin-voigt.damping": 6.0} | {
+        f"{effect}.{k}": v for k, v in size.items()
+    }
     signals = model.fit(kinid.contact_series(tester.log(tester.kelvin_voigt()), RIG), held_out=False).experiment.signals
     clean = larger.predict(signals, values)[0]
     quiet = kinid.Log(t=tester.t, contact={"depth": tester.depth, "normal_force": clean}, phase=tester.phase)
@@ -166,13 +193,16 @@ def test_what_cannot_act_is_told_from_what_is_not_excited(unexplained: Diagnosis
         assert effect.acts == (effect.id in able or effect.id in unexplained.added), effect.id
 
 
-# ------------------------------------------------------------------------------------------------- noise that is too small
+# ------------------------------------------------------------------------------------------------- noise that is too
+# small
 
 
 @pytest.mark.parametrize("cutoff", [60.0, 20.0])
 @pytest.mark.parametrize("model", ["kelvin-voigt", "hooke"])
 def test_readings_low_passed_before_logging_are_diagnosed_alike(tester: Tester, cutoff: float, model: str) -> None:
-    """A sensor's filter takes most of the white noise and leaves what moves: noise too small to be believed decides nothing."""
+    """A sensor's filter takes most of the white noise and leaves what moves: noise too small to be believed decides
+    nothing.
+    """
     log = tester.log(tester.relaxing())
     sos = butter(2, cutoff, fs=250.0, output="sos")
     force = sosfiltfilt(sos, log.contact["normal_force"])
@@ -184,11 +214,16 @@ def test_readings_low_passed_before_logging_are_diagnosed_alike(tester: Tester, 
 
 
 def test_a_right_model_of_low_passed_readings_is_adequate(tester: Tester) -> None:
-    """What the filter rounds off at each touch is many times the white noise that it leaves, and inside the tolerance."""
+    """What the filter rounds off at each touch is many times the white noise that it leaves, and inside the
+    tolerance.
+    """
     log = tester.log(tester.kelvin_voigt())
     force = sosfiltfilt(butter(4, 15.0, fs=250.0, output="sos"), log.contact["normal_force"])
-    found = kinid.diagnose(kinid.Log(t=log.t, contact={**log.contact, "normal_force": force}, phase=log.phase), RIG,
-                           model=kinid.Model("kelvin-voigt"))  # fmt: skip
+    found = kinid.diagnose(
+        kinid.Log(t=log.t, contact={**log.contact, "normal_force": force}, phase=log.phase),
+        RIG,
+        model=kinid.Model("kelvin-voigt"),
+    )
     print(found.added, found.says)
     assert found.verdict != "unexplained"
     assert found.left.excess < found.left.tolerance

@@ -51,7 +51,9 @@ def uneven(n: int, length: float, seed: int) -> tuple[Array, Array]:
     return t, dt
 
 
-def waves(t: Array, seed: int, size: float, slowest: float, fastest: float, count: int = 3) -> tuple[Array, Array, Array]:
+def waves(
+    t: Array, seed: int, size: float, slowest: float, fastest: float, count: int = 3
+) -> tuple[Array, Array, Array]:
     """A sum of sines [rad/s] of about this size, with its first and second derivative."""
     rng = np.random.default_rng(seed)
     out = [np.zeros_like(t) for _ in range(3)]
@@ -87,8 +89,11 @@ def wrench_motion(n: int = 2400) -> Signals:
     omega, alpha = (ahead - behind) / (2 * h), (ahead + behind) / h**2
     shake = np.stack([waves(t, seed, 0.05, 2.0, 14.0)[2] for seed in (31, 32, 33)])
     specific = np.einsum("nji,jn->in", here, G[:, None] - shake)
-    force = MASS * (specific - np.cross(alpha, COM[:, None], axis=0)
-                    - np.cross(omega, np.cross(omega, COM[:, None], axis=0), axis=0))  # fmt: skip
+    force = MASS * (
+        specific
+        - np.cross(alpha, COM[:, None], axis=0)
+        - np.cross(omega, np.cross(omega, COM[:, None], axis=0), axis=0)
+    )
     torque = np.cross(COM[:, None], force, axis=0) - INERTIA @ alpha - np.cross(omega, INERTIA @ omega, axis=0)
     depth, depth_rate, _ = waves(t, 41, 9e-3, 1.5, 8.0)
     slips = [waves(t, seed, 0.02, 1.0, 6.0) for seed in (42, 43)]
@@ -112,22 +117,31 @@ def contact_motion(n: int = 1500) -> Signals:
 
 @cache
 def arm_motion(n: int = 2000) -> Signals:
-    """Two links in a vertical plane that carry a payload (Spong, Hutchinson, Vidyasagar 2006, ex. 7.2, point masses)."""
+    """Two links in a vertical plane that carry a payload (Spong, Hutchinson, Vidyasagar 2006, ex. 7.2, point
+    masses).
+    """
     t, dt = uneven(n, 10.0, 8)
     (q1, d1, a1), (q2, d2, a2) = waves(t, 51, 2.5, 0.7, 7.0, 4), waves(t, 52, 2.5, 0.8, 9.0, 4)
     m1, m2, l1, l2, g = 3.0, 2.0, 0.4, 0.3, 9.81
     h = -m2 * l1 * l2 * np.sin(q2)
     m11, m12 = m1 * l1**2 + m2 * (l1**2 + l2**2 + 2 * l1 * l2 * np.cos(q2)), m2 * (l2**2 + l1 * l2 * np.cos(q2))
     low = m2 * g * l2 * np.cos(q1 + q2)
-    rigid = np.stack([m11 * a1 + m12 * a2 + h * (2 * d1 * d2 + d2**2) + (m1 + m2) * g * l1 * np.cos(q1) + low,
-                      m12 * a1 + m2 * l2**2 * a2 - h * d1**2 + low])  # fmt: skip
-    payload = g * np.stack([
-        np.stack([l1 * np.cos(q1) + l2 * np.cos(q1 + q2), l2 * np.cos(q1 + q2)]),
-        np.stack([np.cos(q1 + q2), np.cos(q1 + q2)]) * np.array([[1.0], [1.3]]),
-        np.stack([-np.sin(q1 + q2), -np.sin(q1 + q2)]),
-        np.stack([0.05 * a1 * np.sin(q2), 0.05 * d1 * d2]),
-    ])  # fmt: skip
-    # per unit of gravity along x, y (upwards) and z of the base; the plane of the links leans a little, so that z counts
+    rigid = np.stack(
+        [
+            m11 * a1 + m12 * a2 + h * (2 * d1 * d2 + d2**2) + (m1 + m2) * g * l1 * np.cos(q1) + low,
+            m12 * a1 + m2 * l2**2 * a2 - h * d1**2 + low,
+        ]
+    )
+    payload = g * np.stack(
+        [
+            np.stack([l1 * np.cos(q1) + l2 * np.cos(q1 + q2), l2 * np.cos(q1 + q2)]),
+            np.stack([np.cos(q1 + q2), np.cos(q1 + q2)]) * np.array([[1.0], [1.3]]),
+            np.stack([-np.sin(q1 + q2), -np.sin(q1 + q2)]),
+            np.stack([0.05 * a1 * np.sin(q2), 0.05 * d1 * d2]),
+        ]
+    )
+    # per unit of gravity along x, y (upwards) and z of the base; the plane of the links leans a little, so that z
+    # counts
     elbow, hand = m2 * l2 * np.cos(q1 + q2), m2 * l2 * np.sin(q1 + q2)
     upright = -np.stack([(m1 + m2) * l1 * np.cos(q1) + elbow, elbow])
     level = np.stack([(m1 + m2) * l1 * np.sin(q1) + hand, hand])
@@ -139,12 +153,22 @@ def arm_motion(n: int = 2000) -> Signals:
     # an arm in a plane can't tell them from gravity: these change along the motion as those of an arm in space do
     spread = 1.0 + 0.5 * np.sin(np.arange(1.0, 7.0)[:, None, None] * q2 + np.arange(6.0)[:, None, None])
     moments = g * spread * np.stack([near, side[0], 0.1 * near, far, side[1], 0.1 * far * np.cos(q1)])
-    turned = -g * np.stack([np.stack([(m1 + m2) * l1 * np.sin(q1) + m2 * l2 * np.sin(q1 + q2), m2 * l2 * np.sin(q1 + q2)]),
-                            m2 * l2 * np.stack([np.sin(q1 + q2), np.sin(q1 + q2)])])  # fmt: skip
+    turned = -g * np.stack(
+        [
+            np.stack([(m1 + m2) * l1 * np.sin(q1) + m2 * l2 * np.sin(q1 + q2), m2 * l2 * np.sin(q1 + q2)]),
+            m2 * l2 * np.stack([np.sin(q1 + q2), np.sin(q1 + q2)]),
+        ]
+    )
     pushed = np.stack([np.stack([np.zeros(n), m12]), np.stack([m12, np.zeros(n)])])
     frozen(moments, turned, pushed)
-    joints = JointMotion(*frozen(np.stack([q1, q2]), np.stack([d1, d2]), np.stack([a1, a2]), rigid), True, payload, gravity,
-                         moments=lambda _: moments, slopes=lambda *_: np.stack([turned, pushed]))  # fmt: skip
+    joints = JointMotion(
+        *frozen(np.stack([q1, q2]), np.stack([d1, d2]), np.stack([a1, a2]), rigid),
+        True,
+        payload,
+        gravity,
+        moments=lambda _: moments,
+        slopes=lambda *_: np.stack([turned, pushed]),
+    )
     return _joint_signals(Layout(("tau1", "tau2"), "joints", ("shoulder", "elbow")), t, dt, joints)
 
 
@@ -153,7 +177,9 @@ def drive_motion(n: int = 2000) -> Signals:
     """One axis that slides, without a robot."""
     t, dt = uneven(n, 10.0, 9)
     q, dq, ddq = (row[None, :] for row in waves(t, 61, 0.4, 1.0, 8.0, 4))
-    return _joint_signals(Layout(("force1",), "joints"), t, dt, JointMotion(*frozen(q, dq, ddq, np.zeros((1, n))), False))
+    return _joint_signals(
+        Layout(("force1",), "joints"), t, dt, JointMotion(*frozen(q, dq, ddq, np.zeros((1, n))), False)
+    )
 
 
 def _joint_signals(layout: Layout, t: Array, dt: Array, joints: JointMotion) -> Signals:
@@ -168,8 +194,11 @@ def _crosstalk() -> Example:
     size = {("N", "N"): 0.03, ("N·m", "N·m"): 0.03, ("N", "N·m"): 0.5, ("N·m", "N"): 2e-3}
     draws = np.random.default_rng(3).uniform(-1, 1, len(pairs))
     shares = [draw * size[units[a], units[b]] for draw, (a, b) in zip(draws, (pair.split(",") for pair in pairs))]
-    return Example(("hooke", "coulomb-friction", "sensor-crosstalk"), each("sensor-crosstalk", "crosstalk", pairs, shares),
-                   wrench_motion())  # fmt: skip
+    return Example(
+        ("hooke", "coulomb-friction", "sensor-crosstalk"),
+        each("sensor-crosstalk", "crosstalk", pairs, shares),
+        wrench_motion(),
+    )
 
 
 _AXES, _JOINTS = ("x", "y", "z"), ("shoulder", "elbow")
@@ -182,57 +211,104 @@ EXAMPLES: dict[str, Example] = {
     "tool-inertia": Example(
         ("hooke", "tool-inertia"),
         each("tool-inertia", "inertia", ("xx", "yy", "zz", "xy", "xz", "yz"), [4e-4, 3e-4, 2e-4, -5e-5, 4e-5, 6e-5]),
-        wrench_motion()),
-    "tip-offset": Example(("hooke", "coulomb-friction", "tip-offset"),
-                          each("tip-offset", "offset", _AXES, [4e-4, -3e-4, 2e-4]), wrench_motion()),
-    "structural-compliance": example(contact_motion(), "hertz", "structural-compliance", hertz__stiffness=3e4,
-                                     structural_compliance__compliance=8e-5),
-    "sensor-bias": Example(("hooke", "sensor-bias"), each("sensor-bias", "offset", WRENCH, _WRENCH_SIZES), wrench_motion()),
-    "sensor-drift": Example(("hooke", "sensor-drift"), each("sensor-drift", "drift", WRENCH, _WRENCH_SIZES),
-                            wrench_motion()),
+        wrench_motion(),
+    ),
+    "tip-offset": Example(
+        ("hooke", "coulomb-friction", "tip-offset"),
+        each("tip-offset", "offset", _AXES, [4e-4, -3e-4, 2e-4]),
+        wrench_motion(),
+    ),
+    "structural-compliance": example(
+        contact_motion(), "hertz", "structural-compliance", hertz__stiffness=3e4, structural_compliance__compliance=8e-5
+    ),
+    "sensor-bias": Example(
+        ("hooke", "sensor-bias"), each("sensor-bias", "offset", WRENCH, _WRENCH_SIZES), wrench_motion()
+    ),
+    "sensor-drift": Example(
+        ("hooke", "sensor-drift"), each("sensor-drift", "drift", WRENCH, _WRENCH_SIZES), wrench_motion()
+    ),
     "sensor-crosstalk": _crosstalk(),
-    "sensor-misalignment": Example(("hooke", "sensor-misalignment"),
-                                   each("sensor-misalignment", "rotation", _AXES, [0.02, -0.03, 0.05]), wrench_motion()),
+    "sensor-misalignment": Example(
+        ("hooke", "sensor-misalignment"),
+        each("sensor-misalignment", "rotation", _AXES, [0.02, -0.03, 0.05]),
+        wrench_motion(),
+    ),
     "sensor-gain": example(wrench_motion(), "hooke", "sensor-gain", sensor_gain__gain=0.035),
     "sensor-lag": example(contact_motion(), "kelvin-voigt", "sensor-lag", sensor_lag__time_constant=0.011),
     "time-offset": example(contact_motion(), "hooke", "coulomb-friction", "time-offset", time_offset__delay=-0.0043),
-    "saturation": Example(("hooke", "saturation"),
-                          each("saturation", "limit", WRENCH, [8.0, 9.0, 12.0, 0.5, 0.4, 0.1]), wrench_motion()),
-    "quantization": Example(("hooke", "quantization"),
-                            each("quantization", "step", WRENCH, [0.2, 0.3, 0.5, 0.02, 0.03, 0.01]), wrench_motion()),
+    "saturation": Example(
+        ("hooke", "saturation"), each("saturation", "limit", WRENCH, [8.0, 9.0, 12.0, 0.5, 0.4, 0.1]), wrench_motion()
+    ),
+    "quantization": Example(
+        ("hooke", "quantization"),
+        each("quantization", "step", WRENCH, [0.2, 0.3, 0.5, 0.02, 0.03, 0.01]),
+        wrench_motion(),
+    ),
     "mains-hum": Example(
         ("hooke", "mains-hum"),
         each("mains-hum", "sine", _HUM, 0.1 * np.repeat(_WRENCH_SIZES, 3))
-        | each("mains-hum", "cosine", _HUM, -0.04 * np.repeat(_WRENCH_SIZES, 3)), wrench_motion()),
+        | each("mains-hum", "cosine", _HUM, -0.04 * np.repeat(_WRENCH_SIZES, 3)),
+        wrench_motion(),
+    ),
     "rigid-body": example(drive_motion(), "rigid-body", rigid_body__inertia=94.0),
-    "joint-coulomb-friction": Example(("rigid-body", "joint-coulomb-friction"),
-                                      each("joint-coulomb-friction", "coulomb", _JOINTS, [0.8, 0.5]), arm_motion()),
+    "joint-coulomb-friction": Example(
+        ("rigid-body", "joint-coulomb-friction"),
+        each("joint-coulomb-friction", "coulomb", _JOINTS, [0.8, 0.5]),
+        arm_motion(),
+    ),
     "joint-stribeck-friction": Example(
         ("rigid-body", "joint-coulomb-friction", "joint-stribeck-friction"),
-        {"joint-stribeck-friction.speed": 0.3, **each("joint-stribeck-friction", "excess", _JOINTS, [0.5, 0.3])}, arm_motion()),
-    "joint-load-friction": Example(("rigid-body", "joint-load-friction"),
-                                   each("joint-load-friction", "load", _JOINTS, [0.1, 0.04]), arm_motion()),
-    "joint-spring": Example(("rigid-body", "joint-spring"), each("joint-spring", "rate", _JOINTS, [2.5, -0.7]), arm_motion()),
+        {"joint-stribeck-friction.speed": 0.3, **each("joint-stribeck-friction", "excess", _JOINTS, [0.5, 0.3])},
+        arm_motion(),
+    ),
+    "joint-load-friction": Example(
+        ("rigid-body", "joint-load-friction"), each("joint-load-friction", "load", _JOINTS, [0.1, 0.04]), arm_motion()
+    ),
+    "joint-spring": Example(
+        ("rigid-body", "joint-spring"), each("joint-spring", "rate", _JOINTS, [2.5, -0.7]), arm_motion()
+    ),
     "joint-torque-ripple": Example(
         ("rigid-body", JointTorqueRipple((("[shoulder]", 7.9), ("[elbow]", 20.1)))),
-        {**each("joint-torque-ripple", "order", _JOINTS, [8.0, 20.0]),
-         **each("joint-torque-ripple", "sine", tuple(f"{j},{h}" for j in _JOINTS for h in (1, 2)), [0.6, 0.2, -0.3, 0.1]),
-         **each("joint-torque-ripple", "cosine", tuple(f"{j},{h}" for j in _JOINTS for h in (1, 2)), [-0.2, 0.1, 0.4, -0.2])},
-        arm_motion()),
-    "joint-viscous-friction": Example(("rigid-body", "joint-viscous-friction"),
-                                      each("joint-viscous-friction", "viscous", _JOINTS, [0.6, 0.2]), arm_motion()),
-    "joint-friction-asymmetry": example(drive_motion(), "rigid-body", "joint-friction-asymmetry",
-                                        joint_friction_asymmetry__asymmetry=-31.0),
-    "joint-torque-offset": Example(("rigid-body", "joint-torque-offset"),
-                                   each("joint-torque-offset", "offset", _JOINTS, [-0.6, 0.2]), arm_motion()),
-    "rotor-inertia": Example(("rigid-body", "rotor-inertia"), each("rotor-inertia", "inertia", _JOINTS, [0.9, 0.3]),
-                             arm_motion()),
-    "joint-torque-gain": Example(("rigid-body", "joint-torque-gain"),
-                                 each("joint-torque-gain", "gain", _JOINTS, [0.06, -0.11]), arm_motion()),
-    "payload": Example(("rigid-body", "payload"),
-                       {"payload.mass": 0.7, **each("payload", "moment", _AXES, [0.02, 0.05, -0.01])}, arm_motion()),
-    "gravity-error": Example(("rigid-body", "gravity-error"), each("gravity-error", "error", _AXES, [0.8, -0.1, 0.3]),
-                             arm_motion()),
-    "joint-elasticity": Example(("rigid-body", "joint-elasticity"),
-                                each("joint-elasticity", "elasticity", _JOINTS, [6e-4, 9e-4]), arm_motion()),
-}  # fmt: skip
+        {
+            **each("joint-torque-ripple", "order", _JOINTS, [8.0, 20.0]),
+            **each(
+                "joint-torque-ripple", "sine", tuple(f"{j},{h}" for j in _JOINTS for h in (1, 2)), [0.6, 0.2, -0.3, 0.1]
+            ),
+            **each(
+                "joint-torque-ripple",
+                "cosine",
+                tuple(f"{j},{h}" for j in _JOINTS for h in (1, 2)),
+                [-0.2, 0.1, 0.4, -0.2],
+            ),
+        },
+        arm_motion(),
+    ),
+    "joint-viscous-friction": Example(
+        ("rigid-body", "joint-viscous-friction"),
+        each("joint-viscous-friction", "viscous", _JOINTS, [0.6, 0.2]),
+        arm_motion(),
+    ),
+    "joint-friction-asymmetry": example(
+        drive_motion(), "rigid-body", "joint-friction-asymmetry", joint_friction_asymmetry__asymmetry=-31.0
+    ),
+    "joint-torque-offset": Example(
+        ("rigid-body", "joint-torque-offset"), each("joint-torque-offset", "offset", _JOINTS, [-0.6, 0.2]), arm_motion()
+    ),
+    "rotor-inertia": Example(
+        ("rigid-body", "rotor-inertia"), each("rotor-inertia", "inertia", _JOINTS, [0.9, 0.3]), arm_motion()
+    ),
+    "joint-torque-gain": Example(
+        ("rigid-body", "joint-torque-gain"), each("joint-torque-gain", "gain", _JOINTS, [0.06, -0.11]), arm_motion()
+    ),
+    "payload": Example(
+        ("rigid-body", "payload"),
+        {"payload.mass": 0.7, **each("payload", "moment", _AXES, [0.02, 0.05, -0.01])},
+        arm_motion(),
+    ),
+    "gravity-error": Example(
+        ("rigid-body", "gravity-error"), each("gravity-error", "error", _AXES, [0.8, -0.1, 0.3]), arm_motion()
+    ),
+    "joint-elasticity": Example(
+        ("rigid-body", "joint-elasticity"), each("joint-elasticity", "elasticity", _JOINTS, [6e-4, 9e-4]), arm_motion()
+    ),
+}

@@ -31,13 +31,14 @@ IDS = sorted(catalogue())
 #: names that stand fixed, so that logs, scripts and checks written against them keep working
 FIXED = """
     hooke kelvin-voigt hertz hunt-crossley maxwell zener rigid-body
-    hertz-exponent viscous-damping hunt-crossley-damping relaxation hysteresis stress-softening adhesion stiffening-layer
-    surface-offset stiffness-drift stiffness-inhomogeneity
+    hertz-exponent viscous-damping hunt-crossley-damping relaxation hysteresis stress-softening adhesion
+    stiffening-layer surface-offset stiffness-drift stiffness-inhomogeneity
     coulomb-friction viscous-friction stribeck-friction presliding friction-rounding load-dependent-friction
     friction-anisotropy
     tool-mass tool-com tool-inertia structural-compliance tip-offset
     joint-coulomb-friction joint-viscous-friction joint-friction-asymmetry joint-torque-offset rotor-inertia
-    joint-torque-gain payload joint-elasticity joint-stribeck-friction joint-load-friction joint-torque-ripple joint-spring
+    joint-torque-gain payload joint-elasticity joint-stribeck-friction joint-load-friction joint-torque-ripple
+    joint-spring
     sensor-bias sensor-drift sensor-crosstalk sensor-misalignment sensor-gain sensor-lag time-offset saturation
     quantization mains-hum
 """
@@ -201,7 +202,9 @@ def test_what_it_lacks_is_said(name: str) -> None:
 
 @pytest.mark.parametrize("name", IDS)
 def test_starts(name: str) -> None:
-    """Shapes, which mean nothing where the effect does nothing, have values to start from; all of them are admissible."""
+    """Shapes, which mean nothing where the effect does nothing, have values to start from; all of them are
+    admissible.
+    """
     model, _, signals = example(name)
     effect = of(model, name)
     parameters = effect.parameters(signals.layout)
@@ -228,7 +231,9 @@ def test_starts(name: str) -> None:
 
 @pytest.mark.parametrize("name", IDS)
 def test_what_is_admissible(name: str) -> None:
-    """True and nominal values are; the null is; what lies outside of a range is told; ranges are of parameters that there are."""
+    """True and nominal values are; the null is; what lies outside of a range is told; ranges are of parameters that
+    there are.
+    """
     model, values, signals = example(name)
     effect, layout = of(model, name), signals.layout
     own = {p.name: p for p in effect.parameters(layout)}
@@ -258,7 +263,11 @@ def test_what_calibration_leaves_open(name: str) -> None:
     named = {p.name: p for p in effect.parameters(signals.layout)}
     assert set(open_) <= set(named)
     assert all(0.0 < sd < np.inf for sd in open_.values())
-    stated = {"tool-mass", "payload", "sensor-lag"}  # shares of a stated tool, which not every rig has; filters of drives
+    stated = {
+        "tool-mass",
+        "payload",
+        "sensor-lag",
+    }  # shares of a stated tool, which not every rig has; filters of drives
     assert name in stated or bool(open_) == bool(effect.calibration_tolerance)
     null = effect.null_for("hooke")
     assert all(null[key.split("[")[0]] == 0.0 for key in open_), "calibration is open about nothing"
@@ -357,7 +366,9 @@ def test_a_prediction_that_begins_where_it_differs_from_another_is_the_same(name
 
 
 def _apart(name: str, change: Array) -> float:
-    """How far two predictions may be apart: law and arm agree to a ten-thousandth of what changes beside a known agreement."""
+    """How far two predictions may be apart: law and arm agree to a ten-thousandth of what changes beside a known
+    agreement.
+    """
     return 1e-4 * float(np.abs(change).max()) if name == "structural-compliance" else 0.0
 
 
@@ -366,7 +377,9 @@ def test_a_prediction_near_another_runs_only_what_differs(monkeypatch: pytest.Mo
     here, acted = model.course(signals, values), []
     for kind, stage in ((type(model.effects[0]), "elastic"), (type(model.effects[1]), "friction")):
         act = getattr(kind, stage)
-        monkeypatch.setattr(kind, stage, lambda self, s, p, act=act, stage=stage: (acted.append(stage), act(self, s, p))[0])
+        monkeypatch.setattr(
+            kind, stage, lambda self, s, p, act=act, stage=stage: (acted.append(stage), act(self, s, p))[0]
+        )
     again = Model(*model.effects)  # its steps are those above
     for place, expected in ((-1, []), (1, ["friction"]), (0, ["elastic", "friction"])):
         other = values.copy()
@@ -497,8 +510,11 @@ def test_materials_remember_over_a_short_gap(name: str) -> None:
     nothing = np.zeros((2, len(t)))
     whole = Signals(Layout(("normal_force",), "contact"), t, np.diff(t, prepend=0.0), depth, moving, nothing, nothing)
     model = Model(*(effect for effect in model.effects if effect.base or effect.id == name))
-    named = {key: value for key, value in zip(example(name)[0].parameters(signals.layout), values)
-             if key in model.parameters(whole.layout)}  # fmt: skip
+    named = {
+        key: value
+        for key, value in zip(example(name)[0].parameters(signals.layout), values)
+        if key in model.parameters(whole.layout)
+    }
     expected = model.predict(whole, named)[0]
     assert expected.max() > 0.1
     for begins, ends in ((1.6, 2.5), (3.7, 4.2)):
@@ -511,7 +527,9 @@ def test_materials_remember_over_a_short_gap(name: str) -> None:
 
 @pytest.mark.parametrize("name", [name for name in IDS if not get(name).detector])
 def test_recovers_its_parameters(name: str) -> None:
-    """Without noise, from the nominal values: to 1e-5 of each value, or of the change that matters where that is larger."""
+    """Without noise, from the nominal values: to 1e-5 of each value, or of the change that matters where that is
+    larger.
+    """
     model, values, signals, measured = measured_example(name)
     named = model.parameters(signals.layout)
     if not named:
@@ -616,17 +634,31 @@ def test_nor_does_it_of_any_two_that_act_at_one_stage(name: str) -> None:
     """On the effect's own log, beside each other effect of the catalogue that can act there."""
     found = examples()[name]
     own, layout = Model(*found.model), found.signals.layout
-    others = [other for other in NAMES if other not in own and not get(other).base and get(other).parameters(layout)
-              and set(get(other).stages()) & set(get(name).stages())
-              and (not get(other).wants or set(get(other).wants) & set(own.names))]  # fmt: skip
+    others = [
+        other
+        for other in NAMES
+        if other not in own
+        and not get(other).base
+        and get(other).parameters(layout)
+        and set(get(other).stages()) & set(get(name).stages())
+        and (not get(other).wants or set(get(other).wants) & set(own.names))
+    ]
     for other in others:
         names = [n for n in own.names if n != name]
         assert _apart_by_order(found.signals, Model(*names, name, other), Model(*names, other, name)) < 1e-12, other
 
 
-@pytest.mark.parametrize(("asked", "meant"), [("anisotropic-friction", "friction-anisotropy"), ("tilt-surface", "surface-tilt"),
-                                              ("compliance", "structural-compliance"), ("relaxaton", "relaxation"),
-                                              ("delay", "time-offset"), ("mullins", "stress-softening")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("asked", "meant"),
+    [
+        ("anisotropic-friction", "friction-anisotropy"),
+        ("tilt-surface", "surface-tilt"),
+        ("compliance", "structural-compliance"),
+        ("relaxaton", "relaxation"),
+        ("delay", "time-offset"),
+        ("mullins", "stress-softening"),
+    ],
+)
 def test_near_names_are_suggested(asked: str, meant: str) -> None:
     """In any order of their words, in part, with slips, and by what people call them."""
     with pytest.raises(InputError, match=f"did you mean '{meant}'"):

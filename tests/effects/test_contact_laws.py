@@ -28,11 +28,20 @@ CHANNELS = ("normal_force", "tangential_force1", "tangential_force2")
 QUICK = settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 
 
-def signals(t: Array, depth: Array, rate: Array, slips: Array | None = None, slip_rates: Array | None = None) -> Signals:
+def signals(
+    t: Array, depth: Array, rate: Array, slips: Array | None = None, slip_rates: Array | None = None
+) -> Signals:
     """Signals of one stretch of time."""
     none = np.zeros((2, len(t)))
-    return Signals(Layout(CHANNELS, "contact"), t, np.diff(t, prepend=t[0]), depth, rate,
-                   none if slips is None else slips, none if slip_rates is None else slip_rates)  # fmt: skip
+    return Signals(
+        Layout(CHANNELS, "contact"),
+        t,
+        np.diff(t, prepend=t[0]),
+        depth,
+        rate,
+        none if slips is None else slips,
+        none if slip_rates is None else slip_rates,
+    )
 
 
 def spline(knots: list[tuple[float, float]]) -> CubicSpline:
@@ -47,7 +56,9 @@ def uneven(length: float, n: int, seed: int = 0) -> Array:
     return np.asarray(length * (np.cumsum(steps) - steps[0]) / (steps.sum() - steps[0]))
 
 
-POKES = spline([(0, -1), (0.4, 2), (0.9, 2), (1.1, 1), (1.3, 3), (1.8, -1), (2.2, 4), (3.4, 3.9), (3.8, -1.2), (4.0, -1)])
+POKES = spline(
+    [(0, -1), (0.4, 2), (0.9, 2), (1.1, 1), (1.3, 3), (1.8, -1), (2.2, 4), (3.4, 3.9), (3.8, -1.2), (4.0, -1)]
+)
 
 
 def poke(n: int = 6000) -> Signals:
@@ -69,22 +80,44 @@ def normal(model: Model, s: Signals, **values: float) -> Array:
     ("model", "values", "formula"),
     [
         (("hooke",), {"hooke__stiffness": 700.0}, lambda d, v: 700 * d),
-        (("kelvin-voigt",), {"kelvin_voigt__stiffness": 700.0, "kelvin_voigt__damping": 9.0}, lambda d, v: 700 * d + 9 * v),
+        (
+            ("kelvin-voigt",),
+            {"kelvin_voigt__stiffness": 700.0, "kelvin_voigt__damping": 9.0},
+            lambda d, v: 700 * d + 9 * v,
+        ),
         (("hertz",), {"hertz__stiffness": 2e4}, lambda d, v: 2e4 * d**1.5),
-        (("hunt-crossley",),
-         {"hunt_crossley__stiffness": 3e3, "hunt_crossley__damping": 2e3, "hunt_crossley__exponent": 1.3},
-         lambda d, v: 3e3 * d**1.3 + 2e3 * d**1.3 * v),
-        (("hooke", "hertz-exponent"), {"hooke__stiffness": 3e3, "hertz_exponent__exponent": 1.3}, lambda d, v: 3e3 * d**1.3),
-        (("hertz", "hertz-exponent"), {"hertz__stiffness": 3e3, "hertz_exponent__exponent": 1.2}, lambda d, v: 3e3 * d**1.2),
-        (("hertz", "viscous-damping"), {"hertz__stiffness": 2e4, "viscous_damping__damping": 9.0},
-         lambda d, v: 2e4 * d**1.5 + 9 * v),
-        (("hertz", "hunt-crossley-damping"), {"hertz__stiffness": 2e4, "hunt_crossley_damping__damping": 0.7},
-         lambda d, v: 2e4 * d**1.5 * (1 + 0.7 * v)),
-        (("hooke", "stiffening-layer"), {"hooke__stiffness": 700.0, "stiffening_layer__stiffness": 400.0,
-                                         "stiffening_layer__depth": 1.7e-3},
-         lambda d, v: 700 * d + 400 * max(0.0, d - 1.7e-3)),
+        (
+            ("hunt-crossley",),
+            {"hunt_crossley__stiffness": 3e3, "hunt_crossley__damping": 2e3, "hunt_crossley__exponent": 1.3},
+            lambda d, v: 3e3 * d**1.3 + 2e3 * d**1.3 * v,
+        ),
+        (
+            ("hooke", "hertz-exponent"),
+            {"hooke__stiffness": 3e3, "hertz_exponent__exponent": 1.3},
+            lambda d, v: 3e3 * d**1.3,
+        ),
+        (
+            ("hertz", "hertz-exponent"),
+            {"hertz__stiffness": 3e3, "hertz_exponent__exponent": 1.2},
+            lambda d, v: 3e3 * d**1.2,
+        ),
+        (
+            ("hertz", "viscous-damping"),
+            {"hertz__stiffness": 2e4, "viscous_damping__damping": 9.0},
+            lambda d, v: 2e4 * d**1.5 + 9 * v,
+        ),
+        (
+            ("hertz", "hunt-crossley-damping"),
+            {"hertz__stiffness": 2e4, "hunt_crossley_damping__damping": 0.7},
+            lambda d, v: 2e4 * d**1.5 * (1 + 0.7 * v),
+        ),
+        (
+            ("hooke", "stiffening-layer"),
+            {"hooke__stiffness": 700.0, "stiffening_layer__stiffness": 400.0, "stiffening_layer__depth": 1.7e-3},
+            lambda d, v: 700 * d + 400 * max(0.0, d - 1.7e-3),
+        ),
     ],
-)  # fmt: skip
+)
 def test_laws_without_memory(model: tuple[str, ...], values: dict[str, float], formula: Callable[..., float]) -> None:
     s = poke(900)
     expected = [formula(float(d), float(v)) if d > 0 else 0.0 for d, v in zip(s.depth, s.depth_rate)]
@@ -137,7 +170,9 @@ def test_restitution_of_hunt_crossley_damping() -> None:
 
 
 def network(t: Array, spring: float, branches: list[tuple[float, float]]) -> Array:
-    """Force of springs and Maxwell branches (stiffness, time constant) side by side, moved by the pokes (scipy's DOP853)."""
+    """Force of springs and Maxwell branches (stiffness, time constant) side by side, moved by the pokes (scipy's
+    DOP853).
+    """
 
     def flow(time: float, inner: Array) -> list[float]:
         depth = max(0.0, float(POKES(time)))
@@ -168,12 +203,16 @@ def relaxing(spring: float, *branches: tuple[float, float]) -> tuple[Model, dict
     ("model", "values", "spring", "branches"),
     [
         (Model("maxwell"), {"maxwell.stiffness": 900.0, "maxwell.time-constant": 0.3}, 0.0, [(900.0, 0.3)]),
-        (Model("zener"), {"zener.stiffness": 600.0, "zener.branch-ratio": 0.75, "zener.time-constant": 0.2}, 600.0,
-         [(450.0, 0.2)]),
+        (
+            Model("zener"),
+            {"zener.stiffness": 600.0, "zener.branch-ratio": 0.75, "zener.time-constant": 0.2},
+            600.0,
+            [(450.0, 0.2)],
+        ),
         (*relaxing(600.0, (450.0, 0.2)), 600.0, [(450.0, 0.2)]),
         (*relaxing(500.0, (450.0, 0.05), (300.0, 1.1)), 500.0, [(450.0, 0.05), (300.0, 1.1)]),
     ],
-)  # fmt: skip
+)
 def test_relaxation_is_the_network_of_springs_and_dashpots(
     model: Model, values: dict[str, float], spring: float, branches: list[tuple[float, float]]
 ) -> None:
@@ -191,12 +230,19 @@ def test_relaxation_is_the_network_of_springs_and_dashpots(
 
 
 def test_relaxation_of_a_power_law_is_the_hereditary_integral() -> None:
-    """N(t) = ∫ G(t − s) dF_e(s) with G = 1 − r + r exp(−t/τ), F_e = K δ^1.5 (Fung's quasi-linear law), by quadrature."""
+    """N(t) = ∫ G(t − s) dF_e(s) with G = 1 − r + r exp(−t/τ), F_e = K δ^1.5 (Fung's quasi-linear law), by
+    quadrature.
+    """
     ratio, tau, stiffness = 0.6, 0.25, 2e4
     ramp = spline([(0, 0), (0.5, 3), (1.5, 2)])
     t = np.linspace(0, 1.5, 3001)
-    force = normal(Model("hertz", "relaxation"), signals(t, ramp(t), ramp(t, 1)), hertz__stiffness=stiffness,
-                   relaxation__ratio=ratio, relaxation__time_constant=tau)  # fmt: skip
+    force = normal(
+        Model("hertz", "relaxation"),
+        signals(t, ramp(t), ramp(t, 1)),
+        hertz__stiffness=stiffness,
+        relaxation__ratio=ratio,
+        relaxation__time_constant=tau,
+    )
 
     def change(s: float) -> float:
         return float(1.5 * stiffness * np.sqrt(max(0.0, ramp(s))) * ramp(s, 1))
@@ -209,9 +255,12 @@ def test_relaxation_of_a_power_law_is_the_hereditary_integral() -> None:
 def test_relaxation_after_a_fast_step_is_an_exponential() -> None:
     t = np.concatenate([[0.0, 1e-6], np.geomspace(1e-3, 50.0, 400)])
     s = signals(t, np.where(t > 0, 1e-3, -1e-9), np.zeros(len(t)))
-    force = normal(Model("hooke", "relaxation"), s, hooke__stiffness=1000.0, relaxation__ratio=0.4,
-                   relaxation__time_constant=2.0)  # fmt: skip
-    np.testing.assert_allclose(force[1:], 1 - 0.4 * (1 - np.exp(-t[1:] / 2.0)), rtol=0, atol=1e-6)  # the step takes 1 µs
+    force = normal(
+        Model("hooke", "relaxation"), s, hooke__stiffness=1000.0, relaxation__ratio=0.4, relaxation__time_constant=2.0
+    )
+    np.testing.assert_allclose(
+        force[1:], 1 - 0.4 * (1 - np.exp(-t[1:] / 2.0)), rtol=0, atol=1e-6
+    )  # the step takes 1 µs
 
 
 def test_relaxation_wants_a_branch() -> None:
@@ -253,9 +302,14 @@ def test_hysteresis_does_not_depend_on_speed() -> None:
     model = Model("hertz", "hysteresis")
     path = np.linspace(0, 4.0, 8001)
     slow, fast = [
-        normal(model, signals(path / speed, POKES(path), speed * POKES(path, 1)), hysteresis__amplitude=0.4,
-               hysteresis__length=7e-4) for speed in (0.1, 7.0)
-    ]  # fmt: skip
+        normal(
+            model,
+            signals(path / speed, POKES(path), speed * POKES(path, 1)),
+            hysteresis__amplitude=0.4,
+            hysteresis__length=7e-4,
+        )
+        for speed in (0.1, 7.0)
+    ]
     np.testing.assert_allclose(fast, slow, rtol=0, atol=1e-9)
     # nor on how time is sampled, to the error of the path: half a step's turn at each reversal
     t = uneven(4.0, 8001)
@@ -270,11 +324,18 @@ def test_softening_by_steps() -> None:
     """In to 2 mm, out, in to 3 mm: one softer path below the deepest past depth, the virgin one beyond it."""
     depth = 1e-3 * np.concatenate([np.linspace(0.01, 2, 200), np.linspace(2, 0.01, 200), np.linspace(0.01, 3, 300)])
     t = np.arange(len(depth)) * 1e-3
-    force = normal(Model("hooke", "stress-softening"), signals(t, depth, np.gradient(depth, t)), hooke__stiffness=1000.0,
-                   stress_softening__ratio=0.5, stress_softening__length=5e-4)  # fmt: skip
+    force = normal(
+        Model("hooke", "stress-softening"),
+        signals(t, depth, np.gradient(depth, t)),
+        hooke__stiffness=1000.0,
+        stress_softening__ratio=0.5,
+        stress_softening__length=5e-4,
+    )
     virgin = 1000.0 * depth
     np.testing.assert_allclose(force[:200], virgin[:200])
-    np.testing.assert_allclose(force[200:400][::-1], virgin[:200] * (1 - 0.5 * (1 - np.exp((depth[:200] - 2e-3) / 5e-4))))
+    np.testing.assert_allclose(
+        force[200:400][::-1], virgin[:200] * (1 - 0.5 * (1 - np.exp((depth[:200] - 2e-3) / 5e-4)))
+    )
     below = depth[400:] <= 2e-3
     again = np.interp(depth[400:][below], depth[:200], force[200:400][::-1])
     np.testing.assert_allclose(force[400:][below], again, atol=1e-4)  # interpolated over 10 µm
@@ -304,8 +365,13 @@ def test_a_bond_pulls_on_the_way_out_only_and_tears() -> None:
 def test_without_a_log_inhomogeneity_is_a_gradient() -> None:
     place = np.random.default_rng(0).uniform(-0.02, 0.02, (2, 200))
     s = signals(np.arange(200) * 1.0, np.full(200, 1e-3), np.zeros(200), place, np.zeros_like(place))
-    force = normal(Model("hooke", "stiffness-inhomogeneity"), s, hooke__stiffness=1000.0,
-                   stiffness_inhomogeneity__gradient1=8.0, stiffness_inhomogeneity__gradient2=-3.0)  # fmt: skip
+    force = normal(
+        Model("hooke", "stiffness-inhomogeneity"),
+        s,
+        hooke__stiffness=1000.0,
+        stiffness_inhomogeneity__gradient1=8.0,
+        stiffness_inhomogeneity__gradient2=-3.0,
+    )
     np.testing.assert_allclose(force, 1 + 8 * place[0] - 3 * place[1])
 
 
@@ -320,7 +386,9 @@ PROFILES: dict[str, Callable[[Array, Array], Array]] = {
 @pytest.mark.parametrize("shape", sorted(PROFILES))
 @pytest.mark.parametrize("turned", [0.0, 0.6])
 def test_a_profile_takes_off_what_a_free_one_along_the_path_does(shape: str, turned: float) -> None:
-    """Held out, in turns of three seconds: of fifteen free nodes along the path nine tenths at least; smoothness is learnt."""
+    """Held out, in turns of three seconds: of fifteen free nodes along the path nine tenths at least; smoothness is
+    learnt.
+    """
     t, noise = np.arange(6000) * 0.01, 0.03
     along = 0.02 * np.sin(0.37 * t) + 0.002 * np.sin(3 * t)
     place = np.outer([np.cos(turned), np.sin(turned)], along)
@@ -390,7 +458,9 @@ def test_nodes_are_where_the_tool_was() -> None:
 
 
 def _sphere(depth: Array) -> Array:
-    """Hertz's force less that of Johnson, Kendall and Roberts: R = 5 mm, E* = 0.2 MPa, γ = 8 J/m² (twice its usual half)."""
+    """Hertz's force less that of Johnson, Kendall and Roberts: R = 5 mm, E* = 0.2 MPa, γ = 8 J/m² (twice its usual
+    half).
+    """
     radius, modulus, energy = 5e-3, 2e5, 8.0
     a = np.linspace(1e-6, 6e-3, 20001)
     reach = a**2 / radius - np.sqrt(2 * np.pi * energy * a / modulus)
@@ -411,7 +481,9 @@ PULLS: dict[str, tuple[Callable[[Array], Array], bool]] = {
 
 @pytest.mark.parametrize("kind", sorted(PULLS))
 def test_a_bond_has_the_shape_of_known_laws(kind: str) -> None:
-    """Of a constant pull, Dugdale's tail and a soft sphere's a tenth of the pull is left at most; of a shifted surface most."""
+    """Of a constant pull, Dugdale's tail and a soft sphere's a tenth of the pull is left at most; of a shifted surface
+    most.
+    """
     law, both = PULLS[kind]
     way = spline([(0, -2), (1, 2), (2, -2), (3, 1), (3.5, 0.4), (4, 1.5), (5.5, -2), (7, 3), (10, -2)])
     t = np.linspace(0, 10, 3000)
@@ -427,12 +499,16 @@ def test_a_bond_has_the_shape_of_known_laws(kind: str) -> None:
 
     def added(z: Array) -> Array:
         values = dict(zip(("force", "tack", "length", "rise", "neck"), (*z[:2], *np.exp(z[2:]))))
-        return base - normal(base_and_bond, s, hertz__stiffness=1.9e4, **{f"adhesion__{key}": v for key, v in values.items()})
+        return base - normal(
+            base_and_bond, s, hertz__stiffness=1.9e4, **{f"adhesion__{key}": v for key, v in values.items()}
+        )
 
     low, high = [0, 0, np.log(1e-5), np.log(1e-6), np.log(0.5)], [5, 5, np.log(0.01), np.log(0.1), np.log(20.0)]
     starts = [(0.2, 0.2, np.log(length), np.log(1e-4), np.log(4.0)) for length in (3e-4, 6e-4, 1e-3)]
-    found = min((least_squares(lambda z: added(z) - pull, start, bounds=(low, high), diff_step=1e-3) for start in starts),
-                key=lambda one: one.cost)  # fmt: skip
+    found = min(
+        (least_squares(lambda z: added(z) - pull, start, bounds=(low, high), diff_step=1e-3) for start in starts),
+        key=lambda one: one.cost,
+    )
     share = float(np.sqrt(2 * found.cost / np.sum(pull**2)))
     slope = np.gradient(base, s.depth)
     shifted = pull + slope * (-(pull @ slope) / (slope @ slope))
@@ -474,7 +550,9 @@ def test_bristles_are_dahls_equation() -> None:
 
 
 def test_short_bristles_follow_the_direction_of_a_curve_without_delay() -> None:
-    """Bristles of 1 µm on a circle, a turn of 0.05 rad a sample: they point along the velocity, not along half a step ago's."""
+    """Bristles of 1 µm on a circle, a turn of 0.05 rad a sample: they point along the velocity, not along half a step
+    ago's.
+    """
     t = np.arange(0.0, 2.0, 5e-3)
     turn = 10.0 * t
     u = np.empty((2, len(t)))
@@ -503,6 +581,7 @@ def test_bristles_keep_their_deflection_under_the_noise_of_rest() -> None:
 @pytest.mark.parametrize("length", [1e-4, 5e-6])
 def test_a_slip_that_turns_between_two_samples(length: float) -> None:
     """Bristles of a log at 250 Hz follow those of the same slip at 10 kHz, also where it turns back within a sample."""
+
     def bent(rate_hz: float) -> tuple[Array, Array]:
         t = np.arange(0, 2, 1 / rate_hz)
         dt, u = np.diff(t, prepend=0.0), np.empty((2, len(t)))
@@ -519,12 +598,24 @@ def test_friction_in_steady_slip() -> None:
     """Forces of fast slip along either tangent, by hand."""
     t = np.linspace(0, 1, 1001)
     values = {
-        "hooke.stiffness": 1000.0, "coulomb-friction.coefficient": 0.3, "viscous-friction.damping": 4.0,
-        "stribeck-friction.coefficient": 0.2, "stribeck-friction.speed": 0.02, "presliding.length": 1e-3,
-        "load-dependent-friction.exponent": -0.25, "friction-anisotropy.ratio": 0.1,
-    }  # fmt: skip
-    model = Model("hooke", "coulomb-friction", "stribeck-friction", "presliding", "viscous-friction", "friction-anisotropy",
-                  "load-dependent-friction")  # fmt: skip
+        "hooke.stiffness": 1000.0,
+        "coulomb-friction.coefficient": 0.3,
+        "viscous-friction.damping": 4.0,
+        "stribeck-friction.coefficient": 0.2,
+        "stribeck-friction.speed": 0.02,
+        "presliding.length": 1e-3,
+        "load-dependent-friction.exponent": -0.25,
+        "friction-anisotropy.ratio": 0.1,
+    }
+    model = Model(
+        "hooke",
+        "coulomb-friction",
+        "stribeck-friction",
+        "presliding",
+        "viscous-friction",
+        "friction-anisotropy",
+        "load-dependent-friction",
+    )
     for axis, share in ((0, 1.1), (1, 0.9)):
         for v in (0.03, -0.03):
             rates = np.zeros((2, len(t)))
@@ -542,13 +633,17 @@ def test_friction_at_rest_keeps_its_direction_and_ends_with_the_touch() -> None:
     depth = np.where(t < 1.5, 2e-3, -1e-3)
     rate = np.where(t < 0.5, 0.02, 0.0)
     s = signals(t, depth, np.zeros(len(t)), None, np.stack([rate, 0 * rate]))
-    force = Model("hooke", "coulomb-friction").predict(s, {"hooke.stiffness": 1000.0, "coulomb-friction.coefficient": 0.4})
+    force = Model("hooke", "coulomb-friction").predict(
+        s, {"hooke.stiffness": 1000.0, "coulomb-friction.coefficient": 0.4}
+    )
     np.testing.assert_allclose(force[1, (t > 0.5) & (t < 1.5)], -0.8, rtol=1e-9)
     np.testing.assert_array_equal(force[1, t > 1.5], 0.0)
 
 
 def test_a_touch_between_samples_moves_nothing_abruptly() -> None:
-    """Bristles count the slip since the tip touched, not since the last sample: forces change smoothly with the surface."""
+    """Bristles count the slip since the tip touched, not since the last sample: forces change smoothly with the
+    surface.
+    """
     t = np.linspace(0, 0.1, 101)
     rates = np.stack([np.full(101, 0.02), np.zeros(101)])
     s = signals(t, 0.02 * (t - 0.0503), np.full(101, 0.02), None, rates)
@@ -622,7 +717,9 @@ def test_passive_laws_give_no_energy(name: str, data: Any) -> None:
     st.floats(-0.9, 0.9),
     st.floats(0, 5),
 )
-def test_friction_gives_no_energy(places: list[tuple[float, float]], bristle: float, aniso: float, viscous: float) -> None:
+def test_friction_gives_no_energy(
+    places: list[tuple[float, float]], bristle: float, aniso: float, viscous: float
+) -> None:
     """Along any slip that returns to its start, under a constant load."""
     at = np.arange(len(places) + 2.0)
     way = np.array([(0.0, 0.0), *places, (0.0, 0.0)])
@@ -633,8 +730,9 @@ def test_friction_gives_no_energy(places: list[tuple[float, float]], bristle: fl
     rates = 1e-3 * (rise * (6 * x * (1 - x))[:, None]).T
     s = signals(t, np.full(len(t), 2e-3), np.zeros(len(t)), slips, rates)
     model = Model("hooke", "coulomb-friction", "presliding", "friction-anisotropy", "viscous-friction")
-    force = model.predict(s, {"presliding.length": bristle, "friction-anisotropy.ratio": aniso,
-                              "viscous-friction.damping": viscous})  # fmt: skip
+    force = model.predict(
+        s, {"presliding.length": bristle, "friction-anisotropy.ratio": aniso, "viscous-friction.damping": viscous}
+    )
     done = [work(-force[1 + axis], slips[axis]) for axis in (0, 1)]
     # a step is at most 1 µm per bristle of 20 µm: the trapezoidal rule is off by its square
     assert sum(put_in for put_in, _ in done) >= -2e-3 * sum(amounts for _, amounts in done) - 1e-12
@@ -642,7 +740,9 @@ def test_friction_gives_no_energy(places: list[tuple[float, float]], bristle: fl
 
 @pytest.mark.parametrize("amplitude", [0.01, 0.03, 0.1, 0.3])
 def test_small_oscillations_are_damped_not_driven(amplitude: float) -> None:
-    """Within and just beyond the elastic share of a bristle, where a lag of force behind motion would feed energy in."""
+    """Within and just beyond the elastic share of a bristle, where a lag of force behind motion would feed energy
+    in.
+    """
     t = np.linspace(0, 6, 30_001)
     ell = 1e-3
     sway, rate = amplitude * ell * np.sin(2 * np.pi * t), 2 * np.pi * amplitude * ell * np.cos(2 * np.pi * t)
@@ -666,13 +766,28 @@ def test_signals_stay_as_they_were() -> None:
 
 
 def test_rounded_friction_is_the_simulators_law() -> None:
-    """Without memory, whatever presliding says; stronger friction at rest, load and direction act through the coefficient."""
+    """Without memory, whatever presliding says; stronger friction at rest, load and direction act through the
+    coefficient.
+    """
     s = slide()
-    model = Model("hooke", "coulomb-friction", "stribeck-friction", "load-dependent-friction", "friction-anisotropy",
-                  "friction-rounding", "presliding")  # fmt: skip
-    values = {"hooke.stiffness": 900.0, "coulomb-friction.coefficient": 0.3, "stribeck-friction.coefficient": 0.2,
-              "stribeck-friction.speed": 5e-3, "load-dependent-friction.exponent": -0.2, "friction-anisotropy.ratio": 0.15,
-              "friction-rounding.speed": 3e-3}  # fmt: skip
+    model = Model(
+        "hooke",
+        "coulomb-friction",
+        "stribeck-friction",
+        "load-dependent-friction",
+        "friction-anisotropy",
+        "friction-rounding",
+        "presliding",
+    )
+    values = {
+        "hooke.stiffness": 900.0,
+        "coulomb-friction.coefficient": 0.3,
+        "stribeck-friction.coefficient": 0.2,
+        "stribeck-friction.speed": 5e-3,
+        "load-dependent-friction.exponent": -0.2,
+        "friction-anisotropy.ratio": 0.15,
+        "friction-rounding.speed": 3e-3,
+    }
     _, *found = model.predict(s, values)
     speed = np.hypot(*s.slip_rate)
     mu = (0.3 + 0.2 * np.exp(-((speed / 5e-3) ** 2))) * 1.8**-0.2
@@ -680,15 +795,23 @@ def test_rounded_friction_is_the_simulators_law() -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-15)
     np.testing.assert_array_equal(found, model.predict(s, {**values, "presliding.length": 2e-3})[1:])
     plain = model.predict(s, {**values, "friction-rounding.speed": 0.0})
-    np.testing.assert_array_equal(plain, (model - "friction-rounding").predict(
-        s, {key: value for key, value in values.items() if not key.startswith("friction-rounding")}))  # fmt: skip
+    np.testing.assert_array_equal(
+        plain,
+        (model - "friction-rounding").predict(
+            s, {key: value for key, value in values.items() if not key.startswith("friction-rounding")}
+        ),
+    )
 
 
 def test_negative_friction_is_told() -> None:
     stribeck, layer = get("stribeck-friction"), get("stiffening-layer")
     assert stribeck.implausible({"coefficient": 0.1, "speed": 0.01}, {"coulomb-friction.coefficient": 0.3}) == ""
-    assert "at rest" in stribeck.implausible({"coefficient": -0.4, "speed": 0.01}, {"coulomb-friction.coefficient": 0.3})
-    assert "coefficient" in stribeck.implausible({"coefficient": -0.2, "speed": 0.01}, {"coulomb-friction.coefficient": 0.3})
+    assert "at rest" in stribeck.implausible(
+        {"coefficient": -0.4, "speed": 0.01}, {"coulomb-friction.coefficient": 0.3}
+    )
+    assert "coefficient" in stribeck.implausible(
+        {"coefficient": -0.2, "speed": 0.01}, {"coulomb-friction.coefficient": 0.3}
+    )
     assert "negative" not in layer.implausible({"stiffness": -300.0, "depth": 1e-3}, {"hooke.stiffness": 500.0})
     assert "more than" in layer.implausible({"stiffness": -700.0, "depth": 1e-3}, {"hooke.stiffness": 500.0})
     assert "no more than all" in Relaxation(2).implausible({"ratio": 0.6, "ratio2": 0.6}, {})

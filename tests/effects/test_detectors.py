@@ -36,14 +36,18 @@ def load_of(kind: str) -> tuple[Array, Array, Layout]:
         return np.array([[9.0, 2.0, 3.0], [2.0, 0.4, 0.2]]) @ columns[0], columns, Layout(JOINTS, "joints")
     ones = np.ones_like(T)
     columns = np.array([[swing, poke, ones]] * 6)
-    size = np.array([[3.0, 1.0, 0.5], [2.0, 0.5, -1.0], [1.0, -9.0, 2.0], [0.1, 0.02, 0.0], [0.05, 0.2, 0.0], [0.03, 0.0, 0.01]])
+    size = np.array(
+        [[3.0, 1.0, 0.5], [2.0, 0.5, -1.0], [1.0, -9.0, 2.0], [0.1, 0.02, 0.0], [0.05, 0.2, 0.0], [0.03, 0.0, 0.01]]
+    )
     return size @ columns[0], columns, Layout(WRENCH, "wrench")
 
 
 def samples(raw: Array, columns: Array, layout: Layout) -> Samples:
     """As a diagnosis shows them: the model is fitted to the readings as they are."""
     expected = np.array([c.T @ np.linalg.lstsq(c.T, x, rcond=None)[0] for c, x in zip(columns, raw)])
-    shown = Samples(raw, expected, np.ones(len(raw)), np.ones(raw.shape[1], np.bool_), T[: raw.shape[1]], PERIOD, layout)
+    shown = Samples(
+        raw, expected, np.ones(len(raw)), np.ones(raw.shape[1], np.bool_), T[: raw.shape[1]], PERIOD, layout
+    )
     return dataclasses.replace(shown, noise=shown.white(raw))
 
 
@@ -82,7 +86,9 @@ def test_nothing_is_found_in_clean_logs(kind: str, noise: float) -> None:
         assert not found_in(dataclasses.replace(shown, expected=factor * shown.expected)), factor
 
 
-@pytest.mark.parametrize(("kind", "channel"), [("contact", 0), ("wrench", 2), ("wrench", 4), ("joints", 0), ("joints", 1)])
+@pytest.mark.parametrize(
+    ("kind", "channel"), [("contact", 0), ("wrench", 2), ("wrench", 4), ("joints", 0), ("joints", 1)]
+)
 @pytest.mark.parametrize("share", [0.6, 0.8])
 def test_flat_tops_are_read_off(kind: str, channel: int, share: float) -> None:
     """Noise before the end of the range: the limit is exact, on the channel that has it alone."""
@@ -103,11 +109,15 @@ def test_flat_tops_are_read_off(kind: str, channel: int, share: float) -> None:
     assert keep.sum() > 0.98 * (~at).sum()
 
 
-@pytest.mark.parametrize(("kind", "channel"), [("contact", 0), ("wrench", 2), ("wrench", 4), ("joints", 0), ("joints", 1)])
+@pytest.mark.parametrize(
+    ("kind", "channel"), [("contact", 0), ("wrench", 2), ("wrench", 4), ("joints", 0), ("joints", 1)]
+)
 @pytest.mark.parametrize("share", [0.6, 0.8])
 @pytest.mark.parametrize("noise", [1.0, 2.0, 4.0])
 def test_an_end_of_the_range_with_noise_behind_it(kind: str, channel: int, share: float, noise: float) -> None:
-    """Readings pile up about the limit where the model goes on: it is known to half the noise, and they count no longer."""
+    """Readings pile up about the limit where the model goes on: it is known to half the noise, and they count no
+    longer.
+    """
     load, columns, layout = load_of(kind)
     white, sigma = noise_of(load)
     limit = share * np.abs(load[channel]).max()
@@ -124,7 +134,9 @@ def test_an_end_of_the_range_with_noise_behind_it(kind: str, channel: int, share
 
 
 def test_holds_are_no_end_of_a_range() -> None:
-    """A load that rests at one depth by a jerk piles up alike; the model expects it to rest, even one that expects too much."""
+    """A load that rests at one depth by a jerk piles up alike; the model expects it to rest, even one that expects too
+    much.
+    """
     phase = T % 8.0
     ramp = np.clip(phase, 0, 1) - np.clip(phase - 4.0, 0, 1)
     rng = np.random.default_rng(0)
@@ -149,11 +161,15 @@ def test_a_controlled_force_is_no_end_of_a_range() -> None:
 def test_dry_friction_is_no_end_of_a_range(viscous: float) -> None:
     """It stays at a level from the slowest motion on, which a model without it expects to rise."""
     speed = np.sin(1.2 * T)
-    raw = (5.0 * np.tanh(speed / 0.01) + viscous * speed + 0.02 * np.random.default_rng(0).standard_normal(len(T)))[None]
+    raw = (5.0 * np.tanh(speed / 0.01) + viscous * speed + 0.02 * np.random.default_rng(0).standard_normal(len(T)))[
+        None
+    ]
     assert not found_in(samples(raw, speed[None, None], Layout(("tau1",), "joints")))
 
 
-@pytest.mark.parametrize(("kind", "channel"), [("contact", 0), ("wrench", 0), ("wrench", 5), ("joints", 0), ("joints", 1)])
+@pytest.mark.parametrize(
+    ("kind", "channel"), [("contact", 0), ("wrench", 0), ("wrench", 5), ("joints", 0), ("joints", 1)]
+)
 @pytest.mark.parametrize("steps", [2.0, 5.0, 20.0])
 def test_a_coarse_lattice(kind: str, channel: int, steps: float) -> None:
     """Steps of more than the noise, of one channel; no flat top is made of its highest value."""
@@ -240,7 +256,9 @@ def test_marks_of_a_sensor_with_stated_faults() -> None:
     """Converters act on raw readings: limits, steps and lines are found there, and predictions get them there."""
     t: Array = 2e-3 * np.arange(float(len(T)))
     rng = np.random.default_rng(0)
-    inverse = np.eye(6) + 0.05 * rng.standard_normal((6, 6)) * np.outer([1, 1, 1, 0.05, 0.05, 0.05], [1, 1, 1, 20, 20, 20])
+    inverse = np.eye(6) + 0.05 * rng.standard_normal((6, 6)) * np.outer(
+        [1, 1, 1, 0.05, 0.05, 0.05], [1, 1, 1, 20, 20, 20]
+    )
     as_read = AsRead.stated(inverse, np.array([2.0, -1.0, 3.0, 0.1, 0.0, 0.2]))
     assert as_read is not None
     load, _, layout = load_of("wrench")
@@ -260,7 +278,9 @@ def test_marks_of_a_sensor_with_stated_faults() -> None:
     assert not cleaned.experiment.valid[np.abs(raw[2]) == limit].any()
     predicted = clip.apply(load, whole)
     assert np.abs(as_read.raw(predicted)[2]).max() == pytest.approx(limit, rel=1e-9)
-    np.testing.assert_allclose(steps.apply(load, whole), load, atol=1e-12)  # rounding moves a reading up as often as down
+    np.testing.assert_allclose(
+        steps.apply(load, whole), load, atol=1e-12
+    )  # rounding moves a reading up as often as down
     added = as_read.raw(line.apply(load, whole)) - as_read.raw(load)
     inner = slice(500, -500)
     assert np.std((added - hum)[0, inner]) < 0.4 * sigma[0]

@@ -43,7 +43,8 @@ def test_dry_friction_is_a_sign_that_turns_within_its_bristles_and_stays_at_rest
     q = np.concatenate([[0.0], np.cumsum(0.5e-3 * (dq[1:] + dq[:-1]))])
     s = one_axis(t, q, dq, np.gradient(dq, t))
     torque = Model("rigid-body", "joint-coulomb-friction").predict(
-        s, {"rigid-body.inertia": 0.0, "joint-coulomb-friction.coulomb": 3.0})[0]  # fmt: skip
+        s, {"rigid-body.inertia": 0.0, "joint-coulomb-friction.coulomb": 3.0}
+    )[0]
     travelled = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(q)))])
     since = travelled - np.interp(np.where(t < 1, 0.0, np.where(t < 4, 1.0, 4.0)), t, travelled)
     moving = since > 20 * BRISTLE["rad"]  # e⁻²⁰ of the bristles is left to turn
@@ -60,15 +61,18 @@ def test_a_reversal_follows_dahls_law() -> None:
     u = Model("rigid-body", "joint-coulomb-friction").predict(s, {"joint-coulomb-friction.coulomb": 1.0})[0]
     back = t > 1.0
     x = 4e-3 * 2 / np.pi * (1 - np.sin(np.pi * t / 2))
-    np.testing.assert_allclose(u[back], (1 - 2 * np.exp(-x / BRISTLE["rad"]))[back], atol=1e-4)  # steps of the quadrature
+    np.testing.assert_allclose(
+        u[back], (1 - 2 * np.exp(-x / BRISTLE["rad"]))[back], atol=1e-4
+    )  # steps of the quadrature
 
 
 def test_asymmetric_viscosity_is_one_viscosity_each_way() -> None:
     t = np.linspace(0.0, 5.0, 500)
     s = one_axis(t, np.sin(t), np.cos(t), -np.sin(t))
     model = Model("rigid-body", "joint-viscous-friction", "joint-friction-asymmetry")
-    torque = model.predict(s, {"rigid-body.inertia": 0.0, "joint-viscous-friction.viscous": 2.0,
-                               "joint-friction-asymmetry.asymmetry": 0.5})[0]  # fmt: skip
+    torque = model.predict(
+        s, {"rigid-body.inertia": 0.0, "joint-viscous-friction.viscous": 2.0, "joint-friction-asymmetry.asymmetry": 0.5}
+    )[0]
     np.testing.assert_allclose(torque, np.where(np.cos(t) > 0, 2.5, 1.5) * np.cos(t), atol=1e-14)
 
 
@@ -79,18 +83,31 @@ def test_friction_fades_with_speed_and_grows_with_the_torque() -> None:
     joints = JointMotion(q, dq, -q, np.stack([2 * np.cos(q[0]), -30 * q[1]]), known=True)
     layout = Layout(("tau1", "force2"), "joints", ("turns", "slides"))
     s = Signals(layout, t, np.diff(t, prepend=0.0), none, none, pair, pair, joints=joints)
-    u = Model("rigid-body", "joint-coulomb-friction").predict(s, {
-        "joint-coulomb-friction.coulomb[turns]": 1.0, "joint-coulomb-friction.coulomb[slides]": 1.0}) - joints.rigid  # fmt: skip
+    u = (
+        Model("rigid-body", "joint-coulomb-friction").predict(
+            s, {"joint-coulomb-friction.coulomb[turns]": 1.0, "joint-coulomb-friction.coulomb[slides]": 1.0}
+        )
+        - joints.rigid
+    )
     model = Model("rigid-body", "joint-coulomb-friction", "joint-stribeck-friction", "joint-load-friction")
-    found = model.predict(s, {
-        "joint-coulomb-friction.coulomb[turns]": 0.0, "joint-coulomb-friction.coulomb[slides]": 0.0,
-        "joint-stribeck-friction.excess[turns]": 0.7, "joint-stribeck-friction.excess[slides]": 5.0,
-        "joint-stribeck-friction.speed": 0.3, "joint-load-friction.load[turns]": 0.1, "joint-load-friction.load[slides]": 0.2})
-    fading = np.exp(-((dq / np.array([[0.3], [0.03]])) ** 2))  # fmt: skip
+    found = model.predict(
+        s,
+        {
+            "joint-coulomb-friction.coulomb[turns]": 0.0,
+            "joint-coulomb-friction.coulomb[slides]": 0.0,
+            "joint-stribeck-friction.excess[turns]": 0.7,
+            "joint-stribeck-friction.excess[slides]": 5.0,
+            "joint-stribeck-friction.speed": 0.3,
+            "joint-load-friction.load[turns]": 0.1,
+            "joint-load-friction.load[slides]": 0.2,
+        },
+    )
+    fading = np.exp(-((dq / np.array([[0.3], [0.03]])) ** 2))
     size = np.array([[0.7], [5.0]]) * fading + np.array([[0.1], [0.2]]) * np.abs(joints.rigid)
     np.testing.assert_allclose(found, joints.rigid + size * u, atol=1e-12)
     assert "at rest" in get("joint-stribeck-friction").implausible(
-        {"excess[turns]": -0.5}, {"joint-coulomb-friction.coulomb[turns]": 0.3})  # fmt: skip
+        {"excess[turns]": -0.5}, {"joint-coulomb-friction.coulomb[turns]": 0.3}
+    )
 
 
 @pytest.mark.parametrize("order", [7.0, 100.0])
@@ -120,7 +137,9 @@ def test_a_spring_is_about_the_encoders_zero() -> None:
     t = np.linspace(0.0, 5.0, 500)
     s = one_axis(t, np.sin(t), np.cos(t), -np.sin(t))
     model = Model("rigid-body", "joint-spring", "joint-torque-offset")
-    torque = model.predict(s, {"rigid-body.inertia": 0.0, "joint-spring.rate": 4.0, "joint-torque-offset.offset": -2.0})[0]
+    torque = model.predict(
+        s, {"rigid-body.inertia": 0.0, "joint-spring.rate": 4.0, "joint-torque-offset.offset": -2.0}
+    )[0]
     np.testing.assert_allclose(torque, 4.0 * (np.sin(t) - 0.5), atol=1e-14)  # a spring that rests at 0.5 rad
 
 
@@ -134,15 +153,21 @@ def test_units_follow_the_axis() -> None:
 def test_names_of_the_parameters_end_in_the_joint() -> None:
     robot = Layout(("tau1", "tau2"), "joints", ("shoulder", "elbow"))
     assert list(Model("rigid-body", "rotor-inertia").parameters(robot)) == [
-        "rotor-inertia.inertia[shoulder]", "rotor-inertia.inertia[elbow]"]  # fmt: skip
+        "rotor-inertia.inertia[shoulder]",
+        "rotor-inertia.inertia[elbow]",
+    ]
     assert list(Model("rigid-body").parameters(Layout(("tau1", "tau2"), "joints"))) == [
-        "rigid-body.inertia[tau1]", "rigid-body.inertia[tau2]"]  # fmt: skip
+        "rigid-body.inertia[tau1]",
+        "rigid-body.inertia[tau2]",
+    ]
     assert list(Model("rigid-body").parameters(Layout(("tau1",), "joints"))) == ["rigid-body.inertia"]
 
 
 @pytest.mark.parametrize("encoder", ["motor", "link"])
 def test_elasticity_of_a_joint_that_is_simulated_apart(encoder: str) -> None:
-    """A motor J and a link M with a spring K between them, the link's motion given: θ = q + M q̈/K, τ_m = M q̈ + J θ̈."""
+    """A motor J and a link M with a spring K between them, the link's motion given: θ = q + M q̈/K, τ_m = M q̈ + J
+    θ̈.
+    """
     link, rotor, stiffness = 0.8, 0.5, 3000.0
     t = np.arange(0.0, 8.0, 1e-3)
     sines = [(0.4, 3.0), (0.05, 7.0), (0.02, 11.0)]
@@ -211,7 +236,9 @@ def test_payload_is_found_in_an_arm_that_carries_one(moving: Log) -> None:
     com = np.array([0.02, -0.03, 0.08])
     rig = Rig.parse({"robot": {"model": "lwr4plus"}, "tool": {"mass": 1.3, "com": com.tolist()}})
     loaded = moving.replace(tau=from_joint_torques(moving, rig, differentiator=Differentiator()).signals.joints.rigid.T)  # type: ignore[union-attr]
-    left, values = least_squares(Model("rigid-body", "payload"), from_joint_torques(loaded, LWR, differentiator=Differentiator()))
+    left, values = least_squares(
+        Model("rigid-body", "payload"), from_joint_torques(loaded, LWR, differentiator=Differentiator())
+    )
     assert values["payload.mass"] == pytest.approx(1.3, rel=0.01)
     moments = [values[f"payload.moment[{axis}]"] for axis in "xyz"]
     np.testing.assert_allclose(moments, 1.3 * com, atol=0.01)
@@ -219,7 +246,9 @@ def test_payload_is_found_in_an_arm_that_carries_one(moving: Log) -> None:
 
 
 def test_gravity_error_is_what_another_gravity_adds(moving: Log) -> None:
-    """An arm on a base that leans by 8° and 5°, and the rig says it stands upright; with a tool, gravity pulls at it too."""
+    """An arm on a base that leans by 8° and 5°, and the rig says it stands upright; with a tool, gravity pulls at it
+    too.
+    """
     leaning = np.array([-0.85, 1.35, -9.68])
     tool = {"tool": {"mass": 1.3, "com": [0.02, -0.03, 0.08]}}
     for more in ({}, tool):
@@ -268,8 +297,10 @@ def test_joints_that_sag_turn_what_lies_beyond(moving: Log) -> None:
     added = Model("rigid-body", "joint-elasticity").predict(e.signals, names) - e.signals.joints.rigid  # type: ignore[union-attr]
     for i in range(0, len(e.signals), 400):
         q, load = e.signals.joints.q[:, i], e.signals.joints.rigid[:, i]  # type: ignore[union-attr]
-        at = [pin.rnea(robot.model, robot.model.createData(), robot.configuration(x)[0], still, still)
-              for x in (q - compliance * load, q)]  # fmt: skip
+        at = [
+            pin.rnea(robot.model, robot.model.createData(), robot.configuration(x)[0], still, still)
+            for x in (q - compliance * load, q)
+        ]
         np.testing.assert_allclose(added[:, i], at[0] - at[1], atol=0.05 * np.abs(added).max())
 
 
@@ -288,11 +319,14 @@ def test_dry_friction_of_each_direction() -> None:
 
 
 def test_gravity_error_and_payload_are_told_apart(moving: Log) -> None:
-    rig = Rig.parse({"robot": {"model": "lwr4plus", "gravity": [0.4, 0.0, -9.8]}, "tool": {"mass": 0.8, "com": [0, 0, 0.06]}})
+    rig = Rig.parse(
+        {"robot": {"model": "lwr4plus", "gravity": [0.4, 0.0, -9.8]}, "tool": {"mass": 0.8, "com": [0, 0, 0.06]}}
+    )
     tau = from_joint_torques(moving, rig, differentiator=Differentiator()).signals.joints.rigid.T  # type: ignore[union-attr]
     noisy = moving.replace(tau=tau + np.random.default_rng(0).normal(scale=0.02, size=tau.shape))
     fit = Model("rigid-body", "gravity-error", "payload").fit(noisy, LWR)
-    # the product of both errors is left out of the model: 0.8 kg at the arm's end act like some 2 kg in its middle of 15 kg
+    # the product of both errors is left out of the model: 0.8 kg at the arm's end act like some 2 kg in its middle of
+    # 15 kg
     assert fit["error[x]"].value == pytest.approx(0.4, abs=0.07)
     assert fit["mass"].value == pytest.approx(0.8, abs=0.05)
 
@@ -386,7 +420,9 @@ FRICTION = ("joint-coulomb-friction", "joint-viscous-friction", "joint-torque-of
 
 @pytest.mark.real
 def test_a_linear_drive(real_data: Path) -> None:
-    """EMPS (Janot, Gautier, Brunot 2019), readings and columns compared at 100 Hz: above 50 Hz acts the controller alone."""
+    """EMPS (Janot, Gautier, Brunot 2019), readings and columns compared at 100 Hz: above 50 Hz acts the controller
+    alone.
+    """
     force = {"column": "vir", "unit": "N", "scale": 35.15065}
     rig = Rig.parse({"columns": {"q1": {"column": "qm", "unit": "m"}, "tau1": force}})
     log = kinid.read(real_data / "drive-friction" / "DATA_EMPS.mat", rig)
@@ -419,7 +455,9 @@ def test_an_arm_with_torque_sensors(real_data: Path) -> None:
     for name in ("measurements_1.npz", "measurements_2.npz"):
         with np.load(real_data / "lwr4plus-motion" / name, allow_pickle=False) as file:
             t, q, dq, ddq, tau = (file[key] for key in ("times", "positions", "velocities", "accelerations", "torques"))
-        logs.append(from_joint_torques(Log(t - t[0], q=q, dq=dq, ddq=ddq, tau=tau), LWR, differentiator=Differentiator()))
+        logs.append(
+            from_joint_torques(Log(t - t[0], q=q, dq=dq, ddq=ddq, tau=tau), LWR, differentiator=Differentiator())
+        )
 
     def both_ways(*effects: str) -> Array:
         model = Model("rigid-body", *effects)
@@ -435,10 +473,22 @@ def test_an_arm_with_torque_sensors(real_data: Path) -> None:
 
 @pytest.mark.real
 def test_a_motor_current(real_data: Path) -> None:
-    """The first joint of an upright UR10e, which nothing pulls on: its current [A] by an unknown inertia and friction."""
-    rig = Rig.parse({"columns": {"t": {"column": 0}, "q1": {"column": 1}, "dq1": {"column": 7},
-                                 "tau1": {"column": 13, "unit": "A"}}})  # fmt: skip
-    e = from_joint_torques(kinid.read(real_data / "ur10e-motion" / "joint_1.csv", rig), rig, differentiator=Differentiator())
+    """The first joint of an upright UR10e, which nothing pulls on: its current [A] by an unknown inertia and
+    friction.
+    """
+    rig = Rig.parse(
+        {
+            "columns": {
+                "t": {"column": 0},
+                "q1": {"column": 1},
+                "dq1": {"column": 7},
+                "tau1": {"column": 13, "unit": "A"},
+            }
+        }
+    )
+    e = from_joint_torques(
+        kinid.read(real_data / "ur10e-motion" / "joint_1.csv", rig), rig, differentiator=Differentiator()
+    )
     fits = [least_squares(Model("rigid-body", *FRICTION[:k]), e)[0] for k in range(3)]
     shown("current, A: reading → inertia → + dry → + viscous", [np.sqrt(np.mean(e.measured**2)), *fits])
     assert fits[0] > 2.5

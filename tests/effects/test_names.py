@@ -1,4 +1,6 @@
-"""No effect is named outside its own folder and the laboratory: what others must know of one is an attribute of `Effect`."""
+"""No effect is named outside its own folder and the laboratory: what others must know of one is an attribute of
+`Effect`.
+"""
 
 from __future__ import annotations
 
@@ -37,10 +39,17 @@ def _strings(tree: ast.AST) -> Iterator[ast.Constant]:
     docs = {
         id(node.body[0].value)
         for node in ast.walk(tree)
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and node.body and isinstance(node.body[0], ast.Expr)
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
+        and node.body
+        and isinstance(node.body[0], ast.Expr)
     }
     for node in ast.walk(tree):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docs and " " not in node.value:
+        if (
+            isinstance(node, ast.Constant)
+            and isinstance(node.value, str)
+            and id(node) not in docs
+            and " " not in node.value
+        ):
             yield node
 
 

@@ -54,7 +54,9 @@ def shaken(swing: Callable[..., Any]) -> tuple[Log, tuple[Array, Array, Array]]:
     return Log(t, q=motion[0], dq=motion[1], ddq=motion[2], wrench=np.zeros((300, 6))), motion
 
 
-@pytest.mark.parametrize("order", [("tool-mass", "tool-com", "tool-inertia"), ("tool-com", "tool-inertia", "tool-mass")])
+@pytest.mark.parametrize(
+    "order", [("tool-mass", "tool-com", "tool-inertia"), ("tool-com", "tool-inertia", "tool-mass")]
+)
 def test_tool_effects_make_one_rigid_body_of_another(
     order: tuple[str, ...], shaken: tuple[Log, tuple[Array, ...]], weighed: Callable[..., Array]
 ) -> None:
@@ -62,9 +64,16 @@ def test_tool_effects_make_one_rigid_body_of_another(
     log, motion = shaken
     stated = Rig.parse({**ROBOT, "tool": TOOL})
     more = {"mass": 0.23, "com": [0.004, 0.03, -0.02], "inertia": [5e-4, -2e-4, 3e-4, 5e-5, 1e-4, -1e-4]}
-    true = Rig.parse({**ROBOT, "tool": {
-        "mass": TOOL["mass"] + more["mass"], "com": np.add(TOOL["com"], more["com"]).tolist(),
-        "inertia": np.add(TOOL["inertia"], more["inertia"]).tolist()}})  # fmt: skip
+    true = Rig.parse(
+        {
+            **ROBOT,
+            "tool": {
+                "mass": TOOL["mass"] + more["mass"],
+                "com": np.add(TOOL["com"], more["com"]).tolist(),
+                "inertia": np.add(TOOL["inertia"], more["inertia"]).tolist(),
+            },
+        }
+    )
     values = {"tool-mass.mass": more["mass"]}
     values |= {f"tool-com.com[{axis}]": d for axis, d in zip("xyz", more["com"])}
     entries = ("xx", "yy", "zz", "xy", "xz", "yz")
@@ -95,7 +104,9 @@ def moved_tip(robot: Robot, d: Array) -> Robot:
     into = robot.frame(robot.sensor_frame or "").placement.rotation
     placement = model.frames[frame].placement
     model.frames[frame].placement = pin.SE3(placement.rotation, placement.translation + into @ d)
-    return Robot(robot.name, model, robot.joint_names, robot.sensor_frame, robot.tip_frame, robot.gravity, robot.compliance)
+    return Robot(
+        robot.name, model, robot.joint_names, robot.sensor_frame, robot.tip_frame, robot.gravity, robot.compliance
+    )
 
 
 def test_tip_offset_is_an_arm_with_another_tip(swing: Callable[..., Any], weighed: Callable[..., Array]) -> None:
@@ -129,7 +140,9 @@ def test_structural_compliance_is_a_spring_in_series() -> None:
     t = np.linspace(0.0, 3.0, 1500)
     depth = 4e-3 * np.sin(4.0 * t)
     k, c = 8000.0, 6e-5
-    predicted = Model("hooke", "structural-compliance").predict(signals(t, depth), {"hooke.stiffness": k, COMPLIANCE: c})
+    predicted = Model("hooke", "structural-compliance").predict(
+        signals(t, depth), {"hooke.stiffness": k, COMPLIANCE: c}
+    )
     np.testing.assert_allclose(predicted[0], np.maximum(depth, 0.0) * k / (1.0 + c * k), atol=1e-12)
 
 
@@ -144,8 +157,15 @@ def test_structural_compliance_slows_the_depth_too() -> None:
     def rate(at: Any) -> Any:
         return 12e-3 * np.cos(6.0 * at)
 
-    solved = solve_ivp(lambda at, n: (k * depth(at) + b * rate(at) - (1 + k * c) * n) / (b * c), (0, 4), [15.0], t_eval=t,
-                       rtol=1e-10, atol=1e-12, method="Radau")  # fmt: skip
+    solved = solve_ivp(
+        lambda at, n: (k * depth(at) + b * rate(at) - (1 + k * c) * n) / (b * c),
+        (0, 4),
+        [15.0],
+        t_eval=t,
+        rtol=1e-10,
+        atol=1e-12,
+        method="Radau",
+    )
     s = signals(t, depth(t), rate(t))
     values = {"hooke.stiffness": k, "viscous-damping.damping": b, COMPLIANCE: c}
     predicted = Model("hooke", "viscous-damping", "structural-compliance").predict(s, values)
@@ -156,7 +176,9 @@ def test_structural_compliance_slows_the_depth_too() -> None:
     assert np.abs(stiff[0, inner] - solved.y[0, inner]).max() > 1.0
 
 
-@pytest.mark.parametrize(("law", "n", "k"), [("hertz", 1.5, 6e4), ("hooke", 1.0, 9000.0), ("hunt-crossley", 0.7, 500.0)])
+@pytest.mark.parametrize(
+    ("law", "n", "k"), [("hertz", 1.5, 6e4), ("hooke", 1.0, 9000.0), ("hunt-crossley", 0.7, 500.0)]
+)
 def test_structural_compliance_of_laws_without_memory(law: str, n: float, k: float) -> None:
     """Sample by sample the root of N = k (δ − C N)ⁿ, by Brent's method."""
     t = np.linspace(0.0, 1.0, 50)
@@ -174,30 +196,42 @@ def test_behind_an_arm_a_material_with_memory_still_obeys_its_own_law(compliance
     t = np.linspace(0.0, 4.0, 4001)
     depth, along = 2e-3 * np.sin(6.0 * t), 12e-3 * np.cos(6.0 * t)
     model = Model("hertz", "relaxation", "hysteresis", "hunt-crossley-damping")
-    values = {"hertz.stiffness": 1.2e5, "relaxation.ratio": 0.5, "relaxation.time-constant": 0.2,
-              "hunt-crossley-damping.damping": 1.5}  # fmt: skip
+    values = {
+        "hertz.stiffness": 1.2e5,
+        "relaxation.ratio": 0.5,
+        "relaxation.time-constant": 0.2,
+        "hunt-crossley-damping.damping": 1.5,
+    }
     force = (model + "structural-compliance").predict(signals(t, depth, along), {**values, COMPLIANCE: compliance})[0]
     rate = along - compliance * np.diff(force, prepend=force[0]) / 1e-3
     again = model.predict(signals(t, depth - compliance * force, rate), values)[0]
-    print(f"compliance {compliance:g} m/N: {force.max():.3g} N, law and arm disagree by {np.abs(again - force).max():.2g} N")
+    print(
+        f"compliance {compliance:g} m/N: {force.max():.3g} N, law and arm disagree by "
+        f"{np.abs(again - force).max():.2g} N"
+    )
     np.testing.assert_allclose(again, force, atol=1e-9 * force.max())
 
 
 def test_a_dashpot_does_not_jump_at_touch_behind_an_arm_that_gives_way() -> None:
-    """Both springs are undeflected at touch: the force begins at zero, and grows within C c as the dashpot takes over."""
+    """Both springs are undeflected at touch: the force begins at zero, and grows within C c as the dashpot takes
+    over.
+    """
     t = np.linspace(0.0, 0.3, 3001)
     depth = 20e-3 * (t - 0.05)
     values = {"kelvin-voigt.stiffness": 1000.0, "kelvin-voigt.damping": 50.0}
     stiff = Model("kelvin-voigt").predict(signals(t, depth, np.full_like(t, 20e-3)), values)[0]
     soft = Model("kelvin-voigt", "structural-compliance").predict(
-        signals(t, depth, np.full_like(t, 20e-3)), {**values, COMPLIANCE: 3e-4})[0]  # fmt: skip
+        signals(t, depth, np.full_like(t, 20e-3)), {**values, COMPLIANCE: 3e-4}
+    )[0]
     assert np.diff(stiff).max() > 0.9
     # N/C = δ at first: a tenth of a millisecond at 20 mm/s over 3e-4 m/N
     assert np.diff(soft).max() < 1.05 * 20e-3 * 1e-4 / 3e-4
 
 
-@pytest.mark.parametrize(("amplitude", "length", "compliance"), [
-    (0.1, 1e-5, 2e-5), (0.5, 1e-4, 2e-5), (0.1, 1e-4, 1e-4), (0.5, 1e-3, 1e-4), (1.0, 1e-3, 1e-4)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("amplitude", "length", "compliance"),
+    [(0.1, 1e-5, 2e-5), (0.5, 1e-4, 2e-5), (0.1, 1e-4, 1e-4), (0.5, 1e-3, 1e-4), (1.0, 1e-3, 1e-4)],
+)
 def test_behind_an_arm_a_loop_still_obeys_its_own_law(amplitude: float, length: float, compliance: float) -> None:
     """Loops are stiff at their ends, a F_e/ℓ beside the material's own stiffness: of some 4 N, 2e4 N/m beside 800."""
     t = np.arange(0, 8, 2e-3)
@@ -212,14 +246,28 @@ def test_behind_an_arm_a_loop_still_obeys_its_own_law(amplitude: float, length: 
     assert np.abs(again - force).max() < 1e-6 * force.max()
 
 
-@pytest.mark.parametrize(("extra", "values"), [
-    (("adhesion",), {"adhesion.force": 0.38, "adhesion.length": 1.1e-3}),
-    (("adhesion", "hysteresis"), {"adhesion.force": 0.31, "hysteresis.amplitude": 0.3, "hysteresis.length": 2e-4}),
-    (("stress-softening", "hysteresis"), {"stress-softening.ratio": 0.3, "stress-softening.length": 1e-4,
-                                         "hysteresis.amplitude": 0.1, "hysteresis.length": 2e-3})])  # fmt: skip
+@pytest.mark.parametrize(
+    ("extra", "values"),
+    [
+        (("adhesion",), {"adhesion.force": 0.38, "adhesion.length": 1.1e-3}),
+        (("adhesion", "hysteresis"), {"adhesion.force": 0.31, "hysteresis.amplitude": 0.3, "hysteresis.length": 2e-4}),
+        (
+            ("stress-softening", "hysteresis"),
+            {
+                "stress-softening.ratio": 0.3,
+                "stress-softening.length": 1e-4,
+                "hysteresis.amplitude": 0.1,
+                "hysteresis.length": 2e-3,
+            },
+        ),
+    ],
+)
 def test_behind_a_soft_arm_bonds_softening_and_loops_under_noise_obey_their_laws(
-        extra: tuple[str, ...], values: dict[str, float]) -> None:  # fmt: skip
-    """Noise of the depth turns every loop around at every sample while depth is held, and moves what was the deepest."""
+    extra: tuple[str, ...], values: dict[str, float]
+) -> None:
+    """Noise of the depth turns every loop around at every sample while depth is held, and moves what was the
+    deepest.
+    """
     t = np.arange(0, 10, 2e-3)
     rng = np.random.default_rng(11)
     depth = 1.5e-3 * np.sin(0.8 * t) ** 3 + 0.4e-3 + 3e-6 * rng.standard_normal(len(t))
@@ -262,7 +310,9 @@ def test_compliance_is_found_without_bias_from_a_noisy_force() -> None:
     for seed in range(6):
         noisy = clean + np.random.default_rng(seed).normal(scale=0.1, size=clean.shape)
         every = np.ones(len(t), np.bool_)
-        fit = model.fit(Experiment(s, noisy, every, np.full(3, 0.1), None, depth > 0, np.arange(len(t))), held_out=False)
+        fit = model.fit(
+            Experiment(s, noisy, every, np.full(3, 0.1), None, depth > 0, np.arange(len(t))), held_out=False
+        )
         found.append((fit["compliance"].value, fit.solution.standard_errors[1]))
     values, errors = np.array(found).T
     print("compliance: " + ", ".join(f"{v:.4g} ± {e:.2g}" for v, e in found) + f" m/N; truth {truth:g}")
@@ -276,10 +326,13 @@ def test_behind_a_linear_spring_compliance_and_stiffness_are_one_and_it_is_said(
     t = np.arange(3000) * 2e-3
     depth = 3e-3 + 3.5e-3 * np.sin(2.1 * t)
     s = signals(t, depth)
-    noisy = Model("hooke").predict(s, {"hooke.stiffness": 700.0}) + np.random.default_rng(0).normal(scale=0.05, size=(3, 3000))
+    noisy = Model("hooke").predict(s, {"hooke.stiffness": 700.0}) + np.random.default_rng(0).normal(
+        scale=0.05, size=(3, 3000)
+    )
     every = np.ones(len(t), np.bool_)
     fit = Model("hooke", "structural-compliance").fit(
-        Experiment(s, noisy, every, np.full(3, 0.05), None, depth > 0, np.arange(len(t))))
+        Experiment(s, noisy, every, np.full(3, 0.05), None, depth > 0, np.arange(len(t)))
+    )
     print(fit.warnings)
     for name in ("stiffness", "compliance"):
         assert np.isinf(fit[name].high)
@@ -296,8 +349,16 @@ def test_what_follows_from_the_log_alone_is_kept_as_long_as_the_log() -> None:
     before = len(_made)
     none, pair = np.zeros(300), np.zeros((2, 300))
     q = np.sin(9.0 * t)[None]
-    s = Signals(Layout(("tau1",), "joints"), t, np.diff(t, prepend=0.0), none, none, pair, pair,
-                joints=JointMotion(q, 9 * np.cos(9.0 * t)[None], -81 * q, np.zeros((1, 300)), known=False))  # fmt: skip
+    s = Signals(
+        Layout(("tau1",), "joints"),
+        t,
+        np.diff(t, prepend=0.0),
+        none,
+        none,
+        pair,
+        pair,
+        joints=JointMotion(q, 9 * np.cos(9.0 * t)[None], -81 * q, np.zeros((1, 300)), known=False),
+    )
     model = Model("rigid-body", "joint-elasticity")
     first = model.predict(s, {"joint-elasticity.elasticity": 1e-5})
     assert len(_made) == before + 1  # the second derivative of the torque
@@ -361,7 +422,9 @@ def test_crosstalk_of_three_forces_and_of_one() -> None:
 def test_gain_scales_weight_and_contact_alike(examples_of: Callable[[str], Any]) -> None:
     s = examples_of("sensor-gain").signals
     clean = Model("hooke").predict(s, {})
-    np.testing.assert_allclose(Model("hooke", "sensor-gain").predict(s, {"sensor-gain.gain": -0.2}), 0.8 * clean, rtol=1e-14)
+    np.testing.assert_allclose(
+        Model("hooke", "sensor-gain").predict(s, {"sensor-gain.gain": -0.2}), 0.8 * clean, rtol=1e-14
+    )
 
 
 def test_drift_is_per_minute() -> None:
@@ -389,11 +452,22 @@ def test_lag_is_a_first_order_filter_that_begins_in_balance() -> None:
     def force(at: Any) -> Any:
         return 2.0 + np.sin(30.0 * at) * np.cos(7.0 * at)
 
-    read = Model("hooke", "sensor-lag").predict(poked(t, force), {"hooke.stiffness": 1.0, "sensor-lag.time-constant": tau})
+    read = Model("hooke", "sensor-lag").predict(
+        poked(t, force), {"hooke.stiffness": 1.0, "sensor-lag.time-constant": tau}
+    )
     course = CubicHermiteSpline(t, force(t), np.gradient(force(t), t))
-    solved = solve_ivp(lambda at, y: (course(at) - y) / tau, (t[0], t[-1]), [force(t[0])], t_eval=t,
-                       rtol=1e-9, atol=1e-11, max_step=5e-4)  # fmt: skip
-    np.testing.assert_allclose(read[0], solved.y[0], rtol=0, atol=1e-6)  # of the integrator, at the corners of the slopes
+    solved = solve_ivp(
+        lambda at, y: (course(at) - y) / tau,
+        (t[0], t[-1]),
+        [force(t[0])],
+        t_eval=t,
+        rtol=1e-9,
+        atol=1e-11,
+        max_step=5e-4,
+    )
+    np.testing.assert_allclose(
+        read[0], solved.y[0], rtol=0, atol=1e-6
+    )  # of the integrator, at the corners of the slopes
 
 
 def test_lag_begins_anew_after_a_gap() -> None:
@@ -424,7 +498,9 @@ def test_time_offset_reads_what_was(late: float) -> None:
 
 
 def test_time_offset_has_a_continuous_derivative() -> None:
-    """Where a reading's time passes a sample, the slope over the delay is the same on both sides; a straight line breaks."""
+    """Where a reading's time passes a sample, the slope over the delay is the same on both sides; a straight line
+    breaks.
+    """
     t = np.arange(400) * 1e-3
     s = poked(t, lambda at: 2.0 + np.sin(40.0 * at))
     model = Model("hooke", "time-offset")
@@ -465,7 +541,9 @@ def test_readings_pile_up_where_noise_comes_behind_the_end_of_the_range(noise: f
     """… and not where a load comes to rest by itself. An exact top is read off; a pile is where the search begins."""
     t, rng, effect = np.arange(10_000) * 2e-3, np.random.default_rng(1), Saturation()
     landing = np.clip(t % 4, 0, 1) - np.clip(t % 4 - 2.5, 0, 1)
-    loads = np.stack([20 * np.sin(2 * t), 20 * landing**3 * (10 - 15 * landing + 6 * landing**2), -12 - 8 * np.sin(2 * t)])
+    loads = np.stack(
+        [20 * np.sin(2 * t), 20 * landing**3 * (10 - 15 * landing + 6 * landing**2), -12 - 8 * np.sin(2 * t)]
+    )
     white = noise * rng.standard_normal(loads.shape)
     cut = np.clip(loads, -18.0, 18.0) + white
     np.testing.assert_allclose(effect.piles(cut), 18.0, atol=0.2 * noise)
@@ -495,8 +573,11 @@ def test_hum_is_a_line_at_its_frequency() -> None:
     t = np.arange(5000) * 1e-3
     s = signals(t, np.full(5000, -1.0))
     hum = MainsHum(frequency=60.0, harmonics=(1, 3))
-    values = {"mains-hum.sine[normal_force,1]": 0.3, "mains-hum.cosine[normal_force,1]": 0.4,
-              "mains-hum.cosine[tangential_force1,3]": 0.2}  # fmt: skip
+    values = {
+        "mains-hum.sine[normal_force,1]": 0.3,
+        "mains-hum.cosine[normal_force,1]": 0.4,
+        "mains-hum.cosine[tangential_force1,3]": 0.2,
+    }
     read = Model("hooke", hum).predict(s, values)
     amplitude = 2.0 * np.abs(np.fft.rfft(read, axis=1)) / 5000
     frequency = np.fft.rfftfreq(5000, 1e-3)
@@ -536,5 +617,3 @@ def examples_of() -> Callable[[str], Any]:
     sys.modules[spec.name] = module
     spec.loader.exec_module(module)
     return lambda name: module.EXAMPLES[name]
-
-

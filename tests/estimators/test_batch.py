@@ -52,7 +52,11 @@ def test_variable_projection_finds_what_a_full_search_finds() -> None:
     measured = predict(TRUTH) + rng.normal(scale=0.05, size=(1, len(SIGNALS)))
     found = solve(predict, measured, PARAMETERS)
     reference, covariance = curve_fit(
-        lambda _, *p: predict(np.array(p)).ravel(), SIGNALS.t, measured.ravel(), p0=(1500, 100, 1.2), method="trf",
+        lambda _, *p: predict(np.array(p)).ravel(),
+        SIGNALS.t,
+        measured.ravel(),
+        p0=(1500, 100, 1.2),
+        method="trf",
         x_scale=(100, 100, 0.1),
     )
     np.testing.assert_allclose(found.values, reference, rtol=1e-5)  # curve_fit stops at 1e-8 of the cost
@@ -83,8 +87,11 @@ def test_white_noise_intervals_would_be_wrong_for_coloured_noise() -> None:
 
 def test_a_direction_that_nothing_tells_is_named_and_the_rest_is_kept() -> None:
     x = np.linspace(0, 1, 200)
-    parameters = [Parameter("a", "a", "1", 1.0, linear=True), Parameter("b", "b", "1", 1.0, linear=True),
-                  Parameter("c", "c", "1", 0.5, linear=True)]  # fmt: skip
+    parameters = [
+        Parameter("a", "a", "1", 1.0, linear=True),
+        Parameter("b", "b", "1", 1.0, linear=True),
+        Parameter("c", "c", "1", 0.5, linear=True),
+    ]
     found = solve(lambda p: ((p[0] + p[1]) * x + p[2])[None], (3 * x + 1)[None], parameters)
     assert list(found.unidentified) == [True, True, False]
     assert np.isinf(found.standard_errors[:2]).all()

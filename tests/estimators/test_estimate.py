@@ -17,9 +17,17 @@ from kinid.estimators._machine import factor
 
 def test_says_values_uncertainty_and_remedy():
     estimate = Estimate(
-        ("k", "b"), np.array([100.0, 2.0]), np.array([4.0, 0.01]), 0.1, 0.02, 0.3, Status.NOT_EXCITED, 50, 0,
+        ("k", "b"),
+        np.array([100.0, 2.0]),
+        np.array([4.0, 0.01]),
+        0.1,
+        0.02,
+        0.3,
+        Status.NOT_EXCITED,
+        50,
+        0,
         lambda: np.diag([4.0, 0.01]),
-    )  # fmt: skip
+    )
     assert str(estimate).startswith("k 100 ± 3.9, b 2 ± 0.2 (not excited: the motion")
     np.testing.assert_allclose(estimate.interval, [[96.080072, 103.919928], [1.804004, 2.195996]], rtol=1e-6)
     assert estimate["b"] == 2.0
@@ -36,7 +44,13 @@ def test_every_status_has_a_remedy_and_the_kernels_number():
 
 @pytest.mark.parametrize(
     "covariance",
-    [-np.ones(2), np.array([[1.0, 2.0], [2.0, 1.0]]), np.array([[1.0, 0.5], [0.2, 1.0]]), np.full(2, np.nan), np.ones(3)],
+    [
+        -np.ones(2),
+        np.array([[1.0, 2.0], [2.0, 1.0]]),
+        np.array([[1.0, 0.5], [0.2, 1.0]]),
+        np.full(2, np.nan),
+        np.ones(3),
+    ],
 )
 def test_impossible_priors_are_named(covariance):
     with pytest.raises(InputError, match="covariance"):

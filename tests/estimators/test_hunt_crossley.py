@@ -73,8 +73,10 @@ def test_study_kelvin_voigt_converges_within_a_tenth_of_a_second():
         median, worst = np.median(times, axis=0), np.max(times, axis=0)
         slowest[name], typical[name] = worst, median
         print(
-            f"Kelvin-Voigt, SNR {name}: K and B within 5 % after {median[0]:.3f} s (worst of 20: {worst[0]:.3f} s), force"
-            f" within 5 % of its rms after {median[1]:.3f} s ({worst[1]:.3f} s), rms error of K, B {100 * median[2]:.1f} %"
+            f"Kelvin-Voigt, SNR {name}: K and B within 5 % after {median[0]:.3f} s (worst of 20: {worst[0]:.3f} s), "
+            f"force"
+            f" within 5 % of its rms after {median[1]:.3f} s ({worst[1]:.3f} s), rms error of K, B "
+            f"{100 * median[2]:.1f} %"
         )
     assert slowest["40 dB"][0] < 0.1
     assert slowest["amplitude ratio 40"][1] < 0.1
@@ -97,7 +99,9 @@ def test_study_hunt_crossley_single_stage():
                 for parameter, truth in (("stiffness", k), ("damping", b), ("exponent", EXPONENT))
             ]
             holds = track.conditions["speed"] & track.conditions["noise"]
-            found.append([off.max() / rms(clean), rms(off) / rms(clean), (off / clean[300:]).max(), *parameters, holds.mean()])
+            found.append(
+                [off.max() / rms(clean), rms(off) / rms(clean), (off / clean[300:]).max(), *parameters, holds.mean()]
+            )
         median, worst = np.median(found, axis=0), np.max(found, axis=0)
         errors[name] = median
         print(
@@ -121,7 +125,10 @@ def test_study_the_other_reading_of_the_schedule_lags():
         track = SingleStage(noise=1e-6, forgetting=Scheduled(5.0, start)).run(x, v, clean, T)
         off = np.abs(force(x, v, track["stiffness"], track["damping"], track["exponent"]) - clean)
         worst[start] = off[300:].max() / rms(clean), off[300:600].max() / rms(clean)
-    print("force error over its rms, 0.3…2 s and 0.3…0.6 s, by t₀:", {k: np.round(v, 4).tolist() for k, v in worst.items()})
+    print(
+        "force error over its rms, 0.3…2 s and 0.3…0.6 s, by t₀:",
+        {k: np.round(v, 4).tolist() for k, v in worst.items()},
+    )
     assert worst[2.0][0] < 0.015
     assert worst[0.0][0] > 0.05
 
@@ -133,11 +140,18 @@ def test_study_validity_condition():
     e = math.e
     jacobian = np.array([[e, 0.0, 0.0], [e, e, 0.0], [0.0, 0.0, 1.0]])  # of K, B, n by ln K, B/K, n at θ₀
     classic = SingleStage(
-        noise=sigma, forgetting=Scheduled(5.0, 2.0), prior=Prior(np.array([e, e, 1.0]), jacobian @ jacobian.T),
-        covariance_limit=None, reference_depth=1.0, weighted=False,
-    )  # fmt: skip
+        noise=sigma,
+        forgetting=Scheduled(5.0, 2.0),
+        prior=Prior(np.array([e, e, 1.0]), jacobian @ jacobian.T),
+        covariance_limit=None,
+        reference_depth=1.0,
+        weighted=False,
+    )
     from_when = {}
-    for name, estimator in {"classic": classic, "default": SingleStage(noise=sigma, forgetting=Scheduled(5.0, 2.0))}.items():
+    for name, estimator in {
+        "classic": classic,
+        "default": SingleStage(noise=sigma, forgetting=Scheduled(5.0, 2.0)),
+    }.items():
         track = estimator.run(x, v, y, T)
         holds = track.conditions["speed"] & track.conditions["noise"]
         from_when[name] = settled((~track.conditions["speed"]).astype(float), 0.5)
@@ -239,9 +253,14 @@ def test_restitution_is_one_minus_two_thirds_of_damping():
     table = []
     for speed in (0.001, 0.01, 0.05, 0.1, 0.2):
         out = solve_ivp(
-            lambda _, s: [s[1], -float(force(s[0], s[1], k, b, 1.5))], (0.0, 10.0), [0.0, speed],
-            events=_separation, rtol=1e-10, atol=1e-14, max_step=0.01,
-        )  # fmt: skip
+            lambda _, s: [s[1], -float(force(s[0], s[1], k, b, 1.5))],
+            (0.0, 10.0),
+            [0.0, speed],
+            events=_separation,
+            rtol=1e-10,
+            atol=1e-14,
+            max_step=0.01,
+        )
         e = -out.y_events[0][0][1] / speed
         table.append((speed, e, restitution(k, b, speed)))
     alpha = [(1.0 - e) / speed for speed, e, _ in table]
@@ -322,7 +341,12 @@ def test_online_is_the_batch():
 
 @pytest.mark.parametrize(
     "estimator",
-    [SingleStage(noise=1e-3, forgetting=Scheduled(5.0, 2.0)), TwoStage(noise=1e-3), KelvinVoigt(), HuntCrossleyKalman()],
+    [
+        SingleStage(noise=1e-3, forgetting=Scheduled(5.0, 2.0)),
+        TwoStage(noise=1e-3),
+        KelvinVoigt(),
+        HuntCrossleyKalman(),
+    ],
     ids=lambda estimator: type(estimator).__name__,
 )
 def test_bad_time_and_bad_samples_change_nothing(estimator):
@@ -415,7 +439,12 @@ anything = st.integers(1, 80).flatmap(
 @given(sample=anything, noise=st.sampled_from([0.0, 0.02]))
 @settings(max_examples=150, deadline=None)
 def test_whatever_comes_in_numbers_come_out(sample, noise):
-    for estimator in (SingleStage(noise=noise), SingleStage(noise=noise, weighted=False), TwoStage(noise=noise), KelvinVoigt()):
+    for estimator in (
+        SingleStage(noise=noise),
+        SingleStage(noise=noise, weighted=False),
+        TwoStage(noise=noise),
+        KelvinVoigt(),
+    ):
         track = estimator.run(*sample)
         for values in (track.theta, track.variance, track.innovation, track.noise_variance):
             assert not np.isnan(values).any()

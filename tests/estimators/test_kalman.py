@@ -158,7 +158,10 @@ def test_a_filter_marked_as_diverged_is_far_from_the_truth():
         marked += lost.any()
         off.extend((np.abs(track.theta - truth) / track.std)[lost].max(axis=1))
     share = np.mean(np.array(off) > 3.0)
-    print(f"200 pokes: {marked} marked as diverged for a while, {100 * share:.0f} % of that while > 3 standard deviations off")
+    print(
+        f"200 pokes: {marked} marked as diverged for a while, {100 * share:.0f} % of that while > 3 standard "
+        f"deviations off"
+    )
     assert 0 < marked < 10
     assert share > 0.9  # the mark outlasts the fault by the memory of the watch
 
@@ -179,8 +182,10 @@ def test_a_filter_that_lost_the_material_says_so(change):
         wrong.append([(some.valid & off)[later].mean() for some in (track, unwatched)])
     watched, unwatched = 100 * np.mean(wrong, axis=0)
     print(
-        f"marked in {np.isfinite(found).sum()} of 40 pokes, after {np.median(found):.0f} samples in contact (median); values"
-        f" more than 5 standard deviations off pass as valid in {watched:.0f} % of samples, {unwatched:.0f} % without the watch"
+        f"marked in {np.isfinite(found).sum()} of 40 pokes, after {np.median(found):.0f} samples in contact (median); "
+        f"values"
+        f" more than 5 standard deviations off pass as valid in {watched:.0f} % of samples, {unwatched:.0f} % without "
+        f"the watch"
     )
     assert np.isfinite(found).mean() > 0.9
     assert np.median(found) < 200  # the memory of the watch
@@ -256,8 +261,13 @@ def test_whatever_comes_in_numbers_come_out(sample):
 
 def test_bad_settings_are_named():
     for bad in (
-        {"noise": 0.0}, {"surface": np.inf}, {"members": 0}, {"walk": (1.0, 2.0)}, {"fading": (1.0, 2.0)}, {"patience": 1},
-    ):  # fmt: skip
+        {"noise": 0.0},
+        {"surface": np.inf},
+        {"members": 0},
+        {"walk": (1.0, 2.0)},
+        {"fading": (1.0, 2.0)},
+        {"patience": 1},
+    ):
         with pytest.raises(InputError, match="to mend it"):
             HuntCrossleyKalman(**bad)
     with pytest.raises(InputError, match="exponent > 0"):

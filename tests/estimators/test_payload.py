@@ -25,9 +25,14 @@ INERTIA = np.array([[2.1e-3, 1e-4, -2e-4], [1e-4, 1.8e-3, 3e-4], [-2e-4, 3e-4, 9
 
 
 def reading(
-    gravity: Array, a: Array | None = None, w: Array | None = None, alpha: Array | None = None,
-    mass: float = MASS, com: Array = COM, bias: Array = BIAS,
-) -> Array:  # fmt: skip
+    gravity: Array,
+    a: Array | None = None,
+    w: Array | None = None,
+    alpha: Array | None = None,
+    mass: float = MASS,
+    com: Array = COM,
+    bias: Array = BIAS,
+) -> Array:
     """Newton-Euler about the com: not the linear form about the sensor's origin that the estimator solves."""
     zero = np.zeros_like(gravity)
     a, w, alpha = (zero if v is None else v for v in (a, w, alpha))
@@ -253,9 +258,11 @@ def test_measured_poses_of_an_ati_gamma(real_data: Path) -> None:
     np.testing.assert_allclose(np.einsum("nji,j->ni", rotation, [0, 0, -9.82085]), gravity, atol=1e-6)
     fit = fit_payload(wrench, gravity)
     mass, com = fit["mass"], fit["com_z"]
-    print(f"\nmass {mass.value:.4f} kg [{mass.low:.4f}, {mass.high:.4f}], com z {1e3 * com.value:.2f} mm "
-          f"[{1e3 * com.low:.2f}, {1e3 * com.high:.2f}], residual {fit.rms_force:.4f} N, "
-          f"{1e3 * fit.rms_torque:.2f} mN·m, condition {fit.condition:.3f}")  # fmt: skip
+    print(
+        f"\nmass {mass.value:.4f} kg [{mass.low:.4f}, {mass.high:.4f}], com z {1e3 * com.value:.2f} mm "
+        f"[{1e3 * com.low:.2f}, {1e3 * com.high:.2f}], residual {fit.rms_force:.4f} N, "
+        f"{1e3 * fit.rms_torque:.2f} mN·m, condition {fit.condition:.3f}"
+    )
     assert fit.status == "ok"
     assert mass.value == pytest.approx(0.932, rel=5e-3)
     assert mass.low < 0.932 < mass.high

@@ -149,7 +149,9 @@ def test_without_a_limit_the_covariance_does_wind_up():
     rows, y = data(500, 2)
     quiet = np.zeros((2000, 2))  # the noise goes on, or it would be taken for gone
     estimator = RecursiveLeastSquares(NAMES[:2], Constant(0.98), Prior(np.zeros(2), np.ones(2)), covariance_limit=None)
-    track = estimator.run(np.vstack([rows, quiet]), np.concatenate([y, 0.1 * np.random.default_rng(1).normal(size=2000)]))
+    track = estimator.run(
+        np.vstack([rows, quiet]), np.concatenate([y, 0.1 * np.random.default_rng(1).normal(size=2000)])
+    )
     assert track.variance[-1, 0] > 1e15 * track.variance[499, 0]  # 0.98^-2000 = 3.5e17
 
 

@@ -31,7 +31,9 @@ def test_noise_that_stays_hardly_widens_an_interval(colour: float) -> None:
         walk = walk_variance(residual, columns, coefficients, variance)
         extra = (inverse @ (walk * onwards.T @ onwards) @ inverse)[0, 0]
         wider.append(np.sqrt(1.0 + extra / (variance / (1.0 - coefficients.sum()) ** 2 * inverse[0, 0])))
-    print(f"wider by {100 * (np.median(wider) - 1):.1f} % in the median, {100 * (np.mean(wider) - 1):.1f} % in the mean")
+    print(
+        f"wider by {100 * (np.median(wider) - 1):.1f} % in the median, {100 * (np.mean(wider) - 1):.1f} % in the mean"
+    )
     assert np.median(wider) < 1.01
     assert np.mean(wider) < 1.10
 
@@ -74,7 +76,10 @@ def test_intervals_cover_under_a_zero_that_creeps(walk: float) -> None:
         error = abs(found.values[0] - 2.0)
         inside.append(error < 1.96 * found.standard_errors[0])
         narrow.append(error < 1.96 * 2.0 / np.sqrt(N))
-    print(f"walk {walk}: {100 * np.mean(inside):.1f} % cover; {100 * np.mean(narrow):.1f} % if the zero were taken to stay")
+    print(
+        f"walk {walk}: {100 * np.mean(inside):.1f} % cover; {100 * np.mean(narrow):.1f} % if the zero were taken to "
+        f"stay"
+    )
     assert 0.88 <= np.mean(inside) <= 0.99
     if walk:
         assert np.mean(narrow) < 0.7

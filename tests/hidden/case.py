@@ -13,8 +13,8 @@ class Case:
 
     Attributes:
         name: kind, world and what is hidden, and a number.
-        kind: "single", "pair", "none", "outside" (not in the catalogue) or "not-excited" (`truth` names effects that this
-            log can't show).
+        kind: "single", "pair", "none", "outside" (not in the catalogue) or "not-excited" (`truth` names effects that
+            this log can't show).
         log, rig: as a user has them.
         model: what the user starts with, by names of the catalogue: all the rest of the case's physics.
         truth: names of what is hidden; empty for "none" and "outside".

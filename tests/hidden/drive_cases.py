@@ -52,9 +52,11 @@ class Bench:
             dry=SCALE * rng.uniform(0.3, 2.0, JOINTS) * (FRICTION[0] in rungs),
             viscous=SCALE * rng.uniform(0.5, 3.0, JOINTS) * (FRICTION[1] in rungs),
             offset=SCALE * rng.uniform(-1.0, 1.0, JOINTS) * (FRICTION[2] in rungs),
-            bodies=bodies, clock_error=float(rng.uniform(-2e-4, 2e-4)),
-            offset_error=rng.uniform(-0.1, 0.1, JOINTS) * NOISE, noise=NOISE * rng.uniform(0.7, 1.4),
-        )  # fmt: skip
+            bodies=bodies,
+            clock_error=float(rng.uniform(-2e-4, 2e-4)),
+            offset_error=rng.uniform(-0.1, 0.1, JOINTS) * NOISE,
+            noise=NOISE * rng.uniform(0.7, 1.4),
+        )
         tables: dict[str, Any] = {"robot": {"model": "lwr4plus"}}
         if bodies:
             tables["tool"] = {"mass": tool.mass, "com": list(tool.com)}
@@ -67,7 +69,9 @@ class Bench:
         """Torque of this setup; dynamics are computed anew only where they differ."""
         plain = self.setup
         if all(getattr(setup, name) is getattr(plain, name) for name in ("bodies", "motors", "softness")):
-            return self.torque + friction(setup, self.motion) - friction(plain, self.motion) + setup.offset - plain.offset
+            return (
+                self.torque + friction(setup, self.motion) - friction(plain, self.motion) + setup.offset - plain.offset
+            )
         return torques(setup, self.motion)
 
     def read(self, setup: Drives, rng: np.random.Generator, quiet: bool = False) -> Array:
@@ -77,7 +81,8 @@ class Bench:
     def matters(self, setup: Drives, proxies_too: bool = False) -> float:
         """What this setup leaves in the residual of the starting model, as a multiple of the noise.
 
-        With proxies, what friction of all kinds, inertia, gain, clock, gear and drift of each joint can follow is absorbed too.
+        With proxies, what friction of all kinds, inertia, gain, clock, gear and drift of each joint can follow is
+        absorbed too.
         """
         change = (self.read(setup, self.seed.generator("read"), quiet=True) - self.plain) / self.setup.noise
         t, (_, dq, ddq) = self.motion.t, self.motion.logged
@@ -86,7 +91,14 @@ class Bench:
             a = [columns[name][:, j] for name in FRICTION if name in self.model or proxies_too] or [np.zeros_like(t)]
             if proxies_too:
                 torque = self.plain[:, j]
-                a += [np.abs(dq[:, j]), ddq[:, j], torque, np.gradient(torque, t), np.gradient(np.gradient(torque, t), t), t]
+                a += [
+                    np.abs(dq[:, j]),
+                    ddq[:, j],
+                    torque,
+                    np.gradient(torque, t),
+                    np.gradient(np.gradient(torque, t), t),
+                    t,
+                ]
             a = np.stack(a, axis=1)
             a /= np.linalg.norm(a, axis=0) + 1e-300
             change[:, j] -= a @ np.linalg.lstsq(a, change[:, j], rcond=1e-10)[0]
@@ -157,15 +169,16 @@ HIDEABLE: dict[str, Hideable] = {
     "joint-torque-offset": Hideable(_per_joint("offset", 0.005, 3.0, 0.1, signed=True), "offset", RUNGS[:3]),
     "rotor-inertia": Hideable(_per_joint("motors", 1e-3, 2.0, 0.05, signed=False), "inertia"),
     "joint-torque-gain": Hideable(_per_joint("gain", 1e-3, 0.4, 0.02, signed=True, scale=np.ones(JOINTS)), "gain"),
-    "joint-elasticity": Hideable(_per_joint("softness", 2e-6, 8e-5, 3e-5, signed=False, scale=np.array([1, 1, 1, 1, 2, 4, 8.0])),
-                                 "elastic"),
+    "joint-elasticity": Hideable(
+        _per_joint("softness", 2e-6, 8e-5, 3e-5, signed=False, scale=np.array([1, 1, 1, 1, 2, 4, 8.0])), "elastic"
+    ),
     "payload": Hideable(_load, "load"),
     "time-offset": Hideable(_late, "clock"),
     "sensor-lag": Hideable(_lag, "clock"),
     "sensor-drift": Hideable(_drift, "drift"),
     "quantization": Hideable(lambda r: Plan(lambda d, x: _chain(d, step=x * NOISE), 1.0, 20.0, 4.0), "mark"),
     "saturation": Hideable(lambda r: Plan(lambda d, x: _chain(d, limit=(1.0 - x) * d.peak), 0.02, 0.6, 0.2), "mark"),
-}  # fmt: skip
+}
 
 
 def make(kind: str, number: int, seed: int) -> Case:
@@ -176,8 +189,17 @@ def make(kind: str, number: int, seed: int) -> Case:
 
 def _case(kind: str, bench: Bench, setup: Drives, truth: tuple[str, ...], number: int, note: str) -> Case:
     name = f"{kind}/{WORLD}/{'+'.join(truth) or 'none'}/{number}"
-    return Case(name, kind, bench.log(setup), bench.rig, bench.model, frozenset(truth), (*bench.model, *truth),
-                bench.seed.number, note)  # fmt: skip
+    return Case(
+        name,
+        kind,
+        bench.log(setup),
+        bench.rig,
+        bench.model,
+        frozenset(truth),
+        (*bench.model, *truth),
+        bench.seed.number,
+        note,
+    )
 
 
 def _nothing(number: int, seed: int) -> Case:
@@ -218,8 +240,14 @@ def _outside(number: int, seed: int) -> Case:
         plan = Plan(lambda d, x: dataclasses.replace(d, strange=(kind, x, shape)), 0.0, np.inf, STRANGE[kind])  # noqa: B023
         size, found = _sized(bench, plan, wanted(rng, 0.6), proxies=True)
         if found > 0.45:
-            case = _case("outside", bench, plan.put(bench.setup, size), (), number,
-                         f"{kind} of size {size:.3g}, {found:.3g} times the noise")  # fmt: skip
+            case = _case(
+                "outside",
+                bench,
+                plan.put(bench.setup, size),
+                (),
+                number,
+                f"{kind} of size {size:.3g}, {found:.3g} times the noise",
+            )
             return dataclasses.replace(case, name=f"outside/{WORLD}/{kind}/{number}")
     raise RuntimeError(f"{kind} can't be seen in {WORLD}")
 
@@ -230,6 +258,9 @@ def _sized(bench: Bench, plan: Plan, aim: float, proxies: bool = False) -> tuple
 
 def _second(rng: np.random.Generator, first: str) -> str:
     """Another effect of another family that some rung of friction shows together with the first."""
-    fit = [name for name in HIDEABLE if HIDEABLE[name].family != HIDEABLE[first].family
-           and set(HIDEABLE[name].rungs) & set(HIDEABLE[first].rungs)]  # fmt: skip
+    fit = [
+        name
+        for name in HIDEABLE
+        if HIDEABLE[name].family != HIDEABLE[first].family and set(HIDEABLE[name].rungs) & set(HIDEABLE[first].rungs)
+    ]
     return str(rng.choice(fit))

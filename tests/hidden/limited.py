@@ -18,8 +18,17 @@ from hidden.world.protocol import Protocol, press_once, slide_once, turn_only
 from hidden.wrist_cases import Arm
 
 FRICTION = ("viscous-friction", "stribeck-friction", "presliding", "load-dependent-friction", "friction-anisotropy")
-NORMAL = ("viscous-damping", "relaxation", "hysteresis", "stress-softening", "adhesion", "stiffening-layer", "surface-offset",
-          "stiffness-drift", "structural-compliance")  # fmt: skip
+NORMAL = (
+    "viscous-damping",
+    "relaxation",
+    "hysteresis",
+    "stress-softening",
+    "adhesion",
+    "stiffening-layer",
+    "surface-offset",
+    "stiffness-drift",
+    "structural-compliance",
+)
 
 #: log, rig and model of a stream's draw
 Made = tuple[kinid.Log, kinid.Rig, tuple[str, ...]]
@@ -78,21 +87,41 @@ def _never_moved(seed: Stream) -> Made:
 LIMITS: dict[str, tuple[Limit, ...]] = {
     "force-depth": (
         Limit(_no_slip, ("coulomb-friction", *FRICTION, "stiffness-inhomogeneity"), "no slip and no tangential force"),
-        Limit(_pressed_once, ("adhesion", "stress-softening", "coulomb-friction", *FRICTION, "stiffness-inhomogeneity"),
-              "one slow press that is not taken back, without slip"),
-        Limit(_slid_once, ("friction-anisotropy", "load-dependent-friction", "adhesion", "stress-softening"),
-              "one stroke in one direction at one load, that is not taken back"),
+        Limit(
+            _pressed_once,
+            ("adhesion", "stress-softening", "coulomb-friction", *FRICTION, "stiffness-inhomogeneity"),
+            "one slow press that is not taken back, without slip",
+        ),
+        Limit(
+            _slid_once,
+            ("friction-anisotropy", "load-dependent-friction", "adhesion", "stress-softening"),
+            "one stroke in one direction at one load, that is not taken back",
+        ),
         Limit(_seldom, ("mains-hum",), "50 samples a second"),
     ),
     "wrench": (
         Limit(_never_turned, ("tool-inertia",), "a tool that never turns"),
-        Limit(_never_touched, (*NORMAL, "coulomb-friction", *FRICTION, "stiffness-inhomogeneity", "tip-offset"), "no contact"),
+        Limit(
+            _never_touched,
+            (*NORMAL, "coulomb-friction", *FRICTION, "stiffness-inhomogeneity", "tip-offset"),
+            "no contact",
+        ),
     ),
     "joints": (
-        Limit(_never_moved, ("joint-viscous-friction", "joint-friction-asymmetry", "rotor-inertia", "joint-elasticity",
-                             "time-offset", "sensor-lag"), "joints at rest"),
+        Limit(
+            _never_moved,
+            (
+                "joint-viscous-friction",
+                "joint-friction-asymmetry",
+                "rotor-inertia",
+                "joint-elasticity",
+                "time-offset",
+                "sensor-lag",
+            ),
+            "joints at rest",
+        ),
     ),
-}  # fmt: skip
+}
 
 
 def make(world: str, number: int, seed: int) -> Case:
@@ -106,7 +135,9 @@ def make(world: str, number: int, seed: int) -> Case:
 
 def cropped(log: kinid.Log, rows: slice) -> kinid.Log:
     """Some rows of a log."""
-    parts = {name: None if (values := getattr(log, name)) is None else np.array(values[rows])
-             for name in ("t", "q", "tau", "wrench", "phase")}  # fmt: skip
+    parts = {
+        name: None if (values := getattr(log, name)) is None else np.array(values[rows])
+        for name in ("t", "q", "tau", "wrench", "phase")
+    }
     contact = {name: np.array(values[rows]) for name, values in log.contact.items()}
     return dataclasses.replace(log, **parts, contact=contact)

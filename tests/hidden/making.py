@@ -52,8 +52,17 @@ class Place:
 def case_of(place: Place, kind: str, bench: Bench, setup: Any, truth: tuple[str, ...], number: int, note: str) -> Case:
     """The case of a setup on a bench."""
     name = f"{kind}/{place.name}/{'+'.join(truth) or 'none'}/{number}"
-    return Case(name, kind, bench.log(setup), bench.rig, bench.model, frozenset(truth), (*bench.model, *truth),
-                bench.seed.number, note)  # fmt: skip
+    return Case(
+        name,
+        kind,
+        bench.log(setup),
+        bench.rig,
+        bench.model,
+        frozenset(truth),
+        (*bench.model, *truth),
+        bench.seed.number,
+        note,
+    )
 
 
 def nothing(place: Place, number: int, seed: int) -> Case:
@@ -96,10 +105,19 @@ def outside(place: Place, number: int, seed: int) -> Case:
         bench = place.bench(stream, str(rng.choice(LINEAR + POWER)), slip, False)
         shape = int(rng.integers(2**31))
         put = partial(_strange, kind, shape)
-        size, found = _sized(bench, Plan(put, 0.0, MOST.get(kind, np.inf), STARTS[kind]), wanted(rng, 0.6), proxies=True)
+        size, found = _sized(
+            bench, Plan(put, 0.0, MOST.get(kind, np.inf), STARTS[kind]), wanted(rng, 0.6), proxies=True
+        )
         if found > 0.45:
-            case = case_of(place, "outside", bench, put(bench.setup, size), (), number,
-                           f"{bench.base}; {kind} of size {size:.3g}, {found:.3g} times the noise")  # fmt: skip
+            case = case_of(
+                place,
+                "outside",
+                bench,
+                put(bench.setup, size),
+                (),
+                number,
+                f"{bench.base}; {kind} of size {size:.3g}, {found:.3g} times the noise",
+            )
             return dataclasses.replace(case, name=f"outside/{place.name}/{kind}/{number}")
     raise RuntimeError(f"{kind} can't be seen in {place.name}")
 
@@ -114,8 +132,13 @@ def _sized(bench: Bench, plan: Plan, aim: float, proxies: bool = False) -> tuple
 
 def _second(rng: np.random.Generator, first: str, names: tuple[str, ...]) -> str:
     """Another effect of another family that some base shows together with the first."""
-    fit = [name for name in names if HIDEABLE[name].family != HIDEABLE[first].family
-           and set(HIDEABLE[name].bases) & set(HIDEABLE[first].bases) and not _clash(first, name)]  # fmt: skip
+    fit = [
+        name
+        for name in names
+        if HIDEABLE[name].family != HIDEABLE[first].family
+        and set(HIDEABLE[name].bases) & set(HIDEABLE[first].bases)
+        and not _clash(first, name)
+    ]
     return str(rng.choice(fit))
 
 

@@ -2,8 +2,8 @@
 
     for case in measured(40, seed=1, real=folder): ...
 
-The starting model of each log holds what such machines are known to have. What is planted is done to the measured samples
-themselves: a clock shifted by a known amount, a constant or a ramp added, channels turned, gains, a filter, a
+The starting model of each log holds what such machines are known to have. What is planted is done to the measured
+samples themselves: a clock shifted by a known amount, a constant or a ramp added, channels turned, gains, a filter, a
 converter, friction on the measured speed, and the torques of a body that MuJoCo adds to the arm.
 """
 
@@ -59,8 +59,17 @@ def measured(count: int, seed: int, real: Path) -> Iterator[Case]:
         log, rig = _recorded(source.name, real)
         planted, note = source.plants[effect](log, stream.generator())
         model = tuple(name for name in source.model if name != effect)
-        yield Case(f"single/measured/{source.name}/{effect}/{number}", "single", planted, rig, model, frozenset({effect}),
-                   (*model, effect), stream.number, f"{source.name}: {note}")  # fmt: skip
+        yield Case(
+            f"single/measured/{source.name}/{effect}/{number}",
+            "single",
+            planted,
+            rig,
+            model,
+            frozenset({effect}),
+            (*model, effect),
+            stream.number,
+            f"{source.name}: {note}",
+        )
 
 
 @cache
@@ -123,8 +132,9 @@ def poses(real: Path) -> tuple[kinid.Log, kinid.Rig]:
     rows[:, 3:, 7:] = np.cross(np.eye(3)[None], weight[:, None, :]).transpose(0, 2, 1)
     found = np.linalg.lstsq(rows.reshape(-1, 10), wrench.ravel(), rcond=None)[0]
     tool = {"mass": float(found[6]), "com": (found[7:] / found[6]).tolist()}
-    log = kinid.Log(t=60.0 * np.arange(len(raw)), q=_turned(rotation), wrench=wrench - found[:6],
-                    phase=np.full(len(raw), "free"))  # fmt: skip
+    log = kinid.Log(
+        t=60.0 * np.arange(len(raw)), q=_turned(rotation), wrench=wrench - found[:6], phase=np.full(len(raw), "free")
+    )
     return log, kinid.Rig.parse({"robot": {"model": "lwr4plus"}, "tool": tool})
 
 
@@ -139,7 +149,9 @@ def _turned(rotation: Array) -> Array:
             pose = forward(q)
             error = 0.5 * np.cross(pose.rotation, rotation[left], axis=1).sum(axis=2)
             j = pose.jacobian[:, 3:]
-            q += (j.transpose(0, 2, 1) @ np.linalg.solve(j @ j.transpose(0, 2, 1) + 1e-6 * np.eye(3), error[:, :, None]))[:, :, 0]
+            q += (
+                j.transpose(0, 2, 1) @ np.linalg.solve(j @ j.transpose(0, 2, 1) + 1e-6 * np.eye(3), error[:, :, None])
+            )[:, :, 0]
         good = (np.abs(forward(q).rotation - rotation[left]).max(axis=(1, 2)) < 1e-3) & (np.abs(q) < limit).all(axis=1)
         out[left[good]] = q[good]
     return out
@@ -259,7 +271,9 @@ def humming(log: kinid.Log, rng: np.random.Generator) -> tuple[kinid.Log, str]:
 
 
 def rubbing(kind: str, low: float, high: float) -> Plant:
-    """Friction or inertia on the measured motion of each joint: torque at the joint's own largest rate, relative to spread."""
+    """Friction or inertia on the measured motion of each joint: torque at the joint's own largest rate, relative to
+    spread.
+    """
 
     def plant(log: kinid.Log, rng: np.random.Generator) -> tuple[kinid.Log, str]:
         rate = np.gradient(log.q, log.t, axis=0) if log.dq is None else np.asarray(log.dq)
@@ -314,41 +328,73 @@ def turned(log: kinid.Log, rng: np.random.Generator) -> tuple[kinid.Log, str]:
     x, y, z = way = rng.uniform(0.04, 0.2, 3) * rng.choice([-1, 1], 3)
     frame = expm(np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]))
     values = _readings(log)
-    return (_with(log, np.concatenate([values[:, :3] @ frame, values[:, 3:] @ frame], axis=1)),
-            f"turned by {np.round(way, 3).tolist()} rad")  # fmt: skip
+    return (
+        _with(log, np.concatenate([values[:, :3] @ frame, values[:, 3:] @ frame], axis=1)),
+        f"turned by {np.round(way, 3).tolist()} rad",
+    )
 
 
 _ARM: dict[str, Plant] = {
     # torques that change slowly and carry 0.3 N·m that nobody explains: less than this would not be seen
-    "time-offset": shifted(40e-3, 100e-3), "sensor-lag": lagging(60e-3, 150e-3), "joint-torque-gain": scaled(0.08, 0.3),
-    "payload": loaded, OFFSET: added(0.15, 0.6), VISCOUS: rubbing("viscous", 0.3, 1.0),
-    ASYMMETRY: rubbing("one-sided", 0.2, 0.8), "rotor-inertia": rubbing("inertia", 0.3, 1.0),
-    "sensor-drift": drifting(0.15, 0.5), "quantization": stepped, "saturation": clipped,
-}  # fmt: skip
-_AXIS: dict[str, Plant] = {
-    "time-offset": shifted(3e-3, 15e-3), "sensor-lag": lagging(5e-3, 20e-3), OFFSET: added(0.15, 0.6),
-    ASYMMETRY: rubbing("one-sided", 0.1, 0.5), "sensor-drift": drifting(0.1, 0.4), "quantization": stepped,
+    "time-offset": shifted(40e-3, 100e-3),
+    "sensor-lag": lagging(60e-3, 150e-3),
+    "joint-torque-gain": scaled(0.08, 0.3),
+    "payload": loaded,
+    OFFSET: added(0.15, 0.6),
+    VISCOUS: rubbing("viscous", 0.3, 1.0),
+    ASYMMETRY: rubbing("one-sided", 0.2, 0.8),
+    "rotor-inertia": rubbing("inertia", 0.3, 1.0),
+    "sensor-drift": drifting(0.15, 0.5),
+    "quantization": stepped,
     "saturation": clipped,
-}  # fmt: skip
+}
+_AXIS: dict[str, Plant] = {
+    "time-offset": shifted(3e-3, 15e-3),
+    "sensor-lag": lagging(5e-3, 20e-3),
+    OFFSET: added(0.15, 0.6),
+    ASYMMETRY: rubbing("one-sided", 0.1, 0.5),
+    "sensor-drift": drifting(0.1, 0.4),
+    "quantization": stepped,
+    "saturation": clipped,
+}
 _SOFT: dict[str, Plant] = {
-    "time-offset": shifted(6e-3, 40e-3), "sensor-lag": lagging(10e-3, 60e-3), "sensor-bias": added(0.1, 0.4),
-    "stiffness-drift": stiffer_with_time, "quantization": stepped, "saturation": clipped, "mains-hum": humming,
-}  # fmt: skip
+    "time-offset": shifted(6e-3, 40e-3),
+    "sensor-lag": lagging(10e-3, 60e-3),
+    "sensor-bias": added(0.1, 0.4),
+    "stiffness-drift": stiffer_with_time,
+    "quantization": stepped,
+    "saturation": clipped,
+    "mains-hum": humming,
+}
 _POSES: dict[str, Plant] = {
-    "sensor-bias": added(0.1, 0.5), "tool-mass": heavier, "tool-com": shifted_centre, "sensor-misalignment": turned,
+    "sensor-bias": added(0.1, 0.5),
+    "tool-mass": heavier,
+    "tool-com": shifted_centre,
+    "sensor-misalignment": turned,
     "sensor-gain": scaled(0.08, 0.3, alike=True),
-}  # fmt: skip
+}
 
 SOURCES: tuple[Source, ...] = (
     *(Source(f"lwr4plus-motion-{k}", lwr4plus(k), ("rigid-body", OFFSET, DRY, VISCOUS), _ARM) for k in (1, 2)),
     Source("drive-friction", drive, ("rigid-body", DRY, VISCOUS, OFFSET, ASYMMETRY), _AXIS),
     Source("ur10e-motion-joint-1", motor, ("rigid-body", DRY, VISCOUS, OFFSET), _AXIS),
-    Source("silicone-two-cycles", silicone("two_cycles"), ("hooke", "hertz-exponent", "relaxation", "surface-offset"), _SOFT),
-    *(Source(f"silicone-{name}", silicone(f"press_{name}"), ("hunt-crossley", "surface-offset"),
-             {effect: plant for effect, plant in _SOFT.items() if effect != "sensor-bias"})  # it never leaves the material
-      for name in ("d5mm_hard", "d5mm_soft")),
+    Source(
+        "silicone-two-cycles",
+        silicone("two_cycles"),
+        ("hooke", "hertz-exponent", "relaxation", "surface-offset"),
+        _SOFT,
+    ),
+    *(
+        Source(
+            f"silicone-{name}",
+            silicone(f"press_{name}"),
+            ("hunt-crossley", "surface-offset"),
+            {effect: plant for effect, plant in _SOFT.items() if effect != "sensor-bias"},
+        )  # it never leaves the material
+        for name in ("d5mm_hard", "d5mm_soft")
+    ),
     Source("med14-poses", poses, ("none", "sensor-bias", "tool-com"), _POSES),
-)  # fmt: skip
+)
 
 
 def known(real: Path) -> dict[str, Any]:

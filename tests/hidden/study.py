@@ -2,8 +2,8 @@
 
     python -m hidden.study OUT [SEED]        from the folder of the tests; about half an hour on two cores
 
-A case with one effect counts where the true model, fitted to the same log, lowers the held-out error by 1 % at least: what
-is smaller nobody could find. Whoever calibrates thresholds keeps to seeds below `REPORT`.
+A case with one effect counts where the true model, fitted to the same log, lowers the held-out error by 1 % at least:
+what is smaller nobody could find. Whoever calibrates thresholds keeps to seeds below `REPORT`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,13 @@ REPORT = 1001
 #: least share of the held-out error that a single effect must be worth to count
 COUNTS = 0.01
 #: cases of each kind from each world, force-depth, wrench, joints
-FULL = {"single": (44, 40, 26), "none": (20, 14, 8), "outside": (16, 14, 10), "pair": (16, 14, 10), "not-excited": (16, 8, 4)}
+FULL = {
+    "single": (44, 40, 26),
+    "none": (20, 14, 8),
+    "outside": (16, 14, 10),
+    "pair": (16, 14, 10),
+    "not-excited": (16, 8, 4),
+}
 
 
 @dataclass(frozen=True)
@@ -52,8 +58,8 @@ class Told:
 
     Attributes:
         declared: of each addition, its name and those that it is not told from.
-        before, after: held-out error. best: of the true model refitted (NaN where none is known). quiet: of the true model
-            without an effect that was not found, by name. floor: noise alone.
+        before, after: held-out error. best: of the true model refitted (NaN where none is known). quiet: of the true
+            model without an effect that was not found, by name. floor: noise alone.
         absent: effects that this log can't show and that were called absent. unseen: how many it can't show.
         crash: what was raised, or "".
     """
@@ -105,8 +111,11 @@ class Told:
         """Whether all that was said is true."""
         if self.crash:
             return False
-        expected = {"none": not self.added and self.verdict == "adequate", "outside": self.verdict == "unexplained",
-                    "not-excited": not self.absent}  # fmt: skip
+        expected = {
+            "none": not self.added and self.verdict == "adequate",
+            "outside": self.verdict == "unexplained",
+            "not-excited": not self.absent,
+        }
         return expected.get(self.kind, set(self.added) == set(self.truth) and self.verdict == "missing")
 
     def line(self) -> str:
@@ -115,7 +124,9 @@ class Told:
         if self.crash:
             return f"BAD {self.name} CRASH {self.crash} ({self.note})"
         if self.kind == "not-excited":
-            return f"{mark} {self.name} absent: {', '.join(self.absent) or 'none'} of {self.unseen} [{self.seconds:.1f} s]"
+            return (
+                f"{mark} {self.name} absent: {', '.join(self.absent) or 'none'} of {self.unseen} [{self.seconds:.1f} s]"
+            )
         rivals = "; ".join("=".join(d) for d in self.declared if len(d) > 1)
         said = f"{self.verdict} {', '.join(self.added) or '–'}{f' ({rivals})' if rivals else ''}"
         errors = f"{self.before:.4g} → {self.after:.4g}, true {self.best:.4g}, noise {self.floor:.4g}"
@@ -124,8 +135,12 @@ class Told:
 
 def jobs(seed: int = REPORT, plan: dict[str, Sequence[int]] = FULL) -> list[Job]:
     """So many of each kind from each world; those that take long first."""
-    made = [Job(kind, number, seed, world) for kind, counts in plan.items() for world, count in zip(WORLDS, counts)
-            for number in range(count)]  # fmt: skip
+    made = [
+        Job(kind, number, seed, world)
+        for kind, counts in plan.items()
+        for world, count in zip(WORLDS, counts)
+        for number in range(count)
+    ]
     return sorted(made, key=lambda job: job.world != "wrench")
 
 
@@ -136,18 +151,33 @@ def run(job: Job) -> Told:
 
 def ask(hidden: Case, world: str, refit: bool = True) -> Told:
     """What diagnosis says of a case; a crash is an answer, too."""
-    told = {"name": hidden.name, "kind": hidden.kind, "world": world, "truth": tuple(sorted(hidden.truth)), "note": hidden.note}
+    told = {
+        "name": hidden.name,
+        "kind": hidden.kind,
+        "world": world,
+        "truth": tuple(sorted(hidden.truth)),
+        "note": hidden.note,
+    }
     began = time.perf_counter()
     try:
         found = kinid.diagnose(hidden.log, hidden.rig, model=kinid.Model(*hidden.model))
         seconds = time.perf_counter() - began
-        told |= {"verdict": found.verdict, "added": found.added, "before": found.steps[0].held_out,
-                 "after": found.steps[-1].held_out, "declared": tuple((name, *found[name].equivalent_to) for name in found.added),
-                 "floor": found.noise_floor, "seconds": seconds}  # fmt: skip
+        told |= {
+            "verdict": found.verdict,
+            "added": found.added,
+            "before": found.steps[0].held_out,
+            "after": found.steps[-1].held_out,
+            "declared": tuple((name, *found[name].equivalent_to) for name in found.added),
+            "floor": found.noise_floor,
+            "seconds": seconds,
+        }
         if hidden.kind == "not-excited":
             verdicts = {effect.id: effect.verdict for effect in found.effects}
             named = [name for name in hidden.truth if name in verdicts]
-            told |= {"absent": tuple(sorted(name for name in named if verdicts[name] == "absent")), "unseen": len(named)}
+            told |= {
+                "absent": tuple(sorted(name for name in named if verdicts[name] == "absent")),
+                "unseen": len(named),
+            }
         elif hidden.kind in ("single", "pair"):
             told |= _references(hidden, found, refit)
         else:
@@ -209,23 +239,33 @@ class Figure:
 
     @property
     def believable(self) -> bool:
-        """Whether so few (or so many) hits are to be expected once in a hundred studies, if the asked share is the true one."""
+        """Whether so few (or so many) hits are to be expected once in a hundred studies, if the asked share is the true
+        one.
+        """
         if not self.cases:
             return False
-        tail = binom.cdf(self.hits, self.cases, self.asked) if self.least else binom.sf(self.hits - 1, self.cases, self.asked)
+        tail = (
+            binom.cdf(self.hits, self.cases, self.asked)
+            if self.least
+            else binom.sf(self.hits - 1, self.cases, self.asked)
+        )
         return self.reached or bool(tail > 0.01)
 
     def line(self) -> str:
         """For a table."""
         sign = "≥" if self.least else "≤"
         mark = "PASS" if self.reached else "FAIL" if self.cases else "none"
-        return (f"{mark} {self.name:<52} {self.hits:>4} of {self.cases:<4} {100 * self.share:5.1f} % "
-                f"(asked {sign} {100 * self.asked:g} %)")
+        return (
+            f"{mark} {self.name:<52} {self.hits:>4} of {self.cases:<4} {100 * self.share:5.1f} % "
+            f"(asked {sign} {100 * self.asked:g} %)"
+        )
 
 
 @dataclass(frozen=True)
 class Figures:
-    """All that was asked for: shares, mean size of the declared set, and ratios of errors to those of the true models."""
+    """All that was asked for: shares, mean size of the declared set, and ratios of errors to those of the true
+    models.
+    """
 
     shares: tuple[Figure, ...]
     set_size: float
@@ -240,7 +280,8 @@ class Figures:
         """The table."""
         return [
             *(figure.line() for figure in self.shares),
-            f"{'PASS' if self.set_size <= 1.5 else 'FAIL'} mean size of the declared set: {self.set_size:.2f} (asked ≤ 1.5)",
+            f"{'PASS' if self.set_size <= 1.5 else 'FAIL'} mean size of the declared set: {self.set_size:.2f} (asked ≤ "
+            f"1.5)",
             f"{'PASS' if self.median_ratio <= 1.02 else 'FAIL'} error after adding by that of the true model: median "
             f"{self.median_ratio:.3f} (asked ≤ 1.02)",
         ]
@@ -262,15 +303,25 @@ def figures(told: Sequence[Told]) -> Figures:
     shares = (
         Figure("one hidden: named first", sum(t.first for t in single), len(single), 0.95),
         Figure("one hidden: in the declared set", sum(declared), len(declared), 0.97),
-        Figure("nothing hidden: false alarms", sum(not t.right for t in of("none")), len(of("none")), 0.03, least=False),
+        Figure(
+            "nothing hidden: false alarms", sum(not t.right for t in of("none")), len(of("none")), 0.03, least=False
+        ),
         Figure("outside the catalogue: unexplained", sum(outside), len(outside), 0.90),
-        Figure("known effects: unexplained", sum(t.verdict == "unexplained" for t in known), len(known), 0.05, least=False),
+        Figure(
+            "known effects: unexplained", sum(t.verdict == "unexplained" for t in known), len(known), 0.05, least=False
+        ),
         Figure("two hidden: both", sum(t.hits == 2 for t in pair), len(pair), 0.85),
-        Figure("two hidden: both in the declared sets", sum(set(t.truth) <= {n for d in t.declared for n in d} for t in pair),
-               len(pair), 0.85),
+        Figure(
+            "two hidden: both in the declared sets",
+            sum(set(t.truth) <= {n for d in t.declared for n in d} for t in pair),
+            len(pair),
+            0.85,
+        ),
         Figure("two hidden: one at least", sum(t.hits >= 1 for t in pair), len(pair), 0.98),
         Figure("error after adding ≤ 1.1 × that of the true model", sum(r <= 1.1 for r in ratios), len(ratios), 1.0),
-        Figure("not excited, but called absent", sum(len(t.absent) for t in of("not-excited")), unseen, 0.0, least=False),
+        Figure(
+            "not excited, but called absent", sum(len(t.absent) for t in of("not-excited")), unseen, 0.0, least=False
+        ),
         Figure("crashes", sum(bool(t.crash) for t in told), len(told), 0.0, least=False),
     )
     sizes = [len(t.declared_first) for t in single if t.added]
@@ -283,7 +334,11 @@ def confusion(told: Sequence[Told]) -> list[str]:
     for t in told:
         if t.kind == "not-excited":
             continue
-        hidden = " + ".join(t.truth) if t.kind == "single" else {"none": "(nothing)", "outside": "(outside)"}.get(t.kind, "(two)")
+        hidden = (
+            " + ".join(t.truth)
+            if t.kind == "single"
+            else {"none": "(nothing)", "outside": "(outside)"}.get(t.kind, "(two)")
+        )
         if t.kind == "single" and not t.counts:
             hidden += " (too small)"
         if t.crash:
@@ -298,15 +353,22 @@ def confusion(told: Sequence[Told]) -> list[str]:
             said = said if fine else f"[{said}]"
         rows.setdefault(hidden, Counter())[said] += 1
     wide = max((len(name) for name in rows), default=0)
-    return [f"{name:<{wide}}  " + ", ".join(f"{said} {count}" for said, count in row.most_common())
-            for name, row in sorted(rows.items())]  # fmt: skip
+    return [
+        f"{name:<{wide}}  " + ", ".join(f"{said} {count}" for said, count in row.most_common())
+        for name, row in sorted(rows.items())
+    ]
 
 
 def report(told: Sequence[Told]) -> str:
     """Figures, confusion matrix, and every case in a line."""
-    worlds = ", ".join(f"{sum(t.world == world for t in told)} {world}" for world in dict.fromkeys(t.world for t in told))
+    worlds = ", ".join(
+        f"{sum(t.world == world for t in told)} {world}" for world in dict.fromkeys(t.world for t in told)
+    )
     counted = sum(t.counts for t in told if t.kind == "single")
-    head = f"{len(told)} cases ({worlds}); {counted} of {sum(t.kind == 'single' for t in told)} single effects matter by 1 %"
+    head = (
+        f"{len(told)} cases ({worlds}); {counted} of {sum(t.kind == 'single' for t in told)} single "
+        "effects matter by 1 %"
+    )
     lines = [head, *figures(told).lines(), "", "hidden → named first", *confusion(told), "", *(t.line() for t in told)]
     return "\n".join(lines) + "\n"
 
@@ -318,9 +380,11 @@ def write(told: Sequence[Told], folder: Path, name: str) -> None:
     found = figures(told)
     facts = {
         "figures": [asdict(f) | {"share": f.share, "reached": f.reached} for f in found.shares],
-        "mean_set_size": found.set_size, "median_error_ratio": found.median_ratio, "confusion": confusion(told),
+        "mean_set_size": found.set_size,
+        "median_error_ratio": found.median_ratio,
+        "confusion": confusion(told),
         "cases": [asdict(t) | {"counts": t.counts, "right": t.right} for t in told],
-    }  # fmt: skip
+    }
     (folder / f"{name}.json").write_text(json.dumps(_finite(facts), indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
@@ -333,6 +397,8 @@ def _finite(facts: Any) -> Any:
 
 
 if __name__ == "__main__":
-    every = side_by_side(jobs(int(sys.argv[2]) if len(sys.argv) > 2 else REPORT), tell=lambda line: print(line, flush=True))
+    every = side_by_side(
+        jobs(int(sys.argv[2]) if len(sys.argv) > 2 else REPORT), tell=lambda line: print(line, flush=True)
+    )
     write(every, Path(sys.argv[1]), "hidden-effects")
     print("\n".join([*figures(every).lines(), "", *confusion(every)]))

@@ -26,7 +26,9 @@ def planted(real_data: Path) -> list[tuple[Case, np.ndarray, np.ndarray]]:
     """Every source with every plant: the case, readings before and after."""
     raw = known(real_data)
     count = sum(len(source.plants) for source in SOURCES)
-    return [(case, readings(raw[case.note.split(":")[0]][0]), readings(case.log)) for case in measured(count, 3, real_data)]
+    return [
+        (case, readings(raw[case.note.split(":")[0]][0]), readings(case.log)) for case in measured(count, 3, real_data)
+    ]
 
 
 def test_every_plant_comes_once_and_leaves_the_motion_alone(planted: list, real_data: Path) -> None:
@@ -75,7 +77,9 @@ def test_marks_of_converters(planted: list) -> None:
 
 
 def test_poses_turn_the_tool_as_it_was_turned(real_data: Path) -> None:
-    """With the log's joints, the weight of the rig's tool explains the measured forces as well as in the table of the data."""
+    """With the log's joints, the weight of the rig's tool explains the measured forces as well as in the table of the
+    data.
+    """
     log, rig, _ = known(real_data)["med14-poses"]
     weight = rig.tool.mass * forward(np.asarray(log.q)).rotation.transpose(0, 2, 1) @ [0.0, 0.0, -GRAVITY]
     assert rig.tool.mass == pytest.approx(0.932, abs=0.003)

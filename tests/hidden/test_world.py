@@ -105,7 +105,9 @@ def test_a_swing_follows_its_path() -> None:
     np.testing.assert_allclose(unit, np.broadcast_to(np.eye(3), unit.shape), atol=1e-12)
     contact = np.random.default_rng(5).uniform(-1, 1, (len(swing.t), 3))
     force = np.einsum("nji,nj->ni", swing.rotation, contact @ swing.axes)
-    np.testing.assert_allclose(swing.into_sensor(contact, TIP), np.concatenate([force, np.cross(TIP, force)], axis=1), atol=1e-6)
+    np.testing.assert_allclose(
+        swing.into_sensor(contact, TIP), np.concatenate([force, np.cross(TIP, force)], axis=1), atol=1e-6
+    )
 
 
 # ----------------------------------------------------------------------------------------------------------- material
@@ -374,7 +376,9 @@ def test_cases_come_from_all_worlds_in_turn() -> None:
 
 
 def test_the_world_knows_nothing_of_the_catalogue() -> None:
-    """Of kinid, cases and all that they import use the format of logs and rigs, and the arm's URDF; nothing that predicts."""
+    """Of kinid, cases and all that they import use the format of logs and rigs, and the arm's URDF; nothing that
+    predicts.
+    """
     here = Path(__file__).parent
     used, seen, left = set(), set(), ["hidden.cases", "hidden.measured"]
     while left:
@@ -383,10 +387,16 @@ def test_the_world_knows_nothing_of_the_catalogue() -> None:
             continue
         seen.add(module)
         file = here.parent / Path(*module.split("."))
-        tree = ast.parse((file / "__init__.py" if file.is_dir() else file.with_suffix(".py")).read_text(encoding="utf-8"))
+        tree = ast.parse(
+            (file / "__init__.py" if file.is_dir() else file.with_suffix(".py")).read_text(encoding="utf-8")
+        )
         for node in ast.walk(tree):
             if isinstance(node, ast.ImportFrom) and node.module:
-                names = [f"{node.module}.{alias.name}" for alias in node.names] if node.module == "hidden" else [node.module]
+                names = (
+                    [f"{node.module}.{alias.name}" for alias in node.names]
+                    if node.module == "hidden"
+                    else [node.module]
+                )
             elif isinstance(node, ast.Import):
                 names = [alias.name for alias in node.names]
             elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "kinid":

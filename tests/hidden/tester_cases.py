@@ -28,10 +28,11 @@ def base_of(rng: np.random.Generator, base: str, deep: float) -> Matter:
     peak = float(np.exp(rng.uniform(np.log(3.0), np.log(10.0))))  # force at the greatest depth [N]
     n = {"hertz": 1.5, "hunt-crossley": float(rng.uniform(1.1, 1.9))}.get(base, 1.0)
     return Matter(
-        stiffness=1e3 * peak * (1e-3 / deep) ** n, profile=np.inf if n == 1.0 else 1.0 / (n - 1.0),
+        stiffness=1e3 * peak * (1e-3 / deep) ** n,
+        profile=np.inf if n == 1.0 else 1.0 / (n - 1.0),
         dashpot=float(rng.uniform(1.5, 10.0)) if base == "kelvin-voigt" else 0.0,
         loss=float(rng.uniform(0.4, 3.0)) if base == "hunt-crossley" else 0.0,
-    )  # fmt: skip
+    )
 
 
 def absorbed(model: tuple[str, ...], depth: Array, speed: Array, force: Array) -> list[Array]:
@@ -48,22 +49,38 @@ def absorbed(model: tuple[str, ...], depth: Array, speed: Array, force: Array) -
 def proxies(t: Array, place: Array, contact: Array) -> list[Array]:
     """Changes of the contact forces (n, 3) that effects of the catalogue make in their simplest form.
 
-    Damping, several branches of relaxation, a clock, an offset, stiffness that drifts or depends on the place, adhesion and
-    a second layer; film, clock and load dependence of friction. place: x, y, depth (n, 3); contact: forces (n, 3).
+    Damping, several branches of relaxation, a clock, an offset, stiffness that drifts or depends on the place, adhesion
+    and a second layer; film, clock and load dependence of friction. place: x, y, depth (n, 3); contact: forces (n, 3).
     """
     inside = (place[:, 2] > 0).astype(float)
     depth, force = place[:, 2] * inside, contact[:, 2]
     rate = np.gradient(place, t, axis=0)
     speed = rate[:, 2] * inside
-    normal = [inside, depth, depth**2, speed, force, force * speed, np.gradient(force, t), force * t, force * place[:, 0],
-              force * place[:, 1], np.maximum(depth - 0.5 * depth.max(), 0.0)]  # fmt: skip
+    normal = [
+        inside,
+        depth,
+        depth**2,
+        speed,
+        force,
+        force * speed,
+        np.gradient(force, t),
+        force * t,
+        force * place[:, 0],
+        force * place[:, 1],
+        np.maximum(depth - 0.5 * depth.max(), 0.0),
+    ]
     for tau in (0.03, 0.2, 1.0, 5.0):
         decay = np.exp(-(t[1] - t[0]) / tau)
         normal.append(lfilter([1 - decay], [1, -decay], force))
     out = [only(3, 2, column) for column in normal]
     flat = np.array([1.0, 1.0, 0.0])
-    for column in (contact, rate * inside[:, None], np.gradient(contact, t, axis=0), contact * force[:, None],
-                   contact * np.abs(rate[:, :2]).sum(axis=1)[:, None]):  # fmt: skip
+    for column in (
+        contact,
+        rate * inside[:, None],
+        np.gradient(contact, t, axis=0),
+        contact * force[:, None],
+        contact * np.abs(rate[:, :2]).sum(axis=1)[:, None],
+    ):
         out += [column * flat, column * [1.0, 0.0, 0.0]]
     return out
 
@@ -88,8 +105,15 @@ class Tester:
     rig: kinid.Rig = field(default_factory=kinid.Rig)
 
     @classmethod
-    def draw(cls, seed: Stream, base: str, slip: bool, rubless: bool = False, protocol: Protocol | None = None,
-             act: Act = perform) -> Tester:  # fmt: skip
+    def draw(
+        cls,
+        seed: Stream,
+        base: str,
+        slip: bool,
+        rubless: bool = False,
+        protocol: Protocol | None = None,
+        act: Act = perform,
+    ) -> Tester:
         """A bench whose readings `model` describes fully."""
         rng = seed.generator()
         deep = float(rng.uniform(2.5e-3, 5e-3))
@@ -125,8 +149,12 @@ class Tester:
         force = readings(setup, self.path, rng)
         contact = {"depth": motion[:, 2], "normal_force": force[:, 2]}
         if self.slip:
-            contact |= {"slip1": motion[:, 0], "slip2": motion[:, 1],
-                        "tangential_force1": force[:, 0], "tangential_force2": force[:, 1]}  # fmt: skip
+            contact |= {
+                "slip1": motion[:, 0],
+                "slip2": motion[:, 1],
+                "tangential_force1": force[:, 0],
+                "tangential_force2": force[:, 1],
+            }
         return kinid.Log(t=self.path.t[rows], contact=contact, phase=self.path.phase[rows])
 
 

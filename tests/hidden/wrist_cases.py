@@ -38,8 +38,15 @@ class Arm:
     rig: kinid.Rig
 
     @classmethod
-    def draw(cls, seed: Stream, base: str, slip: bool, rubless: bool = False, protocol: Protocol | None = None,
-             act: Act = perform) -> Arm:  # fmt: skip
+    def draw(
+        cls,
+        seed: Stream,
+        base: str,
+        slip: bool,
+        rubless: bool = False,
+        protocol: Protocol | None = None,
+        act: Act = perform,
+    ) -> Arm:
         """A bench whose readings `model` describes fully."""
         rng = seed.generator()
         deep = float(rng.uniform(2.5e-3, 5e-3))
@@ -54,12 +61,18 @@ class Arm:
         weight = carried(setup.bodies, swing)
         plain = readings(setup, swing, seed.generator("read"), weight, quiet=True)
         setup = dataclasses.replace(setup, peak=np.abs(plain).max(axis=0) + 1e-9)
-        rig = kinid.Rig.parse({
-            "robot": {"model": "lwr4plus"},
-            "tool": {"mass": tool.mass, "com": list(tool.com)},
-            "surface": {"point": swing.point.tolist(), "normal": swing.axes[2].tolist(), "tangent": swing.axes[0].tolist()},
-            "sensor": {"range": [40, 40, 120, 2, 2, 2]},
-        })  # fmt: skip
+        rig = kinid.Rig.parse(
+            {
+                "robot": {"model": "lwr4plus"},
+                "tool": {"mass": tool.mass, "com": list(tool.com)},
+                "surface": {
+                    "point": swing.point.tolist(),
+                    "normal": swing.axes[2].tolist(),
+                    "tangent": swing.axes[0].tolist(),
+                },
+                "sensor": {"range": [40, 40, 120, 2, 2, 2]},
+            }
+        )
         model = (base,) if rubless else (base, "coulomb-friction")
         return cls(base, deep, swing, setup, weight, plain, model, seed, rig)
 
@@ -74,7 +87,9 @@ class Arm:
         rows = self.swing.path.logged
         contact, place = contact[rows], place[rows]
         speed = np.gradient(place[:, 2], self.swing.t)
-        columns = [np.outer(column, [0.0, 0.0, 1.0]) for column in absorbed(self.model, place[:, 2], speed, contact[:, 2])]
+        columns = [
+            np.outer(column, [0.0, 0.0, 1.0]) for column in absorbed(self.model, place[:, 2], speed, contact[:, 2])
+        ]
         if "coulomb-friction" in self.model:
             columns.append(contact * [1.0, 1.0, 0.0])
         t, more = self.swing.t, []
@@ -87,8 +102,12 @@ class Arm:
         """What is recorded."""
         rng = self.seed.generator("log")
         wrench = readings(setup, self.swing, rng, self.load(setup))
-        return kinid.Log(t=self.swing.t, q=encoded(self.swing, rng), wrench=wrench,
-                         phase=self.swing.path.phase[self.swing.path.logged])  # fmt: skip
+        return kinid.Log(
+            t=self.swing.t,
+            q=encoded(self.swing, rng),
+            wrench=wrench,
+            phase=self.swing.path.phase[self.swing.path.logged],
+        )
 
 
 PLACE = Place("wrench", tuple(HIDEABLE), Arm.draw, always_slips=True)

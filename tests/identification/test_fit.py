@@ -1,4 +1,6 @@
-"""Fits and comparisons of whole models: recovery from raw logs, doubts that are said, and the measured logs' ladders."""
+"""Fits and comparisons of whole models: recovery from raw logs, doubts that are said, and the measured logs'
+ladders.
+"""
 
 from __future__ import annotations
 
@@ -33,8 +35,11 @@ def touch(scripted: Scripted) -> ContactSeries:
 
 def test_a_material_is_recovered_from_raw_joints_and_wrench(touch: ContactSeries, scripted: Scripted) -> None:
     fit = Model("kelvin-voigt", "coulomb-friction").fit(touch)
-    for name, truth, share in (("stiffness", scripted.material.stiffness, 0.003), ("damping", scripted.material.damping, 0.05),
-                               ("coefficient", scripted.material.friction, 0.02)):  # fmt: skip
+    for name, truth, share in (
+        ("stiffness", scripted.material.stiffness, 0.003),
+        ("damping", scripted.material.damping, 0.05),
+        ("coefficient", scripted.material.friction, 0.02),
+    ):
         found = fit[name]
         print(f"{found}; truth {truth}")
         assert found.value == pytest.approx(truth, rel=share)
@@ -76,7 +81,9 @@ def test_an_effect_that_the_log_does_not_excite_gets_infinite_intervals(touch: C
 
     depth = get("stiffening-layer")
     name = next(p.name for p in depth.parameters(fit_layout(touch)) if p.unit == "m")
-    fit = fit_model(Model("kelvin-voigt", "stiffening-layer"), touch, start={f"stiffening-layer.{name}": 0.02}, held_out=False)
+    fit = fit_model(
+        Model("kelvin-voigt", "stiffening-layer"), touch, start={f"stiffening-layer.{name}": 0.02}, held_out=False
+    )
     assert np.isinf(fit[f"stiffening-layer.{name}"].high) or fit.error.train > 0
 
 
@@ -121,7 +128,9 @@ def test_data_that_can_not_carry_a_model_are_refused(case: str) -> None:
 def test_a_log_without_free_motion_is_doubted() -> None:
     t = np.arange(1000) / 200
     depth = 2e-3 + 1e-3 * np.sin(3 * t)
-    log = Log(t, contact={"depth": depth, "normal_force": 800 * depth + 0.01 * np.random.default_rng(0).normal(size=1000)})
+    log = Log(
+        t, contact={"depth": depth, "normal_force": 800 * depth + 0.01 * np.random.default_rng(0).normal(size=1000)}
+    )
     assert any("free motion" in warning for warning in Model("kelvin-voigt").fit(contact_series(log, Rig())).warnings)
 
 
@@ -184,8 +193,16 @@ def test_parameters_that_stand_in_for_each_other_are_named() -> None:
     log = Log(t, q=q, dq=dq, ddq=ddq, tau=tau)
     small = fit_model(Model("rigid-body", "joint-coulomb-friction"), log, rig, held_out=False)
     assert not any("stand in" in warning for warning in small.warnings)
-    every = Model("rigid-body", "joint-coulomb-friction", "joint-viscous-friction", "joint-friction-asymmetry",
-                  "joint-torque-offset", "rotor-inertia", "joint-torque-gain", "payload")  # fmt: skip
+    every = Model(
+        "rigid-body",
+        "joint-coulomb-friction",
+        "joint-viscous-friction",
+        "joint-friction-asymmetry",
+        "joint-torque-offset",
+        "rotor-inertia",
+        "joint-torque-gain",
+        "payload",
+    )
     doubts = [w for w in fit_model(every, log, rig, held_out=False).warnings if "stand in for each other" in w]
     print("\n".join(doubts))
     assert any("payload.mass" in line and "joint-torque-gain.gain" in line for line in doubts)
@@ -196,7 +213,9 @@ def test_models_without_a_held_out_error_come_last_and_say_so() -> None:
     t = np.arange(25) / 1000
     depth = 4e-3 * np.sin(7 * t)
     force = 700 * depth + np.random.default_rng(0).normal(scale=0.03, size=25)
-    touch = contact_series(Log(t, contact={"depth": depth, "depth_rate": np.gradient(depth, t), "normal_force": force}), Rig())
+    touch = contact_series(
+        Log(t, contact={"depth": depth, "depth_rate": np.gradient(depth, t), "normal_force": force}), Rig()
+    )
     table = compare([Model("kelvin-voigt", "relaxation", "adhesion"), Model("hooke")], touch)
     assert str(table.rows[0].fit.model) == "hooke"
     assert table.to_dict()["models"][1]["held_out"] is None
@@ -258,7 +277,8 @@ def test_detectors_read_their_values_off_the_samples() -> None:
 
     stepped = fitted(np.round(force / 0.2) * 0.2, "quantization")
     assert stepped["step[normal_force]"].value == pytest.approx(0.2)
-    # calibration is open while a model is fitted (20 mN of bias, 15 µm of surface), which a hold within a step can't close
+    # calibration is open while a model is fitted (20 mN of bias, 15 µm of surface), which a hold within a step can't
+    # close
     stiffness = stepped["stiffness"]
     assert stiffness.low < 700 < stiffness.high
     assert stiffness.high - stiffness.low < 0.01 * 700
@@ -309,11 +329,17 @@ def test_silicone_from_hooke_to_a_power_law_with_memory(real_data: Path) -> None
     touch = contact_series(Log(t, contact=columns), Rig())
     first = t < 5.7
     ladder = {}
-    for model in (Model("hooke"), Model("kelvin-voigt"), Model("hunt-crossley"), Model("hooke", "hertz-exponent", "relaxation")):
+    for model in (
+        Model("hooke"),
+        Model("kelvin-voigt"),
+        Model("hunt-crossley"),
+        Model("hooke", "hertz-exponent", "relaxation"),
+    ):
         fit = fit_model(model + "surface-offset", touch, train=first)
         ladder[str(model)] = fit.error.held_out
         print(f"{model}: {fit.error.held_out:.3f} N on the second cycle")
-    # reference figures of another implementation: 0.75, 0.67, 0.27 N; noise of the free surface moves them by some percent
+    # reference figures of another implementation: 0.75, 0.67, 0.27 N; noise of the free surface moves them by some
+    # percent
     assert ladder["hooke"] == pytest.approx(0.75, rel=0.05)
     assert ladder["kelvin-voigt"] == pytest.approx(0.67, rel=0.05)
     assert ladder["hunt-crossley"] == pytest.approx(0.27, rel=0.05)
@@ -331,14 +357,23 @@ def test_lwr4plus_joint_friction_proves_itself_on_the_other_file(real_data: Path
     data = []
     for k in (1, 2):
         z = np.load(real_data / "lwr4plus-motion" / f"measurements_{k}.npz")
-        data.append(from_joint_torques(
-            Log(z["times"], q=z["positions"], dq=z["velocities"], ddq=z["accelerations"], tau=z["torques"]), rig))  # fmt: skip
+        data.append(
+            from_joint_torques(
+                Log(z["times"], q=z["positions"], dq=z["velocities"], ddq=z["accelerations"], tau=z["torques"]), rig
+            )
+        )
     model = Model("rigid-body")
     limits = {
         "rigid-body": [1.29, 0.76, 0.57, 0.78, 1.29, 0.68, 0.29],
         "joint-coulomb-friction": [0.37, 0.43, 0.26, 0.36, 0.28, 0.21, 0.25],
     }
-    for step in ("rigid-body", "joint-torque-offset", "joint-coulomb-friction", "joint-viscous-friction", "rotor-inertia"):
+    for step in (
+        "rigid-body",
+        "joint-torque-offset",
+        "joint-coulomb-friction",
+        "joint-viscous-friction",
+        "rotor-inertia",
+    ):
         model = model if step == "rigid-body" else model + step
         error = 0.5 * (held_out_rms(model, data[0], data[1]) + held_out_rms(model, data[1], data[0]))
         print(f"{step}: {np.array2string(error, precision=3)} N·m on the other file")
@@ -348,10 +383,16 @@ def test_lwr4plus_joint_friction_proves_itself_on_the_other_file(real_data: Path
 
 @pytest.mark.real
 def test_a_drive_needs_friction_that_depends_on_the_direction(real_data: Path) -> None:
-    rig = Rig.parse({"columns": {"q1": {"column": "qm", "unit": "m"}, "tau1": {"column": "vir", "unit": "N", "scale": 35.15065}}})
+    rig = Rig.parse(
+        {"columns": {"q1": {"column": "qm", "unit": "m"}, "tau1": {"column": "vir", "unit": "N", "scale": 35.15065}}}
+    )
     log = kinid.read(real_data / "drive-friction" / "DATA_EMPS.mat", rig)
     model, errors = Model("rigid-body"), []
-    for more in ((), ("joint-coulomb-friction", "joint-viscous-friction", "joint-torque-offset"), ("joint-friction-asymmetry",)):
+    for more in (
+        (),
+        ("joint-coulomb-friction", "joint-viscous-friction", "joint-torque-offset"),
+        ("joint-friction-asymmetry",),
+    ):
         model = Model(*model.effects, *more)
         fit = fit_model(model, log, rig)
         errors.append(fit.error.train)

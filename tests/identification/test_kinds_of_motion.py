@@ -33,9 +33,17 @@ def test_intervals_hold_where_the_law_is_a_little_off() -> None:
         rng = np.random.default_rng(seed)
         friction = 0.4 * (1.0 + 0.02 * rng.standard_normal(4))[phase]
         normal = np.where(depth > 0, 1000.0 * depth, 0.0) + 0.01 * rng.standard_normal(len(t))
-        along = -(friction * np.where(depth > 0, 1000.0 * depth, 0.0))[:, None] * ways + 0.01 * rng.standard_normal((len(t), 2))
-        contact = {"depth": depth, "slip1": slip[:, 0], "slip2": slip[:, 1], "normal_force": normal,
-                   "tangential_force1": along[:, 0], "tangential_force2": along[:, 1]}  # fmt: skip
+        along = -(friction * np.where(depth > 0, 1000.0 * depth, 0.0))[:, None] * ways + 0.01 * rng.standard_normal(
+            (len(t), 2)
+        )
+        contact = {
+            "depth": depth,
+            "slip1": slip[:, 0],
+            "slip2": slip[:, 1],
+            "normal_force": normal,
+            "tangential_force1": along[:, 0],
+            "tangential_force2": along[:, 1],
+        }
         fit = kinid.Model("hooke", "coulomb-friction").fit(kinid.Log(t, contact=contact), kinid.Rig())
         held += fit["coefficient"].low <= 0.4 <= fit["coefficient"].high
     print(held, "of", LOGS)

@@ -22,7 +22,9 @@ Case = tuple[kinid.Log, kinid.Rig, kinid.Model]
 
 
 def pressed() -> Case:
-    """Pokes at several speeds and slides; the model knows the spring, and neither dashpot nor relaxation nor friction."""
+    """Pokes at several speeds and slides; the model knows the spring, and neither dashpot nor relaxation nor
+    friction.
+    """
     t = np.arange(6000) / 250.0
     rng = np.random.default_rng(4)
     depth = 3e-3 * np.sin(1.3 * t) + 1e-3 * np.sin(7.0 * t) * (np.sin(0.5 * t) > 0)
@@ -30,9 +32,14 @@ def pressed() -> Case:
     normal = np.where(depth > 0, np.maximum(800.0 * depth + 6.0 * np.gradient(depth, t), 0.0), 0.0)
     zero = np.zeros_like(t)
     noise = 0.02 * rng.standard_normal((3, len(t)))
-    contact = {"depth": depth, "normal_force": normal + noise[0], "slip1": slip, "slip2": zero,
-               "tangential_force1": -0.4 * normal * np.tanh(np.gradient(slip, t) / 1e-3) + noise[1],
-               "tangential_force2": noise[2]}  # fmt: skip
+    contact = {
+        "depth": depth,
+        "normal_force": normal + noise[0],
+        "slip1": slip,
+        "slip2": zero,
+        "tangential_force1": -0.4 * normal * np.tanh(np.gradient(slip, t) / 1e-3) + noise[1],
+        "tangential_force2": noise[2],
+    }
     return kinid.Log(t=t, contact=contact), kinid.Rig(), kinid.Model("hooke")
 
 
@@ -85,7 +92,9 @@ def test_diagnose_says_what_fit_says(case: Case, fitted: Fit) -> None:
     log, rig, model = case
     found = kinid.diagnose(log, rig, model=model, max_effects=0)
     same(found.fit, fitted)
-    assert (found.steps[0].train, found.steps[0].held_out) == pytest.approx((fitted.error.train, fitted.error.held_out), rel=1e-9)
+    assert (found.steps[0].train, found.steps[0].held_out) == pytest.approx(
+        (fitted.error.train, fitted.error.held_out), rel=1e-9
+    )
     assert found.noise_floor == pytest.approx(fitted.error.noise_floor, rel=1e-9)
     again = kinid.diagnose(fitted, max_effects=0)
     assert again.steps[0].held_out == pytest.approx(fitted.error.held_out, rel=1e-3)
@@ -94,7 +103,9 @@ def test_diagnose_says_what_fit_says(case: Case, fitted: Fit) -> None:
 
 
 def test_the_model_that_was_found_is_fitted_alike(case: Case) -> None:
-    """A search from a diagnosis' values and one from nothing end at one place: within 2 % of an interval, errors to 1 %."""
+    """A search from a diagnosis' values and one from nothing end at one place: within 2 % of an interval, errors to 1
+    %.
+    """
     log, rig, model = case
     found = kinid.diagnose(log, rig, model=model, max_effects=1)
     assert len(found.added) == 1

@@ -1,4 +1,6 @@
-"""Parameters that are moved together: each changes its own channel alone, and sensitivities are as if each were moved alone."""
+"""Parameters that are moved together: each changes its own channel alone, and sensitivities are as if each were moved
+alone.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ Array = NDArray[np.float64]
 LAYOUT = Layout(("tau1", "tau2", "tau3"), "joints", ("base", "shoulder", "elbow"))
 RIGID = kinid.Model("rigid-body")
 #: what changes torques of every joint, beside what changes each alone
-MODEL = kinid.Model("rigid-body", "joint-coulomb-friction", "joint-torque-gain", "payload", "sensor-drift", "sensor-lag")
+MODEL = kinid.Model(
+    "rigid-body", "joint-coulomb-friction", "joint-torque-gain", "payload", "sensor-drift", "sensor-lag"
+)
 
 
 @pytest.fixture(scope="module")
@@ -47,8 +51,14 @@ def one_by_one(names: list[str], _: Layout) -> list[dict[int, int]]:
 
 
 def test_joints_in_brackets_go_together_and_all_others_alone() -> None:
-    names = ["payload.mass", "joint-coulomb-friction.coulomb[base]", "joint-coulomb-friction.coulomb[elbow]",
-             "sensor-drift.drift[tau1]", "sensor-drift.drift[tau2]", "gravity-error.error[x]"]  # fmt: skip
+    names = [
+        "payload.mass",
+        "joint-coulomb-friction.coulomb[base]",
+        "joint-coulomb-friction.coulomb[elbow]",
+        "sensor-drift.drift[tau1]",
+        "sensor-drift.drift[tau2]",
+        "gravity-error.error[x]",
+    ]
     every = ALL_CHANNELS
     assert parameter_groups(names, LAYOUT) == [{every: 0}, {every: 5}, {0: 1, 2: 2, 1: 4}, {0: 3}]
     assert parameter_groups([], LAYOUT) == []
@@ -62,7 +72,9 @@ def test_each_changes_its_own_channel_alone(experiment: Experiment) -> None:
     for effect, why in candidate_effects(RIGID, layout):
         if why or effect.detector:
             continue
-        model = kinid.Model("rigid-body", *effect.wants[:1], effect.id, *({"joint-torque-gain", "sensor-lag"} - {effect.id}))
+        model = kinid.Model(
+            "rigid-body", *effect.wants[:1], effect.id, *({"joint-torque-gain", "sensor-lag"} - {effect.id})
+        )
         named = list(model.parameters(layout))
         values = np.array([p.nominal if np.isfinite(p.nominal) else 1.0 for p in model.parameters(layout).values()])
         before = model.predict(experiment.signals, values)
@@ -105,7 +117,9 @@ def test_sensitivities_are_as_if_each_were_moved_alone(experiment: Experiment, m
 def test_what_is_known_of_torques_is_what_would_be_predicted(experiment: Experiment) -> None:
     """Columns that one model left behind, beside those of another one that nothing is known of."""
     small = kinid.Model("rigid-body", "joint-coulomb-friction", "joint-stribeck-friction", "payload")
-    large = kinid.Model("rigid-body", "joint-viscous-friction", "payload", "joint-stribeck-friction", "joint-coulomb-friction")
+    large = kinid.Model(
+        "rigid-body", "joint-viscous-friction", "payload", "joint-stribeck-friction", "joint-coulomb-friction"
+    )
     problem, fresh = Problem.build(experiment), Problem.build(experiment)
     for model in (small, large):
         named = model.parameters(experiment.layout)

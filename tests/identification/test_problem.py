@@ -30,10 +30,19 @@ def _long(seconds: float, rate: float, channels: int = 1) -> Experiment:
     return all_channels(kinid.Log(t=t, contact=contact), kinid.Rig(), MODEL)
 
 
-@pytest.mark.parametrize(("seconds", "rate", "channels", "many"), [
-    (20.0, 500.0, 3, 1), (80.0, 200.0, 3, 1), (60.0, 500.0, 1, 3), (60.0, 500.0, 3, 3), (60.0, 1000.0, 3, 6),
-    (120.0, 500.0, 3, 3), (200.0, 250.0, 1, 2), (300.0, 1000.0, 1, 8),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("seconds", "rate", "channels", "many"),
+    [
+        (20.0, 500.0, 3, 1),
+        (80.0, 200.0, 3, 1),
+        (60.0, 500.0, 1, 3),
+        (60.0, 500.0, 3, 3),
+        (60.0, 1000.0, 3, 6),
+        (120.0, 500.0, 3, 3),
+        (200.0, 250.0, 1, 2),
+        (300.0, 1000.0, 1, 8),
+    ],
+)
 def test_long_logs_are_followed_in_means(seconds: float, rate: float, channels: int, many: int) -> None:
     whole = _long(seconds, rate, channels)
     assert len(whole.measured) == channels

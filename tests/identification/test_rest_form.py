@@ -34,7 +34,9 @@ def touches(n: int = 8000) -> Signals:
     return Signals(layout, t, dt, depth, rate, slip, slip_rate)
 
 
-@pytest.mark.parametrize("form", [RestForm(), RestForm(kept=True), RestForm(share=0.7, kept=True), RestForm(length=8e-5)])
+@pytest.mark.parametrize(
+    "form", [RestForm(), RestForm(kept=True), RestForm(share=0.7, kept=True), RestForm(length=8e-5)]
+)
 def test_the_form_of_friction_at_rest_is_found(form: RestForm) -> None:
     signals = touches()
     reading = MODEL.predict(dataclasses.replace(signals, rest=form), VALUES)
@@ -51,8 +53,12 @@ def test_the_form_of_friction_at_rest_is_found(form: RestForm) -> None:
 
 
 @pytest.mark.parametrize("order", [None, 1, 2])
-def test_torques_filtered_without_delay_are_those_of_a_model_that_is(swing: Callable[..., Any], order: int | None) -> None:
-    """By a Butterworth of 8 Hz, forwards and backwards, or not at all: friction and inertia come back, and no elasticity."""
+def test_torques_filtered_without_delay_are_those_of_a_model_that_is(
+    swing: Callable[..., Any], order: int | None
+) -> None:
+    """By a Butterworth of 8 Hz, forwards and backwards, or not at all: friction and inertia come back, and no
+    elasticity.
+    """
     t = np.arange(8000) / 200.0
     q, dq, ddq = swing(np.zeros(1), seed=4, size=2.0, speed=6.0)(t)
     torque = (0.7 * ddq + 1.2 * np.tanh(dq / 2e-3) + 0.4 * dq)[:, 0]

@@ -1,4 +1,6 @@
-"""Searches that one start would miss: shapes far from their nominal values, with 0.03 N of noise on forces of a few newtons."""
+"""Searches that one start would miss: shapes far from their nominal values, with 0.03 N of noise on forces of a few
+newtons.
+"""
 
 from __future__ import annotations
 
@@ -23,8 +25,15 @@ def motion(n: int = 3000) -> Signals:
     t = np.linspace(0.0, 12.0, n)
     depth = 1.5e-3 + 2.4e-3 * np.sin(2.0 * t) * np.cos(0.45 * t) + 1.2e-3 * np.sin(9.0 * t) * np.cos(0.8 * t)
     slip = np.stack([9e-3 * np.sin(1.3 * t), 6e-3 * np.cos(1.9 * t + 0.4)])
-    return Signals(Layout(("normal_force", "tangential_force1", "tangential_force2"), "contact"), t, np.diff(t, prepend=0.0),
-                   depth, np.gradient(depth, t), slip, np.gradient(slip, t, axis=1))  # fmt: skip
+    return Signals(
+        Layout(("normal_force", "tangential_force1", "tangential_force2"), "contact"),
+        t,
+        np.diff(t, prepend=0.0),
+        depth,
+        np.gradient(depth, t),
+        slip,
+        np.gradient(slip, t, axis=1),
+    )
 
 
 MOTION = motion()
@@ -33,8 +42,15 @@ MOTION = motion()
 def experiment(model: Model, values: dict[str, float], seed: int = 0) -> Experiment:
     reading = model.predict(MOTION, values)
     reading = reading + np.random.default_rng(seed).normal(scale=NOISE, size=reading.shape)
-    return Experiment(MOTION, reading, np.ones(len(MOTION), np.bool_), np.full(3, NOISE), None, MOTION.depth > 0,
-                      np.arange(len(MOTION)))  # fmt: skip
+    return Experiment(
+        MOTION,
+        reading,
+        np.ones(len(MOTION), np.bool_),
+        np.full(3, NOISE),
+        None,
+        MOTION.depth > 0,
+        np.arange(len(MOTION)),
+    )
 
 
 def fitted(names: tuple[str, ...], values: dict[str, float]) -> Fit:
@@ -43,26 +59,56 @@ def fitted(names: tuple[str, ...], values: dict[str, float]) -> Fit:
 
 
 CASES = [
-    *((("kelvin-voigt", "hysteresis"), {**VOIGT, "hysteresis.amplitude": 0.3, "hysteresis.length": x}) for x in (1e-4, 6e-3)),
-    *((("kelvin-voigt", "stress-softening"), {**VOIGT, "stress-softening.ratio": 0.3, "stress-softening.length": x})
-      for x in (1e-4, 5e-3)),
+    *(
+        (("kelvin-voigt", "hysteresis"), {**VOIGT, "hysteresis.amplitude": 0.3, "hysteresis.length": x})
+        for x in (1e-4, 6e-3)
+    ),
+    *(
+        (("kelvin-voigt", "stress-softening"), {**VOIGT, "stress-softening.ratio": 0.3, "stress-softening.length": x})
+        for x in (1e-4, 5e-3)
+    ),
     *((("kelvin-voigt", "adhesion"), {**VOIGT, "adhesion.force": 0.5, "adhesion.length": x}) for x in (1.5e-4, 8e-4)),
-    *((("kelvin-voigt", "stiffening-layer"), {**VOIGT, "stiffening-layer.stiffness": 1500.0, "stiffening-layer.depth": x})
-      for x in (5e-4, 3.5e-3)),
-    *((("hooke", "relaxation"), {"hooke.stiffness": 1500.0, "relaxation.ratio": 0.4, "relaxation.time-constant": x})
-      for x in (0.02, 0.3, 8.0)),
-    *((("zener",), {"zener.stiffness": 600.0, "zener.branch-ratio": 0.7, "zener.time-constant": x}) for x in (0.02, 4.0)),
-    *((("kelvin-voigt", "coulomb-friction", "surface-tilt"),
-       {**VOIGT, "coulomb-friction.coefficient": 0.4, "surface-tilt.slope1": a, "surface-tilt.slope2": b})
-      for a, b in ((0.02, -0.03), (0.2, 0.15))),
-    *((("hooke", "coulomb-friction", "stribeck-friction"),
-       {"hooke.stiffness": 900.0, "coulomb-friction.coefficient": 0.3, "stribeck-friction.coefficient": 0.15,
-        "stribeck-friction.speed": x}) for x in (2e-3, 1.5e-2)),
+    *(
+        (
+            ("kelvin-voigt", "stiffening-layer"),
+            {**VOIGT, "stiffening-layer.stiffness": 1500.0, "stiffening-layer.depth": x},
+        )
+        for x in (5e-4, 3.5e-3)
+    ),
+    *(
+        (("hooke", "relaxation"), {"hooke.stiffness": 1500.0, "relaxation.ratio": 0.4, "relaxation.time-constant": x})
+        for x in (0.02, 0.3, 8.0)
+    ),
+    *(
+        (("zener",), {"zener.stiffness": 600.0, "zener.branch-ratio": 0.7, "zener.time-constant": x})
+        for x in (0.02, 4.0)
+    ),
+    *(
+        (
+            ("kelvin-voigt", "coulomb-friction", "surface-tilt"),
+            {**VOIGT, "coulomb-friction.coefficient": 0.4, "surface-tilt.slope1": a, "surface-tilt.slope2": b},
+        )
+        for a, b in ((0.02, -0.03), (0.2, 0.15))
+    ),
+    *(
+        (
+            ("hooke", "coulomb-friction", "stribeck-friction"),
+            {
+                "hooke.stiffness": 900.0,
+                "coulomb-friction.coefficient": 0.3,
+                "stribeck-friction.coefficient": 0.15,
+                "stribeck-friction.speed": x,
+            },
+        )
+        for x in (2e-3, 1.5e-2)
+    ),
     *((("kelvin-voigt", "time-offset"), {**VOIGT, "time-offset.delay": x}) for x in (-0.06, 0.03)),
-]  # fmt: skip
+]
 
 
-@pytest.mark.parametrize(("names", "values"), CASES, ids=[f"{case[0][-1]}-{list(case[1].values())[-1]:g}" for case in CASES])
+@pytest.mark.parametrize(
+    ("names", "values"), CASES, ids=[f"{case[0][-1]}-{list(case[1].values())[-1]:g}" for case in CASES]
+)
 def test_shapes_far_from_nominal_are_found(names: tuple[str, ...], values: dict[str, float]) -> None:
     fit = fitted(names, values)
     # 9000 readings with noise of known size: its rms is within 3 %, in 1000 such logs once
@@ -85,7 +131,10 @@ PROFILES = {
 @pytest.mark.parametrize("name", PROFILES)
 def test_a_stiffness_that_depends_on_the_place_is_found(name: str) -> None:
     """Free values on nodes follow any smooth profile: to a part of the noise."""
-    spring, plain = Model("hooke").predict(MOTION, {"hooke.stiffness": 800.0}), Model("kelvin-voigt").predict(MOTION, VOIGT)
+    spring, plain = (
+        Model("hooke").predict(MOTION, {"hooke.stiffness": 800.0}),
+        Model("kelvin-voigt").predict(MOTION, VOIGT),
+    )
     clean = plain[0] + PROFILES[name] * spring[0]
     planted = experiment(Model("kelvin-voigt"), VOIGT)
     reading = planted.measured.copy()

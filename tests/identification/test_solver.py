@@ -24,7 +24,9 @@ def pressed() -> kinid.Log:
     t = np.arange(5000) / 250.0
     depth = 3e-3 * np.sin(1.3 * t) * np.linspace(0.3, 1.0, len(t)) + 1e-3 * np.sin(7.0 * t)
     rate = np.gradient(depth, t)
-    force = np.where(depth > 0, 800.0 * depth + 6.0 * rate, 0.0) + 0.02 * np.random.default_rng(5).standard_normal(len(t))
+    force = np.where(depth > 0, 800.0 * depth + 6.0 * rate, 0.0) + 0.02 * np.random.default_rng(5).standard_normal(
+        len(t)
+    )
     return kinid.Log(t=t, contact={"depth": depth, "normal_force": force})
 
 

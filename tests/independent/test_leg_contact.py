@@ -1,9 +1,9 @@
 """A measured two-joint leg above an ATI sensor: what joint torques say of the contact force, against the sensor.
 
-Two massless links, so that inverse dynamics is −Jᵀ f alone. What it finds about signs: the sensor under the foot reports
-the ground's push on the foot (positive upwards), the load that the log format wants; a motor torque τ holds the foot
-against it with τ = −Jᵀ f. What it finds about the leg: friction, 0.02 to 0.04 N·m in the hip and 0.09 to 0.13 in the knee,
-which Jᵀ alone can't know of.
+Two massless links, so that inverse dynamics is −Jᵀ f alone. What it finds about signs: the sensor under the foot
+reports the ground's push on the foot (positive upwards), the load that the log format wants; a motor torque τ holds the
+foot against it with τ = −Jᵀ f. What it finds about the leg: friction, 0.02 to 0.04 N·m in the hip and 0.09 to 0.13 in
+the knee, which Jᵀ alone can't know of.
 """
 
 from __future__ import annotations
@@ -114,8 +114,10 @@ def test_jacobian_transpose_force_on_the_jump(rig: kinid.Rig, real_data: Path) -
     force = vertical(rig, log, np.asarray(log.tau))
     parts = {"push-off": slice(leave - 500, leave), "jump": slice(leave - 500, land), "whole record": slice(None)}
     found = {name: correlation(force[rows], sensor[rows]) for name, rows in parts.items()}
-    print(f"\nin the air for {land - leave} ms; correlation of the vertical force from −J⁻ᵀ τ with the sensor: "
-          + ", ".join(f"{name} {value:.4f}" for name, value in found.items()))  # fmt: skip
+    print(
+        f"\nin the air for {land - leave} ms; correlation of the vertical force from −J⁻ᵀ τ with the sensor: "
+        + ", ".join(f"{name} {value:.4f}" for name, value in found.items())
+    )
     assert found["push-off"] >= 0.97
     assert found["jump"] >= 0.95
     assert found["whole record"] >= 0.93  # friction, impact and the landing leg's own inertia are in it
@@ -139,7 +141,9 @@ def test_friction_learnt_on_one_record_improves_the_other(rig: kinid.Rig, real_d
         bare, helped = (
             correlation(vertical(rig, tried, np.asarray(tried.tau) - part), sensor) for part in (0.0, coulomb * turn)
         )
-        print(f"\nfriction {coulomb.round(3)} N·m from the other record: whole record {bare:.4f} → {helped:.4f}", end="")
+        print(
+            f"\nfriction {coulomb.round(3)} N·m from the other record: whole record {bare:.4f} → {helped:.4f}", end=""
+        )
         assert (coulomb > 0).all()
         assert helped > bare
         assert helped >= least
@@ -150,7 +154,9 @@ def test_joint_torques_predict_the_motors(rig: kinid.Rig, real_data: Path) -> No
     log = record(real_data / "leg-contact" / "push_pull")
     found = kinid.joint_torques(log, rig, bias="none")
     rows = [correlation(found.predicted[:, j], found.measured[:, j]) for j in (0, 1)]
-    print(f"\njoint torques from the sensor: rms {found.rms.round(3)} of {found.measured_rms.round(3)} N·m, "
-          f"correlation hip {rows[0]:.3f}, knee {rows[1]:.3f}")  # fmt: skip
+    print(
+        f"\njoint torques from the sensor: rms {found.rms.round(3)} of {found.measured_rms.round(3)} N·m, "
+        f"correlation hip {rows[0]:.3f}, knee {rows[1]:.3f}"
+    )
     assert rows[1] >= 0.98
     assert rows[0] >= 0.85  # the foot is nearly under the hip, which then carries little

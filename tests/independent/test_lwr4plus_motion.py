@@ -37,7 +37,9 @@ def path(request: pytest.FixtureRequest, real_data: Path) -> Path:
     return real_data / "lwr4plus-motion" / f"measurements_{request.param}.npz"
 
 
-def torques(path: Path, folder: Path, text: str, differentiator: kinid.Differentiator | None = None) -> kinid.JointTorques:
+def torques(
+    path: Path, folder: Path, text: str, differentiator: kinid.Differentiator | None = None
+) -> kinid.JointTorques:
     """As a user would: a rig beside nothing in particular, the log where it was recorded."""
     (folder / "rig.toml").write_text(text)
     rig = kinid.Rig.load(folder / "rig.toml")

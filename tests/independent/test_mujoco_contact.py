@@ -102,10 +102,13 @@ def scene(mount: Mount) -> mujoco.MjModel:
     tool.add_site(name="site")
     ball = tool.add_geom(name="ball", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[RADIUS, 0, 0], pos=TIP, mass=0)
     block = spec.body(ARM + "base_link").add_geom(
-        name="block", type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.3, 0.3, 0.04], mass=0,
+        name="block",
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=[0.3, 0.3, 0.04],
+        mass=0,
         pos=np.array(mount.point) - 0.04 * mount.axes[:, 2],
         quat=Rotation.from_matrix(mount.axes).as_quat(scalar_first=True),
-    )  # fmt: skip
+    )
     for geom in (block, ball):
         geom.contype = geom.conaffinity = 1
         geom.condim = 4  # sliding and torsional friction
@@ -214,9 +217,19 @@ def unpack(mount: Mount, rows: Array) -> Run:
     height = (mount.base.inv().apply(centre) - mount.point) @ mount.axes[:, 2]
     acceleration = np.gradient(np.gradient(com, EVERY * STEP, axis=0), EVERY * STEP, axis=0)
     return Run(
-        t[:, 0], q, dq, ddq, tau, wrench, RADIUS - height, distance[:, 0], force @ turn, moment @ turn, velocity @ turn,
+        t[:, 0],
+        q,
+        dq,
+        ddq,
+        tau,
+        wrench,
+        RADIUS - height,
+        distance[:, 0],
+        force @ turn,
+        moment @ turn,
+        velocity @ turn,
         MASS * np.linalg.norm(acceleration, axis=1),
-    )  # fmt: skip
+    )
 
 
 def rig(mount: Mount, **changes: Any) -> kinid.Rig:
@@ -225,9 +238,12 @@ def rig(mount: Mount, **changes: Any) -> kinid.Rig:
     tables: dict[str, Any] = {
         "robot": {"model": "lwr4plus", "gravity": mount.gravity.tolist()},
         "tool": {"mass": MASS, "com": COM, "inertia": INERTIA},
-        "surface": {"point": (np.array(mount.point) + RADIUS * n).tolist(), "normal": n.tolist(),
-                    "tangent": mount.axes[:, 0].tolist()},
-    } | changes  # fmt: skip
+        "surface": {
+            "point": (np.array(mount.point) + RADIUS * n).tolist(),
+            "normal": n.tolist(),
+            "tangent": mount.axes[:, 0].tolist(),
+        },
+    } | changes
     return kinid.Rig.parse({name: table for name, table in tables.items() if table is not None})
 
 
@@ -263,9 +279,13 @@ def test_the_run_is_worth_comparing_with(mount: Mount) -> None:
     run = simulate(mount)
     touching = ~np.isnan(run.distance)
     inertial = run.inertial[touching][5:-5].max()
-    print(f"\n{mount.name}: depth to {1e3 * peak(run.penetration):.1f} mm, normal force to {peak(run.force[:, 2]):.1f} N, "
-          f"tangential to {peak(run.force[:, :2]):.1f} N, inertial force of the tool in contact to {inertial:.1f} N, "
-          f"joint speed to {np.abs(run.dq).max():.1f} rad/s", end="")  # fmt: skip
+    print(
+        f"\n{mount.name}: depth to {1e3 * peak(run.penetration):.1f} mm, normal force to {peak(run.force[:, 2]):.1f} "
+        f"N, "
+        f"tangential to {peak(run.force[:, :2]):.1f} N, inertial force of the tool in contact to {inertial:.1f} N, "
+        f"joint speed to {np.abs(run.dq).max():.1f} rad/s",
+        end="",
+    )
     # MuJoCo's contact and its geometry tell the same depth, and there is no contact outside of the block
     np.testing.assert_allclose(run.penetration[touching], -run.distance[touching], atol=1e-12)
     assert run.penetration[~touching].max() < 1e-6

@@ -15,7 +15,9 @@ from kinid.kernels.acquisition import delay, lag, slopes
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10_000), st.floats(-0.05, 0.05), st.integers(3, 40))
 def test_a_delay_is_a_cubic_hermite_spline(seed: int, late: float, many: int) -> None:
-    """On uneven times, two channels, in two runs: slopes are those of the parabola through three neighbours; ends are held."""
+    """On uneven times, two channels, in two runs: slopes are those of the parabola through three neighbours; ends are
+    held.
+    """
     rng = np.random.default_rng(seed)
     dt = rng.uniform(1e-3, 6e-3, 2 * many)
     t = np.cumsum(dt)
@@ -51,14 +53,24 @@ def test_a_lag_solves_its_equation(tau: float, even: bool) -> None:
     lag(x, dt, tau, out)
     for run in (slice(0, many), slice(many, 2 * many)):
         spline = CubicHermiteSpline(t[run], x[:, run], np.gradient(x[:, run], t[run], axis=1), axis=1)
-        solved = solve_ivp(lambda at, y, spline=spline: (spline(at) - y) / tau, (t[run][0], t[run][-1]), x[:, run.start], "LSODA",
-                           t[run], rtol=1e-11, atol=1e-12, max_step=1e-4)  # fmt: skip
+        solved = solve_ivp(
+            lambda at, y, spline=spline: (spline(at) - y) / tau,
+            (t[run][0], t[run][-1]),
+            x[:, run.start],
+            "LSODA",
+            t[run],
+            rtol=1e-11,
+            atol=1e-12,
+            max_step=1e-4,
+        )
         np.testing.assert_allclose(out[:, run], solved.y, rtol=0, atol=1e-8)  # the solver's own error
 
 
 @pytest.mark.parametrize("tau", [1e-9, 1e-4, 0.0999, 0.1001, 10.0, 1e6])
 def test_a_lag_of_any_length_leaves_what_stands_and_ramps_are_late(tau: float) -> None:
-    """A constant stays; a ramp is late by τ once it has settled; also where the series takes over from the recurrence."""
+    """A constant stays; a ramp is late by τ once it has settled; also where the series takes over from the
+    recurrence.
+    """
     n = 400
     dt = np.full(n, 0.01)
     dt[0] = 0.0

@@ -31,8 +31,14 @@ def test_an_edit_of_what_is_called_reaches_the_caller(tmp_path: Path) -> None:
     (tmp_path / "outer.py").write_text(OUTER)
     for added in (1, 2):
         (tmp_path / "inner.py").write_text(INNER.format(added))
-        done = subprocess.run([sys.executable, "-c", "import outer; print(outer.outer(5))"], cwd=tmp_path, text=True,
-                              capture_output=True, check=True, env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"})  # fmt: skip
+        done = subprocess.run(
+            [sys.executable, "-c", "import outer; print(outer.outer(5))"],
+            cwd=tmp_path,
+            text=True,
+            capture_output=True,
+            check=True,
+            env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
+        )
         found.append(int(done.stdout))
     assert found == [60, 70]
     assert len(list((tmp_path / "__pycache__").glob("outer*.nbi"))) == 2
@@ -43,8 +49,11 @@ def test_all_that_a_loop_calls_is_in_its_stamp(module) -> None:
     """Compiled functions of other files among its globals: each file's source must be in the name of the cache."""
     function = module.run.py_func
     assert isinstance(function, FunctionType)
-    called = {value.py_func.__module__ for name, value in vars(module).items()
-              if isinstance(value, CPUDispatcher) and name in function.__code__.co_names}  # fmt: skip
+    called = {
+        value.py_func.__module__
+        for name, value in vars(module).items()
+        if isinstance(value, CPUDispatcher) and name in function.__code__.co_names
+    }
     others = sorted(called - {module.__name__})
     assert others
     modules = {name: sys.modules[name] for name in others}

@@ -24,9 +24,21 @@ AGREE = 1e-12
 
 #: joints that slide (pr2, tiago), without limits (kinova, pr2), a tree (pr2, tiago), 1 to 8 joints in a row
 BORROWED = (
-    "panda", "ur3", "ur5", "ur10", "ur5_gripper", "kinova", "z1", "xarm7", "talos_arm", "so100",
-    "bravo7_no_ee", "double_pendulum_continuous", "pr2", "tiago",
-)  # fmt: skip
+    "panda",
+    "ur3",
+    "ur5",
+    "ur10",
+    "ur5_gripper",
+    "kinova",
+    "z1",
+    "xarm7",
+    "talos_arm",
+    "so100",
+    "bravo7_no_ee",
+    "double_pendulum_continuous",
+    "pr2",
+    "tiago",
+)
 
 SKEWED = """<robot name="skewed">
   <link name="base"/><link name="a"/><link name="b"/><link name="c"/><link name="d"/><link name="tip"/>
@@ -161,14 +173,17 @@ def test_rates_are_the_differences_of_poses() -> None:
 
     def at(time: Array) -> Any:
         angle = speed * time + phase
-        return robot.kinematics("tool_tip", size * np.sin(angle), size * speed * np.cos(angle),
-                                -size * speed**2 * np.sin(angle))  # fmt: skip
+        return robot.kinematics(
+            "tool_tip", size * np.sin(angle), size * speed * np.cos(angle), -size * speed**2 * np.sin(angle)
+        )
 
     before, now, after = at(t - h), at(t), at(t + h)
     # central differences: h² times a third derivative near 100 m/s³ is 1e-8, rounding 1e-16/h is 1e-11
     np.testing.assert_allclose((after.position - before.position) / (2 * h), now.velocity, atol=2e-8)
     np.testing.assert_allclose((after.velocity - before.velocity) / (2 * h), now.acceleration, atol=2e-7)
-    np.testing.assert_allclose((after.angular_velocity - before.angular_velocity) / (2 * h), now.angular_acceleration, atol=2e-7)
+    np.testing.assert_allclose(
+        (after.angular_velocity - before.angular_velocity) / (2 * h), now.angular_acceleration, atol=2e-7
+    )
     # Ṙ Rᵀ = [ω]×
     turning = np.einsum("nij,nkj->nik", (after.rotation - before.rotation) / (2 * h), now.rotation)
     np.testing.assert_allclose(turning[:, [2, 0, 1], [1, 2, 0]], now.angular_velocity, atol=2e-8)
@@ -203,8 +218,12 @@ def test_results_do_not_depend_on_the_blocks(count: int) -> None:
 
 
 @settings(max_examples=50, deadline=None)
-@given(row=st.integers(0, 129), column=st.integers(0, 6), bad=st.sampled_from([np.nan, np.inf, -np.inf]),
-       which=st.integers(0, 2))  # fmt: skip
+@given(
+    row=st.integers(0, 129),
+    column=st.integers(0, 6),
+    bad=st.sampled_from([np.nan, np.inf, -np.inf]),
+    which=st.integers(0, 2),
+)
 def test_a_bad_sample_leaves_its_neighbours_alone(row: int, column: int, bad: float, which: int) -> None:
     robot = Robot.from_urdf(kinid.urdf.path("lwr4plus", Path()))
     motion = [values.copy() for values in states(robot, 10, 130)]

@@ -152,8 +152,9 @@ def test_distance_outside_is_that_of_coal(name):
     assert clear.sum() > 50
     for p, d in zip(points[clear], distance[clear]):
         result = coal.DistanceResult()
-        coal.distance(other, coal.Transform3s.Identity(), ball, coal.Transform3s(np.eye(3), p),
-                      coal.DistanceRequest(), result)  # fmt: skip
+        coal.distance(
+            other, coal.Transform3s.Identity(), ball, coal.Transform3s(np.eye(3), p), coal.DistanceRequest(), result
+        )
         assert result.min_distance + ball_radius == pytest.approx(d, abs=1e-6)
 
 
@@ -335,7 +336,9 @@ def test_speed_and_memory_of_a_long_path():
     taken = time.perf_counter() - begin
     size = sum(a.nbytes for a in tree if isinstance(a, np.ndarray))
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(f"\n{len(ball.faces)} faces: built in {built:.3f} s, {size / 1e6:.1f} MB; {len(path)} points in "
-          f"{taken:.3f} s, {1e6 * taken / len(path):.2f} µs each; process peak {peak:.0f} MB")  # fmt: skip
+    print(
+        f"\n{len(ball.faces)} faces: built in {built:.3f} s, {size / 1e6:.1f} MB; {len(path)} points in "
+        f"{taken:.3f} s, {1e6 * taken / len(path):.2f} µs each; process peak {peak:.0f} MB"
+    )
     assert np.isfinite(found.distance).all()
     assert np.abs(found.distance).max() < 4e-3

@@ -1,4 +1,6 @@
-"""What laws say that they remember, against what they do when their path is moved; and what is solved with it, by matrices."""
+"""What laws say that they remember, against what they do when their path is moved; and what is solved with it, by
+matrices.
+"""
 
 from __future__ import annotations
 
@@ -89,8 +91,12 @@ def test_forwards_solves_what_remembered_says(parts: int) -> None:
     """y + C (k y + l ẏ) − Σ A z = rest, with z of the path dx = −C y, dv = −C ẏ."""
     depth, _, dt = path(4)
     rng, n, c = np.random.default_rng(5), len(dt), 2e-4
-    recall = Recall(0.5 * rng.standard_normal((n, parts, parts)), *rng.uniform(0.0, 1e-3, (2, n, parts)),
-                    rng.uniform(0.0, 1.0, (n, parts)), rng.uniform(0.0, 300.0, (n, parts)))  # fmt: skip
+    recall = Recall(
+        0.5 * rng.standard_normal((n, parts, parts)),
+        *rng.uniform(0.0, 1e-3, (2, n, parts)),
+        rng.uniform(0.0, 1.0, (n, parts)),
+        rng.uniform(0.0, 300.0, (n, parts)),
+    )
     rest, stiff, lossy = rng.standard_normal(n), rng.uniform(0.0, 3e3, n), rng.uniform(0.0, 5.0, n)
     y = np.empty(n)
     forwards(rest, dt, c, stiff, lossy, recall.keep, recall.before, recall.now, recall.reach, recall.size, y)

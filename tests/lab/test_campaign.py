@@ -32,12 +32,16 @@ campaign.run(Campaign(2, 3, seed=5), Path(sys.argv[1]), lambda i: print(i, flush
 """
 
 
-def test_killed_campaign_goes_on_without_losing_or_repeating_a_poke(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_killed_campaign_goes_on_without_losing_or_repeating_a_poke(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     task = Campaign(2, 3, seed=5)
     assert campaigns.run(task, whole) == 6
     for _ in range(2):  # twice, each time in the middle of something
-        process = subprocess.Popen([sys.executable, "-c", CHILD, str(killed)], stdout=subprocess.PIPE, env=dict(os.environ))
+        process = subprocess.Popen(
+            [sys.executable, "-c", CHILD, str(killed)], stdout=subprocess.PIPE, env=dict(os.environ)
+        )
         assert process.stdout is not None
         there = len(list(campaigns.logs(killed)))
         for _ in range(there + 1):
@@ -75,8 +79,11 @@ def test_campaign_that_cannot_work_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_surface_that_the_arm_can_t_reach_is_refused_for_the_whole_campaign(tmp_path: Path) -> None:
-    for change, words in (({"point": (-0.5, 0.0, 0.1)}, "behind the robot"), ({"normal": (0.0, 0.0, -1.0)}, "turned away"),
-                          ({"stiffness": 1e6}, "unstable")):  # fmt: skip
+    for change, words in (
+        ({"point": (-0.5, 0.0, 0.1)}, "behind the robot"),
+        ({"normal": (0.0, 0.0, -1.0)}, "turned away"),
+        ({"stiffness": 1e6}, "unstable"),
+    ):
         with pytest.raises(InputError, match=words):
             campaigns.run(Campaign(2, 2, **change), tmp_path / "never")
     assert not (tmp_path / "never").exists()
@@ -98,11 +105,13 @@ def test_the_page_tells_places_forces_and_progress_and_nothing_of_the_truth(tmp_
     page = (tmp_path / NAME).read_text()
     assert "4 of 4 pokes are done (100 %)" in page
     assert "Not done" not in page
-    least, middle, most = (float(v) for v in re.search(
-        r"normal force held \[N\]</td><td>([\d.]+)</td><td>([\d.]+)</td><td>([\d.]+)", page).groups())  # type: ignore[union-attr]
+    least, middle, most = (
+        float(v)
+        for v in re.search(r"normal force held \[N\]</td><td>([\d.]+)</td><td>([\d.]+)</td><td>([\d.]+)", page).groups()
+    )  # type: ignore[union-attr]
     assert 0.3 < least < middle < most < 4.0  # [N]: the rim is soft, the quarters differ
     assert b"relaxation" not in b"".join(path.read_bytes() for path in tmp_path.glob("*.*") if path.name != NAME)
-    body = page[page.index("</script>"):]  # behind the drawing library
+    body = page[page.index("</script>") :]  # behind the drawing library
     assert "relaxation" not in body
     assert not re.search(r'(src|href)="?http', body)
     assert not list(tmp_path.glob(".*"))
@@ -199,7 +208,10 @@ def test_a_campaign_of_slides(tmp_path: Path) -> None:
 
 
 def test_what_is_hidden_where_nothing_is_touched_is_refused(tmp_path: Path) -> None:
-    for where, words in ((((0.06, 0.0), (0.08, 0.02)), "off the mould"), (((0.02, 0.02), (0.03, 0.03)), "isn't touched")):
+    for where, words in (
+        (((0.06, 0.0), (0.08, 0.02)), "off the mould"),
+        (((0.02, 0.02), (0.03, 0.03)), "isn't touched"),
+    ):
         with pytest.raises(InputError, match=words):
             campaigns.run(Campaign(2, 2, hidden="relaxation", where=where), tmp_path / "never")
     assert not (tmp_path / "never").exists()

@@ -35,7 +35,9 @@ def _moved(name: str) -> Motion:
 
 def _touch(name: str, seed: int) -> ContactSeries:
     setup = prepare(name, seed=seed)
-    return kinid.contact_series(setup.observe(_moved(name)).log, setup.rig, differentiator=Differentiator(bandwidth=40.0))
+    return kinid.contact_series(
+        setup.observe(_moved(name)).log, setup.rig, differentiator=Differentiator(bandwidth=40.0)
+    )
 
 
 def _true(name: str) -> tuple[float, float, float]:
@@ -61,8 +63,9 @@ def _estimates(name: str, seed: int) -> list[FittedParameter]:
     touch, (poke, slide) = _touch(name, seed), _parts(name)
     pressing, all_three = ("normal_force",), ("normal_force", "tangential_force1", "tangential_force2")
     normal = fit_model(Model("kelvin-voigt", "sensor-bias"), touch, channels=pressing, train=poke, held_out=False)
-    sliding = fit_model(Model("kelvin-voigt", "coulomb-friction", "sensor-bias"), touch, channels=all_three, train=slide,
-                        held_out=False)  # fmt: skip
+    sliding = fit_model(
+        Model("kelvin-voigt", "coulomb-friction", "sensor-bias"), touch, channels=all_three, train=slide, held_out=False
+    )
     return [normal["stiffness"], normal["damping"], sliding["coefficient"]]
 
 
@@ -83,8 +86,11 @@ def _study(seeds: range) -> Array:
             rows = rows or found
         for k, p in enumerate(rows):
             covered = (np.abs(out[i, k]) < 1.96).sum()
-            print(f"{name:15} {NAMES[k]:11} {published[k]:11.4g} {truth[k]:10.4g} {p.value:10.5g}  {p.low:10.5g} {p.high:10.5g}  "
-                  f"{covered} of {len(seeds)}")  # fmt: skip
+            print(
+                f"{name:15} {NAMES[k]:11} {published[k]:11.4g} {truth[k]:10.4g} {p.value:10.5g}  {p.low:10.5g} "
+                f"{p.high:10.5g}  "
+                f"{covered} of {len(seeds)}"
+            )
     print(f"in all {100 * (np.abs(out) < 1.96).mean():.1f} %")
     return out
 
@@ -108,8 +114,8 @@ def test_intervals_cover_the_truth_at_their_rate() -> None:
 def test_band_orders_the_laws_as_published() -> None:
     """The order of the published residuals, and their stiffnesses; the rest is printed as it is.
 
-    An integral of the residual grows with a log's length, which wasn't published. The published Kelvin-Voigt damping can't
-    come from the log of the published power law: 3.37 N·s/m times (0.08 m)ⁿ is 0.25 N·s/m.
+    An integral of the residual grows with a log's length, which wasn't published. The published Kelvin-Voigt damping
+    can't come from the log of the published power law: 3.37 N·s/m times (0.08 m)ⁿ is 0.25 N·s/m.
     """
     setup = prepare("band")
     touch = kinid.contact_series(setup.run().log, setup.rig)
@@ -135,12 +141,22 @@ def _at_a_centimetre(stiffness: float, exponent: float) -> float:
 
 
 def _print_band(fits: dict[str, kinid.fit.Fit], left: dict[str, float], seconds: float, m: Material) -> None:
-    published = {"hooke": (14.98, 99.4, None, None), "kelvin-voigt": (12.85, 98.1, 0.96, None),
-                 "hunt-crossley": (4.42, 92.5, 3.37, 1.028)}  # fmt: skip
+    published = {
+        "hooke": (14.98, 99.4, None, None),
+        "kelvin-voigt": (12.85, 98.1, 0.96, None),
+        "hunt-crossley": (4.42, 92.5, 3.37, 1.028),
+    }
     print("\nband            quantity                published       true  estimated   95 % from         to")
 
-    def row(law: str, what: str, said: float | None, known: float | None, value: float, low: float | None = None,
-            high: float | None = None) -> None:  # fmt: skip
+    def row(
+        law: str,
+        what: str,
+        said: float | None,
+        known: float | None,
+        value: float,
+        low: float | None = None,
+        high: float | None = None,
+    ) -> None:
         shown = ["" if v is None else f"{v:.5g}" for v in (said, known, value, low, high)]
         print(f"{law:15} {what:22} {shown[0]:>10} {shown[1]:>10} {shown[2]:>10}  {shown[3]:>10} {shown[4]:>10}")
 
@@ -149,16 +165,40 @@ def _print_band(fits: dict[str, kinid.fit.Fit], left: dict[str, float], seconds:
         power = law == "hunt-crossley"
         p = fit["stiffness"]
         if power:
-            row(law, "K [N/m] at 1 cm", k, _at_a_centimetre(m.stiffness, m.exponent),
-                _at_a_centimetre(p.value, fit["exponent"].value))  # fmt: skip
-        row(law, "K [N/mⁿ]" if power else "K [N/m]", None if power else k, m.stiffness if power else None, p.value, p.low, p.high)
+            row(
+                law,
+                "K [N/m] at 1 cm",
+                k,
+                _at_a_centimetre(m.stiffness, m.exponent),
+                _at_a_centimetre(p.value, fit["exponent"].value),
+            )
+        row(
+            law,
+            "K [N/mⁿ]" if power else "K [N/m]",
+            None if power else k,
+            m.stiffness if power else None,
+            p.value,
+            p.low,
+            p.high,
+        )
         if b is not None:
             p = fit["damping"]
-            row(law, "B [N·s/m" + ("ⁿ⁺¹]" if power else "]"), b, m.loss * m.stiffness if power else None, p.value, p.low, p.high)
+            row(
+                law,
+                "B [N·s/m" + ("ⁿ⁺¹]" if power else "]"),
+                b,
+                m.loss * m.stiffness if power else None,
+                p.value,
+                p.low,
+                p.high,
+            )
         if n is not None:
             p = fit["exponent"]
             row(law, "n", n, m.exponent, p.value, p.low, p.high)
     for law, integral in left.items():
         said = published[law][0]
-        print(f"{law:15} ∫|residual| dt: published {said:.2f} N·s, here {integral:.2f} N·s in {seconds:.1f} s of contact, "
-              f"{integral / seconds:.4f} N; as much as published after {said / integral * seconds:.0f} s")  # fmt: skip
+        print(
+            f"{law:15} ∫|residual| dt: published {said:.2f} N·s, here {integral:.2f} N·s in {seconds:.1f} s of "
+            f"contact, "
+            f"{integral / seconds:.4f} N; as much as published after {said / integral * seconds:.0f} s"
+        )

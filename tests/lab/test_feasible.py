@@ -96,7 +96,6 @@ def test_named_experiments_stay_within_what_was_checked(name: str) -> None:
     assert (np.abs(motion.tau).max(axis=0) < expected + 15.0).all()  # [N·m], link friction and turning
 
 
-
 def test_slow_growth_is_told_in_per_cent() -> None:
     assert _growth(1.0004) == "errors grow by 0.04 % a period"
     assert _growth(1.5) == "errors grow 1.5 times a period"
@@ -105,12 +104,19 @@ def test_slow_growth_is_told_in_per_cent() -> None:
 @pytest.mark.parametrize(
     ("bad", "words"),
     [
-        ({"seed": "x"}, "seed 'x'"), ({"seed": -1}, "seed -1"), ({"seed": 1.5}, "seed 1.5"), ({"seed": True}, "seed True"),
-        ({"torque_limit": "x"}, "torque limits 'x'"), ({"torque_limit": [1.0, 2.0]}, "torque limits 1, 2"),
-        ({"name": None}, "experiment 'None'"), ({"material": 5}, "material '5'"), ({"gains": 5200.0}, "gains '5200.0'"),
-        ({"point": "here"}, "point 'here'"), ({"normal": (0.0, 1.0)}, "normal of shape"),
+        ({"seed": "x"}, "seed 'x'"),
+        ({"seed": -1}, "seed -1"),
+        ({"seed": 1.5}, "seed 1.5"),
+        ({"seed": True}, "seed True"),
+        ({"torque_limit": "x"}, "torque limits 'x'"),
+        ({"torque_limit": [1.0, 2.0]}, "torque limits 1, 2"),
+        ({"name": None}, "experiment 'None'"),
+        ({"material": 5}, "material '5'"),
+        ({"gains": 5200.0}, "gains '5200.0'"),
+        ({"point": "here"}, "point 'here'"),
+        ({"normal": (0.0, 1.0)}, "normal of shape"),
     ],
-)  # fmt: skip
+)
 def test_what_an_experiment_is_not_prepared_of(bad: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
         prepare(**({"name": "poke"} | bad))

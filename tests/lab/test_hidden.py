@@ -29,7 +29,10 @@ def test_hidden_effects_show(name: str) -> None:
     setup = prepare("ecoflex-50", seed=1)
     log, other = setup.run().log, hide(setup, name, 7)[0].run().log
     assert log.tau is not None
-    changed = np.abs(np.asarray(log.wrench) - np.asarray(other.wrench)).max() > 0.02 or np.abs(log.tau - other.tau).max() > 0.02
+    changed = (
+        np.abs(np.asarray(log.wrench) - np.asarray(other.wrench)).max() > 0.02
+        or np.abs(log.tau - other.tau).max() > 0.02
+    )
     assert changed or not np.array_equal(log.q, other.q)
 
 
@@ -47,8 +50,11 @@ def test_what_changes_over_a_surface_gives_way_to_what_is_planted(name: str) -> 
         assert ratio[0] == pytest.approx(ratio[1])  # still a mould of different quarters
         assert ratio[0] > 3.0
     else:
-        prop, parameter = {"viscous-damping": ("damping", "damping"), "coulomb-friction": ("friction", "coefficient"),
-                           "stiffening-layer": ("layer", "stiffness")}[name]  # fmt: skip
+        prop, parameter = {
+            "viscous-damping": ("damping", "damping"),
+            "coulomb-friction": ("friction", "coefficient"),
+            "stiffening-layer": ("layer", "stiffness"),
+        }[name]
         np.testing.assert_array_equal(after[prop], parameters[parameter])
 
 

@@ -113,12 +113,19 @@ def test_an_experiment_that_was_killed_is_made_again(app: typer.Typer, tmp_path:
     """Killed at any step of writing, the folder isn't blocked, and ends with the bytes of a run that wasn't."""
     assert CliRunner().invoke(app, [*FIRST, "-o", str(tmp_path / "whole")]).exit_code == 0
     whole = {p.relative_to(tmp_path / "whole"): p.read_bytes() for p in (tmp_path / "whole").rglob("*") if p.is_file()}
-    stops = ["kinid.lab.writing.write_rig", "kinid.lab.writing.write_streams", "kinid.lab.writing.write_mcap",
-             "kinid.lab.writing.write_log"]  # fmt: skip
+    stops = [
+        "kinid.lab.writing.write_rig",
+        "kinid.lab.writing.write_streams",
+        "kinid.lab.writing.write_mcap",
+        "kinid.lab.writing.write_log",
+    ]
     for i, stop in enumerate(stops):
         out = tmp_path / str(i)
-        code = (f"import os, sys; import kinid.lab.writing; {stop} = lambda *a, **k: os._exit(9); "
-                f"sys.argv = ['kinid', 'lab', 'poke', '--seed', '3', '-o', {str(out)!r}]; from kinid.cli import main; main()")
+        code = (
+            f"import os, sys; import kinid.lab.writing; {stop} = lambda *a, **k: os._exit(9); "
+            f"sys.argv = ['kinid', 'lab', 'poke', '--seed', '3', '-o', {str(out)!r}]; from kinid.cli import main; "
+            f"main()"
+        )
         assert subprocess.run([sys.executable, "-c", code], check=False, capture_output=True).returncode == 9
         assert (out / "truth" / "log.begun").is_file()
         if i == 1:  # somebody else's file in it: nothing is taken away
@@ -189,7 +196,11 @@ def test_slide_makes_a_campaign_of_slides(app: typer.Typer, tmp_path: Path) -> N
 def test_torque_limits_reach_the_drives(app: typer.Typer, tmp_path: Path) -> None:
     """A limit below what holds the arm is refused; one above leaves the log as it was."""
     logs = []
-    for name, words in (("a", []), ("b", ["--torque-limit", "150"]), ("c", ["--torque-limit", "176,176,100,100,100,38,38"])):
+    for name, words in (
+        ("a", []),
+        ("b", ["--torque-limit", "150"]),
+        ("c", ["--torque-limit", "176,176,100,100,100,38,38"]),
+    ):
         assert CliRunner().invoke(app, [*FIRST, *words, "-o", str(tmp_path / name)]).exit_code == 0
         logs.append((tmp_path / name / "log.parquet").read_bytes())
     assert logs[0] == logs[1] == logs[2]

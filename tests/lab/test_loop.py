@@ -1,4 +1,6 @@
-"""The closed loop: energy, passivity, the study's phenomena, and the compiled contact against the effects' equations."""
+"""The closed loop: energy, passivity, the study's phenomena, and the compiled contact against the effects'
+equations.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,9 @@ def test_free_arm_keeps_its_energy() -> None:
     arm, n = _arm(), 10_000
     loop = Loop(arm, Joints.ideal(7))
     still = np.zeros((n, 3)), np.tile(np.eye(3), (n, 1, 1))
-    motion = loop.run(ELBOW_UP, *still, materials.SPONGE, dq0=np.array([0.3, -0.2, 0.4, 0.1, -0.5, 0.2, 0.6]), controlled=False)
+    motion = loop.run(
+        ELBOW_UP, *still, materials.SPONGE, dq0=np.array([0.3, -0.2, 0.4, 0.1, -0.5, 0.2, 0.6]), controlled=False
+    )
     energy = np.array([arm.energy(motion.q[i], motion.dq[i]) for i in range(0, n, 20)])
     assert np.ptp(motion.q[:, 1]) > 1.0  # it really swings
     assert np.abs(energy - energy[0]).max() < 1e-6  # [J]
@@ -112,7 +116,7 @@ def test_material_gives_no_energy(name: str, seed: int) -> None:
         ({"friction": 0.5, "anisotropy": 0.3}, ("kelvin-voigt", "coulomb-friction", "friction-anisotropy")),
         ({"viscous": 30.0}, ("kelvin-voigt", "viscous-friction")),
     ],
-)  # fmt: skip
+)
 def test_two_implementations_of_one_law_agree(changes: dict[str, object], model: tuple[str, ...]) -> None:
     """The loop's law and the effects' were written apart; driven along one path they must give one force."""
     from kinid.effects import Layout, Signals
@@ -126,14 +130,29 @@ def test_two_implementations_of_one_law_agree(changes: dict[str, object], model:
     layout = Layout(("normal_force", "tangential_force1", "tangential_force2"), "contact")
     signals = Signals(layout, t, step, x[:, 2].copy(), v[:, 2].copy(), x[:, :2].T.copy(), v[:, :2].T.copy())
     names = {
-        "kelvin-voigt.stiffness": 800.0, "kelvin-voigt.damping": 0.0, "hertz-exponent.exponent": 1.4,
-        "hunt-crossley-damping.damping": 3.0, "relaxation.ratio": 0.4, "relaxation.time-constant": 0.1,
-        "hysteresis.amplitude": 0.3, "hysteresis.length": 5e-4, "stress-softening.ratio": 0.4, "stress-softening.length": 1e-3,
-        "adhesion.force": 0.5, "adhesion.length": 5e-4, "stiffening-layer.stiffness": 500.0, "stiffening-layer.depth": 1.5e-3,
-        "stiffness-drift.rate": 0.5, "coulomb-friction.coefficient": 0.5, "presliding.length": 1e-3,
-        "stribeck-friction.coefficient": 0.3, "stribeck-friction.speed": 0.02, "load-dependent-friction.exponent": -0.3,
-        "friction-anisotropy.ratio": 0.3, "viscous-friction.damping": 30.0,
-    }  # fmt: skip
+        "kelvin-voigt.stiffness": 800.0,
+        "kelvin-voigt.damping": 0.0,
+        "hertz-exponent.exponent": 1.4,
+        "hunt-crossley-damping.damping": 3.0,
+        "relaxation.ratio": 0.4,
+        "relaxation.time-constant": 0.1,
+        "hysteresis.amplitude": 0.3,
+        "hysteresis.length": 5e-4,
+        "stress-softening.ratio": 0.4,
+        "stress-softening.length": 1e-3,
+        "adhesion.force": 0.5,
+        "adhesion.length": 5e-4,
+        "stiffening-layer.stiffness": 500.0,
+        "stiffening-layer.depth": 1.5e-3,
+        "stiffness-drift.rate": 0.5,
+        "coulomb-friction.coefficient": 0.5,
+        "presliding.length": 1e-3,
+        "stribeck-friction.coefficient": 0.3,
+        "stribeck-friction.speed": 0.02,
+        "load-dependent-friction.exponent": -0.3,
+        "friction-anisotropy.ratio": 0.3,
+        "viscous-friction.damping": 30.0,
+    }
     the = kinid.Model(*model)
     known = the.parameters(layout)
     predicted = the.predict(signals, {name: value for name, value in names.items() if name in known})
@@ -165,8 +184,12 @@ def _motion(setup: Setup):
 def test_tracking_degrades_above_three_hertz_and_when_softer() -> None:
     stiff = {f: _gain_and_error(5200.0, f) for f in (1.0, 2.0, 4.0, 6.0)}
     soft = {f: _gain_and_error(2000.0, f) for f in (1.0, 2.0, 4.0)}
-    print("tracking error / amplitude at 5200 N/m:", {f: round(e, 2) for f, e in stiff.items()}, "at 2000 N/m:",
-          {f: round(e, 2) for f, e in soft.items()})  # fmt: skip
+    print(
+        "tracking error / amplitude at 5200 N/m:",
+        {f: round(e, 2) for f, e in stiff.items()},
+        "at 2000 N/m:",
+        {f: round(e, 2) for f, e in soft.items()},
+    )
     assert stiff[1.0] < 0.35
     assert stiff[2.0] < 0.35
     assert stiff[4.0] > 2.0 * stiff[2.0]
@@ -193,7 +216,8 @@ def test_penetration_grows_while_sliding_at_constant_set_point() -> None:
     slide = np.flatnonzero(script.phase == "slide")
     held = depth[script.phase == "hold"][-100:].mean()
     assert np.ptp(script.place[slide, 2]) == 0.0
-    # sliding lets the drives move that friction had stopped on the way in: 0.1 mm is far beyond what is integrated wrongly
+    # sliding lets the drives move that friction had stopped on the way in: 0.1 mm is far beyond what is integrated
+    # wrongly
     assert depth[slide[500:2000]].mean() > held + 5e-5
     assert depth[slide].mean() > held + 1e-4
 

@@ -35,9 +35,18 @@ def _force(place: tuple[float, float], effect: str | None) -> tuple[np.ndarray, 
     return motion.force[:, 2], motion.place[:, 2]
 
 
-@pytest.mark.parametrize("effect", [
-    "relaxation", "hysteresis", "adhesion", "stress-softening", "stiffening-layer", "hertz-exponent", "hunt-crossley-damping",
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "effect",
+    [
+        "relaxation",
+        "hysteresis",
+        "adhesion",
+        "stress-softening",
+        "stiffening-layer",
+        "hertz-exponent",
+        "hunt-crossley-damping",
+    ],
+)
 def test_an_effect_can_be_planted_in_one_quarter(effect: str) -> None:
     inside, outside = (0.025, -0.025), (-0.025, -0.025)
     np.testing.assert_array_equal(_force(outside, effect)[0], _force(outside, None)[0])
@@ -46,7 +55,9 @@ def test_an_effect_can_be_planted_in_one_quarter(effect: str) -> None:
 
 def test_patches_hold_their_own_law_and_the_last_one_wins() -> None:
     soft, hard = Material(stiffness=100.0), Material(stiffness=900.0, exponent=1.5, relaxation=((0.5, 1.0),))
-    both = Material(stiffness=300.0, patches=(Patch((0.0, 0.0), (0.02, 0.02), soft), Patch((0.01, 0.0), (0.02, 0.02), hard)))
+    both = Material(
+        stiffness=300.0, patches=(Patch((0.0, 0.0), (0.02, 0.02), soft), Patch((0.01, 0.0), (0.02, 0.02), hard))
+    )
     x, y = np.array([-0.01, 0.005, 0.015]), np.full(3, 0.01)
     np.testing.assert_array_equal(both.at(x, y)["stiffness"], [300.0, 100.0, 900.0])
     np.testing.assert_allclose(both.press(x, y, np.full(3, 0.01)), [3.0, 1.0, 900.0 * 0.01**1.5])

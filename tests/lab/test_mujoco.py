@@ -1,4 +1,6 @@
-"""MuJoCo has the same arm, controller and Kelvin-Voigt contact: an independent engine gives the same motion and force."""
+"""MuJoCo has the same arm, controller and Kelvin-Voigt contact: an independent engine gives the same motion and
+force.
+"""
 
 from __future__ import annotations
 
@@ -72,10 +74,20 @@ def test_same_motion_and_force() -> None:
                 still.qpos[:] = data.qpos
                 mujoco.mj_forward(model, still)  # at rest its bias is gravity alone
                 impedance_torque(
-                    data.site_xmat[tip].reshape(3, 3).copy(), data.site_xpos[tip].copy(), np.vstack([linear, angular]),
-                    data.qvel.copy(), still.qfrc_bias.copy(), rotations[i], positions[i], speeds[i], gains.stiffness, damping,
-                    gains.null, joints.torque_limit, torque,
-                )  # fmt: skip
+                    data.site_xmat[tip].reshape(3, 3).copy(),
+                    data.site_xpos[tip].copy(),
+                    np.vstack([linear, angular]),
+                    data.qvel.copy(),
+                    still.qfrc_bias.copy(),
+                    rotations[i],
+                    positions[i],
+                    speeds[i],
+                    gains.stiffness,
+                    damping,
+                    gains.null,
+                    joints.torque_limit,
+                    torque,
+                )
                 q[i], force[i] = data.qpos, push()
             data.qfrc_applied[:] = torque + linear[2] * push()
             mujoco.mj_step(model, data)

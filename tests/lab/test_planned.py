@@ -31,12 +31,20 @@ VALUES = ["--value", "stiffness=732", "--value", "damping=9.9"]
 TRUE = {"stiffness": (732.0, 0.03), "damping": (9.9, 0.10), "coefficient": (0.82, 0.05)}
 PLANS = {
     "poke": ["poke", "--model", "kelvin-voigt", *VALUES],
-    "slide": ["slide", "--through", "0,0;0.006,0;0.006,0.006", "--model", "kelvin-voigt,coulomb-friction", *VALUES,
-              "--value", "coefficient=0.82"],
+    "slide": [
+        "slide",
+        "--through",
+        "0,0;0.006,0;0.006,0.006",
+        "--model",
+        "kelvin-voigt,coulomb-friction",
+        *VALUES,
+        "--value",
+        "coefficient=0.82",
+    ],
     "excite": ["excite", "--model", "kelvin-voigt", *VALUES, "--bandwidth", "2", "--max-depth", "0.01"],
     "free": ["excite", "--model", "tool-mass,tool-com"],
     "blind": ["poke"],
-}  # fmt: skip
+}
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +60,9 @@ def plans(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("plans")
     write_rig(folder, prepare("poke"))
     for name, words in PLANS.items():
-        made = CliRunner().invoke(plan_app, [*words, "--rig", str(folder / "rig.toml"), "-o", str(folder / f"{name}.parquet")])
+        made = CliRunner().invoke(
+            plan_app, [*words, "--rig", str(folder / "rig.toml"), "-o", str(folder / f"{name}.parquet")]
+        )
         assert made.exit_code == 0, made.output
     return folder
 
@@ -65,18 +75,31 @@ def carried_out(app: typer.Typer, plans: Path, name: str, out: Path, *words: str
     return kinid.contact_series(log, rig, differentiator=Differentiator(bandwidth=40.0)), result.output
 
 
-@pytest.mark.parametrize(("name", "effects"), [
-    ("poke", ("kelvin-voigt",)), ("excite", ("kelvin-voigt",)), ("slide", ("kelvin-voigt", "coulomb-friction")),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "effects"),
+    [
+        ("poke", ("kelvin-voigt",)),
+        ("excite", ("kelvin-voigt",)),
+        ("slide", ("kelvin-voigt", "coulomb-friction")),
+    ],
+)
 def test_a_plan_that_is_carried_out_gives_the_material_back(
     app: typer.Typer, plans: Path, tmp_path: Path, name: str, effects: tuple[str, ...]
 ) -> None:
     touch, _ = carried_out(app, plans, name, tmp_path / "x", "--seed", "3")
-    assert {path.name for path in (tmp_path / "x").iterdir()} == {"log.parquet", "log.mcap", "streams", "rig.toml", "truth"}
+    assert {path.name for path in (tmp_path / "x").iterdir()} == {
+        "log.parquet",
+        "log.mcap",
+        "streams",
+        "rig.toml",
+        "truth",
+    }
     assert touch.phase is not None
     channels = ("normal_force", "tangential_force1", "tangential_force2") if len(effects) > 1 else ("normal_force",)
     # without the retraction: the material lets go where the equation of Kelvin-Voigt would pull
-    fit = fit_model(Model(*effects, "sensor-bias"), touch, channels=channels, train=touch.phase != "retract", held_out=False)
+    fit = fit_model(
+        Model(*effects, "sensor-bias"), touch, channels=channels, train=touch.phase != "retract", held_out=False
+    )
     for parameter in ("stiffness", "damping", "coefficient")[: 1 + len(effects)]:
         (true, within), found = TRUE[parameter], fit[parameter]
         print(f"{name}: {found}, true {true:g}")
@@ -129,7 +152,9 @@ def _changed(columns: dict[str, Any], **changes: Any) -> dict[str, Any]:
 
 def test_a_trajectory_that_does_not_fit_is_refused(plans: Path, tmp_path: Path, app: typer.Typer) -> None:
     motion = read_trajectory(plans / "poke.parquet")
-    only = {name: values for name, values in motion.columns().items() if name[0] in "tq" and name[:3] not in ("tip", "tou")}
+    only = {
+        name: values for name, values in motion.columns().items() if name[0] in "tq" and name[:3] not in ("tip", "tou")
+    }
     far, jump, moving = (only["q2"].copy() for _ in range(3))
     far[100:] += 3.0
     jump[100:] += 0.05
@@ -165,7 +190,14 @@ def test_a_log_is_no_plan_and_a_hurried_plan_neither(app: typer.Typer, plans: Pa
     motion = read_trajectory(plans / "poke.parquet")
     columns = {"t": 0.1 * motion.t} | {f"q{j + 1}": motion.q[:, j] for j in range(7)}
     write_table(tmp_path / "fast.parquet", columns)
-    words = ["--trajectory", str(tmp_path / "fast.parquet"), "--rig", str(plans / "rig.toml"), "-o", str(tmp_path / "no")]
+    words = [
+        "--trajectory",
+        str(tmp_path / "fast.parquet"),
+        "--rig",
+        str(plans / "rig.toml"),
+        "-o",
+        str(tmp_path / "no"),
+    ]
     assert "rad/s" in str(CliRunner().invoke(app, words).exception)
     assert not (tmp_path / "no").exists()
     setup, _ = planned(plans / "poke.parquet", Rig.load(plans / "rig.toml"))
@@ -182,9 +214,11 @@ def test_a_rig_that_is_not_the_plan_s_is_refused(plans: Path) -> None:
     lower = rig.model_copy(update={"surface": rig.surface.model_copy(update={"point": (0.55, 0.0, 0.09)})})
     with pytest.raises(InputError, match="depths lie up to 10.00 mm beside"):
         planned(plans / "poke.parquet", lower)
-    for tables, words in (({"robot": {"model": "panda"}}, "isn't the laboratory's"),
-                          ({"robot": {"model": "lwr4plus", "gravity": [0.0, 9.81, 0.0]}}, "gravity"),
-                          ({"surface": {"mesh": "part.stl"}}, "mesh")):  # fmt: skip
+    for tables, words in (
+        ({"robot": {"model": "panda"}}, "isn't the laboratory's"),
+        ({"robot": {"model": "lwr4plus", "gravity": [0.0, 9.81, 0.0]}}, "gravity"),
+        ({"surface": {"mesh": "part.stl"}}, "mesh"),
+    ):
         with pytest.raises(InputError, match=words):
             planned(plans / "poke.parquet", Rig.parse(tables))
     with pytest.raises(InputError, match="inside the material"):

@@ -20,10 +20,14 @@ def found() -> Comparison:
     return teleoperation.compare()
 
 
-def test_reflection_from_a_measured_map_is_stable_and_transparent_where_direct_reflection_is_not(found: Comparison) -> None:
+def test_reflection_from_a_measured_map_is_stable_and_transparent_where_direct_reflection_is_not(
+    found: Comparison,
+) -> None:
     print("\n" + found.study.table())
-    print(f"map: {found.believed.stiffness:.1f} N/m, {found.believed.damping:.2f} N·s/m; true {found.truth.stiffness:g}, "
-          f"{found.truth.damping:g}")
+    print(
+        f"map: {found.believed.stiffness:.1f} N/m, {found.believed.damping:.2f} N·s/m; true {found.truth.stiffness:g}, "
+        f"{found.truth.damping:g}"
+    )
     assert found.believed != found.truth  # a fit, not the truth
     assert {row.delay for row in found.study.rows} == set(DELAYS) == {0.05, 0.1, 0.2, 0.4}
     for row in found.study.rows:
@@ -63,7 +67,12 @@ def test_the_page_stands_alone(found: Comparison, tmp_path: Path) -> None:
 
 
 def test_materials_that_are_not_linear_or_not_the_same_everywhere_are_linearised() -> None:
-    for name, place in (("mould", (0.03, 0.03)), ("mould", (-0.03, -0.03)), ("band", (0.0, 0.0)), ("sponge", (0.0, 0.0))):
+    for name, place in (
+        ("mould", (0.03, 0.03)),
+        ("mould", (-0.03, -0.03)),
+        ("band", (0.0, 0.0)),
+        ("sponge", (0.0, 0.0)),
+    ):
         truth, told = at_place(materials.material(name), *place), poked(name, 1, place)
         print(f"{name} at {place}: true {truth.stiffness:.1f} N/m, a poke says {told.stiffness:.1f}")
         assert told.stiffness == pytest.approx(truth.stiffness, rel=0.05)

@@ -29,7 +29,9 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("lab")
     setup = prepare("poke", seed=3)
     # one clock but for known offsets, so that both files can be held against each other
-    setup = setup.replace(script=SHORT, wrench_stream=StreamSpec(losses=0.01), joint_stream=StreamSpec(every=2, losses=0.01))
+    setup = setup.replace(
+        script=SHORT, wrench_stream=StreamSpec(losses=0.01), joint_stream=StreamSpec(every=2, losses=0.01)
+    )
     write_experiment(folder, setup.run(), {"experiment": "poke"})
     return folder
 
@@ -67,8 +69,10 @@ def test_streams_as_tables_have_the_stamps_of_the_bag(written: Path) -> None:
         stamps = 1e-9 * np.array([time - EPOCH for other, time in messages if other == topic])
         table = kinid.read(written / "streams" / f"log_{name}.parquet", Rig.load(written / "rig.toml"))
         np.testing.assert_allclose(table.t, stamps - 1.0, atol=1e-6)
-    joints, wrench = (kinid.read(written / "streams" / f"log_{name}.parquet", Rig.load(written / "rig.toml"))
-                      for name in ("joints", "wrench"))  # fmt: skip
+    joints, wrench = (
+        kinid.read(written / "streams" / f"log_{name}.parquet", Rig.load(written / "rig.toml"))
+        for name in ("joints", "wrench")
+    )
     assert len(wrench) > 1.9 * len(joints)  # each at its own rate
     assert np.diff(wrench.t).max() > 1.5e-3  # and with messages lost
 
@@ -89,7 +93,9 @@ def test_mcap_is_what_foxglove_opens(written: Path) -> None:
 
 def _late(t: np.ndarray, reading: np.ndarray, clock: np.ndarray, known: np.ndarray) -> float:
     """By how much a reading g x(t − d) + b comes late against a known x [s], to first order in d."""
-    columns = np.column_stack([np.interp(t, clock, known), np.interp(t, clock, np.gradient(known, clock)), np.ones(len(t))])
+    columns = np.column_stack(
+        [np.interp(t, clock, known), np.interp(t, clock, np.gradient(known, clock)), np.ones(len(t))]
+    )
     gain, shift, _ = np.linalg.lstsq(columns, reading, rcond=None)[0]
     return float(-shift / gain)
 
@@ -97,7 +103,9 @@ def _late(t: np.ndarray, reading: np.ndarray, clock: np.ndarray, known: np.ndarr
 @pytest.mark.parametrize("hidden", [None, "time-offset"])
 @pytest.mark.parametrize("seed", [2, 3, 4])
 def test_clocks_that_differ_are_stated_and_a_hidden_delay_is_not(tmp_path: Path, seed: int, hidden: str | None) -> None:
-    """The bag's streams are up to 2 ms, and 1 ms of line, apart: the rig says by how much, and nothing of what is hidden."""
+    """The bag's streams are up to 2 ms, and 1 ms of line, apart: the rig says by how much, and nothing of what is
+    hidden.
+    """
     nominal = prepare("poke", seed=seed).replace(script=SHORT)
     setup, delay = nominal, 0.0
     if hidden is not None:
@@ -112,7 +120,10 @@ def test_clocks_that_differ_are_stated_and_a_hidden_delay_is_not(tmp_path: Path,
     assert rig.streams == nominal.rig.streams
     deaf = rig.model_copy(update={"streams": StreamsSpec()})
     late = {name: _wrench_after_joints(tmp_path, each, result) for name, each in (("stated", rig), ("not", deaf))}
-    print(f"seed {seed}: wrench after joints by {1e3 * late['not']:.2f} ms, with the rig's word by {1e3 * late['stated']:.2f} ms")
+    print(
+        f"seed {seed}: wrench after joints by {1e3 * late['not']:.2f} ms, with the rig's word by "
+        f"{1e3 * late['stated']:.2f} ms"
+    )
     # 0.03 N of noise on slopes of 20 N/s over 1500 samples: 0.04 ms
     assert late["not"] == pytest.approx(told["wrench_after_joints"] + delay, abs=2e-4 + 0.05 * delay)
     assert late["stated"] == pytest.approx(delay, abs=2e-4 + 0.05 * delay)
@@ -179,8 +190,10 @@ def test_phase_and_target_are_in_both(written: Path) -> None:
     assert 0.0 < np.linalg.norm(tip - target[:, :3], axis=1)[hold].max() < 2e-3  # behind by force over stiffness
     decode = get_typestore(Stores.ROS2_HUMBLE).deserialize_cdr
     with (written / "log.mcap").open("rb") as file:
-        poses = [decode(message.data, schema.name).pose for schema, _, message in
-                 make_reader(file).iter_messages(topics=["/target_pose"])]  # fmt: skip
+        poses = [
+            decode(message.data, schema.name).pose
+            for schema, _, message in make_reader(file).iter_messages(topics=["/target_pose"])
+        ]
     seen = np.array([[p.position.x, p.position.y, p.position.z, p.orientation.x, p.orientation.w] for p in poses])
     np.testing.assert_allclose(seen[-1], target[-1][[0, 1, 2, 3, 6]], atol=1e-12)
 

@@ -29,7 +29,10 @@ def slid(place, angle, seed, material="mould"):
 
 
 #: borders of the mould wind a little: where they cross the ways of these slides [m]
-CROSSINGS = [((0.0, -0.025), 0.0, 0, 1.5e-3 * np.sin(90 * -0.025)), ((-0.025, 0.0), np.pi / 2, 1, -1.2e-3 * np.sin(110 * -0.025))]
+CROSSINGS = [
+    ((0.0, -0.025), 0.0, 0, 1.5e-3 * np.sin(90 * -0.025)),
+    ((-0.025, 0.0), np.pi / 2, 1, -1.2e-3 * np.sin(110 * -0.025)),
+]
 
 
 @pytest.mark.parametrize(("place", "angle", "axis", "truth"), CROSSINGS)
@@ -62,7 +65,9 @@ def test_one_material_gives_no_alarm_in_a_hundred_seeds():
 
 @pytest.mark.parametrize("rho", [0.0, 0.5])
 def test_the_false_alarm_rate_is_the_one_stated(rho):
-    """Noise of two colours on a level: at a stated 5 % some 5 % alarm (300 tries: 1.3 % standard error), never far more."""
+    """Noise of two colours on a level: at a stated 5 % some 5 % alarm (300 tries: 1.3 % standard error), never far
+    more.
+    """
     rng = np.random.default_rng(4)
     count = 0
     for _ in range(300):
@@ -134,8 +139,14 @@ def explored(seed, count, prior=None, moved=True):
     values = poke(grid)
     even = Triangles(PlaneGround(grid, reach=1.0), values, 0.005 * values)
     expect = None if prior is None else prior(at)
-    *_, grown = explore(lambda p: ((v := float(poke(p[None])[0])), 0.005 * v), REGION, REGION.grid(4), apart=4e-3, most=count,
-                        prior=expect)  # fmt: skip
+    *_, grown = explore(
+        lambda p: ((v := float(poke(p[None])[0])), 0.005 * v),
+        REGION,
+        REGION.grid(4),
+        apart=4e-3,
+        most=count,
+        prior=expect,
+    )
     # what the grid's mid-cells and rim are to it, all the region is to the exploration
     wide = Triangles(PlaneGround(grown.ground.places, reach=1.0), grown.values, grown.noise, expect)
     return error(wide.at(q).mean, truth), error(even.at(q).mean, truth)
@@ -166,8 +177,10 @@ def slid_over(at, rng, axis, across):
 def felt_along(way, bins=10):
     """Places every 2 mm and what was felt there: (n, 2) and (n,)."""
     cuts = np.arange(bins, len(way.x), bins)
-    return (np.array([way.at(part.mean()) for part in np.split(way.x, cuts)]),
-            np.array([part.mean() for part in np.split(way.felt[0], cuts)]))  # fmt: skip
+    return (
+        np.array([way.at(part.mean()) for part in np.split(way.x, cuts)]),
+        np.array([part.mean() for part in np.split(way.felt[0], cuts)]),
+    )
 
 
 @pytest.mark.slow
@@ -180,7 +193,9 @@ def test_eight_slides_and_thirty_five_pokes_are_better_than_a_grid_of_a_hundred(
     for seed in seeds:
         rng = np.random.default_rng(seed)
         at = mould(rng.uniform(-0.01, 0.01, 2) * moved)
-        ways = [slid_over(at, rng, axis, across) for axis in (0, 1) for across in (-0.03375, -0.01125, 0.01125, 0.03375)]
+        ways = [
+            slid_over(at, rng, axis, across) for axis in (0, 1) for across in (-0.03375, -0.01125, 0.01125, 0.03375)
+        ]
         slides = [(way, changes(way)) for way in ways]
         # the closest that 35 pokes allow
         tried = (pokes_after_slides(slides, beside=3e-3, apart=1e-3 * apart) for apart in range(4, 20))

@@ -15,8 +15,12 @@ from kinid.mapping.interpolation.segments import belonging
 def franke(p):
     """Franke's test surface (1982) on the square of 0.1 m."""
     x, y = 90 * p[:, 0], 90 * p[:, 1]
-    return (0.75 * np.exp(-((x - 2) ** 2 + (y - 2) ** 2) / 4) + 0.75 * np.exp(-((x + 1) ** 2) / 49 - (y + 1) / 10)
-            + 0.5 * np.exp(-((x - 7) ** 2 + (y - 3) ** 2) / 4) - 0.2 * np.exp(-((x - 4) ** 2) - (y - 7) ** 2))  # fmt: skip
+    return (
+        0.75 * np.exp(-((x - 2) ** 2 + (y - 2) ** 2) / 4)
+        + 0.75 * np.exp(-((x + 1) ** 2) / 49 - (y + 1) / 10)
+        + 0.5 * np.exp(-((x - 7) ** 2 + (y - 3) ** 2) / 4)
+        - 0.2 * np.exp(-((x - 4) ** 2) - (y - 7) ** 2)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -63,8 +67,15 @@ def test_many_queries_at_once_are_answered_as_single_ones(smooth):
 def test_a_probe_added_is_a_probe_fitted(smooth):
     places, values, noise, queries, _ = smooth
     whole = GaussianProcess.fit(PlaneGround(places[:80]), values[:80], noise[:80])
-    part = GaussianProcess._built(PlaneGround(places[:79]), values[:79], noise[:79], whole.covariance, whole.mean,
-                                  np.zeros(79, dtype=np.int64), 1.0)  # fmt: skip
+    part = GaussianProcess._built(
+        PlaneGround(places[:79]),
+        values[:79],
+        noise[:79],
+        whole.covariance,
+        whole.mean,
+        np.zeros(79, dtype=np.int64),
+        1.0,
+    )
     grown = part.added(places[79], values[79], noise[79])
     assert np.allclose(grown.factor, whole.factor, atol=1e-10)
     assert np.allclose(grown.at(queries[::70], sd=False).mean, whole.at(queries[::70], sd=False).mean, equal_nan=True)
@@ -126,7 +137,8 @@ def test_empty_places_are_unknown(method):
     places = rng.uniform(0, 0.1, (200, 2))
     places = places[np.hypot(*(places - 0.05).T) > 0.03]
     guess = interpolator(method, PlaneGround(places), np.sin(30 * places[:, 0]), np.full(len(places), 0.01)).at(
-        np.array([[0.05, 0.05], [0.3, 0.3], places[0]]))  # fmt: skip
+        np.array([[0.05, 0.05], [0.3, 0.3], places[0]])
+    )
     assert guess.known.tolist() == [False, False, True]
     assert np.isnan(guess.mean[:2]).all()
     assert np.isfinite(guess.mean[2])
@@ -136,7 +148,11 @@ def test_the_unit_of_length_does_not_matter_to_the_spline():
     rng = np.random.default_rng(3)
     places, values = rng.uniform(0, 0.1, (25, 2)), rng.normal(size=25)
     metres = interpolator("biharmonic", PlaneGround(places, reach=1.0), values).at(places[:5] + 1e-3).mean
-    feet = interpolator("biharmonic", PlaneGround(places / 0.3048, reach=4.0), values).at((places[:5] + 1e-3) / 0.3048).mean
+    feet = (
+        interpolator("biharmonic", PlaneGround(places / 0.3048, reach=4.0), values)
+        .at((places[:5] + 1e-3) / 0.3048)
+        .mean
+    )
     assert np.allclose(metres, feet, rtol=1e-6, atol=1e-8, equal_nan=True)
 
 
@@ -249,8 +265,8 @@ def test_where_probes_agree_against_the_surface_it_is_not_sure():
 
 
 def test_probes_that_agree_far_better_than_their_errors_are_believed_among_themselves():
-    """Two materials, and a corner in which one wrong law was fitted each time: the surface follows its probes there, and says
-    that all of them may be off."""
+    """Two materials, and a corner in which one wrong law was fitted each time: the surface follows its probes there,
+    and says that all of them may be off."""
     ticks = np.linspace(0.0, 0.05, 6)
     places = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), -1).reshape(-1, 2)
     corner = (places >= 0.035).all(axis=1)
@@ -292,8 +308,8 @@ def test_errors_to_both_sides_are_chance():
 def test_chance_alone_is_seldom_taken_for_disagreement(smooth):
     places, values, noise, _, _ = smooth
     process = GaussianProcess.fit(PlaneGround(places), values, noise)
-    # the process takes up what neighbours share, so that fewer stay beyond two standard errors than the 5 % of white noise,
-    # each of them with its neighbours
+    # the process takes up what neighbours share, so that fewer stay beyond two standard errors than the 5 % of white
+    # noise, each of them with its neighbours
     assert np.mean(process.misfit > 0) < 0.2
     own = np.sqrt(noise**2 + process.covariance.nugget**2)
     assert np.max(process.misfit / own) < 2.5

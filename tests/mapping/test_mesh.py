@@ -52,7 +52,11 @@ def test_distance_runs_along_the_surface():
     fold = np.concatenate([np.stack([x, np.zeros_like(x)], 1), np.stack([x[::-1], np.full_like(x, 2e-3)], 1)])
     vertices = np.array([[u, v, w] for u, w in fold for v in y])
     n = len(y)
-    quads = [(i * n + j, (i + 1) * n + j, (i + 1) * n + j + 1, i * n + j + 1) for i in range(len(fold) - 1) for j in range(n - 1)]
+    quads = [
+        (i * n + j, (i + 1) * n + j, (i + 1) * n + j + 1, i * n + j + 1)
+        for i in range(len(fold) - 1)
+        for j in range(n - 1)
+    ]
     faces = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
     mesh = Mesh(vertices, faces)
     places = np.array([[0.02, 0.01, 0.0], [0.02, 0.01, 2e-3]])

@@ -27,13 +27,17 @@ IMPEDANCE = 5200.0
 
 
 def felt(x, y):
-    """What one spring is, that pushes back like the mould over the depths of a poke: under the film the law has a bend."""
+    """What one spring is, that pushes back like the mould over the depths of a poke: under the film the law has a
+    bend.
+    """
     p = MOULD.at(x, y)
     wave = 3e-3 + 1.5e-3 * np.sin(np.linspace(0, 2 * np.pi, 100, endpoint=False))
     k = p["stiffness"] + p["layer"]
     for _ in range(40):
         depth = wave * (IMPEDANCE / (IMPEDANCE + k))[..., None]
-        force = p["stiffness"][..., None] * depth + p["layer"][..., None] * np.maximum(depth - p["layer_depth"][..., None], 0)
+        force = p["stiffness"][..., None] * depth + p["layer"][..., None] * np.maximum(
+            depth - p["layer_depth"][..., None], 0
+        )
         k = np.sum(force * depth, axis=-1) / np.sum(depth**2, axis=-1)
     return k
 
@@ -97,7 +101,9 @@ def test_the_command(small, tmp_path):
     assert "4 probes with kelvin-voigt" in done.stdout
     assert "at 1 of 4 places the model leaves more than 3 times the noise" in done.stdout
     assert len(PropertyMap.read(out)) == 4
-    assert all(len(line) <= 80 for line in done.stdout.splitlines() if not line.startswith(("doubt", "wrote", "assumed")))
+    assert all(
+        len(line) <= 80 for line in done.stdout.splitlines() if not line.startswith(("doubt", "wrote", "assumed"))
+    )
     facts = json.loads((tmp_path / "map.json").read_text(encoding="utf-8"))
     assert (facts["model"], facts["probes"], facts["new"], facts["failing"]) == ("kelvin-voigt", 4, 4, 1)
     assert facts["properties"]["stiffness"]["lowest"] == pytest.approx(510, rel=0.01)
@@ -128,7 +134,11 @@ def test_a_hundred_pokes_map_the_mould(tmp_path):
     x, y = np.meshgrid(*ticks, indexing="ij")
     guess = grown.over_grid("stiffness", ticks)
     away = (np.abs(x - 1.5e-3 * np.sin(90 * y)) > 0.01) & (np.abs(y + 1.2e-3 * np.sin(110 * x)) > 0.01)
-    away &= (np.minimum(0.05 - np.abs(x), 0.05 - np.abs(y)) > 0.01) & (np.abs(np.minimum(x, y) - 0.012) > 0.01) & guess.known
+    away &= (
+        (np.minimum(0.05 - np.abs(x), 0.05 - np.abs(y)) > 0.01)
+        & (np.abs(np.minimum(x, y) - 0.012) > 0.01)
+        & guess.known
+    )
     error = (guess.mean / felt(x, y) - 1)[away]
     assert away.sum() > 1000
     assert np.mean(np.abs(error)) < 0.05
@@ -182,6 +192,8 @@ def test_slides_and_thirty_five_pokes_from_raw_logs():
     for where, what in (few, (grid, raw), (grid, felt(*grid.T)), (poked.ground.places, poked.values)):
         guess = Triangles(PlaneGround(where, reach=1.0), what, 0.005 * what).at(q).mean
         errors.append(float(np.mean(np.abs(guess / truth - 1))))
-    print("eight slides and 35 pokes {:.2%}; a grid of 100 pokes {:.2%}, were they exact {:.2%}; "
-          "the 35 pokes alone {:.2%}".format(*errors))  # fmt: skip
+    print(
+        "eight slides and 35 pokes {:.2%}; a grid of 100 pokes {:.2%}, were they exact {:.2%}; "
+        "the 35 pokes alone {:.2%}".format(*errors)
+    )
     assert errors[0] < errors[1]

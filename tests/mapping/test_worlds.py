@@ -24,7 +24,11 @@ def made(axes=AXES):
     ticks = np.linspace(-0.04, 0.04, 5)
     plane = Plane(np.array([0.5, 0.0, 0.3]), axes)
     probes = [
-        Probe(plane.point + x * axes[0] + y * axes[1], np.array([500 + 5000 * (x + 0.04), 8.0, 0.6]), np.diag([1.0, 1e-4, 1e-6]))
+        Probe(
+            plane.point + x * axes[0] + y * axes[1],
+            np.array([500 + 5000 * (x + 0.04), 8.0, 0.6]),
+            np.diag([1.0, 1e-4, 1e-6]),
+        )
         for x in ticks
         for y in ticks
     ]
@@ -64,7 +68,8 @@ def test_nothing_falls_through(count):
     cells, radius = patches(made(np.eye(3)), count), 0.004
     middle = cells.centres.mean(axis=0)
     x, y, z = cells.centres[np.linalg.norm(cells.centres - middle, axis=1).argmin()]
-    ball = f'<body pos="{x} {y} {z + radius}"><freejoint/><geom type="sphere" size="{radius}" mass="1"/></body></worldbody>'
+    shape = f'<geom type="sphere" size="{radius}" mass="1"/>'
+    ball = f'<body pos="{x} {y} {z + radius}"><freejoint/>{shape}</body></worldbody>'
     model = mujoco.MjModel.from_xml_string(to_mujoco(cells).replace("</worldbody>", ball))
     data = mujoco.MjData(model)
     for _ in range(6000):
@@ -149,7 +154,9 @@ def test_gltf_png_and_json_are_read_back(exported):
 
 
 def test_a_mesh_is_a_patch_a_face(tmp_path):
-    """A ball, stiffer at its top: read back by MuJoCo, SDF's XML and trimesh, every patch on the ball with its face's value."""
+    """A ball, stiffer at its top: read back by MuJoCo, SDF's XML and trimesh, every patch on the ball with its face's
+    value.
+    """
     ball = trimesh.creation.icosphere(subdivisions=2, radius=0.05)
     mesh = Mesh(np.asarray(ball.vertices), np.asarray(ball.faces), source="ball.stl")
     probes = tuple(Probe(p, np.array([1000 + 1e4 * p[2], 8.0]), np.diag([1.0, 1e-4])) for p in mesh.vertices)

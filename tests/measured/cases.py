@@ -23,7 +23,8 @@ Array = NDArray[np.float64]
 SIZES = (1.0, 2.0, 5.0)
 #: of a change that fits a log, a refit of the starting model leaves at least this share
 VISIBLE = 0.1
-#: names that take up a change but for this share of what was to be seen of it, or of what is left, are honestly the same
+#: names that take up a change but for this share of what was to be seen of it, or of what is left, are honestly the
+#: same
 SAME, UNSEEN = 0.15, 0.3
 #: how near to the asked size a change comes that is no multiple of a shape
 NEARLY, TURNS, STEPS = 0.02, 40, 24
@@ -36,9 +37,11 @@ class Case:
     """A measured log with one thing injected.
 
     Attributes:
-        name: log/effect/size. source: its log. effect: what was injected. near: names that would do the same to this log.
+        name: log/effect/size. source: its log. effect: what was injected. near: names that would do the same to this
+            log.
         size: multiples of what is left that the starting model can't take up. model: that a user starts from.
-        log, rig: as a user has them. natural: whether the source's own model holds this effect, so that the log has some of it.
+        log, rig: as a user has them. natural: whether the source's own model holds this effect, so that the log has
+        some of it.
         reached: as `size`, computed from the readings once more. note: what was drawn, in words.
     """
 
@@ -57,10 +60,20 @@ class Case:
 
 def changes_of(source: Source) -> dict[str, Draw]:
     """What can be injected into this log, by the effect's name."""
-    own = {"silicone-two-cycles": contact_changes.CYCLES, "med14-poses": wrench_changes.POSES,
-           "med14-turning": wrench_changes.TURNING}  # fmt: skip
-    family = {"arm": joint_changes.ARM, "axis": joint_changes.AXIS, "leg": joint_changes.LEG, "tester": contact_changes.PRESS,
-              "places": contact_changes.PLACES, "slide": contact_changes.SLIDE, "wrench": wrench_changes.BAG}  # fmt: skip
+    own = {
+        "silicone-two-cycles": contact_changes.CYCLES,
+        "med14-poses": wrench_changes.POSES,
+        "med14-turning": wrench_changes.TURNING,
+    }
+    family = {
+        "arm": joint_changes.ARM,
+        "axis": joint_changes.AXIS,
+        "leg": joint_changes.LEG,
+        "tester": contact_changes.PRESS,
+        "places": contact_changes.PLACES,
+        "slide": contact_changes.SLIDE,
+        "wrench": wrench_changes.BAG,
+    }
     every = own.get(source.name, family[source.family])
     taken = {"joint-torque-gain", "payload"} & set(source.model)  # the log has these already, and of unknown size
     return {name: draw for name, draw in every.items() if name not in taken}
@@ -101,8 +114,19 @@ def case(source: Source, effect: str, size: float, seed: int, real: Path) -> Cas
     change = scene.counted(made - scene.readings)
     near = _near(scene, effect, change, seed)
     log = with_readings(scene.log, made)
-    return Case(name_of(source, effect, size), source.name, effect, near, size, scene.model, log, scene.rig, natural,
-                seen(scene, change), drawn.note)  # fmt: skip
+    return Case(
+        name_of(source, effect, size),
+        source.name,
+        effect,
+        near,
+        size,
+        scene.model,
+        log,
+        scene.rig,
+        natural,
+        seen(scene, change),
+        drawn.note,
+    )
 
 
 def seen(scene: Scene, change: Array) -> float:
@@ -117,7 +141,9 @@ def _of_shape(scene: Scene, shape: Shape, size: float, natural: bool) -> Array |
         # some of it is in the log already: more of it, not less
         for i, column in enumerate(shape.columns):
             if weights[i]:
-                own = float((scene.beyond(scene.counted(column)) * scene.residual * scene.fitting.weight[:, None]).sum())
+                own = float(
+                    (scene.beyond(scene.counted(column)) * scene.residual * scene.fitting.weight[:, None]).sum()
+                )
                 weights[i] = abs(weights[i]) * (np.sign(own) or 1.0)
     whole = np.tensordot(weights, shape.columns, axes=1)
     change = scene.counted(whole)
@@ -136,7 +162,8 @@ def _grown(scene: Scene, grown: Grown, size: float) -> Array | None:
     def shows(by: float) -> float:
         return seen(scene, scene.counted(grown.readings(by) - scene.readings))
 
-    # a change that is large enough is proportional to the reading again, and the refit takes it up: the first place that will do
+    # a change that is large enough is proportional to the reading again, and the refit takes it up: the first place
+    # that will do
     grid = np.geomspace(grown.low, grown.high, STEPS)
     enough = next((i for i, by in enumerate(grid) if shows(float(by)) >= size), 0)
     if not enough:

@@ -20,7 +20,8 @@ class Shape:
     """A change that grows in proportion to its size: Σ weight · column.
 
     Attributes:
-        columns: all that an effect of this name could do to the readings, (m, n, k). weights: of the one that is injected, (m,).
+        columns: all that an effect of this name could do to the readings, (m, n, k). weights: of the one that is
+            injected, (m,).
         signed: whether each column may come with either sign. note: what was drawn, in words.
         most: that any machine does to a channel, (k,); None for no limit.
     """
@@ -46,7 +47,8 @@ Draw = Callable[[Scene, np.random.Generator], Shape | Grown]
 
 
 def by_channel(scene: Scene, shapes: Array, rng: np.random.Generator, *, signed: bool, note: str = "") -> Shape:
-    """One column a channel, of shapes (n, k); all channels alike strong in units of what is left in them, to within a draw.
+    """One column a channel, of shapes (n, k); all channels alike strong in units of what is left in them, to within a
+    draw.
 
     Half of the time one channel alone, or two, have it: one worn joint, one cable.
     """

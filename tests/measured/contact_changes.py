@@ -1,4 +1,6 @@
-"""Formulas of what is done to forces of a material, from measured depth and slip: branches, sliders, threads, springs."""
+"""Formulas of what is done to forces of a material, from measured depth and slip: branches, sliders, threads,
+springs.
+"""
 
 from __future__ import annotations
 
@@ -120,7 +122,9 @@ def _slip(scene: Scene) -> tuple[Array, Array, Array]:
     return v / np.sqrt(speed**2 + (0.02 * speed.max()) ** 2)[:, None], speed, np.maximum(scene.readings[:, 0], 0.0)
 
 
-def tangential(scene: Scene, force: Array, signed: bool = False, rng: np.random.Generator | None = None, note: str = "") -> Shape:
+def tangential(
+    scene: Scene, force: Array, signed: bool = False, rng: np.random.Generator | None = None, note: str = ""
+) -> Shape:
     """A change of the tangential forces (n, 2)."""
     column = np.zeros_like(scene.readings)
     column[:, 1:] = force
@@ -143,8 +147,11 @@ def slow(scene: Scene, rng: np.random.Generator) -> Shape:
     """More friction when slow."""
     way, speed, load = _slip(scene)
     share = float(rng.uniform(0.15, 0.4))
-    return tangential(scene, -(load * np.exp(-((speed / (share * np.percentile(speed, 95))) ** 2)))[:, None] * way,
-                      note=f"within {share:.2g} of the top speed")  # fmt: skip
+    return tangential(
+        scene,
+        -(load * np.exp(-((speed / (share * np.percentile(speed, 95))) ** 2)))[:, None] * way,
+        note=f"within {share:.2g} of the top speed",
+    )
 
 
 def by_load(scene: Scene, rng: np.random.Generator) -> Shape:
@@ -163,15 +170,39 @@ def two_ways(scene: Scene, rng: np.random.Generator) -> Shape:
 _CLOCK: dict[str, Draw] = {"time-offset": late, "sensor-lag": lag}
 _CONVERTER: dict[str, Draw] = {"sensor-drift": drift, "quantization": lattice, "saturation": clip}
 PRESS: dict[str, Draw] = {
-    "relaxation": relaxation, "hysteresis": hysteresis, "stiffening-layer": layer, "viscous-damping": dashpot,
-    "structural-compliance": compliance, "stress-softening": softening, "stiffness-drift": ageing,
-    **_CLOCK, **_CONVERTER, "mains-hum": hum,
-}  # fmt: skip
-CYCLES: dict[str, Draw] = {**{name: draw for name, draw in PRESS.items() if name != "relaxation"}, "adhesion": adhesion,
-                           "hunt-crossley-damping": loaded_dashpot, "sensor-bias": bias}  # fmt: skip
-PLACES: dict[str, Draw] = {"hertz-exponent": curvature, "stiffening-layer": layer, "structural-compliance": compliance,
-                           "stiffness-drift": ageing, "sensor-bias": bias, **_CONVERTER}  # fmt: skip
+    "relaxation": relaxation,
+    "hysteresis": hysteresis,
+    "stiffening-layer": layer,
+    "viscous-damping": dashpot,
+    "structural-compliance": compliance,
+    "stress-softening": softening,
+    "stiffness-drift": ageing,
+    **_CLOCK,
+    **_CONVERTER,
+    "mains-hum": hum,
+}
+CYCLES: dict[str, Draw] = {
+    **{name: draw for name, draw in PRESS.items() if name != "relaxation"},
+    "adhesion": adhesion,
+    "hunt-crossley-damping": loaded_dashpot,
+    "sensor-bias": bias,
+}
+PLACES: dict[str, Draw] = {
+    "hertz-exponent": curvature,
+    "stiffening-layer": layer,
+    "structural-compliance": compliance,
+    "stiffness-drift": ageing,
+    "sensor-bias": bias,
+    **_CONVERTER,
+}
 SLIDE: dict[str, Draw] = {
-    "coulomb-friction": dry, "viscous-friction": viscous, "stribeck-friction": slow, "load-dependent-friction": by_load,
-    "friction-anisotropy": two_ways, "stiffness-drift": ageing, "sensor-bias": bias, **_CLOCK, **_CONVERTER,
-}  # fmt: skip
+    "coulomb-friction": dry,
+    "viscous-friction": viscous,
+    "stribeck-friction": slow,
+    "load-dependent-friction": by_load,
+    "friction-anisotropy": two_ways,
+    "stiffness-drift": ageing,
+    "sensor-bias": bias,
+    **_CLOCK,
+    **_CONVERTER,
+}

@@ -1,4 +1,6 @@
-"""Formulas of what is done to joint torques, from measured positions and rates; weights of bodies by Pinocchio's RNEA."""
+"""Formulas of what is done to joint torques, from measured positions and rates; weights of bodies by Pinocchio's
+RNEA.
+"""
 
 from __future__ import annotations
 
@@ -57,7 +59,9 @@ def ripple(scene: Scene, rng: np.random.Generator) -> Shape:
     if scene.source.name.startswith("drive"):
         k = int(rng.integers(300, 3000))  # a screw's turns: 20 to 2 mm a period
     phase = rng.uniform(0, 2 * np.pi, q.shape[1])
-    return by_channel(scene, np.sin(k * q + phase) + 0.3 * np.sin(2 * k * q - phase), rng, signed=False, note=f"{k} a turn")
+    return by_channel(
+        scene, np.sin(k * q + phase) + 0.3 * np.sin(2 * k * q - phase), rng, signed=False, note=f"{k} a turn"
+    )
 
 
 def elastic(scene: Scene, rng: np.random.Generator) -> Shape:
@@ -72,9 +76,12 @@ def payload(scene: Scene, rng: np.random.Generator) -> Shape:
     end = _end(scene)
     still = (0.0, 0.0, 0.0)
     columns = [rigid(scene, (end, 1.0, still)) - rigid(scene)]
-    # linear in mass and first moment: a body of 1 kg whose centre is moved, without the inertia that it then has (Steiner)
+    # linear in mass and first moment: a body of 1 kg whose centre is moved, without the inertia that it then has
+    # (Steiner)
     columns += [rigid(scene, (end, 1.0, tuple(0.1 * np.eye(3)[i]))) - rigid(scene, (end, 1.0, still)) for i in range(3)]
-    return Shape(np.array(columns), np.array([1.0, *rng.uniform(-1.0, 1.0, 3)]), signed=False, note="a body behind the last link")
+    return Shape(
+        np.array(columns), np.array([1.0, *rng.uniform(-1.0, 1.0, 3)]), signed=False, note="a body behind the last link"
+    )
 
 
 def gravity(scene: Scene, rng: np.random.Generator) -> Shape:
@@ -89,8 +96,12 @@ def _end(scene: Scene) -> int:
     return int(scene.robot.model.njoints - 1)
 
 
-def rigid(scene: Scene, body: tuple[int, float, tuple[float, ...]] | None = None, gravity: Array | None = None) -> Array:
-    """Rigid-body torques of the measured motion (n, N); with a point mass on a joint, or of a gravity alone, at rest."""
+def rigid(
+    scene: Scene, body: tuple[int, float, tuple[float, ...]] | None = None, gravity: Array | None = None
+) -> Array:
+    """Rigid-body torques of the measured motion (n, N); with a point mass on a joint, or of a gravity alone, at
+    rest.
+    """
     import pinocchio as pin
 
     robot, model = scene.robot, scene.robot.model
@@ -111,14 +122,32 @@ def rigid(scene: Scene, body: tuple[int, float, tuple[float, ...]] | None = None
     return np.asarray(torque[:, order])
 
 
-_SENSOR: dict[str, Draw] = {"time-offset": late, "sensor-lag": lag, "quantization": lattice, "saturation": clip,
-                            "sensor-drift": drift, "mains-hum": hum}  # fmt: skip
+_SENSOR: dict[str, Draw] = {
+    "time-offset": late,
+    "sensor-lag": lag,
+    "quantization": lattice,
+    "saturation": clip,
+    "sensor-drift": drift,
+    "mains-hum": hum,
+}
 _FRICTION: dict[str, Draw] = {
-    "joint-viscous-friction": viscous, "joint-coulomb-friction": dry, "joint-friction-asymmetry": one_sided,
-    "joint-torque-offset": bias, "joint-stribeck-friction": slow, "joint-load-friction": loaded_friction,
-    "joint-spring": spring, "joint-torque-ripple": ripple,
-}  # fmt: skip
+    "joint-viscous-friction": viscous,
+    "joint-coulomb-friction": dry,
+    "joint-friction-asymmetry": one_sided,
+    "joint-torque-offset": bias,
+    "joint-stribeck-friction": slow,
+    "joint-load-friction": loaded_friction,
+    "joint-spring": spring,
+    "joint-torque-ripple": ripple,
+}
 LEG: dict[str, Draw] = {**_FRICTION, "joint-torque-gain": gain, **_SENSOR}
 AXIS: dict[str, Draw] = {**_FRICTION, "joint-elasticity": elastic, **_SENSOR}
-ARM: dict[str, Draw] = {**_FRICTION, "joint-elasticity": elastic, "rotor-inertia": rotor, "joint-torque-gain": gain,
-                        "payload": payload, "gravity-error": gravity, **_SENSOR}  # fmt: skip
+ARM: dict[str, Draw] = {
+    **_FRICTION,
+    "joint-elasticity": elastic,
+    "rotor-inertia": rotor,
+    "joint-torque-gain": gain,
+    "payload": payload,
+    "gravity-error": gravity,
+    **_SENSOR,
+}

@@ -24,7 +24,8 @@ DRY, VISCOUS, OFFSET = "joint-coulomb-friction", "joint-viscous-friction", "join
 ASYMMETRY, GAIN = "joint-friction-asymmetry", "joint-torque-gain"
 #: every fourth sample of the 1 kHz arm; the part of a long slide that is looked at
 PANDA_STEP, SLIDE = 4, 6000
-#: what turns currents of a UR10e into torques [N·m/A], joint by joint, as S. Mamedov found them; a user has such figures
+#: what turns currents of a UR10e into torques [N·m/A], joint by joint, as S. Mamedov found them; a user has such
+#: figures
 UR_GAINS = np.array([14.87, 13.26, 11.13, 10.62, 11.03, 11.47])
 
 
@@ -33,8 +34,9 @@ class Source:
     """A measured log, and the model that a user starts from.
 
     Attributes:
-        family: which changes fit it: "arm" (joint torques of a known robot), "axis" (of an axis alone), "tester" (force over
-            depth), "places" (force and depth at many places), "slide" (with tangential forces), "wrench" (a tool in the air).
+        family: which changes fit it: "arm" (joint torques of a known robot), "axis" (of an axis alone), "tester" (force
+            over depth), "places" (force and depth at many places), "slide" (with tangential forces), "wrench" (a tool
+            in the air).
     """
 
     name: str
@@ -45,8 +47,11 @@ class Source:
 
 def part(log: kinid.Log, rows: slice) -> kinid.Log:
     """A stretch of a log."""
-    some: dict[str, Any] = {name: getattr(log, name)[rows] for name in ("q", "dq", "ddq", "tau", "q_cmd", "wrench", "phase")
-                            if getattr(log, name) is not None}  # fmt: skip
+    some: dict[str, Any] = {
+        name: getattr(log, name)[rows]
+        for name in ("q", "dq", "ddq", "tau", "q_cmd", "wrench", "phase")
+        if getattr(log, name) is not None
+    }
     return dataclasses.replace(log, t=log.t[rows], contact={k: v[rows] for k, v in log.contact.items()}, **some)
 
 
@@ -59,8 +64,10 @@ def halves(log: kinid.Log) -> tuple[kinid.Log, kinid.Log]:
 def panda(real: Path) -> Pair:
     """An arm with torque sensors on an exciting trajectory; accelerations are not logged."""
     folder = real / "panda-motion"
-    q, dq, tau = (np.loadtxt(folder / f"exciting_traj_{name}.txt").reshape(-1, 7)[::PANDA_STEP]
-                  for name in ("positions", "velocity", "torques"))  # fmt: skip
+    q, dq, tau = (
+        np.loadtxt(folder / f"exciting_traj_{name}.txt").reshape(-1, 7)[::PANDA_STEP]
+        for name in ("positions", "velocity", "torques")
+    )
     t = np.loadtxt(folder / "exciting_traj_time.txt")[::PANDA_STEP]
     rig = {"robot": {"model": "panda", "joints": [f"panda_joint{k}" for k in range(1, 8)]}}
     return kinid.Log(t=t, q=q, dq=dq, tau=tau, phase=np.full(len(t), "free")), kinid.Rig.parse(rig)
@@ -72,8 +79,13 @@ def ur10e(name: str) -> Callable[[Path], Pair]:
     def read(real: Path) -> Pair:
         raw = np.loadtxt(real / "ur10e-motion" / f"{name}.csv", delimiter=",")
         raw = raw[np.concatenate([[True], np.diff(raw[:, 0]) > 0])]
-        log = kinid.Log(t=raw[:, 0] - raw[0, 0], q=raw[:, 1:7], dq=raw[:, 7:13], tau=UR_GAINS * raw[:, 13:19],
-                        phase=np.full(len(raw), "free"))  # fmt: skip
+        log = kinid.Log(
+            t=raw[:, 0] - raw[0, 0],
+            q=raw[:, 1:7],
+            dq=raw[:, 7:13],
+            tau=UR_GAINS * raw[:, 13:19],
+            phase=np.full(len(raw), "free"),
+        )
         return log, kinid.Rig.parse({"robot": {"model": "ur10"}})
 
     return read
@@ -89,8 +101,15 @@ def probes(real: Path) -> Pair:
     away = touch - touch.mean(axis=0)
     place = np.repeat(away @ np.linalg.svd(away, full_matrices=False)[2][:2].T, depth.shape[1], axis=0)
     still = np.zeros(depth.size)
-    contact = {"depth": depth.ravel(), "depth_rate": still, "normal_force": np.einsum("ijk,ik->ij", force, normal).ravel(),
-               "slip1": place[:, 0].copy(), "slip2": place[:, 1].copy(), "slip_rate1": still, "slip_rate2": still}  # fmt: skip
+    contact = {
+        "depth": depth.ravel(),
+        "depth_rate": still,
+        "normal_force": np.einsum("ijk,ik->ij", force, normal).ravel(),
+        "slip1": place[:, 0].copy(),
+        "slip2": place[:, 1].copy(),
+        "slip_rate1": still,
+        "slip_rate2": still,
+    }
     t = np.add.outer(2.0 * np.arange(len(depth)), 0.1 * np.arange(depth.shape[1])).ravel()
     return kinid.Log(t=t, contact=contact), kinid.Rig()
 
@@ -105,8 +124,14 @@ def slide(real: Path) -> Pair:
     first = np.cross([0.0, 1.0, 0.0], normal)
     axes = np.array([first / np.linalg.norm(first), np.cross(normal, first / np.linalg.norm(first)), normal])
     x, f = 1e-3 * (place - touching.mean(axis=0)) @ axes.T, force @ axes.T
-    contact = {"depth": 5e-3 - x[:, 2], "normal_force": f[:, 2].copy(), "slip1": x[:, 0].copy(), "slip2": x[:, 1].copy(),
-               "tangential_force1": f[:, 0].copy(), "tangential_force2": f[:, 1].copy()}  # fmt: skip
+    contact = {
+        "depth": 5e-3 - x[:, 2],
+        "normal_force": f[:, 2].copy(),
+        "slip1": x[:, 0].copy(),
+        "slip2": x[:, 1].copy(),
+        "tangential_force1": f[:, 0].copy(),
+        "tangential_force2": f[:, 1].copy(),
+    }
     return kinid.Log(t=t - t[0], contact=contact), kinid.Rig()
 
 
@@ -115,24 +140,30 @@ def _folder() -> Path:
     return Path(tempfile.mkdtemp(prefix="kinid-measured-"))
 
 
-LINK = ('<link name="{name}"><inertial><mass value="0.1"/><origin xyz="0 0 0"/>'
-        '<inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>')  # fmt: skip
-JOINT = ('<joint name="j{k}" type="revolute"><parent link="l{before}"/><child link="l{k}"/><origin xyz="0 0 0" rpy="{rpy}"/>'
-         '<axis xyz="{axis}"/><limit lower="-7" upper="7" effort="100" velocity="100"/></joint>')  # fmt: skip
+LINK = (
+    '<link name="{name}"><inertial><mass value="0.1"/><origin xyz="0 0 0"/>'
+    '<inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+)
+JOINT = (
+    '<joint name="j{k}" type="revolute"><parent link="l{before}"/><child link="l{k}"/><origin xyz="0 0 0" rpy="{rpy}"/>'
+    '<axis xyz="{axis}"/><limit lower="-7" upper="7" effort="100" velocity="100"/></joint>'
+)
 LEG = """<robot name="leg"><link name="body"/><link name="thigh"/><link name="shin"/><link name="foot"/>
 <joint name="hip" type="revolute"><parent link="body"/><child link="thigh"/><axis xyz="0 1 0"/>
 <limit lower="-3.1" upper="3.1" velocity="50" effort="5"/></joint>
-<joint name="knee" type="revolute"><parent link="thigh"/><child link="shin"/><origin xyz="0 0 -0.16"/><axis xyz="0 1 0"/>
-<limit lower="-3.1" upper="3.1" velocity="50" effort="5"/></joint>
+<joint name="knee" type="revolute"><parent link="thigh"/><child link="shin"/><origin xyz="0 0 -0.16"/>
+<axis xyz="0 1 0"/><limit lower="-3.1" upper="3.1" velocity="50" effort="5"/></joint>
 <joint name="ankle" type="fixed"><parent link="shin"/><child link="foot"/><origin xyz="0 0 -0.16"/></joint></robot>
 """
 
 
 def turning(real: Path) -> Pair:
-    """A known tool while an arm turns it by half a turn in 6 s; a wrist of three axes stands for the arm, whose joints were not
-    recorded. Orientation and wrench have clocks of their own."""
-    wrench, attitude = (np.genfromtxt(real / "med14-ft-imu" / f"1-baseline_{name}.csv", delimiter=",", skip_header=1)
-                        for name in ("wrench", "orientations"))  # fmt: skip
+    """A known tool while an arm turns it by half a turn in 6 s; a wrist of three axes stands for the arm, whose joints
+    were not recorded. Orientation and wrench have clocks of their own."""
+    wrench, attitude = (
+        np.genfromtxt(real / "med14-ft-imu" / f"1-baseline_{name}.csv", delimiter=",", skip_header=1)
+        for name in ("wrench", "orientations")
+    )
     rotation = attitude[:, 1:].reshape(-1, 3, 3)
     angle = np.unwrap(Rotation.from_matrix(rotation[0].T @ rotation).as_euler("YXZ"), axis=0)
     t, rows = np.unique(1e-6 * (wrench[:, 0] - attitude[0, 0]), return_index=True)
@@ -141,13 +172,21 @@ def turning(real: Path) -> Pair:
     q = np.stack([np.interp(t[inside], known, a) for a in angle.T], axis=1)
     first = " ".join(map(str, Rotation.from_matrix(rotation[0]).as_euler("xyz")))
     axes = (("0 1 0", first), ("1 0 0", "0 0 0"), ("0 0 1", "0 0 0"))
-    text = "".join([*(LINK.format(name=f"l{k}") for k in range(4)),
-                    *(JOINT.format(k=k + 1, before=k, axis=axis, rpy=rpy) for k, (axis, rpy) in enumerate(axes))])  # fmt: skip
+    text = "".join(
+        [
+            *(LINK.format(name=f"l{k}") for k in range(4)),
+            *(JOINT.format(k=k + 1, before=k, axis=axis, rpy=rpy) for k, (axis, rpy) in enumerate(axes)),
+        ]
+    )
     (_folder() / "wrist.urdf").write_text(f'<robot name="wrist">{text}</robot>', encoding="utf-8")
     tool = poses(real)[1].tool
     assert tool is not None
-    rig = kinid.Rig.parse({"robot": {"model": str(_folder() / "wrist.urdf"), "sensor_frame": "l3", "tip_frame": "l3"},
-                           "tool": {"mass": tool.mass, "com": list(tool.com)}})  # fmt: skip
+    rig = kinid.Rig.parse(
+        {
+            "robot": {"model": str(_folder() / "wrist.urdf"), "sensor_frame": "l3", "tip_frame": "l3"},
+            "tool": {"mass": tool.mass, "com": list(tool.com)},
+        }
+    )
     log = kinid.Log(t=t[inside], q=q, wrench=wrench[rows][inside][:, 1:], phase=np.full(int(inside.sum()), "free"))
     return log, rig
 
@@ -156,16 +195,24 @@ def leg(name: str) -> Callable[[Path], Pair]:
     """A leg of two massless links above a sensor on the ground, which says what the foot feels."""
 
     def read(real: Path) -> Pair:
-        tables = [np.loadtxt(real / "leg-contact" / name / f"dg_hopper_teststand-{file}.dat")
-                  for file in ("joint_positions", "joint_torques", "ati_force")]  # fmt: skip
+        tables = [
+            np.loadtxt(real / "leg-contact" / name / f"dg_hopper_teststand-{file}.dat")
+            for file in ("joint_positions", "joint_torques", "ati_force")
+        ]
         counter = tables[0][:, 0]
         for table in tables[1:]:
             counter = np.intersect1d(counter, table[:, 0])
         q, tau, force = (table[np.searchsorted(table[:, 0], counter), 1:] for table in tables)
         (_folder() / "leg.urdf").write_text(LEG, encoding="utf-8")
-        rig = kinid.Rig.parse({"robot": {"model": str(_folder() / "leg.urdf"), "sensor_frame": "foot", "tip_frame": "foot"},
-                               "sensor": {"wrench_frame": "base"}})  # fmt: skip
-        return kinid.Log(t=1e-3 * (counter - counter[0]), q=q, tau=tau, wrench=np.hstack([force, np.zeros_like(force)])), rig
+        rig = kinid.Rig.parse(
+            {
+                "robot": {"model": str(_folder() / "leg.urdf"), "sensor_frame": "foot", "tip_frame": "foot"},
+                "sensor": {"wrench_frame": "base"},
+            }
+        )
+        return kinid.Log(
+            t=1e-3 * (counter - counter[0]), q=q, tau=tau, wrench=np.hstack([force, np.zeros_like(force)])
+        ), rig
 
     return read
 
@@ -189,15 +236,28 @@ SOURCES: tuple[Source, ...] = (
     *(Source(f"ur10e-motion-{name[:2]}", "arm", ur10e(name), (*_ARM, GAIN)) for name in ("14harm50sec", "15harm50sec")),
     Source("ur10e-motion-joint-1", "axis", motor, _ARM),
     Source("drive-friction", "axis", drive, (*_ARM, ASYMMETRY)),
-    Source("silicone-two-cycles", "tester", silicone("two_cycles"), ("hooke", "hertz-exponent", "relaxation", "surface-offset")),
-    *(Source(f"silicone-{name}", "tester", silicone(f"press_{name}"), _PRESS)
-      for name in ("d5mm_hard", "d5mm_soft", "d10mm_soft", "d20mm_soft")),
+    Source(
+        "silicone-two-cycles",
+        "tester",
+        silicone("two_cycles"),
+        ("hooke", "hertz-exponent", "relaxation", "surface-offset"),
+    ),
+    *(
+        Source(f"silicone-{name}", "tester", silicone(f"press_{name}"), _PRESS)
+        for name in ("d5mm_hard", "d5mm_soft", "d10mm_soft", "d20mm_soft")
+    ),
     Source("phantom-probes", "places", probes, ("hooke", "surface-offset")),
-    Source("phantom-slide", "slide", slide,
-           ("hooke", "surface-offset", "stiffness-inhomogeneity", "coulomb-friction", "surface-tilt")),
+    Source(
+        "phantom-slide",
+        "slide",
+        slide,
+        ("hooke", "surface-offset", "stiffness-inhomogeneity", "coulomb-friction", "surface-tilt"),
+    ),
     Source("med14-poses", "wrench", poses, ("none", "sensor-bias", "tool-com")),
     Source("med14-turning", "wrench", turning, ("none", "sensor-bias")),
     *(Source(f"leg-{name}", "leg", leg(name), _ARM) for name in ("jump", "push_pull")),
-    *(Source(f"ur10e-bags-{name[10:]}", "wrench", bag(name), ("none", "sensor-bias"))
-      for name in ("traj_real_30", "traj_real_100")),
-)  # fmt: skip
+    *(
+        Source(f"ur10e-bags-{name[10:]}", "wrench", bag(name), ("none", "sensor-bias"))
+        for name in ("traj_real_30", "traj_real_100")
+    ),
+)

@@ -1,4 +1,5 @@
-"""The peer of the diagnosis: forward selection by paired errors on blocks that a fit has not seen, with a solver of its own.
+"""The peer of the diagnosis: forward selection by paired errors on blocks that a fit has not seen, with a solver of its
+own.
 
 Each channel is weighed by what is left in it. Derived from a script of 74 lines that stood on the project's own search.
 """
@@ -17,8 +18,8 @@ from kinid.errors import InputError
 from measured.solver import Fitting, blocks
 
 Array = NDArray[np.float64]
-#: paired t; least share of the error; rivals (s.e.); samples of the first look; full fits; effects; starts of a new one and
-#: steps from each
+#: paired t; least share of the error; rivals (s.e.); samples of the first look; full fits; effects; starts of a new one
+#: and steps from each
 T, SHARE, SAME, SCREEN, FULL, MOST, STARTS, QUICK = 3.0, 0.03, 2.0, 3000, 5, 4, 3, 5
 
 
@@ -59,7 +60,9 @@ def select(model: kinid.Model, experiment: Any) -> list[tuple[str, float, float,
                 new = Fitting(model + name, small, weight)
                 if len(new.named) > len(look.named):
                     tried = [new.solve(start, new.valid, QUICK) for start in starts(name, new, known)]
-                    cost = [np.sum(((new.measured - new.predict(v)) * weight[:, None])[:, new.valid] ** 2) for v in tried]
+                    cost = [
+                        np.sum(((new.measured - new.predict(v)) * weight[:, None])[:, new.valid] ** 2) for v in tried
+                    ]
                     best = tried[int(np.argmin(cost))]
                     looks.append((gain(was, new.held_out(best), small.signals.t)[0], name, best))
             except (InputError, ValueError, np.linalg.LinAlgError, ZeroDivisionError):

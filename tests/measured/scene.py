@@ -19,7 +19,8 @@ from measured.solver import Fitting
 Array = NDArray[np.float64]
 
 FORCES = ("normal_force", "tangential_force1", "tangential_force2")
-#: above this a motion that is differentiated here is noise [Hz], unless its spectrum stands so many times above its floor
+#: above this a motion that is differentiated here is noise [Hz], unless its spectrum stands so many times above its
+#: floor
 BAND, STANDS_OUT = 15.0, 30.0
 #: share of the unknowns' own directions that are no more than rounding
 RANK = 1e-9
@@ -43,7 +44,9 @@ def with_readings(log: kinid.Log, values: Array) -> kinid.Log:
     if log.wrench is not None:
         return dataclasses.replace(log, wrench=values)
     names = [name for name in FORCES if name in log.contact]
-    return dataclasses.replace(log, contact={**log.contact, **{name: values[:, i].copy() for i, name in enumerate(names)}})
+    return dataclasses.replace(
+        log, contact={**log.contact, **{name: values[:, i].copy() for i, name in enumerate(names)}}
+    )
 
 
 def experiment_of(model: kinid.Model, log: kinid.Log, rig: kinid.Rig) -> Any:
@@ -143,8 +146,10 @@ class Scene:
         f, power = welch(np.diff(moved, axis=0), rate, nperseg=512, axis=0)
         power = power / np.maximum(f, f[1])[:, None] ** 2  # of positions
         floor = np.median(power[f > 0.35 * rate], axis=0)
-        out = [float(f[np.flatnonzero((row < STANDS_OUT * least) & (f > 1.0))[0]]) if least > 0 else BAND
-               for row, least in zip(power.T, floor)]  # fmt: skip
+        out = [
+            float(f[np.flatnonzero((row < STANDS_OUT * least) & (f > 1.0))[0]]) if least > 0 else BAND
+            for row, least in zip(power.T, floor)
+        ]
         return float(np.clip(np.median(out), BAND, 0.2 * rate))
 
     def smooth(self, values: Array, band: float | None = None) -> Array:
@@ -161,8 +166,8 @@ class Scene:
 
     @cached_property
     def dq(self) -> Array:
-        """Joint velocities (n, N): what rubs doesn't see the noise of the log. Where accelerations were logged, both were made
-        from positions by filters that are off where a log begins and ends."""
+        """Joint velocities (n, N): what rubs doesn't see the noise of the log. Where accelerations were logged, both
+        were made from positions by filters that are off where a log begins and ends."""
         made = self.log.dq is None or self.log.ddq is not None
         return self.rate(np.asarray(self.log.q)) if made else self.smooth(np.asarray(self.log.dq))
 

@@ -49,11 +49,11 @@ class Score:
     """Of a case.
 
     Attributes:
-        exact: the injected effect itself was added. named: it, or one that does the same to this log, was added or is in
-            `equivalent_to` of an added one (which counts where it was not so without the injection). first: of the first that was
-            added. already: it was added without the injection, too.
-        false: added names that are neither that nor were added without the injection. swapped: those of them that were rivals of
-            an added name without it: the log's own effect by another name.
+        exact: the injected effect itself was added. named: it, or one that does the same to this log, was added or is
+            in `equivalent_to` of an added one (which counts where it was not so without the injection). first: of the
+            first that was added. already: it was added without the injection, too.
+        false: added names that are neither that nor were added without the injection. swapped: those of them that were
+            rivals of an added name without it: the log's own effect by another name.
         lost: names that were added without the injection and are not any more.
         known: whether the catalogue holds the effect at all.
     """
@@ -72,7 +72,8 @@ def score(case: Case, found: Any, without: Any = None) -> Score:
     """Compare what was said of a case with what was injected.
 
     Args:
-        case: with its truth. found: a diagnosis, or an `Answer`. without: the same of the log without the injection, or None.
+        case: with its truth. found: a diagnosis, or an `Answer`. without: the same of the log without the injection, or
+            None.
     """
     said = found if isinstance(found, Answer) else answer_of(found)
     before = Answer(()) if without is None else without if isinstance(without, Answer) else answer_of(without)
@@ -92,4 +93,4 @@ def score(case: Case, found: Any, without: Any = None) -> Score:
         swapped=tuple(name for name in false if name in before.all),
         lost=tuple(name for name in before.added if name not in said.all),
         known=case.effect in effects.catalogue(),
-    )  # fmt: skip
+    )

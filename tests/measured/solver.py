@@ -1,4 +1,5 @@
-"""A small solver of its own: least squares of a model to an experiment, and what is left of it on blocks that it has not seen.
+"""A small solver of its own: least squares of a model to an experiment, and what is left of it on blocks that it has
+not seen.
 
 It asks the project for no more than a model's parameters, its prediction and the samples.
 """
@@ -29,10 +30,17 @@ class Fitting:
         self.valid = experiment.valid & np.isfinite(self.measured).all(axis=0)
         spread = np.std(self.measured[:, self.valid], axis=1)
         self.weight = 1.0 / np.maximum(spread, 1e-6 * spread.max() + 1e-12) if weight is None else weight
-        marks = [(m.marks(getattr(experiment, "raw", experiment.measured)) if m.detector else None,
-                  len(m.parameters(experiment.signals.layout))) for m in model.effects]  # fmt: skip
-        self.shown, self.held = (np.concatenate([np.zeros(0), *(np.full(n, np.nan) if m is None else m[i] for m, n in marks)])
-                                 for i in (0, 1))  # fmt: skip
+        marks = [
+            (
+                m.marks(getattr(experiment, "raw", experiment.measured)) if m.detector else None,
+                len(m.parameters(experiment.signals.layout)),
+            )
+            for m in model.effects
+        ]
+        self.shown, self.held = (
+            np.concatenate([np.zeros(0), *(np.full(n, np.nan) if m is None else m[i] for m, n in marks)])
+            for i in (0, 1)
+        )
         self.free = np.flatnonzero(np.isnan(self.held))
         self._slopes: dict[bytes, Array] = {}
 

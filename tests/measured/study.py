@@ -4,7 +4,8 @@
 
 From the folder of the tests. `--only` takes the cases whose name (log/effect/size) holds a text (or one of
 several between commas; with a "/" in it there are no transfers); `--every` each so manieth of
-them in an order of the seed's; after `--minutes` no new case is begun. What is raised is written down, and the study goes on.
+them in an order of the seed's; after `--minutes` no new case is begun. What is raised is written down, and the study
+goes on.
 """
 
 from __future__ import annotations
@@ -41,9 +42,15 @@ def chosen(seed: int, sizes: Sequence[float], only: str, every: int) -> list[tup
 
 
 def study(
-    engine: str, seed: int, sizes: Sequence[float], only: str = "", every: int = 1, minutes: float = np.inf,
-    real: Path = REAL, tell: Callable[[Row], None] = lambda row: None,
-) -> list[Row]:  # fmt: skip
+    engine: str,
+    seed: int,
+    sizes: Sequence[float],
+    only: str = "",
+    every: int = 1,
+    minutes: float = np.inf,
+    real: Path = REAL,
+    tell: Callable[[Row], None] = lambda row: None,
+) -> list[Row]:
     """A row for each case, each log without injection and each transfer."""
     began, rows = time.perf_counter(), []
     without: dict[tuple[str, tuple[str, ...]], Answer | None] = {}
@@ -69,13 +76,24 @@ def study(
     for source, effect, size in chosen(seed, sizes, only, every):
         if time.perf_counter() - began > 60 * minutes:
             break
-        row: Row = {"kind": "case", "name": name_of(source, effect, size), "log": source.name, "effect": effect, "size": size}
+        row: Row = {
+            "kind": "case",
+            "name": name_of(source, effect, size),
+            "log": source.name,
+            "effect": effect,
+            "size": size,
+        }
         try:
             made = case(source, effect, size, seed, real)
             if made is None:
                 keep(row | {"kind": "unfit"})
                 continue
-            row |= {"near": sorted(made.near), "natural": made.natural, "reached": round(made.reached, 3), "note": made.note}
+            row |= {
+                "near": sorted(made.near),
+                "natural": made.natural,
+                "reached": round(made.reached, 3),
+                "note": made.note,
+            }
             before = plain(source, made.model)
             start = time.perf_counter()
             said = ask(engine, made.log, made.rig, made.model)
@@ -132,8 +150,11 @@ def _counts(rows: Sequence[Row]) -> str:
     false, swapped = (sum(len(row[key]) for row in every) for key in ("false", "swapped"))
     of_all = f"{sum(row['named'] for row in every)}/{len(every)}"
     quick = float(np.median([row["seconds"] for row in told])) if told else float("nan")
-    return (f"{len(new):>5} {named:>4} {share} {exact:>6} {first:>6} {of_all:>10} {false:>4} ({swapped:>2}) in {len(every):<4} "
-            f"{sum('crash' in row for row in rows):>5} {sum('refused' in row for row in rows):>7} {quick:>6.1f}")  # fmt: skip
+    return (
+        f"{len(new):>5} {named:>4} {share} {exact:>6} {first:>6} {of_all:>10} {false:>4} ({swapped:>2}) in "
+        f"{len(every):<4} "
+        f"{sum('crash' in row for row in rows):>5} {sum('refused' in row for row in rows):>7} {quick:>6.1f}"
+    )
 
 
 def report(rows: Sequence[Row], head: str) -> str:
@@ -142,18 +163,28 @@ def report(rows: Sequence[Row], head: str) -> str:
     for key in ("log", "size", "effect"):
         lines += [*table(rows, key), ""]
     cases = [row for row in rows if row["kind"] == "case" and "named" in row]
-    lines += [f"{sum(row['already'] for row in cases)} cases whose effect was named without the injection, too, and "
-              f"{sum(not row['known'] for row in cases)} whose effect the catalogue lacks, are in no share",
-              "('of all' and the false names hold the former; in brackets: false names that were rivals without the injection);",
-              f"{sum(row['kind'] == 'unfit' for row in rows)} planned ones do not fit their log.", ""]  # fmt: skip
+    lines += [
+        f"{sum(row['already'] for row in cases)} cases whose effect was named without the injection, too, and "
+        f"{sum(not row['known'] for row in cases)} whose effect the catalogue lacks, are in no share",
+        "('of all' and the false names hold the former; in brackets: false names that were rivals without the "
+        "injection);",
+        f"{sum(row['kind'] == 'unfit' for row in rows)} planned ones do not fit their log.",
+        "",
+    ]
     lines += ["without an injection"]
-    lines += [f"{row['name']:<24} {_problem(row) or ', '.join(row['added']) or '–'}   (from {' + '.join(row['model'])})"
-              for row in rows if row["kind"] == "without"]  # fmt: skip
+    lines += [
+        f"{row['name']:<24} {_problem(row) or ', '.join(row['added']) or '–'}   (from {' + '.join(row['model'])})"
+        for row in rows
+        if row["kind"] == "without"
+    ]
     lines += ["", "transfer: error on the other log, by what the starting model leaves on the first"]
     lines += [row.get("line") or f"{row['name']} {_problem(row)}" for row in rows if row["kind"] == "transfer"]
     lines += ["", "crashes and refusals", *(f"{row['name']}: {_problem(row)}" for row in rows if _problem(row))]
-    missed = [f"{row['name']} said {', '.join(row['added']) or 'nothing'}" for row in cases
-              if row["known"] and not row["already"] and not row["named"]]  # fmt: skip
+    missed = [
+        f"{row['name']} said {', '.join(row['added']) or 'nothing'}"
+        for row in cases
+        if row["known"] and not row["already"] and not row["named"]
+    ]
     return "\n".join([*lines, "", "not named", *missed]) + "\n"
 
 
@@ -163,7 +194,9 @@ def _problem(row: Row) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command."""
-    parser = argparse.ArgumentParser(prog="python -m measured.study", description=__doc__.split("\n", 1)[0] if __doc__ else "")
+    parser = argparse.ArgumentParser(
+        prog="python -m measured.study", description=__doc__.split("\n", 1)[0] if __doc__ else ""
+    )
     parser.add_argument("out", type=Path, help="one JSON line a case")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--engine", choices=ENGINES, default="diagnosis")
@@ -183,7 +216,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
         sizes = [float(size) for size in given.sizes.split(",")]
         rows = study(given.engine, given.seed, sizes, given.only, given.every, given.minutes, tell=tell)
-    print(report(rows, f"{given.engine}, seed {given.seed}, sizes {given.sizes}, every {given.every}, only '{given.only}'"))
+    print(
+        report(
+            rows, f"{given.engine}, seed {given.seed}, sizes {given.sizes}, every {given.every}, only '{given.only}'"
+        )
+    )
     return 0
 
 

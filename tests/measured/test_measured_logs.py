@@ -1,4 +1,6 @@
-"""Effects injected into measured logs: what is injected has the asked size and nothing else changes; what is named is scored."""
+"""Effects injected into measured logs: what is injected has the asked size and nothing else changes; what is named is
+scored.
+"""
 
 from __future__ import annotations
 
@@ -20,17 +22,25 @@ from measured.transfer import moved, ways
 
 pytestmark = pytest.mark.real
 
-#: what the diagnosis has to reach, None where nothing is asked yet. Of the small study: cases that are named at 2 and at 5 times
-#: what is left, of those whose effect the log did not show already; names that are not there, a case; transfers that hold
+#: what the diagnosis has to reach, None where nothing is asked yet. Of the small study: cases that are named at 2 and
+#: at 5 times what is left, of those whose effect the log did not show already; names that are not there, a case;
+#: transfers that hold
 SMALL: dict[str, float | None] = {"named at 2": None, "named at 5": None, "false a case": None, "transfers": None}
 #: the same of the whole study
 WHOLE: dict[str, float | None] = {"named at 2": None, "named at 5": None, "false a case": None, "transfers": None}
 
 #: logs and effects of the small study: each family, and what is read off samples, filters, clocks and laws
-FEW = ("drive-friction/sensor-lag", "drive-friction/joint-coulomb-friction", "drive-friction/quantization",
-       "lwr4plus-motion-1/payload", "ur10e-motion-joint-1/sensor-drift",
-       "silicone-d5mm_hard/viscous-damping", "silicone-d5mm_hard/hysteresis",
-       "med14-poses/tool-mass", "med14-poses/sensor-misalignment")  # fmt: skip
+FEW = (
+    "drive-friction/sensor-lag",
+    "drive-friction/joint-coulomb-friction",
+    "drive-friction/quantization",
+    "lwr4plus-motion-1/payload",
+    "ur10e-motion-joint-1/sensor-drift",
+    "silicone-d5mm_hard/viscous-damping",
+    "silicone-d5mm_hard/hysteresis",
+    "med14-poses/tool-mass",
+    "med14-poses/sensor-misalignment",
+)
 SEED = 1
 
 
@@ -46,19 +56,28 @@ def small(real_data: Path) -> list[Case]:
 
 
 def test_there_is_plenty() -> None:
-    """More than two hundred combinations of log and effect; each name is one of the catalogue's, or of the page of effects."""
+    """More than two hundred combinations of log and effect; each name is one of the catalogue's, or of the page of
+    effects.
+    """
     every = planned(sizes=[1.0])
     assert len(every) > 200
     assert len({name for _, name, _ in every}) >= 30
     known = effects.catalogue()
-    late = {"joint-stribeck-friction", "joint-load-friction", "joint-spring", "joint-torque-ripple"}  # younger than the others
+    late = {
+        "joint-stribeck-friction",
+        "joint-load-friction",
+        "joint-spring",
+        "joint-torque-ripple",
+    }  # younger than the others
     assert {name for _, name, _ in every} <= set(known) | late
     for source in SOURCES:
         assert set(source.model) - {"none"} <= set(known)
 
 
 def test_cases_are_what_was_asked_for(small: list[Case], real_data: Path) -> None:
-    """The part that a refit of the starting model leaves is five times what was left, by least squares of this test's own."""
+    """The part that a refit of the starting model leaves is five times what was left, by least squares of this test's
+    own.
+    """
     assert len(small) >= len(FEW) - 2  # what a filter or a converter can do at most depends on how motion is smoothed
     for one in small:
         source = next(source for source in SOURCES if source.name == one.source)
@@ -134,7 +153,9 @@ def test_scores(small: list[Case]) -> None:
 def test_transfer_of_true_friction(real_data: Path) -> None:
     """What every joint has holds on the other half of a log: dry friction, where the model lacks it."""
     way = next(way for way in ways(real_data, "drive-friction"))
-    bare = type(way)(way.name, tuple(name for name in way.model if name != "joint-coulomb-friction"), way.learnt, way.tried)
+    bare = type(way)(
+        way.name, tuple(name for name in way.model if name != "joint-coulomb-friction"), way.learnt, way.tried
+    )
     before, after = moved(bare, ("joint-coulomb-friction",))
     assert after < 0.7 * before
     first, second = halves(way.learnt[0])
@@ -152,10 +173,15 @@ def reached(rows: list[dict[str, Any]], bars: dict[str, float | None]) -> None:
     told = [row for row in cases if "named" in row]
     new = [row for row in told if row["known"] and not row["already"]]
     found = {
-        f"named at {size}": float(np.mean([row["named"] for row in new if row["size"] == size] or [np.nan])) for size in (2, 5)
+        f"named at {size}": float(np.mean([row["named"] for row in new if row["size"] == size] or [np.nan]))
+        for size in (2, 5)
     }
     found["false a case"] = float(np.mean([len(row["false"]) for row in told if row["known"]]))
-    holds = [row["after"] < row["before"] for row in rows if row["kind"] == "transfer" and row.get("added") and "after" in row]
+    holds = [
+        row["after"] < row["before"]
+        for row in rows
+        if row["kind"] == "transfer" and row.get("added") and "after" in row
+    ]
     found["transfers"] = float(np.mean(holds)) if holds else np.nan
     print(f"\n{found}; {len(new)} of {len(cases)} cases count, {len(cases) - len(told)} crashed or refused", end="")
     for name, bar in bars.items():

@@ -1,4 +1,6 @@
-"""Whether what is named on one log holds on another one of the same machine: parameters of the one predict the other."""
+"""Whether what is named on one log holds on another one of the same machine: parameters of the one predict the
+other.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,11 @@ Array = NDArray[np.float64]
 #: of each log its own: refitted where the parameters of another log are tried
 NUISANCES = ("joint-torque-offset", "sensor-bias", "sensor-drift", "surface-offset")
 #: logs of two recordings, and those that are cut in the middle
-TWO = (("lwr4plus-motion-1", "lwr4plus-motion-2"), ("ur10e-motion-14", "ur10e-motion-15"), ("leg-jump", "leg-push_pull"))
+TWO = (
+    ("lwr4plus-motion-1", "lwr4plus-motion-2"),
+    ("ur10e-motion-14", "ur10e-motion-15"),
+    ("leg-jump", "leg-push_pull"),
+)
 HALVED = ("panda-motion", "drive-friction", "silicone-two-cycles", "phantom-probes", "phantom-slide")
 
 
@@ -44,7 +50,11 @@ def ways(real: Path, only: str = "") -> list[Way]:
             log, rig = by[name].read(real)
             first, second = halves(log)
             pairs.append((f"{name} halves", by[name].model, (first, rig), (second, rig)))
-    return [way for name, model, a, b in pairs for way in (Way(f"{name}, there", model, a, b), Way(f"{name}, back", model, b, a))]
+    return [
+        way
+        for name, model, a, b in pairs
+        for way in (Way(f"{name}, there", model, a, b), Way(f"{name}, back", model, b, a))
+    ]
 
 
 def moved(way: Way, added: tuple[str, ...]) -> tuple[float, float]:

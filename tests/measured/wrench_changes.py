@@ -1,4 +1,6 @@
-"""Formulas of what is done to a wrench: bodies on the sensor in its measured attitude, and faults of the sensor's axes."""
+"""Formulas of what is done to a wrench: bodies on the sensor in its measured attitude, and faults of the sensor's
+axes.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,9 @@ def mass(scene: Scene, rng: np.random.Generator) -> Shape:
     """More mass at the tool's centre, as far as the rig knows it."""
     tool = scene.rig.tool
     f = specific(scene)
-    return Shape(np.hstack([f, np.cross(np.zeros(3) if tool is None else tool.com, f)])[None], rng.choice([-1.0, 1.0], 1))
+    return Shape(
+        np.hstack([f, np.cross(np.zeros(3) if tool is None else tool.com, f)])[None], rng.choice([-1.0, 1.0], 1)
+    )
 
 
 def centre(scene: Scene, rng: np.random.Generator) -> Shape:
@@ -68,7 +72,14 @@ def coupled(scene: Scene, rng: np.random.Generator) -> Shape:
 
 _BODY: dict[str, Draw] = {"tool-mass": mass, "tool-com": centre, "sensor-bias": bias}
 POSES: dict[str, Draw] = {**_BODY, "sensor-gain": one_gain, "sensor-misalignment": turned, "sensor-crosstalk": coupled}
-TURNING: dict[str, Draw] = {**POSES, "sensor-drift": drift, "time-offset": late, "sensor-lag": lag, "quantization": lattice,
-                            "saturation": clip, "mains-hum": hum}  # fmt: skip
+TURNING: dict[str, Draw] = {
+    **POSES,
+    "sensor-drift": drift,
+    "time-offset": late,
+    "sensor-lag": lag,
+    "quantization": lattice,
+    "saturation": clip,
+    "mains-hum": hum,
+}
 #: the controller takes off what it knows of the tool: nothing is left that gains, clocks or axes could act on
 BAG: dict[str, Draw] = {**_BODY, "sensor-drift": drift, "quantization": lattice, "mains-hum": hum}

@@ -40,8 +40,11 @@ def test_the_truth_predicts_the_raw_wrench(poke: Scripted, experiment: Experimen
     """Material, friction and bias as they were planted leave what the encoders' steps and the noise do."""
     assert experiment.layout == Layout(WRENCH, "wrench")
     model = Model("kelvin-voigt", "coulomb-friction", "sensor-bias")
-    values = {"kelvin-voigt.stiffness": poke.material.stiffness, "kelvin-voigt.damping": poke.material.damping,
-              "coulomb-friction.coefficient": poke.material.friction}  # fmt: skip
+    values = {
+        "kelvin-voigt.stiffness": poke.material.stiffness,
+        "kelvin-voigt.damping": poke.material.damping,
+        "coulomb-friction.coefficient": poke.material.friction,
+    }
     values |= {f"sensor-bias.offset[{name}]": b for name, b in zip(WRENCH, poke.bias)}
     # motion doesn't tell friction at rest, nor within a millimetre of a reversal
     sure = experiment.valid & ((np.linalg.norm(experiment.signals.slip_rate, axis=0) > 15e-3) | ~experiment.in_contact)
@@ -107,8 +110,12 @@ def test_without_a_surface_all_is_free_motion(swing: Callable[..., Any]) -> None
     rig = Rig.parse({"robot": {"model": "lwr4plus"}, "tool": tool})
     robot, t = Robot.load(rig), np.linspace(0.0, 3.0, 600)
     q, dq, ddq = swing(np.deg2rad([0.0, -40.0, 0.0, 85.0, 0.0, -55.0, 0.0]), seed=4)(t)
-    true = tool_load(ToolSpec(mass=0.62, com=(0.01, 0.0, 0.05)), robot.kinematics("ft_sensor", q, dq, ddq), robot.gravity)
-    e = from_wrench(Log(t, q=q, dq=dq, ddq=ddq, wrench=true + 0.3), rig, differentiator=Differentiator())  # motion as logged
+    true = tool_load(
+        ToolSpec(mass=0.62, com=(0.01, 0.0, 0.05)), robot.kinematics("ft_sensor", q, dq, ddq), robot.gravity
+    )
+    e = from_wrench(
+        Log(t, q=q, dq=dq, ddq=ddq, wrench=true + 0.3), rig, differentiator=Differentiator()
+    )  # motion as logged
     assert (e.signals.depth == FAR).all()
     assert not e.in_contact.any()
     values = {"tool-mass.mass": 0.12, **{f"sensor-bias.offset[{name}]": 0.3 for name in WRENCH}}
@@ -126,7 +133,9 @@ def test_missing_samples_are_left_out_and_gaps_end_memory(poke: Scripted) -> Non
     assert np.isfinite(e.measured[:, e.valid]).all()
     rows = np.flatnonzero(e.signals.dt == 0.0)
     assert len(rows) == 2
-    assert e.valid.sum() == len(log) - 1 - 500  # in contact a second after the gap counts for nothing: who knows what came before
+    assert (
+        e.valid.sum() == len(log) - 1 - 500
+    )  # in contact a second after the gap counts for nothing: who knows what came before
     assert not e.valid[rows[1] : rows[1] + 500].any()
     assert e.signals.t[rows[1]] == pytest.approx(t[4000] - t[0])
     assert e.signals.dt.max() <= 2.001 * log.period  # one sample that is missing is bridged
@@ -150,7 +159,9 @@ def test_a_curved_surface_turns_with_the_place(poke: Scripted, tmp_path: Path) -
     assert near.any()
     assert e.signals.sensor is not None
     assert plane.signals.sensor is not None
-    np.testing.assert_allclose(e.signals.sensor.to_contact[near, 2], plane.signals.sensor.to_contact[near, 2], atol=1e-6)
+    np.testing.assert_allclose(
+        e.signals.sensor.to_contact[near, 2], plane.signals.sensor.to_contact[near, 2], atol=1e-6
+    )
     np.testing.assert_allclose(e.signals.depth[near], plane.signals.depth[near], atol=1e-6)
 
 

@@ -38,15 +38,21 @@ def drawn() -> Callable[[int], tuple[Planner, list[Any]]]:
         point = np.array([0.55, 0.0, 0.12]) + rng.uniform(-1, 1, 3) * [0.1, 0.25, 0.06]
         tables = TABLES | {"surface": {"point": tuple(point), "normal": tuple(normal)}}
         default = Protocol()
-        protocol = Protocol(height=rng.uniform(0.01, 0.03), rate=250.0, travel=default.travel.slower(rng.uniform(0.3, 2.0)),
-                            contact=default.contact.slower(rng.uniform(0.5, 2)))  # fmt: skip
+        protocol = Protocol(
+            height=rng.uniform(0.01, 0.03),
+            rate=250.0,
+            travel=default.travel.slower(rng.uniform(0.3, 2.0)),
+            contact=default.contact.slower(rng.uniform(0.5, 2)),
+        )
         touches: list[Any] = []
         for _ in range(rng.integers(1, 3)):
             place = tuple(rng.uniform(-0.03, 0.03, 2))
             if rng.random() < 0.6:
                 base = rng.uniform(0.002, 0.012)
-                sines = tuple((rng.uniform(0.1, 0.5) * base, rng.uniform(0.3, 3.0), rng.uniform(0, 6))
-                              for _ in range(rng.integers(1, 4)))  # fmt: skip
+                sines = tuple(
+                    (rng.uniform(0.1, 0.5) * base, rng.uniform(0.3, 3.0), rng.uniform(0, 6))
+                    for _ in range(rng.integers(1, 4))
+                )
                 touches.append(Poke(place, Multisine(base, sines, rng.uniform(1.0, 3.0)), rng.uniform(0, 0.5)))
             else:
                 corners = (place, *(tuple(place + rng.uniform(-0.02, 0.02, 2)) for _ in range(rng.integers(1, 3))))

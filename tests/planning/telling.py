@@ -2,15 +2,15 @@
 
     python -m plan.telling OUT.json [SEED [COUNT]]        from the folder of the tests; about an hour on one core
 
-One of two effects that are easily taken for each other is hidden. Three logs are diagnosed, each alone and with the whole
-catalogue to choose from: a plain poke or slide (*before*); the experiment that `kinid plan discriminate` proposes for the
-two (*planned*); one drawn at random of the same length (*random*). An answer is right where the hidden effect is named first
-and the other one of the pair is not called indistinguishable from it.
+One of two effects that are easily taken for each other is hidden. Three logs are diagnosed, each alone and with the
+whole catalogue to choose from: a plain poke or slide (*before*); the experiment that `kinid plan discriminate` proposes
+for the two (*planned*); one drawn at random of the same length (*random*). An answer is right where the hidden effect
+is named first and the other one of the pair is not called indistinguishable from it.
 
-The planner sees what a user has: the starting model, its values as fitted to the log before, the rig, and the pair. Logs are
-made by `hidden.world`, on other equations than the catalogue's, along the planned motion, with noise, tremor and what
-calibration leaves. The size of what is hidden follows from the log before alone: what the starting model can't absorb of it
-there is `WEAK` to `STRONG` times the noise. An experiment lasts `DURATION`, planned or drawn.
+The planner sees what a user has: the starting model, its values as fitted to the log before, the rig, and the pair.
+Logs are made by `hidden.world`, on other equations than the catalogue's, along the planned motion, with noise, tremor
+and what calibration leaves. The size of what is hidden follows from the log before alone: what the starting model can't
+absorb of it there is `WEAK` to `STRONG` times the noise. An experiment lasts `DURATION`, planned or drawn.
 """
 
 from __future__ import annotations
@@ -58,7 +58,8 @@ class Pair:
     """Two effects that are taken for each other, and what is known before.
 
     Attributes:
-        effects: the two. base: contact law of the starting model. slides: whether the log before is a slide, not a poke.
+        effects: the two. base: contact law of the starting model. slides: whether the log before is a slide, not a
+            poke.
         world: "tester" (depth and forces) or "wrist" (joints and six channels).
     """
 
@@ -113,8 +114,11 @@ class Answer:
     def line(self) -> str:
         """For a listing."""
         alike = f" (= {', '.join(self.alike)})" if self.alike else ""
-        return (f"{'ok ' if self.right else 'BAD'} {self.way:<8} {self.hidden} of {'/'.join(self.pair)} seed {self.seed} "
-                f"[{self.experiment}]: {self.verdict} {', '.join(self.added) or '–'}{alike} {self.note} [{self.seconds:.1f} s]")
+        return (
+            f"{'ok ' if self.right else 'BAD'} {self.way:<8} {self.hidden} of {'/'.join(self.pair)} seed {self.seed} "
+            f"[{self.experiment}]: {self.verdict} {', '.join(self.added) or '–'}{alike} {self.note} "
+            f"[{self.seconds:.1f} s]"
+        )
 
 
 class Trial:
@@ -131,18 +135,27 @@ class Trial:
         if wrist:
             error["noise"] = NOISE * rng.uniform(0.7, 1.4)
             error["bias_error"] = rng.uniform(-1, 1, 6) * [0.01, 0.01, 0.01, 3e-4, 3e-4, 3e-4]
-        parts: dict[str, Any] = {"matter": base_of(rng, pair.base, self.deep), "rub": Rub(mu=float(rng.uniform(0.15, 0.6)))}
+        parts: dict[str, Any] = {
+            "matter": base_of(rng, pair.base, self.deep),
+            "rub": Rub(mu=float(rng.uniform(0.15, 0.6))),
+        }
         parts |= error
         self.plain: Any = Wrist(bodies=(self.tool,), **parts) if wrist else Setup(**parts)
-        self.rig = kinid.Rig.parse({
-            "robot": {"model": "lwr4plus"}, "tool": {"mass": self.tool.mass, "com": list(self.tool.com)},
-            "surface": {"point": (0.55, 0.0, 0.10), "normal": (0, 0, 1), "tangent": (1, 0, 0)},
-            "sensor": {"noise": NOISE.tolist()},
-        })  # fmt: skip
+        self.rig = kinid.Rig.parse(
+            {
+                "robot": {"model": "lwr4plus"},
+                "tool": {"mass": self.tool.mass, "com": list(self.tool.com)},
+                "surface": {"point": (0.55, 0.0, 0.10), "normal": (0, 0, 1), "tangent": (1, 0, 0)},
+                "sensor": {"noise": NOISE.tolist()},
+            }
+        )
         self.planner = Planner(self.rig, Protocol())
         # a quick look: one poke to one depth at one frequency, or one short slide at one speed
-        touch = (Slide(((-0.003, 0.0), (0.003, 0.0)), 0.6 * self.deep, 6e-3, 1.0) if pair.slides
-                 else Poke(signal=Multisine(0.6 * self.deep, ((0.4 * self.deep, 0.9),), 3.0), hold=0.2))
+        touch = (
+            Slide(((-0.003, 0.0), (0.003, 0.0)), 0.6 * self.deep, 6e-3, 1.0)
+            if pair.slides
+            else Poke(signal=Multisine(0.6 * self.deep, ((0.4 * self.deep, 0.9),), 3.0), hold=0.2)
+        )
         self.before = self.planner.plan([touch])
         bench = self.bench(self.before)
         for attempt in range(20):
@@ -171,7 +184,9 @@ class Trial:
         return Tester(self.pair.base, self.pair.slides, self.deep, swing.path, self.plain, plain, self.pair.model, seed)
 
     def _swing(self, motion: Trajectory, rng: np.random.Generator) -> Swing:
-        """The planned joints at the fine rate, with a machine's tremor; what the tip does follows from other kinematics."""
+        """The planned joints at the fine rate, with a machine's tremor; what the tip does follows from other
+        kinematics.
+        """
         assert self.rig.surface is not None
         point, axes = np.array(self.rig.surface.point), np.eye(3)
         t = motion.t - motion.t[0]
@@ -199,8 +214,14 @@ class Trial:
 
     def planned(self) -> tuple[str, Trajectory]:
         """The experiment that is proposed for the pair."""
-        found = discriminate(self.planner, kinid.Model(*self.pair.model), self.pair.effects, self.values(), depth=self.deep,
-                             duration=DURATION)  # fmt: skip
+        found = discriminate(
+            self.planner,
+            kinid.Model(*self.pair.model),
+            self.pair.effects,
+            self.values(),
+            depth=self.deep,
+            duration=DURATION,
+        )
         return f"{found.proposal.name}, {found.distance**0.5:.0f} σ", found.trajectory
 
     def drawn(self) -> tuple[str, Trajectory]:
@@ -219,18 +240,35 @@ class Trial:
         name, motion = {"before": lambda: ("plain", self.before), "planned": self.planned, "random": self.drawn}[way]()
         log = self.log(motion)
         began = time.perf_counter()
-        verdict, added, alike = diagnosed(log, self.rig if self.pair.world == "wrist" else kinid.Rig(), self.pair.model,
-                                          touching=bool((motion.phase != "free").any()))  # fmt: skip
+        verdict, added, alike = diagnosed(
+            log,
+            self.rig if self.pair.world == "wrist" else kinid.Rig(),
+            self.pair.model,
+            touching=bool((motion.phase != "free").any()),
+        )
         other = next(e for e in self.pair.effects if e != self.hidden)
         right = bool(added) and added[0] == self.hidden and other not in alike
-        return Answer(self.pair.effects, self.hidden, self.seed, way, right, verdict, added, alike, name, self.note,
-                      time.perf_counter() - began)  # fmt: skip
+        return Answer(
+            self.pair.effects,
+            self.hidden,
+            self.seed,
+            way,
+            right,
+            verdict,
+            added,
+            alike,
+            name,
+            self.note,
+            time.perf_counter() - began,
+        )
 
 
 def diagnosed(
     log: kinid.Log, rig: kinid.Rig, model: Sequence[str], touching: bool
 ) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
-    """Verdict, what was added, and what the first of it can't be told from; a log of the air alone knows no material."""
+    """Verdict, what was added, and what the first of it can't be told from; a log of the air alone knows no
+    material.
+    """
     if not touching:
         rig, model = rig.model_copy(update={"surface": None}), ("none",)
     found = kinid.diagnose(log, rig, model=kinid.Model(*model))
@@ -256,7 +294,9 @@ def run(job: Job) -> list[Answer]:
             trial = trial or Trial(job.pair, job.hidden, job.seed)
             out.append(trial.asked(way))
         except Exception as error:
-            out.append(Answer(job.pair.effects, job.hidden, job.seed, way, False, "crash", (), (), "", repr(error), 0.0))
+            out.append(
+                Answer(job.pair.effects, job.hidden, job.seed, way, False, "crash", (), (), "", repr(error), 0.0)
+            )
     return out
 
 
@@ -292,8 +332,13 @@ def table(answers: Sequence[Answer]) -> str:
     total = {way: tuple(int(n) for n in np.sum([row[way] for row in found.values()], axis=0)) for way in WAYS}
     lines = [f"{'pair':<44}" + "".join(f"{way:>12}" for way in WAYS)]
     for pair, row in [*(("/".join(pair), row) for pair, row in found.items()), ("all", total)]:
-        lines.append(f"{pair:<44}" + "".join(f"{right:>5}/{asked:<2}{100 * right / max(asked, 1):>3.0f} %" for right, asked in
-                                             (row[way] for way in WAYS)))  # fmt: skip
+        lines.append(
+            f"{pair:<44}"
+            + "".join(
+                f"{right:>5}/{asked:<2}{100 * right / max(asked, 1):>3.0f} %"
+                for right, asked in (row[way] for way in WAYS)
+            )
+        )
     return "\n".join(lines)
 
 

@@ -21,14 +21,17 @@ DURATION, DEPTH = 20.0, 0.004
 STIFF = {"hooke.stiffness": 1000.0}
 
 
-@pytest.mark.parametrize(("model", "values", "pair", "best"), [
-    (("hooke",), STIFF, ("relaxation", "stiffness-drift"), None),
-    (("hooke",), STIFF, ("viscous-damping", "relaxation"), None),
-    (("hooke", "coulomb-friction"), STIFF, ("viscous-friction", "stribeck-friction"), "speeds-and-loads"),
-    (("none",), {}, ("tool-mass", "sensor-bias"), None),
-    (("hooke",), STIFF, ("sensor-drift", "stiffness-drift"), "rest-between-holds"),
-    (("hooke", "coulomb-friction"), STIFF, ("load-dependent-friction", "friction-anisotropy"), "diagonals"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("model", "values", "pair", "best"),
+    [
+        (("hooke",), STIFF, ("relaxation", "stiffness-drift"), None),
+        (("hooke",), STIFF, ("viscous-damping", "relaxation"), None),
+        (("hooke", "coulomb-friction"), STIFF, ("viscous-friction", "stribeck-friction"), "speeds-and-loads"),
+        (("none",), {}, ("tool-mass", "sensor-bias"), None),
+        (("hooke",), STIFF, ("sensor-drift", "stiffness-drift"), "rest-between-holds"),
+        (("hooke", "coulomb-friction"), STIFF, ("load-dependent-friction", "friction-anisotropy"), "diagonals"),
+    ],
+)
 def test_beats_experiments_drawn_at_random(
     rig: Any, model: tuple[str, ...], values: dict[str, float], pair: tuple[str, str], best: str | None
 ) -> None:
@@ -50,11 +53,15 @@ def test_beats_experiments_drawn_at_random(
 
 
 def test_distance_is_what_a_refit_leaves(rig: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Data of one effect, the other fitted to them nonlinearly: the sum of squares left is the distance that was predicted."""
+    """Data of one effect, the other fitted to them nonlinearly: the sum of squares left is the distance that was
+    predicted.
+    """
     # how evenly it lies in time is another test's matter
     monkeypatch.setattr("kinid.planning.discriminate.even", lambda squares, t: 1.0)
     model = kinid.Model("hooke")
-    ranking = rank(Planner(rig, Protocol()), model, ("viscous-damping", "stiffness-drift"), STIFF, duration=10.0, depth=DEPTH)
+    ranking = rank(
+        Planner(rig, Protocol()), model, ("viscous-damping", "stiffness-drift"), STIFF, duration=10.0, depth=DEPTH
+    )
     judge, verdict = ranking.judge, ranking.verdicts[0]
     motion = judge.bench.trajectory(verdict.proposal, DESIGN_RATE, collisions=False)
     s = judge.bench.experiment(verdict.proposal, motion).signals
@@ -71,7 +78,9 @@ def test_distance_is_what_a_refit_leaves(rig: Any, monkeypatch: pytest.MonkeyPat
 
     def residual(x: Any) -> Any:
         moved = dataclasses.replace(s, depth=s.depth + 1.5e-5 * x[2])
-        predicted = rival.predict(moved, np.array([1000.0 + 10 * x[0], 0.1 * x[1]])) + slope * x[3] + tolerance * x[4:, None]
+        predicted = (
+            rival.predict(moved, np.array([1000.0 + 10 * x[0], 0.1 * x[1]])) + slope * x[3] + tolerance * x[4:, None]
+        )
         return np.concatenate([((predicted - measured) / noise).ravel(), x[2:]])
 
     left = 2 * least_squares(residual, np.zeros(10)).cost
@@ -111,7 +120,9 @@ def test_each_experiment_has_a_title_of_its_own_and_says_why(bandwidth: float, c
 def test_no_experiment_within_a_force_limit_is_one_sentence(rig: Any) -> None:
     planner = Planner(rig, Protocol(guard=Guard(0.01), rate=100.0, collisions=False))
     with pytest.raises(InputError, match="binding limit is the force") as raised:
-        discriminate(planner, kinid.Model("hooke"), ("relaxation", "stiffness-drift"), STIFF, duration=10.0, depth=DEPTH)
+        discriminate(
+            planner, kinid.Model("hooke"), ("relaxation", "stiffness-drift"), STIFF, duration=10.0, depth=DEPTH
+        )
     assert str(raised.value).count("found") == str(raised.value).count("to mend it") == 1
 
 
@@ -137,7 +148,9 @@ def test_a_special_case_is_told_by_what_its_rival_does_more(rig: Any) -> None:
     assert not ranking.kept[pair[1], pair[0]].any()
     assert ranking.kept[pair].any()
     assert criterion(ranking.verdicts[0], ranking.kept) > 1.0
-    found = discriminate(Planner(rig, Protocol(rate=100.0, collisions=False)), model, pair, STIFF, duration=10.0, depth=DEPTH)
+    found = discriminate(
+        Planner(rig, Protocol(rate=100.0, collisions=False)), model, pair, STIFF, duration=10.0, depth=DEPTH
+    )
     assert "sensor-crosstalk can imitate sensor-misalignment" in found.words
 
 
@@ -151,26 +164,36 @@ def test_joint_torques(rig: Any) -> None:
 def test_experiments_last_about_as_long() -> None:
     listed = proposals(DURATION, DEPTH)
     assert len({proposal.name for proposal in listed}) == len(listed)
-    for duration, depth, word in ((2.0, DEPTH, "duration"), (1e7, DEPTH, "duration"), (DURATION, 0.0, "depth"),
-                                  (DURATION, 3.0, "depth")):  # fmt: skip
+    for duration, depth, word in (
+        (2.0, DEPTH, "duration"),
+        (1e7, DEPTH, "duration"),
+        (DURATION, 0.0, "depth"),
+        (DURATION, 3.0, "depth"),
+    ):
         with pytest.raises(InputError, match=word):
             proposals(duration, depth)
 
 
-@pytest.mark.parametrize(("args", "word"), [
-    (("--model", "hooke", "--effects", "relaxatoin,stiffness-drift"), "did you mean 'relaxation'"),
-    (("--model", "hooke", "--effects", "relaxation"), "two different effects"),
-    (("--model", "hooke", "--effects", "relaxation,relaxation"), "two different effects"),
-    (("--model", "hooke,relaxation", "--effects", "relaxation,stiffness-drift"), "without the candidates"),
-    (("--model", "hooke", "--effects", "hertz,relaxation"), "not a contact law"),
-    (("--model", "hooke", "--effects", "quantization,relaxation"), "kinid diagnose"),
-    (("--model", "hooke,coulomb-friction", "--effects", "viscous-damping,viscous-friction"), "which acts on tangential forces"),
-    (("--model", "hooke", "--effects", "joint-viscous-friction,relaxation"), "which acts on joint torques"),
-    (("--model", "none", "--effects", "relaxation,sensor-bias"), "no contact law"),
-    (("--model", "hooke", "--effects", "tool-mass,sensor-gain"), "no experiment on the list"),
-    (("--model", "hooke", "--effects", "relaxation,stiffness-drift", "--at", "3,3"), "can't reach"),
-    (("--effects", "relaxation,stiffness-drift"), "--model"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("args", "word"),
+    [
+        (("--model", "hooke", "--effects", "relaxatoin,stiffness-drift"), "did you mean 'relaxation'"),
+        (("--model", "hooke", "--effects", "relaxation"), "two different effects"),
+        (("--model", "hooke", "--effects", "relaxation,relaxation"), "two different effects"),
+        (("--model", "hooke,relaxation", "--effects", "relaxation,stiffness-drift"), "without the candidates"),
+        (("--model", "hooke", "--effects", "hertz,relaxation"), "not a contact law"),
+        (("--model", "hooke", "--effects", "quantization,relaxation"), "kinid diagnose"),
+        (
+            ("--model", "hooke,coulomb-friction", "--effects", "viscous-damping,viscous-friction"),
+            "which acts on tangential forces",
+        ),
+        (("--model", "hooke", "--effects", "joint-viscous-friction,relaxation"), "which acts on joint torques"),
+        (("--model", "none", "--effects", "relaxation,sensor-bias"), "no contact law"),
+        (("--model", "hooke", "--effects", "tool-mass,sensor-gain"), "no experiment on the list"),
+        (("--model", "hooke", "--effects", "relaxation,stiffness-drift", "--at", "3,3"), "can't reach"),
+        (("--effects", "relaxation,stiffness-drift"), "--model"),
+    ],
+)
 def test_bad_input_is_one_line(run: Any, args: tuple[str, ...], word: str) -> None:  # noqa: F811
     code, _, err = run("discriminate", "-o", "d.parquet", "--rate", 100, *args)
     assert code == 2, err
@@ -179,8 +202,21 @@ def test_bad_input_is_one_line(run: Any, args: tuple[str, ...], word: str) -> No
 
 
 def test_command(run: Any, tmp_path: Any) -> None:  # noqa: F811
-    code, out, err = run("discriminate", "--model", "hooke,coulomb-friction", "--value", "stiffness=1000", "--rate", 100,
-                         "--effects", "viscous-friction,stribeck-friction", "-o", "d.parquet", "--json", "d.json")  # fmt: skip
+    code, out, err = run(
+        "discriminate",
+        "--model",
+        "hooke,coulomb-friction",
+        "--value",
+        "stiffness=1000",
+        "--rate",
+        100,
+        "--effects",
+        "viscous-friction,stribeck-friction",
+        "-o",
+        "d.parquet",
+        "--json",
+        "d.json",
+    )
     assert code == 0, err
     assert "at two speeds under two loads" in " ".join(out.split())
     facts = json.loads((tmp_path / "d.json").read_text(encoding="utf-8"))

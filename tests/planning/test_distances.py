@@ -25,7 +25,9 @@ def test_what_lies_in_one_block_hardly_counts() -> None:
 
 
 def test_three_standard_errors_are_reached_where_it_says() -> None:
-    """Evidence of many logs, block by block: at the amount that just suffices its mean is three of its standard errors."""
+    """Evidence of many logs, block by block: at the amount that just suffices its mean is three of its standard
+    errors.
+    """
     rng = np.random.default_rng(0)
     shape = rng.uniform(0.2, 1.0, BLOCKS)  # squared distance of each block
     squares = np.repeat(shape / 50.0, 50)[None]

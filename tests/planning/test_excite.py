@@ -19,8 +19,14 @@ from kinid.planning.information import cost, information, intervals, sensitiviti
 RATE = 500.0
 #: the study's two sines, on a sponge and, half of it, on a silicone; and laws of that size
 STUDY = {
-    "sponge": (Multisine(0.012, ((0.003, 0.9), (0.001, 5.0))), {"stiffness": 1200.0, "damping": 1500.0, "exponent": 1.2}),
-    "silicone": (Multisine(0.006, ((0.0015, 0.9), (0.0005, 5.0))), {"stiffness": 6000.0, "damping": 9000.0, "exponent": 1.4}),
+    "sponge": (
+        Multisine(0.012, ((0.003, 0.9), (0.001, 5.0))),
+        {"stiffness": 1200.0, "damping": 1500.0, "exponent": 1.2},
+    ),
+    "silicone": (
+        Multisine(0.006, ((0.0015, 0.9), (0.0005, 5.0))),
+        {"stiffness": 6000.0, "damping": 9000.0, "exponent": 1.4},
+    ),
 }
 
 
@@ -73,9 +79,11 @@ def test_it_tells_more_than_the_studys_signal(material: str, capsys: pytest.Capt
         assert least is not None
         bound = {name.split(".")[1]: least[name] / before[name].half for name in before}
         share = efficiency(found.information, ideal, "A")
-        lines.append(f"{material}, {factor * force:.1f} N: "
-                     + ", ".join(f"{n} {r:.2f} (no motion below {bound[n]:.2f})" for n, r in ratios.items())
-                     + f"; {100 * share:.0f} % of the best conceivable")  # fmt: skip
+        lines.append(
+            f"{material}, {factor * force:.1f} N: "
+            + ", ".join(f"{n} {r:.2f} (no motion below {bound[n]:.2f})" for n, r in ratios.items())
+            + f"; {100 * share:.0f} % of the best conceivable"
+        )
         assert all(ratio > bound[n] for n, ratio in ratios.items())
         assert all(ratio <= wanted for ratio in ratios.values()), ratios
         assert 0.3 < share <= 1.0
@@ -162,10 +170,16 @@ def test_open_directions_are_infinite_and_nuisances_cost() -> None:
 
 def test_nonsense_is_refused(law: Law) -> None:
     for make in (
-        lambda: Bounds(deepest=-1.0), lambda: Bounds(speed=0.0), lambda: Bounds(duration=0.1),
-        lambda: optimise(law, criterion="E"), lambda: optimise(law, sines=0), lambda: optimise(law, noise=-1.0),
-        lambda: optimise(law, Bounds(force=1e-6)), lambda: Law(kinid.Model("tool-mass")),
-        lambda: Law(kinid.Model("hooke"), {"stiffnes": 3.0}), lambda: Law(kinid.Model("hooke"), {"stiffness": -3.0}),
-    ):  # fmt: skip
+        lambda: Bounds(deepest=-1.0),
+        lambda: Bounds(speed=0.0),
+        lambda: Bounds(duration=0.1),
+        lambda: optimise(law, criterion="E"),
+        lambda: optimise(law, sines=0),
+        lambda: optimise(law, noise=-1.0),
+        lambda: optimise(law, Bounds(force=1e-6)),
+        lambda: Law(kinid.Model("tool-mass")),
+        lambda: Law(kinid.Model("hooke"), {"stiffnes": 3.0}),
+        lambda: Law(kinid.Model("hooke"), {"stiffness": -3.0}),
+    ):
         with pytest.raises(InputError):
             make()

@@ -21,7 +21,9 @@ from kinid.planning.limits import Limits
 
 def test_a_swing_has_its_derivatives() -> None:
     rng = np.random.default_rng(0)
-    swing = Swing(rng.normal(size=3), rng.uniform(0, 1, (3, 2)), rng.uniform(0.2, 2, (3, 2)), rng.uniform(0, 6, (3, 2)), 5.0, 1.0)
+    swing = Swing(
+        rng.normal(size=3), rng.uniform(0, 1, (3, 2)), rng.uniform(0.2, 2, (3, 2)), rng.uniform(0, 6, (3, 2)), 5.0, 1.0
+    )
     t, h = np.linspace(0.01, 4.99, 500), 1e-5
     for order in range(3):
         slope = (swing(t + h)[order] - swing(t - h)[order]) / (2 * h)
@@ -47,7 +49,9 @@ def test_the_tools_load(rig: Any) -> None:
     halves, values = [], []
     for seed in range(8):
         noise = np.random.default_rng(seed).normal(size=clean.shape) * WRENCH_NOISE[:, None]
-        fit = fit_model(model, dataclasses.replace(experiment, measured=clean + noise, noise=WRENCH_NOISE), held_out=False)
+        fit = fit_model(
+            model, dataclasses.replace(experiment, measured=clean + noise, noise=WRENCH_NOISE), held_out=False
+        )
         halves.append([0.5 * (p.high - p.low) for p in fit.parameters.values()])
         values.append([p.value for p in fit.parameters.values()])
     expected = np.array([each.half for each in found.intervals.values()])
@@ -56,8 +60,12 @@ def test_the_tools_load(rig: Any) -> None:
 
 
 def test_joint_effects(rig: Any) -> None:
-    found = excite_free(rig, kinid.Model("rigid-body", "joint-coulomb-friction", "joint-viscous-friction"),
-                        bounds=Bounds(duration=6.0, bandwidth=1.0), rate=100.0)  # fmt: skip
+    found = excite_free(
+        rig,
+        kinid.Model("rigid-body", "joint-coulomb-friction", "joint-viscous-friction"),
+        bounds=Bounds(duration=6.0, bandwidth=1.0),
+        rate=100.0,
+    )
     assert len(found.intervals) == 14
     assert all(np.isfinite(each.half) for each in found.intervals.values())
     assert (np.abs(found.trajectory.dq).max(axis=0) > 0.05).all()  # every joint moves

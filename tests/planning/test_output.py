@@ -17,7 +17,9 @@ from kinid.planning import Guard, Law, Multisine, Planner, Poke, Protocol, Traje
 
 @pytest.fixture(scope="module")
 def motion(rig: Any, law: Law) -> Trajectory:
-    return Planner(rig, Protocol(rate=100.0, guard=Guard(20.0)), law).plan([Poke(signal=Multisine(0.004, ((0.001, 1.0),), 1.0))])
+    return Planner(rig, Protocol(rate=100.0, guard=Guard(20.0)), law).plan(
+        [Poke(signal=Multisine(0.004, ((0.001, 1.0),), 1.0))]
+    )
 
 
 @pytest.mark.parametrize("suffix", ["parquet", "csv", "npz"])
@@ -74,7 +76,7 @@ def test_ros_users_get_the_same_numbers(motion: Trajectory, tmp_path: Path) -> N
 
     write_joint_trajectory(motion, tmp_path / "plan.mcap")
     with (tmp_path / "plan.mcap").open("rb") as stream:
-        (schema, channel, message), = make_reader(stream, validate_crcs=True).iter_messages()
+        ((schema, channel, message),) = make_reader(stream, validate_crcs=True).iter_messages()
         assert schema.name == TYPE
         assert channel.message_encoding == "cdr"
         said: Any = get_typestore(Stores.ROS2_HUMBLE).deserialize_cdr(message.data, TYPE)
@@ -94,11 +96,15 @@ def test_pages_need_no_network(motion: Trajectory, rig: Any) -> None:
     assert "a &lt;plan&gt;" in page
     assert "expected normal force" in page
     for text in (page, view):
-        outside = re.sub(r"<script.*?</script>", "", text, flags=re.DOTALL)  # libraries name addresses that they don't call
+        outside = re.sub(
+            r"<script.*?</script>", "", text, flags=re.DOTALL
+        )  # libraries name addresses that they don't call
         assert not re.search(r'(src|href)="?https?://', outside)
         assert not re.search(r"<script[^>]+src=", text)
     assert '"predicted"' in view
-    other = Trajectory(motion.t, motion.phase, motion.q[:, :6], motion.dq[:, :6], motion.ddq[:, :6], motion.tip, tuple("abcdef"))
+    other = Trajectory(
+        motion.t, motion.phase, motion.q[:, :6], motion.dq[:, :6], motion.ddq[:, :6], motion.tip, tuple("abcdef")
+    )
     with pytest.raises(InputError, match="joints of lwr4plus"):
         preview_page(other, rig)
 

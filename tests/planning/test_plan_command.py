@@ -44,8 +44,22 @@ def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp
 
 
 def test_poke(run: Any, tmp_path: Path) -> None:
-    code, out, err = run("poke", "-o", "p.parquet", "--sines", "0.001@1", "--duration", 1, *LAW, "--force-limit", 8,
-                         "--plot", "p.html", "--preview", "v.html")  # fmt: skip
+    code, out, err = run(
+        "poke",
+        "-o",
+        "p.parquet",
+        "--sines",
+        "0.001@1",
+        "--duration",
+        1,
+        *LAW,
+        "--force-limit",
+        8,
+        "--plot",
+        "p.html",
+        "--preview",
+        "v.html",
+    )
     assert code == 0, err
     assert "torque" in out
     motion = read_trajectory(tmp_path / "p.parquet")
@@ -72,16 +86,44 @@ def test_facts_of_plans_as_json(run: Any, tmp_path: Path) -> None:
 
 def test_excite_finds_what_the_joints_can_do(run: Any, tmp_path: Path) -> None:
     """With no bound given the joints are what binds, and the motion keeps to them."""
-    code, out, err = run("excite", "--model", "kelvin-voigt", "--value", "stiffness=732", "--value", "damping=9.9", "-o",
-                         "e.parquet", "--json", "e.json", "--rate", 200)  # fmt: skip
+    code, out, err = run(
+        "excite",
+        "--model",
+        "kelvin-voigt",
+        "--value",
+        "stiffness=732",
+        "--value",
+        "damping=9.9",
+        "-o",
+        "e.parquet",
+        "--json",
+        "e.json",
+        "--rate",
+        200,
+    )
     assert code == 0, err
     assert "bound by the acceleration of joint_" in " ".join(out.split())
     facts = json.loads((tmp_path / "e.json").read_text(encoding="utf-8"))
     used = {use["quantity"]: use["share"] for use in facts["motion"]["used"]}
     assert 0.9 < used["acceleration"] <= 1.0
     # where joints are quicker, more can be told
-    code, _, err = run("excite", "--model", "kelvin-voigt", "--value", "stiffness=732", "--value", "damping=9.9", "-o",
-                       "f.parquet", "--json", "f.json", "--rate", 200, "--acceleration", 12)  # fmt: skip
+    code, _, err = run(
+        "excite",
+        "--model",
+        "kelvin-voigt",
+        "--value",
+        "stiffness=732",
+        "--value",
+        "damping=9.9",
+        "-o",
+        "f.parquet",
+        "--json",
+        "f.json",
+        "--rate",
+        200,
+        "--acceleration",
+        12,
+    )
     assert code == 0, err
     more = json.loads((tmp_path / "f.json").read_text(encoding="utf-8"))
     assert more["intervals"]["kelvin-voigt.damping"]["half"] < facts["intervals"]["kelvin-voigt.damping"]["half"]
@@ -94,8 +136,9 @@ def test_campaigns(run: Any, tmp_path: Path) -> None:
     motion = read_trajectory(tmp_path / "c.parquet")
     assert motion.touch is not None
     assert motion.touch.max() == 5
-    code, out, err = run("poke", "-o", "c.csv", "--polygon", "0,0;0.02,0;0,0.02", "--spacing", 0.01, "--duration", 1,
-                         "--rate", 100)  # fmt: skip
+    code, out, err = run(
+        "poke", "-o", "c.csv", "--polygon", "0,0;0.02,0;0,0.02", "--spacing", 0.01, "--duration", 1, "--rate", 100
+    )
     assert code == 0, err
     assert "6 places" in out
 
@@ -114,8 +157,9 @@ def test_own_signal_and_slides(run: Any, tmp_path: Path) -> None:
 
 
 def test_excite_in_contact_and_in_the_air(run: Any, tmp_path: Path) -> None:
-    code, out, err = run("excite", *LAW, "--force-limit", 8, "-o", "e.parquet", "--json", "e.json", "--criterion", "A",
-                         "--sines", 2)  # fmt: skip
+    code, out, err = run(
+        "excite", *LAW, "--force-limit", 8, "-o", "e.parquet", "--json", "e.json", "--criterion", "A", "--sines", 2
+    )
     assert code == 0, err
     assert "best conceivable" in out
     facts = json.loads((tmp_path / "e.json").read_text(encoding="utf-8"))
@@ -128,46 +172,55 @@ def test_excite_in_contact_and_in_the_air(run: Any, tmp_path: Path) -> None:
     assert "com[x]" in out
 
 
-@pytest.mark.parametrize(("args", "word"), [
-    (("poke", "-o", "p.txt"), "ending"),
-    (("poke", "-o", "p.parquet", "--rig", "no.toml"), "rig"),
-    (("poke", "-o", "p.parquet", "--at", "1;2"), "numbers"),
-    (("poke", "-o", "p.parquet", "--at", "2,0"), "reach"),
-    (("poke", "-o", "p.parquet", "--sines", "1mm"), "amplitude@frequency"),
-    (("poke", "-o", "p.parquet", "--sines", "0.003@9"), "acceleration of joint_"),
-    (("poke", "-o", "p.parquet", "--depth", -0.001), "in the air"),
-    (("poke", "-o", "p.parquet", "--depth", 0), "above 0 m"),
-    (("poke", "-o", "p.parquet", "--depth", 3), "depths are in m"),
-    (("poke", "-o", "p.parquet", "--depth", 0.12, "--rate", 100), "flange comes within 6 mm of surface at a depth of 9"),
-    (("poke", "-o", "p.parquet", "--sines", "0.05@0.3"), "rises 47 mm above the surface"),
-    (("poke", "-o", "p.parquet", "--duration", 1e6), "samples at most"),
-    (("slide", "-o", "p.parquet", "--through", "0,0;0.02,0", "--speed", 1e-9), "samples at most"),
-    (("poke", "-o", "p.parquet", "--acceleration", -1), "limits of acceleration"),
-    (("excite", "-o", "p.parquet", "--model", "tool-mass", "--duration", 0), "duration"),
-    (("poke", "-o", "p.parquet", "--yaw", "inf"), "yaw"),
-    (("poke", "-o", "p.parquet", "--tilt", "0.1"), "two angles"),
-    (("poke", "-o", "p.parquet", "--tilt", "2,0"), "lean"),
-    (("poke", "-o", "p.parquet", "--json", "p.parquet"), "two outputs"),
-    (("poke", "-o", "p.parquet", "--grid", "10"), "rows x columns"),
-    (("poke", "-o", "p.parquet", "--grid", "2x2", "--polygon", "0,0;1,0;0,1"), "one of them"),
-    (("poke", "-o", "p.parquet", "--value", "stiffness=3"), "--model"),
-    (("poke", "-o", "p.parquet", "--model", "hooke", "--value", "stiffness=x"), "stiffness=900"),
-    (("poke", "-o", "p.parquet", "--signal", "rig.toml"), ".parquet"),
-    (("poke", "-o", "p.parquet", "--signal", "own.csv", "--sines", "0.001@1"), "--sines with --signal"),
-    (("poke", "-o", "p.parquet", "--force-limit", 1), "without a model to expect forces from"),
-    (("poke", "-o", "p.parquet", "--polygon", "0,0;0.02,0.02;0.02,0;0,0.02"), "edges 1 and 3 cross"),
-    (("poke", "-o", "p.parquet", "--polygon", "0,0;0.01,0.01;0.02,0.02"), "on one line"),
-    (("poke", "-o", "p.parquet", "--model", "hooke", "--value", "stiffness=1", "--value", "hooke.stiffness=2"), "two values"),
-    (("poke", "-o", "p.parquet", "--json", "-"), "named -"),
-    (("slide", "-o", "p.parquet", "--through", "0,0;0.01,0", "--at", "0.1,0"), "--at with --through"),
-    (("excite", "-o", "p.parquet", "--model", "tool-mass", "--force-limit", 3), "--force-limit in the air"),
-    (("poke", "-o", "rig.toml"), "ending"),
-    (("slide", "-o", "p.parquet"), "one of them"),
-    (("slide", "-o", "p.parquet", "--through", "0,0"), "two or more"),
-    (("excite", "-o", "p.parquet"), "--model"),
-    (("excite", "-o", "p.parquet", "--model", "hooke", "--criterion", "E"), "one of D, A"),
-    (("excite", "-o", "p.parquet", "--model", "tool-mass", "--start", "1,2"), "7 joints"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("args", "word"),
+    [
+        (("poke", "-o", "p.txt"), "ending"),
+        (("poke", "-o", "p.parquet", "--rig", "no.toml"), "rig"),
+        (("poke", "-o", "p.parquet", "--at", "1;2"), "numbers"),
+        (("poke", "-o", "p.parquet", "--at", "2,0"), "reach"),
+        (("poke", "-o", "p.parquet", "--sines", "1mm"), "amplitude@frequency"),
+        (("poke", "-o", "p.parquet", "--sines", "0.003@9"), "acceleration of joint_"),
+        (("poke", "-o", "p.parquet", "--depth", -0.001), "in the air"),
+        (("poke", "-o", "p.parquet", "--depth", 0), "above 0 m"),
+        (("poke", "-o", "p.parquet", "--depth", 3), "depths are in m"),
+        (
+            ("poke", "-o", "p.parquet", "--depth", 0.12, "--rate", 100),
+            "flange comes within 6 mm of surface at a depth of 9",
+        ),
+        (("poke", "-o", "p.parquet", "--sines", "0.05@0.3"), "rises 47 mm above the surface"),
+        (("poke", "-o", "p.parquet", "--duration", 1e6), "samples at most"),
+        (("slide", "-o", "p.parquet", "--through", "0,0;0.02,0", "--speed", 1e-9), "samples at most"),
+        (("poke", "-o", "p.parquet", "--acceleration", -1), "limits of acceleration"),
+        (("excite", "-o", "p.parquet", "--model", "tool-mass", "--duration", 0), "duration"),
+        (("poke", "-o", "p.parquet", "--yaw", "inf"), "yaw"),
+        (("poke", "-o", "p.parquet", "--tilt", "0.1"), "two angles"),
+        (("poke", "-o", "p.parquet", "--tilt", "2,0"), "lean"),
+        (("poke", "-o", "p.parquet", "--json", "p.parquet"), "two outputs"),
+        (("poke", "-o", "p.parquet", "--grid", "10"), "rows x columns"),
+        (("poke", "-o", "p.parquet", "--grid", "2x2", "--polygon", "0,0;1,0;0,1"), "one of them"),
+        (("poke", "-o", "p.parquet", "--value", "stiffness=3"), "--model"),
+        (("poke", "-o", "p.parquet", "--model", "hooke", "--value", "stiffness=x"), "stiffness=900"),
+        (("poke", "-o", "p.parquet", "--signal", "rig.toml"), ".parquet"),
+        (("poke", "-o", "p.parquet", "--signal", "own.csv", "--sines", "0.001@1"), "--sines with --signal"),
+        (("poke", "-o", "p.parquet", "--force-limit", 1), "without a model to expect forces from"),
+        (("poke", "-o", "p.parquet", "--polygon", "0,0;0.02,0.02;0.02,0;0,0.02"), "edges 1 and 3 cross"),
+        (("poke", "-o", "p.parquet", "--polygon", "0,0;0.01,0.01;0.02,0.02"), "on one line"),
+        (
+            ("poke", "-o", "p.parquet", "--model", "hooke", "--value", "stiffness=1", "--value", "hooke.stiffness=2"),
+            "two values",
+        ),
+        (("poke", "-o", "p.parquet", "--json", "-"), "named -"),
+        (("slide", "-o", "p.parquet", "--through", "0,0;0.01,0", "--at", "0.1,0"), "--at with --through"),
+        (("excite", "-o", "p.parquet", "--model", "tool-mass", "--force-limit", 3), "--force-limit in the air"),
+        (("poke", "-o", "rig.toml"), "ending"),
+        (("slide", "-o", "p.parquet"), "one of them"),
+        (("slide", "-o", "p.parquet", "--through", "0,0"), "two or more"),
+        (("excite", "-o", "p.parquet"), "--model"),
+        (("excite", "-o", "p.parquet", "--model", "hooke", "--criterion", "E"), "one of D, A"),
+        (("excite", "-o", "p.parquet", "--model", "tool-mass", "--start", "1,2"), "7 joints"),
+    ],
+)
 def test_bad_input_is_one_line(run: Any, tmp_path: Path, args: tuple[str, ...], word: str) -> None:
     before = sorted(tmp_path.iterdir())
     code, _, err = run(*args)
@@ -187,7 +240,9 @@ def test_what_no_search_can_begin_with_is_refused_before_it(run: Any, option: st
 @pytest.mark.parametrize("model", ["panda", "ur5"])
 @pytest.mark.parametrize("command", [("poke",), ("slide", "--through", "0,0;0.01,0")])
 def test_an_arm_without_a_tip_is_refused(run: Any, tmp_path: Path, model: str, command: tuple[str, ...]) -> None:
-    (tmp_path / "bare.toml").write_text(f'[robot]\nmodel = "{model}"\n[surface]\npoint = [0.5, 0, 0.1]\nnormal = [0, 0, 1]\n')
+    (tmp_path / "bare.toml").write_text(
+        f'[robot]\nmodel = "{model}"\n[surface]\npoint = [0.5, 0, 0.1]\nnormal = [0, 0, 1]\n'
+    )
     code, _, err = run(*command, "-o", "p.parquet", "--rig", "bare.toml")
     assert code == 2
     assert f"{model} without a tip frame" in err
@@ -213,7 +268,9 @@ def test_what_a_plan_rests_on_is_said(run: Any, tmp_path: Path) -> None:
 
 
 def test_the_preview_of_a_plan_speaks_of_expected_forces(run: Any, tmp_path: Path) -> None:
-    code, _, err = run("poke", "-o", "p.parquet", "--duration", 1, "--rate", 100, "--model", "hooke", "--preview", "v.html")
+    code, _, err = run(
+        "poke", "-o", "p.parquet", "--duration", 1, "--rate", 100, "--model", "hooke", "--preview", "v.html"
+    )
     assert code == 0, err
     page = (tmp_path / "v.html").read_text(encoding="utf-8")
     assert "measured force" not in page

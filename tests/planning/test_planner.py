@@ -13,7 +13,20 @@ import pytest
 import kinid
 from kinid import urdf
 from kinid.errors import InputError
-from kinid.planning import Guard, Law, Limits, Multisine, Pace, Planner, Poke, Protocol, Slide, Trajectory, four_paths, grid
+from kinid.planning import (
+    Guard,
+    Law,
+    Limits,
+    Multisine,
+    Pace,
+    Planner,
+    Poke,
+    Protocol,
+    Slide,
+    Trajectory,
+    four_paths,
+    grid,
+)
 from kinid.planning.check import breaks, check
 from kinid.planning.collision import representatives
 
@@ -38,7 +51,9 @@ def within_limits(planner: Planner, motion: Trajectory) -> None:
     sensor = model.frames[model.getFrameId("ft_sensor")]
     tool = planner.rig.tool
     assert tool is not None
-    model.appendBodyToJoint(sensor.parentJoint, pin.Inertia(tool.mass, np.array(tool.com), np.zeros((3, 3))), sensor.placement)
+    model.appendBodyToJoint(
+        sensor.parentJoint, pin.Inertia(tool.mass, np.array(tool.com), np.zeros((3, 3))), sensor.placement
+    )
     data, tip = model.createData(), model.getFrameId("tool_tip")
     for i in range(0, len(motion), 1 + len(motion) // 50):
         torque = pin.rnea(model, data, motion.q[i], motion.dq[i], motion.ddq[i])
@@ -196,11 +211,16 @@ def test_redundancy_is_resolved_where_the_cost_is_least(rig: Any) -> None:
     q = planner.plan([Poke((0.02, 0.1))]).q[0]
     model = planner.robot.model
     data, frame = model.createData(), model.getFrameId("tool_tip")
-    middle, half = 0.5 * (planner.limits.lower + planner.limits.upper), 0.5 * (planner.limits.upper - planner.limits.lower)
+    middle, half = (
+        0.5 * (planner.limits.lower + planner.limits.upper),
+        0.5 * (planner.limits.upper - planner.limits.lower),
+    )
 
     def cost(x: Any) -> float:
         jacobian = pin.computeFrameJacobian(model, data, x, frame, pin.LOCAL_WORLD_ALIGNED)
-        return float(-0.5 * np.log(1 - ((x - middle) / half) ** 2).sum() - 0.25 * np.linalg.slogdet(jacobian @ jacobian.T)[1])
+        return float(
+            -0.5 * np.log(1 - ((x - middle) / half) ** 2).sum() - 0.25 * np.linalg.slogdet(jacobian @ jacobian.T)[1]
+        )
 
     def along(size: float) -> Any:
         """Follow the null space for so many radians."""
@@ -234,7 +254,9 @@ def test_a_mesh_is_met_along_its_normal(tmp_path: Path) -> None:
     rows = motion.phase == "hold"
     depth = 0.3 - np.linalg.norm(motion.tip[rows] - centre, axis=1)
     np.testing.assert_allclose(depth, 0.003, atol=3e-4)  # facets lie below the ball by up to 0.15 mm
-    corners = tuple(tuple(centre + 0.3 * np.array([x, 0.1, 1.0]) / np.linalg.norm([x, 0.1, 1.0])) for x in (-0.1, 0.0, 0.1))
+    corners = tuple(
+        tuple(centre + 0.3 * np.array([x, 0.1, 1.0]) / np.linalg.norm([x, 0.1, 1.0])) for x in (-0.1, 0.0, 0.1)
+    )
     slide = planner.plan([Slide(corners, depth=0.002, speed=0.01)])
     rows = slide.phase == "slide"
     depth = 0.3 - np.linalg.norm(slide.tip[rows] - centre, axis=1)
@@ -263,10 +285,15 @@ def test_a_guarded_approach_stops_in_time(rig: Any) -> None:
     assert speed < 0.5 * Protocol().contact.speed  # the guard did slow it
 
 
-@pytest.mark.parametrize(("change", "word"), [
-    ({"velocity": 0.02}, "velocity"), ({"acceleration": 0.05}, "acceleration"), ({"jerk": 1.0}, "jerk"),
-    ({"torque": 5.0}, "torque"),
-])
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"velocity": 0.02}, "velocity"),
+        ({"acceleration": 0.05}, "acceleration"),
+        ({"jerk": 1.0}, "jerk"),
+        ({"torque": 5.0}, "torque"),
+    ],
+)
 def test_infeasible_requests_name_the_binding_limit(change: dict[str, float], word: str, rig: Any, law: Law) -> None:
     limits = Limits.of(kinid.Robot.load(rig))
     limits = limits.replace(**{name: np.full(7, value) for name, value in change.items()})
@@ -275,8 +302,12 @@ def test_infeasible_requests_name_the_binding_limit(change: dict[str, float], wo
 
 
 def test_tilted_pokes(rig: Any) -> None:
-    """The tool leans about its tip by what was asked for, turns in the air alone, and the tip goes where it went upright."""
-    planner = Planner(rig, Protocol(rate=200.0, collisions=False))  # the sensor's primitive shape would be near the surface
+    """The tool leans about its tip by what was asked for, turns in the air alone, and the tip goes where it went
+    upright.
+    """
+    planner = Planner(
+        rig, Protocol(rate=200.0, collisions=False)
+    )  # the sensor's primitive shape would be near the surface
     still = Multisine(0.003, (), 0.6)
     leans = ((0.0, 0.0), (0.2, 0.0), (-0.1, 0.15))
     motion = planner.plan([Poke((0.0, 0.0), still, 0.3, lean) for lean in leans])
@@ -288,7 +319,9 @@ def test_tilted_pokes(rig: Any) -> None:
         rows = inside & (motion.touch == k)
         lean = np.cross(np.array([0.0, 0.0, 1.0]), down[rows])
         angle = np.hypot(about_x, about_y)
-        np.testing.assert_allclose(lean[:, :2], np.sinc(angle / np.pi) * np.array([[about_x, about_y]] * len(lean)), atol=1e-6)
+        np.testing.assert_allclose(
+            lean[:, :2], np.sinc(angle / np.pi) * np.array([[about_x, about_y]] * len(lean)), atol=1e-6
+        )
     assert np.abs(motion.place[inside, :2]).max() < 1e-6
     assert motion.place[:, 2].max() == pytest.approx(0.003, abs=1e-6)
 
@@ -317,11 +350,15 @@ def test_places_out_of_reach_are_refused(rig: Any) -> None:
 
 
 def test_collisions_are_found() -> None:
-    near = kinid.Rig.parse({"robot": {"model": "lwr4plus"}, "surface": {"point": (0.13, 0.0, 0.06), "normal": (0, 0, 1)}})
+    near = kinid.Rig.parse(
+        {"robot": {"model": "lwr4plus"}, "surface": {"point": (0.13, 0.0, 0.06), "normal": (0, 0, 1)}}
+    )
     with pytest.raises(InputError) as found:
         Planner(near).plan([Poke()])
     assert "within 6 mm" in str(found.value) or "position limits" in str(found.value) or "reach" in str(found.value)
-    deep = kinid.Rig.parse({"robot": {"model": "lwr4plus"}, "surface": {"point": (0.55, 0.0, 0.10), "normal": (0, 0, 1)}})
+    deep = kinid.Rig.parse(
+        {"robot": {"model": "lwr4plus"}, "surface": {"point": (0.55, 0.0, 0.10), "normal": (0, 0, 1)}}
+    )
     with pytest.raises(InputError, match=r"comes within 6 mm of surface"):
         # a depth of 13 cm, more than the tool is long
         Planner(deep, Protocol()).plan([Poke(signal=Multisine(0.13, (), 1.0)), Slide(((0.1, 0.0), (0.12, 0.0)))])
@@ -340,8 +377,12 @@ def test_representatives_stand_for_all() -> None:
 def test_other_robots(name: str) -> None:
     """An arm with seven other joints, and one without redundancy."""
     tip = {"panda": "panda_link8", "ur5": "tool0"}[name]
-    rig = kinid.Rig.parse({"robot": {"model": name, "tip_frame": tip, "sensor_frame": tip},
-                           "surface": {"point": (0.45, 0.15, 0.1), "normal": (0, 0, 1)}})
+    rig = kinid.Rig.parse(
+        {
+            "robot": {"model": name, "tip_frame": tip, "sensor_frame": tip},
+            "surface": {"point": (0.45, 0.15, 0.1), "normal": (0, 0, 1)},
+        }
+    )
     planner = Planner(rig, Protocol(rate=200.0, collisions=name == "ur5"))
     motion = planner.plan([Poke(signal=Multisine(0.003, ((0.001, 1.0),), 1.0))])
     assert motion.place is not None

@@ -48,8 +48,10 @@ def test_never_slower_than_a_trapezoid(capsys: pytest.CaptureFixture[str]) -> No
         assert quick <= usual + 1e-9
         saved.append(1 - quick / usual)
     with capsys.disabled():
-        print(f"\nset-points: {100 * np.mean(saved):.1f} % less time than trapezoids under the same limits "
-              f"(at most {100 * max(saved):.0f} %), 500 changes")
+        print(
+            f"\nset-points: {100 * np.mean(saved):.1f} % less time than trapezoids under the same limits "
+            f"(at most {100 * max(saved):.0f} %), 500 changes"
+        )
     assert np.mean(saved) > 0.02
 
 

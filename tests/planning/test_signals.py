@@ -39,11 +39,17 @@ def test_the_middle_is_what_was_asked_for() -> None:
     np.testing.assert_allclose(OWN(inner)[0], OWN.depths[10:-10], atol=1e-15)
 
 
-@pytest.mark.parametrize("make", [
-    lambda: Multisine(0.003, ((0.001, -1.0),)), lambda: Multisine(float("nan")), lambda: Multisine(0.003, (), 0.0),
-    lambda: Multisine(0.003, (), 1.0, fade=0.7), lambda: Sampled(np.arange(3.0), np.zeros(3)),
-    lambda: Sampled(np.array([0.0, 1, 2, 2, 3, 4]), np.zeros(6)),
-])
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: Multisine(0.003, ((0.001, -1.0),)),
+        lambda: Multisine(float("nan")),
+        lambda: Multisine(0.003, (), 0.0),
+        lambda: Multisine(0.003, (), 1.0, fade=0.7),
+        lambda: Sampled(np.arange(3.0), np.zeros(3)),
+        lambda: Sampled(np.array([0.0, 1, 2, 2, 3, 4]), np.zeros(6)),
+    ],
+)
 def test_nonsense_is_refused(make: object) -> None:
     with pytest.raises(InputError):
         make()  # type: ignore[operator]

@@ -1,4 +1,6 @@
-"""Planned experiments let the diagnosis tell effects apart; a small part always, the whole study where it is asked for."""
+"""Planned experiments let the diagnosis tell effects apart; a small part always, the whole study where it is asked
+for.
+"""
 
 from __future__ import annotations
 
@@ -69,7 +71,9 @@ def test_counting() -> None:
 
 @pytest.mark.slow
 def test_the_whole_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Every pair on seeds that nothing was chosen by. That 90 % is the true share must not be refuted: see `believable`."""
+    """Every pair on seeds that nothing was chosen by. That 90 % is the true share must not be refuted: see
+    `believable`.
+    """
     folder = Path(os.environ.get("KINID_ARTEFACTS") or tmp_path)
 
     def tell(line: str) -> None:
@@ -89,6 +93,7 @@ def test_the_whole_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
 
 
 def believable(right: int, asked: int) -> bool:
-    """Whether so few right answers come more often than once in twenty studies, if the share asked for is the true one."""
+    """Whether so few right answers come more often than once in twenty studies, if the share asked for is the true
+    one.
+    """
     return bool(binom.cdf(right, asked, ASKED) > 0.05)
-

@@ -37,7 +37,8 @@ def test_short_tours_are_near_the_shortest(n: int) -> None:
         assert sorted(order) == list(range(n))
         assert order[0] == 0
         best = min(tour_length(places, (0, *rest)) for rest in itertools.permutations(range(1, n)))
-        # 2-opt's tours are within 5 % of the optimum on average (Johnson & McGeoch 1997); for so few places nearly always
+        # 2-opt's tours are within 5 % of the optimum on average (Johnson & McGeoch 1997); for so few places nearly
+        # always
         assert tour_length(places, order) <= 1.1 * best
 
 
@@ -56,12 +57,23 @@ def test_four_paths_cross_in_their_middle() -> None:
     np.testing.assert_allclose(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), 0.02)
 
 
-@pytest.mark.parametrize("make", [
-    lambda: Poke((0.0,)), lambda: Poke((0.0, float("nan"))), lambda: Poke(hold=-1.0), lambda: Slide(((0.0, 0.0),)),
-    lambda: Poke(signal=Multisine(-0.001)), lambda: Poke(signal=Multisine(0.0, ((0.001, 1.0),))),
-    lambda: Slide(((0.0, 0.0), (0.0, 0.0))), lambda: Slide(((0.0, 0.0), (0.01, 0.0)), speed=0.0), lambda: grid(0, 3, 0.01),
-    lambda: grid(3, 3, -0.01), lambda: within([(0, 0), (1, 1)], 0.1), lambda: within([(0, 0), (9, 0), (0, 9)], 0.001),
-])
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: Poke((0.0,)),
+        lambda: Poke((0.0, float("nan"))),
+        lambda: Poke(hold=-1.0),
+        lambda: Slide(((0.0, 0.0),)),
+        lambda: Poke(signal=Multisine(-0.001)),
+        lambda: Poke(signal=Multisine(0.0, ((0.001, 1.0),))),
+        lambda: Slide(((0.0, 0.0), (0.0, 0.0))),
+        lambda: Slide(((0.0, 0.0), (0.01, 0.0)), speed=0.0),
+        lambda: grid(0, 3, 0.01),
+        lambda: grid(3, 3, -0.01),
+        lambda: within([(0, 0), (1, 1)], 0.1),
+        lambda: within([(0, 0), (9, 0), (0, 9)], 0.001),
+    ],
+)
 def test_nonsense_is_refused(make: object) -> None:
     with pytest.raises(InputError):
         make()  # type: ignore[operator]

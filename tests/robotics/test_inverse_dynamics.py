@@ -70,10 +70,12 @@ def test_power_of_the_torques_is_the_rate_of_the_energy(swing: Callable[..., Any
 
     def energy(at: Array) -> Array:
         data, (q, dq, _) = robot.model.createData(), moves(at)
-        return np.array([
-            pin.computeKineticEnergy(robot.model, data, a, b) + pin.computePotentialEnergy(robot.model, data, a)
-            for a, b in zip(q, dq)
-        ])  # fmt: skip
+        return np.array(
+            [
+                pin.computeKineticEnergy(robot.model, data, a, b) + pin.computePotentialEnergy(robot.model, data, a)
+                for a, b in zip(q, dq)
+            ]
+        )
 
     q, dq, ddq = moves(t)
     found = joint_torques(Log(t, q=q, dq=dq, ddq=ddq, tau=np.zeros_like(q)), rig)
@@ -117,8 +119,10 @@ def test_joint_order_and_joints_without_limits(swing: Callable[..., Any]) -> Non
     order = [4, 2, 0, 5, 1, 3]
     t = np.arange(50) / 50
     q, dq, ddq = swing(np.full(6, 0.5), size=2.0)(t)
-    straight, mixed = (Rig.parse({"robot": {"model": "kinova", "joints": list(joints)}})
-                       for joints in (names, [names[j] for j in order]))  # fmt: skip
+    straight, mixed = (
+        Rig.parse({"robot": {"model": "kinova", "joints": list(joints)}})
+        for joints in (names, [names[j] for j in order])
+    )
     zero = np.zeros_like(q)
     one = joint_torques(Log(t, q=q, dq=dq, ddq=ddq, tau=zero), straight)
     other = joint_torques(Log(t, q=q[:, order], dq=dq[:, order], ddq=ddq[:, order], tau=zero), mixed)

@@ -20,7 +20,9 @@ def test_joints_of_a_bag_follow_the_robot_and_not_the_message(real_data: Path) -
     elbow_first = ("elbow_joint", "shoulder_lift_joint", "shoulder_pan_joint", *named[3:])
     as_listed = kinid.read(
         real_data / "ur10e-bags" / "all.bag",
-        kinid.Rig.parse({"robot": {"model": "ur10", "sensor_frame": "tool0", "tip_frame": "tool0", "joints": list(elbow_first)}}),
+        kinid.Rig.parse(
+            {"robot": {"model": "ur10", "sensor_frame": "tool0", "tip_frame": "tool0", "joints": list(elbow_first)}}
+        ),
     )
     assert log.q is not None
     assert as_listed.q is not None

@@ -115,7 +115,9 @@ def test_configuration_and_tangent_follow_the_names() -> None:
         np.testing.assert_allclose(found.position[0], place.translation, atol=1e-14)  # rounding of some 0.1 m
 
 
-@pytest.mark.parametrize("tilt", [(0.0, 0.0, -9.81), (9.81, 0.0, 0.0), (0.0, 0.0, 9.81), (3.0, -4.0, 8.0), (0.0, 0.0, 0.0)])
+@pytest.mark.parametrize(
+    "tilt", [(0.0, 0.0, -9.81), (9.81, 0.0, 0.0), (0.0, 0.0, 9.81), (3.0, -4.0, 8.0), (0.0, 0.0, 0.0)]
+)
 def test_a_tilted_or_hung_base(tilt: tuple[float, float, float]) -> None:
     """Gravity torque is the potential energy's gradient, with gravity as the rig gives it."""
     hung = robot(gravity=tilt)
@@ -127,7 +129,9 @@ def test_a_tilted_or_hung_base(tilt: tuple[float, float, float]) -> None:
     h = 1e-6
     for j in range(7):
         step = h * np.eye(7)[j]
-        rise = pin.computePotentialEnergy(hung.model, data, q + step) - pin.computePotentialEnergy(hung.model, data, q - step)
+        rise = pin.computePotentialEnergy(hung.model, data, q + step) - pin.computePotentialEnergy(
+            hung.model, data, q - step
+        )
         assert abs(rise / (2 * h) - torque[j]) < 1e-7  # h² · 100 N·m and rounding of 100 J by 1e-16 / h: 1e-8
 
 

@@ -115,7 +115,9 @@ def test_gradient_gives_the_rate_of_the_depth():
     rate = -np.sum(found.gradient * velocity, axis=1)
     # the trapezoidal rule over steps of 5e-5 s; a crease within a step costs a tenth of it times 0.01 m/s at most
     assert np.diff(found.depth) / np.diff(t) == pytest.approx(0.5 * (rate[1:] + rate[:-1]), abs=1e-2)
-    assert np.sum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t)) == pytest.approx(found.depth[-1] - found.depth[0], abs=1e-7)
+    assert np.sum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t)) == pytest.approx(
+        found.depth[-1] - found.depth[0], abs=1e-7
+    )
 
 
 @pytest.mark.parametrize("tangent", [None, (1, 2, 0.5), (0, 0, 1)])

@@ -49,7 +49,9 @@ def test_tool_load_is_that_of_a_free_body(swing: Callable[..., Any], weighed: Ca
         half = rng.normal(size=(3, 3))
         second = half @ half.T * 1e-3  # of mass [kg·m²]; the inertia of any such distribution is a possible one
         inertia = np.trace(second) * np.eye(3) - second
-        tables = rig(rng.uniform(0.1, 3), rng.normal(size=3) * 0.1, rng.normal(size=3) * 10).model_dump(exclude_none=True)
+        tables = rig(rng.uniform(0.1, 3), rng.normal(size=3) * 0.1, rng.normal(size=3) * 10).model_dump(
+            exclude_none=True
+        )
         tables["tool"]["inertia"] = [*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]
         the_rig = Rig.parse(tables)
         robot = Robot.load(the_rig)
@@ -102,8 +104,10 @@ def test_bias_and_crosstalk_are_removed_exactly(swing: Callable[..., Any], weigh
     np.testing.assert_allclose(reading.true(), load, atol=1e-12)
     assert reading.facts["bias_from"] == "median of free motion"
     raw = (load + contact) @ crosstalk.T + bias
-    for known in (read(rig(crosstalk=crosstalk.tolist(), bias=bias.tolist()), t, motion, raw, trust=True),
-                  read(the_rig, t, motion, raw, bias=bias, trust=True)):  # fmt: skip
+    for known in (
+        read(rig(crosstalk=crosstalk.tolist(), bias=bias.tolist()), t, motion, raw, trust=True),
+        read(the_rig, t, motion, raw, bias=bias, trust=True),
+    ):
         np.testing.assert_allclose(known.true(), load + contact, atol=1e-12)
 
 
@@ -187,8 +191,11 @@ def test_wrong_sign_and_axes_are_refused(
     the_rig = rig(gravity=gravity)
     t, motion = moving(swing(POSE, size=0.8))
     robot, load = measured(the_rig, motion, weighed)
-    wrong = {"with the opposite sign": -load, "as axes of the base": in_base(robot, motion, load),
-             "as axes of the base with the opposite sign": -in_base(robot, motion, load)}  # fmt: skip
+    wrong = {
+        "with the opposite sign": -load,
+        "as axes of the base": in_base(robot, motion, load),
+        "as axes of the base with the opposite sign": -in_base(robot, motion, load),
+    }
     offset = bias * np.random.default_rng(1).normal(size=6)
     read(the_rig, t, motion, load + offset)
     for how, wrench in wrong.items():

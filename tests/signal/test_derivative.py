@@ -56,7 +56,9 @@ def test_exact_on_polynomials_everywhere(seed: int, n: int, degree: int, jitter:
     for order, found in ((1, made.first), (2, made.second)):
         true = curve.deriv(order)(t)
         size = np.abs(true).max()
-        np.testing.assert_allclose(found[:, 0], true, rtol=0, atol=slack * size + 1e-12 * size + 1e-11 / min(near, span) ** order)
+        np.testing.assert_allclose(
+            found[:, 0], true, rtol=0, atol=slack * size + 1e-12 * size + 1e-11 / min(near, span) ** order
+        )
 
 
 @pytest.mark.parametrize("bandwidth", [2.0, 10.0, 25.0, 80.0])

@@ -1,4 +1,6 @@
-"""The smoothed motion: exact where it can be, the same in other units and backwards, near the truth, and as sure as it says."""
+"""The smoothed motion: exact where it can be, the same in other units and backwards, near the truth, and as sure as it
+says.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ PERIOD = 2.4  # of a poke [s]
 
 
 def poke(t: Array) -> tuple[Array, Array, Array]:
-    """Minimum-jerk ways in and out of 20 mm, 0.4 s each, with holds of 0.8 s; position, velocity, acceleration, (n,)."""
+    """Minimum-jerk ways in and out of 20 mm, 0.4 s each, with holds of 0.8 s; position, velocity, acceleration,
+    (n,).
+    """
     out = np.zeros((3, len(t)))
     for start, way in ((0.8, 0.02), (2.0, -0.02)):
         u = np.clip((t % PERIOD - start) / 0.4, 0.0, 1.0)
@@ -95,14 +99,18 @@ def test_velocities_never_make_it_worse(
     assert found["delay"][0] == pytest.approx(delay, abs=3e-4)
 
 
-def test_velocities_made_of_the_positions_tell_nothing(measured: tuple[Array, tuple[Array, Array, Array], Array]) -> None:
+def test_velocities_made_of_the_positions_tell_nothing(
+    measured: tuple[Array, tuple[Array, Array, Array], Array],
+) -> None:
     t, _, x = measured
     alone, both = smoothed(t, x), smoothed(t, x, np.gradient(x, t))
     assert both.facts["velocities"]["noise"] == [np.inf]
     np.testing.assert_array_equal(both.first, alone.first)
 
 
-def test_draws_scatter_as_the_standard_deviations_say(measured: tuple[Array, tuple[Array, Array, Array], Array]) -> None:
+def test_draws_scatter_as_the_standard_deviations_say(
+    measured: tuple[Array, tuple[Array, Array, Array], Array],
+) -> None:
     t, _, x = measured
     made = smoothed(t, x)
     drawn = np.stack([np.stack(made.error(k))[:, :, 0] for k in range(40)])
@@ -156,17 +164,24 @@ def test_no_rate_takes_the_positions_away(logged: str) -> None:
 
 
 @pytest.mark.parametrize("lag", [0.002, 0.005])
-def test_rates_that_lag_as_a_filter_does_no_harm(lag: float, measured: tuple[Array, tuple[Array, Array, Array], Array]) -> None:
+def test_rates_that_lag_as_a_filter_does_no_harm(
+    lag: float, measured: tuple[Array, tuple[Array, Array, Array], Array]
+) -> None:
     t, truth, x = measured
     a = np.exp(-0.002 / lag)
     rate = lfilter([1 - a], [1, -a], truth[1]) + 2e-4 * np.random.default_rng(2).standard_normal(len(t))
     assert (rms(errors(smoothed(t, x, rate), truth)) < 1.03 * rms(errors(smoothed(t, x), truth))).all()
 
 
-@pytest.mark.parametrize(("rate", "said"), [
-    (lambda t: poke(t)[1], ()), (lambda t: poke(t)[1] + 2e-3, ("offset", "+0.002")),
-    (lambda t: poke(np.maximum(t - 0.005, 0))[1], ("ms after", "moved back")), (lambda t: 57.3 * poke(t)[1], ("57.3", "unit")),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("rate", "said"),
+    [
+        (lambda t: poke(t)[1], ()),
+        (lambda t: poke(t)[1] + 2e-3, ("offset", "+0.002")),
+        (lambda t: poke(np.maximum(t - 0.005, 0))[1], ("ms after", "moved back")),
+        (lambda t: 57.3 * poke(t)[1], ("57.3", "unit")),
+    ],
+)
 def test_what_contradicts_the_positions_is_said_with_figures(
     rate: Callable[[Array], Array], said: tuple[str, ...], measured: tuple[Array, tuple[Array, Array, Array], Array]
 ) -> None:
@@ -190,17 +205,23 @@ def test_a_long_piece_is_smoothed_as_a_short_one_is() -> None:
 
 
 def test_stamps_that_are_off_are_errors_of_time(swing: Callable[..., Any]) -> None:
-    """A message that comes late, and one that brings what the one before it brought, move all axes along their motion."""
+    """A message that comes late, and one that brings what the one before it brought, move all axes along their
+    motion.
+    """
     rng = np.random.default_rng(5)
     truth = np.arange(4000) / 250.0
     made = swing(np.zeros(5), seed=2, size=0.6, speed=3.0)
     held = np.where(rng.uniform(size=len(truth)) < 0.1, np.r_[truth[:1], truth[:-1]], truth)
-    stamps = np.maximum.accumulate(truth + 4e-4 * rng.standard_normal(len(truth)) * (truth > 0)) + 1e-9 * np.arange(len(truth))
+    stamps = np.maximum.accumulate(truth + 4e-4 * rng.standard_normal(len(truth)) * (truth > 0)) + 1e-9 * np.arange(
+        len(truth)
+    )
     q = made(held)[0] + 1e-6 * rng.standard_normal((len(truth), 5))
     smoothed = smooth_motion(stamps, q, [slice(0, len(q))])
     error = (smoothed.second - made(held)[2])[100:-100]
     scale = np.sqrt(np.mean(made(truth)[2] ** 2))
-    assert np.sqrt(np.mean(error**2)) < 0.3 * scale  # 3 mrad of false steps, twice differentiated at 250 Hz, are 200 rad/s²
+    assert (
+        np.sqrt(np.mean(error**2)) < 0.3 * scale
+    )  # 3 mrad of false steps, twice differentiated at 250 Hz, are 200 rad/s²
 
 
 @pytest.mark.parametrize("lattice", [0.0, 1e-4])

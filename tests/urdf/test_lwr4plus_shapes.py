@@ -113,9 +113,7 @@ def test_yourdfpy_loads_it_with_both_scenes_and_no_mesh_file() -> None:
         # upright: from the base plate to the tip of the tool, 1.1785 + 0.0122 + 0.1 m
         np.testing.assert_allclose(scene.bounds[:, 2], (0, 1.2907), rtol=0, atol=1e-6)
     robot.update_cfg(np.radians((0, 30, 0, -60, 0, 60, 0)))
-    np.testing.assert_allclose(
-        robot.get_transform("flange")[:3, 3], (-0.629, 0, 0.589360180), rtol=0, atol=1e-9
-    )
+    np.testing.assert_allclose(robot.get_transform("flange")[:3, 3], (-0.629, 0, 0.589360180), rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("link", ENVELOPES)

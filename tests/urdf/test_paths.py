@@ -54,9 +54,7 @@ def test_a_shipped_robot_is_found_without_loading_a_heavy_library() -> None:
     assert run.stdout.strip() == "[]"
 
 
-@pytest.mark.parametrize(
-    "spelling", ["mine.urdf", "robots/mine.urdf", "./mine.urdf", "robots/../mine.urdf", "mine"]
-)
+@pytest.mark.parametrize("spelling", ["mine.urdf", "robots/mine.urdf", "./mine.urdf", "robots/../mine.urdf", "mine"])
 def test_paths_are_relative_to_the_rig(spelling: str, tmp_path: Path) -> None:
     file = tmp_path / spelling
     (tmp_path / "robots").mkdir()

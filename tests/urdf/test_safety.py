@@ -35,7 +35,7 @@ BAD = {
     "an unknown encoding": ('<?xml version="1.0" encoding="klingon"?><robot name="r"/>', "encoding"),
     "a xacro macro": ('<robot name="r"><xacro:arm prefix="l"/></robot>', "xacro"),
     "a xacro value": ('<robot name="r"><joint name="${prefix}_1"/></robot>', "xacro"),
-}  # fmt: skip
+}
 
 OUTSIDE = (
     "/etc/passwd",

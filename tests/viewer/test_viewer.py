@@ -35,7 +35,9 @@ def grown():
         for y in ticks:
             k = 500.0 if x < 0 else 2000.0
             probes.append(Probe(np.array([0.5 + x, y, 0.1]), np.array([k]), np.array([[100.0]]), 0.03, 0.03, f"{x}{y}"))
-    return PropertyMap(Plane(np.array([0.5, 0.0, 0.1]), np.eye(3)), (Property("stiffness", "N/m"),), tuple(probes), "hooke")
+    return PropertyMap(
+        Plane(np.array([0.5, 0.0, 0.1]), np.eye(3)), (Property("stiffness", "N/m"),), tuple(probes), "hooke"
+    )
 
 
 def test_colours_tell_value_doubt_and_ignorance():
@@ -140,7 +142,16 @@ def test_the_command_ends_with_one_line_and_writes_nothing(grown, tmp_path):
     path, page_ = tmp_path / "map.parquet", tmp_path / "x.html"
     grown.write(path)
     for option in (["--property", "colour"], ["--model", "foo"]):
-        call = [sys.executable, "-c", "from kinid.cli import main; main()", "view", str(path), *option, "--record", str(page_)]
+        call = [
+            sys.executable,
+            "-c",
+            "from kinid.cli import main; main()",
+            "view",
+            str(path),
+            *option,
+            "--record",
+            str(page_),
+        ]
         done = subprocess.run(call, capture_output=True, text=True, timeout=120, check=False)
         assert done.returncode == 2
         assert "Traceback" not in done.stderr
@@ -151,8 +162,18 @@ def test_the_command_ends_with_one_line_and_writes_nothing(grown, tmp_path):
 def test_the_command_writes_what_it_shows_as_json(grown, tmp_path):
     path = tmp_path / "map.parquet"
     grown.write(path)
-    call = [sys.executable, "-c", "from kinid.cli import main; main()", "view", str(path), "--json", str(tmp_path / "v.json")]
-    done = subprocess.run([*call, "--record", str(tmp_path / "x.html")], capture_output=True, text=True, timeout=120, check=False)
+    call = [
+        sys.executable,
+        "-c",
+        "from kinid.cli import main; main()",
+        "view",
+        str(path),
+        "--json",
+        str(tmp_path / "v.json"),
+    ]
+    done = subprocess.run(
+        [*call, "--record", str(tmp_path / "x.html")], capture_output=True, text=True, timeout=120, check=False
+    )
     assert done.returncode == 0, done.stderr
     facts = json.loads((tmp_path / "v.json").read_text(encoding="utf-8"))
     assert (facts["kind"], facts["probes"], facts["shown"], facts["log"]) == ("map", 36, "stiffness", None)
@@ -216,11 +237,24 @@ PROBE = """
 def opened(url, profile, size="900,600"):
     """A browser without a window and without a network, on a page of this machine."""
     return subprocess.Popen(
-        [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader", "--no-first-run",
-         "--disable-sync", "--disable-background-networking", "--disable-component-update",
-         "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1", f"--user-data-dir={profile}", f"--window-size={size}", url],
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-    )  # fmt: skip
+        [
+            CHROMIUM,
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--enable-unsafe-swiftshader",
+            "--no-first-run",
+            "--disable-sync",
+            "--disable-background-networking",
+            "--disable-component-update",
+            "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
+            f"--user-data-dir={profile}",
+            f"--window-size={size}",
+            url,
+        ],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
 
 
 def told_by(text, profile, size="900,600"):
@@ -261,7 +295,9 @@ def told_by(text, profile, size="900,600"):
 
 @needs_chromium
 def test_in_a_real_browser(grown, tmp_path):
-    """The scene loads without errors, surface and legend are there, 10 000 cells update fast, and nobody else is asked."""
+    """The scene loads without errors, surface and legend are there, 10 000 cells update fast, and nobody else is
+    asked.
+    """
     path = tmp_path / "map.parquet"
     grown.write(path)
     out, asked = told_by(page(View(path).scene()).replace("</body>", PROBE), tmp_path / "profile")
@@ -276,7 +312,9 @@ def test_in_a_real_browser(grown, tmp_path):
     assert out["yellow"] > 0.01
     assert out["cells"] >= 10_000
     # drawn without a graphics card, on a machine with other work
-    print(f"{out['rate']:.1f} frames a second with {out['cells']} cells, drawn in software")  # 10 are asked for; machines differ
+    print(
+        f"{out['rate']:.1f} frames a second with {out['cells']} cells, drawn in software"
+    )  # 10 are asked for; machines differ
     assert out["rate"] > 0
     assert asked == ["/"]
     assert all(name.startswith(("http://127.0.0.1", "data:")) for name in out["asked"])
@@ -353,7 +391,9 @@ def test_a_map_finds_the_arm_that_made_it(touched, grown, tmp_path):
     assert not scene["play"]
     here = PropertyMap.read(path)
     probe = here.probes[0]
-    lost = PropertyMap(here.surface, here.properties, (Probe(probe.place, probe.values, probe.covariance, source="gone"),))
+    lost = PropertyMap(
+        here.surface, here.properties, (Probe(probe.place, probe.values, probe.covariance, source="gone"),)
+    )
     lost.write(tmp_path / "lost.parquet")
     turned = Plane(here.surface.point, here.surface.axes[[1, 0, 2]] * [[1.0], [-1.0], [1.0]])
     PropertyMap(turned, here.properties, here.probes).write(tmp_path / "turned.parquet")
@@ -390,7 +430,9 @@ def test_an_open_page_grows_with_its_map(grown, tmp_path):
             if server.visitors:
                 break
             done.wait(0.1)
-        grown.added(Probe(np.array([0.5, 0.0, 0.1]), np.array([900.0]), np.array([[100.0]]), source="one more")).write(path)
+        grown.added(Probe(np.array([0.5, 0.0, 0.1]), np.array([900.0]), np.array([[100.0]]), source="one more")).write(
+            path
+        )
         server.send(view.changed())
         assert done.wait(60), "the page did not grow"
     finally:

@@ -41,7 +41,7 @@ def ask(job: tuple[Path, Row, bool]) -> Row:
             "before": found.steps[0].held_out, "after": found.steps[-1].held_out, "noise": found.noise_floor,
             "tolerance": found.left.tolerance, "verdicts": {e.id: e.verdict for e in found.effects},
             "alternatives": {e.id: list(e.equivalent_to) for e in found.effects if e.equivalent_to},
-        }  # fmt: skip
+        }
         if case["group"] in ("single", "pair", "none"):
             true = kinid.diagnose(log, rig, model=kinid.Model(*case["true_model"].split(",")), max_effects=0)
             out |= {"true": true.steps[0].held_out, "intervals": _intervals(true.fit.to_dict()["parameters"], case)}
@@ -54,7 +54,7 @@ def _intervals(parameters: dict[str, Row], case: Row) -> dict[str, list[float]]:
     """True value, and ends of the interval, of those parameters whose value is known and whose interval has ends."""
     known = case.get("values") or {}
     return {name: [float(known[name]), p["low"], p["high"]] for name, p in parameters.items()
-            if name in known and p["low"] is not None and p["high"] is not None}  # fmt: skip
+            if name in known and p["low"] is not None and p["high"] is not None}
 
 
 def right(row: Row, name: str) -> bool:

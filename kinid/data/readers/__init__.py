@@ -61,15 +61,17 @@ def _module(path: Path) -> ModuleType:
             if hasattr(module, "MARKER") and (path / module.MARKER).is_file():
                 return module
         markers = [m.MARKER for m in _modules() if hasattr(m, "MARKER")]
-        raise InputError(f"a folder {path} without {' or '.join(markers)}",
-                         "a log file, or the folder of a ROS 2 bag", "name the file in it")  # fmt: skip
+        raise InputError(
+            f"a folder {path} without {' or '.join(markers)}",
+            "a log file, or the folder of a ROS 2 bag",
+            "name the file in it",
+        )
     if not path.exists():
         raise InputError(f"no file {path}", "a log", "check the path")
     known = formats()
     if path.suffix.lower() not in known:
         suffix = f"suffix '{path.suffix}'" if path.suffix else "no suffix"
-        raise InputError(f"{suffix} of {path}", f"one of {' '.join(sorted(known))}",
-                         "convert the log to one of these")  # fmt: skip
+        raise InputError(f"{suffix} of {path}", f"one of {' '.join(sorted(known))}", "convert the log to one of these")
     if path.stat().st_size == 0:
         raise InputError(f"an empty file {path}", "a log with samples", "record or copy it again")
     return known[path.suffix.lower()]

@@ -113,8 +113,10 @@ def to_log(bag: Bag, rig: Rig, joints: Sequence[str] | None) -> Log:
     delay = _reception_delay(parts, clocks)
     if delay is not None:
         # one clock for all: what came without stamps was sent about as long before it was received as the others were
-        clocks = {name: ([s - delay for s in stamps], whose) if whose == "reception" else (stamps, whose)
-                  for name, (stamps, whose) in clocks.items()}  # fmt: skip
+        clocks = {
+            name: ([s - delay for s in stamps], whose) if whose == "reception" else (stamps, whose)
+            for name, (stamps, whose) in clocks.items()
+        }
         facts["reception_delay_removed_s"] = delay * 1e-9
     origin = min(min(stamps) for stamps, _ in clocks.values())
     facts |= {"clocks": {name: whose for name, (_, whose) in clocks.items()}, "time_origin": origin * 1e-9}
@@ -128,8 +130,11 @@ def _reception_delay(parts: Sequence[_Part], clocks: dict[str, tuple[list[int], 
     """How long after their stamps messages were received [ns], the median; None where all streams keep one clock."""
     if len({whose for _, whose in clocks.values()}) < 2:
         return None
-    waits = [np.array(part.samples.received) - np.array(part.samples.stamped)
-             for part in parts if clocks[part.name][1] == "header"]  # fmt: skip
+    waits = [
+        np.array(part.samples.received) - np.array(part.samples.stamped)
+        for part in parts
+        if clocks[part.name][1] == "header"
+    ]
     delay = int(np.median(np.concatenate(waits)))
     return delay if 0 <= delay < LONGEST_DELAY else None  # anything else is another epoch, not a delay
 
@@ -215,14 +220,20 @@ def _topics(bag: Bag, rig: Rig) -> dict[str, str]:
         candidates = [t for t in bag.topics if t.kind == role and t.count and t.name not in chosen.values()]
         if len(candidates) > 1:
             shown = ", ".join(f"{t.name} ({t.count} messages)" for t in candidates)
-            raise InputError(f"several topics for the {role} in {bag.source}: {shown}", "one topic",
-                             f'choose: [streams] {role} = "{candidates[0].name}" in the rig')  # fmt: skip
+            raise InputError(
+                f"several topics for the {role} in {bag.source}: {shown}",
+                "one topic",
+                f'choose: [streams] {role} = "{candidates[0].name}" in the rig',
+            )
         if candidates:
             chosen[role] = candidates[0].name
     if not chosen:
         shown = ", ".join(f"{t.name} ({t.type})" for t in bag.topics[:12]) or "no messages"
-        raise InputError(f"{shown} in {bag.source}", "sensor_msgs/JointState or geometry_msgs/WrenchStamped",
-                         "record a topic of one of these types")  # fmt: skip
+        raise InputError(
+            f"{shown} in {bag.source}",
+            "sensor_msgs/JointState or geometry_msgs/WrenchStamped",
+            "record a topic of one of these types",
+        )
     words = [t.name for t in bag.topics if t.kind == "text" and t.count and t.name.rsplit("/", 1)[-1] == _PHASE]
     return chosen | ({"phase": words[0]} if len(words) == 1 else {})
 
@@ -259,9 +270,11 @@ def _collect(bag: Bag, topics: Mapping[str, str]) -> dict[str, dict[Names, _Samp
                 row = _joint_row(values, places)
             stamp = _stamp(message)
         except (AttributeError, TypeError, ValueError, KeyError) as error:
-            raise InputError(f"a message on {topic} of {bag.source} that is no {role} ({error})",
-                             "fields as in JointState or WrenchStamped",
-                             "choose another topic in [streams]") from None  # fmt: skip
+            raise InputError(
+                f"a message on {topic} of {bag.source} that is no {role} ({error})",
+                "fields as in JointState or WrenchStamped",
+                "choose another topic in [streams]",
+            ) from None
         of_source = samples[role].setdefault(names, _Samples())
         of_source.received.append(received)
         of_source.stamped.append(stamp)

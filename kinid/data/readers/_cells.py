@@ -25,8 +25,7 @@ def numbers(array: NDArray[Any], source: str, label: str) -> Array:
     if array.dtype.kind in "fiub":
         return np.asarray(array, dtype=np.float64)
     if array.dtype.kind not in "US":
-        raise InputError(f"column '{label}' of type {array.dtype} in {source}", "numbers",
-                         "export it as numbers")  # fmt: skip
+        raise InputError(f"column '{label}' of type {array.dtype} in {source}", "numbers", "export it as numbers")
     text = np.char.strip(np.char.lower(array.astype(np.str_)))
     text = np.where(np.isin(text, _ABSENT), "nan", text)
     try:
@@ -34,8 +33,11 @@ def numbers(array: NDArray[Any], source: str, label: str) -> Array:
     except ValueError:
         row = next(i for i, cell in enumerate(text.ravel()) if not _is_number(cell)) // max(1, text[0].size)
         shown = str(array[row]) if array.ndim == 1 else ", ".join(map(str, array[row]))
-        raise InputError(f"'{shown[:40]}' in row {row + 1}, column '{label}' of {source}", "a number",
-                         "correct that cell, or empty it if the value is absent") from None  # fmt: skip
+        raise InputError(
+            f"'{shown[:40]}' in row {row + 1}, column '{label}' of {source}",
+            "a number",
+            "correct that cell, or empty it if the value is absent",
+        ) from None
 
 
 def _is_number(cell: str) -> bool:
@@ -55,9 +57,7 @@ def words(array: NDArray[Any]) -> NDArray[np.str_]:
     return array.astype(np.str_)
 
 
-def seconds(
-    array: NDArray[Any], spec: ColumnSpec, scale: float, source: str, label: str
-) -> tuple[Array, float | None]:
+def seconds(array: NDArray[Any], spec: ColumnSpec, scale: float, source: str, label: str) -> tuple[Array, float | None]:
     """Time [s], (n,), and the origin [s] that was subtracted, if one was.
 
     Whole µs or ns of an absolute clock have more digits than a float64 of seconds: they are counted from the
@@ -67,8 +67,7 @@ def seconds(
         InputError: an array that is not 1-D, cells that are no numbers, or numbers too large for seconds.
     """
     if array.ndim != 1:
-        raise InputError(f"time '{label}' of shape {array.shape} in {source}", "shape (n,)",
-                         "give one time a row")  # fmt: skip
+        raise InputError(f"time '{label}' of shape {array.shape} in {source}", "shape (n,)", "give one time a row")
     since: Array
     if array.dtype.kind == "M":
         absent = np.isnat(array)
@@ -79,8 +78,11 @@ def seconds(
     if spec.unit is None and spec.scale == 1.0 and array.dtype.kind in "iuf" and len(array):
         largest = float(np.nanmax(np.abs(array.astype(np.float64)), initial=0.0))
         if _NOT_SECONDS < largest < float("inf"):
-            raise InputError(f"time '{label}' up to {largest:.3g} in {source}", "seconds",
-                             'name its unit, such as [columns] t = { unit = "us" }')  # fmt: skip
+            raise InputError(
+                f"time '{label}' up to {largest:.3g} in {source}",
+                "seconds",
+                'name its unit, such as [columns] t = { unit = "us" }',
+            )
     if array.dtype.kind in "iu" and scale < 0.9e-3 and len(array):
         first = int(array[0])
         since = (array.astype(np.int64) - first).astype(np.float64) * scale

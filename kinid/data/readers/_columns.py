@@ -63,8 +63,11 @@ class Table:
         if count == 1:
             return self.names.index(key)
         if count:
-            raise InputError(f"{count} columns '{key}' in {self.source}", "one column of the name",
-                             "name it by its number, counted from 0, in [columns]")  # fmt: skip
+            raise InputError(
+                f"{count} columns '{key}' in {self.source}",
+                "one column of the name",
+                "name it by its number, counted from 0, in [columns]",
+            )
         found = f"no column '{key}' for {where} in {self.source}"
         raise InputError(found, "a column of the log", self.suggest(key))
 
@@ -146,8 +149,11 @@ def _fill(arrays: Arrays, sources: list[_Source], labels: list[str], source: str
     out = np.empty((n, len(arrays)))
     for i, (array, column, label) in enumerate(zip(arrays, sources, labels)):
         if array.ndim != 1:
-            raise InputError(f"{array.ndim}-D array '{label}' as one column in {source}", "1-D",
-                             'name it as a whole, such as q = { column = "positions" }')  # fmt: skip
+            raise InputError(
+                f"{array.ndim}-D array '{label}' as one column in {source}",
+                "1-D",
+                'name it as a whole, such as q = { column = "positions" }',
+            )
         target = out[:, i]
         target[:] = numbers(array, source, label)
         if column.scale != 1.0:
@@ -194,9 +200,11 @@ def _plan(table: Table, rig: Rig, joints: Sequence[str] | None) -> Plan:
     if single["t"] is not None:
         plan["t"] = [single["t"]]
     elif "t" not in rig.columns or rig.columns["t"].rate is None:
-        raise InputError(f"no time in {table.source} {_shown(table)}", "a column 't' [s]",
-                         'name it: [columns] t = { column = …, unit = "s" }, or, for rows that come evenly, '
-                         "t = { rate = 500 }")  # fmt: skip
+        raise InputError(
+            f"no time in {table.source} {_shown(table)}",
+            "a column 't' [s]",
+            'name it: [columns] t = { column = …, unit = "s" }, or, for rows that come evenly, t = { rate = 500 }',
+        )
     groups = {group: _group(table, rig, group, None) for group in JOINT_GROUPS}
     # where the rig names only a group's first column, the other groups or the robot say how many there are
     counts = [len(g) for g in groups.values() if g and g[0].position not in table.blocks]
@@ -212,8 +220,11 @@ def _plan(table: Table, rig: Rig, joints: Sequence[str] | None) -> Plan:
         plan["wrench"] = wrench
     plan |= {name: [source] for name, source in single.items() if source is not None and name != "t"}
     if not plan.keys() - {"t", "phase"}:
-        raise InputError(f"no quantity beside the time in {table.source} {_shown(table)}", "q1 …, fx … tz, or depth …",
-                         "name its columns in [columns] of the rig")  # fmt: skip
+        raise InputError(
+            f"no quantity beside the time in {table.source} {_shown(table)}",
+            "q1 …, fx … tz, or depth …",
+            "name its columns in [columns] of the rig",
+        )
     return plan
 
 
@@ -237,8 +248,9 @@ def _single(table: Table, rig: Rig, name: str, default: ColumnSpec | None = None
             return _Source(table.position(spec.column, name), spec)
     if table.names is None or name not in table.names:
         if own is not None and spec.column is None and name not in ("t", *CONTACT, "phase"):
-            raise InputError(f"no column '{name}' in {table.source}", "the column that [columns] describes",
-                             table.suggest(name))  # fmt: skip
+            raise InputError(
+                f"no column '{name}' in {table.source}", "the column that [columns] describes", table.suggest(name)
+            )
         return None
     return _Source(table.position(name, name), spec)
 
@@ -256,9 +268,7 @@ def _group(table: Table, rig: Rig, group: str, count: int | None) -> list[_Sourc
     return _by_name(table, rig, group, spec)
 
 
-def _from_first(
-    table: Table, spec: ColumnSpec, group: str, first: int, count: int | None
-) -> list[_Source] | None:
+def _from_first(table: Table, spec: ColumnSpec, group: str, first: int, count: int | None) -> list[_Source] | None:
     """The 2-D array at this position, or `count` columns from there on."""
     if first in table.blocks:
         return [_Source(first, spec)]
@@ -305,6 +315,9 @@ def _numbered(table: Table, rig: Rig, group: str) -> list[str]:
     given = sorted({int(m[1]) for m in there if m})
     if given and given != list(range(1, len(given) + 1)):
         shown = ", ".join(f"{group}{i}" for i in given)
-        raise InputError(f"{shown} in {table.source}", f"{group}1 to {group}N without a hole",
-                         f"name the columns: [columns] {group} = {{ columns = […] }}")  # fmt: skip
+        raise InputError(
+            f"{shown} in {table.source}",
+            f"{group}1 to {group}N without a hole",
+            f"name the columns: [columns] {group} = {{ columns = […] }}",
+        )
     return [f"{group}{i}" for i in given]

@@ -44,14 +44,20 @@ def arrange(counts: Mapping[Names, int], wanted: Sequence[str] | None, source: s
         largest = [names for names in counts if len(names) == most]
         if len(largest) > 1:
             shown = "; ".join(", ".join(names) for names in largest)
-            raise InputError(f"several sources of as many joints in {source}: {shown}", "one robot",
-                             "name its joints in their order: [robot] joints = […]")  # fmt: skip
+            raise InputError(
+                f"several sources of as many joints in {source}: {shown}",
+                "one robot",
+                "name its joints in their order: [robot] joints = […]",
+            )
         wanted = largest[0]
     names = tuple(_match(name, everything, source) for name in wanted)
     if len(set(names)) < len(names):
         double = next(name for name in names if names.count(name) > 1)
-        raise InputError(f"joint '{double}' in {source} for several joints of the robot", "one for each",
-                         "correct [robot] joints of the rig")  # fmt: skip
+        raise InputError(
+            f"joint '{double}' in {source} for several joints of the robot",
+            "one for each",
+            "correct [robot] joints of the rig",
+        )
     sources: dict[Names, dict[int, int]] = {}
     left = dict(zip(names, range(len(names))))
     while left:
@@ -69,8 +75,11 @@ def _match(name: str, found: Sequence[str], source: str) -> str:
     if len(close) == 1:
         return close[0]
     if close:
-        raise InputError(f"joints {', '.join(close)} in {source} for '{name}'", "one joint of that name",
-                         "give full names: [robot] joints = […]")  # fmt: skip
+        raise InputError(
+            f"joints {', '.join(close)} in {source} for '{name}'",
+            "one joint of that name",
+            "give full names: [robot] joints = […]",
+        )
     raise InputError(f"no joint '{name}' in {source}", "every joint of the robot", near(name, found))
 
 

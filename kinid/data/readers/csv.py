@@ -94,8 +94,7 @@ def _sniff(text: mmap.mmap, path: Path) -> _Layout:
         bom = 3 if head.startswith(b"\xef\xbb\xbf") and lines[0][0] == 0 else 0
         return _Layout(lines[0][0] + bom, delimiter, names, len(rows[0]), decimal)
     if len(lines) == 1:
-        raise InputError(f"a header and no row of data in {path}", "a table with samples",
-                         "record or export it again")  # fmt: skip
+        raise InputError(f"a header and no row of data in {path}", "a table with samples", "record or export it again")
     return _Layout(lines[1][0], delimiter, tuple(rows[0]), len(rows[0]), decimal)
 
 
@@ -142,8 +141,9 @@ def _parse(text: mmap.mmap, layout: _Layout, wanted: Sequence[int], path: Path) 
     if data is None:
         data = pa.py_buffer(_cleaned(text[layout.start :], noted, layout.delimiter == _SPACE))
     keys = [str(i) for i in range(layout.width)]
-    convert = pyarrow.csv.ConvertOptions(include_columns=[keys[i] for i in wanted], null_values=_ABSENT,
-                                         decimal_point=layout.decimal)  # fmt: skip
+    convert = pyarrow.csv.ConvertOptions(
+        include_columns=[keys[i] for i in wanted], null_values=_ABSENT, decimal_point=layout.decimal
+    )
     for threads in (True, False):
         try:
             table = pyarrow.csv.read_csv(
@@ -172,11 +172,13 @@ def _has_comments(text: mmap.mmap, start: int) -> bool:
 def _ragged(said: str, path: Path) -> InputError:
     found = re.search(r"(?:Row #(\d+): )?Expected (\d+) columns, got (\d+)", said)
     if not found:
-        return InputError(f"{path}, which can't be read as text ({said[:120]})", "a table",
-                          "export it as CSV in UTF-8")  # fmt: skip
+        return InputError(f"{path}, which can't be read as text ({said[:120]})", "a table", "export it as CSV in UTF-8")
     row = f"row {found[1]} of " if found[1] else "a row of "
-    return InputError(f"{found[3]} cells in {row}{path}", f"{found[2]} cells in each row",
-                      "mend that row, or remove it if the file was cut off there")  # fmt: skip
+    return InputError(
+        f"{found[3]} cells in {row}{path}",
+        f"{found[2]} cells in each row",
+        "mend that row, or remove it if the file was cut off there",
+    )
 
 
 def _cleaned(data: bytes, noted: bool, spaced: bool) -> bytes:

@@ -25,8 +25,11 @@ def read(path: Path, rig: Rig, joints: Sequence[str] | None = None) -> Log:
     with readable(path, "a MATLAB file"), path.open("rb") as file:
         head = file.read(520)
     if _HDF5 in head:  # behind MATLAB's own text of 512 bytes, or at the start
-        raise InputError(f"a MATLAB file of version 7.3 in {path}", "version 7 or older",
-                         "in MATLAB: save('log.mat', '-v7'), or writetable to a CSV")  # fmt: skip
+        raise InputError(
+            f"a MATLAB file of version 7.3 in {path}",
+            "version 7 or older",
+            "in MATLAB: save('log.mat', '-v7'), or writetable to a CSV",
+        )
     from scipy.io import loadmat
 
     with readable(path, "a MATLAB file"), warnings.catch_warnings():

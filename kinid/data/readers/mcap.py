@@ -18,7 +18,11 @@ from kinid.errors import MissingDependencyError
 SUFFIXES: tuple[str, ...] = (".mcap",)
 
 _DAMAGED = "repair or copy it again: 'mcap recover' rescues what a cut-off file still holds"
-_TYPES = {"joints": "sensor_msgs/msg/JointState", "wrench": "geometry_msgs/msg/WrenchStamped", "text": "std_msgs/msg/String"}
+_TYPES = {
+    "joints": "sensor_msgs/msg/JointState",
+    "wrench": "geometry_msgs/msg/WrenchStamped",
+    "text": "std_msgs/msg/String",
+}
 
 
 def read(path: Path, rig: Rig, joints: Sequence[str] | None = None) -> Log:

@@ -49,9 +49,7 @@ class _Bag:
         for connection in reader.connections:
             before = found[connection.topic].count if connection.topic in found else 0
             kind = KINDS.get(connection.msgtype.split("/")[-1])
-            found[connection.topic] = Topic(
-                connection.topic, connection.msgtype, kind, connection.msgcount + before
-            )
+            found[connection.topic] = Topic(connection.topic, connection.msgtype, kind, connection.msgcount + before)
         self.topics = list(found.values())
 
     def messages(self, names: Sequence[str]) -> Iterator[tuple[str, int, Any]]:

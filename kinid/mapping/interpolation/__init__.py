@@ -1,7 +1,9 @@
-"""From estimates at places to guesses anywhere: nearest, biharmonic, triangles, Gaussian process; each says how well it does.
+"""From estimates at places to guesses anywhere: nearest, biharmonic, triangles, Gaussian process; each says how well it
+does.
 
-All of them stand on a `Ground`, which knows how places lie to each other: Euclidean on a plane (`PlaneGround`), along the
-surface on a mesh (`kinid.mapping.interpolation.mesh.MeshGround`). Where there is nothing near, a guess is unknown, not invented.
+All of them stand on a `Ground`, which knows how places lie to each other: Euclidean on a plane (`PlaneGround`), along
+the surface on a mesh (`kinid.mapping.interpolation.mesh.MeshGround`). Where there is nothing near, a guess is unknown,
+not invented.
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ Mask = NDArray[np.bool_]
 METHODS = ("gp", "triangles", "biharmonic", "nearest")
 #: on a mesh
 MESH_METHODS = ("gp", "biharmonic", "nearest")
-#: what is expected of places (m, 2) before they are touched: mean (NaN where nothing is) and standard deviation, (m,) both
+#: what is expected of places (m, 2) before they are touched: mean (NaN where nothing is) and standard deviation, (m,)
+#: both
 Prior = Callable[[Array], tuple[Array, Array]]
 #: a guess is known within so many spacings of a probe; where probes lie in a grid every cell's middle is within 0.71
 REACH = 1.25
@@ -33,7 +36,9 @@ RIM = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Guess:
-    """What is expected at m places: mean and standard deviation (NaN where the method states none), and where it is known."""
+    """What is expected at m places: mean and standard deviation (NaN where the method states none), and where it is
+    known.
+    """
 
     mean: Array
     sd: Array
@@ -73,8 +78,11 @@ class PlaneGround:
     def __post_init__(self) -> None:
         places = np.ascontiguousarray(self.places, dtype=float)
         if places.ndim != 2 or places.shape[1] != 2 or not np.isfinite(places).all() or not len(places):
-            raise InputError(f"places of shape {places.shape} that are perhaps no numbers", "one place at least, (n, 2) [m]",
-                             "leave out what has no place")  # fmt: skip
+            raise InputError(
+                f"places of shape {places.shape} that are perhaps no numbers",
+                "one place at least, (n, 2) [m]",
+                "leave out what has no place",
+            )
         object.__setattr__(self, "places", places)
         if not np.isfinite(self.reach):
             object.__setattr__(self, "reach", REACH * self.spacing)
@@ -90,7 +98,8 @@ class PlaneGround:
         nearest = cKDTree(self.places).query(self.places, k=2)[0][:, 1]
         if n < 4 or self._hull is None:
             return float(np.max(nearest)) or 0.01
-        # nearest neighbours alone are too close where probes lie at random; a share of the area alone is where they lie in lines
+        # nearest neighbours alone are too close where probes lie at random; a share of the area alone is where they lie
+        # in lines
         return float(max(np.quantile(nearest, 0.5), np.sqrt(self._hull.volume / n)))
 
     @cached_property
@@ -157,9 +166,9 @@ SMOOTHING = (0.0, 1e-4, 1e-3, 1e-2, 1e-1)
 class Biharmonic(Interpolator):
     """Green's function of the biharmonic operator, r² (ln r − 1), and a plane (Sandwell, Geophys. Res. Lett. 14, 1987).
 
-    The weights have no constant and no linear part, so that neither the unit of length nor the origin matters: without that
-    condition (as in MATLAB's "v4") both do. With noise stated, the smoothing of the probes in proportion to their variances
-    is the one that leaving out each in turn likes best; without noise, values are met exactly.
+    The weights have no constant and no linear part, so that neither the unit of length nor the origin matters: without
+    that condition (as in MATLAB's "v4") both do. With noise stated, the smoothing of the probes in proportion to their
+    variances is the one that leaving out each in turn likes best; without noise, values are met exactly.
     """
 
     ground: PlaneGround
@@ -224,15 +233,23 @@ def on_plane(queries: NDArray[Any]) -> Array:
     try:
         q = np.asarray(queries, dtype=float)
     except (TypeError, ValueError):
-        raise InputError("places that are no numbers", "(m, 2) along the plane's tangents [m]", "correct them") from None
+        raise InputError(
+            "places that are no numbers", "(m, 2) along the plane's tangents [m]", "correct them"
+        ) from None
     if q.size and (q.ndim > 2 or q.shape[-1] != 2):
-        raise InputError(f"places of shape {q.shape}", "(m, 2) along the plane's tangents [m]",
-                         "turn points in the base frame into them with PropertyMap.flat")  # fmt: skip
+        raise InputError(
+            f"places of shape {q.shape}",
+            "(m, 2) along the plane's tangents [m]",
+            "turn points in the base frame into them with PropertyMap.flat",
+        )
     q = q.reshape(-1, 2)
     bad = ~np.isfinite(q).all(axis=1)
     if bad.any():
-        raise InputError(f"{bad.sum()} of {len(q)} places that are not finite, the first in row {int(bad.argmax())}",
-                         "finite coordinates along the plane's tangents [m]", "leave them out")  # fmt: skip
+        raise InputError(
+            f"{bad.sum()} of {len(q)} places that are not finite, the first in row {int(bad.argmax())}",
+            "finite coordinates along the plane's tangents [m]",
+            "leave them out",
+        )
     return q
 
 
@@ -249,7 +266,9 @@ def _guess(mean: Array, sd: Array, known: Mask) -> Guess:
 
 
 def expected(prior: Prior, q: Array, logarithmic: bool) -> tuple[Array, Array]:
-    """What a prior says of places (m, 2), as logarithms if asked, mean and standard deviation (m,); NaN where it says nothing."""
+    """What a prior says of places (m, 2), as logarithms if asked, mean and standard deviation (m,); NaN where it says
+    nothing.
+    """
     mean, sd = prior(q)
     told = np.isfinite(mean) & (sd > 0) & (mean > 0 if logarithmic else True)
     if logarithmic:

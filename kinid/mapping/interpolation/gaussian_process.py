@@ -1,9 +1,9 @@
 """A Gaussian process over a plane whose probes have each their own noise, and whose smoothness the data choose.
 
-Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006: regression §2.2, marginal likelihood §5.4.1, leaving
-out in closed form §5.4.2. Covariances are Matérn's with ν = 1/2, 3/2 or 5/2. Where probes part into zones with a sharp step
-between them, and the evidence says so too, zones share only a part of their covariance, and near a border a guess is a
-mixture of both sides.
+Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006: regression §2.2, marginal likelihood §5.4.1,
+leaving out in closed form §5.4.2. Covariances are Matérn's with ν = 1/2, 3/2 or 5/2. Where probes part into zones with
+a sharp step between them, and the evidence says so too, zones share only a part of their covariance, and near a border
+a guess is a mixture of both sides.
 """
 
 from __future__ import annotations
@@ -36,15 +36,20 @@ IGNORANCE = 0.9
 
 @dataclass(frozen=True)
 class Covariance:
-    """Matérn: smoothness ν, length [m], size (standard deviation of the property), nugget (what no neighbour shares)."""
+    """Matérn: smoothness ν, length [m], size (standard deviation of the property), nugget (what no neighbour
+    shares).
+    """
 
     smoothness: float
     length: float
     size: float
     nugget: float
 
-    def correlation(self, distance: NDArray[np.floating], room: NDArray[np.floating] | None = None) -> NDArray[np.floating]:
-        """Of places a distance apart [m], in its precision and in its place; `room` of the same shape saves making some.
+    def correlation(
+        self, distance: NDArray[np.floating], room: NDArray[np.floating] | None = None
+    ) -> NDArray[np.floating]:
+        """Of places a distance apart [m], in its precision and in its place; `room` of the same shape saves making
+        some.
 
         ν = 1/2: e⁻ʳ; 3/2: (1 + r) e⁻ʳ; 5/2: (1 + r + r²/3) e⁻ʳ, with r = √(2ν) distance / length.
         """
@@ -73,11 +78,13 @@ class GaussianProcess(Interpolator):
     """Fitted to n probes; make it with `fit`, enlarge it with `added`.
 
     Attributes:
-        ground: places. values: (n,). noise: standard deviation of each (n,). covariance: what was learnt. mean: of the prior.
+        ground: places. values: (n,). noise: standard deviation of each (n,). covariance: what was learnt. mean: of the
+            prior.
         factor: lower Cholesky factor of all probes' covariance, (n, n). weights: its solution for the values, (n,).
         zones: of the probes, (n,). across: share of the covariance that zones have in common; 1 without edges.
         step: a larger difference between neighbours (of logarithms, where all values are positive) parts zones.
-        shared: the part of each probe's error that its neighbours make too, (n,); it isn't in `noise`, but in what is stated.
+        shared: the part of each probe's error that its neighbours make too, (n,); it isn't in `noise`, but in what is
+            stated.
     """
 
     ground: PlaneGround
@@ -94,7 +101,12 @@ class GaussianProcess(Interpolator):
 
     @classmethod
     def fit(
-        cls, ground: PlaneGround, values: Array, noise: Array | None = None, smoothness: float | None = None, edges: bool = True
+        cls,
+        ground: PlaneGround,
+        values: Array,
+        noise: Array | None = None,
+        smoothness: float | None = None,
+        edges: bool = True,
     ) -> GaussianProcess:
         """Learn smoothness (unless given), length, size and nugget by the marginal likelihood, and edges.
 
@@ -110,7 +122,8 @@ class GaussianProcess(Interpolator):
         found, evidence = cls._fitted(ground, values, noise, spread, smoothness, edges)
         if shared.any():
             other, better = cls._fitted(ground, values, np.sqrt(noise**2 - shared**2), spread, smoothness, edges)
-            # errors that are large explain any step, also one that all around agree on: what neighbours tell of each other counts
+            # errors that are large explain any step, also one that all around agree on: what neighbours tell of each
+            # other counts
             if better > evidence or np.mean(other.left_out**2) < np.mean(found.left_out**2):
                 return replace(other, shared=shared)
         return found
@@ -136,9 +149,16 @@ class GaussianProcess(Interpolator):
 
     @classmethod
     def _built(
-        cls, ground: PlaneGround, values: Array, noise: Array, learnt: Covariance, mean: float, zones: Index, across: float,
+        cls,
+        ground: PlaneGround,
+        values: Array,
+        noise: Array,
+        learnt: Covariance,
+        mean: float,
+        zones: Index,
+        across: float,
         step: float = float("inf"),
-    ) -> GaussianProcess:  # fmt: skip
+    ) -> GaussianProcess:
         from scipy.linalg import cho_solve, cholesky
 
         system = learnt.size**2 * learnt.correlation(_distance(ground.places, ground.places))
@@ -170,8 +190,9 @@ class GaussianProcess(Interpolator):
         ground = replace(self.ground, places=np.vstack([self.ground.places, place]))
         zones = np.append(self.zones, zone)
         shared = None if self.shared is None else np.append(self.shared, 0.0)
-        return replace(self, ground=ground, values=values, noise=noises, factor=factor, weights=weights, zones=zones,
-                       shared=shared)  # fmt: skip
+        return replace(
+            self, ground=ground, values=values, noise=noises, factor=factor, weights=weights, zones=zones, shared=shared
+        )
 
     def _zone_of(self, distance: Array, value: float) -> int:
         """Zone of a new probe: that of the neighbour whose value is nearest to it, or a new one beyond the step."""
@@ -185,8 +206,9 @@ class GaussianProcess(Interpolator):
     def at(self, queries: NDArray[Any], sd: bool = True) -> Guess:
         """Mean and standard deviation of the property itself (no probe's noise), (m,) each.
 
-        Where probes side by side deviate from the mean to one side by more than chance, that is in the standard deviation.
-        Many queries are answered in single precision: the standard deviation is good to 0.1 % of the prior's there.
+        Where probes side by side deviate from the mean to one side by more than chance, that is in the standard
+        deviation. Many queries are answered in single precision: the standard deviation is good to 0.1 % of the prior's
+        there.
         """
         q = on_plane(queries)
         if self.across >= 1.0:
@@ -249,7 +271,9 @@ class GaussianProcess(Interpolator):
         for a in range(0, len(q), BLOCK):
             rows = slice(a, min(a + BLOCK, len(q)))
             size = rows.stop - a
-            k = self.covariance.correlation(_distance(asked[rows], places, room[0, :size], room[1, :size]), room[1, :size])
+            k = self.covariance.correlation(
+                _distance(asked[rows], places, room[0, :size], room[1, :size]), room[1, :size]
+            )
             mean[rows] = k @ weights
             if inverse is not None:
                 told = product(1.0, inverse, k.T, lower=1, overwrite_b=1)  # in place: k's rows are its columns
@@ -284,7 +308,9 @@ class GaussianProcess(Interpolator):
         mean, variance = np.empty(n), np.empty(n)
         for i in range(n):
             others = np.arange(n) != i
-            zones, share = belonging(self.ground.places[i : i + 1], self.ground.places[others], self.zones[others], spacing)
+            zones, share = belonging(
+                self.ground.places[i : i + 1], self.ground.places[others], self.zones[others], spacing
+            )
             means, variances = np.zeros(2), np.zeros(2)
             for side in (0, 1):
                 row = prior * correlation[i] * np.where(self.zones == zones[0, side], 1.0, self.across)
@@ -304,9 +330,11 @@ def _diagonal(noise: Array, learnt: Covariance) -> Array:
 
 
 def _distance(
-    a: NDArray[np.floating], b: NDArray[np.floating], out: NDArray[np.floating] | None = None,
+    a: NDArray[np.floating],
+    b: NDArray[np.floating],
+    out: NDArray[np.floating] | None = None,
     room: NDArray[np.floating] | None = None,
-) -> NDArray[np.floating]:  # fmt: skip
+) -> NDArray[np.floating]:
     """Between places, (m, n)."""
     out = np.subtract(a[:, 0, None], np.ascontiguousarray(b[:, 0]), out=out)
     room = np.subtract(a[:, 1, None], np.ascontiguousarray(b[:, 1]), out=room)
@@ -317,9 +345,15 @@ def _distance(
 
 
 def _learn(
-    ground: PlaneGround, values: Array, noise: Array, spread: float, kinds: tuple[float, ...], zones: Index, across: float,
+    ground: PlaneGround,
+    values: Array,
+    noise: Array,
+    spread: float,
+    kinds: tuple[float, ...],
+    zones: Index,
+    across: float,
     near: Covariance | None = None,
-) -> tuple[Covariance, float]:  # fmt: skip
+) -> tuple[Covariance, float]:
     """The covariance with the largest marginal likelihood on at most `LEARN_FROM` probes, searched for from `near` on.
 
     With it the logarithm of that likelihood, less what choosing each zone costs: ln n, as in Schwarz' criterion.
@@ -337,15 +371,25 @@ def _learn(
     shared = np.where(zones[chosen][:, None] == zones[chosen], 1.0, across)
     longest = 3.0 * max(float(distance.max()), 1e-9)
     shortest = max(0.2 * ground.spacing, 1e-4 * longest)
-    bounds = [(np.log(shortest), np.log(longest)), (np.log(1e-2 * spread), np.log(1e2 * spread)),
-              (np.log(1e-4 * spread), np.log(2 * spread))]  # fmt: skip
+    bounds = [
+        (np.log(shortest), np.log(longest)),
+        (np.log(1e-2 * spread), np.log(1e2 * spread)),
+        (np.log(1e-4 * spread), np.log(2 * spread)),
+    ]
     start = np.array([np.log(np.clip(3 * ground.spacing, shortest, longest)), np.log(spread), np.log(0.03 * spread)])
     if near is not None:
         start = np.log(np.clip([near.length, near.size, near.nugget], *np.exp(np.array(bounds).T)))
     best: tuple[float, Covariance] | None = None
     for kind in kinds:
-        found = minimize(_evidence, start, args=(kind, distance, y, variance, shared), jac=True, bounds=bounds, method="L-BFGS-B",
-                         options={"maxiter": 25, "ftol": 1e-6})  # fmt: skip
+        found = minimize(
+            _evidence,
+            start,
+            args=(kind, distance, y, variance, shared),
+            jac=True,
+            bounds=bounds,
+            method="L-BFGS-B",
+            options={"maxiter": 25, "ftol": 1e-6},
+        )
         learnt = Covariance(kind, *(float(v) for v in np.exp(found.x)))
         if best is None or found.fun < best[0]:
             best = (float(found.fun), learnt)
@@ -397,8 +441,11 @@ def interpolator(method: str, ground: PlaneGround, values: Array, noise: Array |
     """
     values = np.asarray(values, dtype=float)
     if values.shape != (len(ground.places),) or not np.isfinite(values).all():
-        raise InputError(f"values of shape {values.shape} for {len(ground.places)} places", "a number for each place",
-                         "leave out places without a value")  # fmt: skip
+        raise InputError(
+            f"values of shape {values.shape} for {len(ground.places)} places",
+            "a number for each place",
+            "leave out places without a value",
+        )
     if method == "nearest":
         return Nearest(ground, values)
     if method == "biharmonic":

@@ -1,8 +1,9 @@
 """Where a smooth surface and its probes disagree: what residuals of one sign, side by side, say a guess may be off by.
 
-A probe that states a large error (a contact law that fails there, say) hardly pulls a Gaussian process: its sure neighbours
-decide, and the process is as sure as they are. That is right for one such probe, whose error may be chance. Where several
-beside each other deviate to one side by more than chance, the surface is another one there, and a guess must say so.
+A probe that states a large error (a contact law that fails there, say) hardly pulls a Gaussian process: its sure
+neighbours decide, and the process is as sure as they are. That is right for one such probe, whose error may be chance.
+Where several beside each other deviate to one side by more than chance, the surface is another one there, and a guess
+must say so.
 """
 
 from __future__ import annotations
@@ -27,13 +28,15 @@ SAME = 10.0
 
 
 def misfit(places: Array, residual: Array, error: Array, spacing: float) -> Array:
-    """What a guess may be off by at each probe, (n,); 0 where residuals are as small, or as mixed in sign, as chance has it.
+    """What a guess may be off by at each probe, (n,); 0 where residuals are as small, or as mixed in sign, as chance
+    has it.
 
-    The mean of the residuals of a probe and its neighbours with alike errors, weighed by these. The witnesses are chosen by
-    their errors and not by their residuals, so that their sum is as surely chance as it looks.
+    The mean of the residuals of a probe and its neighbours with alike errors, weighed by these. The witnesses are
+    chosen by their errors and not by their residuals, so that their sum is as surely chance as it looks.
 
     Args:
-        places: of probes [m], (n, 2) or (n, 3). residual: value less the guess, (n,). error: standard error of each, (n,).
+        places: of probes [m], (n, 2) or (n, 3). residual: value less the guess, (n,). error: standard error of each,
+            (n,).
         spacing: typical distance between neighbours [m].
     """
     from scipy.spatial import cKDTree
@@ -53,10 +56,11 @@ def misfit(places: Array, residual: Array, error: Array, spacing: float) -> Arra
 
 
 def shared_error(places: Array, values: Array, noise: Array, pairs: NDArray[np.int64]) -> Array:
-    """The part of each probe's error that its neighbours make too, (n,): 0 unless they agree far better than their errors say.
+    """The part of each probe's error that its neighbours make too, (n,): 0 unless they agree far better than their
+    errors say.
 
-    Several pokes that one wrong law was fitted to have large errors, and yet the same value each time: what they are off by is
-    alike. Such errors say how far all of them may be off, not how far from each other.
+    Several pokes that one wrong law was fitted to have large errors, and yet the same value each time: what they are
+    off by is alike. Such errors say how far all of them may be off, not how far from each other.
 
     Args:
         places: (n, 2). values, noise: of the probes and their standard errors, (n,) both. pairs: neighbours, (e, 2).
@@ -74,7 +78,9 @@ def shared_error(places: Array, values: Array, noise: Array, pairs: NDArray[np.i
 
 
 def spread_over(places: Array, off: Array, queries: Array) -> Array:
-    """The same between the probes, (m,): of the nearest ones, weighed by the inverse square of their distance (Shepard)."""
+    """The same between the probes, (m,): of the nearest ones, weighed by the inverse square of their distance
+    (Shepard).
+    """
     from scipy.spatial import cKDTree
 
     if not off.any():

@@ -1,8 +1,10 @@
-"""The same three ways of guessing along a curved surface: distances and smoothness are those of the surface, not of space.
+"""The same three ways of guessing along a curved surface: distances and smoothness are those of the surface, not of
+space.
 
-Gaussian process: the stochastic equation (κ² − Δ) u = white noise, whose solutions have Matérn's covariance with ν = 1, put
-on linear finite elements (Lindgren, Rue & Lindström, J. R. Stat. Soc. B 73, 2011). Biharmonic: the same with κ → 0, whose
-energy is ∫ (Δu)². Nearest: along the edges (Dijkstra 1959), which are a few per cent longer than the shortest way.
+Gaussian process: the stochastic equation (κ² − Δ) u = white noise, whose solutions have Matérn's covariance with ν = 1,
+put on linear finite elements (Lindgren, Rue & Lindström, J. R. Stat. Soc. B 73, 2011). Biharmonic: the same with κ → 0,
+whose energy is ∫ (Δu)². Nearest: along the edges (Dijkstra 1959), which are a few per cent longer than the shortest
+way.
 """
 
 from __future__ import annotations
@@ -33,7 +35,8 @@ class MeshGround:
     """A mesh, and n probes on it, each a mixture of the three corners of its face.
 
     Attributes:
-        mesh: the surface. places: on it, base frame [m], (n, 3). reach: how far a probe's word carries along the surface [m].
+        mesh: the surface. places: on it, base frame [m], (n, 3). reach: how far a probe's word carries along the
+            surface [m].
     """
 
     mesh: Mesh
@@ -55,8 +58,11 @@ class MeshGround:
             return np.zeros(0, dtype=np.int64)
         if q.dtype.kind not in "iu" or q.ndim > 1 or q.min() < 0 or q.max() >= n:
             what = f"numbers from {q.min()} to {q.max()}" if q.dtype.kind in "iu" else f"{q.dtype} of shape {q.shape}"
-            raise InputError(f"{what} asked of a map on a mesh", f"vertex numbers, whole, 0 to {n - 1}, of shape (m,)",
-                             "name the vertices nearest to the places")  # fmt: skip
+            raise InputError(
+                f"{what} asked of a map on a mesh",
+                f"vertex numbers, whole, 0 to {n - 1}, of shape (m,)",
+                "name the vertices nearest to the places",
+            )
         return np.atleast_1d(q).astype(np.int64)
 
     @cached_property
@@ -79,7 +85,9 @@ class MeshGround:
                 rows.append(f[:, i])
                 columns.append(f[:, j])
                 entries.append(np.einsum("ij,ij->i", sides[i], sides[j]) / (4.0 * area))
-        stiffness = coo_array((np.concatenate(entries), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n)).tocsc()
+        stiffness = coo_array(
+            (np.concatenate(entries), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n)
+        ).tocsc()
         mass = np.bincount(f.ravel(), np.repeat(area / 3.0, 3), minlength=n)
         return stiffness, np.maximum(mass, 1e-12 * area.mean())
 
@@ -114,10 +122,16 @@ class MeshGround:
         probe, corner = parts.coords
         spoke = np.maximum(np.linalg.norm(self.places[probe] - v[corner], axis=1), 1e-12)
         size = n + len(self.places)
-        graph = coo_array((np.concatenate([length, spoke]), (np.concatenate([pairs[:, 0], n + probe]),
-                           np.concatenate([pairs[:, 1], corner]))), shape=(size, size)).tocsr()  # fmt: skip
-        distance, _, source = dijkstra(graph, directed=False, indices=np.arange(n, size), min_only=True,
-                                       return_predecessors=True)  # fmt: skip
+        graph = coo_array(
+            (
+                np.concatenate([length, spoke]),
+                (np.concatenate([pairs[:, 0], n + probe]), np.concatenate([pairs[:, 1], corner])),
+            ),
+            shape=(size, size),
+        ).tocsr()
+        distance, _, source = dijkstra(
+            graph, directed=False, indices=np.arange(n, size), min_only=True, return_predecessors=True
+        )
         return np.where(source[:n] >= n, source[:n] - n, 0).astype(np.int64), distance[:n]
 
 
@@ -182,7 +196,9 @@ class MeshProcess(Interpolator):
 
     @classmethod
     def fit(cls, ground: MeshGround, values: Array, noise: Array | None = None) -> MeshProcess:
-        """Length and size by the marginal likelihood on a grid of lengths; the size in closed form but for the noise."""
+        """Length and size by the marginal likelihood on a grid of lengths; the size in closed form but for the
+        noise.
+        """
         values = np.asarray(values, dtype=float)
         spread = float(np.std(values)) or max(abs(float(values[0])), 1.0)
         noise = np.full(len(values), 1e-3 * spread) if noise is None else np.asarray(noise, dtype=float)
@@ -233,7 +249,8 @@ class MeshProcess(Interpolator):
         """Covariance of every vertex with every probe for size 1, (vertices, n)."""
         _, mass = self.ground.elements
         half = self._solver.solve(self.ground.shares.toarray().T)
-        # the covariance is τ⁻² (κ² M + L)⁻¹ M (κ² M + L)⁻¹, and that of a point with itself 1/(4 π κ² τ²) on a wide plane
+        # the covariance is τ⁻² (κ² M + L)⁻¹ M (κ² M + L)⁻¹, and that of a point with itself 1/(4 π κ² τ²) on a wide
+        # plane
         return np.asarray(4 * np.pi * self._kappa2 * self._solver.solve(mass[:, None] * half))
 
     @cached_property

@@ -33,7 +33,9 @@ def neighbours(places: Array) -> Index:
     except QhullError:  # places in one line
         order = np.argsort(places @ np.ptp(places, axis=0))
         return np.column_stack([order[:-1], order[1:]]).astype(np.int64)
-    pairs = np.unique(np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1), axis=0)
+    pairs = np.unique(
+        np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1), axis=0
+    )
     length = np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1)
     near = cKDTree(places).query(places, k=2)[0][:, 1]
     return np.asarray(pairs[length <= 3.0 * np.maximum(near[pairs[:, 0]], np.median(near))], dtype=np.int64)
@@ -83,7 +85,9 @@ def _cores(n: int, pairs: Index) -> Index:
 
 
 def scaled(values: Array, noise: Array) -> tuple[Array, Array]:
-    """Values and noise on the scale that steps are compared on: logarithmic where all are surely positive, as stiffness is."""
+    """Values and noise on the scale that steps are compared on: logarithmic where all are surely positive, as stiffness
+    is.
+    """
     if np.all(values > 3.0 * noise) and np.all(values > 0.0):
         return np.log(values), noise / values
     return values, noise
@@ -99,10 +103,11 @@ def connected(n: int, pairs: Index) -> Index:
 
 
 def belonging(queries: Array, places: Array, zones: Index, spacing: float) -> tuple[Index, Array]:
-    """The two likeliest zones of each query and how sure it lies in each, (m, 2) both; the second is 0 where there is one only.
+    """The two likeliest zones of each query and how sure it lies in each, (m, 2) both; the second is 0 where there is
+    one only.
 
-    The probes around vote, with weights that fade with their distance: beside one nearest probe a place is of its zone, and
-    among several that are as near, of the zone of most of them.
+    The probes around vote, with weights that fade with their distance: beside one nearest probe a place is of its zone,
+    and among several that are as near, of the zone of most of them.
     """
     from scipy.spatial import cKDTree
 

@@ -1,9 +1,9 @@
 """Piecewise linear over triangles whose edges run along borders: what a few pokes beside a border say about all of it.
 
-Delaunay's triangles know places only. Here edges are flipped while that lowers the total variation of the surface, so that
-they come to lie along a border and not across it (data-dependent triangulation: Dyn, Levin & Rippa, IMA J. Numer. Anal. 10,
-1990). Between its corners a place is like each of them with its barycentric coordinate as the probability: that is the mean
-of a border that may be anywhere between, and the spread of that mixture is the uncertainty stated.
+Delaunay's triangles know places only. Here edges are flipped while that lowers the total variation of the surface, so
+that they come to lie along a border and not across it (data-dependent triangulation: Dyn, Levin & Rippa, IMA J. Numer.
+Anal. 10, 1990). Between its corners a place is like each of them with its barycentric coordinate as the probability:
+that is the mean of a border that may be anywhere between, and the spread of that mixture is the uncertainty stated.
 """
 
 from __future__ import annotations
@@ -65,15 +65,17 @@ class Triangles(Interpolator):
     def between(self, q: Array) -> tuple[Array, Array]:
         """Mean and variance on the scale that is interpolated, at places (m, 2), known or not, (m,) both.
 
-        The prior and the triangles are two witnesses, weighed by their variances: where probes around agree they decide, where
-        a border runs between them the prior does. One that the probes contradict counts for less.
+        The prior and the triangles are two witnesses, weighed by their variances: where probes around agree they
+        decide, where a border runs between them the prior does. One that the probes contradict counts for less.
         """
         places, height, noise = self.framed
         number, share = locate(places, self.corners, q)
         h, s = height[number], noise[number]
         mean = np.sum(share * h, axis=1)
         variance = np.sum(share * (h - mean[:, None]) ** 2 + (share * s) ** 2, axis=1)
-        variance += 1.5 * self._base**2 * (1.0 - np.sum(share**2, axis=1))  # nothing at a corner, base² in a triangle's middle
+        variance += (
+            1.5 * self._base**2 * (1.0 - np.sum(share**2, axis=1))
+        )  # nothing at a corner, base² in a triangle's middle
         if self.prior is None:
             return mean, variance
         before, sd = expected(self.prior, q, self.logarithmic)
@@ -82,7 +84,9 @@ class Triangles(Interpolator):
         return np.where(told, mean + weight * (np.where(told, before, 0.0) - mean), mean), (1.0 - weight) * variance
 
     def halfway(self, steps: Array, q: Array) -> Array:
-        """Standard deviation half-way between two places whose heights differ by steps (m,) if nothing else is near, (m,)."""
+        """Standard deviation half-way between two places whose heights differ by steps (m,) if nothing else is near,
+        (m,).
+        """
         variance = 0.25 * steps.ravel() ** 2 + self._base**2
         if self.prior is None:
             return np.asarray(np.sqrt(variance))
@@ -119,7 +123,9 @@ class Triangles(Interpolator):
             variance = mean**2 * variance
         known = self.ground.known(q)
         nothing = np.full(len(q), np.nan)
-        return Guess(np.where(known, mean, np.nan), np.where(known, np.sqrt(variance), np.nan) if sd else nothing, known)
+        return Guess(
+            np.where(known, mean, np.nan), np.where(known, np.sqrt(variance), np.nan) if sd else nothing, known
+        )
 
     @property
     def left_out(self) -> Array:
@@ -142,7 +148,9 @@ class Triangles(Interpolator):
 
 
 def triangulate(places: Array, heights: Array) -> Index:
-    """Triangles over places (n, 2) whose edges are flipped until the variation of heights (n,) falls no further, (k, 3)."""
+    """Triangles over places (n, 2) whose edges are flipped until the variation of heights (n,) falls no further, (k,
+    3).
+    """
     from scipy.spatial import Delaunay, QhullError
 
     if len(places) < 3:
@@ -211,7 +219,9 @@ def _variation(p: Point, q: Point, r: Point) -> tuple[float, float]:
 
 
 def locate(places: Array, corners: Index, q: Array) -> tuple[Index, Array]:
-    """The three probes around each query and its barycentric coordinates, (m, 3) both; outside, the nearest one with 1."""
+    """The three probes around each query and its barycentric coordinates, (m, 3) both; outside, the nearest one with
+    1.
+    """
     from scipy.spatial import cKDTree
 
     number = np.repeat(cKDTree(places).query(q)[1][:, None], 3, axis=1).astype(np.int64)

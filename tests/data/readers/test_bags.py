@@ -326,11 +326,14 @@ def test_names_may_have_a_prefix(tmp_path: Path) -> None:
     np.testing.assert_allclose(ordered.q[0], [2, 1, 3])
 
 
-@pytest.mark.parametrize(("names", "found"), [
-    (("elbow", "shoulder", "hand"), "no joint 'hand' in"),
-    (("elbow", "shoulder", "wrist", "wrist_2"), "no joint 'wrist_2'"),
-    (("left_elbow", "right_elbow", "wrist"), "joint 'elbow' in .* for several joints"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("names", "found"),
+    [
+        (("elbow", "shoulder", "hand"), "no joint 'hand' in"),
+        (("elbow", "shoulder", "wrist", "wrist_2"), "no joint 'wrist_2'"),
+        (("left_elbow", "right_elbow", "wrist"), "joint 'elbow' in .* for several joints"),
+    ],
+)
 def test_joints_that_are_missing(names: tuple[str, ...], found: str, tmp_path: Path) -> None:
     path = write(tmp_path, "ros1", list(arm(FAST)))
     with pytest.raises(InputError, match=found):
@@ -428,7 +431,10 @@ def write_json(path: Path, topics: dict[str, list[dict[str, Any]]], schema: str 
 def test_json_by_its_fields(tmp_path: Path) -> None:
     vector = {"x": 1.0, "y": 2.0, "z": 3.0}
     joints = [
-        {"timestamp": {"sec": 7, "nsec": i * MS}, "joints": [{"name": "a", "position": i}, {"name": "b", "position": 1}]}
+        {
+            "timestamp": {"sec": 7, "nsec": i * MS},
+            "joints": [{"name": "a", "position": i}, {"name": "b", "position": 1}],
+        }
         for i in range(5)
     ]
     topics = {"/w": [{"force": vector, "torque": vector}] * 5, "/state": [{"mode": "idle"}]}

@@ -35,7 +35,7 @@ def log_of(
 
 
 T = np.arange(4) * 0.5
-A, B, C, D = (np.random.default_rng(7).normal(size=(4, 4)).T)
+A, B, C, D = np.random.default_rng(7).normal(size=(4, 4)).T
 
 units = st.sampled_from(sorted(FACTORS))
 values = st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=5)
@@ -104,8 +104,10 @@ def test_degrees_for_a_group_and_another_unit_for_one_joint() -> None:
 def test_a_block_is_a_group() -> None:
     block = np.stack([A, B], axis=1)
     np.testing.assert_array_equal(log_of({"t": T, "q": block}).q, block)
-    named = log_of({"t": T, "positions": block, "w": np.ones((4, 6))},
-                   {"q": {"column": "positions", "unit": "deg"}, "wrench": {"column": "w"}})  # fmt: skip
+    named = log_of(
+        {"t": T, "positions": block, "w": np.ones((4, 6))},
+        {"q": {"column": "positions", "unit": "deg"}, "wrench": {"column": "w"}},
+    )
     np.testing.assert_allclose(named.q, block * math.pi / 180, rtol=1e-15)
     with pytest.raises(InputError, match=r"wrench of shape \(4, 5\)"):
         log_of({"t": T, "wrench": np.ones((4, 5))})
@@ -177,18 +179,21 @@ def test_a_time_that_is_not_in_seconds_is_noticed() -> None:
 # ------------------------------------------------------------------------------------------------------- refusals
 
 
-@pytest.mark.parametrize(("columns", "found", "mend"), [
-    ({"q1": {"column": "Q_1"}}, "no column 'Q_1' for q1", "did you mean 'q_1'"),
-    ({"depth": {"column": 9}}, "column 9 for depth, and 4 columns", "correct"),
-    ({"depth": {"column": -1}}, "column -1", "correct"),
-    ({"q": {"columns": ["q_1", "x"]}}, "no column 'x' for q", "valid names"),
-    ({"q3": {"unit": "deg"}}, "q3 in memory", "columns"),
-    ({"q1": {"unit": "deg"}}, "no column 'q1'", "did you mean 'q_1'"),
-    ({"wrench": {"columns": ["q_1", "q_2"]}}, "2 columns for wrench", "all six"),
-    ({"fx": {"column": "q_1"}}, "fx without fy fz tx ty tz", "normal_force"),
-    ({"depth": {"columns": ["q_1", "q_2"]}}, "several columns for depth", "name it"),
-    ({"t": {"column": "clock"}}, "no column 'clock' for t", "valid names"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("columns", "found", "mend"),
+    [
+        ({"q1": {"column": "Q_1"}}, "no column 'Q_1' for q1", "did you mean 'q_1'"),
+        ({"depth": {"column": 9}}, "column 9 for depth, and 4 columns", "correct"),
+        ({"depth": {"column": -1}}, "column -1", "correct"),
+        ({"q": {"columns": ["q_1", "x"]}}, "no column 'x' for q", "valid names"),
+        ({"q3": {"unit": "deg"}}, "q3 in memory", "columns"),
+        ({"q1": {"unit": "deg"}}, "no column 'q1'", "did you mean 'q_1'"),
+        ({"wrench": {"columns": ["q_1", "q_2"]}}, "2 columns for wrench", "all six"),
+        ({"fx": {"column": "q_1"}}, "fx without fy fz tx ty tz", "normal_force"),
+        ({"depth": {"columns": ["q_1", "q_2"]}}, "several columns for depth", "name it"),
+        ({"t": {"column": "clock"}}, "no column 'clock' for t", "valid names"),
+    ],
+)
 def test_what_the_rig_names_must_be_there(columns: dict[str, Any], found: str, mend: str) -> None:
     with pytest.raises(InputError) as error:
         log_of({"t": T, "q_1": A, "q_2": B, "spam": C}, columns)

@@ -24,43 +24,49 @@ def read_text(folder: Path, text: str | bytes, columns: dict[str, Any] | None = 
     return read(path, Rig.parse({"columns": columns or {}}))
 
 
-@pytest.mark.parametrize("text", [
-    "t,depth\n0,1\n1,-2.5\n",
-    "t,depth\r\n0,1\r\n1,-2.5\r\n",
-    "t,depth\n0,1\n1,-2.5",
-    "\ufefft,depth\n0,1\n1,-2.5\n",
-    '"t","depth"\n"0","1"\n"1","-2.5"\n',
-    "t, depth\n0, 1\n1, -2.5\n",
-    "t;depth\n0;1\n1;-2.5\n",
-    "t;depth\n0,0;1,0\n1,0;-2,5\n",
-    "t\tdepth\n0\t1\n1\t-2.5\n",
-    "t\tdepth\n0,0\t1,0\n1,0\t-2,5\n",
-    "t depth\n0 1\n1 -2.5\n",
-    "  t    depth  \n  0.0   1.0  \n  1.0  -2.5  \n",
-    "\n\nt,depth\n\n0,1\n\n1,-2.5\n\n",
-    "# a remark, with a comma\n# another\nt,depth\n0,1\n# in between\n1,-2.5\n",
-    "% t depth\n0 1\n1 -2.5\n",
-    "# t,depth\n0,1\n1,-2.5\n",
-    "# t depth\n0,1\n1,-2.5\n",
-    "t,spam,depth\n0,x,1\n1,y,-2.5\n",
-    "t,depth\n0,1e0\n1,-25E-1\n",
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "text",
+    [
+        "t,depth\n0,1\n1,-2.5\n",
+        "t,depth\r\n0,1\r\n1,-2.5\r\n",
+        "t,depth\n0,1\n1,-2.5",
+        "\ufefft,depth\n0,1\n1,-2.5\n",
+        '"t","depth"\n"0","1"\n"1","-2.5"\n',
+        "t, depth\n0, 1\n1, -2.5\n",
+        "t;depth\n0;1\n1;-2.5\n",
+        "t;depth\n0,0;1,0\n1,0;-2,5\n",
+        "t\tdepth\n0\t1\n1\t-2.5\n",
+        "t\tdepth\n0,0\t1,0\n1,0\t-2,5\n",
+        "t depth\n0 1\n1 -2.5\n",
+        "  t    depth  \n  0.0   1.0  \n  1.0  -2.5  \n",
+        "\n\nt,depth\n\n0,1\n\n1,-2.5\n\n",
+        "# a remark, with a comma\n# another\nt,depth\n0,1\n# in between\n1,-2.5\n",
+        "% t depth\n0 1\n1 -2.5\n",
+        "# t,depth\n0,1\n1,-2.5\n",
+        "# t depth\n0,1\n1,-2.5\n",
+        "t,spam,depth\n0,x,1\n1,y,-2.5\n",
+        "t,depth\n0,1e0\n1,-25E-1\n",
+    ],
+)
 def test_layouts_with_a_header(text: str, tmp_path: Path) -> None:
     log = read_text(tmp_path, text)
     np.testing.assert_array_equal(log.t, [0, 1])
     np.testing.assert_array_equal(log.contact["depth"], [1, -2.5])
 
 
-@pytest.mark.parametrize("text", [
-    "0,1\n1,-2.5\n",
-    "\ufeff0,1\n1,-2.5\n",
-    "# made by a tester\n0,1\n1,-2.5\n",
-    "0\t\t1\n1\t\t-2.5\n",
-    " 0   1\n 1  -2.5\n",
-    "0;1\n1;-2.5\n",
-    "0;1,0\n1;-2,5\n",
-    "+0.0,.1e1\n1.,-2.5\n",
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "text",
+    [
+        "0,1\n1,-2.5\n",
+        "\ufeff0,1\n1,-2.5\n",
+        "# made by a tester\n0,1\n1,-2.5\n",
+        "0\t\t1\n1\t\t-2.5\n",
+        " 0   1\n 1  -2.5\n",
+        "0;1\n1;-2.5\n",
+        "0;1,0\n1;-2,5\n",
+        "+0.0,.1e1\n1.,-2.5\n",
+    ],
+)
 def test_layouts_without_a_header(text: str, tmp_path: Path) -> None:
     log = read_text(tmp_path, text, BY_NUMBER)
     np.testing.assert_array_equal(log.t, [0, 1])
@@ -94,22 +100,25 @@ def test_numbers_that_begin_as_whole_ones(tmp_path: Path) -> None:
     assert log.contact["depth"][-1] == 0.5
 
 
-@pytest.mark.parametrize(("text", "found"), [
-    ("t,depth\n0,1\n1,oops\n", "'oops' in row 2, column 'depth'"),
-    ("t,depth\n0,1\n1,1.2.3\n", "'1.2.3' in row 2, column 'depth'"),
-    ("t,depth\n0,1\nx,2\n", "'x' in row 2, column 't'"),
-    ("t,depth\n0,1\n1\n", "1 cells in row 2"),
-    ("t,depth\n0,1\n1,2,3\n", "3 cells in row 2"),
-    ("t depth\n0 1\n1 2 3\n", "3 cells in row 2"),
-    ("t,depth\n", "a header and no row"),
-    ("# t,depth\n", "no rows"),
-    ("\n \n", "no rows"),
-    ("t,depth\n0,1\n,2\n", "time that is not a number in row 2"),
-    ("t,depth\n0,1\n0,2\n", "time that repeats in row 2"),
-    ("t,depth\n0,1\n-1,2\n", "time that runs backwards in row 2"),
-    ("t,depth\n0,1\n1,2\n".encode("utf-16"), "no text in UTF-8"),
-    (b"t,depth\n0,1\n1,\xff\xfe\n", "can't be read as text in UTF-8"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("t,depth\n0,1\n1,oops\n", "'oops' in row 2, column 'depth'"),
+        ("t,depth\n0,1\n1,1.2.3\n", "'1.2.3' in row 2, column 'depth'"),
+        ("t,depth\n0,1\nx,2\n", "'x' in row 2, column 't'"),
+        ("t,depth\n0,1\n1\n", "1 cells in row 2"),
+        ("t,depth\n0,1\n1,2,3\n", "3 cells in row 2"),
+        ("t depth\n0 1\n1 2 3\n", "3 cells in row 2"),
+        ("t,depth\n", "a header and no row"),
+        ("# t,depth\n", "no rows"),
+        ("\n \n", "no rows"),
+        ("t,depth\n0,1\n,2\n", "time that is not a number in row 2"),
+        ("t,depth\n0,1\n0,2\n", "time that repeats in row 2"),
+        ("t,depth\n0,1\n-1,2\n", "time that runs backwards in row 2"),
+        ("t,depth\n0,1\n1,2\n".encode("utf-16"), "no text in UTF-8"),
+        (b"t,depth\n0,1\n1,\xff\xfe\n", "can't be read as text in UTF-8"),
+    ],
+)
 def test_bad_text_is_refused_with_its_place(text: str | bytes, found: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=found) as error:
         read_text(tmp_path, text)

@@ -63,7 +63,10 @@ def write_parquet_lists(path: Path) -> None:
 
 WRITERS: dict[str, tuple[str, Callable[[Path], Any]]] = {
     "parquet": ("a.parquet", lambda p: pa.parquet.write_table(pa.table(columns(truth())), p)),
-    "parquet in row groups": ("a.pq", lambda p: pa.parquet.write_table(pa.table(columns(truth())), p, row_group_size=32)),
+    "parquet in row groups": (
+        "a.pq",
+        lambda p: pa.parquet.write_table(pa.table(columns(truth())), p, row_group_size=32),
+    ),
     "parquet with lists": ("b.parquet", write_parquet_lists),
     "npz with columns": ("a.npz", lambda p: np.savez(p, **columns(truth()))),  # type: ignore[arg-type]
     "npz with blocks": ("b.npz", lambda p: np.savez_compressed(p, **truth())),  # type: ignore[arg-type]
@@ -76,7 +79,7 @@ WRITERS: dict[str, tuple[str, Callable[[Path], Any]]] = {
     "tsv": ("a.tsv", lambda p: write_text(p, "\t", "")),
     "text, white space": ("a.txt", lambda p: write_text(p, "   ", "")),
     "text, header in a comment": ("a.dat", lambda p: write_text(p, " ", "# ")),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("how", WRITERS)
@@ -205,16 +208,19 @@ def test_damaged_bytes_never_end_in_a_traceback(how: str, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("how", ["csv", "parquet", "npz with columns", "mat"])
-@pytest.mark.parametrize(("change", "found"), [
-    (lambda d: d.pop("t"), "no time in"),
-    (lambda d: d.pop("q3"), "q1, q2, q4, q5, q6, q7 in"),
-    (lambda d: d.pop("tau7"), "6 columns of tau beside 7 of q"),
-    (lambda d: d.pop("tx"), "fx fy fz ty tz without tx"),
-    (lambda d: d["t"].__setitem__(5, d["t"][4]), "time that repeats in row 6"),
-    (lambda d: d["t"].__setitem__(5, d["t"][3]), "time that runs backwards in row 6|time that repeats"),
-    (lambda d: d["t"].__setitem__(5, np.nan), "time that is not a number in row 6"),
-    (lambda d: [d.pop(k) for k in list(d) if k not in ("t", "phase")], "no quantity beside the time"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("change", "found"),
+    [
+        (lambda d: d.pop("t"), "no time in"),
+        (lambda d: d.pop("q3"), "q1, q2, q4, q5, q6, q7 in"),
+        (lambda d: d.pop("tau7"), "6 columns of tau beside 7 of q"),
+        (lambda d: d.pop("tx"), "fx fy fz ty tz without tx"),
+        (lambda d: d["t"].__setitem__(5, d["t"][4]), "time that repeats in row 6"),
+        (lambda d: d["t"].__setitem__(5, d["t"][3]), "time that runs backwards in row 6|time that repeats"),
+        (lambda d: d["t"].__setitem__(5, np.nan), "time that is not a number in row 6"),
+        (lambda d: [d.pop(k) for k in list(d) if k not in ("t", "phase")], "no quantity beside the time"),
+    ],
+)
 def test_bad_tables_are_refused(how: str, change: Callable[[Any], Any], found: str, tmp_path: Path) -> None:
     data = columns(truth())
     change(data)
@@ -277,15 +283,17 @@ def test_matlab_structs_and_cells(tmp_path: Path) -> None:
 
 def test_parquet_types(tmp_path: Path) -> None:
     stamps = 1708857503929545123 + np.array([0, 1_000_000, 2_000_001])
-    table = pa.table({
-        "t": pa.array(stamps, pa.timestamp("ns")),
-        "q1": pa.array([1, None, 3], pa.int32()),
-        "q2": pa.array([1, 2, 3], pa.float32()),
-        "tau1": pa.array([True, False, None]),
-        "tau2": pa.nulls(3),
-        "phase": pa.array(["a", None, "b"]).dictionary_encode(),
-        "other": pa.array([{"x": 1}, {"x": 2}, None]),
-    })  # fmt: skip
+    table = pa.table(
+        {
+            "t": pa.array(stamps, pa.timestamp("ns")),
+            "q1": pa.array([1, None, 3], pa.int32()),
+            "q2": pa.array([1, 2, 3], pa.float32()),
+            "tau1": pa.array([True, False, None]),
+            "tau2": pa.nulls(3),
+            "phase": pa.array(["a", None, "b"]).dictionary_encode(),
+            "other": pa.array([{"x": 1}, {"x": 2}, None]),
+        }
+    )
     pa.parquet.write_table(table, tmp_path / "a.parquet")
     log = read(tmp_path / "a.parquet")
     assert log.t.tolist() == [0.0, 0.001, 0.002000001]
@@ -303,9 +311,7 @@ def test_parquet_types(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("suffix", "library"), [(".bag", "rosbags"), (".db3", "rosbags"), (".mcap", "mcap")])
-def test_a_missing_library_is_named(
-    suffix: str, library: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_library_is_named(suffix: str, library: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in [name for name in sys.modules if name.split(".")[0] == library]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, library, None)

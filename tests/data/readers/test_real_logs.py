@@ -28,8 +28,14 @@ def bag(real_data: Path) -> Path:
 
 
 def test_lwr4plus_motion(real_data: Path) -> None:
-    names = {"t": "times", "q": "positions", "dq": "velocities", "ddq": "accelerations", "tau": "torques",
-             "q_cmd": "target_positions"}  # fmt: skip
+    names = {
+        "t": "times",
+        "q": "positions",
+        "dq": "velocities",
+        "ddq": "accelerations",
+        "tau": "torques",
+        "q_cmd": "target_positions",
+    }
     path = real_data / "lwr4plus-motion" / "measurements_1.npz"
     log = read(path, rig(**{quantity: {"column": name} for quantity, name in names.items()}))
     assert (len(log), log.joint_count) == (5027, 7)
@@ -123,7 +129,11 @@ def test_all_topics_of_a_ur10e(bag: Path) -> None:
     assert joints["empty"] == (~log.valid).sum() == facts["invalid_rows"] < 30
     # elbow_joint comes first in the messages: without names the recorded order, with names the robot's
     recorded = read(bag / "all.bag", Rig())
-    assert recorded.provenance.steps[0].facts["joints"][:3] == ["elbow_joint", "shoulder_lift_joint", "shoulder_pan_joint"]
+    assert recorded.provenance.steps[0].facts["joints"][:3] == [
+        "elbow_joint",
+        "shoulder_lift_joint",
+        "shoulder_pan_joint",
+    ]
     assert log.q is not None
     assert recorded.q is not None
     np.testing.assert_array_equal(log.q[:, [2, 1, 0]], recorded.q[:, :3])
@@ -156,9 +166,14 @@ def test_headers_without_stamps(bag: Path, name: str, samples: int, joints: int)
     np.testing.assert_allclose(went, own.q[-1] - own.q[0], atol=5e-3)
 
 
-@pytest.mark.parametrize(("name", "samples", "seconds"), [
-    ("wrench_pushes", 17424, 34.98), ("wrench_taps", 12628, 25.38), ("wrench_twist", 7339, 14.73),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "samples", "seconds"),
+    [
+        ("wrench_pushes", 17424, 34.98),
+        ("wrench_taps", 12628, 25.38),
+        ("wrench_twist", 7339, 14.73),
+    ],
+)
 def test_a_wrench_alone(bag: Path, name: str, samples: int, seconds: float) -> None:
     log = read(bag / f"{name}.bag", Rig())
     assert (len(log), log.q) == (samples, None)

@@ -1,1 +1,3 @@
-"""The simulator: paths, material, friction, arm, drives and sensors. It imports nothing of kinid but Log, Rig and URDFs."""
+"""The simulator: paths, material, friction, arm, drives and sensors. It imports nothing of kinid but Log, Rig and
+URDFs.
+"""

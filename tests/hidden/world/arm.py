@@ -1,4 +1,6 @@
-"""The arm, from the text of its URDF as MuJoCo reads it: own kinematics, inverse kinematics, and MuJoCo's inverse dynamics."""
+"""The arm, from the text of its URDF as MuJoCo reads it: own kinematics, inverse kinematics, and MuJoCo's inverse
+dynamics.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,9 @@ GRAVITY = 9.81
 
 @dataclass(frozen=True)
 class Body:
-    """A rigid body at the sensor: mass [kg], centre [m] and inertia about it [kg·m²] (xx yy zz xy xz yz) in sensor axes."""
+    """A rigid body at the sensor: mass [kg], centre [m] and inertia about it [kg·m²] (xx yy zz xy xz yz) in sensor
+    axes.
+    """
 
     mass: float = 0.0
     com: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -139,7 +143,8 @@ def _turn_by(turn, more):
 
 
 def inverse(start: Array, position: Array, rotation: Array) -> Array:
-    """Joint positions (n, 7) of poses of the tip, by damped least squares, each from the same start: smooth in the pose.
+    """Joint positions (n, 7) of poses of the tip, by damped least squares, each from the same start: smooth in the
+    pose.
 
     Raises:
         ValueError: a pose that can't be reached.
@@ -170,9 +175,15 @@ def felt(bodies: tuple[Body, ...], q: Array, dq: Array, ddq: Array) -> Array:
 
 
 def dynamics(
-    bodies: tuple[Body, ...], q: Array, dq: Array, ddq: Array, armature: tuple[float, ...] = (), push: Array | None = None
+    bodies: tuple[Body, ...],
+    q: Array,
+    dq: Array,
+    ddq: Array,
+    armature: tuple[float, ...] = (),
+    push: Array | None = None,
 ) -> tuple[Array, Array]:
-    """Sensor wrench (n, 6), as loads on the tool in sensor axes, and joint torques (n, 7), by MuJoCo's inverse dynamics.
+    """Sensor wrench (n, 6), as loads on the tool in sensor axes, and joint torques (n, 7), by MuJoCo's inverse
+    dynamics.
 
     Args:
         bodies: behind the sensor. q, dq, ddq: of the joints, (n, 7). armature: inertia of the motors, (7,).

@@ -1,4 +1,6 @@
-"""The arm in free motion: joint positions and torques, with friction, motors, gears, a load and sensors of the joints."""
+"""The arm in free motion: joint positions and torques, with friction, motors, gears, a load and sensors of the
+joints.
+"""
 
 from __future__ import annotations
 
@@ -99,12 +101,14 @@ class Excitation:
         """Positions, velocities and accelerations, (n, 7) each."""
         angle = t[:, None, None] * self.omega + self.turn
         sine, cosine = np.sin(angle), np.cos(angle)
-        q, dq, ddq = ((self.size * wave).sum(axis=1) for wave in (sine, self.omega * cosine, -self.omega**2 * sine))
+        q, dq, ddq = ((self.size * wave).sum(axis=1) for wave in (sine, self.omega * cosine, -(self.omega**2) * sine))
         w, dw, ddw = self._window(t)
         return self.pose + w * q, dw * q + w * dq, ddw * q + 2 * dw * dq + w * ddq
 
     def _window(self, t: Array) -> tuple[Array, Array, Array]:
-        """Rises and falls within 2 s, smooth to the fourth derivative, which gears feel, (n, 1) each with its derivatives."""
+        """Rises and falls within 2 s, smooth to the fourth derivative, which gears feel, (n, 1) each with its
+        derivatives.
+        """
         edge = 2.0
         s = np.clip(np.minimum(t, self.t[-1] - t) / edge, 0, 1)[:, None]
         way = np.where(t < self.t[-1] / 2, 1.0, -1.0)[:, None] / edge
@@ -116,8 +120,18 @@ class Excitation:
 def excite(rng: np.random.Generator, seconds: float, fast: bool, still: tuple[int, ...] = ()) -> Excitation:
     """An excitation of all joints but some: slow lines below 1 Hz, and where it is fast others up to 4 Hz."""
     pose = np.deg2rad([0, 20, 0, -80, 0, 50, 0]) + rng.uniform(-0.4, 0.4, JOINTS)
-    omega = 2 * np.pi * np.concatenate([rng.uniform(0.04, 0.12, (1, JOINTS)), rng.uniform(0.1, 0.35, (3, JOINTS)),
-                                        rng.uniform(0.3, 1.0, (2, JOINTS)), rng.uniform(2.0, 4.0, (2, JOINTS))])  # fmt: skip
+    omega = (
+        2
+        * np.pi
+        * np.concatenate(
+            [
+                rng.uniform(0.04, 0.12, (1, JOINTS)),
+                rng.uniform(0.1, 0.35, (3, JOINTS)),
+                rng.uniform(0.3, 1.0, (2, JOINTS)),
+                rng.uniform(2.0, 4.0, (2, JOINTS)),
+            ]
+        )
+    )
     share = np.array([0.5, 0.3, 0.25, 0.2, 0.1, 0.05, 0.03, 0.02])[:, None] * rng.uniform(0.6, 1.2, omega.shape)
     if not fast:
         share[6:] = 0.0
@@ -156,8 +170,11 @@ def readings(d: Drives, motion: Excitation, torque: Array, rng: np.random.Genera
     if d.strange is not None:
         torque = torque + strange(d, motion, torque)
     stream = CubicSpline(motion.t, torque * (1.0 + d.gain))(np.minimum(motion.fine, motion.t[-1]))
-    chain = dataclasses.replace(d.chain, late=d.chain.late + d.clock_error,
-                                bias=d.offset_error + (0.0 if d.chain.bias is None else d.chain.bias))  # fmt: skip
+    chain = dataclasses.replace(
+        d.chain,
+        late=d.chain.late + d.clock_error,
+        bias=d.offset_error + (0.0 if d.chain.bias is None else d.chain.bias),
+    )
     return read(chain, stream, motion.t, none() if quiet else d.noise, rng, triples=())
 
 

@@ -30,7 +30,8 @@ class Plan:
 
 @dataclass(frozen=True)
 class Hideable:
-    """An effect that can be hidden: bases it is hidden behind, how it is drawn, and whether only slip or a wrench shows it.
+    """An effect that can be hidden: bases it is hidden behind, how it is drawn, and whether only slip or a wrench shows
+    it.
 
     Attributes:
         draw: (rng, greatest depth [m], base) → plan.
@@ -89,7 +90,9 @@ def _place(rng: np.random.Generator, deep: float, base: str) -> Plan:
         return Plan(lambda s, x: _matter(s, gradient=(x * np.cos(angle), x * np.sin(angle))), 0.5, 40.0, 5.0)
     x0, y0 = rng.uniform(-8e-3, 8e-3, 2)
     radius, width = rng.uniform(4e-3, 9e-3), rng.uniform(1.2e-3, 3e-3)
-    return Plan(lambda s, x: _matter(s, inclusion=(way * x, x0, y0, radius, width)), 0.005, 0.6 if way < 0 else 1.5, 0.1)
+    return Plan(
+        lambda s, x: _matter(s, inclusion=(way * x, x0, y0, radius, width)), 0.005, 0.6 if way < 0 else 1.5, 0.1
+    )
 
 
 def _softening(rng: np.random.Generator, deep: float, base: str) -> Plan:
@@ -242,21 +245,28 @@ def _gain(rng: np.random.Generator, deep: float, base: str) -> Plan:
 HIDEABLE: dict[str, Hideable] = {
     "hertz-exponent": Hideable(_power, "elastic", (*LINEAR, "hertz")),
     "stiffening-layer": Hideable(_layer, "elastic", (*LINEAR, "hertz")),
-    "viscous-damping": Hideable(lambda r, d, b: Plan(lambda s, x: _matter(s, dashpot=x), 0.05, 20.0, 3.0), "loss",
-                                ("hooke", *POWER)),
-    "hunt-crossley-damping": Hideable(lambda r, d, b: Plan(lambda s, x: _matter(s, loss=x), 0.05, 15.0, 1.5), "loss",
-                                      (*LINEAR, "hertz")),
+    "viscous-damping": Hideable(
+        lambda r, d, b: Plan(lambda s, x: _matter(s, dashpot=x), 0.05, 20.0, 3.0), "loss", ("hooke", *POWER)
+    ),
+    "hunt-crossley-damping": Hideable(
+        lambda r, d, b: Plan(lambda s, x: _matter(s, loss=x), 0.05, 15.0, 1.5), "loss", (*LINEAR, "hertz")
+    ),
     "relaxation": Hideable(_relaxation, "memory"),
     "hysteresis": Hideable(_hysteresis, "memory"),
     "stress-softening": Hideable(_softening, "memory", LINEAR),
     "adhesion": Hideable(_adhesion, "adhesion"),
     "surface-offset": Hideable(_offset, "geometry"),
-    "structural-compliance": Hideable(lambda r, d, b: Plan(lambda s, x: _matter(s, series=x), 5e-6, 4e-4, 4e-5), "elastic",
-                                      ("hertz",)),
+    "structural-compliance": Hideable(
+        lambda r, d, b: Plan(lambda s, x: _matter(s, series=x), 5e-6, 4e-4, 4e-5), "elastic", ("hertz",)
+    ),
     "stiffness-drift": Hideable(_warming, "drift"),
     "stiffness-inhomogeneity": Hideable(_place, "place", slip=True),
-    "coulomb-friction": Hideable(lambda r, d, b: Plan(lambda s, x: _rub(s, mu=x), 0.01, 0.8, 0.2), "friction", slip=True),
-    "viscous-friction": Hideable(lambda r, d, b: Plan(lambda s, x: _rub(s, film=x), 0.2, 40.0, 4.0), "speed", slip=True),
+    "coulomb-friction": Hideable(
+        lambda r, d, b: Plan(lambda s, x: _rub(s, mu=x), 0.01, 0.8, 0.2), "friction", slip=True
+    ),
+    "viscous-friction": Hideable(
+        lambda r, d, b: Plan(lambda s, x: _rub(s, film=x), 0.2, 40.0, 4.0), "speed", slip=True
+    ),
     "stribeck-friction": Hideable(_stribeck, "speed", slip=True),
     "presliding": Hideable(_bristles, "turn", slip=True),
     "load-dependent-friction": Hideable(_load, "load", slip=True),
@@ -273,6 +283,8 @@ HIDEABLE: dict[str, Hideable] = {
     "tool-inertia": Hideable(_spread_body, "tool"),
     "tip-offset": Hideable(_tip, "geometry"),
     "mains-hum": Hideable(_hum, "mark"),
-    "saturation": Hideable(lambda r, d, b: Plan(lambda s, x: _chain(s, limit=(1.0 - x) * s.peak), 0.02, 0.6, 0.3), "mark"),
+    "saturation": Hideable(
+        lambda r, d, b: Plan(lambda s, x: _chain(s, limit=(1.0 - x) * s.peak), 0.02, 0.6, 0.3), "mark"
+    ),
     "quantization": Hideable(lambda r, d, b: Plan(lambda s, x: _chain(s, step=x * _units(s)), 0.02, 0.5, 0.1), "mark"),
-}  # fmt: skip
+}

@@ -115,7 +115,9 @@ def place_and_time(m: Matter, t: Array, x: Array, y: Array) -> Array:
 
 
 def yields(length: float) -> Array:
-    """Lengths at which the sliders of a bundle yield, spread exponentially: the bundle turns as 1 − 2 exp(−s/length)."""
+    """Lengths at which the sliders of a bundle yield, spread exponentially: the bundle turns as 1 − 2
+    exp(−s/length).
+    """
     u = (np.arange(SLIDERS) + 0.5) / SLIDERS
     return -0.5 * length * np.log1p(-u)
 
@@ -131,9 +133,26 @@ def press(m: Matter, t: Array, depth: Array, x: Array, y: Array) -> tuple[Array,
     starts, strengths, kappa = _fibre_bundle(m)
     slack, reach = _threads(m)
     force, inside = np.empty(len(t)), np.empty(len(t))
-    _press(depth + m.offset, place_and_time(m, t, x, y), elastic_table(m), shares, decays, m.dashpot * FINE, m.loss * FINE,
-           m.loop, yields(m.loop_length) if m.loop else np.zeros(0), starts, strengths, kappa, m.glue, slack, reach,
-           m.series, force, inside)  # fmt: skip
+    _press(
+        depth + m.offset,
+        place_and_time(m, t, x, y),
+        elastic_table(m),
+        shares,
+        decays,
+        m.dashpot * FINE,
+        m.loss * FINE,
+        m.loop,
+        yields(m.loop_length) if m.loop else np.zeros(0),
+        starts,
+        strengths,
+        kappa,
+        m.glue,
+        slack,
+        reach,
+        m.series,
+        force,
+        inside,
+    )
     return force, inside
 
 
@@ -189,12 +208,32 @@ def _fibres_force(depth: float, deepest: float, starts: Array, strengths: Array,
 
 
 @njit(cache=True)
-def _law(depth, before, deepest, gain, table, shares, decays, flowed, dashpot, loss, loop, limits, pins, starts, strengths,
-         kappa, fibre_share, state):  # fmt: skip
+def _law(
+    depth,
+    before,
+    deepest,
+    gain,
+    table,
+    shares,
+    decays,
+    flowed,
+    dashpot,
+    loss,
+    loop,
+    limits,
+    pins,
+    starts,
+    strengths,
+    kappa,
+    fibre_share,
+    state,
+):
     """Force at a trial depth of the plate [N]; `state` gets its elastic part."""
     elastic = _lookup(table, depth)
     if kappa.shape[0] > 0:
-        elastic = (1.0 - fibre_share) * elastic + _fibres_force(max(depth, 0.0), max(deepest, depth), starts, strengths, kappa)
+        elastic = (1.0 - fibre_share) * elastic + _fibres_force(
+            max(depth, 0.0), max(deepest, depth), starts, strengths, kappa
+        )
     elastic *= gain
     state[0] = elastic
     force = elastic
@@ -212,8 +251,26 @@ def _law(depth, before, deepest, gain, table, shares, decays, flowed, dashpot, l
 
 
 @njit(cache=True)
-def _press(depth, gain, table, shares, decays, dashpot, loss, loop, limits, starts, strengths, kappa, glue, slack, reach,
-           series, out, inside):  # fmt: skip
+def _press(
+    depth,
+    gain,
+    table,
+    shares,
+    decays,
+    dashpot,
+    loss,
+    loop,
+    limits,
+    starts,
+    strengths,
+    kappa,
+    glue,
+    slack,
+    reach,
+    series,
+    out,
+    inside,
+):
     plate, deepest = 0.0, 0.0
     bonds = np.full(slack.shape[0], NO_BOND)
     flowed = np.zeros(shares.shape[0])
@@ -227,21 +284,93 @@ def _press(depth, gain, table, shares, decays, dashpot, loss, loop, limits, star
         tool = depth[i] - series * max(force, 0.0)
         force = 0.0
         if tool > 0.0:
-            force = _law(tool, plate, deepest, gain[i], table, shares, decays, flowed, dashpot, loss, loop, limits, pins,
-                         starts, strengths, kappa, fibre_share, state)  # fmt: skip
+            force = _law(
+                tool,
+                plate,
+                deepest,
+                gain[i],
+                table,
+                shares,
+                decays,
+                flowed,
+                dashpot,
+                loss,
+                loop,
+                limits,
+                pins,
+                starts,
+                strengths,
+                kappa,
+                fibre_share,
+                state,
+            )
         touching = tool > 0.0 and force > 0.0
         if touching and series > 0.0:
             # balance of tool and spring: N = law(depth − C N), by Newton's method
             for _ in range(4):
                 tool = depth[i] - series * force
-                now = _law(tool, plate, deepest, gain[i], table, shares, decays, flowed, dashpot, loss, loop, limits,
-                           pins, starts, strengths, kappa, fibre_share, state)  # fmt: skip
-                near = _law(tool + 1e-8, plate, deepest, gain[i], table, shares, decays, flowed, dashpot, loss, loop,
-                            limits, pins, starts, strengths, kappa, fibre_share, state)  # fmt: skip
+                now = _law(
+                    tool,
+                    plate,
+                    deepest,
+                    gain[i],
+                    table,
+                    shares,
+                    decays,
+                    flowed,
+                    dashpot,
+                    loss,
+                    loop,
+                    limits,
+                    pins,
+                    starts,
+                    strengths,
+                    kappa,
+                    fibre_share,
+                    state,
+                )
+                near = _law(
+                    tool + 1e-8,
+                    plate,
+                    deepest,
+                    gain[i],
+                    table,
+                    shares,
+                    decays,
+                    flowed,
+                    dashpot,
+                    loss,
+                    loop,
+                    limits,
+                    pins,
+                    starts,
+                    strengths,
+                    kappa,
+                    fibre_share,
+                    state,
+                )
                 force += (now - force) / (1.0 + series * (near - now) / 1e-8)
             tool = depth[i] - series * force
-            force = _law(tool, plate, deepest, gain[i], table, shares, decays, flowed, dashpot, loss, loop, limits,
-                         pins, starts, strengths, kappa, fibre_share, state)  # fmt: skip
+            force = _law(
+                tool,
+                plate,
+                deepest,
+                gain[i],
+                table,
+                shares,
+                decays,
+                flowed,
+                dashpot,
+                loss,
+                loop,
+                limits,
+                pins,
+                starts,
+                strengths,
+                kappa,
+                fibre_share,
+                state,
+            )
         held = tool
         if not touching:
             # the plate by itself: where springs and dashpots hold it without the tool

@@ -17,8 +17,8 @@ class Protocol:
     Attributes:
         deep [m]: greatest depth. clear [m]: height in the air.
         stroke [m]: of a slide. apart [m]: distance of the places.
-        hold, slides, places, fast, several_depths, second_direction, back_and_forth, late_return, turning, tilts: what is done;
-            the last two by an arm alone.
+        hold, slides, places, fast, several_depths, second_direction, back_and_forth, late_return, turning, tilts: what
+            is done; the last two by an arm alone.
     """
 
     deep: float = 4e-3
@@ -42,7 +42,9 @@ Act = Callable[[Script, Protocol], None]
 
 
 def perform(s: Script, p: Protocol) -> None:
-    """Append the whole protocol to a script with the coordinates x, y (along the tangents) and z (depth); rx ry rz turn."""
+    """Append the whole protocol to a script with the coordinates x, y (along the tangents) and z (depth); rx ry rz
+    turn.
+    """
     rng = s.rng
     shallow, middle, deep = np.array([0.42, 0.72, 1.0]) * p.deep * rng.uniform(0.95, 1.05)
     if not p.several_depths:
@@ -63,7 +65,9 @@ def perform(s: Script, p: Protocol) -> None:
     if p.tilts:
         _tilts(s, p, middle)
     if p.places:
-        for x, y in p.apart * rng.permutation([[0.7, 0.5], [-0.6, 0.6], [0.4, -0.8], [-0.7, -0.5]])[: 2 if p.tilts else 3]:
+        for x, y in (
+            p.apart * rng.permutation([[0.7, 0.5], [-0.6, 0.6], [0.4, -0.8], [-0.7, -0.5]])[: 2 if p.tilts else 3]
+        ):
             s.move("free", 0.4, x=x * rng.uniform(0.8, 1.2), y=y * rng.uniform(0.8, 1.2))
             for depth in (shallow, middle) if p.several_depths else (deep,):
                 _poke(s, depth, rng.uniform(0.25, 0.4), rng.uniform(0.2, 0.4))

@@ -21,12 +21,13 @@ class Rub:
 
     Attributes:
         mu: coefficient, at 1 N and in fast slip.
-        turn [m]: slip in which friction turns around, in the mean of the brush; at first that which dry friction has in the
-            catalogue, 0.1 mm. uneven: how much bristles differ in length (standard deviation of its logarithm).
+        turn [m]: slip in which friction turns around, in the mean of the brush; at first that which dry friction has in
+            the catalogue, 0.1 mm. uneven: how much bristles differ in length (standard deviation of its logarithm).
         extra, extra_speed [m/s]: how much more there is of it at rest, and where that has faded.
         film [N·s/m]: shear of a film.
         area: "" for a coefficient that load doesn't change; "asperities" for an area of round asperities of different
-            heights; "plough" for a round tip that ploughs. area_spread: how much the heights differ, or the share of ploughing.
+            heights; "plough" for a round tip that ploughs. area_spread: how much the heights differ, or the share of
+            ploughing.
         flank [rad]: slope of grooves that run along the first tangent (across it, if negative).
     """
 
@@ -76,7 +77,8 @@ def brush(r: Rub, slip: Array, touching: NDArray[np.bool_]) -> Array:
 
 
 def _asperities(spread: float, load: Array) -> Array:
-    """Real area of contact for its load, 1 at 1 N: round asperities whose heights are spread (Archard; Greenwood, Williamson).
+    """Real area of contact for its load, 1 at 1 N: round asperities whose heights are spread (Archard; Greenwood,
+    Williamson).
 
     With all at one height the area grows as the 2/3 power of the load, with a wide spread in proportion to it.
     """

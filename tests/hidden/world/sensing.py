@@ -82,11 +82,18 @@ def read(
 
 
 def _between(x: Array, place: Array) -> Array:
-    """Rows of a stream between its rows, by a cubic through four neighbours; its ends go on as they are, (len(place), k)."""
+    """Rows of a stream between its rows, by a cubic through four neighbours; its ends go on as they are, (len(place),
+    k).
+    """
     first = np.floor(place).astype(int)
     u = (place - first)[:, None]
     rows = [x[np.clip(first + k, 0, len(x) - 1)] for k in (-1, 0, 1, 2)]
-    weights = (-u * (u - 1) * (u - 2) / 6, (u + 1) * (u - 1) * (u - 2) / 2, -(u + 1) * u * (u - 2) / 2, (u + 1) * u * (u - 1) / 6)
+    weights = (
+        -u * (u - 1) * (u - 2) / 6,
+        (u + 1) * (u - 1) * (u - 2) / 2,
+        -(u + 1) * u * (u - 2) / 2,
+        (u + 1) * u * (u - 1) / 6,
+    )
     out: Array = sum(w * row for w, row in zip(weights, rows))
     return out
 

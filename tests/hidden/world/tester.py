@@ -44,10 +44,12 @@ class Setup:
 def imperfect(rng: np.random.Generator) -> dict[str, object]:
     """What a careful calibration leaves, and the noise of a good sensor."""
     return dict(
-        surface_error=float(rng.uniform(-2e-5, 2e-5)), clock_error=float(rng.uniform(-2e-4, 2e-4)),
-        bias_error=rng.uniform(-0.01, 0.01, 3), motion_noise=float(rng.uniform(1e-6, 2.5e-6)),
+        surface_error=float(rng.uniform(-2e-5, 2e-5)),
+        clock_error=float(rng.uniform(-2e-4, 2e-4)),
+        bias_error=rng.uniform(-0.01, 0.01, 3),
+        motion_noise=float(rng.uniform(1e-6, 2.5e-6)),
         noise=np.array([0.015, 0.015, 0.02]) * rng.uniform(0.7, 1.4),
-    )  # fmt: skip
+    )
 
 
 def path_of(rng: np.random.Generator, protocol: Protocol, act: Callable[[Script, Protocol], None] = perform) -> Path:

@@ -65,7 +65,9 @@ class Swing:
 
     @cached_property
     def fine(self) -> tuple[Array, Array]:
-        """Tip along tangents and into the material (n, 3), rotation from sensor to tangents and normal, at the fine rate."""
+        """Tip along tangents and into the material (n, 3), rotation from sensor to tangents and normal, at the fine
+        rate.
+        """
         place = (self.position - self.point) @ (self.axes * [[1.0], [1.0], [-1.0]]).T
         turn = CubicSpline(self.t, (self.axes @ self.rotation).reshape(-1, 9))(self.path.t)
         return CubicSpline(self.t, place)(self.path.t), turn.reshape(-1, 3, 3)
@@ -141,9 +143,10 @@ def readings(setup: Wrist, swing: Swing, rng: np.random.Generator, load: Array, 
     contact, _ = touched(setup, swing)
     stream = load + swing.into_sensor(contact, TIP + setup.tip_error)
     chain = dataclasses.replace(
-        setup.chain, late=setup.chain.late + setup.clock_error,
+        setup.chain,
+        late=setup.chain.late + setup.clock_error,
         bias=setup.bias_error + (0.0 if setup.chain.bias is None else setup.chain.bias),
-    )  # fmt: skip
+    )
     out = read(chain, stream, swing.t, np.zeros(6) if quiet else setup.noise, rng, triples=(0, 3))
     return out if setup.strange is None else reading_of(setup.strange, swing.t, out)
 

@@ -108,8 +108,10 @@ def mould_map(n=10):
     ticks = np.linspace(-0.045, 0.045, n)
     places = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), -1).reshape(-1, 2)
     values = MOULD.at(*places.T)["stiffness"] + MOULD.at(*places.T)["layer"]
-    probes = [Probe(np.array([*p, 0.0]), np.array([v]), np.array([[25.0]]), source=str(i))
-              for i, (p, v) in enumerate(zip(places, values))]  # fmt: skip
+    probes = [
+        Probe(np.array([*p, 0.0]), np.array([v]), np.array([[25.0]]), source=str(i))
+        for i, (p, v) in enumerate(zip(places, values))
+    ]
     return PropertyMap(Plane(np.zeros(3), np.eye(3)), (Property("stiffness", "N/m"),), tuple(probes), "truth")
 
 
@@ -150,7 +152,9 @@ def coloured_anyhow(seed, n=160):
 
 
 def test_a_picture_that_tells_nothing_is_said_to():
-    """Grey, uniform, or coloured by chance: no better than the commonest class, and so no prediction; the mould's own tells."""
+    """Grey, uniform, or coloured by chance: no better than the commonest class, and so no prediction; the mould's own
+    tells.
+    """
     from kinid.mapping.picture_map import Sighted
 
     q = np.random.default_rng(6).uniform(-0.04, 0.04, (50, 2))
@@ -172,14 +176,25 @@ def test_the_command_refuses_to_predict_from_grey(tmp_path):
 
     mould_map().write(tmp_path / "m.parquet")
     save(grey_picture(), tmp_path / "grey.png")
-    call = [sys.executable, "-c", "from kinid.cli import main; main()", "picture", str(tmp_path / "m.parquet"),
-            str(tmp_path / "grey.png"), "--corners=-0.05,-0.05,0.05,0.05", "--json", str(tmp_path / "f.json")]  # fmt: skip
+    call = [
+        sys.executable,
+        "-c",
+        "from kinid.cli import main; main()",
+        "picture",
+        str(tmp_path / "m.parquet"),
+        str(tmp_path / "grey.png"),
+        "--corners=-0.05,-0.05,0.05,0.05",
+        "--json",
+        str(tmp_path / "f.json"),
+    ]
     done = subprocess.run(call, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
     assert "doubt: the picture tells nothing of stiffness" in done.stdout
     assert "predicted:" not in done.stdout
     assert json.loads((tmp_path / "f.json").read_text(encoding="utf-8"))["tells"] is False
-    done = subprocess.run([*call, "-o", str(tmp_path / "p.parquet")], capture_output=True, text=True, timeout=300, check=False)
+    done = subprocess.run(
+        [*call, "-o", str(tmp_path / "p.parquet")], capture_output=True, text=True, timeout=300, check=False
+    )
     assert done.returncode == 2
     assert done.stderr.startswith("kinid: found a picture that tells nothing of stiffness")
     assert len(done.stderr.strip().splitlines()) == 1
@@ -199,8 +214,15 @@ def test_the_command_says_both_figures_and_what_is_unknown(tmp_path):
     strange = [0.9, 0.1, 0.9]
     other[80:, :60] = np.clip(strange + 0.05 * np.random.default_rng(0).standard_normal((80, 60, 3)), 0, 1)
     save(Picture(other, (-0.05, -0.05), (0.05, 0.05)), tmp_path / "b.png")
-    call = [sys.executable, "-c", "from kinid.cli import main; main()", "picture", str(tmp_path / "m.parquet"),
-            str(tmp_path / "a.png"), "--corners=-0.05,-0.05,0.05,0.05"]  # fmt: skip
+    call = [
+        sys.executable,
+        "-c",
+        "from kinid.cli import main; main()",
+        "picture",
+        str(tmp_path / "m.parquet"),
+        str(tmp_path / "a.png"),
+        "--corners=-0.05,-0.05,0.05,0.05",
+    ]
     more = ["--onto", str(tmp_path / "b.png"), "-o", str(tmp_path / "p.parquet"), "--json", str(tmp_path / "f.json")]
     done = subprocess.run([*call, *more], capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
@@ -222,7 +244,9 @@ def test_the_command_says_both_figures_and_what_is_unknown(tmp_path):
 
 @pytest.mark.slow
 def test_a_picture_saves_pokes_from_raw_logs(tmp_path):
-    """Learnt on one mould from 36 raw pokes and its picture; another one, a quarter turned, is poked with and without it."""
+    """Learnt on one mould from 36 raw pokes and its picture; another one, a quarter turned, is poked with and without
+    it.
+    """
     import dataclasses
 
     import kinid
@@ -240,10 +264,14 @@ def test_a_picture_saves_pokes_from_raw_logs(tmp_path):
     prober = Prober.of(kinid.Rig.load(tmp_path / "rig.toml"))
     *_, grown = build(logs_in([tmp_path]), prober)
     sighted = Sighted.learn(grown, "stiffness", mould_picture())
-    turned = dataclasses.replace(MOULD, fields={name: lambda x, y, f=f: f(-y, x) for name, f in MOULD.fields.items()},
-                                 colors=lambda x, y: MOULD.colors(-y, x))  # fmt: skip
+    turned = dataclasses.replace(
+        MOULD,
+        fields={name: lambda x, y, f=f: f(-y, x) for name, f in MOULD.fields.items()},
+        colors=lambda x, y: MOULD.colors(-y, x),
+    )
     base, region = Campaign(1, 1).base()[0].replace(material=turned), Region((-0.045, -0.045), (0.045, 0.045))
-    # what a poke of some millimetres feels, by more pokes than any exploration makes: beyond the film's depth both springs push
+    # what a poke of some millimetres feels, by more pokes than any exploration makes: beyond the film's depth both
+    # springs push
     q = region.grid(30)
     p = turned.at(*q.T)
     depth = 3e-3 + 1.5e-3 * np.sin(np.linspace(0, 2 * np.pi, 60, endpoint=False))
@@ -257,7 +285,9 @@ def test_a_picture_saves_pokes_from_raw_logs(tmp_path):
     def poke(place):
         key = tuple(np.round(place, 6))
         if key not in felt:
-            script = five_phases(MOTIONS["poke"], place=tuple(place), height=0.008, free=0.4, hold=0.4, approach=0.8, tilt=0.1)
+            script = five_phases(
+                MOTIONS["poke"], place=tuple(place), height=0.008, free=0.4, hold=0.4, approach=0.8, tilt=0.1
+            )
             properties, (probe, *_) = prober.of_log(base.replace(script=script, seed=900 + len(felt)).run().log, "poke")
             i = [item.name for item in properties].index("stiffness")
             felt[key] = float(probe.values[i]), float(np.sqrt(probe.covariance[i, i]))
@@ -270,9 +300,13 @@ def test_a_picture_saves_pokes_from_raw_logs(tmp_path):
             wide = Triangles(PlaneGround(some.ground.places, reach=1.0), some.values, some.noise, prior)
             runs[name].append(float(np.mean(np.abs(wide.at(q).mean / k - 1))))
     least = min(runs["without"])
-    needed = {name: 9 + int(np.flatnonzero(np.array(errors) <= least)[0]) if min(errors) <= least else None
-              for name, errors in runs.items()}  # fmt: skip
-    print(f"error after 9, 18, 27, 36 pokes: {({name: np.round(e[::9], 3).tolist() for name, e in runs.items()})}; "
-          f"pokes for {least:.1%}: {needed}")  # fmt: skip
+    needed = {
+        name: 9 + int(np.flatnonzero(np.array(errors) <= least)[0]) if min(errors) <= least else None
+        for name, errors in runs.items()
+    }
+    print(
+        f"error after 9, 18, 27, 36 pokes: { ({name: np.round(e[::9], 3).tolist() for name, e in runs.items()}) }; "
+        f"pokes for {least:.1%}: {needed}"
+    )
     assert needed["with"] is not None
     assert needed["with"] < needed["without"]
