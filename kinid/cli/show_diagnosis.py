@@ -28,7 +28,7 @@ STAND_IN_MARK = "○"
 
 def show_diagnosis(result: Diagnosis) -> None:
     """Verdict first; what is absent or cannot be seen is summed up in a line each."""
-    from kinid.diagnosis.words import acting, doubts, headline, leftover
+    from kinid.reports.diagnosis_words import acting, doubts, headline, leftover
 
     out = console()
     colour = COLOUR.get(result.verdict, "bold")
@@ -60,7 +60,7 @@ def show_diagnosis(result: Diagnosis) -> None:
 
 def _ladder(out: Console, result: Diagnosis) -> None:
     """A bar a rung, and the share that is explained by then; the noise is where no bar gets below."""
-    from kinid.diagnosis.words import SAME
+    from kinid.reports.diagnosis_words import SAME
     from kinid.residuals.words import percent
 
     rungs = [
@@ -85,8 +85,8 @@ def _ladder(out: Console, result: Diagnosis) -> None:
 
 
 def _effects(out: Console, result: Diagnosis) -> None:
-    from kinid.diagnosis.result import ABSENT, FOREIGN, LEFT_OUT, NOT_EXCITED
-    from kinid.diagnosis.words import by_verdict, verdict_words
+    from kinid.diagnosis.result import EffectGroup
+    from kinid.reports.diagnosis_words import by_verdict, verdict_words
 
     shown = [e for e in by_verdict(result) if e.verdict in MARK]
     if shown:
@@ -107,10 +107,10 @@ def _effects(out: Console, result: Diagnosis) -> None:
         out.print()
         out.print(table)
     for group, words in (
-        (ABSENT, "absent"),
-        (LEFT_OUT, "left out, as no more effects were asked for"),
-        (NOT_EXCITED, "this log cannot tell"),
-        (FOREIGN, "not about logs of this kind"),
+        (EffectGroup.ABSENT, "absent"),
+        (EffectGroup.LEFT_OUT, "left out, as no more effects were asked for"),
+        (EffectGroup.NOT_EXCITED, "this log cannot tell"),
+        (EffectGroup.FOREIGN, "not about logs of this kind"),
     ):
         names = [e.label for e in result.effects if e.group == group]
         if names:
@@ -119,7 +119,7 @@ def _effects(out: Console, result: Diagnosis) -> None:
 
 def _numbers(effect: EffectVerdict) -> str:
     from kinid import effects
-    from kinid.diagnosis.words import acting, one_sided
+    from kinid.reports.diagnosis_words import acting, one_sided
 
     shown = acting(effect.parameters)
     if len(shown) > MOST_NUMBERS:
@@ -134,7 +134,7 @@ def _numbers(effect: EffectVerdict) -> str:
 
 def _next(out: Console, result: Diagnosis) -> None:
     """How to separate rivals first, then how to see what this log doesn't show."""
-    from kinid.diagnosis.words import rivalries
+    from kinid.reports.diagnosis_words import rivalries
 
     rivals = rivalries(result)
     hints = [f"{e.id} or {' or '.join(e.equivalent_to)}: {e.separate_by}" for e in rivals]

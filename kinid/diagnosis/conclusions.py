@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from kinid import effects
 from kinid.diagnosis.detectors import Mark, marked
 from kinid.diagnosis.pipeline import Found
-from kinid.diagnosis.result import ADEQUATE, MISSING, UNEXPLAINED, Diagnosis, EffectVerdict, Step
+from kinid.diagnosis.result import Diagnosis, EffectVerdict, Step, Verdict, with_alternatives
 from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.diagnosis.verdicts import verdicts
-from kinid.diagnosis.words import SAME, with_rivals
 from kinid.identification.applicability import base_of
 from kinid.identification.fit import Fit, fit_model, fit_of
 from kinid.identification.lack_of_fit import LackOfFit, error_rows, error_unit, lack_of_fit, rms
@@ -24,6 +23,9 @@ from kinid.identification.whole import held_out_residual, train_residual
 from kinid.residuals.localization import where
 
 Array = NDArray[np.float64]
+
+#: errors that differ by a smaller share are the same [1]
+SAME_ERROR = 5e-3
 
 
 class Conclusions:
@@ -92,7 +94,9 @@ class Conclusions:
         out: list[tuple[str, State, tuple[Mark, ...]]] = []
         base = self._error(self.held_out(start, ()))
         loud = [
-            m for m in marks if self._error(self.held_out(start, (m,))) < (1.0 - SAME) * base or not selection.added
+            m
+            for m in marks
+            if self._error(self.held_out(start, (m,))) < (1.0 - SAME_ERROR) * base or not selection.added
         ]
         for i, mark in enumerate(loud):
             out.append((mark.effect.id, start, tuple(loud[: i + 1])))
@@ -150,7 +154,7 @@ class Conclusions:
             out.setdefault(tried.effect.id, first - float(np.sqrt(max(0.0, first**2 - fell))))
         return out
 
-    def _verdict(self, steps: Sequence[Step], left: LackOfFit, told: Sequence[EffectVerdict]) -> tuple[str, str]:
+    def _verdict(self, steps: Sequence[Step], left: LackOfFit, told: Sequence[EffectVerdict]) -> tuple[Verdict, str]:
         """Adequate, missing or unexplained, and why, in words."""
         idle = self.found.selection.unsupported
         added = [step.added for step in steps if step.added and step.added not in idle]
@@ -158,20 +162,22 @@ class Conclusions:
         remains = (
             f"{left.excess:.2g} {left.unit} are left beside noise, {100 * left.share_of_reading:.2g} % of the reading"
         )
-        helped = f"{' and '.join(with_rivals(added, told))} {take} off {100 * steps[-1].explained:.0f} % of the error"
+        helped = (
+            f"{' and '.join(with_alternatives(added, told))} {take} off {100 * steps[-1].explained:.0f} % of the error"
+        )
         inside = "what is left is noise" if left.excess < 0.5 * left.noise else f"{remains}; {allowed}"
         if left.matters:
-            verdict = UNEXPLAINED
+            verdict = Verdict.UNEXPLAINED
             says = f"{remains}, where {allowed}; no further effect of the catalogue takes off what chance wouldn't"
             if added:
                 says = f"{helped}; {says}"
         elif added:
-            verdict = MISSING
+            verdict = Verdict.MISSING
             says = f"{helped}; {inside}"
             values = {e.id: {name: p.value for name, p in e.parameters.items()} for e in told if e.id in added}
             says += "".join(f"; {words}" for name, own in values.items() if (words := effects.get(name).meaning(own)))
         else:
-            verdict, says = ADEQUATE, inside
+            verdict, says = Verdict.ADEQUATE, inside
         for name in idle:
             why = self.found.selection.unsupported[name]
             says += f"; {name}, added because it was asked for, {why}"

@@ -12,14 +12,15 @@ from kinid.data.log import Log
 from kinid.data.rig import Rig
 from kinid.diagnosis.conclusions import Conclusions
 from kinid.diagnosis.pipeline import run
-from kinid.diagnosis.refusals import one_by_one, refuse_idle, refuse_log, refuse_names
+from kinid.diagnosis.refusals import one_by_one, refuse_idle, refuse_names
 from kinid.diagnosis.result import Diagnosis
 from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.errors import InputError
-from kinid.identification.fit import Fit, all_channels, check_excitation
+from kinid.identification.fit import Fit
 from kinid.modeling.data_warnings import refuse_outliers, refuse_signs
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
+from kinid.modeling.readings import all_channels, check_excitation, refuse_undiagnosable
 
 
 def diagnose(
@@ -80,7 +81,7 @@ def diagnose(
     add = one_by_one(add, model)
     refuse_names(add, model, settings.max_effects)
     refuse_idle(add, model, experiment)
-    refuse_log(experiment, model)
+    refuse_undiagnosable(experiment, model)
     refuse_outliers(experiment)
     warnings = check_excitation(model, experiment)
     refuse_signs(experiment, model.needs)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.errors import InputError, near
 from kinid.identification.fit import Fit, FittedParameter
 from kinid.identification.lack_of_fit import LackOfFit
 from kinid.modeling.experiment import Experiment
@@ -16,10 +19,33 @@ from kinid.residuals import Cell
 
 Array = NDArray[np.float64]
 
-ADEQUATE, MISSING, UNEXPLAINED = "adequate", "missing", "unexplained"
-PRESENT, ABSENT, NOT_EXCITED, INDISTINGUISHABLE = "present", "absent", "not-excited", "indistinguishable"
-#: what is called not excited because it wasn't tried, or because it is of another kind of log
-LEFT_OUT, FOREIGN = "left-out", "foreign"
+
+class Verdict(StrEnum):
+    """What a diagnosis says of a model."""
+
+    ADEQUATE = "adequate"
+    MISSING = "missing"
+    UNEXPLAINED = "unexplained"
+
+
+class EffectStatus(StrEnum):
+    """What a diagnosis says of an effect."""
+
+    PRESENT = "present"
+    ABSENT = "absent"
+    NOT_EXCITED = "not-excited"
+    INDISTINGUISHABLE = "indistinguishable"
+
+
+class EffectGroup(StrEnum):
+    """Where a reader looks for an effect: its status, and of what is not excited, why."""
+
+    PRESENT = "present"
+    INDISTINGUISHABLE = "indistinguishable"
+    ABSENT = "absent"
+    NOT_EXCITED = "not-excited"
+    LEFT_OUT = "left-out"
+    FOREIGN = "foreign"
 
 
 @dataclass(frozen=True)
@@ -27,14 +53,13 @@ class EffectVerdict:
     """What the log says about one effect.
 
     Attributes:
-        id: its name. verdict: "present", "absent", "not-excited" or "indistinguishable".
+        id: its name. verdict: what the log says of it.
         evidence: significance of its paired held-out gain, which is the gain over its standard error; 4 is the least
             that is accepted. Infinite for what stands in the samples themselves.
-        equivalent_to: effects that this log can't tell it from.
+        says: the verdict in words. equivalent_to: effects that this log can't tell it from.
         held_out_gain: by how much it lowers the held-out error, in the error's unit.
         parameters: with 95 % intervals, where it was fitted.
         separate_by: how to tell it from what it is mistaken for, or what to record to see it.
-        says: the verdict in words.
         acts: whether it can act at all in a log of this kind and beside this model.
         left_out: whether it promised much, and the search ended before it was tried: the log may well tell.
         stand_in: whether it takes off less than is left, where the diagnosis ends unexplained.
@@ -42,24 +67,24 @@ class EffectVerdict:
     """
 
     id: str
-    verdict: str
+    verdict: EffectStatus
     evidence: float
-    equivalent_to: tuple[str, ...]
-    held_out_gain: float
-    parameters: dict[str, FittedParameter]
-    separate_by: str
     says: str
+    equivalent_to: tuple[str, ...] = ()
+    held_out_gain: float = 0.0
+    parameters: dict[str, FittedParameter] = field(default_factory=dict)
+    separate_by: str = ""
     acts: bool = True
     left_out: bool = False
     within: str = ""
     stand_in: bool = False
 
     @property
-    def group(self) -> str:
-        """Where a reader looks for it: the verdict; of what is not excited, why."""
-        if self.verdict != NOT_EXCITED:
-            return self.verdict
-        return LEFT_OUT if self.left_out else NOT_EXCITED if self.acts else FOREIGN
+    def group(self) -> EffectGroup:
+        """Where a reader looks for it."""
+        if self.verdict != EffectStatus.NOT_EXCITED or (self.acts and not self.left_out):
+            return EffectGroup(self.verdict)
+        return EffectGroup.LEFT_OUT if self.left_out else EffectGroup.FOREIGN
 
     @property
     def label(self) -> str:
@@ -110,7 +135,7 @@ class Diagnosis:
 
     Attributes:
         model: that was asked about. best: with what it lacked; `fit` is fitted with it.
-        verdict: "adequate", "missing" or "unexplained". says: why, in words.
+        verdict: of `model`. says: why, in words.
         added: names, in the order in which they help.
         steps: the ladder, from the model to the best one; errors are of the same samples on each.
         noise_floor: what the noise alone explains; unit: of all errors.
@@ -125,7 +150,7 @@ class Diagnosis:
 
     model: Model
     best: Model
-    verdict: str
+    verdict: Verdict
     says: str
     added: tuple[str, ...]
     steps: tuple[Step, ...]
@@ -147,14 +172,13 @@ class Diagnosis:
         return self.steps[-1].explained
 
     def __str__(self) -> str:
-        from kinid.diagnosis.words import headline
-
-        doubts = "".join(f"\ndoubt: {warning}" for warning in self.warnings)
-        return f"{self.verdict}: {headline(self)}\n{self.says}{doubts}\n{self.fit}"
+        warnings = "".join(f"\ndoubt: {warning}" for warning in self.warnings)
+        added = ", ".join(with_alternatives(self.added, self.effects)) or "nothing added"
+        before, after = self.steps[0].held_out, self.steps[-1].held_out
+        error = f"held-out error {before:.3g} → {after:.3g} {self.unit}, noise {self.noise_floor:.3g} {self.unit}"
+        return f"{self.verdict}: {added}; {error}\n{self.says}{warnings}\n{self.fit}"
 
     def __getitem__(self, name: str) -> EffectVerdict:
-        from kinid.errors import InputError, near
-
         for effect in self.effects:
             if effect.id == name:
                 return effect
@@ -182,3 +206,9 @@ class Diagnosis:
             "effects": [effect.to_dict() for effect in self.effects],
             "warnings": list(self.warnings),
         }
+
+
+def with_alternatives(names: Iterable[str], effects: Iterable[EffectVerdict]) -> list[str]:
+    """Each effect as "a or b or …" with those that the log can't tell it from."""
+    alternatives = {effect.id: effect.equivalent_to for effect in effects}
+    return [" or ".join([name, *alternatives.get(name, ())]) for name in names]

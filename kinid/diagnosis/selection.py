@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from kinid import effects
 from kinid.diagnosis import acceptance
 from kinid.diagnosis.acceptance import Evidence, Refit, compare_states, refit, settle, within_possible, without
-from kinid.diagnosis.cores import side_by_side
 from kinid.diagnosis.screening import Candidate, screen, screen_catalogue
 from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.identification.applicability import amplitudes, base_of
@@ -21,6 +20,7 @@ from kinid.identification.nuisance import MAX_SHIFT
 from kinid.identification.solver import State
 from kinid.identification.whole import held_out_residual
 from kinid.modeling.model import Model
+from kinid.parallel import parallel_map
 
 Array = NDArray[np.float64]
 
@@ -125,9 +125,9 @@ def look(state: State, settings: DiagnosisSettings) -> Round:
         settings.min_significance**2 / 4, settings.promising_share * (ranked[0].predicted_gain if ranked else 0.0)
     )
     promising = [c.effect.id for c in ranked if c.predicted_gain > least][: settings.refits]
-    tried = sorted(side_by_side(lambda name: refit(state, points[name]), promising), key=_rank)
+    tried = sorted(parallel_map(lambda name: refit(state, points[name]), promising), key=_rank)
     # beside the right effect, friction at rest may have another form than beside the wrong ones
-    tried[:REFORMED] = side_by_side(acceptance.reformed, tried[:REFORMED])
+    tried[:REFORMED] = parallel_map(acceptance.reformed, tried[:REFORMED])
     return Round(state, points, tuple(sorted(tried, key=_rank)))
 
 
@@ -141,7 +141,7 @@ def choose(tried: Sequence[Refit], before: State, settings: DiagnosisSettings) -
     able = [t for t in able if t.evidence.gain > RIVAL_SHARE * max(a.evidence.gain for a in able)]
     if len(able) < 2:
         return able[0] if able else None
-    settled = side_by_side(lambda t: t.settled, able[:MAX_RIVALS])
+    settled = parallel_map(lambda t: t.settled, able[:MAX_RIVALS])
     best = min(settled, key=_rank)
     # of two where one is a part of the other, the part comes first: the rest of it has to prove itself beside that
     part = next((t for t in able if t.effect.id in best.effect.holds), None)

@@ -5,6 +5,7 @@ others.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from kinid import effects
 from kinid.diagnosis.acceptance import Refit
 from kinid.diagnosis.pipeline import Found
-from kinid.diagnosis.result import ABSENT, INDISTINGUISHABLE, NOT_EXCITED, PRESENT, EffectVerdict
+from kinid.diagnosis.result import EffectStatus, EffectVerdict
 from kinid.diagnosis.screening import Candidate, screen
 from kinid.diagnosis.selection import acceptable
 from kinid.diagnosis.settings import DiagnosisSettings
@@ -47,121 +48,79 @@ def verdicts(
     """
     selection, last = found.selection, found.selection.states[-1]
     out = [
-        EffectVerdict(
-            name := mark.effect.id, PRESENT, np.inf, (), gains.get(name, 0.0), _own(name, parameters), "", mark.says
-        )
-        for mark in found.cleaned.marks
+        EffectVerdict(name, EffectStatus.PRESENT, np.inf, mark.says, parameters=_own(name, parameters))
+        for name, mark in ((mark.effect.id, mark) for mark in found.cleaned.marks)
     ]
-    out += [_added(name, found, parameters, gains.get(name, 0.0), left, settings) for name in selection.added]
-    known = {v.id for v in out}
+    out += [_of_added(name, found, _own(name, parameters), left, settings) for name in selection.added]
+    known = {verdict.id for verdict in out}
     groups = {
         rival: tuple(dict.fromkeys([name, *(r for r in rivals if r != rival)]))
         for name, rivals in selection.alternatives.items()
         if name in selection.added
         for rival in rivals
     }
-    tried = {t.effect.id: t for look in selection.rounds for t in look.refits}
-    final = (
-        selection.rounds[-1]
-        if selection.rounds and selection.rounds[-1].before.model.names == last.model.names
-        else None
-    )
-    others = []
-    for effect, why in candidate_effects(last.model, found.whole.layout):
-        name = effect.id
-        if name in known:
-            continue
-        if name in groups:
-            evidence = tried[name].evidence.significance if name in tried else 0.0
-            others.append(
-                EffectVerdict(
-                    name,
-                    INDISTINGUISHABLE,
-                    evidence,
-                    groups[name],
-                    gains.get(name, 0.0),
-                    {},
-                    _separate(name, groups[name], found),
-                    f"fits as well as {', '.join(groups[name])}: this log can't tell them apart",
-                )
-            )
-            continue
-        latest = next((t for t in final.refits if t.effect.id == name), None) if final is not None else None
-        if why:
-            others.append(EffectVerdict(name, NOT_EXCITED, 0.0, (), 0.0, {}, f"record {effect.excited_by}", why, False))
-            continue
-        verdict, says = _unseen(found, effect, final.points.get(name) if final else None, latest, settings)
-        if latest is not None and len(selection.added) >= settings.max_effects and acceptable(latest, last, settings):
-            others.append(
-                EffectVerdict(
-                    name,
-                    NOT_EXCITED,
-                    latest.evidence.significance,
-                    (),
-                    gains.get(name, 0.0),
-                    {},
-                    f"--add {name}, or a larger --max-effects",
-                    "left out: no more effects were asked for; it would take "
-                    f"{100 * latest.evidence.share:.0f} % of what is left",
-                    left_out=True,
-                )
-            )
-            continue
-        record = "" if verdict == ABSENT else f"record more: {effect.excited_by}"
-        within = effect.within(last.problem.experiment.signals) if verdict == ABSENT else ""
-        says += f"; {within}" if within else ""
-        evidence = latest.evidence.significance if latest is not None else 0.0
-        others.append(EffectVerdict(name, verdict, evidence, (), gains.get(name, 0.0), {}, record, says, within=within))
-    order = {INDISTINGUISHABLE: 0, NOT_EXCITED: 1, ABSENT: 2}
-    return (*out, *sorted(others, key=lambda v: (order[v.verdict], -v.evidence)))
+    others = [
+        _of_other(effect, why, groups.get(effect.id, ()), found, settings)
+        for effect, why in candidate_effects(last.model, found.whole.layout)
+        if effect.id not in known
+    ]
+    order = {EffectStatus.INDISTINGUISHABLE: 0, EffectStatus.NOT_EXCITED: 1, EffectStatus.ABSENT: 2}
+    others.sort(key=lambda v: (order[v.verdict], -v.evidence))
+    return tuple(replace(v, held_out_gain=gains.get(v.id, 0.0) if v.acts else 0.0) for v in (*out, *others))
 
 
-def _added(
-    name: str,
-    found: Found,
-    parameters: dict[str, FittedParameter],
-    gain: float,
-    left: LackOfFit,
-    settings: DiagnosisSettings,
+def _of_added(
+    name: str, found: Found, own: dict[str, FittedParameter], left: LackOfFit, settings: DiagnosisSettings
 ) -> EffectVerdict:
-    selection = found.selection
+    selection, effect = found.selection, effects.get(name)
     evidence, rivals = selection.evidence[name], selection.alternatives.get(name, ())
-    effect, own = effects.get(name), _own(name, parameters)
+    made = EffectVerdict(name, EffectStatus.PRESENT, evidence.significance, effect.signature, parameters=own)
     if name in selection.unsupported:
-        return EffectVerdict(
-            name,
-            NOT_EXCITED,
-            evidence.significance,
-            (),
-            gain,
-            own,
-            f"record {effect.excited_by}",
-            f"added because it was asked for; it {selection.unsupported[name]}",
-        )
+        says = f"added because it was asked for; it {selection.unsupported[name]}"
+        return replace(made, verdict=EffectStatus.NOT_EXCITED, says=says, separate_by=f"record {effect.excited_by}")
+    made = replace(made, equivalent_to=rivals, separate_by=_separate(name, rivals, found))
     if is_stand_in(name, found, left, settings):
-        return EffectVerdict(
-            name,
-            INDISTINGUISHABLE,
-            evidence.significance,
-            rivals,
-            gain,
-            own,
-            _separate(name, rivals, found),
-            "a stand-in: it takes off less than it leaves, and something that the catalogue doesn't hold may be "
-            "what it follows",
-            stand_in=True,
+        says = (
+            "a stand-in: it takes off less than it leaves, and something that the catalogue doesn't hold may be what "
+            "it follows"
         )
-    says = f"fits as well as {', '.join(rivals)}: this log can't tell them apart" if rivals else effect.signature
-    return EffectVerdict(
-        name,
-        INDISTINGUISHABLE if rivals else PRESENT,
-        evidence.significance,
-        rivals,
-        gain,
-        own,
-        _separate(name, rivals, found),
-        says,
-    )
+        return replace(made, verdict=EffectStatus.INDISTINGUISHABLE, says=says, stand_in=True)
+    return replace(made, verdict=EffectStatus.INDISTINGUISHABLE, says=_as_good(rivals)) if rivals else made
+
+
+def _of_other(
+    effect: Effect, why: str, group: tuple[str, ...], found: Found, settings: DiagnosisSettings
+) -> EffectVerdict:
+    """Of an effect that was not added; `why` it can't act in this log, `group` of those that it is as good as."""
+    selection, last, name = found.selection, found.selection.states[-1], effect.id
+    if group:
+        tried = {t.effect.id: t for look in selection.rounds for t in look.refits}.get(name)
+        evidence = tried.evidence.significance if tried else 0.0
+        separate = _separate(name, group, found)
+        status, says = EffectStatus.INDISTINGUISHABLE, _as_good(group)
+        return EffectVerdict(name, status, evidence, says, group, separate_by=separate)
+    hidden = EffectStatus.NOT_EXCITED
+    if why:
+        return EffectVerdict(name, hidden, 0.0, why, separate_by=f"record {effect.excited_by}", acts=False)
+    final = selection.rounds[-1] if selection.rounds else None
+    if final is None or final.before.model.names != last.model.names:
+        points, latest = None, None
+    else:
+        points, latest = final.points.get(name), next((t for t in final.refits if t.effect.id == name), None)
+    evidence = latest.evidence.significance if latest else 0.0
+    if latest and len(selection.added) >= settings.max_effects and acceptable(latest, last, settings):
+        takes = f"it would take {100 * latest.evidence.share:.0f} % of what is left"
+        says, more = f"left out: no more effects were asked for; {takes}", f"--add {name}, or a larger --max-effects"
+        return EffectVerdict(name, hidden, evidence, says, separate_by=more, left_out=True)
+    verdict, says = _unseen(found, effect, points, latest, settings)
+    if verdict == EffectStatus.NOT_EXCITED:
+        return EffectVerdict(name, verdict, evidence, says, separate_by=f"record more: {effect.excited_by}")
+    within = effect.within(last.problem.experiment.signals)
+    return EffectVerdict(name, verdict, evidence, f"{says}; {within}" if within else says, within=within)
+
+
+def _as_good(rivals: tuple[str, ...]) -> str:
+    return f"fits as well as {', '.join(rivals)}: this log can't tell them apart"
 
 
 def is_stand_in(name: str, found: Found, left: LackOfFit, settings: DiagnosisSettings) -> bool:
@@ -174,15 +133,15 @@ def is_stand_in(name: str, found: Found, left: LackOfFit, settings: DiagnosisSet
 
 def _unseen(
     found: Found, effect: Effect, points: Sequence[Candidate] | None, latest: Refit | None, settings: DiagnosisSettings
-) -> tuple[str, str]:
+) -> tuple[EffectStatus, str]:
     """Absent or not excited, and why."""
     last = found.selection.states[-1]
     if effect.detector:
         unseen = effect.unseen(1.0 / sample_period(found.whole.signals))
-        return (NOT_EXCITED if unseen else ABSENT), unseen or "no such mark in the samples"
+        return (EffectStatus.NOT_EXCITED if unseen else EffectStatus.ABSENT), unseen or "no such mark in the samples"
     points = screen(last, effect) if points is None else points
     if not points:
-        return NOT_EXCITED, "it changes nothing in this log"
+        return EffectStatus.NOT_EXCITED, "it changes nothing in this log"
     tried = found.selection.evidence.get(effect.id) if latest is None else latest.evidence
     if (
         tried is not None
@@ -191,15 +150,15 @@ def _unseen(
     ):
         much, sure = 100 * tried.share, tried.significance
         proof = "no proof, for or against" if sure < settings.min_significance else "too little, or impossibly much"
-        return NOT_EXCITED, f"it would take {much:.0f} % of the rest, {sure:.1f} standard errors: {proof}"
+        return EffectStatus.NOT_EXCITED, f"it would take {much:.0f} % of the rest, {sure:.1f} standard errors: {proof}"
     hidden = _too_small_to_see(last, points, settings)
     if hidden:
-        return NOT_EXCITED, f"one that matters ({hidden}) would hardly show in this log"
+        return EffectStatus.NOT_EXCITED, f"one that matters ({hidden}) would hardly show in this log"
     tolerances = effect.calibration_sd(last.problem.experiment.signals)
     if tolerances:
         name, sd = next(iter(tolerances.items()))
-        return ABSENT, f"none beyond what calibration is trusted to: {name} of {MAX_SHIFT * sd:.2g}"
-    return ABSENT, "one that matters would show in this log, and doesn't"
+        return EffectStatus.ABSENT, f"none beyond what calibration is trusted to: {name} of {MAX_SHIFT * sd:.2g}"
+    return EffectStatus.ABSENT, "one that matters would show in this log, and doesn't"
 
 
 def _too_small_to_see(state: State, points: Sequence[Candidate], settings: DiagnosisSettings) -> str:

@@ -13,12 +13,13 @@ from kinid.contact.series import ContactSeries
 from kinid.data.log import Log
 from kinid.data.rig import Rig
 from kinid.errors import InputError
-from kinid.identification.fit import Fit, experiment_for, fit_model
+from kinid.identification.fit import Fit, fit_model
 from kinid.identification.lack_of_fit import error_rows, error_unit
 from kinid.identification.problem import whole_blocks
 from kinid.identification.whole import held_out_residual
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
+from kinid.modeling.readings import experiment_for
 
 Array = NDArray[np.float64]
 

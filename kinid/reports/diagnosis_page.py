@@ -12,27 +12,27 @@ from numpy.typing import NDArray
 import kinid
 from kinid import effects as catalogue
 from kinid.data.log import Provenance
-from kinid.diagnosis.result import (
-    ABSENT,
-    FOREIGN,
-    INDISTINGUISHABLE,
-    LEFT_OUT,
-    NOT_EXCITED,
-    PRESENT,
-    Diagnosis,
-    EffectVerdict,
-)
-from kinid.diagnosis.words import acting, by_verdict, doubts, headline, leftover, one_sided, rivalries, verdict_words
+from kinid.diagnosis.result import Diagnosis, EffectGroup, EffectStatus, EffectVerdict
 from kinid.identification.fit import FittedParameter
 from kinid.reports.diagnosis_figures import Shown, ladder, loops, readings
 from kinid.reports.diagnosis_multiples import multiples
+from kinid.reports.diagnosis_words import (
+    acting,
+    by_verdict,
+    doubts,
+    headline,
+    leftover,
+    one_sided,
+    rivalries,
+    verdict_words,
+)
 from kinid.reports.plots import BLUE, INK, VERMILION, drawing, grid, key, page
 from kinid.residuals import Cell
 from kinid.residuals.words import channel_words, number, percent, sentence
 
 Array = NDArray[np.float64]
 
-MARK = {PRESENT: "●", INDISTINGUISHABLE: "◐"}
+MARK = {EffectStatus.PRESENT: "●", EffectStatus.INDISTINGUISHABLE: "◐"}
 STAND_IN_MARK = "○"
 #: first words of the headings of columns that hold numbers
 NUMBERS = (
@@ -198,7 +198,7 @@ def _left(result: Diagnosis) -> str:
 def _next(result: Diagnosis) -> str:
     """How to separate rivals, and where it stands how to see what this log doesn't show."""
     rivals = rivalries(result)
-    hidden = sum(e.verdict == NOT_EXCITED and e.acts for e in result.effects)
+    hidden = sum(e.verdict == EffectStatus.NOT_EXCITED and e.acts for e in result.effects)
     out = "".join(
         f"<li><b>{_e(e.id)}</b> or {_e(' or '.join(e.equivalent_to))}: {_e(e.separate_by)}</li>" for e in rivals
     )
@@ -225,10 +225,10 @@ def _effects(result: Diagnosis) -> str:
         "stand-in takes off less than is left: it may only follow what the catalogue does not hold.</p>"
     )
     folded = (
-        (LEFT_OUT, "left out, as no more effects were asked for", "how to try"),
-        (NOT_EXCITED, "that this log cannot tell", "what to record"),
-        (ABSENT, "absent", ""),
-        (FOREIGN, "that are not about logs of this kind", "what to record"),
+        (EffectGroup.LEFT_OUT, "left out, as no more effects were asked for", "how to try"),
+        (EffectGroup.NOT_EXCITED, "that this log cannot tell", "what to record"),
+        (EffectGroup.ABSENT, "absent", ""),
+        (EffectGroup.FOREIGN, "that are not about logs of this kind", "what to record"),
     )
     for group, words, last in folded:
         rest = [e for e in by_verdict(result) if e.group == group]
@@ -266,7 +266,7 @@ def _table(heads: Sequence[str], rows: Iterable[Sequence[str]], *, cards: bool =
 
 
 def _evidence(effect: EffectVerdict) -> str:
-    if effect.verdict == NOT_EXCITED or not np.isfinite(effect.evidence):
+    if effect.verdict == EffectStatus.NOT_EXCITED or not np.isfinite(effect.evidence):
         return "–"
     value = effect.evidence
     if abs(value) < 1000:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 import kinid
 from kinid import effects
 from kinid.identification.applicability import amplitudes, base_of, candidate_effects, shape_points
-from kinid.identification.fit import all_channels
+from kinid.modeling.readings import all_channels
 
 Array = NDArray[np.float64]
 

@@ -274,7 +274,7 @@ def test_how_far_an_absence_reaches_is_said(nothing: Diagnosis, tester: Tester) 
 
 def test_what_is_printed_is_what_a_reader_wants(found: Diagnosis) -> None:
     lines = str(found).splitlines()
-    assert lines[0].startswith("missing: The model lacks relaxation")
+    assert lines[0].startswith("missing: relaxation; held-out error ")
     assert any(line.startswith("relaxation.ratio = 0.") for line in lines)
     assert len(lines) < 20
 

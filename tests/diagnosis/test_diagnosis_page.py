@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from kinid.cli.show_diagnosis import show_diagnosis
 from kinid.data.log import Provenance
-from kinid.diagnosis.result import Diagnosis, EffectVerdict, Step
-from kinid.diagnosis.words import headline, leftover, one_sided
+from kinid.diagnosis.result import Diagnosis, EffectStatus, EffectVerdict, Step, Verdict
 from kinid.effects import Layout, Signals
 from kinid.identification.fit import FittedParameter, fit_model
 from kinid.identification.lack_of_fit import lack_of_fit
@@ -25,6 +24,7 @@ from kinid.modeling.model import Model
 from kinid.reports.diagnosis_figures import MOST_POINTS, Shown, decimate, loops, readings
 from kinid.reports.diagnosis_multiples import multiples
 from kinid.reports.diagnosis_page import diagnosis_page
+from kinid.reports.diagnosis_words import headline, leftover, one_sided
 from kinid.residuals.localization import where
 
 NOISE = 0.02
@@ -63,16 +63,25 @@ def found() -> Diagnosis:
     )
     damping = {"damping": dataclasses.replace(fits[1]["damping"], high=float("inf"))}
     effects = (
-        EffectVerdict("adhesion", "not-excited", 0.0, (), 0.0, {}, "a slow retraction " + SPITE, "nothing pulls"),
-        EffectVerdict("relaxation", "absent", -7.5, (), 0.0, {}, "", "no decay"),
         EffectVerdict(
-            "viscous-damping", "present", 812.4, ("hunt-crossley-damping",), 0.05, damping, "several depths", "loops"
+            "adhesion", EffectStatus.NOT_EXCITED, 0.0, "nothing pulls", separate_by="a slow retraction " + SPITE
+        ),
+        EffectVerdict("relaxation", EffectStatus.ABSENT, -7.5, "no decay"),
+        EffectVerdict(
+            "viscous-damping",
+            EffectStatus.PRESENT,
+            812.4,
+            "loops",
+            ("hunt-crossley-damping",),
+            0.05,
+            damping,
+            "several depths",
         ),
     )
     return Diagnosis(
         model,
         best,
-        "missing",
+        Verdict.MISSING,
         SPITE,
         ("viscous-damping",),
         steps,
@@ -153,7 +162,7 @@ def test_text_stays_text(found: Diagnosis) -> None:
 
 def test_after_is_left_out_where_nothing_was_added(found: Diagnosis) -> None:
     alone = dataclasses.replace(
-        found, best=found.model, verdict="unexplained", added=(), steps=found.steps[:1], effects=()
+        found, best=found.model, verdict=Verdict.UNEXPLAINED, added=(), steps=found.steps[:1], effects=()
     )
     text = Outline(diagnosis_page(alone, "log")).text
     assert "Unexplained." in text
@@ -277,7 +286,7 @@ def test_headlines(found: Diagnosis, verdict: str, added: tuple[str, ...], begin
 
 
 def test_what_was_forced_and_brings_nothing_is_not_lacking(found: Diagnosis) -> None:
-    idle = dataclasses.replace(found.effects[0], id="relaxation", verdict="not-excited", equivalent_to=())
+    idle = dataclasses.replace(found.effects[0], id="relaxation", verdict=EffectStatus.NOT_EXCITED, equivalent_to=())
     steps = tuple(
         Step(name, ("hooke",), error, error) for name, error in ((None, 0.5), ("hysteresis", 0.1), ("relaxation", 0.1))
     )
@@ -306,7 +315,7 @@ def test_a_stand_in_is_said_to_be_one(found: Diagnosis, capsys: pytest.CaptureFi
     follows = dataclasses.replace(
         damping,
         id="hysteresis",
-        verdict="indistinguishable",
+        verdict=EffectStatus.INDISTINGUISHABLE,
         equivalent_to=(),
         separate_by="",
         says="it takes off less than it leaves",
@@ -314,7 +323,11 @@ def test_a_stand_in_is_said_to_be_one(found: Diagnosis, capsys: pytest.CaptureFi
     )
     steps = (*found.steps, dataclasses.replace(found.steps[-1], added="hysteresis"))
     result = dataclasses.replace(
-        found, verdict="unexplained", added=("viscous-damping", "hysteresis"), steps=steps, effects=(damping, follows)
+        found,
+        verdict=Verdict.UNEXPLAINED,
+        added=("viscous-damping", "hysteresis"),
+        steps=steps,
+        effects=(damping, follows),
     )
     says = (
         "viscous-damping or hunt-crossley-damping helps, but does not suffice, and hysteresis is a stand-in for it: the"
@@ -350,7 +363,7 @@ def test_marks_in_the_samples_have_no_evidence(found: Diagnosis, capsys: pytest.
 )
 def test_an_error_that_does_not_fall_is_not_said_to(found: Diagnosis, last: float, says: str) -> None:
     steps = tuple(dataclasses.replace(step, held_out=error) for step, error in zip(found.steps, (1.0, last)))
-    assert says in headline(dataclasses.replace(found, verdict="unexplained", steps=steps))
+    assert says in headline(dataclasses.replace(found, verdict=Verdict.UNEXPLAINED, steps=steps))
 
 
 @pytest.mark.parametrize(

@@ -13,8 +13,8 @@ import pytest
 from numpy.typing import NDArray
 
 import kinid
-from kinid.diagnosis.words import headline
 from kinid.errors import InputError
+from kinid.reports.diagnosis_words import headline
 
 if TYPE_CHECKING:
     from conftest import Tester

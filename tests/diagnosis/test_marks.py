@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import kinid
-from kinid.diagnosis.words import acting
+from kinid.reports.diagnosis_words import acting
 
 
 def log_of(force: np.ndarray, t: np.ndarray, depth: np.ndarray) -> kinid.Log:

@@ -14,8 +14,8 @@ from kinid.diagnosis.selection import look
 from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.identification.covariance import covariance_of
 from kinid.identification.estimation import estimate
-from kinid.identification.fit import all_channels
 from kinid.identification.solver import State, search
+from kinid.modeling.readings import all_channels
 
 if TYPE_CHECKING:
     from conftest import Tester

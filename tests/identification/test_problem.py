@@ -11,9 +11,9 @@ from scipy.signal import butter, sosfiltfilt
 
 import kinid
 from kinid.identification.dataset import MAX_DENSE, MAX_SAMPLES, averaged
-from kinid.identification.fit import all_channels
 from kinid.identification.problem import MANY_MEANS, MEAN_RATE, Problem
 from kinid.modeling.experiment import Experiment
+from kinid.modeling.readings import all_channels
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from kinid.diagnosis.cores import side_by_side
+from kinid.parallel import parallel_map
 
 
 def test_results_come_in_the_order_of_the_items() -> None:
@@ -18,9 +18,9 @@ def test_results_come_in_the_order_of_the_items() -> None:
         first.set()
         return i * i
 
-    assert side_by_side(last_first, [2]) == [4]
+    assert parallel_map(last_first, [2]) == [4]
     first.clear()
-    assert side_by_side(lambda i: i * i, range(20)) == [i * i for i in range(20)]
+    assert parallel_map(lambda i: i * i, range(20)) == [i * i for i in range(20)]
 
 
 def test_work_inside_of_work_stays_in_its_thread() -> None:
@@ -28,11 +28,11 @@ def test_work_inside_of_work_stays_in_its_thread() -> None:
         return threading.get_ident()
 
     def outer(_: int) -> bool:
-        return set(side_by_side(inner, range(3))) == {threading.get_ident()}
+        return set(parallel_map(inner, range(3))) == {threading.get_ident()}
 
-    assert all(side_by_side(outer, range(4)))
+    assert all(parallel_map(outer, range(4)))
 
 
 def test_an_error_comes_through() -> None:
     with pytest.raises(ZeroDivisionError):
-        side_by_side(lambda i: 1 // i, [2, 1, 0])
+        parallel_map(lambda i: 1 // i, [2, 1, 0])

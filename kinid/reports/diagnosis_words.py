@@ -2,29 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kinid import effects as catalogue
-from kinid.diagnosis.result import (
-    ABSENT,
-    ADEQUATE,
-    INDISTINGUISHABLE,
-    MISSING,
-    NOT_EXCITED,
-    PRESENT,
-    Diagnosis,
-    EffectVerdict,
-)
+from kinid.diagnosis.result import Diagnosis, EffectStatus, EffectVerdict, Verdict, with_alternatives
 from kinid.identification.warnings import listed
 
 if TYPE_CHECKING:
     from kinid.identification.fit import FittedParameter
 
 #: verdicts in the order in which a reader wants them
-ORDER = (PRESENT, INDISTINGUISHABLE, NOT_EXCITED, ABSENT)
+ORDER = (EffectStatus.PRESENT, EffectStatus.INDISTINGUISHABLE, EffectStatus.NOT_EXCITED, EffectStatus.ABSENT)
 #: errors that differ by a smaller share are said to be the same
 SAME = 5e-3
 #: what is left beside noise is noise, too, where it is a smaller share of it
@@ -43,14 +34,14 @@ def headline(result: Diagnosis) -> str:
     )
     noise = f"noise alone is {result.noise_floor:.3g} {result.unit}"
     idle = {
-        effect.id for effect in result.effects if effect.verdict == NOT_EXCITED
+        effect.id for effect in result.effects if effect.verdict == EffectStatus.NOT_EXCITED
     }  # added because they were asked for
     real = [name for name in result.added if name not in idle] or list(result.added)
-    named = with_rivals(real, result.effects)
+    named = with_alternatives(real, result.effects)
     names = listed(named)
-    if result.verdict == ADEQUATE:
+    if result.verdict == Verdict.ADEQUATE:
         return f"The model is adequate: {error}, and {noise}."
-    if result.verdict == MISSING:
+    if result.verdict == Verdict.MISSING:
         which = " (this log can't tell which)" if named != real else ""
         them = "all that was added" if len(real) < len(result.added) else "it" if len(real) == 1 else "them"
         return f"The model lacks {names}{which}: with {them} {error}; {noise}."
@@ -59,7 +50,7 @@ def headline(result: Diagnosis) -> str:
         return f"{unknown}: {error}; {noise}."
     stand_ins = {effect.id for effect in result.effects if effect.stand_in}
     follow = [name for name in real if name in stand_ins]
-    help_ = with_rivals([name for name in real if name not in stand_ins], result.effects)
+    help_ = with_alternatives([name for name in real if name not in stand_ins], result.effects)
     said = []
     if help_:
         alone = len(help_) == 1
@@ -89,12 +80,6 @@ def verdict_words(effect: EffectVerdict) -> str:
     """The verdict as a reader has it, with what is as good."""
     own = "stand-in" if effect.stand_in else effect.verdict
     return own + (f", as good: {', '.join(effect.equivalent_to)}" if effect.equivalent_to else "")
-
-
-def with_rivals(names: Iterable[str], told: Iterable[EffectVerdict]) -> list[str]:
-    """Each effect as "a or b or …" with those that it can't be told from."""
-    rivals = {effect.id: effect.equivalent_to for effect in told}
-    return [" or ".join([name, *rivals.get(name, ())]) for name in names]
 
 
 def one_sided(p: FittedParameter, write: Callable[[float], str]) -> str:

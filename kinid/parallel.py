@@ -14,21 +14,23 @@ In = TypeVar("In")
 Out = TypeVar("Out")
 
 #: threads at most: what stays under the lock leaves more of them nothing to do
-MOST_CORES = 4
+MAX_THREADS = 4
 
 _here = threading.local()
 
 
-def side_by_side(do: Callable[[In], Out], items: Sequence[In]) -> list[Out]:
-    """The same for all, on as many cores as there are; one after the other inside of work that is done side by side
-    already.
+def parallel_map(do: Callable[[In], Out], items: Sequence[In]) -> list[Out]:
+    """Results for all items, in their order; computed one after the other inside of work that is parallel already.
+
+    Args:
+        do: what is computed for an item, with floating-point warnings off. items: any number.
     """
 
     def quietly(item: In) -> Out:
         with np.errstate(all="ignore"):  # a shape that doesn't suit the log may overflow: it is passed over
             return do(item)
 
-    cores = min(os.cpu_count() or 1, MOST_CORES)
+    cores = min(os.cpu_count() or 1, MAX_THREADS)
     if cores < 2 or len(items) < 2 or getattr(_here, "busy", False):
         return [quietly(item) for item in items]
     with ThreadPoolExecutor(min(cores, len(items)), initializer=lambda: setattr(_here, "busy", True)) as pool:
