@@ -76,7 +76,7 @@ def diagnose(
         return
     from kinid.cli.contact import load, rig_path
     from kinid.cli.fit import parse_model
-    from kinid.diagnosis.refusals import one_by_one, refuse_names
+    from kinid.diagnosis.inquiry import one_by_one, refuse_names
     from kinid.errors import InputError
     from kinid.writers import check_outputs, check_table_name, write_table, write_text
 

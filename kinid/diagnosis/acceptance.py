@@ -19,13 +19,14 @@ from numpy.typing import NDArray
 
 from kinid.diagnosis.screening import Candidate
 from kinid.effects import Effect
-from kinid.identification.applicability import amplitudes, base_of
 from kinid.identification.error_model import REWEIGHTED, unusual_blocks
 from kinid.identification.initial_guesses import initial_values, nominal_values, project_linear
 from kinid.identification.nuisance import trusted
 from kinid.identification.problem import Problem
 from kinid.identification.rest_form import best_form, with_rest_form
-from kinid.identification.solver import ROUGHLY, State, linear_parameters, parameter_bounds, relearn, search
+from kinid.identification.solver import ROUGHLY, relearn, search
+from kinid.identification.state import State, linear_parameters, parameter_bounds
+from kinid.modeling.applicability import amplitudes, base_of
 from kinid.modeling.model import Model
 
 Array = NDArray[np.float64]
@@ -109,9 +110,7 @@ def _standard_error(chance: Array) -> float:
 
 
 def _beside(state: State, other: State) -> Array:
-    """Held-out residual of a state; what the other has as an effect counts as calibration no further than that is
-    trusted.
-    """
+    """Held-out residual; nuisances that the other state has as effects count no further than they are trusted."""
     beyond = state.shift - _as_trusted(state, other)
     if not beyond.any():
         return state.held_out
@@ -120,9 +119,7 @@ def _beside(state: State, other: State) -> Array:
 
 
 def _as_trusted(state: State, other: State) -> Array:
-    """Amounts of a state's nuisances; of those that the other has as effects no further than calibration is trusted
-    to.
-    """
+    """Amounts of the nuisances; those that the other state has as effects clipped to what is trusted, (k,)."""
     shared = [nuisance.effect.id in other.model for nuisance in state.open_]
     return np.where(shared, trusted(state.shift), state.shift)
 
@@ -201,16 +198,12 @@ def within_possible(state: State, names: Iterable[str]) -> State:
 
 
 def why_not(state: State, effect: Effect) -> str:
-    """Why the values of an effect are none that a material or a machine has, in words; "" where they may be
-    possible.
-    """
+    """Say why an effect has values that no material or machine has; "" where they may be possible."""
     return effect.implausible(*_nearest_null(state, effect), state.problem.experiment.signals)
 
 
 def _nearest_null(state: State, effect: Effect) -> tuple[dict[str, float], dict[str, float]]:
-    """Values of an effect, each moved towards where it does nothing by two of its standard errors, and all with them,
-    by name.
-    """
+    """Values of an effect moved towards its null by two standard errors, and all values with them, by name."""
     layout = state.problem.layout
     values = dict(zip(state.model.parameters(layout), state.values.tolist()))
     null, begin = amplitudes(effect, layout, base_of(state.model)), state.model.place(effect.id, layout).start
@@ -228,16 +221,12 @@ def _place(name: str) -> str:
 
 
 def bounded(state: State, ranges: Mapping[str, Sequence[tuple[float, float]]], like: State) -> State:
-    """A state with effects' parameters held to ranges, refitted with the error model of a state of nearly the same
-    model.
-    """
+    """Refit a state with effects' parameters held to ranges, with the error model of a similar state."""
     low, high = parameter_bounds(state.model, state.problem)
     for name, own in ranges.items():
         place = state.model.place(name, state.problem.layout)
-        low[place], high[place] = (
-            np.maximum(low[place], [a for a, _ in own]),
-            np.minimum(high[place], [b for _, b in own]),
-        )
+        low[place] = np.maximum(low[place], [a for a, _ in own])
+        high[place] = np.minimum(high[place], [b for _, b in own])
     return search(
         state.problem,
         state.model,
@@ -259,9 +248,7 @@ def reformed(tried: Refit) -> Refit:
 
 
 def _deepest(before: State, model: Model, starts: list[Array]) -> State:
-    """The deepest end of searches from several starts; only one that has come near the deepest in some steps is
-    ended.
-    """
+    """Search from several starts, continue those near the deepest after some steps, return the deepest end."""
     begun = [
         search(before.problem, model, start, before.error, max_steps=FIRST_STEPS, like=before, ends=ROUGHLY)
         for start in starts
@@ -289,8 +276,7 @@ def _deepest(before: State, model: Model, starts: list[Array]) -> State:
 def _nearest(before: State, model: Model, candidate: Candidate) -> Array:
     """As much of the linear view's step as helps: curved laws reward only its beginning."""
     problem, weight = before.problem, 1.0 / before.error.sigma
-    named = model.parameters(problem.layout).values()
-    low, high = np.array([p.low for p in named]), np.array([p.high for p in named])
+    low, high = parameter_bounds(model, problem)
     best, least = np.clip(candidate.start, low, high), np.inf
     with np.errstate(all="ignore"):
         for share in (1.0, 0.3, 0.1):

@@ -1,6 +1,4 @@
-"""From what the stages found to a diagnosis: the path of errors, what is left and where, and a verdict for every
-effect.
-"""
+"""From what the stages found to a diagnosis: the path of errors, what is left and where, verdicts."""
 
 from __future__ import annotations
 
@@ -15,11 +13,12 @@ from kinid.diagnosis.pipeline import Found
 from kinid.diagnosis.result import Diagnosis, EffectVerdict, Step, Verdict, with_alternatives
 from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.diagnosis.verdicts import verdicts
-from kinid.identification.applicability import base_of
 from kinid.identification.fit import Fit, fit_model, fit_of
 from kinid.identification.lack_of_fit import LackOfFit, error_rows, error_unit, lack_of_fit, rms
-from kinid.identification.solver import State, search
+from kinid.identification.solver import search
+from kinid.identification.state import State
 from kinid.identification.whole import held_out_residual, train_residual
+from kinid.modeling.applicability import base_of
 from kinid.residuals.localization import where
 
 Array = NDArray[np.float64]
@@ -52,6 +51,7 @@ class Conclusions:
         verdict, says = self._verdict(steps, left, told)
         progress("where the error sits")
         noise = self.whole.noise
+        doubts = [*warnings, *self._warnings(last), *(w for w in fit.warnings if "kinid diagnose" not in w)]
         sits = where(self.whole, before, noise)
         return Diagnosis(
             found.model,
@@ -70,11 +70,7 @@ class Conclusions:
             before,
             after,
             fit,
-            tuple(
-                dict.fromkeys(
-                    [*warnings, *self._warnings(last), *(w for w in fit.warnings if "kinid diagnose" not in w)]
-                )
-            ),
+            tuple(dict.fromkeys(doubts)),
         )
 
     def held_out(self, state: State, marks: Sequence[Mark]) -> Array:

@@ -7,16 +7,17 @@ from collections.abc import Callable, Sequence
 
 from threadpoolctl import threadpool_limits
 
+from kinid import effects
 from kinid.contact.series import ContactSeries
 from kinid.data.log import Log
 from kinid.data.rig import Rig
 from kinid.diagnosis.conclusions import Conclusions
 from kinid.diagnosis.pipeline import run
-from kinid.diagnosis.refusals import one_by_one, refuse_idle, refuse_names
 from kinid.diagnosis.result import Diagnosis
 from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.errors import InputError
 from kinid.identification.fit import Fit
+from kinid.modeling.applicability import candidate_effects
 from kinid.modeling.data_warnings import refuse_outliers, refuse_signs
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
@@ -53,16 +54,7 @@ def diagnose(
         InputError: a log too short to hold any of it out, an unknown name, an effect that the model has already, or
             data that can't carry the model.
     """
-    if not isinstance(data, Fit | ContactSeries | Log):
-        raise InputError(
-            f"{type(data).__name__} to diagnose",
-            "a fit, contact-frame quantities, or a log with its rig",
-            "read it with kinid.read(path, rig)",
-        )
-    if model is not None and not isinstance(model, Model):
-        raise InputError(
-            f"a model that is a {type(model).__name__}", "a kinid.Model", "pass model=kinid.Model('kelvin-voigt', …)"
-        )
+    _refuse_types(data, model)
     if tolerance is not None and not 0.0 <= tolerance < float("inf"):
         raise InputError(
             f"a tolerance of {tolerance:g}", "0 or more, in N or N·m", "state what may be left of the error"
@@ -91,9 +83,49 @@ def diagnose(
         return Conclusions(found, settings, tolerance).diagnosis(progress, warnings)
 
 
+def _refuse_types(data: object, model: object) -> None:
+    """What is neither data nor a model."""
+    if not isinstance(data, Fit | ContactSeries | Log):
+        expected = "a fit, contact-frame quantities, or a log with its rig"
+        raise InputError(f"{type(data).__name__} to diagnose", expected, "read it with kinid.read(path, rig)")
+    if model is not None and not isinstance(model, Model):
+        remedy = "pass model=kinid.Model('kelvin-voigt', …)"
+        raise InputError(f"a model that is a {type(model).__name__}", "a kinid.Model", remedy)
+
+
 def _widest(experiment: Experiment, model: Model) -> Experiment:
     """All channels of the log that an experiment came from."""
     touch = experiment.touch
     if experiment.layout.kind != "contact" or touch is None:
         return experiment
     return all_channels(touch, None, model)
+
+
+def one_by_one(add: Sequence[str], model: Model) -> list[str]:
+    """Names of effects to add, for those that stand for several what the model lacks of them."""
+    together = effects.TOGETHER
+    return [part for name in add for part in together.get(name, (name,)) if name not in together or part not in model]
+
+
+def refuse_names(add: Sequence[str], model: Model, max_effects: int) -> None:
+    """Names and numbers that no log could make good; each addition joins the model with those before it."""
+    if max_effects < 0:
+        raise InputError(f"max_effects of {max_effects}", "0 or more", "0 compares and adds nothing")
+    for name in add:
+        effect = effects.get(name)
+        if name in model:
+            raise InputError(
+                f"effect '{name}' to be added to {model}, which has it",
+                "each effect once",
+                "don't ask for it: the model is asked about as it is",
+            )
+        model = model + effect
+
+
+def refuse_idle(add: Sequence[str], model: Model, experiment: Experiment) -> None:
+    """Additions that can't act in this log."""
+    for name in add:
+        why = {effect.id: why for effect, why in candidate_effects(model, experiment.layout)}
+        model = model + effects.get(name)
+        if why.get(name):
+            raise InputError(f"effect '{name}', and {why[name]}", "an effect that can act in this log", "leave it out")

@@ -13,7 +13,7 @@ from kinid.diagnosis.selection import Selection, select
 from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.identification.estimation import estimate, estimate_problem
 from kinid.identification.lack_of_fit import error_rows
-from kinid.identification.solver import State
+from kinid.identification.state import State
 from kinid.identification.whole import held_out_residual
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
@@ -80,9 +80,7 @@ def run(
 
 
 def _needless(found: Found) -> bool:
-    """Whether a fit of what was found to all samples does as well without marks, which some model alone seemed to
-    show.
-    """
+    """Whether the found model fits all samples as well without marks, which the first model alone seemed to show."""
     last, whole, rows = found.selection.states[-1], found.whole, error_rows(found.whole)
     free = estimate(last.model, whole) if found.selection.added else found.plain
     left = held_out_residual(last, whole, lambda predicted: marked(predicted, found.cleaned.marks, whole))

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.effects import Effect
-from kinid.identification.applicability import amplitudes, base_of, candidate_effects, shape_points
 from kinid.identification.jacobian import changes
 from kinid.identification.nuisance import trusted
-from kinid.identification.solver import State
+from kinid.identification.state import State
+from kinid.modeling.applicability import amplitudes, base_of, candidate_effects, shape_points
 
 Array = NDArray[np.float64]
-
+Mask = NDArray[np.bool_]
 
 #: squared change of all weighted readings below which a parameter isn't seen
 UNSEEN = 1e-12
@@ -70,8 +70,7 @@ def screen(state: State, effect: Effect) -> list[Candidate]:
 
 def _candidates(state: State, effect: Effect) -> Iterator[Candidate]:
     problem, model, layout = state.problem, state.model, state.problem.layout
-    sigma = state.error.sigma.reshape(-1)
-    p = len(state.values)
+    sigma, p = state.error.sigma.reshape(-1), len(state.values)
     own = np.array([n.effect.id == effect.id for n in state.open_], np.bool_)
     keep = state.free & np.r_[np.ones(p, np.bool_), ~own]
     kept = keep[state.free]
@@ -80,17 +79,10 @@ def _candidates(state: State, effect: Effect) -> Iterator[Candidate]:
     placed = np.r_[np.zeros(p), state.shift]
     gradient = jacobian.T @ residual - (state.prior @ placed)[keep]
     inverse = np.linalg.pinv(information, hermitian=True)
-    # what giving up its own nuisance costs, as far as calibration is trusted, and what the others make good of it
-    within = trusted(state.shift)
-    told = (state.residual.reshape(-1) + state.jacobian[:, p:][:, own] @ (state.shift - within)[own]) / sigma
-    given_up = float(np.sum(residual**2) - np.sum(told**2) - within[own] @ within[own])
-    # … beyond what the model's own parameters still gain where its search ended early
-    ended = state.weighted.T @ (state.residual.reshape(-1) / sigma) - (state.prior @ placed)[state.free]
-    given_up += float(ended @ np.linalg.pinv(state.information, hermitian=True) @ ended - gradient @ inverse @ gradient)
+    given_up = _given_up(state, own, residual) - float(gradient @ inverse @ gradient)
     larger = model + effect
     effect = larger[effect.id]
-    parameters = effect.parameters(layout)
-    amplitude = amplitudes(effect, layout, base_of(model))
+    parameters, amplitude = effect.parameters(layout), amplitudes(effect, layout, base_of(model))
     before = larger.place(effect.id, layout).start
     prior = effect.prior(layout)
     for at, moving in shape_points(effect, problem.experiment.signals, amplitude):
@@ -129,3 +121,16 @@ def _candidates(state: State, effect: Effect) -> Iterator[Candidate]:
         theta = state.values + taken[:p] * state.scale
         size = np.sqrt(np.maximum(np.diag(gram), 0.0)) / np.abs(steps)
         yield Candidate(effect, gain, np.insert(theta, before, start), origin, dict(zip(moving, size.tolist())))
+
+
+def _given_up(state: State, own: Mask, residual: Array) -> float:
+    """Weighted squares that giving up an effect's own nuisances costs, as far as calibration is trusted.
+
+    Beyond what the model's parameters still gain where its search ended early; `residual` is without these nuisances.
+    """
+    p, sigma, within = len(state.values), state.error.sigma.reshape(-1), trusted(state.shift)
+    kept = (state.residual.reshape(-1) + state.jacobian[:, p:][:, own] @ (state.shift - within)[own]) / sigma
+    placed = np.r_[np.zeros(p), state.shift]
+    ended = state.weighted.T @ (state.residual.reshape(-1) / sigma) - (state.prior @ placed)[state.free]
+    still = float(ended @ np.linalg.pinv(state.information, hermitian=True) @ ended)
+    return float(np.sum(residual**2) - np.sum(kept**2) - within[own] @ within[own]) + still

@@ -13,12 +13,12 @@ from kinid.diagnosis import acceptance
 from kinid.diagnosis.acceptance import Evidence, Refit, compare_states, refit, settle, within_possible, without
 from kinid.diagnosis.screening import Candidate, screen, screen_catalogue
 from kinid.diagnosis.settings import DiagnosisSettings
-from kinid.identification.applicability import amplitudes, base_of
 from kinid.identification.estimation import estimate_problem
 from kinid.identification.lack_of_fit import error_rows, inside_tolerance
 from kinid.identification.nuisance import MAX_SHIFT
-from kinid.identification.solver import State
+from kinid.identification.state import State
 from kinid.identification.whole import held_out_residual
+from kinid.modeling.applicability import amplitudes, base_of
 from kinid.modeling.model import Model
 from kinid.parallel import parallel_map
 
@@ -33,9 +33,7 @@ REFORMED, MAX_RIVALS, RIVAL_SHARE = 2, 3, 0.5
 
 @dataclass(eq=False)
 class Round:
-    """One look at the catalogue from one state: points of every effect, and those that were refitted, the best
-    first.
-    """
+    """One screening of the catalogue from one state: points of every effect, and the refits, the best first."""
 
     before: State
     points: dict[str, list[Candidate]]
@@ -68,11 +66,7 @@ def implausible(state: State, before: State | None = None) -> str:
     """Why the values of a state are none that a material or a machine has, in words; "" where they are possible."""
     if not np.isfinite(state.cost):
         return "what they predict is no number"
-    known = (
-        set()
-        if before is None
-        else {effect.id for effect in before.model.effects if acceptance.why_not(before, effect)}
-    )
+    known = {effect.id for effect in before.model.effects if acceptance.why_not(before, effect)} if before else set()
     new = [effect for effect in state.model.effects if effect.id not in known]
     return next((why for effect in new if (why := acceptance.why_not(state, effect))), "")
 
@@ -95,10 +89,8 @@ def _remarkable(tried: Refit, settings: DiagnosisSettings) -> bool:
     """Whether the log says more of a refitted effect than that it is as large as in every material and every rig."""
     state, effect, layout = tried.state, tried.effect, tried.state.problem.layout
     values, parameters = state.values[state.model.place(effect.id, layout)], effect.parameters(layout)
-    null, open_ = (
-        amplitudes(effect, layout, base_of(state.model)),
-        effect.calibration_sd(state.problem.experiment.signals),
-    )
+    null = amplitudes(effect, layout, base_of(state.model))
+    open_ = effect.calibration_sd(state.problem.experiment.signals)
     usual = {i: max(effect.usual(parameters[i]), MAX_SHIFT * open_.get(parameters[i].name, 0.0)) for i in null}
     beyond = [i for i in null if abs(values[i] - null[i]) > usual[i]]
     if not beyond or any(not usual[i] for i in beyond):
@@ -256,9 +248,7 @@ def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: 
 
 
 def _defend(found: Selection, settings: DiagnosisSettings, forced: Sequence[str]) -> None:
-    """Hold each addition against what else could stand in its place: swap it where another is better, name those as
-    good.
-    """
+    """Hold each addition against its alternatives: swap it where another is better, name those as good."""
     for held in list(found.added):
         name, last = held, found.states[-1]
         if not removable(last.model, name):
@@ -291,9 +281,7 @@ def _defend(found: Selection, settings: DiagnosisSettings, forced: Sequence[str]
 
 
 def _preferred(other: Refit, held: Refit, before: State, settings: DiagnosisSettings) -> bool:
-    """Whether another effect is to stand in the place of one that was added: it leaves less, or as much with fewer
-    parameters.
-    """
+    """Whether another effect replaces an added one: it leaves less, or as much with fewer parameters."""
     if same(other, held, before.error.sigma, settings):
         return len(other.state.values) < len(held.state.values)
     return other.evidence.left < held.evidence.left

@@ -1,6 +1,4 @@
-"""What a log says about every effect of the catalogue: present, absent, not excited by it, or not to be told from
-others.
-"""
+"""What a log says about every effect: present, absent, not excited by it, or indistinguishable from others."""
 
 from __future__ import annotations
 
@@ -18,12 +16,12 @@ from kinid.diagnosis.screening import Candidate, screen
 from kinid.diagnosis.selection import acceptable
 from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.effects import Effect
-from kinid.identification.applicability import amplitudes, base_of, candidate_effects
 from kinid.identification.dataset import sample_period
 from kinid.identification.fit import FittedParameter
 from kinid.identification.lack_of_fit import LackOfFit, error_rows
 from kinid.identification.nuisance import MAX_SHIFT
-from kinid.identification.solver import State
+from kinid.identification.state import State
+from kinid.modeling.applicability import amplitudes, base_of, candidate_effects
 
 Array = NDArray[np.float64]
 

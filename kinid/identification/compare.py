@@ -61,9 +61,7 @@ class Comparison:
             "models": [
                 {
                     "rank": row.rank,
-                    "held_out": _figure(row.held_out),
-                    "difference": _figure(row.difference),
-                    "standard_error": _figure(row.standard_error),
+                    **{name: _finite(getattr(row, name)) for name in ("held_out", "difference", "standard_error")},
                     **row.fit.to_dict(),
                 }
                 for row in self.rows
@@ -71,7 +69,7 @@ class Comparison:
         }
 
 
-def _figure(value: float) -> float | None:
+def _finite(value: float) -> float | None:
     return value if np.isfinite(value) else None
 
 

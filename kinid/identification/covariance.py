@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.contact.kinds_of_motion import kinds_of_motion
-from kinid.identification.solver import FOLD_RIDGE, State, held_parameters
+from kinid.identification.state import FOLD_RIDGE, State, held_parameters
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

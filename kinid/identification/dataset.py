@@ -26,9 +26,7 @@ def sample_period(signals: Signals) -> float:
 
 
 def group_edges(signals: Signals, valid: Mask, size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """First sample, and the one after the last, of groups of at most `size` neighbours of one run and one validity,
-    each (g,).
-    """
+    """Return first sample and end (exclusive) of groups of at most `size` neighbours of one run and validity, (g,)."""
     starts = np.flatnonzero(signals.dt == 0.0)
     within = np.arange(len(signals)) - starts[np.cumsum(signals.dt == 0.0) - 1]
     begins = (within % size == 0) | np.r_[True, np.diff(valid.astype(np.int8)) != 0]
@@ -79,9 +77,7 @@ def averaged_signals(signals: Signals, begin: NDArray[np.int64], end: NDArray[np
 
 
 def averaged(experiment: Experiment) -> tuple[Experiment, tuple[Signals, ...]]:
-    """An experiment in means of neighbouring samples where it has more than identification needs, and its motion draws
-    alike.
-    """
+    """Average an experiment and its motion draws over neighbouring samples where there are more than needed."""
     signals, draws = experiment.signals, experiment.motion_draws
     size = math.ceil(len(signals) / MAX_SAMPLES)
     rate = 1.0 / sample_period(signals)

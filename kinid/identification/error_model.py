@@ -108,9 +108,7 @@ def _released(experiment: Experiment) -> Array:
 
 
 def motion_variance(problem: Problem, model: Model, values: Array) -> Array:
-    """Variance that errors of the motion estimate cause in means, memory and kinks of the model included, (channels,
-    g).
-    """
+    """Variance of the means from errors of the motion estimate, carried through the model by draws, (channels, g)."""
     total = np.zeros(problem.shape)
     if not problem.draws:
         return total
@@ -156,9 +154,7 @@ def memory_of(problem: Problem, whitened: Array) -> float:
 
 
 def learn(problem: Problem, model: Model, values: Array, residual: Array, fixed: Array | None = None) -> ErrorModel:
-    """The error model that a residual (channels, g) tells of; `fixed` is the motion's variance where it is known
-    already.
-    """
+    """Learn the error model from a residual (channels, g); `fixed` is the motion's variance where it is known."""
     reading = reading_variance(problem)
     motion = motion_variance(problem, model, values) if fixed is None else fixed
     unusual = np.ones(problem.shape)
@@ -171,9 +167,7 @@ def learn(problem: Problem, model: Model, values: Array, residual: Array, fixed:
 
 
 def unusual_blocks(problem: Problem, squares: Array) -> Array:
-    """How many times the variance is in blocks of many squares (channels, g), in units of it, at least 1, (channels,
-    g).
-    """
+    """Factor, at least 1, of the variance in blocks of time that leave much more than others, (channels, g)."""
     many = np.bincount(problem.block)
     means = np.stack([(np.bincount(problem.block, row) / many)[problem.block] for row in squares])
     return np.maximum(1.0, means / UNUSUAL**2)

@@ -10,7 +10,8 @@ from kinid.effects._signals import RestForm
 from kinid.identification.initial_guesses import initial_values, nominal_values
 from kinid.identification.problem import Problem
 from kinid.identification.rest_form import best_form, with_rest_form
-from kinid.identification.solver import State, first_error_model, linear_parameters, search, solve
+from kinid.identification.solver import first_error_model, search, solve
+from kinid.identification.state import State, linear_parameters
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
 

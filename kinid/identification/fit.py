@@ -1,11 +1,9 @@
-"""A model fitted to a log: estimates with intervals, errors on samples that it saw and didn't see, and what to
-doubt.
-"""
+"""A model fitted to a log: estimates with intervals, errors seen and held out, warnings."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,17 +14,18 @@ from threadpoolctl import threadpool_limits
 from kinid.contact.series import ContactSeries
 from kinid.data.log import Log
 from kinid.data.rig import Rig
-from kinid.errors import InputError, near
+from kinid.errors import InputError
 from kinid.estimators.batch import Solution
 from kinid.identification import warnings as doubts
 from kinid.identification.covariance import covariance_of
 from kinid.identification.estimation import estimate
 from kinid.identification.lack_of_fit import LackOfFit, error_rows, error_unit, lack_of_fit, rms
 from kinid.identification.nuisance import with_calibration
-from kinid.identification.solver import State, shown_values
+from kinid.identification.state import State, parameter_bounds, shown_values
 from kinid.identification.whole import held_out_residual, train_residual
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
+from kinid.modeling.parameter_names import full_name, starting_values
 from kinid.modeling.readings import check_excitation, experiment_for, refuse_inactive_effects
 
 Array = NDArray[np.float64]
@@ -57,9 +56,7 @@ class FittedParameter:
 
 @dataclass(frozen=True)
 class FitError:
-    """Root mean square of measured less predicted force (or torque): seen, unseen, and what the noise alone
-    explains.
-    """
+    """Root mean square of measured less predicted force or torque: seen, held out, and what noise alone explains."""
 
     train: float
     held_out: float
@@ -222,18 +219,9 @@ def fit_of(
         unseen = float("nan")
     mask = experiment.valid if train is None else experiment.valid & train
     found = covariance_of(state)
-    shown = shown_values(state)
-    solution = Solution(
-        shown,
-        found.matrix,
-        found.unidentified,
-        _at_bound(state),
-        residual,
-        found.condition,
-        (),
-        state.steps,
-        state.converged,
-    )
+    at_bound, open_ = _at_bound(state), found.unidentified
+    ended = ((), state.steps, state.converged)
+    solution = Solution(shown_values(state), found.matrix, open_, at_bound, residual, found.condition, *ended)
     left = lack_of_fit(state, residual)
     error = FitError(rms(residual[rows][:, mask]), unseen, left.noise, error_unit(experiment))
     if held_out and not np.isfinite(unseen):
@@ -254,49 +242,8 @@ def fit_of(
 
 
 def _at_bound(state: State) -> Mask:
-    named = state.model.parameters(state.problem.layout).values()
-    return np.array(
-        [
-            not p.fixed and (v <= p.low + 1e-6 * p.scale or v >= p.high - 1e-6 * p.scale)
-            for p, v in zip(named, state.values)
-        ],
-        np.bool_,
-    )
-
-
-def starting_values(model: Model, experiment: Experiment, start: Mapping[str, float] | None) -> dict[str, float]:
-    """Values that the caller knows, by full name.
-
-    Raises:
-        InputError: a name that no parameter has, or a value outside its bounds.
-    """
-    named, out = model.for_log(experiment.signals).parameters(experiment.layout), {}
-    for given, value in (start or {}).items():
-        name = full_name(given, named, model, "starting value for ")
-        p = named[name]
-        if not p.low <= value <= p.high:
-            raise InputError(
-                f"starting value {value:g} {p.unit} for '{name}'",
-                f"a value from {p.low:g} to {p.high:g} {p.unit}",
-                "start inside",
-            )
-        out[name] = value
-    return out
-
-
-def full_name(name: str, named: Iterable[str], model: Model, what: str = "parameter ") -> str:
-    """The full name "effect.parameter" that a name, perhaps without its effect, stands for.
-
-    Raises:
-        InputError: none, or several; `what` says what was named.
-    """
-    named = list(named)
-    if name in named:
-        return name
-    ends = [full for full in named if full.split(".", 1)[1] == name]
-    if len(ends) == 1:
-        return ends[0]
-    if ends:
-        raise InputError(f"{what}'{name}', which {len(ends)} effects have", f"one of {', '.join(ends)}", "say which")
-    shown = named if "." in name else [full.split(".", 1)[1] for full in named]
-    raise InputError(f"{what}'{name}'", f"a parameter of {model}", near(name, shown))
+    """Which free parameters ended at a bound, (p,)."""
+    low, high = parameter_bounds(state.model, state.problem)
+    fixed = np.array([p.fixed for p in state.model.parameters(state.problem.layout).values()], np.bool_)
+    room = 1e-6 * state.scale
+    return ~fixed & ((state.values <= low + room) | (state.values >= high - room))

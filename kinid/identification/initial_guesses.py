@@ -1,6 +1,4 @@
-"""Where a search begins: what enters linearly at its best, shapes at the best of the points that effects call worth a
-start.
-"""
+"""Initial guesses: linear parameters by least squares, shapes at the best of the points that effects suggest."""
 
 from __future__ import annotations
 
@@ -10,7 +8,7 @@ from numpy.typing import NDArray
 from kinid.identification.error_model import ErrorModel
 from kinid.identification.jacobian import changes
 from kinid.identification.problem import Problem
-from kinid.identification.solver import held_parameters, linear_parameters
+from kinid.identification.state import held_parameters, linear_parameters
 from kinid.modeling.model import Model
 
 Array = NDArray[np.float64]

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.effects import Effect, Signals
-from kinid.identification.applicability import amplitudes, base_of, candidate_effects
 from kinid.identification.problem import Problem
+from kinid.modeling.applicability import amplitudes, base_of, candidate_effects
 from kinid.modeling.forward import Course
 from kinid.modeling.model import Model
 
@@ -66,9 +66,7 @@ def predict_with(
 
 
 def with_calibration(model: Model, values: Array, open_: Sequence[Nuisance], shift: Array, signals: Signals) -> Array:
-    """Readings that a model expects with so many tolerances of each open quantity, as far as those are trusted,
-    (channels, n).
-    """
+    """Predict readings with each nuisance at so many of its tolerances, no more than are trusted, (channels, n)."""
     here = model.course(signals, values)
     out = here.reading.copy()
     for nuisance, amount in zip(open_, trusted(shift)):
@@ -86,8 +84,6 @@ def nuisance_columns(problem: Problem, model: Model, values: Array, here: Course
 
 
 def trusted(shift: Array) -> Array:
-    """Amounts in tolerances, (k,), no further than calibration is trusted to: what lies beyond is an error of the
-    model.
-    """
+    """Clip amounts in tolerances, (k,), to what calibration is trusted to; more is an error of the model."""
     out: Array = np.clip(shift, -MAX_SHIFT, MAX_SHIFT)
     return out

@@ -161,9 +161,7 @@ class Problem:
         return self.means(model.predict(self.experiment.signals, values, near))
 
     def add_change(self, after: Array, before: Array, factor: float, out: Array) -> None:
-        """Write a factor times the change of the means from one prediction (channels, n) to another, (channels ·
-        g,).
-        """
+        """Write a factor times the change of means between two predictions (channels, n) to `out`, (channels · g,)."""
         after, before = np.ascontiguousarray(after), np.ascontiguousarray(before)
         weighted_changes(after, before, self.begin, self.end, self._mean_weight, factor, out)
 

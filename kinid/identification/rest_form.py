@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.effects._signals import RestForm
-from kinid.identification.solver import ROUGHLY, State, relearn, search
+from kinid.identification.solver import ROUGHLY, relearn, search
+from kinid.identification.state import State
 
 Array = NDArray[np.float64]
 
@@ -112,9 +113,7 @@ def _forms(state: State) -> list[RestForm]:
 
 
 def best_form(state: State) -> State:
-    """The state, or that under the form whose error is least in the linear view, where its held-out error is clearly
-    less.
-    """
+    """Return the state under the form of least error in the linear view, where its held-out error is clearly less."""
     forms = _forms(state)
     if not any(_noticed(state, _change(state, form)) for form in (*forms[:1], *forms[-1:])):
         return state
@@ -146,10 +145,8 @@ def _refined(state: State) -> State:
     for _ in range(REFINEMENTS):
         rest, sigma = _rest(state), state.error.sigma
         fields = [field for field in REFINED if getattr(rest, field) > 0.0]
-        values, ends = (
-            np.array([getattr(rest, field) for field in fields]),
-            np.array([REFINED[field] for field in fields]),
-        )
+        values = np.array([getattr(rest, field) for field in fields])
+        ends = np.array([REFINED[field] for field in fields])
         moved = np.where(values * (1.0 + MOVED) <= ends[:, 1], MOVED, -MOVED)
         d = np.stack(
             [

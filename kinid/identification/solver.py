@@ -1,32 +1,31 @@
-"""Weighted nonlinear least squares with nuisance parameters (Levenberg-Marquardt), and what its end tells of other
-folds.
-"""
+"""Weighted nonlinear least squares with nuisance parameters (Levenberg-Marquardt)."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinid.identification.error_model import ErrorModel, learn, motion_variance, reading_variance
 from kinid.identification.jacobian import changes
-from kinid.identification.nuisance import Nuisance, nuisance_columns, nuisances
+from kinid.identification.nuisance import nuisance_columns, nuisances
 from kinid.identification.problem import Problem
+from kinid.identification.state import (
+    State,
+    held_parameters,
+    linear_parameters,
+    parameter_bounds,
+    prior_precision,
+    solve_between,
+)
 from kinid.modeling.forward import Course
 from kinid.modeling.model import Model
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: precision of a prior that keeps directions that no reading sees from wandering, per squared scale of a parameter
-RIDGE = 1e-8
 #: a search ends where a step gains less than this, in units of a mean's error, and than this share of what is left;
 #: where models are only compared, a rougher end does
 CONVERGED, ROUGHLY = (1e-2, 1e-7), (0.3, 1e-5)
-#: share of the common fit's information that holds a fold's directions which that fold doesn't see
-FOLD_RIDGE = 1e-3
 #: how often the error model is learnt anew from the residual of the fit
 RELEARNED = 2
 #: a step is taken where it gains this share of what the linear view expects, at least
@@ -39,184 +38,6 @@ FAR = 0.7
 FIRST_SHARE = 0.02
 #: parameters are moved by this share of their scale to see what they do
 DIFFERENCE = 1e-2
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """A fitted model.
-
-    Attributes:
-        problem, model: what was fitted to what. error: error model that it was weighted with.
-        values: (p,). open_: nuisances; shift: of each, in tolerances, (k,).
-        course: the prediction. residual: of the means, nuisances included, (channels, g).
-        jacobian: change of the means per scale of each parameter and per tolerance of each nuisance, (channels · g, p +
-            k).
-        free: which of these no bound holds, (p + k,). converged: whether the search ended by itself. steps: that it
-            took.
-    """
-
-    problem: Problem
-    model: Model
-    error: ErrorModel
-    values: Array
-    open_: tuple[Nuisance, ...]
-    shift: Array
-    course: Course
-    residual: Array
-    jacobian: Array
-    free: Mask
-    converged: bool
-    steps: int
-
-    @cached_property
-    def scale(self) -> Array:
-        """Scale of each parameter, (p,)."""
-        return np.array([p.scale for p in self.model.parameters(self.problem.layout).values()])
-
-    @cached_property
-    def weighted(self) -> Array:
-        """Jacobian of the free directions over σ, (channels · g, f)."""
-        out: Array = self.jacobian[:, self.free] / self.error.sigma.reshape(-1, 1)
-        return out
-
-    @cached_property
-    def prior(self) -> Array:
-        """Prior precision of all directions, (p + k, p + k)."""
-        return prior_precision(self.model, self.problem, len(self.open_))
-
-    @cached_property
-    def information(self) -> Array:
-        """Information of the free directions, prior included, (f, f)."""
-        out: Array = self.weighted.T @ self.weighted + self.prior[np.ix_(self.free, self.free)]
-        return out
-
-    @cached_property
-    def cost(self) -> float:
-        """Weighted sum of squares, prior included."""
-        own = np.concatenate([self.values / self.scale, self.shift]) if len(self.values) else self.shift
-        prior = self.prior - RIDGE * np.diag(np.r_[np.ones(len(self.values)), np.zeros(len(self.shift))])
-        return float(np.sum((self.residual / self.error.sigma) ** 2) + own @ prior @ own)
-
-    def cost_with(self, error: ErrorModel) -> float:
-        """Squares of what is left held out, in another error model's units."""
-        return float(np.sum((self.held_out / error.sigma) ** 2) + self.shift @ self.shift)
-
-    @cached_property
-    def fold_steps(self) -> tuple[Array, Array]:
-        """Step of all directions, in scales, from the common fit to that of each fold alone (one Gauss-Newton step), (p
-        + k,).
-        """
-        channels, groups = self.problem.shape
-        p, fold, f = len(self.values), self.problem.fold, np.flatnonzero(self.free)
-        rows = self.weighted.reshape(channels, groups, -1)
-        weighted = self.residual / self.error.sigma
-        prior = self.prior[np.ix_(f, f)]
-        placed = np.r_[np.zeros(p), self.shift][f]
-        bound = np.array([n.bound for n in self.open_])
-        ends = parameter_bounds(self.model, self.problem)
-        low, high = (
-            np.r_[(end - self.values) / self.scale, side * bound - self.shift] for end, side in zip(ends, (-1.0, 1.0))
-        )
-        out = []
-        for seen in (fold, ~fold):
-            step = np.zeros(p + len(self.shift))
-            if len(f):
-                j = rows[:, seen].reshape(-1, rows.shape[2])
-                gradient = j.T @ weighted[:, seen].ravel() - prior @ placed
-                h = j.T @ j + prior + FOLD_RIDGE * np.diag(np.diag(self.information))
-                step[f] = solve_between(h, gradient, low[f], high[f])
-            out.append(step)
-        return out[0], out[1]
-
-    @cached_property
-    def held_out(self) -> Array:
-        """Residual of each fold from parameters of the other one, (channels, g)."""
-        out = self.residual.copy()
-        for seen, step in zip((self.problem.fold, ~self.problem.fold), self.fold_steps):
-            change = (self.jacobian @ step).reshape(out.shape)
-            out[:, ~seen] -= change[:, ~seen]
-        return out
-
-    @property
-    def inflation(self) -> float:
-        """How much more a mean over neighbours varies than with white errors: the residual's memory over the means'
-        spacing.
-        """
-        return max(1.0, self.error.memory / self.problem.spacing)
-
-    @cached_property
-    def standard_errors(self) -> Array:
-        """Rough standard error of each parameter, from the information and the residual's memory, infinite where held,
-        (p,).
-        """
-        out = np.full(len(self.values), np.inf)
-        p = np.flatnonzero(self.free[: len(self.values)])
-        size = np.sqrt(np.diag(self.information))
-        inverse = np.linalg.pinv(self.information / np.outer(size, size), rcond=1e-12, hermitian=True) / np.outer(
-            size, size
-        )
-        variance = np.diag(inverse)[: len(p)] * self.inflation
-        out[p] = np.sqrt(np.maximum(variance, 0.0)) * self.scale[p]
-        return out
-
-    def slim(self) -> State:
-        """The same without what takes memory; `held_out` is worked out first."""
-        _ = self.held_out, self.information, self.cost, self.standard_errors
-        self.__dict__.pop("weighted", None)
-        return self
-
-
-def prior_precision(model: Model, problem: Problem, nuisance_count: int) -> Array:
-    """Prior precision in scaled directions, (p + k, p + k): the effects' own, and one per squared tolerance."""
-    named = model.parameters(problem.layout)
-    p = len(named)
-    out = np.zeros((p + nuisance_count, p + nuisance_count))
-    out[np.arange(p), np.arange(p)] = RIDGE
-    scale = np.array([q.scale for q in named.values()])
-    for effect in model.effects:
-        own, at = effect.prior(problem.layout), model.place(effect.id, problem.layout)
-        if own is not None:
-            out[at, at] += own * np.outer(scale[at], scale[at])
-    out[np.arange(p, p + nuisance_count), np.arange(p, p + nuisance_count)] = 1.0
-    return out
-
-
-def held_parameters(model: Model, problem: Problem) -> Array:
-    """Parameters that are read off the samples (of a converter, of the end of a range) or fixed, NaN for the free ones,
-    (p,).
-    """
-    out = []
-    for effect in model.effects:
-        free = np.array([p.nominal if p.fixed else np.nan for p in effect.parameters(problem.layout)])
-        marks = effect.marks(problem.whole.raw) if effect.detector else None
-        out.append(free if marks is None else marks[1])
-    return np.concatenate(out) if out else np.zeros(0)
-
-
-def parameter_bounds(model: Model, problem: Problem) -> tuple[Array, Array]:
-    """Lowest and highest values of a model's parameters, each (p,)."""
-    named = model.parameters(problem.layout).values()
-    return np.array([p.low for p in named]), np.array([p.high for p in named])
-
-
-def linear_parameters(model: Model, problem: Problem) -> Mask:
-    """Parameters that readings are affine in, all others held, (p,): not those of effects that bend what others
-    predict.
-    """
-    return np.array(
-        [p.linear and effect.affine for effect in model.effects for p in effect.parameters(problem.layout)], np.bool_
-    )
-
-
-def shown_values(state: State) -> Array:
-    """Values as a reader has them, (p,): of a converter, what the samples show, where the search leaves it out."""
-    values = state.values.copy()
-    for effect in state.model.effects:
-        marks = effect.marks(state.problem.whole.raw) if effect.detector else None
-        if marks is not None:
-            at = state.model.place(effect.id, state.problem.layout)
-            values[at] = np.where(np.isnan(marks[1]), values[at], marks[0])
-    return values
 
 
 class _Search:
@@ -306,9 +127,7 @@ class _Search:
         self.fresh = True
 
     def correct(self, moved: Array, actual: Array) -> None:
-        """Make the parameters' part of the jacobian tell the last step's change (C. G. Broyden, Math. Comp. 19,
-        1965).
-        """
+        """Update the parameters' columns from the last step's change (C. G. Broyden, Math. Comp. 19, 1965)."""
         p = len(self.x)
         v = np.r_[moved[:p] / (moved[:p] @ moved[:p]), np.zeros(len(moved) - p)]
         missed = actual - self.jacobian @ moved
@@ -380,9 +199,7 @@ class _Search:
         return gradient, np.r_[free, ~far]
 
     def step(self, gradient: Array, free: Mask, damping: float) -> tuple[float, Array, Array, float]:
-        """Try one step and take it if it helps: gain, step in scales, weighted change, and the gain that was
-        expected.
-        """
+        """Try a step and take it if it helps: gain, step in scales, weighted change, expected gain."""
         p, f = len(self.x), np.flatnonzero(free)
         information = self.squares + self.prior
         h = information[np.ix_(f, f)] + damping * np.diag(np.diag(self.squares)[f])
@@ -428,19 +245,6 @@ class _Search:
         moved = np.clip(moved, self.low, self.high)
         found = self.model.course(self.problem.experiment.signals, moved, course)
         return moved, found, *self.compare(found, moved, shift)
-
-
-def solve_between(h: Array, g: Array, low: Array, high: Array) -> Array:
-    """The x (f,) of h x = g between two ends: what would leave stays at its end, and the others make the best of it."""
-    x, held = np.zeros(len(g)), np.zeros(len(g), np.bool_)
-    while not held.all():
-        rest = ~held
-        x[rest] = np.linalg.solve(h[np.ix_(rest, rest)], g[rest] - h[np.ix_(rest, held)] @ x[held])
-        beyond = (x < low) | (x > high)
-        if not beyond.any():
-            break
-        x, held = np.clip(x, low, high), held | beyond
-    return x
 
 
 def search(

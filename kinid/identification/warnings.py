@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from kinid.estimators.batch import ILL_CONDITIONED, Solution
 from kinid.identification.lack_of_fit import LackOfFit
 from kinid.identification.nuisance import MAX_SHIFT
-from kinid.identification.solver import State
+from kinid.identification.state import State
 from kinid.parameter import Parameter
 
 Array = NDArray[np.float64]
@@ -40,9 +40,7 @@ def impossible(named: Mapping[str, Parameter], values: Array, covariance: Array)
 
 
 def negative(names: Iterable[str], values: Array, room: Array, kinds: Collection[str] = PASSIVE) -> list[str]:
-    """Of parameters of these kinds those that lie below nothing by more than their `room`, which an open one has
-    without end.
-    """
+    """Return the parameters of these kinds that are negative by more than their `room` (infinite if unidentified)."""
     return [name for name, value, r in zip(names, values, room) if name.rsplit(".", 1)[-1] in kinds and value < -r]
 
 
@@ -63,9 +61,7 @@ def of_nuisances(state: State, left: LackOfFit) -> list[str]:
 def of_fit(
     named: Mapping[str, Parameter], solution: Solution, left: LackOfFit, start: Mapping[str, float], trade: Array
 ) -> list[str]:
-    """Parameters that the log leaves open, that ended at a bound, or that stand in for each other; a wrong
-    structure.
-    """
+    """Return warnings of unidentified, bounded and collinear parameters, and of a wrong structure."""
     out = []
     names = list(named)
     open_ = [name for name, is_open in zip(names, solution.unidentified) if is_open]

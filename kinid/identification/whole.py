@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.identification.nuisance import trusted
-from kinid.identification.solver import State
+from kinid.identification.state import State
 from kinid.modeling.experiment import Experiment
 
 Array = NDArray[np.float64]

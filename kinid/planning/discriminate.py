@@ -22,12 +22,12 @@ from numpy.typing import NDArray
 
 from kinid.effects import Effect, Layout, Signals, Stage
 from kinid.errors import InputError
-from kinid.identification.applicability import base_of, candidate_effects
-from kinid.identification.fit import full_name
 from kinid.identification.nuisance import nuisances, predict_with
 from kinid.identification.problem import MEAN_RATE
+from kinid.modeling.applicability import base_of, candidate_effects
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
+from kinid.modeling.parameter_names import full_name
 from kinid.planning.distances import cells, even, left, rest, where
 from kinid.planning.experiments import Bench, Proposal, expected_law, proposals
 from kinid.planning.forms import Form, candidates, forms, imitations

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from kinid.effects import Layout, Signals
 from kinid.errors import InputError
-from kinid.identification.fit import full_name
 from kinid.modeling.model import Model
+from kinid.modeling.parameter_names import full_name
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from kinid import effects as catalogue
 from kinid.effects import Effect, Signals
 from kinid.errors import InputError
-from kinid.identification.applicability import amplitudes, shape_points
+from kinid.modeling.applicability import amplitudes, shape_points
 from kinid.modeling.model import Model
 from kinid.parameter import Parameter
 from kinid.planning.information import sizes

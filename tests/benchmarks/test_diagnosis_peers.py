@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 import kinid
 from kinid import effects
-from kinid.identification.applicability import amplitudes, base_of, candidate_effects, shape_points
+from kinid.modeling.applicability import amplitudes, base_of, candidate_effects, shape_points
 from kinid.modeling.readings import all_channels
 
 Array = NDArray[np.float64]

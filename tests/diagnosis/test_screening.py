@@ -14,7 +14,8 @@ from kinid.diagnosis.selection import look
 from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.identification.covariance import covariance_of
 from kinid.identification.estimation import estimate
-from kinid.identification.solver import State, search
+from kinid.identification.solver import search
+from kinid.identification.state import State
 from kinid.modeling.readings import all_channels
 
 if TYPE_CHECKING:

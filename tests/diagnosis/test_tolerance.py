@@ -15,8 +15,8 @@ from scipy.signal import butter, sosfiltfilt
 import kinid
 from kinid.diagnosis import Diagnosis
 from kinid.errors import InputError
-from kinid.identification.applicability import candidate_effects
 from kinid.identification.lack_of_fit import TOLERANCE
+from kinid.modeling.applicability import candidate_effects
 
 if TYPE_CHECKING:
     from conftest import Tester

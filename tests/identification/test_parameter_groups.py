@@ -16,10 +16,10 @@ from kinid import effects
 from kinid.diagnosis.screening import screen
 from kinid.effects import Layout
 from kinid.identification import jacobian
-from kinid.identification.applicability import candidate_effects
 from kinid.identification.jacobian import ALL_CHANNELS, changes, parameter_groups
 from kinid.identification.problem import Problem
 from kinid.identification.solver import first_error_model, search
+from kinid.modeling.applicability import candidate_effects
 from kinid.modeling.experiment import Experiment, from_joint_torques
 
 Array = NDArray[np.float64]

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 import kinid
 from kinid.identification.initial_guesses import project_linear
 from kinid.identification.problem import Problem
-from kinid.identification.solver import first_error_model, search, solve_between
+from kinid.identification.solver import first_error_model, search
+from kinid.identification.state import solve_between
 from kinid.modeling.experiment import from_contact
 
 Array = NDArray[np.float64]

@@ -1,0 +1,47 @@
+"""Names of a model's parameters as users give them, with their effect or without."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from kinid.errors import InputError, near
+from kinid.modeling.experiment import Experiment
+from kinid.modeling.model import Model
+
+
+def full_name(name: str, named: Iterable[str], model: Model, what: str = "parameter ") -> str:
+    """The full name "effect.parameter" that a name, perhaps without its effect, stands for.
+
+    Raises:
+        InputError: none, or several; `what` says what was named.
+    """
+    named = list(named)
+    if name in named:
+        return name
+    ends = [full for full in named if full.split(".", 1)[1] == name]
+    if len(ends) == 1:
+        return ends[0]
+    if ends:
+        raise InputError(f"{what}'{name}', which {len(ends)} effects have", f"one of {', '.join(ends)}", "say which")
+    shown = named if "." in name else [full.split(".", 1)[1] for full in named]
+    raise InputError(f"{what}'{name}'", f"a parameter of {model}", near(name, shown))
+
+
+def starting_values(model: Model, experiment: Experiment, start: Mapping[str, float] | None) -> dict[str, float]:
+    """Values that the caller knows, by full name.
+
+    Raises:
+        InputError: a name that no parameter has, or a value outside its bounds.
+    """
+    named, out = model.for_log(experiment.signals).parameters(experiment.layout), {}
+    for given, value in (start or {}).items():
+        name = full_name(given, named, model, "starting value for ")
+        p = named[name]
+        if not p.low <= value <= p.high:
+            raise InputError(
+                f"starting value {value:g} {p.unit} for '{name}'",
+                f"a value from {p.low:g} to {p.high:g} {p.unit}",
+                "start inside",
+            )
+        out[name] = value
+    return out
