@@ -76,8 +76,8 @@ def diagnose(
         return
     from kinid.cli.contact import load, rig_path
     from kinid.cli.fit import parse_model
-    from kinid.diagnosis.inquiry import one_by_one, refuse_names
     from kinid.errors import InputError
+    from kinid.modeling.applicability import expand_names, refuse_names
     from kinid.writers import check_outputs, check_table_name, write_table, write_text
 
     if log is None:
@@ -87,7 +87,7 @@ def diagnose(
             "no --model", "the model to ask about", f"kinid diagnose {log} --model kelvin-voigt,coulomb-friction"
         )
     chosen = parse_model(model)
-    refuse_names(one_by_one(add or [], chosen), chosen, max_effects)
+    refuse_names(expand_names(add or [], chosen), chosen, max_effects)
     if out is not None:
         check_table_name(out)
     check_outputs((out, report, json_file), (log, rig_path(log, rig)))

@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 from kinid.diagnosis.screening import Candidate
 from kinid.effects import Effect
-from kinid.identification.error_model import REWEIGHTED, unusual_blocks
+from kinid.identification.error_model import REWEIGHTINGS, unusual_blocks
 from kinid.identification.initial_guesses import initial_values, nominal_values, project_linear
 from kinid.identification.nuisance import trusted
 from kinid.identification.problem import Problem
 from kinid.identification.rest_form import best_form, with_rest_form
-from kinid.identification.solver import ROUGHLY, relearn, search
+from kinid.identification.solver import ROUGH_GAIN, relearn, search
 from kinid.identification.state import State, linear_parameters, parameter_bounds
 from kinid.modeling.applicability import amplitudes, base_of
 from kinid.modeling.model import Model
@@ -33,13 +33,13 @@ Array = NDArray[np.float64]
 
 #: steps of a refit; points of an effect's shapes that are tried, searches from the best of them where they leave nearly
 #: as little
-REFIT_STEPS, POINTS, STARTS, WORTH_A_START = 20, 8, 2, 1.3
+REFIT_STEPS, MAX_POINTS, MAX_STARTS, START_COST_RATIO = 20, 8, 2, 1.3
 #: a value is no value that can be where it is so many standard errors away from one that can
-DOUBT = 2.0
+ADMISSIBLE_ERRORS = 2.0
 #: share of its square that noise is known to; blocks of a log in which one event doesn't count
-KNOWN, ENOUGH_BLOCKS = 0.1, 40
+NOISE_UNCERTAINTY, MIN_BLOCKS_OF_VETO = 0.1, 40
 #: steps after which only those searches are ended that have come within this factor of the deepest
-FIRST_STEPS, WORTH_AN_END = 5, 1.15
+TRIAL_STEPS, TRIAL_COST_RATIO = 5, 1.15
 
 
 @dataclass(frozen=True)
@@ -76,18 +76,18 @@ def compare_states(before: State, after: State, sigma: Array) -> Evidence:
     squares = before.problem.per_block(old**2)
     given = _prior_cost(before, after) - _prior_cost(after, before)
     total, error = float(gain.sum()) + given, _standard_error(chance)
-    if len(gain) >= ENOUGH_BLOCKS:
+    if len(gain) >= MIN_BLOCKS_OF_VETO:
         # one event in a log may be of another kind (a stop, a push, the end of a file) and has no veto
         against = int(np.argmin(gain[1:] + gain[:-1]))
         kept = np.ones(len(gain), np.bool_)
         kept[against : against + 2] = False
-        without, less = float(gain[kept].sum()) + given, _standard_error(np.where(kept, chance, 0.0))
-        if without / less > total / error:
-            total, error, gain, squares = without, less, gain[kept], squares[kept]
+        rest, rest_error = float(gain[kept].sum()) + given, _standard_error(np.where(kept, chance, 0.0))
+        if rest / rest_error > total / error:
+            total, error, gain, squares = rest, rest_error, gain[kept], squares[kept]
     rms = np.sqrt(np.mean((change * sigma) ** 2, axis=1)) / before.problem.channel_rms
     noise = (before.error.noise / sigma) ** 2
     share = float(gain.sum() / max(1e-300, squares.sum()))
-    beyond = share / max(KNOWN, 1.0 - float(noise.sum() / max(1e-300, squares.sum())))
+    beyond = share / max(NOISE_UNCERTAINTY, 1.0 - float(noise.sum() / max(1e-300, squares.sum())))
     left = _misfit(before.problem, new**2, np.mean(noise, axis=1)) + _prior_cost(after, before)
     return Evidence(total, error, left, share, beyond, float(rms.max()))
 
@@ -97,7 +97,7 @@ def _misfit(problem: Problem, squares: Array, floor: Array) -> float:
     own, no less than `floor`, and blocks that leave many times what others do weighed down as an error model does.
     """
     weight = np.ones_like(squares)
-    for _ in range(REWEIGHTED):
+    for _ in range(REWEIGHTINGS):
         variance = np.maximum(np.mean(squares / weight, axis=1), floor)[:, None]
         weight = unusual_blocks(problem, squares / variance)
     return float(np.sum(np.log(variance * weight) + squares / (variance * weight)))
@@ -143,10 +143,10 @@ class Refit:
         return replace(self, state=state, evidence=replace(self.evidence, left=left))
 
     @cached_property
-    def settled(self) -> Refit:
+    def relearnt(self) -> Refit:
         """The same with its own error model."""
-        out = self.ended(within_possible(settle(self.state), [self.effect.id]))
-        out.__dict__["settled"] = out
+        out = self.ended(within_possible(relearn_errors(self.state), [self.effect.id]))
+        out.__dict__["relearnt"] = out
         return out
 
 
@@ -157,9 +157,8 @@ def refit(before: State, candidates: list[Candidate]) -> Refit:
     """
     model = before.model + candidates[0].effect
     with np.errstate(all="ignore"):
-        starts = [
-            project_linear(before.problem, model, _nearest(before, model, c), before.error) for c in candidates[:POINTS]
-        ]
+        near = [_nearest(before, model, candidate) for candidate in candidates[:MAX_POINTS]]
+        starts = [project_linear(before.problem, model, start, before.error) for start in near]
         # and one that knows nothing of where the smaller model ended: a power law may have bent far to stand in for a
         # layer
         bent = not linear_parameters(before.model, before.problem).all()
@@ -167,7 +166,7 @@ def refit(before: State, candidates: list[Candidate]) -> Refit:
             [initial_values(before.problem, model, nominal_values(model, before.problem), before.error)] if bent else []
         )
     starts.sort(key=lambda start: start[1])
-    near = [values for values, cost in starts[:STARTS] if cost <= WORTH_A_START * starts[0][1]]
+    near = [values for values, cost in starts[:MAX_STARTS] if cost <= START_COST_RATIO * starts[0][1]]
     best = _deepest(before, model, [*near, *fresh])
     # along what the log leaves open a search may wander off: what counts is how well values do that can be
     best = within_possible(best, [candidates[0].effect.id])
@@ -209,7 +208,7 @@ def _nearest_null(state: State, effect: Effect) -> tuple[dict[str, float], dict[
     null, begin = amplitudes(effect, layout, base_of(state.model)), state.model.place(effect.id, layout).start
     own: dict[str, float] = {}
     for i, p in enumerate(effect.parameters(layout)):
-        value, room = float(state.values[begin + i]), DOUBT * float(state.standard_errors[begin + i])
+        value, room = float(state.values[begin + i]), ADMISSIBLE_ERRORS * float(state.standard_errors[begin + i])
         towards = null.get(i, p.nominal)
         own[p.name] = towards if not room < abs(value - towards) else value + room * (1.0 if towards > value else -1.0)
     return own, values | {f"{effect.id}.{name}": value for name, value in own.items()}
@@ -235,26 +234,27 @@ def bounded(state: State, ranges: Mapping[str, Sequence[tuple[float, float]]], l
         max_steps=REFIT_STEPS,
         bounds=(low, high),
         like=like,
-        ends=ROUGHLY,
+        ends=ROUGH_GAIN,
     )
 
 
-def reformed(tried: Refit) -> Refit:
+def with_best_rest_form(candidate: Refit) -> Refit:
     """A refit under the form of friction at rest that is best beside it."""
-    state = best_form(tried.state)
-    if state is tried.state:
-        return tried
-    return replace(tried, state=state.slim(), evidence=compare_states(tried.before, state, tried.before.error.sigma))
+    state = best_form(candidate.state)
+    if state is candidate.state:
+        return candidate
+    evidence = compare_states(candidate.before, state, candidate.before.error.sigma)
+    return replace(candidate, state=state.slim(), evidence=evidence)
 
 
 def _deepest(before: State, model: Model, starts: list[Array]) -> State:
     """Search from several starts, continue those near the deepest after some steps, return the deepest end."""
     begun = [
-        search(before.problem, model, start, before.error, max_steps=FIRST_STEPS, like=before, ends=ROUGHLY)
+        search(before.problem, model, start, before.error, max_steps=TRIAL_STEPS, like=before, ends=ROUGH_GAIN)
         for start in starts
     ]
     costs = [state.cost if np.isfinite(state.cost) else np.inf for state in begun]
-    near = [state for state, cost in zip(begun, costs) if cost <= WORTH_AN_END * min(costs)] or begun
+    near = [state for state, cost in zip(begun, costs) if cost <= TRIAL_COST_RATIO * min(costs)] or begun
     ended = [
         state
         if state.converged
@@ -266,7 +266,7 @@ def _deepest(before: State, model: Model, starts: list[Array]) -> State:
             shift=state.shift,
             known=state.jacobian,
             max_steps=REFIT_STEPS,
-            ends=ROUGHLY,
+            ends=ROUGH_GAIN,
         )
         for state in near
     ]
@@ -289,15 +289,15 @@ def _nearest(before: State, model: Model, candidate: Candidate) -> Array:
     return best
 
 
-def without(state: State, name: str) -> State:
+def without_effect(state: State, name: str) -> State:
     """The state's model without an effect, refitted with the state's error model."""
     names = list(state.model.parameters(state.problem.layout))
     values = np.array([v for full, v in zip(names, state.values) if full.split(".", 1)[0] != name])
     return search(
-        state.problem, state.model - name, values, state.error, max_steps=REFIT_STEPS, like=state, ends=ROUGHLY
+        state.problem, state.model - name, values, state.error, max_steps=REFIT_STEPS, like=state, ends=ROUGH_GAIN
     )
 
 
-def settle(state: State) -> State:
+def relearn_errors(state: State) -> State:
     """The same model with its error model learnt anew from its own residual."""
     return with_rest_form(relearn(state))

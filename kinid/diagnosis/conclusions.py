@@ -47,8 +47,8 @@ class Conclusions:
         steps = self._steps(before, path, left.noise)
         fit = self._fit(last, steps[-1])
         gains = self._gains(steps)
-        told = verdicts(found, fit.parameters, gains, left, self.settings)
-        verdict, says = self._verdict(steps, left, told)
+        findings = verdicts(found, fit.parameters, gains, left, self.settings)
+        verdict, says = self._verdict(steps, left, findings)
         progress("where the error sits")
         noise = self.whole.noise
         doubts = [*warnings, *self._warnings(last), *(w for w in fit.warnings if "kinid diagnose" not in w)]
@@ -65,7 +65,7 @@ class Conclusions:
             sits,
             where(self.whole, after, noise) if path else sits,
             left,
-            told,
+            findings,
             self.whole,
             before,
             after,
@@ -89,23 +89,23 @@ class Conclusions:
         start, last = selection.states[0], selection.states[-1]
         out: list[tuple[str, State, tuple[Mark, ...]]] = []
         base = self._error(self.held_out(start, ()))
-        loud = [
+        visible = [
             m
             for m in marks
             if self._error(self.held_out(start, (m,))) < (1.0 - SAME_ERROR) * base or not selection.added
         ]
-        for i, mark in enumerate(loud):
-            out.append((mark.effect.id, start, tuple(loud[: i + 1])))
+        for i, mark in enumerate(visible):
+            out.append((mark.effect.id, start, tuple(visible[: i + 1])))
         done: list[str] = []
         while len(done) < len(selection.added):
             rest = [name for name in selection.added if name not in done]
             ready = [name for name in rest if not _waits(name, rest)] or rest
             states = {name: last if len(rest) == 1 else self._partial(start, last, [*done, name]) for name in ready}
-            best = min(states, key=lambda name: self._error(self.held_out(states[name], loud)))
+            best = min(states, key=lambda name: self._error(self.held_out(states[name], visible)))
             done.append(best)
-            out.append((best, states[best], tuple(loud)))
-        quiet = [m for m in marks if m not in loud]
-        return out + [(mark.effect.id, last, (*loud, *quiet[: i + 1])) for i, mark in enumerate(quiet)]
+            out.append((best, states[best], tuple(visible)))
+        hidden = [m for m in marks if m not in visible]
+        return out + [(mark.effect.id, last, (*visible, *hidden[: i + 1])) for i, mark in enumerate(hidden)]
 
     def _partial(self, start: State, last: State, names: list[str]) -> State:
         """The model with some of the additions, from the values of all."""
@@ -142,15 +142,15 @@ class Conclusions:
         """By how much additions, and effects that were refitted in the first round, lower the held-out error."""
         out = {step.added: steps[i].held_out - step.held_out for i, step in enumerate(steps[1:]) if step.added}
         first = steps[0].held_out
-        for tried in (t for look in self.found.selection.rounds[:1] for t in look.refits):
+        for refit in (t for look in self.found.selection.rounds[:1] for t in look.refits):
             fell = float(
                 np.mean(self.found.selection.rounds[0].before.held_out[self.rows] ** 2)
-                - np.mean(tried.state.held_out[self.rows] ** 2)
+                - np.mean(refit.state.held_out[self.rows] ** 2)
             )
-            out.setdefault(tried.effect.id, first - float(np.sqrt(max(0.0, first**2 - fell))))
+            out.setdefault(refit.effect.id, first - float(np.sqrt(max(0.0, first**2 - fell))))
         return out
 
-    def _verdict(self, steps: Sequence[Step], left: LackOfFit, told: Sequence[EffectVerdict]) -> tuple[Verdict, str]:
+    def _verdict(self, steps: list[Step], left: LackOfFit, findings: Sequence[EffectVerdict]) -> tuple[Verdict, str]:
         """Adequate, missing or unexplained, and why, in words."""
         idle = self.found.selection.unsupported
         added = [step.added for step in steps if step.added and step.added not in idle]
@@ -158,9 +158,8 @@ class Conclusions:
         remains = (
             f"{left.excess:.2g} {left.unit} are left beside noise, {100 * left.share_of_reading:.2g} % of the reading"
         )
-        helped = (
-            f"{' and '.join(with_alternatives(added, told))} {take} off {100 * steps[-1].explained:.0f} % of the error"
-        )
+        names = " and ".join(with_alternatives(added, findings))
+        helped = f"{names} {take} off {100 * steps[-1].explained:.0f} % of the error"
         inside = "what is left is noise" if left.excess < 0.5 * left.noise else f"{remains}; {allowed}"
         if left.matters:
             verdict = Verdict.UNEXPLAINED
@@ -170,7 +169,7 @@ class Conclusions:
         elif added:
             verdict = Verdict.MISSING
             says = f"{helped}; {inside}"
-            values = {e.id: {name: p.value for name, p in e.parameters.items()} for e in told if e.id in added}
+            values = {e.id: {name: p.value for name, p in e.parameters.items()} for e in findings if e.id in added}
             says += "".join(f"; {words}" for name, own in values.items() if (words := effects.get(name).meaning(own)))
         else:
             verdict, says = Verdict.ADEQUATE, inside

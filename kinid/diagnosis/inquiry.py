@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 
 from threadpoolctl import threadpool_limits
 
-from kinid import effects
 from kinid.contact.series import ContactSeries
 from kinid.data.log import Log
 from kinid.data.rig import Rig
@@ -17,7 +16,7 @@ from kinid.diagnosis.result import Diagnosis
 from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.errors import InputError
 from kinid.identification.fit import Fit
-from kinid.modeling.applicability import candidate_effects
+from kinid.modeling.applicability import expand_names, refuse_inapplicable, refuse_names
 from kinid.modeling.data_warnings import refuse_outliers, refuse_signs
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
@@ -70,9 +69,9 @@ def diagnose(
         raise InputError("a log without a model", "both", "pass model=kinid.Model(…), or a fit")
     else:
         experiment = all_channels(data, rig, model)
-    add = one_by_one(add, model)
+    add = expand_names(add, model)
     refuse_names(add, model, settings.max_effects)
-    refuse_idle(add, model, experiment)
+    refuse_inapplicable(add, model, experiment)
     refuse_undiagnosable(experiment, model)
     refuse_outliers(experiment)
     warnings = check_excitation(model, experiment)
@@ -99,33 +98,3 @@ def _widest(experiment: Experiment, model: Model) -> Experiment:
     if experiment.layout.kind != "contact" or touch is None:
         return experiment
     return all_channels(touch, None, model)
-
-
-def one_by_one(add: Sequence[str], model: Model) -> list[str]:
-    """Names of effects to add, for those that stand for several what the model lacks of them."""
-    together = effects.TOGETHER
-    return [part for name in add for part in together.get(name, (name,)) if name not in together or part not in model]
-
-
-def refuse_names(add: Sequence[str], model: Model, max_effects: int) -> None:
-    """Names and numbers that no log could make good; each addition joins the model with those before it."""
-    if max_effects < 0:
-        raise InputError(f"max_effects of {max_effects}", "0 or more", "0 compares and adds nothing")
-    for name in add:
-        effect = effects.get(name)
-        if name in model:
-            raise InputError(
-                f"effect '{name}' to be added to {model}, which has it",
-                "each effect once",
-                "don't ask for it: the model is asked about as it is",
-            )
-        model = model + effect
-
-
-def refuse_idle(add: Sequence[str], model: Model, experiment: Experiment) -> None:
-    """Additions that can't act in this log."""
-    for name in add:
-        why = {effect.id: why for effect, why in candidate_effects(model, experiment.layout)}
-        model = model + effects.get(name)
-        if why.get(name):
-            raise InputError(f"effect '{name}', and {why[name]}", "an effect that can act in this log", "leave it out")

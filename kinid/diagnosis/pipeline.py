@@ -20,7 +20,7 @@ from kinid.modeling.model import Model
 
 #: a fit from nothing that ends within this of where the way here led is the one that is reported; so is one without
 #: marks
-SAME_COST = 1.1
+SAME_COST_RATIO = 1.1
 
 
 @dataclass(eq=False)
@@ -68,7 +68,7 @@ def run(
             last = selection.states[-1]
             again = selection.fits.get(last.model.names)
             again = again or within_possible(estimate_problem(last.model, start.problem), selection.added)
-            if again.cost_with(last.error) <= SAME_COST * last.cost_with(last.error):
+            if again.cost_with(last.error) <= SAME_COST_RATIO * last.cost_with(last.error):
                 selection.states[-1] = again
         return Found(model, experiment, cleaned, plain, selection)
 
@@ -84,4 +84,4 @@ def _needless(found: Found) -> bool:
     last, whole, rows = found.selection.states[-1], found.whole, error_rows(found.whole)
     free = estimate(last.model, whole) if found.selection.added else found.plain
     left = held_out_residual(last, whole, lambda predicted: marked(predicted, found.cleaned.marks, whole))
-    return bool(np.nanmean(held_out_residual(free)[rows] ** 2) < SAME_COST * np.nanmean(left[rows] ** 2))
+    return bool(np.nanmean(held_out_residual(free)[rows] ** 2) < SAME_COST_RATIO * np.nanmean(left[rows] ** 2))

@@ -18,9 +18,9 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 #: squared change of all weighted readings below which a parameter isn't seen
-UNSEEN = 1e-12
+MIN_CHANGE = 1e-12
 #: readings that an effect of more than a handful of parameters needs for each of them, unless it has a prior
-READINGS = 20
+MIN_READINGS = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,9 +47,11 @@ def screen_catalogue(state: State) -> dict[str, list[Candidate]]:
     for effect, why in candidate_effects(state.model, state.problem.layout):
         own = effect.for_log(state.problem.experiment.signals)
         many = (
-            0 if own.prior(state.problem.layout) is not None else len(own.parameters(state.problem.layout)) * READINGS
+            0
+            if own.prior(state.problem.layout) is not None
+            else len(own.parameters(state.problem.layout)) * MIN_READINGS
         )
-        if not why and not effect.detector and many <= max(6 * READINGS, state.residual.size):
+        if not why and not effect.detector and many <= max(6 * MIN_READINGS, state.residual.size):
             points = screen(state, effect)
             if points:
                 out[effect.id] = points
@@ -108,7 +110,7 @@ def _candidates(state: State, effect: Effect) -> Iterator[Candidate]:
             assert learnt is not None
             h = h + learnt * per_unit
         # along what changes nothing here, rounding alone would say where to begin
-        coefficient = np.where(np.diag(d.T @ d) > UNSEEN, np.linalg.solve(h, slope), 0.0)
+        coefficient = np.where(np.diag(d.T @ d) > MIN_CHANGE, np.linalg.solve(h, slope), 0.0)
         start = at.copy()
         for i, step, c in zip(moving, steps, coefficient):
             start[i] = float(np.clip(amplitude[i] + c * step, parameters[i].low, parameters[i].high))

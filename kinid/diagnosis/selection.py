@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 
 from kinid import effects
 from kinid.diagnosis import acceptance
-from kinid.diagnosis.acceptance import Evidence, Refit, compare_states, refit, settle, within_possible, without
+from kinid.diagnosis.acceptance import (
+    Evidence,
+    Refit,
+    compare_states,
+    refit,
+    relearn_errors,
+    within_possible,
+    without_effect,
+)
 from kinid.diagnosis.screening import Candidate, screen, screen_catalogue
 from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.identification.estimation import estimate_problem
@@ -25,14 +33,14 @@ from kinid.parallel import parallel_map
 Array = NDArray[np.float64]
 
 #: a reported error rises where its square is so many times the one before
-RISES = 1.01
+MAX_ERROR_RISE = 1.01
 #: refits whose form of friction at rest is chosen anew; rivals of the best, each of which gains this share of what that
 #: does
-REFORMED, MAX_RIVALS, RIVAL_SHARE = 2, 3, 0.5
+REST_FORM_REFITS, MAX_ALTERNATIVES, MIN_GAIN_SHARE = 2, 3, 0.5
 
 
 @dataclass(eq=False)
-class Round:
+class Screening:
     """One screening of the catalogue from one state: points of every effect, and the refits, the best first."""
 
     before: State
@@ -47,8 +55,7 @@ class Selection:
     Attributes:
         states: from the model that was asked about to the last one. added: names, in their order.
         evidence: of each addition beside all others. alternatives: of each, those that fit as well.
-        rounds: every look. unsupported: of names that were added because they were asked for, and that the log doesn't
-            support, why.
+        rounds: every screening. unsupported: why the log doesn't support names that were added on request.
         pruned: names that later additions made needless. fits: of models by their names, from nothing.
     """
 
@@ -56,7 +63,7 @@ class Selection:
     added: list[str] = field(default_factory=list)
     evidence: dict[str, Evidence] = field(default_factory=dict)
     alternatives: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    rounds: list[Round] = field(default_factory=list)
+    rounds: list[Screening] = field(default_factory=list)
     unsupported: dict[str, str] = field(default_factory=dict)
     pruned: set[str] = field(default_factory=set)
     fits: dict[tuple[str, ...], State] = field(default_factory=dict)
@@ -71,23 +78,23 @@ def implausible(state: State, before: State | None = None) -> str:
     return next((why for effect in new if (why := acceptance.why_not(state, effect))), "")
 
 
-def acceptable(tried: Refit, before: State, settings: DiagnosisSettings) -> bool:
+def acceptable(candidate: Refit, before: State, settings: DiagnosisSettings) -> bool:
     """Whether a refit is beyond doubt, worth a name, and physically possible."""
-    e = tried.evidence
+    e = candidate.evidence
     # what takes off most of the error leaves less that could speak against it
     needed = settings.min_significance * max(0.5, 1.0 - e.share)
     return (
         e.significance > needed
         and e.share > settings.min_share
         and e.change > settings.min_reading_share
-        and not implausible(tried.state, before)
-        and _remarkable(tried, settings)
+        and not implausible(candidate.state, before)
+        and _remarkable(candidate, settings)
     )
 
 
-def _remarkable(tried: Refit, settings: DiagnosisSettings) -> bool:
+def _remarkable(candidate: Refit, settings: DiagnosisSettings) -> bool:
     """Whether the log says more of a refitted effect than that it is as large as in every material and every rig."""
-    state, effect, layout = tried.state, tried.effect, tried.state.problem.layout
+    state, effect, layout = candidate.state, candidate.effect, candidate.state.problem.layout
     values, parameters = state.values[state.model.place(effect.id, layout)], effect.parameters(layout)
     null = amplitudes(effect, layout, base_of(state.model))
     open_ = effect.calibration_sd(state.problem.experiment.signals)
@@ -106,10 +113,10 @@ def lowers_error(after: State, before: State) -> bool:
     """Whether the reported error, held out, at the log's own rate and not weighed, doesn't rise."""
     rows = error_rows(before.problem.whole)
     old, new = (float(np.nanmean(held_out_residual(state)[rows] ** 2)) for state in (before, after))
-    return new <= RISES * old
+    return new <= MAX_ERROR_RISE * old
 
 
-def look(state: State, settings: DiagnosisSettings) -> Round:
+def screen_and_refit(state: State, settings: DiagnosisSettings) -> Screening:
     """Screen the catalogue and refit what promises most."""
     points = screen_catalogue(state)
     ranked = sorted((c[0] for c in points.values()), key=lambda c: -c.predicted_gain)
@@ -117,50 +124,49 @@ def look(state: State, settings: DiagnosisSettings) -> Round:
         settings.min_significance**2 / 4, settings.promising_share * (ranked[0].predicted_gain if ranked else 0.0)
     )
     promising = [c.effect.id for c in ranked if c.predicted_gain > least][: settings.refits]
-    tried = sorted(parallel_map(lambda name: refit(state, points[name]), promising), key=_rank)
+    refits = sorted(parallel_map(lambda name: refit(state, points[name]), promising), key=_rank)
     # beside the right effect, friction at rest may have another form than beside the wrong ones
-    tried[:REFORMED] = parallel_map(acceptance.reformed, tried[:REFORMED])
-    return Round(state, points, tuple(sorted(tried, key=_rank)))
+    refits[:REST_FORM_REFITS] = parallel_map(acceptance.with_best_rest_form, refits[:REST_FORM_REFITS])
+    return Screening(state, points, tuple(sorted(refits, key=_rank)))
 
 
-def choose(tried: Sequence[Refit], before: State, settings: DiagnosisSettings) -> Refit | None:
+def choose(refits: Sequence[Refit], before: State, settings: DiagnosisSettings) -> Refit | None:
     """The acceptable refit that leaves the least; of those that fit as well, the one with the fewest parameters.
 
-    The best are compared by their settled states: what a channel weighs beside the right effect it doesn't beside the
-    wrong ones.
+    The best are compared with their own error models: what a channel weighs differs from model to model.
     """
-    able = [t for t in tried if acceptable(t, before, settings)]
-    able = [t for t in able if t.evidence.gain > RIVAL_SHARE * max(a.evidence.gain for a in able)]
-    if len(able) < 2:
-        return able[0] if able else None
-    settled = parallel_map(lambda t: t.settled, able[:MAX_RIVALS])
-    best = min(settled, key=_rank)
+    accepted = [t for t in refits if acceptable(t, before, settings)]
+    accepted = [t for t in accepted if t.evidence.gain > MIN_GAIN_SHARE * max(a.evidence.gain for a in accepted)]
+    if len(accepted) < 2:
+        return accepted[0] if accepted else None
+    relearnt = parallel_map(lambda t: t.relearnt, accepted[:MAX_ALTERNATIVES])
+    best = min(relearnt, key=_rank)
     # of two where one is a part of the other, the part comes first: the rest of it has to prove itself beside that
-    part = next((t for t in able if t.effect.id in best.effect.holds), None)
+    part = next((t for t in accepted if t.effect.id in best.effect.holds), None)
     if part is not None:
-        return part.settled
-    alike = [t for t in settled if same(best, t, best.state.error.sigma, settings)]
-    return min(alike, key=lambda t: (len(t.state.values), -t.evidence.gain))
+        return part.relearnt
+    equals = [t for t in relearnt if indistinguishable(best, t, best.state.error.sigma, settings)]
+    return min(equals, key=lambda t: (len(t.state.values), -t.evidence.gain))
 
 
-def _rank(tried: Refit) -> tuple[float, float]:
+def _rank(candidate: Refit) -> tuple[float, float]:
     """What a refit leaves; where several leave nothing but noise, what they gain."""
-    return tried.evidence.left, -tried.evidence.gain
+    return candidate.evidence.left, -candidate.evidence.gain
 
 
-def deeper(tried: Refit, fits: dict[tuple[str, ...], State]) -> Refit:
-    """A settled refit, or where a fit of its model ends that knows nothing of the way here, whichever leaves less.
+def best_end(candidate: Refit, fits: dict[tuple[str, ...], State]) -> Refit:
+    """A refit with its own error model, or a fit of its model from initial guesses, whichever leaves less.
 
     Such fits are kept in `fits`.
     """
-    model, before = tried.state.model, tried.before
+    model, before = candidate.state.model, candidate.before
     fit = fits[model.names] = within_possible(
         estimate_problem(model, before.problem), set(model.names) - {*before.model.names}
     )
-    return min(tried.settled, tried.ended(fit), key=lambda t: t.evidence.left)
+    return min(candidate.relearnt, candidate.ended(fit), key=lambda t: t.evidence.left)
 
 
-def same(one: Refit, other: Refit, sigma: Array, settings: DiagnosisSettings) -> bool:
+def indistinguishable(one: Refit, other: Refit, sigma: Array, settings: DiagnosisSettings) -> bool:
     """Whether the log can't tell two refits of one state apart, with errors weighed by σ (channels, g)."""
     between = compare_states(other.state, one.state, sigma)
     return (
@@ -184,25 +190,25 @@ def select(
     for name in forced:
         before = found.states[-1]
         asked = refit(before, screen(before, effects.get(name)))
-        _add(found, replace(asked, state=settle(asked.state)))
+        _add(found, replace(asked, state=relearn_errors(asked.state)))
         if why := _unsupported(found.evidence[name], found.states[-1], before, settings):
             found.unsupported[name] = why
     while True:
         progress("screening the catalogue" if not found.added else f"screening beside {', '.join(found.added)}")
-        now = look(found.states[-1], settings)
-        found.rounds.append(now)
+        screening = screen_and_refit(found.states[-1], settings)
+        found.rounds.append(screening)
         # what later additions made needless doesn't come back
-        worth = [t for t in now.refits if t.effect.id not in found.pruned]
-        best = choose(worth, now.before, settings) if len(found.added) < settings.max_effects else None
+        eligible = [t for t in screening.refits if t.effect.id not in found.pruned]
+        best = choose(eligible, screening.before, settings) if len(found.added) < settings.max_effects else None
         if best is None:
             break
-        best = deeper(best, found.fits)
-        if not lowers_error(best.state, now.before):
+        best = best_end(best, found.fits)
+        if not lowers_error(best.state, screening.before):
             found.pruned.add(best.effect.id)
             continue
         _add(found, best)
         _prune(found, settings, keep={*forced, best.effect.id})
-    _defend(found, settings, forced)
+    _compare_alternatives(found, settings, forced)
     _prune(found, settings, keep=set(forced), last=True)
     return found
 
@@ -233,55 +239,61 @@ def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: 
         best = found.states[-1]
         if not removable(best.model, name):
             continue
-        less = without(best, name)
-        if implausible(less, best):  # the others would have to stand in for it
+        reduced = without_effect(best, name)
+        if implausible(reduced, best):  # the others would have to stand in for it
             continue
-        found.evidence[name] = evidence = compare_states(less, best, best.error.sigma)
-        least = settings.min_significance
-        if last and inside_tolerance(less):
-            least = max(least, settings.beyond_doubt * (1.0 - evidence.beyond))
-        if evidence.significance < least or evidence.share < settings.min_share:
+        found.evidence[name] = evidence = compare_states(reduced, best, best.error.sigma)
+        needed = settings.min_significance
+        if last and inside_tolerance(reduced):
+            needed = max(needed, settings.beyond_doubt * (1.0 - evidence.beyond))
+        if evidence.significance < needed or evidence.share < settings.min_share:
             found.alternatives.pop(name, None)
             found.pruned.add(name)
             found.added.remove(name)
-            found.states[-1] = settle(less)
+            found.states[-1] = relearn_errors(reduced)
 
 
-def _defend(found: Selection, settings: DiagnosisSettings, forced: Sequence[str]) -> None:
+def _compare_alternatives(found: Selection, settings: DiagnosisSettings, forced: Sequence[str]) -> None:
     """Hold each addition against its alternatives: swap it where another is better, name those as good."""
-    for held in list(found.added):
-        name, last = held, found.states[-1]
+    for added in list(found.added):
+        name, last = added, found.states[-1]
         if not removable(last.model, name):
             continue
         if len(found.added) == 1 and not forced:
-            now, less = found.rounds[0], found.rounds[0].before
+            screening, reduced = found.rounds[0], found.rounds[0].before
         else:
-            less = without(last, name)
-            if implausible(less, last):
+            reduced = without_effect(last, name)
+            if implausible(reduced, last):
                 continue
-            now = look(less, replace(settings, refits=MAX_RIVALS, promising_share=RIVAL_SHARE))
-        own = next((t for t in now.refits if t.effect.id == name), None)
-        if own is None:
-            own = Refit(last.model[name], less, last, compare_states(less, last, less.error.sigma))
-        found.evidence[name] = own.evidence
+            screening = screen_and_refit(
+                reduced, replace(settings, refits=MAX_ALTERNATIVES, promising_share=MIN_GAIN_SHARE)
+            )
+        current = next((t for t in screening.refits if t.effect.id == name), None)
+        if current is None:
+            current = Refit(last.model[name], reduced, last, compare_states(reduced, last, reduced.error.sigma))
+        found.evidence[name] = current.evidence
         if name in forced:
             continue
-        better = choose(
-            [t for t in now.refits if t.effect.id not in found.added or t.effect.id == name], less, settings
+        other = choose(
+            [t for t in screening.refits if t.effect.id not in found.added or t.effect.id == name], reduced, settings
         )
-        if better is not None and better.effect.id != name and _preferred(better, own, less, settings):
-            found.states[-1] = better.settled.state
-            found.added[found.added.index(name)] = better.effect.id
-            found.evidence[better.effect.id] = better.evidence
-            own, name = better, better.effect.id
-        rivals = [t for t in now.refits if t.effect.id not in {name, *found.added} and name not in t.effect.generalises]
+        if other is not None and other.effect.id != name and _preferred(other, current, reduced, settings):
+            found.states[-1] = other.relearnt.state
+            found.added[found.added.index(name)] = other.effect.id
+            found.evidence[other.effect.id] = other.evidence
+            current, name = other, other.effect.id
+        others = [
+            t for t in screening.refits if t.effect.id not in {name, *found.added} and name not in t.effect.generalises
+        ]
         found.alternatives[name] = tuple(
-            t.effect.id for t in rivals if same(own, t, less.error.sigma, settings) and acceptable(t, less, settings)
+            t.effect.id
+            for t in others
+            if indistinguishable(current, t, reduced.error.sigma, settings) and acceptable(t, reduced, settings)
         )
 
 
-def _preferred(other: Refit, held: Refit, before: State, settings: DiagnosisSettings) -> bool:
+def _preferred(other: Refit, current: Refit, before: State, settings: DiagnosisSettings) -> bool:
     """Whether another effect replaces an added one: it leaves less, or as much with fewer parameters."""
-    if same(other, held, before.error.sigma, settings):
-        return len(other.state.values) < len(held.state.values)
-    return other.evidence.left < held.evidence.left
+    if indistinguishable(other, current, before.error.sigma, settings):
+        return len(other.state.values) < len(current.state.values)
+    return other.evidence.left < current.evidence.left

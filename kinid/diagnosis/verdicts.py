@@ -26,9 +26,9 @@ from kinid.modeling.applicability import amplitudes, base_of, candidate_effects
 Array = NDArray[np.float64]
 
 #: an effect is excited where one that matters would show at this share of the shapes that were looked at
-SHAPES = 0.75
+EXCITED_SHARE = 0.75
 #: of what an absent effect may look like in what is left: significance and share of its refit
-DOUBTFUL = 0.5
+DOUBTFUL_SHARE = 0.5
 
 
 def verdicts(
@@ -92,8 +92,8 @@ def _of_other(
     """Of an effect that was not added; `why` it can't act in this log, `group` of those that it is as good as."""
     selection, last, name = found.selection, found.selection.states[-1], effect.id
     if group:
-        tried = {t.effect.id: t for look in selection.rounds for t in look.refits}.get(name)
-        evidence = tried.evidence.significance if tried else 0.0
+        refit = {t.effect.id: t for look in selection.rounds for t in look.refits}.get(name)
+        evidence = refit.evidence.significance if refit else 0.0
         separate = _separate(name, group, found)
         status, says = EffectStatus.INDISTINGUISHABLE, _as_good(group)
         return EffectVerdict(name, status, evidence, says, group, separate_by=separate)
@@ -140,13 +140,13 @@ def _unseen(
     points = screen(last, effect) if points is None else points
     if not points:
         return EffectStatus.NOT_EXCITED, "it changes nothing in this log"
-    tried = found.selection.evidence.get(effect.id) if latest is None else latest.evidence
+    refit = found.selection.evidence.get(effect.id) if latest is None else latest.evidence
     if (
-        tried is not None
-        and tried.share > settings.min_share
-        and tried.significance > DOUBTFUL * settings.min_significance
+        refit is not None
+        and refit.share > settings.min_share
+        and refit.significance > DOUBTFUL_SHARE * settings.min_significance
     ):
-        much, sure = 100 * tried.share, tried.significance
+        much, sure = 100 * refit.share, refit.significance
         proof = "no proof, for or against" if sure < settings.min_significance else "too little, or impossibly much"
         return EffectStatus.NOT_EXCITED, f"it would take {much:.0f} % of the rest, {sure:.1f} standard errors: {proof}"
     hidden = _too_small_to_see(last, points, settings)
@@ -180,7 +180,7 @@ def _too_small_to_see(state: State, points: Sequence[Candidate], settings: Diagn
         hidden = [i for i in amplitude if (point.sensitivity.get(i, 0.0) * parameters[i].scale) ** 2 <= least]
         seen += not hidden
         weak = weak or hidden
-    if seen >= SHAPES * len(points):
+    if seen >= EXCITED_SHARE * len(points):
         return ""
     texts = [
         f"{parameters[i].name} of {parameters[i].scale:.3g} {parameters[i].unit}".removesuffix(" 1") for i in weak[:2]

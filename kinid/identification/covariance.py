@@ -14,15 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.contact.kinds_of_motion import kinds_of_motion
-from kinid.identification.state import FOLD_RIDGE, State, held_parameters
+from kinid.identification.state import FOLD_RIDGE, State, fixed_parameters
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 #: change of all weighted readings per scale of a parameter, as a length, below which it isn't seen
-UNSEEN = 1e-4
+MIN_CHANGE = 1e-4
 #: eigenvalue of the normalised information below which a direction isn't identified, and share of it that takes part
-OPEN_DIRECTION, TAKES_PART = 1e-10, 0.1
+MIN_EIGENVALUE, MIN_PARTICIPATION = 1e-10, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +46,10 @@ def covariance_of(state: State) -> Covariance:
     p = len(state.values)
     if not p:
         return Covariance(np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0, np.bool_), 1.0)
-    moving = np.isnan(held_parameters(state.model, state.problem))
+    moving = np.isnan(fixed_parameters(state.model, state.problem))
     jacobian = state.jacobian / state.error.sigma.reshape(-1, 1)
     length = np.linalg.norm(jacobian[:, :p], axis=0)
-    unseen = moving & (length < UNSEEN)
+    unseen = moving & (length < MIN_CHANGE)
     keep = np.r_[moving & ~unseen, np.ones(len(state.shift), np.bool_)]
     own = np.flatnonzero(keep)
     prior = state.prior[np.ix_(own, own)]
@@ -57,8 +57,8 @@ def covariance_of(state: State) -> Covariance:
     size = np.sqrt(np.diag(information))
     normal = information / np.outer(size, size)
     eigenvalue, vector = np.linalg.eigh(normal)
-    lost = eigenvalue < OPEN_DIRECTION
-    open_ = (np.abs(vector[:, lost]) > TAKES_PART).any(axis=1)
+    lost = eigenvalue < MIN_EIGENVALUE
+    open_ = (np.abs(vector[:, lost]) > MIN_PARTICIPATION).any(axis=1)
     inverse = (vector[:, ~lost] / eigenvalue[~lost]) @ vector[:, ~lost].T / np.outer(size, size)
     spread = inverse @ _meat(state, jacobian[:, own], prior) @ inverse
     floor = np.maximum(np.diag(inverse) * state.inflation, _unlike(state, jacobian[:, own], information))

@@ -15,8 +15,8 @@ from kinid.modeling.experiment import Experiment
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: samples that predictions are made at, at most; and where they are denser than `DENSE` [Hz]
-MAX_SAMPLES, MAX_DENSE, DENSE = 40_000, 10_000, 160.0
+#: samples that predictions are made at, at most; and where they are denser than `DENSE_RATE` [Hz]
+MAX_SAMPLES, MAX_DENSE, DENSE_RATE = 40_000, 10_000, 160.0
 
 
 def sample_period(signals: Signals) -> float:
@@ -81,7 +81,7 @@ def averaged(experiment: Experiment) -> tuple[Experiment, tuple[Signals, ...]]:
     signals, draws = experiment.signals, experiment.motion_draws
     size = math.ceil(len(signals) / MAX_SAMPLES)
     rate = 1.0 / sample_period(signals)
-    size = max(size, min(math.ceil(len(signals) / MAX_DENSE), round(rate / DENSE)))
+    size = max(size, min(math.ceil(len(signals) / MAX_DENSE), round(rate / DENSE_RATE)))
     if size <= 1:
         return experiment, draws
     begin, end = group_edges(signals, experiment.valid, size)

@@ -27,16 +27,16 @@ Array = NDArray[np.float64]
 
 #: of a channel's own size, what no converter resolves and no reading is believed to; and of the noise of the loudest
 #: channel of the same unit, what no other of one sensor is quieter than
-RESOLUTION, QUIETEST = 1e-4, 0.02
+RESOLUTION, MIN_NOISE_RATIO = 1e-4, 0.02
 #: share of a channel's own size that noise of static poses is taken to be at most
 STATIC_NOISE = 0.001
 #: share of a usual force that is open where a material has let go
-RELEASED = 0.1
+SEPARATION_FORCE_SHARE = 0.1
 #: what is left in a block of time, in standard deviations, beyond which it weighs no more; and how often weights are
 #: found anew
-UNUSUAL, REWEIGHTED = 3.0, 4
+UNUSUAL_DEVIATIONS, REWEIGHTINGS = 3.0, 4
 #: the motion's noise is averaged over so long [s]: draws are few
-SMOOTHED = 0.2
+MOTION_VARIANCE_WINDOW = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ def reading_variance(problem: Problem) -> Array:
     units = np.array(problem.layout.units)
     for unit in set(units.tolist()):
         alike = units == unit
-        noise[alike] = np.maximum(noise[alike], QUIETEST * noise[alike].max())
+        noise[alike] = np.maximum(noise[alike], MIN_NOISE_RATIO * noise[alike].max())
     out: Array = noise[:, None] ** 2 / problem.count + (RESOLUTION * problem.channel_rms[:, None]) ** 2
     return out + problem.rounding[:, None] + problem.means(_released(problem.experiment)) ** 2
 
@@ -103,7 +103,7 @@ def _released(experiment: Experiment) -> Array:
     arm = 1.0 if s.sensor is None else float(np.linalg.norm(s.sensor.tip))
     lever = np.array([1.0 if unit == "N" else arm for unit in s.layout.units])
     usual = float(np.nanpercentile(normal[s.depth > 0], 95))
-    out: Array = lever[:, None] * (RELEASED * usual * experiment.let_go)
+    out: Array = lever[:, None] * (SEPARATION_FORCE_SHARE * usual * experiment.let_go)
     return out
 
 
@@ -115,7 +115,7 @@ def motion_variance(problem: Problem, model: Model, values: Array) -> Array:
     here = problem.predict(model, values)
     for draw in problem.draws:
         total += (problem.means(model.predict(draw, values)) - here) ** 2 / len(problem.draws)
-    width = max(1, round(SMOOTHED / problem.spacing))
+    width = max(1, round(MOTION_VARIANCE_WINDOW / problem.spacing))
     return np.asarray(uniform_filter1d(total, width, axis=1))
 
 
@@ -158,7 +158,7 @@ def learn(problem: Problem, model: Model, values: Array, residual: Array, fixed:
     reading = reading_variance(problem)
     motion = motion_variance(problem, model, values) if fixed is None else fixed
     unusual = np.ones(problem.shape)
-    for _ in range(REWEIGHTED):
+    for _ in range(REWEIGHTINGS):
         left = discrepancy(residual / np.sqrt(unusual), reading + motion)
         squares = residual**2 / (reading + motion + left[:, None] ** 2)
         unusual = unusual_blocks(problem, squares)
@@ -170,4 +170,4 @@ def unusual_blocks(problem: Problem, squares: Array) -> Array:
     """Factor, at least 1, of the variance in blocks of time that leave much more than others, (channels, g)."""
     many = np.bincount(problem.block)
     means = np.stack([(np.bincount(problem.block, row) / many)[problem.block] for row in squares])
-    return np.maximum(1.0, means / UNUSUAL**2)
+    return np.maximum(1.0, means / UNUSUAL_DEVIATIONS**2)

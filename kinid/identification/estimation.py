@@ -16,7 +16,7 @@ from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
 
 #: a fit from nothing under another form of friction at rest is kept where it comes to this share of the cost
-ANEW = 0.97
+FRESH_FIT_RATIO = 0.97
 
 
 def estimate(model: Model, experiment: Experiment, known: Mapping[str, float] | None = None) -> State:
@@ -46,4 +46,5 @@ def estimate_problem(model: Model, problem: Problem, known: Mapping[str, float] 
         return state
     # under the wrong form, what bends may have stood in for the right one, and may stay where it ended
     anew = solve(state.problem, model, initial_values(state.problem, model, values, error, frozenset(given)))
-    return with_rest_form(anew) if anew.cost_with(state.error) < ANEW * state.cost_with(state.error) else state
+    better = anew.cost_with(state.error) < FRESH_FIT_RATIO * state.cost_with(state.error)
+    return with_rest_form(anew) if better else state

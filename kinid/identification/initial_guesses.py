@@ -8,29 +8,29 @@ from numpy.typing import NDArray
 from kinid.identification.error_model import ErrorModel
 from kinid.identification.jacobian import changes
 from kinid.identification.problem import Problem
-from kinid.identification.state import held_parameters, linear_parameters
+from kinid.identification.state import fixed_parameters, linear_parameters
 from kinid.modeling.model import Model
 
 Array = NDArray[np.float64]
 
 #: change of all weighted readings, as a length, below which a step of a parameter isn't seen
-UNSEEN = 1e-4
+MIN_CHANGE = 1e-4
 #: a start must leave less than this share of the squares of the one before to be taken
-BETTER = 0.98
+START_IMPROVEMENT = 0.98
 
 
 def nominal_values(model: Model, problem: Problem) -> Array:
     """Nominal values; of detectors what the samples show, (p,)."""
     values = model.nominal(problem.layout)
-    held = held_parameters(model, problem)
-    return np.where(np.isnan(held), values, held)
+    fixed = fixed_parameters(model, problem)
+    return np.where(np.isnan(fixed), values, fixed)
 
 
 def project_linear(problem: Problem, model: Model, start: Array, error: ErrorModel) -> tuple[Array, float]:
     """A start with all parameters that enter nearly linearly at their best, inside bounds, and its weighted squares."""
     named = list(model.parameters(problem.layout).values())
-    held = ~np.isnan(held_parameters(model, problem))
-    free = [int(i) for i in np.flatnonzero(linear_parameters(model, problem) & ~held)]
+    fixed = ~np.isnan(fixed_parameters(model, problem))
+    free = [int(i) for i in np.flatnonzero(linear_parameters(model, problem) & ~fixed)]
     weight = 1.0 / error.sigma
     here = model.course(problem.experiment.signals, start)
     residual = (problem.target - problem.means(here.reading)) * weight
@@ -43,8 +43,8 @@ def project_linear(problem: Problem, model: Model, start: Array, error: ErrorMod
     if not np.isfinite(columns).all():
         return start, squares
     size = np.linalg.norm(columns, axis=0)
-    columns[:, size * np.abs(steps) < UNSEEN] = 0.0
-    size[size * np.abs(steps) < UNSEEN] = 1.0
+    columns[:, size * np.abs(steps) < MIN_CHANGE] = 0.0
+    size[size * np.abs(steps) < MIN_CHANGE] = 1.0
     step = np.linalg.lstsq(columns / size, residual.ravel(), rcond=1e-8)[0] / size
     low, high = np.array([named[i].low for i in free]), np.array([named[i].high for i in free])
     for share in (1.0, 0.5, 0.25):
@@ -80,8 +80,8 @@ def initial_values(
                     trial = best.copy()
                     trial[[own[k] for k in varied]] = np.asarray(point)[varied]
                     found, left = project_linear(problem, model, trial, error)
-                    if left < BETTER * least:
+                    if left < START_IMPROVEMENT * least:
                         best, least = found, left
-            if not least < BETTER * before:
+            if not least < START_IMPROVEMENT * before:
                 break
     return best

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 #: in place of a channel's number: all of them
 ALL_CHANNELS = -1
 #: bytes of columns that are kept for one log
-MOST_KEPT = 64_000_000
+MAX_COLUMN_BYTES = 64_000_000
 
 
 def parameter_groups(names: Sequence[str], layout: Layout) -> list[Mapping[int, int]]:
@@ -78,7 +78,7 @@ def changes(
                 continue
             out[rows, k] = scratch[rows]
             if keys[k] is not None:
-                if (len(problem.columns) + 1) * scratch[rows].nbytes > MOST_KEPT:
+                if (len(problem.columns) + 1) * scratch[rows].nbytes > MAX_COLUMN_BYTES:
                     problem.columns.clear()
                 problem.columns[keys[k]] = scratch[rows] / steps[k]
     return out

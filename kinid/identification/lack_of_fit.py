@@ -17,7 +17,7 @@ Mask = NDArray[np.bool_]
 #: share of the readings' root mean square, in contact or in motion, that may be left unless a user says otherwise
 TOLERANCE = 0.02
 #: a joint moves where it is faster than this share of its fastest
-MOVES = 0.02
+MIN_SPEED_SHARE = 0.02
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def reading_rms(experiment: Experiment) -> float:
     acting = valid & experiment.in_contact
     if s.joints is not None:
         speed = np.abs(s.joints.dq)
-        acting = valid & (speed > MOVES * speed.max(axis=1, keepdims=True)).any(axis=0)
+        acting = valid & (speed > MIN_SPEED_SHARE * speed.max(axis=1, keepdims=True)).any(axis=0)
     rows = error_rows(experiment)
     readings = experiment.measured[rows][:, acting if acting.any() else valid]
     return rms(readings[:, np.isfinite(readings).all(axis=0)])

@@ -28,11 +28,11 @@ MEAN_RATE, MANY_MEANS, MAX_MEANS = 125.0, 30_000, 100_000
 #: of joint torques so many a second: where friction turns, torques are faster than any estimate of the motion
 TORQUE_RATE = 50.0
 #: rounding is shared by neighbours where a step is so many times the noise
-COARSE = 2.0
+COARSE_STEP_RATIO = 2.0
 #: means of a short log, at least, where it has so many samples
 MIN_MEANS = 400
 #: length of a block [s]: longer than readings' noise remembers; and the fewest blocks that a log is cut into
-BLOCK, MIN_BLOCKS = 0.5, 16
+BLOCK_LENGTH, MIN_BLOCKS = 0.5, 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +142,7 @@ class Problem:
         """Variance of rounding by a converter so coarse that neighbours share it, (channels,); 0 for others."""
         steps = np.array([lattice(row) for row in self.whole.raw])
         white = [white_noise(row[self.whole.valid]) for row in self.whole.raw]
-        coarse = (steps > 0) & (steps > COARSE * np.array(white))
+        coarse = (steps > 0) & (steps > COARSE_STEP_RATIO * np.array(white))
         return np.where(coarse, steps**2 / 12.0, 0.0)
 
     def means(self, readings: Array) -> Array:
@@ -172,7 +172,7 @@ class Problem:
 
 def _block_length(span: float) -> float:
     """Length of a block [s] of a log of this length [s]."""
-    return BLOCK if span >= MIN_BLOCKS * BLOCK else max(span / MIN_BLOCKS, 1e-9)
+    return BLOCK_LENGTH if span >= MIN_BLOCKS * BLOCK_LENGTH else max(span / MIN_BLOCKS, 1e-9)
 
 
 def whole_blocks(experiment: Experiment) -> NDArray[np.int64]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.effects._signals import RestForm
-from kinid.identification.solver import ROUGHLY, relearn, search
+from kinid.identification.solver import ROUGH_GAIN, relearn, search
 from kinid.identification.state import State
 
 Array = NDArray[np.float64]
@@ -19,9 +19,10 @@ Array = NDArray[np.float64]
 SHARES, LENGTHS = (0.02, 0.3, 0.7, 0.95), np.linspace(0.75e-4, 1.25e-4, 9)
 #: and speeds of what makes them creep back [m/s], and what torques were smoothed with [s]
 TREMORS, SMOOTHINGS = (3e-5, 1e-4, 3e-4, 1e-3), (0.025, 0.01, 0.004)
-JOINTS, SPEEDS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0), (5e-4, 0.001, 0.002, 0.004, 0.008, 0.016, 0.03, 0.06, 0.12)
+JOINT_LENGTHS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
+JOINT_SPEEDS = (5e-4, 0.001, 0.002, 0.004, 0.008, 0.016, 0.03, 0.06, 0.12)
 #: fields that are refined, with their ends
-REFINED = {
+REFINED_FIELDS = {
     "length": (0.75e-4, 1.25e-4),
     "share": (0.02, 0.95),
     "tremor": (1e-6, 1e-3),
@@ -33,9 +34,9 @@ REFINED = {
 FORM_STEPS, REFINEMENTS = 6, 3
 #: a form is another one where it changes readings by this share of their noise, and better where so much of the error
 #: is left
-UNNOTICED, BETTER_FORM = 0.1, 0.97
+NOTICEABLE_SHARE, FORM_IMPROVEMENT = 0.1, 0.97
 #: a field is moved by this share to see what it does, and by a step of so many e-folds at most
-MOVED, FARTHEST, UNSEEN = 0.03, 0.7, 1e-6
+FORM_STEP, MAX_FORM_STEP, MIN_CHANGE = 0.03, 0.7, 1e-6
 
 
 def with_rest_form(state: State) -> State:
@@ -70,7 +71,7 @@ def _change(state: State, rest: RestForm) -> Array:
 
 
 def _noticed(state: State, change: Array) -> bool:
-    return bool(np.mean((change / state.error.noise) ** 2) > UNNOTICED**2)
+    return bool(np.mean((change / state.error.noise) ** 2) > NOTICEABLE_SHARE**2)
 
 
 def _under(state: State, rest: RestForm) -> tuple[State, float]:
@@ -84,7 +85,7 @@ def _under(state: State, rest: RestForm) -> tuple[State, float]:
         shift=state.shift,
         max_steps=FORM_STEPS,
         like=state,
-        ends=ROUGHLY,
+        ends=ROUGH_GAIN,
     )
     return other, _squares(other, state)
 
@@ -107,8 +108,8 @@ def _forms(state: State) -> list[RestForm]:
         ]
     else:
         forms = [dataclasses.replace(rest, smoothing=smoothing) for smoothing in SMOOTHINGS]
-        forms += [dataclasses.replace(rest, joint=joint, joint_speed=0.0) for joint in JOINTS]
-        forms += [dataclasses.replace(rest, joint_speed=speed) for speed in SPEEDS]
+        forms += [dataclasses.replace(rest, joint=joint, joint_speed=0.0) for joint in JOINT_LENGTHS]
+        forms += [dataclasses.replace(rest, joint_speed=speed) for speed in JOINT_SPEEDS]
     return [form for form in forms if form != rest]
 
 
@@ -125,10 +126,10 @@ def best_form(state: State) -> State:
         return float(r @ r - g @ inverse @ g)
 
     costs = [left(_change(state, form)) for form in forms]
-    if not min(costs) < BETTER_FORM * left(np.zeros(state.residual.shape)):
+    if not min(costs) < FORM_IMPROVEMENT * left(np.zeros(state.residual.shape)):
         return state
     other, least = _under(state, forms[int(np.argmin(costs))])
-    return other if least < BETTER_FORM * _squares(state, state) else state
+    return other if least < FORM_IMPROVEMENT * _squares(state, state) else state
 
 
 def _memory_form(state: State) -> State:
@@ -137,17 +138,17 @@ def _memory_form(state: State) -> State:
     if not _noticed(state, _change(state, other)):
         return state
     tried, left = _under(state, other)
-    return tried if left < BETTER_FORM * _squares(state, state) else state
+    return tried if left < FORM_IMPROVEMENT * _squares(state, state) else state
 
 
 def _refined(state: State) -> State:
     """The state with its form at its best, by Gauss-Newton steps of logarithms beside all parameters."""
     for _ in range(REFINEMENTS):
         rest, sigma = _rest(state), state.error.sigma
-        fields = [field for field in REFINED if getattr(rest, field) > 0.0]
+        fields = [field for field in REFINED_FIELDS if getattr(rest, field) > 0.0]
         values = np.array([getattr(rest, field) for field in fields])
-        ends = np.array([REFINED[field] for field in fields])
-        moved = np.where(values * (1.0 + MOVED) <= ends[:, 1], MOVED, -MOVED)
+        ends = np.array([REFINED_FIELDS[field] for field in fields])
+        moved = np.where(values * (1.0 + FORM_STEP) <= ends[:, 1], FORM_STEP, -FORM_STEP)
         d = np.stack(
             [
                 (_change(state, _with(rest, [field], np.array([value]))) / step / sigma).ravel()
@@ -156,8 +157,8 @@ def _refined(state: State) -> State:
             axis=1,
         )
         own = d - state.weighted @ (np.linalg.pinv(state.information, hermitian=True) @ (state.weighted.T @ d))
-        step = np.linalg.lstsq(own, (state.residual / sigma).ravel(), rcond=UNSEEN)[0]
-        new = np.clip(values * np.exp(np.clip(step, -FARTHEST, FARTHEST)), *ends.T)
+        step = np.linalg.lstsq(own, (state.residual / sigma).ravel(), rcond=MIN_CHANGE)[0]
+        new = np.clip(values * np.exp(np.clip(step, -MAX_FORM_STEP, MAX_FORM_STEP)), *ends.T)
         if not _noticed(state, (d @ np.log(new / values)).reshape(sigma.shape) * sigma):
             break
         other, left = _under(state, _with(rest, fields, new))

@@ -11,11 +11,11 @@ from kinid.identification.nuisance import nuisance_columns, nuisances
 from kinid.identification.problem import Problem
 from kinid.identification.state import (
     State,
-    held_parameters,
+    fixed_parameters,
     linear_parameters,
     parameter_bounds,
     prior_precision,
-    solve_between,
+    solve_box_constrained,
 )
 from kinid.modeling.forward import Course
 from kinid.modeling.model import Model
@@ -25,19 +25,19 @@ Mask = NDArray[np.bool_]
 
 #: a search ends where a step gains less than this, in units of a mean's error, and than this share of what is left;
 #: where models are only compared, a rougher end does
-CONVERGED, ROUGHLY = (1e-2, 1e-7), (0.3, 1e-5)
+CONVERGED_GAIN, ROUGH_GAIN = (1e-2, 1e-7), (0.3, 1e-5)
 #: how often the error model is learnt anew from the residual of the fit
-RELEARNED = 2
+ERROR_MODEL_ITERATIONS = 2
 #: a step is taken where it gains this share of what the linear view expects, at least
-FAITHFUL = 0.05
+MIN_GAIN_RATIO = 0.05
 #: a step that gains less than this share of what the linear view expects is made good along what enters linearly
-CURVED = 0.5
+PROJECTION_GAIN_RATIO = 0.5
 #: what nuisances do is looked at anew where a search has come to this share of the cost
-FAR = 0.7
+NUISANCE_RENEWAL_RATIO = 0.7
 #: discrepancy before anything is known of it, as a share of a channel's size
-FIRST_SHARE = 0.02
+INITIAL_DISCREPANCY = 0.02
 #: parameters are moved by this share of their scale to see what they do
-DIFFERENCE = 1e-2
+DIFFERENCE_STEP = 1e-2
 
 
 class _Search:
@@ -58,15 +58,15 @@ class _Search:
         named = model.parameters(problem.layout)
         self.scale = np.array([p.scale for p in named.values()])
         self.low, self.high = parameter_bounds(model, problem) if bounds is None else bounds
-        held = held_parameters(model, problem)
-        self.moving = np.isnan(held)
+        fixed = fixed_parameters(model, problem)
+        self.moving = np.isnan(fixed)
         room = 1e-6 * self.scale
         inside = np.clip(
             start,
             np.where(np.isfinite(self.low), self.low + room, self.low),
             np.where(np.isfinite(self.high), self.high - room, self.high),
         )
-        self.x = np.where(self.moving, inside, held)
+        self.x = np.where(self.moving, inside, fixed)
         self.open_ = nuisances(model, problem.experiment.signals)
         self.bound = np.array([nuisance.bound for nuisance in self.open_])
         self.shift = np.zeros(len(self.open_)) if shift is None or len(shift) != len(self.open_) else shift
@@ -113,12 +113,12 @@ class _Search:
     def differentiate(self, last: bool = False) -> None:
         """The jacobian here; nuisances' part is renewed where a search has ended by itself, and after long ways."""
         p = len(self.x)
-        if len(self.open_) and (last or self.cost < FAR * self.renewed):
+        if len(self.open_) and (last or self.cost < NUISANCE_RENEWAL_RATIO * self.renewed):
             self.open_up()
             self.residual, self.cost = self.compare(self.here, self.x, self.shift)
             self.renewed = self.cost
         own, moving = self.jacobian[:, :p], np.flatnonzero(self.moving)
-        step = DIFFERENCE * np.where(self.x + DIFFERENCE * self.scale <= self.high, self.scale, -self.scale)
+        step = DIFFERENCE_STEP * np.where(self.x + DIFFERENCE_STEP * self.scale <= self.high, self.scale, -self.scale)
         found = changes(self.problem, self.model, self.x, moving, step[moving], self.here)
         for j, change in zip(moving, found.T):
             np.multiply(change, self.weight.reshape(-1) * (self.scale[j] / step[j]), out=own[:, j])
@@ -206,19 +206,20 @@ class _Search:
         low = np.r_[(self.low - self.x) / self.scale, -self.bound - self.shift][f]
         high = np.r_[(self.high - self.x) / self.scale, self.bound - self.shift][f]
         step = np.zeros(len(gradient))
-        step[f] = solve_between(h, gradient[f], low, high)
+        step[f] = solve_box_constrained(h, gradient[f], low, high)
         x = np.clip(self.x + step[:p] * self.scale, self.low, self.high) if p else self.x
         shift = np.clip(self.shift + step[p:], -self.bound, self.bound)
         step = np.r_[(x - self.x) / self.scale if p else x, shift - self.shift]
         expected = float(2 * gradient @ step - step @ information @ step)
         course = self.model.course(self.problem.experiment.signals, x, self.here)
         residual, cost = self.compare(course, x, shift)
-        if len(self.linear) and self.cost - cost < CURVED * expected:  # a valley that bends away under the step
+        # a valley that bends away under the step
+        if len(self.linear) and self.cost - cost < PROJECTION_GAIN_RATIO * expected:
             better = self.project(x, shift, course, residual)
             if better is not None and better[3] < cost:
                 x, course, residual, cost = better
                 step = np.r_[(x - self.x) / self.scale, step[p:]]
-        if not self.cost - cost > FAITHFUL * expected:
+        if not self.cost - cost > MIN_GAIN_RATIO * expected:
             return 0.0, step, residual, expected
         gain, change, self.moved = self.cost - cost, self.residual - residual, True
         self.x, self.shift, self.here, self.residual, self.cost = x, shift, course, residual, cost
@@ -240,7 +241,7 @@ class _Search:
             (self.high - x)[self.linear] / self.scale[self.linear],
         )
         moved = x.copy()
-        step = solve_between(gram + inner + 1e-9 * np.diag(np.diag(gram)), gradient, low, high)
+        step = solve_box_constrained(gram + inner + 1e-9 * np.diag(np.diag(gram)), gradient, low, high)
         moved[self.linear] += step * self.scale[self.linear]
         moved = np.clip(moved, self.low, self.high)
         found = self.model.course(self.problem.experiment.signals, moved, course)
@@ -258,7 +259,7 @@ def search(
     max_steps: int = 30,
     bounds: tuple[Array, Array] | None = None,
     like: State | None = None,
-    ends: tuple[float, float] = CONVERGED,
+    ends: tuple[float, float] = CONVERGED_GAIN,
 ) -> State:
     """Weighted least squares from a start, with a given error model.
 
@@ -283,7 +284,7 @@ def first_error_model(problem: Problem) -> ErrorModel:
     size, units = problem.channel_rms.copy(), np.array(problem.layout.units)
     for unit in set(units.tolist()) if problem.layout.kind != "joints" else ():
         size[units == unit] = size[units == unit].max()
-    return ErrorModel(reading_variance(problem), np.zeros(problem.shape), FIRST_SHARE * size, 0.0)
+    return ErrorModel(reading_variance(problem), np.zeros(problem.shape), INITIAL_DISCREPANCY * size, 0.0)
 
 
 def solve(problem: Problem, model: Model, start: Array, *, max_steps: int = 60) -> State:
@@ -298,7 +299,7 @@ def solve(problem: Problem, model: Model, start: Array, *, max_steps: int = 60) 
 def relearn(state: State, max_steps: int = 60) -> State:
     """The same model with an error model that is learnt from its own residual."""
     motion = motion_variance(state.problem, state.model, state.values)
-    for _ in range(RELEARNED):
+    for _ in range(ERROR_MODEL_ITERATIONS):
         learnt = learn(state.problem, state.model, state.values, state.residual, motion)
         state = search(
             state.problem,

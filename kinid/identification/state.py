@@ -104,7 +104,7 @@ class State:
                 j = rows[:, seen].reshape(-1, rows.shape[2])
                 gradient = j.T @ weighted[:, seen].ravel() - prior @ placed
                 h = j.T @ j + prior + FOLD_RIDGE * np.diag(np.diag(self.information))
-                step[f] = solve_between(h, gradient, low[f], high[f])
+                step[f] = solve_box_constrained(h, gradient, low[f], high[f])
             out.append(step)
         return out[0], out[1]
 
@@ -157,7 +157,7 @@ def prior_precision(model: Model, problem: Problem, nuisance_count: int) -> Arra
     return out
 
 
-def held_parameters(model: Model, problem: Problem) -> Array:
+def fixed_parameters(model: Model, problem: Problem) -> Array:
     """Values of parameters that are fixed or read off the samples (quantization, saturation), NaN if free, (p,)."""
     out = []
     for effect in model.effects:
@@ -191,14 +191,14 @@ def shown_values(state: State) -> Array:
     return values
 
 
-def solve_between(h: Array, g: Array, low: Array, high: Array) -> Array:
+def solve_box_constrained(h: Array, g: Array, low: Array, high: Array) -> Array:
     """The x (f,) of h x = g between two ends: what would leave stays at its end, and the others make the best of it."""
-    x, held = np.zeros(len(g)), np.zeros(len(g), np.bool_)
-    while not held.all():
-        rest = ~held
-        x[rest] = np.linalg.solve(h[np.ix_(rest, rest)], g[rest] - h[np.ix_(rest, held)] @ x[held])
+    x, bound = np.zeros(len(g)), np.zeros(len(g), np.bool_)
+    while not bound.all():
+        rest = ~bound
+        x[rest] = np.linalg.solve(h[np.ix_(rest, rest)], g[rest] - h[np.ix_(rest, bound)] @ x[bound])
         beyond = (x < low) | (x > high)
         if not beyond.any():
             break
-        x, held = np.clip(x, low, high), held | beyond
+        x, bound = np.clip(x, low, high), bound | beyond
     return x

@@ -17,12 +17,12 @@ Array = NDArray[np.float64]
 
 #: condition of the sensitivity, its columns brought to length one, above which parameters stand in for each other
 #: (Belsley, Kuh & Welsch 1980, ch. 3: strong from 30 to 100; a power law's stiffness and exponent alone reach 50)
-COLLINEAR = 100.0
+MAX_CONDITION = 100.0
 #: parameters that no material has below nothing: it would give energy, or pull where it is pressed
 MATERIAL = ("stiffness", "damping")
 PASSIVE = (*MATERIAL, "coefficient")
 #: share of a unit vector above which a parameter takes part in a direction
-TAKES_PART = 0.2
+MIN_PARTICIPATION = 0.2
 
 
 def impossible(named: Mapping[str, Parameter], values: Array, covariance: Array) -> list[str]:
@@ -84,7 +84,7 @@ def of_fit(
         if began in (p.low, p.high) and p.low != p.nominal != p.high:
             out.append(f"{name} started at its bound {began:.4g}: start inside")
     alike = stand_ins(names, trade)
-    if solution.condition > COLLINEAR and alike:
+    if solution.condition > MAX_CONDITION and alike:
         how = "ill-conditioned" if solution.condition > ILL_CONDITIONED else "nearly ill-conditioned"
         out += [
             f"{how} ({solution.condition:.1e}): {listed(group)} can stand in for each other in this log"
@@ -109,8 +109,7 @@ def stand_ins(names: Sequence[str], covariance: Array) -> list[list[str]]:
     """Groups of parameters whose estimates hang on each other.
 
     From the information with its diagonal brought to one (Belsley, Kuh & Welsch 1980, ch. 3): a direction whose
-    singular value is below 1/`COLLINEAR` of the greatest is a sum of effects that nearly cancels; those that take part
-    are named.
+    singular value is below 1/`MAX_CONDITION` of the greatest is a sum of effects that nearly cancels.
     """
     size = np.diag(covariance)
     kept = np.flatnonzero(np.isfinite(size) & (size > 0))
@@ -122,9 +121,9 @@ def stand_ins(names: Sequence[str], covariance: Array) -> list[list[str]]:
     values, vectors = np.linalg.eigh(information / length / length[:, None])
     values = np.maximum(values, 1e-300)
     out = []
-    for k in np.flatnonzero(values < values[-1] / COLLINEAR**2):
+    for k in np.flatnonzero(values < values[-1] / MAX_CONDITION**2):
         part = np.abs(vectors[:, k])
-        group = [names[kept[i]] for i in np.argsort(-part) if part[i] > TAKES_PART]
+        group = [names[kept[i]] for i in np.argsort(-part) if part[i] > MIN_PARTICIPATION]
         if len(group) > 1:
             out.append(group)
     return out

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.identification.problem import BLOCK
+from kinid.identification.problem import BLOCK_LENGTH
 from kinid.modeling.experiment import Experiment
 
 Array = NDArray[np.float64]
@@ -29,7 +29,7 @@ def even(squares: Array, t: Array) -> float:
     time. An amount α of a change gives each block α²gᵢ, and noise of 2α√gᵢ. With G = Σgᵢ and v = Σgᵢ²/G² − 1/n it is
     believed from α²G = 4k²/(1 − k²v) on: as if G were G(1 − k²v), spread evenly.
     """
-    block = (t / BLOCK).astype(np.int64)
+    block = (t / BLOCK_LENGTH).astype(np.int64)
     each = np.bincount(block, squares.sum(axis=0))
     total = float(each.sum())
     if total <= 0.0:

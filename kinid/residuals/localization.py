@@ -90,8 +90,8 @@ def where(experiment: Experiment, residual: Array, sigma: Array, most: int = 8) 
     names = phases(view)
     way = moving(view)
     by_phase = sorted(_phase_cells(view, names, way), key=lambda cell: (-cell.share, -cell.rms))
-    told = {cell.channel for cell in by_phase if ", and " in cell.says}
-    others = [*_constant_cells(view), *_part_cells(view, names, way, told), *_frequency_cells(view)]
+    described = {cell.channel for cell in by_phase if ", and " in cell.says}
+    others = [*_constant_cells(view), *_part_cells(view, names, way, described), *_frequency_cells(view)]
     others.sort(key=lambda cell: -cell.share)
     if not others and view.total <= 0:
         return tuple(by_phase[:most])
@@ -144,7 +144,7 @@ def _constant_cells(view: View) -> Iterator[Cell]:
             )
 
 
-def _part_cells(view: View, names: NDArray[np.str_], way: Moving, told: set[str]) -> Iterator[Cell]:
+def _part_cells(view: View, names: NDArray[np.str_], way: Moving, described: set[str]) -> Iterator[Cell]:
     """Of each way to divide the log and each channel, the part in which error is most concentrated."""
     parts = list(other_parts(view, way))
     block = np.unique((view.t / BLOCK).astype(np.int64), return_inverse=True)[1]
@@ -176,7 +176,7 @@ def _part_cells(view: View, names: NDArray[np.str_], way: Moving, told: set[str]
                 says += f": it {_trend(parts, part, error, samples)} with time"
             else:
                 # what a phase says of this channel already is not said again
-                shaped = None if channel in told else shape(view, row, part.mask, way, held=False)
+                shaped = None if channel in described else shape(view, row, part.mask, way, held=False)
                 says += f", and {shaped.words} ({percent(shaped.explained)} of it)" if shaped is not None else ""
             yield Cell(channel, part.by, "", share, rms, unit, says)
 

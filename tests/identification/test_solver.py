@@ -12,7 +12,7 @@ import kinid
 from kinid.identification.initial_guesses import project_linear
 from kinid.identification.problem import Problem
 from kinid.identification.solver import first_error_model, search
-from kinid.identification.state import solve_between
+from kinid.identification.state import solve_box_constrained
 from kinid.modeling.experiment import from_contact
 
 Array = NDArray[np.float64]
@@ -43,12 +43,12 @@ def test_a_step_between_ends_makes_the_best_of_what_is_free(seed: int, size: int
     root = rng.standard_normal((size, size))
     h, g = root @ root.T + 0.1 * np.eye(size), rng.standard_normal(size)
     low, high = -rng.exponential(size=size), rng.exponential(size=size)
-    x = solve_between(h, g, low, high)
+    x = solve_box_constrained(h, g, low, high)
     assert ((x >= low) & (x <= high)).all()
     free = (x > low) & (x < high)
     np.testing.assert_allclose((h @ x)[free], g[free], atol=1e-8)
     wide = np.full(size, np.inf)
-    np.testing.assert_allclose(h @ solve_between(h, g, -wide, wide), g, atol=1e-8)
+    np.testing.assert_allclose(h @ solve_box_constrained(h, g, -wide, wide), g, atol=1e-8)
 
 
 @pytest.mark.parametrize("stiffness", [1.0, 1e3, 1e6])
