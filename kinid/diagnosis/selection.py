@@ -79,6 +79,11 @@ def implausible(state: State, before: State | None = None) -> str:
 
 
 def acceptable(candidate: Refit, before: State, settings: DiagnosisSettings) -> bool:
+    """Whether a refit is evident, and more than what every material and every rig has of it."""
+    return _evident(candidate, before, settings) and _remarkable(candidate, settings)
+
+
+def _evident(candidate: Refit, before: State, settings: DiagnosisSettings) -> bool:
     """Whether a refit is beyond doubt, worth a name, and physically possible."""
     e = candidate.evidence
     # what takes off most of the error leaves less that could speak against it
@@ -88,7 +93,6 @@ def acceptable(candidate: Refit, before: State, settings: DiagnosisSettings) -> 
         and e.share > settings.min_share
         and e.change > settings.min_reading_share
         and not implausible(candidate.state, before)
-        and _remarkable(candidate, settings)
     )
 
 
@@ -135,7 +139,14 @@ def choose(refits: Sequence[Refit], before: State, settings: DiagnosisSettings) 
 
     The best are compared with their own error models: what a channel weighs differs from model to model.
     """
-    accepted = [t for t in refits if acceptable(t, before, settings)]
+    evident = [t for t in refits if _evident(t, before, settings)]
+    usual = [t for t in evident if not _remarkable(t, settings)]
+    # what a usual amount of another effect explains as well is no finding
+    accepted = [
+        t
+        for t in evident
+        if t not in usual and not any(indistinguishable(t, u, before.error.sigma, settings) for u in usual)
+    ]
     accepted = [t for t in accepted if t.evidence.gain > MIN_GAIN_SHARE * max(a.evidence.gain for a in accepted)]
     if len(accepted) < 2:
         return accepted[0] if accepted else None
