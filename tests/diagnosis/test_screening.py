@@ -10,7 +10,7 @@ import pytest
 import kinid
 from kinid import effects
 from kinid.diagnosis.screening import screen, screen_catalogue
-from kinid.diagnosis.selection import look
+from kinid.diagnosis.selection import screen_and_refit
 from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.identification.covariance import covariance_of
 from kinid.identification.estimation import estimate
@@ -61,7 +61,7 @@ def test_no_effect_explains_more_than_what_is_left(fitted: State, share: float) 
 
 def test_what_promises_far_less_than_the_best_is_passed_over(fitted: State) -> None:
     settings = DiagnosisSettings()
-    found = look(fitted, settings)
+    found = screen_and_refit(fitted, settings)
     assert found.refits[0].effect.id == "relaxation"
     promised = {name: points[0].predicted_gain for name, points in found.points.items()}
     best = max(promised.values())
@@ -71,8 +71,8 @@ def test_what_promises_far_less_than_the_best_is_passed_over(fitted: State) -> N
 
 def test_a_refit_ends_no_higher_than_the_model_without_the_effect(fitted: State) -> None:
     """What calibration has found already is not lost by adding an effect."""
-    for tried in look(fitted, DiagnosisSettings()).refits:
-        assert tried.state.cost <= fitted.cost * (1.0 + 1e-6), tried.effect.id
+    for refit in screen_and_refit(fitted, DiagnosisSettings()).refits:
+        assert refit.state.cost <= fitted.cost * (1.0 + 1e-6), refit.effect.id
 
 
 def test_what_no_law_has_leaves_little_work(tester: Tester, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -37,9 +37,14 @@ def ask(job: tuple[Path, Row, bool]) -> Row:
         began = time.perf_counter()
         found = kinid.diagnose(log, rig, model=kinid.Model(*case["model"].split(",")))
         out |= {
-            "seconds": time.perf_counter() - began, "verdict": found.verdict, "added": list(found.added),
-            "before": found.steps[0].held_out, "after": found.steps[-1].held_out, "noise": found.noise_floor,
-            "tolerance": found.left.tolerance, "verdicts": {e.id: e.verdict for e in found.effects},
+            "seconds": time.perf_counter() - began,
+            "verdict": found.verdict,
+            "added": list(found.added),
+            "before": found.steps[0].held_out,
+            "after": found.steps[-1].held_out,
+            "noise": found.noise_floor,
+            "tolerance": found.left.tolerance,
+            "verdicts": {e.id: e.verdict for e in found.effects},
             "alternatives": {e.id: list(e.equivalent_to) for e in found.effects if e.equivalent_to},
         }
         if case["group"] in ("single", "pair", "none"):
@@ -53,8 +58,11 @@ def ask(job: tuple[Path, Row, bool]) -> Row:
 def _intervals(parameters: dict[str, Row], case: Row) -> dict[str, list[float]]:
     """True value, and ends of the interval, of those parameters whose value is known and whose interval has ends."""
     known = case.get("values") or {}
-    return {name: [float(known[name]), p["low"], p["high"]] for name, p in parameters.items()
-            if name in known and p["low"] is not None and p["high"] is not None}
+    return {
+        name: [float(known[name]), p["low"], p["high"]]
+        for name, p in parameters.items()
+        if name in known and p["low"] is not None and p["high"] is not None
+    }
 
 
 def right(row: Row, name: str) -> bool:
@@ -99,7 +107,10 @@ def figures(rows: list[Row]) -> dict[str, list[float]]:
             ratios.append(row["after"] / row["true"])
     out["names that aren't there, per log"] = [float(np.sum(extra)), len(extra)]
     if ratios:
-        out["error after over the true model's: median, 95 %"] = [float(np.median(ratios)), float(np.quantile(ratios, 0.95))]
+        out["error after over the true model's: median, 95 %"] = [
+            float(np.median(ratios)),
+            float(np.quantile(ratios, 0.95)),
+        ]
     return out
 
 
@@ -112,7 +123,11 @@ def main() -> None:
     parser.add_argument("--only", default="")
     given = parser.parse_args()
     only = set(filter(None, given.only.split(",")))
-    cases = [c for c in json.loads((given.data / "truth.json").read_text()) if not only or only & {c["case"], c["kind"], c["group"]}]
+    cases = [
+        c
+        for c in json.loads((given.data / "truth.json").read_text())
+        if not only or only & {c["case"], c["kind"], c["group"]}
+    ]
     with ProcessPoolExecutor(2, get_context("spawn")) as pool:
         rows = list(pool.map(ask, [(given.data, case, given.without_dq) for case in cases]))
     given.out.write_text(json.dumps(rows, indent=1, default=str) + "\n", encoding="utf-8")
