@@ -224,73 +224,65 @@ def _frequency_cells(view: View) -> Iterator[Cell]:
     """Bands in which the error is more at home than the reading itself, and lines of the mains."""
     if len(view.t) < 64 or view.total <= 0:
         return
-    measured = view.readings(view.experiment.measured)
-    for row, channel in enumerate(view.channels):
-        if not view.beyond[row]:
-            continue
+    for row in map(int, np.flatnonzero(view.beyond)):
         run = _fullest(view, view.residual[row])
         f, power = spectrum(view, view.residual[row], run)
         if not len(f):
             continue
-        sigma, scale, unit = view.sigma[row], view.scale[row], view.units[row]
-        n = float(view.samples[row].sum())
-        floor = n * sigma**2 / len(f)
         lines = []
         for mains in MAINS:
-            line, amplitude = _line(f, power, mains, n)
-            share = _part_of(view, line / scale**2)
-            if share >= LINE:
+            line = _mains_cell(view, row, f, power, mains)
+            if line is not None:
                 lines.append(np.abs(f - mains) <= NEAR)
-                yield Cell(
-                    channel,
-                    "frequency",
-                    "",
-                    share,
-                    amplitude / np.sqrt(2),
-                    unit,
-                    f"{percent(share)} of the error is a line at {mains:.0f} Hz in {channel_words(view, row)}, with an "
-                    f"amplitude of {number(amplitude)} {unit}",
-                )
-        rest = np.where(np.any([f == 0.0, *lines], axis=0), floor, power)  # a constant is no frequency
-        _, own = spectrum(
-            view, np.where(np.isfinite(view.residual[row]), measured[row] - np.nanmean(measured[row]), np.nan), run
+                yield line
+        constant_or_line = np.any([f == 0.0, *lines], axis=0)
+        band = _band_cell(view, row, run, f, power, constant_or_line)
+        if band is not None:
+            yield band
+
+
+def _mains_cell(view: View, row: int, f: Array, power: Array, mains: float) -> Cell | None:
+    """The line of a mains frequency [Hz] in a channel's error with this spectrum, None where there is none."""
+    line, amplitude = _line(f, power, mains, float(view.samples[row].sum()))
+    share, unit = _part_of(view, line / view.scale[row] ** 2), view.units[row]
+    if share < LINE:
+        return None
+    says = (
+        f"{percent(share)} of the error is a line at {mains:.0f} Hz in {channel_words(view, row)}, with an amplitude "
+        f"of {number(amplitude)} {unit}"
+    )
+    return Cell(view.channels[row], "frequency", "", share, amplitude / np.sqrt(2), unit, says)
+
+
+def _band_cell(view: View, row: int, run: slice, f: Array, power: Array, passed_over: NDArray[np.bool_]) -> Cell | None:
+    """The band that holds most of a channel's error, where it holds notably less of the reading; None without one."""
+    n, unit = float(view.samples[row].sum()), view.units[row]
+    floor = n * view.sigma[row] ** 2 / len(f)
+    rest = np.where(passed_over, floor, power)
+    measured = view.readings(view.experiment.measured)[row]
+    moving = np.where(np.isfinite(view.residual[row]), measured - np.nanmean(measured), np.nan)
+    _, own = spectrum(view, moving, run)
+    best: Cell | None = None
+    for low, high in zip(BANDS[:-1], BANDS[1:]):
+        band = (f >= low) & (f < high)
+        if not band.any():
+            continue
+        inside = float(rest[band].sum() - band.sum() * floor)
+        mine = inside / max(float(rest.sum() - len(f) * floor), 1e-300)
+        usual = float(own[band].sum() / max(own.sum(), 1e-300))
+        share = _part_of(view, inside / view.scale[row] ** 2)
+        at_home = mine >= LIFT * usual and mine >= usual + MARGIN
+        if share < LEAST or not at_home or (best is not None and share < best.share):
+            continue
+        span = f"below {high:g} Hz" if low == 0 else f"between {low:g} and {high:g} Hz"
+        span = f"above {low:g} Hz" if high > f[-1] and low > 0 else span
+        rms = float(np.sqrt(max(float(rest[band].sum()), 0.0) / n))
+        says = (
+            f"{percent(share)} of the error is in {channel_words(view, row)} {span} ({number(rms)} {unit} rms); of "
+            f"the reading's own changes only {percent(usual)} are in this range"
         )
-        best: Cell | None = None
-        for low, high in zip(BANDS[:-1], BANDS[1:]):
-            band = (f >= low) & (f < high)
-            if not band.any():
-                continue
-            inside = float(rest[band].sum() - band.sum() * floor)
-            mine = inside / max(float(rest.sum() - len(f) * floor), 1e-300)
-            usual = float(own[band].sum() / max(own.sum(), 1e-300))
-            share = _part_of(view, inside / scale**2)
-            if (
-                share < LEAST
-                or mine < LIFT * usual
-                or mine < usual + MARGIN
-                or (best is not None and share < best.share)
-            ):
-                continue
-            span = (
-                f"below {high:g} Hz"
-                if low == 0
-                else f"above {low:g} Hz"
-                if high > f[-1]
-                else f"from {low:g} to {high:g} Hz"
-            )
-            rms = float(np.sqrt(max(float(rest[band].sum()), 0.0) / n))
-            best = Cell(
-                channel,
-                "frequency",
-                "",
-                share,
-                rms,
-                unit,
-                f"{percent(share)} of the error is in {channel_words(view, row)} {span}, where the reading itself "
-                f"has {percent(usual)} of what moves in it ({number(rms)} {unit} rms)",
-            )
-        if best is not None:
-            yield best
+        best = Cell(view.channels[row], "frequency", "", share, rms, unit, says)
+    return best
 
 
 def _fullest(view: View, values: Array) -> slice:
