@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 #: a reported error rises where its square is so many times the one before
 MAX_ERROR_RISE = 1.01
-#: refits whose form of friction at rest is chosen anew; rivals of the best, each of which gains this share of what that
+#: refits whose form of friction at rest is chosen anew; alternatives to the best, each of which gains this share of what that
 #: does
 REST_FORM_REFITS, MAX_ALTERNATIVES, MIN_GAIN_SHARE = 2, 3, 0.5
 
@@ -181,7 +181,8 @@ def indistinguishable(one: Refit, other: Refit, sigma: Array, settings: Diagnosi
     """Whether the log can't tell two refits of one state apart, with errors weighed by σ (channels, g)."""
     between = compare_states(other.state, one.state, sigma)
     return (
-        abs(between.gain) <= settings.rival_significance * between.error or abs(between.share) <= settings.rival_share
+        abs(between.gain) <= settings.alternative_significance * between.error
+        or abs(between.share) <= settings.alternative_share
     )
 
 

@@ -16,8 +16,8 @@ class DiagnosisSettings:
         min_share: of the squared error that is left, what an effect must take off [1].
         min_reading_share: root mean square of an effect's change of the readings over that of the readings [1]; less
             than this no sensor's linearity bears out.
-        rival_significance: alternatives within so many standard errors of each other are not told apart [1].
-        rival_share: nor are those of which neither takes off more than this share of what the other leaves [1].
+        alternative_significance: alternatives within so many standard errors of each other are not told apart [1].
+        alternative_share: nor are those of which neither takes off more than this share of what the other leaves [1].
         refits: effects that are refitted in a round [1].
         promising_share: of the best predicted gain of a round, what another effect must promise to be refitted [1].
         max_effects: effects that are added at most [1].
@@ -30,8 +30,8 @@ class DiagnosisSettings:
     beyond_doubt: float = 30.0
     min_share: float = 0.03
     min_reading_share: float = 0.003
-    rival_significance: float = 2.0
-    rival_share: float = 0.02
+    alternative_significance: float = 2.0
+    alternative_share: float = 0.02
     refits: int = 6
     promising_share: float = 0.15
     max_effects: int = 8

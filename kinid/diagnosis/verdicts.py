@@ -52,10 +52,10 @@ def verdicts(
     out += [_of_added(name, found, _own(name, parameters), left, settings) for name in selection.added]
     known = {verdict.id for verdict in out}
     groups = {
-        rival: tuple(dict.fromkeys([name, *(r for r in rivals if r != rival)]))
-        for name, rivals in selection.alternatives.items()
+        alternative: tuple(dict.fromkeys([name, *(r for r in alternatives if r != alternative)]))
+        for name, alternatives in selection.alternatives.items()
         if name in selection.added
-        for rival in rivals
+        for alternative in alternatives
     }
     others = [
         _of_other(effect, why, groups.get(effect.id, ()), found, settings)
@@ -71,19 +71,19 @@ def _of_added(
     name: str, found: Found, own: dict[str, FittedParameter], left: LackOfFit, settings: DiagnosisSettings
 ) -> EffectVerdict:
     selection, effect = found.selection, effects.get(name)
-    evidence, rivals = selection.evidence[name], selection.alternatives.get(name, ())
+    evidence, alternatives = selection.evidence[name], selection.alternatives.get(name, ())
     made = EffectVerdict(name, EffectStatus.PRESENT, evidence.significance, effect.signature, parameters=own)
     if name in selection.unsupported:
         says = f"added because it was asked for; it {selection.unsupported[name]}"
         return replace(made, verdict=EffectStatus.NOT_EXCITED, says=says, separate_by=f"record {effect.excited_by}")
-    made = replace(made, equivalent_to=rivals, separate_by=_separate(name, rivals, found))
+    made = replace(made, equivalent_to=alternatives, separate_by=_separate(name, alternatives, found))
     if is_stand_in(name, found, left, settings):
         says = (
             "a stand-in: it takes off less than it leaves, and something that the catalogue doesn't hold may be what "
             "it follows"
         )
         return replace(made, verdict=EffectStatus.INDISTINGUISHABLE, says=says, stand_in=True)
-    return replace(made, verdict=EffectStatus.INDISTINGUISHABLE, says=_as_good(rivals)) if rivals else made
+    return replace(made, verdict=EffectStatus.INDISTINGUISHABLE, says=_as_good(alternatives)) if alternatives else made
 
 
 def _of_other(
@@ -117,8 +117,8 @@ def _of_other(
     return EffectVerdict(name, verdict, evidence, f"{says}; {within}" if within else says, within=within)
 
 
-def _as_good(rivals: tuple[str, ...]) -> str:
-    return f"fits as well as {', '.join(rivals)}: this log can't tell them apart"
+def _as_good(alternatives: tuple[str, ...]) -> str:
+    return f"fits as well as {', '.join(alternatives)}: this log can't tell them apart"
 
 
 def is_stand_in(name: str, found: Found, left: LackOfFit, settings: DiagnosisSettings) -> bool:
@@ -192,21 +192,19 @@ def _own(name: str, parameters: dict[str, FittedParameter]) -> dict[str, FittedP
     return {full.split(".", 1)[1]: p for full, p in parameters.items() if full.split(".", 1)[0] == name}
 
 
-def _separate(name: str, rivals: tuple[str, ...], found: Found) -> str:
+def _separate(name: str, alternatives: tuple[str, ...], found: Found) -> str:
     """What tells an effect from its alternatives, in words, and the command that plans the experiment."""
     mine = effects.get(name)
-    if not rivals:
+    if not alternatives:
         return "; ".join(f"{other}: {how}" for other, how in mine.confusions.items())
     out = []
-    for rival in rivals:
-        other = effects.get(rival)
-        how = mine.confusions.get(rival) or other.confusions.get(name) or f"{mine.excited_by}; {other.excited_by}"
-        out.append(how if len(rivals) == 1 else f"{rival}: {how}")
+    for alternative in alternatives:
+        other = effects.get(alternative)
+        how = mine.confusions.get(alternative) or other.confusions.get(name) or f"{mine.excited_by}; {other.excited_by}"
+        out.append(how if len(alternatives) == 1 else f"{alternative}: {how}")
     touch = found.whole.touch
     if touch is not None and (touch.source is None or touch.source[1].robot is None):
         return "; ".join(out)  # a log without a robot
-    known = ",".join(n for n in found.selection.states[-1].model.names if n != name and n not in rivals)
-    plan = (
-        f"kinid plan discriminate --model {known or 'none'} --effects {','.join([name, *rivals])} -o separate.parquet"
-    )
+    known = ",".join(n for n in found.selection.states[-1].model.names if n != name and n not in alternatives)
+    plan = f"kinid plan discriminate --model {known or 'none'} --effects {','.join([name, *alternatives])} -o separate.parquet"
     return "; ".join(out) + f"; a trajectory for it: {plan}"
