@@ -34,8 +34,7 @@ Array = NDArray[np.float64]
 
 #: a reported error rises where its square is so many times the one before
 MAX_ERROR_RISE = 1.01
-#: refits whose form of friction at rest is chosen anew; alternatives to the best, each of which gains this share of what that
-#: does
+#: refits whose form of friction at rest is chosen anew; alternatives to the best, and the share of its gain they need
 REST_FORM_REFITS, MAX_ALTERNATIVES, MIN_GAIN_SHARE = 2, 3, 0.5
 
 

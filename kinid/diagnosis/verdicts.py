@@ -205,6 +205,7 @@ def _separate(name: str, alternatives: tuple[str, ...], found: Found) -> str:
     touch = found.whole.touch
     if touch is not None and (touch.source is None or touch.source[1].robot is None):
         return "; ".join(out)  # a log without a robot
-    known = ",".join(n for n in found.selection.states[-1].model.names if n != name and n not in alternatives)
+    others = {name, *alternatives}
+    known = ",".join(n for n in found.selection.states[-1].model.names if n not in others) or "none"
     plan = f"kinid plan discriminate --model {known or 'none'} --effects {','.join([name, *alternatives])} -o separate.parquet"
     return "; ".join(out) + f"; a trajectory for it: {plan}"
