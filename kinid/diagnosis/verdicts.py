@@ -207,5 +207,6 @@ def _separate(name: str, alternatives: tuple[str, ...], found: Found) -> str:
         return "; ".join(out)  # a log without a robot
     others = {name, *alternatives}
     known = ",".join(n for n in found.selection.states[-1].model.names if n not in others) or "none"
-    plan = f"kinid plan discriminate --model {known or 'none'} --effects {','.join([name, *alternatives])} -o separate.parquet"
+    asked = ",".join([name, *alternatives])
+    plan = f"kinid plan discriminate --model {known} --effects {asked} -o separate.parquet"
     return "; ".join(out) + f"; a trajectory for it: {plan}"
