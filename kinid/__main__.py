@@ -1,0 +1,5 @@
+"""`python -m kinid`: the command line."""
+
+from kinid.cli import main
+
+main()
