@@ -102,6 +102,12 @@ def patches(grown: PropertyMap, cells: int = CELLS, method: str = "gp") -> Patch
             known &= guess.known
         else:
             fields.append(np.full(known.shape, np.nan))
+    if not known.any():
+        raise InputError(
+            "a map that knows no whole patch between its probes",
+            "probes near enough to each other to tell what lies between",
+            "poke more closely, or export with --method nearest",
+        )
     rows, columns = np.nonzero(known)
     flat = np.column_stack([ticks[0][rows], ticks[1][columns]])
     return Patches(
