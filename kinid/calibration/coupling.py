@@ -7,7 +7,6 @@ alike. They are fitted together; `told_apart` says which of them the log separat
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +21,7 @@ from kinid.data.rig import Rig
 from kinid.effects import catalogue
 from kinid.errors import InputError
 from kinid.identification.fit import Fit
+from kinid.inputs import read_json
 from kinid.modeling.experiment import from_contact, from_wrench
 from kinid.modeling.model import Model
 
@@ -85,10 +85,10 @@ def load_fit(path: Path) -> tuple[Model, dict[str, float]]:
         InputError: no such file, or not a fit.
     """
     try:
-        facts = json.loads(path.read_text(encoding="utf-8"))
+        facts = read_json(path, "what kinid fit --json wrote", "run kinid fit LOG --model … --json FIT.json")
         model = Model(*facts["model"])
         values = {str(name): float(p["value"]) for name, p in facts["parameters"].items()}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(
             f"{path}, which is no fit ({error.__class__.__name__})",
             "what kinid fit --json wrote",

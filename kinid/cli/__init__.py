@@ -5,20 +5,18 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 import kinid
 from kinid.cli import compare, contact, demo, diagnose, doctor, fit, lab, picture, plan, view
 from kinid.cli import map as map_command
+from kinid.cli.ending import ended
 from kinid.cli.once import Once
-from kinid.errors import KinidError
 
 #: names folders of effects, as kinid.effects reads it
 VARIABLE = "KINID_EFFECTS"
-#: exit code of a command that the user stopped
-STOPPED = 130
 
 app = typer.Typer(
     name="kinid",
@@ -94,32 +92,10 @@ def _folders_first(words: list[str]) -> list[str]:
 
 
 def main() -> None:
-    """Run the command line; bad input ends in one line on stderr and exit code 2."""
-    try:
-        code = app(_folders_first(sys.argv[1:]), prog_name="kinid", standalone_mode=False)
-    except KinidError as error:
-        _say(str(error))
-        code = 2
-    except (KeyboardInterrupt, typer.Abort):
-        code = STOPPED
-    except BrokenPipeError:  # the reader of a pipe has gone: nobody is left to tell
-        sys.stderr.close()
-        code = 0
-    except Exception as error:
-        # wrong use of options, whichever command-line library typer carries: it knows its message and its exit code
-        if not (hasattr(error, "format_message") and hasattr(error, "exit_code")):
-            raise
-        context = getattr(error, "ctx", None)
-        if type(error).__name__ == "NoArgsIsHelpError" and context is not None:
-            print(context.get_help(), file=sys.stderr)
-            sys.exit(2)
-        where = f"{context.command_path} --help" if context is not None else "kinid --help"
-        _say(f"{error.format_message()} See '{where}'.")
-        code = 2
-    if code == STOPPED:
-        _say("stopped; nothing was left half-written")
-    sys.exit(code)
+    """Run the command line; whatever goes wrong ends in one line on stderr and an exit code that says which way."""
+    words = sys.argv[1:]
 
+    def command() -> Any:
+        return app(_folders_first(words), prog_name="kinid", standalone_mode=False)
 
-def _say(message: str) -> None:
-    print(f"kinid: {' '.join(message.split())}", file=sys.stderr)
+    sys.exit(ended(command, words, kinid.__version__))

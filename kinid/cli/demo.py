@@ -261,7 +261,8 @@ class _Teller:
         """Show a command, and run it."""
         from rich.markup import escape
 
-        from kinid.cli import STOPPED, app
+        from kinid.cli import app
+        from kinid.cli.ending import STOPPED
 
         arguments = [str(word) for word in words]
         self.say(f"[cyan]$ kinid {escape(shlex.join(arguments))}[/]", soft_wrap=True)

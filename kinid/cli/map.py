@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import time
 from pathlib import Path
@@ -167,6 +168,7 @@ def _facts(grown: PropertyMap, fresh: int, skipped: dict[str, str]) -> dict[str,
                 "highest": float(values[told].max()),
                 "standard_error": float(np.median(errors[told])),
                 "held_out": held,
+                "uniform": _uniform(grown, item.name),
             }
     return {
         "model": grown.model,
@@ -178,11 +180,17 @@ def _facts(grown: PropertyMap, fresh: int, skipped: dict[str, str]) -> dict[str,
     }
 
 
+def _uniform(grown: PropertyMap, name: str) -> dict[str, float] | None:
+    found = grown.uniform(name)
+    return None if found is None else dataclasses.asdict(found)
+
+
 def _show(facts: dict[str, Any]) -> None:
     from rich.markup import escape
     from rich.table import Table
 
     from kinid.cli.show import console
+    from kinid.mapping.interpolation.uniform import Uniform
 
     out, probes, fresh = console(), facts["probes"], facts["new"]
     old = f", {probes - fresh} of them there already" if fresh < probes else ""
@@ -208,6 +216,9 @@ def _show(facts: dict[str, Any]) -> None:
         table.add_row(escape(name), *("–" if error is None else f"{error:.3g}" for error in item["held_out"].values()))
     if told:
         out.print(table)
+    for name, item in told.items():
+        if item["uniform"] is not None:
+            out.print(f"{escape(name)}: {Uniform(**item['uniform']).words(item['unit'])}", soft_wrap=True)
     if facts["failing"]:
         out.print(
             f"doubt: at {facts['failing']} of {probes} places the model leaves more than 3 times the noise; kinid "

@@ -201,7 +201,7 @@ def excite(
     """The motion that tells most about a model's parameters, and the 95 % intervals to expect before anything moves."""
     _check(o)
     from kinid.modeling.model import Model
-    from kinid.planning.excite import NOISE, Bounds, check_asked, optimise
+    from kinid.planning.excite import NOISE, check_asked, optimise
 
     chosen, values = _model(o)
     check_asked(sines, criterion, NOISE if noise is None else noise)
@@ -217,6 +217,7 @@ def excite(
     o.refuse(("start",), "with a contact law", "--at, where it is poked")
     from kinid.planning import Poke
     from kinid.planning.ideal import efficiency, ideal_information
+    from kinid.planning.poke_design import Bounds
 
     planner = _planner(o)
     law = planner.law
@@ -285,8 +286,8 @@ def _excite_free(
     from kinid.cli.show import console
     from kinid.data.rig import Rig
     from kinid.planning import Limits
-    from kinid.planning.excite import Bounds
     from kinid.planning.free_motion import excite_free
+    from kinid.planning.poke_design import Bounds
     from kinid.robotics.robot import Robot
 
     the_rig = Rig.load(o.rig)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from kinid.cli.plan_arguments import Options
+from kinid.inputs import read_json
 
 if TYPE_CHECKING:
     from kinid.planning import Trajectory
@@ -52,7 +52,7 @@ def _doubted(o: Options) -> list[str]:
     """What a fit says of itself that its intervals don't hold."""
     if o.fit is None:
         return []
-    warnings = json.loads(o.fit.read_text(encoding="utf-8")).get("warnings") or ()
+    warnings = read_json(o.fit, "what kinid fit --json wrote", "fit anew with --json").get("warnings") or ()
     return [
         f"the fit says: {warning}; its intervals promise too much" for warning in warnings if "rejected" in str(warning)
     ]

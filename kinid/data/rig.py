@@ -18,6 +18,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from pydantic_core import PydanticCustomError
 
 from kinid.errors import InputError, near
+from kinid.inputs import read_text
 from kinid.units import FACTORS
 
 Array = NDArray[np.float64]
@@ -226,14 +227,7 @@ class Rig(_Table):
             InputError: the file is absent, is not TOML, or holds something that can't be a rig.
         """
         path = Path(path)
-        try:
-            text = path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise InputError(
-                f"no readable rig at {path} ({_reason(error)})",
-                "a rig.toml in UTF-8",
-                "name it with --rig, or put rig.toml beside the log",
-            ) from None
+        text = read_text(path, "a rig.toml", "name it with --rig, or put rig.toml beside the log")
         return cls.parse_text(text, folder=path.parent, where=str(path))
 
     @classmethod
@@ -243,6 +237,8 @@ class Rig(_Table):
             tables = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
             raise InputError(f"{where}: {error}", "valid TOML", "correct that line") from None
+        except RecursionError:
+            raise InputError(f"{where}, nested too deeply to be read", "the tables of a rig", "correct it") from None
         return cls.parse(tables, folder=folder, where=where)
 
     @classmethod

@@ -45,6 +45,8 @@ IMPEDANCE = 0.02
 THICK = 0.02
 #: a mesh of more faces is too many patches for an engine
 MOST_FACES = 5000
+#: a plane of more patches is too many too
+MOST_PATCHES = 40_000
 #: along the longer side of a plane, unless the user says more
 CELLS = 20
 #: property names that become stiffness, damping and friction
@@ -102,6 +104,12 @@ def patches(grown: PropertyMap, cells: int = CELLS, method: str = "gp") -> Patch
             known &= guess.known
         else:
             fields.append(np.full(known.shape, np.nan))
+    if not known.any():
+        raise InputError(
+            "a map that knows no whole patch between its probes",
+            "probes near enough to each other to tell what lies between",
+            "poke more closely, or export with --method nearest",
+        )
     rows, columns = np.nonzero(known)
     flat = np.column_stack([ticks[0][rows], ticks[1][columns]])
     return Patches(
@@ -134,6 +142,13 @@ def cells_of(grown: PropertyMap, cell: float) -> int:
             f"patches of {cell} m",
             f"more than 0, up to half the map's longer side, {0.5 * side:.3g} m",
             "correct it, or map more of the surface",
+        )
+    shares = [float(np.ptp(t)) / cell for t in ticks]
+    if shares[0] * shares[1] > MOST_PATCHES:
+        raise InputError(
+            f"patches of {cell} m, which are {shares[0] * shares[1]:.3g} of them",
+            f"{MOST_PATCHES} patches at most, {np.sqrt(shares[0] * shares[1] / MOST_PATCHES) * cell:.2g} m wide here",
+            "make them wider",
         )
     # the shorter side is cut into a whole number of cells too, which may be smaller: one less along the longer side
     # mends it

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from kinid.data.log import Log
 from kinid.data.rig import Rig
 from kinid.errors import InputError, KinidError
 from kinid.identification.fit import Fit
+from kinid.inputs import read_json
 from kinid.mapping.boundaries import paths
 from kinid.mapping.property_map import Probe, Property, PropertyMap
 from kinid.modeling.model import Model
@@ -66,9 +66,9 @@ def expected(paths: Sequence[Path]) -> int | None:
         manifest = path / "campaign.json"
         if manifest.is_file():
             try:
-                facts = json.loads(manifest.read_text(encoding="utf-8"))
+                facts = read_json(manifest, "the manifest of a campaign", "make the campaign anew")
                 total += int(facts["rows"]) * int(facts["columns"])
-            except (OSError, ValueError, KeyError, TypeError):
+            except (KinidError, ValueError, KeyError, TypeError):
                 return None
         elif path.is_dir():
             return None

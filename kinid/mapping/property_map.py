@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from kinid.errors import InputError, near
 from kinid.mapping.interpolation import MESH_METHODS, METHODS, Guess, Interpolator, PlaneGround
 from kinid.mapping.interpolation.gaussian_process import interpolator
+from kinid.mapping.interpolation.uniform import Uniform
 from kinid.robotics.surface import Mesh, Plane
 from kinid.writers import replacing
 
@@ -69,6 +70,7 @@ class PropertyMap:
     properties: tuple[Property, ...]
     probes: tuple[Probe, ...] = ()
     model: str = ""
+    _fitted: dict[tuple[str, str], Interpolator] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         names = [p.name for p in self.properties]
@@ -115,7 +117,7 @@ class PropertyMap:
         for probe in probes:
             self._check(probe)
         made = object.__new__(PropertyMap)  # the others were checked when they came
-        made.__dict__.update(self.__dict__, probes=(*self.probes, *probes))
+        made.__dict__.update(self.__dict__, probes=(*self.probes, *probes), _fitted={})
         return made
 
     @property
@@ -164,9 +166,16 @@ class PropertyMap:
     def interpolator(self, name: str, method: str = "gp") -> Interpolator:
         """One property between the probes; queries are (m, 2) along a plane's tangents, or vertex numbers of a mesh.
 
+        It is fitted once, however often it is asked for.
+
         Raises:
             InputError: no probe that tells this property.
         """
+        if (name, method) not in self._fitted:
+            self._fitted[name, method] = self._fit(name, method)
+        return self._fitted[name, method]
+
+    def _fit(self, name: str, method: str) -> Interpolator:
         values, noise = self.values(name), self.deviations(name)
         tells = np.isfinite(values)
         if not tells.any():
@@ -176,6 +185,14 @@ class PropertyMap:
         from kinid.mapping.interpolation.mesh import MeshGround, on_mesh
 
         return on_mesh(method, MeshGround(self.surface, self.places[tells]), values[tells], noise[tells])
+
+    def uniform(self, name: str) -> Uniform | None:
+        """The one value of a property that is the same everywhere, with its error; None where it varies.
+
+        Raises:
+            InputError: no probe that tells this property.
+        """
+        return self.interpolator(name).uniform
 
     def grid(self, cells: int = 100, margin: float = 0.5) -> tuple[Array, Array]:
         """Ticks along both tangents of a plane [m] that span the probes and `margin` of their spacing around them.

@@ -22,6 +22,8 @@ from kinid.errors import InputError, MissingDependencyError
 
 Array = NDArray[np.float64]
 
+#: a picture of more pixels is refused before it is unpacked: each costs some hundred bytes on the way to its features
+MOST_PIXELS = 16_000_000
 #: half the side of the patch that features are taken from [pixels]
 HALF = 4
 #: names of the features
@@ -73,6 +75,12 @@ class Picture:
             raise MissingDependencyError("pillow", "vision") from None
         try:
             with Image.open(path, formats=("PNG", "JPEG")) as image:
+                if image.width * image.height > MOST_PIXELS:
+                    raise InputError(
+                        f"a picture of {image.width} × {image.height} pixels at {path}",
+                        f"{MOST_PIXELS / 1e6:.3g} million pixels at most",
+                        "make it smaller: a tip is tens of pixels wide then, too",
+                    )
                 return cls(np.asarray(image.convert("RGB"), dtype=np.float64) / 255.0, low, high)
         except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as error:
             raise InputError(

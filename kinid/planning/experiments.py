@@ -21,10 +21,10 @@ from kinid.errors import InputError
 from kinid.modeling.experiment import Experiment, from_joint_torques, from_wrench
 from kinid.modeling.model import Model
 from kinid.planning.check import check
-from kinid.planning.excite import Bounds
 from kinid.planning.expected import Law
 from kinid.planning.free_motion import Design, Swing, posture, scene_of, swing_drawn
 from kinid.planning.planner import Planner
+from kinid.planning.poke_design import Bounds
 from kinid.planning.signals import Multisine
 from kinid.planning.strokes import by_turns, stairs
 from kinid.planning.touches import DEEPEST, Place, Poke, Slide, Touch

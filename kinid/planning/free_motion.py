@@ -22,9 +22,9 @@ from kinid.modeling.experiment import Experiment, from_joint_torques, from_wrenc
 from kinid.modeling.model import Model
 from kinid.planning.check import Usage, check
 from kinid.planning.collision import Scene
-from kinid.planning.excite import Bounds
 from kinid.planning.information import Interval, cost, information, intervals, sensitivities, without
 from kinid.planning.limits import Limits
+from kinid.planning.poke_design import Bounds
 from kinid.planning.reach import Reach
 from kinid.planning.signals import fading
 from kinid.planning.trajectory import Trajectory

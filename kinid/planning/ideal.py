@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.identification.fit import Z95
-from kinid.planning.excite import Bounds
 from kinid.planning.expected import Law
 from kinid.planning.information import cost, information, sensitivities, sizes
+from kinid.planning.poke_design import Bounds
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,8 @@ def has_memory(law: Law) -> bool:
 
 
 def ideal_information(law: Law, bounds: Bounds, *, criterion: str, noise: float, rate: float) -> Array | None:
-    """Fisher's information of relative changes of the optimal measure, (p, p); None for a law with memory.
+    """Fisher's information of relative changes of the parameters that a poke tells, (p, p), by the optimal
+    measure; None for a law with memory.
 
     Args:
         law, bounds, criterion, noise [N], rate [Hz]: as for `kinid.planning.excite.optimise`.
@@ -42,6 +43,7 @@ def ideal_information(law: Law, bounds: Bounds, *, criterion: str, noise: float,
     if has_memory(law):
         return None
     rows = _rows(law, bounds)
+    rows = rows[:, np.any(rows != 0.0, axis=0)]
     weight = np.full(len(rows), 1.0 / len(rows))
     for _ in range(ROUNDS):
         seen = rows @ np.linalg.pinv(rows.T @ (weight[:, None] * rows))

@@ -9,7 +9,8 @@ import pytest
 
 import kinid
 from kinid.planning import Law, Multisine, Planner, Poke, grid, shortest_tour
-from kinid.planning.excite import Bounds, optimise
+from kinid.planning.excite import optimise
+from kinid.planning.poke_design import Bounds
 
 TABLES: dict[str, Any] = {
     "robot": {"model": "lwr4plus"},

@@ -8,7 +8,8 @@ from scipy.optimize import check_grad
 
 from kinid.errors import InputError
 from kinid.mapping.interpolation import METHODS, PlaneGround
-from kinid.mapping.interpolation.gaussian_process import GaussianProcess, _distance, _evidence, interpolator
+from kinid.mapping.interpolation.covariance import distances, evidence
+from kinid.mapping.interpolation.gaussian_process import GaussianProcess, interpolator
 from kinid.mapping.interpolation.segments import belonging
 
 
@@ -84,12 +85,12 @@ def test_a_probe_added_is_a_probe_fitted(smooth):
 @pytest.mark.parametrize("kind", [0.5, 1.5, 2.5])
 def test_the_evidence_has_the_derivative_that_is_used(smooth, kind):
     places, values, noise, _, _ = smooth
-    distance = _distance(places[:40], places[:40])
+    distance = distances(places[:40], places[:40])
     shared = np.where(np.arange(40)[:, None] % 2 == np.arange(40) % 2, 1.0, 0.5)
     at = np.log([0.02, 0.3, 0.02])
     arguments = (kind, distance, values[:40], noise[:40] ** 2, shared)
-    error = check_grad(lambda t: _evidence(t, *arguments)[0], lambda t: _evidence(t, *arguments)[1], at)
-    assert error < 1e-4 * np.linalg.norm(_evidence(at, *arguments)[1])
+    error = check_grad(lambda t: evidence(t, *arguments)[0], lambda t: evidence(t, *arguments)[1], at)
+    assert error < 1e-4 * np.linalg.norm(evidence(at, *arguments)[1])
 
 
 @pytest.mark.parametrize("method", ["gp", "biharmonic"])

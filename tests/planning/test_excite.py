@@ -12,9 +12,10 @@ from kinid.errors import InputError
 from kinid.identification.fit import Z95, fit_model
 from kinid.modeling.experiment import Experiment
 from kinid.planning import Law, Multisine, Planner, Poke, Protocol
-from kinid.planning.excite import NOISE, Bounds, expected_intervals, optimise
+from kinid.planning.excite import NOISE, expected_intervals, optimise
 from kinid.planning.ideal import efficiency, has_memory, ideal_information, least_halves
 from kinid.planning.information import cost, information, intervals, sensitivities, without
+from kinid.planning.poke_design import Bounds, Design
 
 RATE = 500.0
 #: the study's two sines, on a sponge and, half of it, on a silicone; and laws of that size
@@ -142,6 +143,44 @@ def test_models_with_memory_can_be_planned_for() -> None:
     plain = expected_intervals(law, Multisine(0.01, ((0.001, 1.0),)))
     gained = [found.intervals[name].half / plain[name].half for name in plain]
     assert max(gained) < 1.0
+
+
+@pytest.mark.parametrize("criterion", ["D", "A"])
+def test_a_parameter_that_no_poke_tells_spoils_nothing(criterion: str) -> None:
+    """README's own command: friction stays open, and the rest is told as well as without it; more speed never harms."""
+    values = {"stiffness": 526.3, "damping": 19.11}
+    halves = {}
+    for speed in (0.05, 0.15):
+        bounds = Bounds(force=8.0, speed=speed)
+        both = optimise(Law(kinid.Model("kelvin-voigt", "coulomb-friction"), values), bounds, criterion=criterion)
+        alone = optimise(Law(kinid.Model("kelvin-voigt"), values), bounds, criterion=criterion)
+        assert both.binding
+        assert both.force > 0.95 * 8.0
+        assert np.isinf(both.intervals["coulomb-friction.coefficient"].half)
+        assert both.cost == pytest.approx(alone.cost, abs=1e-6)
+        halves[speed] = both.intervals["kelvin-voigt.damping"].half
+    assert halves[0.15] < halves[0.05]
+
+
+def test_the_optimum_is_no_worse_than_any_simple_motion() -> None:
+    """Of one sine or two, of many offsets, frequencies and amplitudes, those that keep the bounds."""
+    law, rng = Law(kinid.Model("kelvin-voigt"), {"stiffness": 526.3, "damping": 19.11}), np.random.default_rng(0)
+    bounds = Bounds(force=8.0, speed=0.15)
+    found = optimise(law, bounds)
+    design = Design(law, bounds, 2, "D", NOISE, RATE)
+    costs = []
+    for _ in range(300):
+        sines = tuple((rng.uniform(0, 0.007), rng.uniform(0.3, 3.0)) for _ in range(2))
+        simple = Multisine(rng.uniform(0.002, 0.014), sines)
+        costs += [design.cost(simple)] if design.keeps(simple) else []
+    assert len(costs) > 50
+    assert found.cost < min(costs)
+
+
+def test_a_poke_that_tells_nothing_is_refused() -> None:
+    law = Law(kinid.Model("kelvin-voigt"), {"stiffness": 10.0, "damping": 1e-3})
+    with pytest.raises(InputError, match=r"best poke tells kelvin-voigt\.stiffness to ±"):
+        optimise(law, Bounds(deepest=2e-5, shallowest=1e-5), noise=5.0)
 
 
 def test_information_by_hand() -> None:

@@ -14,9 +14,9 @@ from kinid.errors import InputError
 from kinid.identification.fit import fit_model
 from kinid.modeling.experiment import from_wrench
 from kinid.planning.check import breaks, check
-from kinid.planning.excite import Bounds
 from kinid.planning.free_motion import WRENCH_NOISE, Swing, excite_free
 from kinid.planning.limits import Limits
+from kinid.planning.poke_design import Bounds
 
 
 def test_a_swing_has_its_derivatives() -> None:

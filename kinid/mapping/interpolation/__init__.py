@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError
+from kinid.mapping.interpolation.uniform import Uniform
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -46,7 +47,14 @@ class Guess:
 
 
 class Interpolator(ABC):
-    """One property over a surface."""
+    """One property over a surface.
+
+    Attributes:
+        uniform: the one value of a property that is the same everywhere; None where it varies, or the method can't
+            tell.
+    """
+
+    uniform: Uniform | None = None
 
     @abstractmethod
     def at(self, queries: NDArray[Any], sd: bool = True) -> Guess:

@@ -17,59 +17,21 @@ from numpy.typing import NDArray
 
 from kinid.errors import InputError, near
 from kinid.mapping.interpolation import METHODS, Biharmonic, Guess, Interpolator, Nearest, PlaneGround, on_plane
+from kinid.mapping.interpolation.covariance import Covariance, constant, diagonal, distances, learn
 from kinid.mapping.interpolation.local_bias import misfit, shared_error, spread_over
 from kinid.mapping.interpolation.segments import belonging, candidates, neighbours, scaled
+from kinid.mapping.interpolation.uniform import Uniform, uniform_value
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 SMOOTHNESS = (0.5, 1.5, 2.5)
-#: lengths and sizes are learnt from so many probes at most, spread evenly; more hardly change them
-LEARN_FROM = 150
 #: queries are answered in blocks of this size, which stay in a processor's cache
 BLOCK = 512
 #: shares of covariance between zones that are tried
 ACROSS = (0.0, 0.5)
 #: where the process knows no more than this share of its prior, the place is unknown
 IGNORANCE = 0.9
-
-
-@dataclass(frozen=True)
-class Covariance:
-    """Matérn: smoothness ν, length [m], size (standard deviation of the property), nugget (what no neighbour
-    shares).
-    """
-
-    smoothness: float
-    length: float
-    size: float
-    nugget: float
-
-    def correlation(
-        self, distance: NDArray[np.floating], room: NDArray[np.floating] | None = None
-    ) -> NDArray[np.floating]:
-        """Of places a distance apart [m], in its precision and in its place; `room` of the same shape saves making
-        some.
-
-        ν = 1/2: e⁻ʳ; 3/2: (1 + r) e⁻ʳ; 5/2: (1 + r + r²/3) e⁻ʳ, with r = √(2ν) distance / length.
-        """
-        r, e = distance, np.empty_like(distance) if room is None else room
-        kind = r.dtype.type
-        r *= kind(np.sqrt(2 * self.smoothness) / self.length)
-        np.negative(r, out=e)
-        np.exp(e, out=e)
-        if self.smoothness == 0.5:
-            r[...] = e
-            return r
-        if self.smoothness == 2.5:
-            r += kind(1.5)  # 1 + r + r²/3 = ((r + 3/2)² + 3/4) / 3
-            r *= r
-            r += kind(0.75)
-            e *= kind(1 / 3)
-        else:
-            r += kind(1.0)
-        r *= e
-        return r
 
 
 @final
@@ -85,6 +47,7 @@ class GaussianProcess(Interpolator):
         step: a larger difference between neighbours (of logarithms, where all values are positive) parts zones.
         shared: the part of each probe's error that its neighbours make too, (n,); it isn't in `noise`, but in what is
             stated.
+        uniform: the one value, where the probes say that the property has one.
     """
 
     ground: PlaneGround
@@ -98,6 +61,7 @@ class GaussianProcess(Interpolator):
     across: float = 1.0
     step: float = float("inf")
     shared: Array | None = None
+    uniform: Uniform | None = None
 
     @classmethod
     def fit(
@@ -137,14 +101,18 @@ class GaussianProcess(Interpolator):
         mean = float(trust @ values / trust.sum())
         kinds = (smoothness,) if smoothness else SMOOTHNESS
         one = np.zeros(len(values), dtype=np.int64)
-        best = (*_learn(ground, values - mean, noise, spread, kinds, one, 1.0), one, 1.0, float("inf"))
+        best = (*learn(ground, values - mean, noise, spread, kinds, one, 1.0), one, 1.0, float("inf"))
         for limit, zones in candidates(ground.places, values, noise) if edges else []:
             for across in ACROSS:
                 kind = (best[0].smoothness,)
-                learnt, evidence = _learn(ground, values - mean, noise, spread, kind, zones, across, best[0])
+                learnt, evidence = learn(ground, values - mean, noise, spread, kind, zones, across, best[0])
                 if evidence > best[1]:
                     best = (learnt, evidence, zones, across, limit)
         learnt, evidence, zones, across, step = best
+        uniform = uniform_value(values, noise, evidence)
+        if uniform is not None:
+            learnt, mean = constant(ground, spread, uniform.scatter), uniform.value
+            return replace(cls._built(ground, values, noise, learnt, mean, one, 1.0), uniform=uniform), evidence
         return cls._built(ground, values, noise, learnt, mean, zones, across, step), evidence
 
     @classmethod
@@ -161,10 +129,10 @@ class GaussianProcess(Interpolator):
     ) -> GaussianProcess:
         from scipy.linalg import cho_solve, cholesky
 
-        system = learnt.size**2 * learnt.correlation(_distance(ground.places, ground.places))
+        system = learnt.size**2 * learnt.correlation(distances(ground.places, ground.places))
         if across < 1.0:
             system[zones[:, None] != zones] *= across
-        system[np.diag_indices_from(system)] += _diagonal(noise, learnt)
+        system[np.diag_indices_from(system)] += diagonal(noise, learnt)
         factor = cholesky(system, lower=True, overwrite_a=True, check_finite=False)
         weights = cho_solve((factor, True), values - mean, check_finite=False)
         return cls(ground, values, noise, learnt, mean, factor, weights, zones, across, step)
@@ -174,13 +142,13 @@ class GaussianProcess(Interpolator):
         from scipy.linalg import cho_solve, solve_triangular
 
         place = np.asarray(place, dtype=float).reshape(1, 2)
-        distance = _distance(place, self.ground.places)
+        distance = distances(place, self.ground.places)
         zone = self._zone_of(distance[0], value)
         row = self.covariance.size**2 * self.covariance.correlation(distance)[0]
         row[self.zones != zone] *= self.across
         side = solve_triangular(self.factor, row, lower=True, check_finite=False)
         noises = np.append(self.noise, noise)
-        corner = self.covariance.size**2 + _diagonal(noises[-1:], self.covariance)[0] - side @ side
+        corner = self.covariance.size**2 + diagonal(noises[-1:], self.covariance)[0] - side @ side
         n = len(row)
         factor = np.zeros((n + 1, n + 1))
         factor[:n, :n], factor[n, :n] = self.factor, side
@@ -226,7 +194,7 @@ class GaussianProcess(Interpolator):
     @cached_property
     def misfit(self) -> Array:
         """What the mean may be off by at each probe, as the residuals around it say, (n,)."""
-        own = _diagonal(self.noise, self.covariance)
+        own = diagonal(self.noise, self.covariance)
         # the covariance of the property times the weights is the guess, so that its diagonal times them is what is left
         return misfit(self.ground.places, own * self.weights, np.sqrt(own), self.ground.spacing)
 
@@ -272,7 +240,7 @@ class GaussianProcess(Interpolator):
             rows = slice(a, min(a + BLOCK, len(q)))
             size = rows.stop - a
             k = self.covariance.correlation(
-                _distance(asked[rows], places, room[0, :size], room[1, :size]), room[1, :size]
+                distances(asked[rows], places, room[0, :size], room[1, :size]), room[1, :size]
             )
             mean[rows] = k @ weights
             if inverse is not None:
@@ -303,8 +271,8 @@ class GaussianProcess(Interpolator):
             return self.values - self.weights / own, 1.0 / own
         # left out, a probe's zone is no longer known: it is mixed from those of its neighbours
         n, prior = len(self.values), self.covariance.size**2
-        correlation = self.covariance.correlation(_distance(self.ground.places, self.ground.places))
-        spacing, noise = self.ground.spacing, _diagonal(self.noise, self.covariance)
+        correlation = self.covariance.correlation(distances(self.ground.places, self.ground.places))
+        spacing, noise = self.ground.spacing, diagonal(self.noise, self.covariance)
         mean, variance = np.empty(n), np.empty(n)
         for i in range(n):
             others = np.arange(n) != i
@@ -322,115 +290,6 @@ class GaussianProcess(Interpolator):
             mean[i] = share[0] @ means
             variance[i] = share[0] @ (variances + (means - mean[i]) ** 2)
         return mean + self.mean, variance
-
-
-def _diagonal(noise: Array, learnt: Covariance) -> Array:
-    """What probes don't share, and what keeps the factor from rounding."""
-    return np.asarray(noise**2 + learnt.nugget**2 + 1e-9 * learnt.size**2)
-
-
-def _distance(
-    a: NDArray[np.floating],
-    b: NDArray[np.floating],
-    out: NDArray[np.floating] | None = None,
-    room: NDArray[np.floating] | None = None,
-) -> NDArray[np.floating]:
-    """Between places, (m, n)."""
-    out = np.subtract(a[:, 0, None], np.ascontiguousarray(b[:, 0]), out=out)
-    room = np.subtract(a[:, 1, None], np.ascontiguousarray(b[:, 1]), out=room)
-    out *= out
-    room *= room
-    out += room
-    return np.asarray(np.sqrt(out, out=out))
-
-
-def _learn(
-    ground: PlaneGround,
-    values: Array,
-    noise: Array,
-    spread: float,
-    kinds: tuple[float, ...],
-    zones: Index,
-    across: float,
-    near: Covariance | None = None,
-) -> tuple[Covariance, float]:
-    """The covariance with the largest marginal likelihood on at most `LEARN_FROM` probes, searched for from `near` on.
-
-    With it the logarithm of that likelihood, less what choosing each zone costs: ln n, as in Schwarz' criterion.
-    """
-    from scipy.optimize import minimize
-
-    n = len(values)
-    if n < 4:
-        return Covariance(1.5, max(ground.spacing, 1e-6), spread, 1e-3 * spread), 0.0
-    chosen = np.arange(n)
-    if n > LEARN_FROM:
-        chosen = np.sort(np.random.default_rng(0).choice(n, LEARN_FROM, replace=False))
-    places, y, variance = ground.places[chosen], values[chosen], noise[chosen] ** 2
-    distance = _distance(places, places)
-    shared = np.where(zones[chosen][:, None] == zones[chosen], 1.0, across)
-    longest = 3.0 * max(float(distance.max()), 1e-9)
-    shortest = max(0.2 * ground.spacing, 1e-4 * longest)
-    bounds = [
-        (np.log(shortest), np.log(longest)),
-        (np.log(1e-2 * spread), np.log(1e2 * spread)),
-        (np.log(1e-4 * spread), np.log(2 * spread)),
-    ]
-    start = np.array([np.log(np.clip(3 * ground.spacing, shortest, longest)), np.log(spread), np.log(0.03 * spread)])
-    if near is not None:
-        start = np.log(np.clip([near.length, near.size, near.nugget], *np.exp(np.array(bounds).T)))
-    best: tuple[float, Covariance] | None = None
-    for kind in kinds:
-        found = minimize(
-            _evidence,
-            start,
-            args=(kind, distance, y, variance, shared),
-            jac=True,
-            bounds=bounds,
-            method="L-BFGS-B",
-            options={"maxiter": 25, "ftol": 1e-6},
-        )
-        learnt = Covariance(kind, *(float(v) for v in np.exp(found.x)))
-        if best is None or found.fun < best[0]:
-            best = (float(found.fun), learnt)
-        start = found.x
-    assert best is not None
-    cost = len(np.unique(zones)) * np.log(len(y)) if across < 1.0 else 0.0
-    return best[1], -best[0] - cost
-
-
-def _evidence(
-    logs: Array, kind: float, distance: Array, y: Array, variance: Array, shared: Array | float = 1.0
-) -> tuple[float, Array]:
-    """Negative log marginal likelihood, and its derivative by the logarithms of length, size and nugget."""
-    from scipy.linalg import LinAlgError, cholesky
-    from scipy.linalg.lapack import dpotri
-
-    length, size, nugget = np.exp(logs)
-    r = distance * (np.sqrt(2 * kind) / length)
-    e = np.exp(-r)
-    if kind == 0.5:
-        shape, slope = e, r * e
-    elif kind == 1.5:
-        shape, slope = (1 + r) * e, r * r * e
-    else:
-        shape, slope = (1 + r + r * r / 3) * e, r * r * (1 + r) / 3 * e
-    shape, slope = shape * shared, slope * shared
-    system = size**2 * shape
-    system[np.diag_indices_from(system)] += variance + nugget**2 + 1e-9 * size**2
-    try:
-        factor = cholesky(system, lower=True, check_finite=False)
-    except LinAlgError:
-        return 1e25, np.zeros(3)
-    inverse = dpotri(factor, lower=1)[0]
-    inverse = np.tril(inverse) + np.tril(inverse, -1).T
-    a = inverse @ y
-    value = 0.5 * y @ a + np.log(np.diag(factor)).sum()
-    inner = np.outer(a, a) - inverse
-    by_length = -0.5 * size**2 * np.sum(inner * slope)
-    by_size = -np.sum(inner * (size**2 * shape))
-    by_nugget = -(nugget**2) * np.trace(inner)
-    return float(value), np.array([by_length, by_size, by_nugget])
 
 
 def interpolator(method: str, ground: PlaneGround, values: Array, noise: Array | None = None) -> Interpolator:

@@ -9,7 +9,7 @@ way.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, final
 
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from kinid.errors import InputError, near
 from kinid.mapping.interpolation import MESH_METHODS, REACH, Guess, Interpolator, Mask, less_the_nearest
 from kinid.mapping.interpolation.local_bias import misfit, spread_over
+from kinid.mapping.interpolation.uniform import Uniform, uniform_value
 from kinid.robotics.surface import Mesh
 
 Array = NDArray[np.float64]
@@ -193,6 +194,7 @@ class MeshProcess(Interpolator):
     size: float
     mean: float
     states: bool = True
+    uniform: Uniform | None = None
 
     @classmethod
     def fit(cls, ground: MeshGround, values: Array, noise: Array | None = None) -> MeshProcess:
@@ -216,6 +218,10 @@ class MeshProcess(Interpolator):
                 if sign > 0 and (best is None or value < best[0]):
                     best = (value, float(length), float(size))
         assert best is not None
+        uniform = uniform_value(values, noise, -best[0])
+        if uniform is not None:
+            flat = cls.biharmonic(ground, values, np.hypot(noise, uniform.scatter))
+            return replace(flat, mean=uniform.value, states=True, uniform=uniform)
         return cls(ground, values, noise, best[1], best[2], mean)
 
     @classmethod
@@ -265,6 +271,9 @@ class MeshProcess(Interpolator):
     @cached_property
     def _vertices(self) -> tuple[Array, Array, Array]:
         """Mean, standard deviation and prior's standard deviation at every vertex."""
+        if self.uniform is not None:
+            every = np.ones(len(self.ground.mesh.vertices))
+            return self.uniform.value * every, self.uniform.standard_error * every, np.inf * every
         columns = self.size**2 * self._columns
         mean = self.mean + columns @ (self._inverse @ (self.values - self.mean))
         n = len(columns)

@@ -1,0 +1,122 @@
+"""How a command ends: its exit code, and one line on stderr for whatever went wrong, foreseen or not."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shlex
+import signal
+import sys
+import tempfile
+import traceback
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from kinid.errors import KinidError
+
+#: bad input; an error that nobody foresaw (EX_SOFTWARE of sysexits.h); stopped by the user or by a supervisor
+BAD_INPUT, UNFORESEEN, STOPPED = 2, 70, 130
+#: parsers of text, which go as deep as the text does
+PARSERS = ("json", "tomllib")
+TOO_LARGE = "found input that needs more memory than there is; expected what fits; to mend it, give a part of it"
+TOO_DEEP = "found text nested too deeply to be read; expected a rig, a fit or a log; to mend it, name another file"
+
+
+def ended(command: Callable[[], Any], words: Sequence[str], version: str) -> int:
+    """Run a command, and say in one line what stopped it; its exit code.
+
+    Args:
+        command: what to run; its result is an exit code, or None for 0. words: of the command line, for a report.
+        version: of kinid, for a report.
+    """
+    if hasattr(signal, "SIGTERM"):
+        signal.signal(signal.SIGTERM, _stop)
+    try:
+        code = command()
+        # what is still in the buffer may find its reader gone
+        sys.stdout.flush()
+        if code == STOPPED:  # typer has caught Ctrl-C
+            _say("stopped; nothing was left half-written")
+        return int(code or 0)
+    except (Exception, KeyboardInterrupt) as error:
+        return _told(error, words, version)
+
+
+def _told(error: BaseException, words: Sequence[str], version: str) -> int:
+    """One line about what ended a command, and its exit code."""
+    if isinstance(error, BrokenPipeError):  # the reader of a pipe has gone: nobody is left to tell
+        _let_go_of_output()
+        code = 0
+    elif isinstance(error, KeyboardInterrupt) or type(error).__name__ == "Abort":  # typer's word for Ctrl-C
+        code = _say("stopped; nothing was left half-written", STOPPED)
+    elif isinstance(error, KinidError):
+        code = _say(str(error), BAD_INPUT)
+    elif isinstance(error, MemoryError):
+        code = _say(TOO_LARGE, BAD_INPUT)
+    elif isinstance(error, RecursionError) and _in_parser(error):
+        code = _say(TOO_DEEP, BAD_INPUT)
+    elif hasattr(error, "format_message") and hasattr(error, "exit_code"):
+        code = _misused(error)
+    else:
+        code = _unforeseen(error, words, version)
+    return code
+
+
+def _stop(*_: object) -> None:
+    """SIGTERM ends a command as Ctrl-C does, so that what it was writing is removed."""
+    raise KeyboardInterrupt
+
+
+def _misused(error: Any) -> int:
+    """Wrong use of options, whichever command-line library typer carries: it knows its message and its exit code."""
+    context = getattr(error, "ctx", None)
+    if type(error).__name__ == "NoArgsIsHelpError" and context is not None:
+        print(context.get_help(), file=sys.stderr)
+        return BAD_INPUT
+    where = f"{context.command_path} --help" if context is not None else "kinid --help"
+    return _say(f"{error.format_message()} See '{where}'.", BAD_INPUT)
+
+
+def _in_parser(error: BaseException) -> bool:
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    return bool(frames) and str(frames[-1].f_globals.get("__name__", "")).split(".")[0] in PARSERS
+
+
+def _unforeseen(error: BaseException, words: Sequence[str], version: str) -> int:
+    """The traceback goes into a file that only its user can read, and a line says where that is."""
+    report = (
+        f"kinid {version}, Python {platform.python_version()}, {platform.platform()}\n"
+        f"{shlex.join(['kinid', *words])}\n\n{''.join(traceback.format_exception(error))}"
+    )
+    told = f"{type(error).__name__}: {str(error)[:200]}" if str(error) else type(error).__name__
+    try:
+        handle, path = tempfile.mkstemp(prefix="kinid-error-", suffix=".txt")
+        with os.fdopen(handle, "w", encoding="utf-8", errors="backslashreplace") as file:
+            file.write(report)
+        where = f"please report it with {path}, which holds the traceback"
+    except OSError:
+        where = "please report it; there was no way to write its traceback to a file"
+    return _say(f"an error that was not foreseen: {told}; {where}", UNFORESEEN)
+
+
+def _let_go_of_output() -> None:
+    """Neither a flush at exit nor a late remark may meet the closed pipe again."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except (OSError, ValueError):
+            try:
+                os.dup2(nowhere, stream.fileno())
+            except (OSError, ValueError):  # no file behind it, as in a test
+                continue
+
+
+def _say(message: str, code: int = STOPPED) -> int:
+    """One line on stderr, also of names that no encoding holds; the code, to go on with."""
+    line = f"kinid: {' '.join(message.split())}"
+    try:
+        print(line.encode("utf-8", "backslashreplace").decode("utf-8"), file=sys.stderr)
+    except OSError:
+        _let_go_of_output()
+    return code

@@ -1,0 +1,145 @@
+"""However a command ends: one line on stderr, an exit code that says which way, nothing half-written."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import kinid.cli
+
+SHIM = "from kinid.cli import main; main()"
+
+
+def test_an_error_that_was_not_foreseen_is_one_line_and_a_file(run, monkeypatch, tmp_path):
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", None)
+
+    def broken(*_args, **_options):
+        raise ZeroDivisionError("something that\nnobody thought of")
+
+    monkeypatch.setattr(kinid.cli, "app", broken)
+    code, out, err = run("doctor")
+    assert code == 70
+    assert out == ""
+    assert err.count("\n") == 1
+    assert "ZeroDivisionError: something that nobody thought of" in err
+    assert "please report" in err
+    report = Path(re.search(r"\S+kinid-error-\S+\.txt", err)[0].rstrip(";,"))
+    text = report.read_text(encoding="utf-8")
+    assert "Traceback" in text
+    assert "kinid doctor" in text
+    assert report.stat().st_mode & 0o077 == 0  # it may hold names of the user's files
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"a":' * 100_000, "1" + "0" * 5000])
+def test_json_that_is_nested_or_long_beyond_measure_is_bad_input(run, log, text):
+    (log.parent / "fit.json").write_text(text, encoding="utf-8")
+    code, _, err = run(
+        "plan",
+        "excite",
+        "--rig",
+        log.parent / "rig.toml",
+        "--model",
+        "hooke",
+        "--fit",
+        log.parent / "fit.json",
+        "-o",
+        log.parent / "best.parquet",
+    )
+    assert code == 2, err
+    assert err.count("\n") == 1
+
+
+def test_toml_that_is_nested_beyond_measure_is_bad_input(run, log):
+    (log.parent / "rig.toml").write_text("a = " + "[" * 50_000, encoding="utf-8")
+    code, _, err = run("fit", log, "--model", "hooke")
+    assert code == 2, err
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("name", ["/dev/zero", "large.toml"])
+def test_a_rig_without_end_is_not_read(run, log, name):
+    large = log.parent / "large.toml"
+    large.write_bytes(b"# " + b"x" * 3_000_000 + b"\n")
+    rig = large if name == "large.toml" else Path(name)
+    started = time.monotonic()
+    code, _, err = run("fit", log, "--rig", rig, "--model", "hooke")
+    assert code == 2
+    assert "expected" in err
+    # it is refused before it is read: 8 GB took minutes
+    assert time.monotonic() - started < 20
+
+
+def test_more_memory_than_there_is_is_said(run, monkeypatch):
+    def hungry(*_args, **_options):
+        raise MemoryError
+
+    monkeypatch.setattr(kinid.cli, "app", hungry)
+    code, _, err = run("doctor")
+    assert code == 2
+    assert "memory" in err
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_stops_it_in_one_line(number, log):
+    """While a plan is made, which takes seconds; a plan that was there stays as it was."""
+    out = log.parent / "best.parquet"
+    out.write_bytes(b"as it was")
+    words = [
+        "plan",
+        "excite",
+        "--rig",
+        log.parent / "rig.toml",
+        "--model",
+        "kelvin-voigt",
+        "--force-limit",
+        "8",
+        "-o",
+        out,
+    ]
+    child = subprocess.Popen(
+        [sys.executable, "-c", SHIM, *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert child.stdout is not None
+    child.stdout.readline()  # it says that it begins
+    child.send_signal(number)
+    _, err = child.communicate(timeout=60)
+    assert child.returncode == 130
+    assert err == "kinid: stopped; nothing was left half-written\n"
+    assert out.read_bytes() == b"as it was"
+    assert [path.name for path in log.parent.iterdir() if path.name.startswith(".")] == []
+
+
+def test_a_pipe_whose_reader_has_gone_says_nothing():
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run(
+        [sys.executable, "-c", SHIM, "diagnose", "--explain", "all"], stdout=write, stderr=subprocess.PIPE, check=False
+    )
+    os.close(write)
+    assert done.stderr == b""
+
+
+def test_patches_beyond_number_are_refused_before_any_is_made(run, log, tmp_path):
+    code, _, err = run("map", log, "-o", tmp_path / "m.parquet", "--export", tmp_path / "w", "--cell", "1e-9")
+    assert code == 2
+    assert "patches" in err
+    assert not (tmp_path / "w").exists()
+
+
+def test_the_report_of_an_error_is_named_in_json_free_words(run, monkeypatch, tmp_path):
+    """Words of the error that hold braces or newlines stay on the one line."""
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr(kinid.cli, "app", lambda *_a, **_k: json.loads("{}")["a\nb"])
+    code, _, err = run("doctor")
+    assert code == 70
+    assert err.count("\n") == 1
