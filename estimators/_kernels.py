@@ -409,26 +409,6 @@ def kelvin_voigt_rows(depth: Any, rate: Any, force: Any, contact: Any, rows: Any
         codes[k] = NO_CONTACT if depth[k] <= 0.0 or not contact[k] else VALID
 
 
-@jit
-def friction_rows(
-    load: Any, slip: Any, force: Any, speed: float, least: float, rows: Any, outputs: Any, codes: Any
-) -> None:
-    """Regressors [N, |v|] of T = μ N + c |v|, with T the force against the slip; slip and force are (n, axes)."""
-    for k in range(len(load)):
-        square, along = 0.0, 0.0
-        for i in range(slip.shape[1]):
-            square += slip[k, i] * slip[k, i]
-            along -= slip[k, i] * force[k, i]
-        v = math.sqrt(square)
-        rows[k, 0], rows[k, 1], outputs[k], codes[k] = load[k], v, along, VALID
-        if load[k] <= least:
-            codes[k] = NO_CONTACT
-        elif v <= speed:
-            codes[k] = NOT_SLIDING
-        else:
-            outputs[k] = along / v
-
-
 @inlined
 def row_once(shape: Any, room: Any) -> None:
     """Least squares of the row, output and code that are the last inputs; settings begin with `directional`."""
@@ -464,18 +444,4 @@ def kelvin_voigt_once(t: float, shape: Any, store: Any) -> None:
     room = carve(shape, store)
     x, own = room.inputs, room.inputs[4:]
     kelvin_voigt_rows(x[:1], x[1:2], x[2:3], x[3:4], own[:2].reshape(1, 2), own[2:3], own[3:])
-    row_once(shape, room)
-
-
-@jit
-def friction_once(t: float, shape: Any, store: Any) -> None:
-    """One slip: load, slip rate and tangential force along each axis; then room for a row."""
-    room = carve(shape, store)
-    end = len(room.inputs) - 4
-    axes = (end - 1) // 2
-    slip, force = room.inputs[1 : 1 + axes].reshape(1, axes), room.inputs[1 + axes : end].reshape(1, axes)
-    own = room.inputs[end:]
-    friction_rows(
-        room.inputs[:1], slip, force, room.settings[1], room.settings[2], own[:2].reshape(1, 2), own[2:3], own[3:]
-    )
     row_once(shape, room)

@@ -51,7 +51,8 @@ _REMEDIES = {
     Status.TOO_FAST: "too fast for the approximation (|ẋ| ≥ 0.1 K/B): move slower",
     Status.NOT_FINITE: "the sample is not a finite number and was passed over: look for gaps in the log",
     Status.NOT_SLIDING: "the tip is at rest, the last values are kept: slide faster",
-    Status.MISFIT: "the residual is over three times the stated noise: state the noise, try another law, or start anew",
+    Status.MISFIT: "the residual is over three times the stated noise, or isn't noise: state the noise, try another "
+    "law, or start anew",
     Status.DIVERGED: "the filter lost the material (innovations far outside their covariance): start anew, or let it "
     "walk",
 }
