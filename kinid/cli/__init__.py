@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 import kinid
-from kinid.cli import compare, contact, demo, diagnose, doctor, fit, lab, picture, plan, view
+from kinid.cli import compare, contact, demo, diagnose, doctor, effect, fit, lab, picture, plan, view
 from kinid.cli import map as map_command
 from kinid.cli.ending import ended
 from kinid.cli.once import Once
@@ -65,7 +65,8 @@ for name, function, examples, short in (
 ):
     app.command(name, epilog=examples, short_help=short)(function)
 app.add_typer(plan.app, name="plan", short_help="Trajectories the robot can run.")
-for command in (*app.registered_commands, *plan.app.registered_commands):
+app.add_typer(effect.app, name="effect", short_help="An effect of your own, in one file.")
+for command in (*app.registered_commands, *plan.app.registered_commands, *effect.app.registered_commands):
     command.cls = Once
     lines = [line.strip() for line in (command.epilog or "").splitlines() if line.strip()]
     # "\b": each example stays on its line, to be copied

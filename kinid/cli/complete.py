@@ -42,9 +42,9 @@ def effect(incomplete: str) -> list[tuple[str, str]]:
 
 def hidden(incomplete: str) -> list[tuple[str, str]]:
     """Effects that the laboratory can hide."""
-    from kinid.lab.hidden import PLANTS
+    from kinid.lab.injectors import injectors
 
-    return _titled(sorted(PLANTS), incomplete)
+    return _titled(sorted(injectors()), incomplete)
 
 
 def method(incomplete: str) -> list[tuple[str, str]]:

@@ -9,24 +9,29 @@ import pkgutil
 from functools import cache
 
 from kinid.effects._effect import Effect, Stage
-from kinid.effects._foreign import foreign_effects, only_effect
+from kinid.effects._example import Example, Motion
+from kinid.effects._foreign import foreign_effects, load_effect, only_effect
 from kinid.effects._samples import Detection, Samples
-from kinid.effects._signals import AsRead, JointMotion, Layout, SensorMotion, Signals
+from kinid.effects._signals import Array, AsRead, JointMotion, Layout, SensorMotion, Signals
 from kinid.errors import InputError, near
 
 __all__ = [
     "TOGETHER",
+    "Array",
     "AsRead",
     "Detection",
     "Effect",
+    "Example",
     "JointMotion",
     "Layout",
+    "Motion",
     "Samples",
     "SensorMotion",
     "Signals",
     "Stage",
     "catalogue",
     "get",
+    "load_effect",
 ]
 
 

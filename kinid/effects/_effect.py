@@ -13,6 +13,7 @@ from typing import ClassVar, TypeVar
 
 import numpy as np
 
+from kinid.effects._example import Example
 from kinid.effects._samples import Detection, Samples
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
@@ -77,6 +78,7 @@ class Effect(ABC):
             alternative.
         holds: effects that it holds already, so that they have nothing to add beside it.
         same_for_joints: name of the effect that is the same thing in a log of joint torques.
+        example: the effect at work, which the contract of all effects is checked on (`kinid effect check`).
         turn: when it acts among the effects of one stage, whatever order a model names them in: lower turns first.
             Effects that share a turn and a stage act alike in either order. Elastic: what bends the base's spring, 1
             what adds, 2 what scales, 3 what remembers; friction: what adds, 1 what scales; sensor: its mounting, 1 its
@@ -112,6 +114,7 @@ class Effect(ABC):
     generalises: ClassVar[tuple[str, ...]] = ()
     holds: ClassVar[tuple[str, ...]] = ()
     same_for_joints: ClassVar[str] = ""
+    example: ClassVar[Example | None] = None
 
     def for_log(self, signals: Signals) -> Effect:
         """The effect as this log needs it, where parameters depend on what a log visits; else itself, as one that was

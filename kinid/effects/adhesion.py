@@ -7,6 +7,7 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Recall, Signals
 from kinid.kernels.recall import recalled_deepest
 from kinid.parameter import Parameter
@@ -51,6 +52,9 @@ class Adhesion(Effect):
         "tack": (0.0, 1e4),
         "length": (0.0, 0.02),
     }  # bonds pull; necks of gels reach a centimetre
+    example = Example(
+        ("hooke", "coulomb-friction"), {"force": 0.4, "tack": 0.15, "length": 0.6e-3, "rise": 0.4e-3, "neck": 2.6}
+    )
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Pull on the way out, pull in and out, reach, retraction until it pulls, shape of the neck."""

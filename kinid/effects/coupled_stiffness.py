@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 
 from kinid.effects._derived import derived
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
 _AXES = ("1", "2", "n")
+_PAIRS = tuple(f"{i}{j}" for i in _AXES for j in _AXES if i + j != "nn")
 
 
 @final
@@ -37,9 +39,7 @@ class CoupledStiffness(Effect):
     excited_by = "pokes with small slips along both tangents, in and out at several speeds"
     couples = True
     needs = ("normal", "slip")
-    null = {
-        f"{kind}-{i}{j}": 0.0 for kind in ("stiffness", "damping") for i in _AXES for j in _AXES if (i, j) != ("n", "n")
-    }
+    null = {f"{kind}-{pair}": 0.0 for kind in ("stiffness", "damping") for pair in _PAIRS}
     # a contact gives no energy: its own force along a tangent is against the motion
     admissible = {
         "stiffness-11": (-1e8, 0.0),
@@ -47,14 +47,21 @@ class CoupledStiffness(Effect):
         "damping-11": (-1e6, 0.0),
         "damping-22": (-1e6, 0.0),
     }
+    example = Example(
+        ("kelvin-voigt",),
+        {
+            f"{kind}-{pair}": size * (1.0 + 0.3 * k)
+            for kind, size in (("stiffness", -70.0), ("damping", -2.0))
+            for k, pair in enumerate(_PAIRS)
+        },
+    )
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Eight entries of stiffness and eight of damping, row (force) before column (motion)."""
-        pairs = [(i, j) for i in _AXES for j in _AXES if (i, j) != ("n", "n")]
         return tuple(
-            Parameter(f"{kind}-{i}{j}", f"{symbol}_{i}{j}", unit, 0.0, scale=scale, linear=True)
+            Parameter(f"{kind}-{pair}", f"{symbol}_{pair}", unit, 0.0, scale=scale, linear=True)
             for kind, symbol, unit, scale in (("stiffness", "K", "N/m", 50.0), ("damping", "C", "N·s/m", 1.0))
-            for i, j in pairs
+            for pair in _PAIRS
         )
 
     def frame(self, s: Signals, p: Array) -> None:

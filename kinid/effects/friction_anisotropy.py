@@ -7,6 +7,7 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -32,6 +33,7 @@ class FrictionAnisotropy(Effect):
     null = {"ratio": 0.0}
     turn = 1
     admissible = {"ratio": (-1.0, 1.0)}  # no coefficient is negative
+    example = Example(("hooke", "coulomb-friction"), {"ratio": 0.21})
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Anisotropy."""

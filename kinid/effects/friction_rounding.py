@@ -7,6 +7,7 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -45,6 +46,7 @@ class FrictionRounding(Effect):
     grid = {"speed": (3e-4, 1e-3, 3e-3, 1e-2, 3e-2)}
     admissible = {"speed": (0.0, 0.3)}  # films carry from some millimetres a second on; no slide of a robot is faster
     turn = 2
+    example = Example(("kelvin-voigt", "coulomb-friction"), {"speed": 6e-3})
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Speed."""

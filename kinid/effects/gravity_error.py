@@ -8,6 +8,7 @@ import numpy as np
 
 from kinid.effects._derived import derived
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -54,6 +55,7 @@ class GravityError(Effect):
     # twice g: it points the other way; the whole upper arm of a robot for 10 kg has some 4 kg·m
     admissible = {"error": (-20.0, 20.0), "moment": (-10.0, 10.0)}
     generalises = ("payload",)
+    example = Example(("rigid-body",), {"error": (0.8, -0.1, 0.3)}, Motion.ARM)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Error of gravity along the axes of the base frame, and of the links' first moments; none without a robot."""

@@ -7,6 +7,7 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -27,6 +28,7 @@ class Hertz(Effect):
     confusions = {"hooke": "a wide range of depths"}
     excited_by = "two depths"
     admissible = {"stiffness": (0.0, 1e11)}  # 4/3 E* √R of a steel ball of 0.1 m on steel: 5e10
+    example = Example((), {"stiffness": 1.4e4})
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Stiffness."""

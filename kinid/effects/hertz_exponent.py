@@ -8,6 +8,7 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -35,6 +36,7 @@ class HertzExponent(Effect):
     admissible = {
         "exponent": (0.8, 3.5)
     }  # punch 1, sphere 1.5, cone 2 (Sneddon 1965); below, skins; above, foam that densifies
+    example = Example(("hooke",), {"hooke.stiffness": 5200.0, "exponent": 1.37})
 
     def null_for(self, base: str | None) -> Mapping[str, float]:
         """The base's own exponent."""

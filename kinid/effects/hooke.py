@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import final
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -22,6 +23,7 @@ class Hooke(Effect):
     excited_by = "two depths"
     recursive = "KelvinVoigt"
     admissible = {"stiffness": (0.0, 1e8)}  # stable, and no stiffer than a steel ball on steel at kilonewtons (Hertz)
+    example = Example((), {"stiffness": 830.0})
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Stiffness."""

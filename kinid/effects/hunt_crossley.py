@@ -6,6 +6,7 @@ from typing import final
 
 from kinid.effects._derived import power_of_depth
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -26,6 +27,7 @@ class HuntCrossley(Effect):
     grid = {"exponent": (1.0, 1.3, 1.6, 2.1)}
     # stable, gives no energy; exponents from a skin that softens (Sneddon 1965: 1 and more) to densifying foam
     admissible = {"stiffness": (0.0, 1e12), "damping": (0.0, 1e12), "exponent": (0.8, 3.5)}
+    example = Example((), {"stiffness": 2300.0, "damping": 1700.0, "exponent": 1.31})
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Stiffness, damping, exponent."""

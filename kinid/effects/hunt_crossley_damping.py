@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import final
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -33,6 +34,7 @@ class HuntCrossleyDamping(Effect):
     admissible = {
         "damping": (0.0, 1e3)
     }  # gives no energy; 2/3 λ v is the loss of speed: at 1e3 all of it from 1.5 mm/s on
+    example = Example(("hertz",), {"damping": 2.2})
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Damping."""

@@ -7,6 +7,7 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Recall, Signals
 from kinid.kernels.memory import ELASTIC, bristles
 from kinid.kernels.recall import recalled_bristles
@@ -40,6 +41,7 @@ class Hysteresis(Effect):
     grid = {"length": (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)}
     # more would pull, less would give energy; longer than any poke
     admissible = {"amplitude": (0.0, 1.0), "force": (0.0, 1e3), "length": (0.0, 0.05)}
+    example = Example(("kelvin-voigt",), {"amplitude": 0.23, "force": 0.1, "length": 0.8e-3})
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Amplitude, force, length."""

@@ -7,6 +7,7 @@ from typing import final
 
 from kinid.effects._axes import axes, directions
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -34,6 +35,7 @@ class JointCoulombFriction(Effect):
     needs = ("joints",)
     null = {"coulomb": 0.0}
     admissible = {"coulomb": (0.0, math.inf)}  # friction takes energy
+    example = Example(("rigid-body",), {"coulomb": (0.8, 0.5)}, Motion.ARM)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Friction torque of each joint."""

@@ -10,6 +10,7 @@ import numpy as np
 from kinid.effects._axes import axes
 from kinid.effects._derived import derived, rates
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -51,6 +52,7 @@ class JointElasticity(Effect):
     null = {"elasticity": 0.0, "sag": 0.0}
     # a joint whose link swings at less than 1 Hz is no drive, nor is one softer than 500 N·m/rad that of an arm
     admissible = {"elasticity[s²]": (-0.025, 0.025), "sag": (-0.002, 0.002)}
+    example = Example(("rigid-body",), {"elasticity": (6e-4, 9e-4)}, Motion.ARM)
 
     def for_log(self, signals: Signals) -> JointElasticity:
         """With the bandwidth that this log bears; itself where there are no torques to tell it."""

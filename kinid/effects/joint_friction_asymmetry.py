@@ -9,6 +9,7 @@ import numpy as np
 
 from kinid.effects._axes import axes, directions, usual_offset
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -31,6 +32,7 @@ class JointFrictionAsymmetry(Effect):
     excited_by = "several speeds in both directions"
     needs = ("joints",)
     null = {"asymmetry": 0.0, "dry": 0.0}
+    example = Example(("rigid-body",), {"asymmetry": -31.0}, Motion.DRIVE)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Half the difference of the viscosities of each joint, and of its dry frictions."""

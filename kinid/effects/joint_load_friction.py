@@ -8,6 +8,7 @@ import numpy as np
 
 from kinid.effects._axes import axes, directions
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -39,6 +40,7 @@ class JointLoadFriction(Effect):
     null = {"load": 0.0}
     turn = 1
     admissible = {"load": (0.0, 1.0)}  # friction takes energy; gears of an efficiency below one half lock
+    example = Example(("rigid-body",), {"load": (0.1, 0.04)}, Motion.ARM)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Friction for each unit of torque, joint by joint."""

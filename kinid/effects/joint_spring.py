@@ -10,6 +10,7 @@ import numpy as np
 
 from kinid.effects._axes import axes, usual_offset
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -52,6 +53,7 @@ class JointSpring(Effect):
     admissible = {"rate": (-1e5, 1e5)}  # of either sign: a balancer pushes on beyond its dead centre
     generalises = (OFFSET,)
     holds = (OFFSET,)
+    example = Example(("rigid-body",), {"rate": (2.5, -0.7)}, Motion.ARM)
 
     def beside(self, names: Collection[str]) -> JointSpring:
         """Without a torque at the encoder's zero where an offset holds it."""

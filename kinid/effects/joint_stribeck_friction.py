@@ -9,6 +9,7 @@ import numpy as np
 
 from kinid.effects._axes import axes, directions
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -43,6 +44,7 @@ class JointStribeckFriction(Effect):
     grid = {"speed": (0.01, 0.03, 0.1, 0.3)}
     # friction fades with speed (what grows is viscous); films of grease carry from some per cent of a drive's speed on
     admissible = {"excess": (0.0, 1e5), "speed": (1e-4, 3.0)}
+    example = Example(("rigid-body", "joint-coulomb-friction"), {"speed": 0.3, "excess": (0.5, 0.3)}, Motion.ARM)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Excess of each joint, speed over which all fade."""

@@ -6,6 +6,7 @@ from typing import final
 
 from kinid.effects._axes import axes
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -36,6 +37,7 @@ class JointTorqueGain(Effect):
     admissible = {
         "gain": (-0.995, 1e3)
     }  # a gain of 0 reads nothing; as a current in A, 1 N·m is some hundredths at least
+    example = Example(("rigid-body",), {"gain": (0.06, -0.11)}, Motion.ARM)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Gain error of each joint."""

@@ -6,6 +6,7 @@ from typing import final
 
 from kinid.effects._axes import axes, usual_offset
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -26,6 +27,7 @@ class JointTorqueOffset(Effect):
     excited_by = "motion in both directions, in several poses"
     needs = ("joints",)
     null = {"offset": 0.0}
+    example = Example(("rigid-body",), {"offset": (-0.6, 0.2)}, Motion.ARM)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Offset of each joint."""

@@ -12,6 +12,7 @@ import numpy as np
 from kinid.effects._axes import Axis, axes
 from kinid.effects._derived import derived
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -70,6 +71,12 @@ class JointTorqueRipple(Effect):
     grid = {"order": (1.0, 2.0, 50.0, 100.0, 200.0)}
     # of a joint once a turn, of a motor's magnets behind a gear of 1:300 some thousands
     admissible = {"order[1]": (0.5, 5000.0)}
+    example = Example(
+        ("rigid-body",),
+        {"order": (8.0, 20.0), "sine": (0.6, 0.2, -0.3, 0.1), "cosine": (-0.2, 0.1, 0.4, -0.2)},
+        Motion.ARM,
+        form={"orders": (("[shoulder]", 7.9), ("[elbow]", 20.1))},
+    )
 
     def for_log(self, signals: Signals) -> JointTorqueRipple:
         """With those joints alone that show it; itself where it has them."""

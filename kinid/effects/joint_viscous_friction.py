@@ -7,6 +7,7 @@ from typing import final
 
 from kinid.effects._axes import axes
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -27,6 +28,7 @@ class JointViscousFriction(Effect):
     needs = ("joints",)
     null = {"viscous": 0.0}
     admissible = {"viscous": (0.0, math.inf)}  # friction takes energy
+    example = Example(("rigid-body",), {"viscous": (0.6, 0.2)}, Motion.ARM)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Viscosity of each joint."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import final
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -25,6 +26,7 @@ class KelvinVoigt(Effect):
     recursive = "KelvinVoigt"
     # stable, no stiffer than steel on steel; a dashpot gives no energy
     admissible = {"stiffness": (0.0, 1e8), "damping": (0.0, 1e6)}
+    example = Example((), {"stiffness": 830.0, "damping": 14.0})
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Stiffness, damping."""

@@ -7,6 +7,7 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -33,6 +34,7 @@ class LoadDependentFriction(Effect):
     turn = 1
     unremarkable = {"exponent": 0.03}  # nothing rubs in proportion to its load better than that
     admissible = {"exponent": (-0.9, 1.0)}  # T grows with the load: −1/3 Hertzian, 0 Amontons (Archard 1957)
+    example = Example(("hooke", "coulomb-friction"), {"exponent": -0.27})
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Exponent."""

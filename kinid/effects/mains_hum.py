@@ -9,6 +9,7 @@ import numpy as np
 
 from kinid.effects._derived import derived
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._samples import QUIETEST, Detection, Samples
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
@@ -56,6 +57,14 @@ class MainsHum(Effect):
     detection_turn = 2
     null = {"sine": 0.0, "cosine": 0.0}
     turn = 2
+    example = Example(
+        ("hooke",),
+        {
+            name: tuple(size * share for share in (1.0, -0.7, 1.4, 0.05, 0.03, -0.04) for _ in range(3))
+            for name, size in (("sine", 0.1), ("cosine", -0.04))
+        },
+        Motion.WRENCH,
+    )
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Sine and cosine amplitude of each harmonic, channel by channel."""

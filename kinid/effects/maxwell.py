@@ -7,6 +7,7 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.kernels.memory import lowpass
 from kinid.parameter import Parameter
@@ -33,6 +34,7 @@ class Maxwell(Effect):
     grid = {"time-constant": (0.02, 0.1, 0.5, 2.0, 10.0, 60.0)}
     # stable; slower than a day or faster than samples, a flow is none
     admissible = {"stiffness": (0.0, 1e8), "time-constant": (1e-4, 1e5)}
+    example = Example((), {"stiffness": 1200.0, "time-constant": 0.8})
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Stiffness, time constant."""

@@ -8,6 +8,7 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -36,6 +37,7 @@ class Payload(Effect):
         "mass": (-50.0, 50.0),
         "moment": (-50.0, 50.0),
     }  # of either sign: the rig's tool may be stated too heavy
+    example = Example(("rigid-body",), {"mass": 0.7, "moment": (0.02, 0.05, -0.01)}, Motion.ARM)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Mass and first moment; none without a robot."""

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import final
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -39,6 +40,7 @@ class Presliding(Effect):
     grid = {"length": (3e-6, 3e-5, 3e-4, 1e-3, 3e-3)}
     ends = {"length": (SHORTEST,)}  # friction that turns around at once: Coulomb's own
     admissible = {"length": (SHORTEST, 0.02)}  # soft skins shear by millimetres before they slip, not by centimetres
+    example = Example(("kelvin-voigt", "coulomb-friction"), {"length": 4.2e-4})
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Length."""

@@ -7,6 +7,7 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._samples import Detection, Samples, lattice
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
@@ -32,6 +33,7 @@ class Quantization(Effect):
     affine = False
     turn = 4
     admissible = {"step": (0.0, 1e3)}  # a lattice has a width
+    example = Example(("hooke",), {"step": (0.2, 0.3, 0.5, 0.02, 0.03, 0.01)}, Motion.WRENCH)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """One step a channel."""

@@ -9,6 +9,7 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.errors import InputError
 from kinid.kernels.memory import lowpass
@@ -51,6 +52,7 @@ class Relaxation(Effect):
     unremarkable = {"ratio": 0.015}  # no soft material holds all of a force
     # a share of the force, of either branch alone and of all together (`implausible`)
     admissible = {"ratio": (0.0, 1.0), "time-constant": (1e-4, 1e5)}
+    example = Example(("kelvin-voigt", "stiffening-layer"), {"ratio": 0.62, "time-constant": 0.3})
 
     def __post_init__(self) -> None:
         if self.branches < 1:

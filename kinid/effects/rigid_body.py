@@ -6,6 +6,7 @@ from typing import final
 
 from kinid.effects._axes import axes
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -25,6 +26,7 @@ class RigidBody(Effect):
     excited_by = "motion; an axis without a robot needs acceleration"
     needs = ("joints",)
     admissible = {"inertia": (0.0, 1e6)}  # kinetic energy is positive
+    example = Example((), {"inertia": 94.0}, Motion.DRIVE)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Inertia of each axis, where there is no robot to know it."""

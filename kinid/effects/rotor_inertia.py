@@ -7,6 +7,7 @@ from typing import final
 
 from kinid.effects._axes import axes
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -29,6 +30,7 @@ class RotorInertia(Effect):
     null = {"inertia": 0.0}
     unremarkable = {"inertia[N·m·s²/rad]": 0.005}  # a payload about itself; rotors of arms have 20 times more
     admissible = {"inertia": (0.0, math.inf)}  # kinetic energy is positive
+    example = Example(("rigid-body",), {"inertia": (0.9, 0.3)}, Motion.ARM)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Reflected inertia of each joint."""

@@ -8,6 +8,7 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._samples import QUIETEST, Detection, Mask, Samples, lattice
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
@@ -80,6 +81,7 @@ class Saturation(Effect):
     affine = False
     turn = 3
     admissible = {"limit": (1e-9, 1e12)}  # a range of 0 reads nothing
+    example = Example(("hooke",), {"limit": (8.0, 9.0, 12.0, 0.5, 0.4, 0.1)}, Motion.WRENCH)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """One limit a channel."""

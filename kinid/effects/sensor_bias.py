@@ -6,6 +6,7 @@ import math
 from typing import final
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -28,6 +29,7 @@ class SensorBias(Effect):
     same_for_joints = "joint-torque-offset"
     # zeroed in the air, for minutes
     calibration_tolerance = {"offset[N]": 0.02, "offset[N·m]": 1e-3}
+    example = Example(("hooke",), {"offset": (1.0, -0.7, 1.4, 0.05, 0.03, -0.04)}, Motion.WRENCH)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """One offset a channel."""

@@ -7,6 +7,7 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -38,6 +39,20 @@ class SensorCrosstalk(Effect):
     turn = 1
     # data sheets state some per cent; more is another channel
     admissible = {"crosstalk[1]": (-0.3, 0.3), "crosstalk[1/m]": (-6.0, 6.0), "crosstalk[m]": (-0.05, 0.05)}
+    example = Example(
+        ("hooke", "coulomb-friction"),
+        {
+            "crosstalk": (
+                *(-0.025, -0.016, 0.30, 0.08, -0.41),
+                *(-0.004, -0.001, -0.34, 0.23, -0.39),
+                *(-0.007, 0.001, -0.07, 0.09, 0.24),
+                *(1.8e-3, -9e-4, 6e-4, 0.012, -0.012),
+                *(-2e-3, 1.9e-3, -8e-4, -0.011, 0.024),
+                *(3e-4, -1e-4, 1.1e-3, -0.028, 0.012),
+            )
+        },
+        Motion.WRENCH,
+    )
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Off-diagonal entries, row by row."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import final
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -25,6 +26,7 @@ class SensorDrift(Effect):
     turn = 2
     # a strain gauge of 0.1 % of 1 kN a kelvin, warming up by 10 K a minute
     admissible = {"drift[N/min]": (-10.0, 10.0), "drift[N·m/min]": (-1.0, 1.0)}
+    example = Example(("hooke",), {"drift": (1.0, -0.7, 1.4, 0.05, 0.03, -0.04)}, Motion.WRENCH)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """One slope a channel."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import final
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -29,6 +30,7 @@ class SensorGain(Effect):
     needs = ()
     null = {"gain": 0.0}
     admissible = {"gain": (-0.8, 4.0)}  # a gain of 0 reads nothing; pounds for newtons are 3.45
+    example = Example(("hooke",), {"gain": 0.035}, Motion.WRENCH)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Gain error."""

@@ -8,6 +8,7 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.kernels.acquisition import lag
 from kinid.parameter import Parameter
@@ -32,6 +33,7 @@ class SensorLag(Effect):
     grid = {"time-constant": (1e-3, 4e-3, 1.5e-2, 6e-2)}
     unremarkable = {"time-constant": 3.2e-3}  # sensors come with filters of 50 Hz and faster
     admissible = {"time-constant": (0.0, 0.1)}  # slower than 1.6 Hz, a sensor is none of contact forces
+    example = Example(("kelvin-voigt",), {"time-constant": 0.011}, Motion.WAVES)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Time constant."""

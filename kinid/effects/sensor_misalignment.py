@@ -7,6 +7,7 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -35,6 +36,7 @@ class SensorMisalignment(Effect):
     null = {"rotation": 0.0}
     calibration_tolerance = {"rotation": 3.5e-3}  # 0.2°: dowels and flanges
     admissible = {"rotation": (-0.8, 0.8)}  # beyond 45° another face of the flange is meant
+    example = Example(("hooke",), {"rotation": (0.02, -0.03, 0.05)}, Motion.WRENCH)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Rotation vector."""

@@ -9,6 +9,7 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -31,6 +32,7 @@ class StiffeningLayer(Effect):
         "stiffness": (-1e8, 1e8),
         "depth": (0.0, 0.5),
     }  # a softer core is possible as long as the sum isn't negative
+    example = Example(("hooke",), {"stiffness": 900.0, "depth": 2.3e-3})
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Extra stiffness, where it begins."""

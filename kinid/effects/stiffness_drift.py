@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import final
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -28,6 +29,7 @@ class StiffnessDrift(Effect):
     excited_by = "the same depth at one place early and late"
     null = {"rate": 0.0}
     turn = 2
+    example = Example(("hertz",), {"rate": 1.3})
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Rate."""

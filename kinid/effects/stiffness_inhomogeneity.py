@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from kinid.effects._derived import derived
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -176,6 +177,17 @@ class StiffnessInhomogeneity(Effect):
     # less
     admissible = {"weight": (-1.0, 100.0)}
     turn = 2
+    example = Example(
+        ("kelvin-voigt",),
+        {
+            "weight": (
+                *(-0.18, -0.11, -0.02, 0.08, 0.15, 0.19),
+                *(-0.18, -0.10, 0.04, 0.27, 0.29),
+                *(-0.18, -0.10, 0.04, 0.27, 0.29, 0.22),
+                *(-0.11, -0.02, 0.08, 0.15),
+            )
+        },
+    )
 
     def for_log(self, signals: Signals) -> StiffnessInhomogeneity:
         """With nodes where the log touches; itself where it has nodes, or the log touches one place alone."""

@@ -7,6 +7,7 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Recall, Signals
 from kinid.kernels.memory import deepest
 from kinid.kernels.recall import recalled_deepest
@@ -39,6 +40,7 @@ class StressSoftening(Effect):
     grid = {"length": (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)}
     turn = 3
     admissible = {"ratio": (0.0, 1.0), "length": (0.0, 0.05)}  # a share of the force; longer than any poke
+    example = Example(("hertz",), {"ratio": 0.3, "length": 1.2e-3})
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Ratio, length."""

@@ -8,6 +8,7 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -30,6 +31,7 @@ class StribeckFriction(Effect):
     unremarkable = {"coefficient": 0.02}  # coefficients are told to two digits
     # friction fades with speed, it doesn't grow (that is viscous); hydrodynamic films form within 1 m/s
     admissible = {"coefficient": (0.0, 4.0), "speed": (1e-5, 1.0)}
+    example = Example(("hooke", "coulomb-friction"), {"coefficient": 0.17, "speed": 8e-3})
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Excess at rest, speed over which it fades."""

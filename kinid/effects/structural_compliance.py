@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import final
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -36,6 +37,7 @@ class StructuralCompliance(Effect):
     affine = False  # a force behind a spring is no sum of those of the law's parts
     grid = {"compliance": (1e-6, 1e-5, 1e-4, 1e-3)}
     admissible = {"compliance": (0.0, 1e-2)}  # a spring is stable; the softest impedance control has 100 N/m
+    example = Example(("hertz",), {"hertz.stiffness": 3e4, "compliance": 8e-5}, Motion.WAVES)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Compliance along the normal."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import final
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -29,6 +30,7 @@ class SurfaceOffset(Effect):
     grid = {"offset": (-2e-3, -7e-4, -2e-4, 2e-4, 7e-4, 2e-3)}
     calibration_tolerance = {"offset": 3e-5}  # touch is found to some hundredths of a millimetre
     admissible = {"offset": (-0.02, 0.02)}  # further away it is another surface
+    example = Example(("kelvin-voigt", "coulomb-friction"), {"offset": 2.1e-4})
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Offset."""

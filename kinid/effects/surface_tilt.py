@@ -7,6 +7,7 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -40,6 +41,7 @@ class SurfaceTilt(Effect):
     # three points 30 mm apart, each touched to 0.1 mm
     calibration_tolerance = {"slope1": 3.5e-3, "slope2": 3.5e-3}
     admissible = {"slope1": (-0.2, 0.2), "slope2": (-0.2, 0.2)}  # first order: at 0.2, 2 % of the force are left out
+    example = Example(("kelvin-voigt", "coulomb-friction"), {"slope1": 0.03, "slope2": -0.05})
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Slopes along the tangents."""

@@ -7,6 +7,7 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.kernels.acquisition import delay
 from kinid.parameter import Parameter
@@ -32,6 +33,7 @@ class TimeOffset(Effect):
     turn = 1
     calibration_tolerance = {"delay": 2.5e-4}  # a quarter of the period of a bus at 1 kHz
     admissible = {"delay": (-0.25, 0.25)}  # buffers and buses; more is another recording
+    example = Example(("hooke", "coulomb-friction"), {"delay": -0.0043}, Motion.WAVES)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Delay of the readings."""

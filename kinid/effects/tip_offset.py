@@ -8,6 +8,7 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.kernels.frames import displaced
 from kinid.parameter import Parameter
@@ -36,6 +37,7 @@ class TipOffset(Effect):
     needs = ("normal", "wrench")
     null = {"offset": 0.0}
     admissible = {"offset": (-0.05, 0.05)}  # a tip elsewhere is another tool
+    example = Example(("hooke", "coulomb-friction"), {"offset": (4e-4, -3e-4, 2e-4)}, Motion.WRENCH)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Displacement of the tip in the sensor frame."""

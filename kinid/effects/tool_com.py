@@ -6,6 +6,7 @@ import dataclasses
 from typing import final
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.effects._vectors import point_load
 from kinid.parameter import Parameter
@@ -33,6 +34,7 @@ class ToolCom(Effect):
     null = {"com": 0.0}
     calibration_tolerance = {"com": 5e-4}  # drawn, or weighed in three orientations
     admissible = {"com": (-0.5, 0.5)}  # inside a tool
+    example = Example(("hooke",), {"com": (3e-3, -2e-3, 5e-3)}, Motion.WRENCH)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Displacement of the centre of mass in the sensor frame."""

@@ -7,6 +7,7 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.effects._vectors import cross
 from kinid.parameter import Parameter
@@ -34,6 +35,7 @@ class ToolInertia(Effect):
     needs = ("wrench",)
     null = {"inertia": 0.0}
     admissible = {"inertia": (-1.0, 1.0)}  # of tools that a hand carries
+    example = Example(("hooke",), {"inertia": (4e-4, 3e-4, 2e-4, -5e-5, 4e-5, 6e-5)}, Motion.WRENCH)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """The six entries of the inertia."""

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import final
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.effects._vectors import point_load
 from kinid.parameter import Parameter
@@ -34,6 +35,7 @@ class ToolMass(Effect):
     excited_by = "free motion in several orientations"
     needs = ("wrench",)
     null = {"mass": 0.0}
+    example = Example(("hooke",), {"mass": 0.043}, Motion.WRENCH)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Mass."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import final
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -28,6 +29,7 @@ class ViscousDamping(Effect):
     wants = ("hooke", "hertz", "hunt-crossley", "maxwell", "zener")  # kelvin-voigt has one
     null = {"damping": 0.0}
     admissible = {"damping": (0.0, 1e6)}  # a dashpot gives no energy
+    example = Example(("hertz",), {"damping": 11.0})
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Damping."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import final
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
 
@@ -26,6 +27,7 @@ class ViscousFriction(Effect):
     needs = ("normal", "slip")
     null = {"damping": 0.0}
     admissible = {"damping": (0.0, 1e5)}  # friction takes energy
+    example = Example(("hooke", "coulomb-friction"), {"damping": 7.0})
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Damping."""

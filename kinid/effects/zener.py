@@ -7,6 +7,7 @@ from typing import final
 import numpy as np
 
 from kinid.effects._effect import Effect
+from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.kernels.memory import lowpass
 from kinid.parameter import Parameter
@@ -37,6 +38,7 @@ class Zener(Effect):
     grid = {"branch-ratio": (0.2, 1.0, 5.0), "time-constant": (0.02, 0.1, 0.4, 1.5, 6.0, 30.0)}
     # glass is a thousand times as stiff as the same polymer when it has relaxed (J. D. Ferry 1980, ch. 2)
     admissible = {"stiffness": (0.0, 1e8), "branch-ratio": (0.0, 1e3), "time-constant": (1e-4, 1e5)}
+    example = Example((), {"stiffness": 600.0, "branch-ratio": 0.7, "time-constant": 0.35})
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Stiffness in the end, the branch's stiffness relative to it, time constant."""

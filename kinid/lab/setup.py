@@ -43,6 +43,8 @@ class Setup:
             the reading without load, and so the rig, say.
         wrench_stream, joint_stream: how they are logged in a bag. known_clock_offset: what the rig adds to the wrench's
             stamps [s].
+        extra_force: beside the material's own law, of a motion, along tangent1, tangent2, normal [N], (n, 3); sensor
+            and truth have it, the arm doesn't feel it.
         seed: of all noise.
     """
 
@@ -68,6 +70,7 @@ class Setup:
     joint_stream: sensors.StreamSpec = sensors.StreamSpec(every=LOG_EVERY)
     known_clock_offset: float = 0.0
     model: str = "lwr4plus"
+    extra_force: Callable[[Motion], Array] | None = None
     seed: int = 0
 
     def replace(self, **changes: object) -> Setup:
@@ -148,6 +151,8 @@ class Setup:
 
     def observe(self, motion: Motion) -> Result:
         """What the sensors make of a motion; by the seed."""
+        if self.extra_force is not None:
+            motion = dataclasses.replace(motion, force=motion.force + self.extra_force(motion))
         streams = np.random.default_rng(np.random.SeedSequence([self.seed, 1])).spawn(3)
         tip = self.robot.tip_in_sensor() + self.arm_tip_offset
         clean = sensors.load_on_sensor(

@@ -19,11 +19,15 @@ import kinid
 from kinid.contact.series import contact_series
 from kinid.data.log import Log
 from kinid.data.rig import WRENCH, Rig
-from kinid.effects import Layout, Signals
+from kinid.effects import Layout, Motion, Signals
 from kinid.effects.mains_hum import MainsHum
+from kinid.effects.quantization import Quantization
 from kinid.effects.saturation import Saturation
+from kinid.effects.sensor_crosstalk import SensorCrosstalk
+from kinid.modeling.contract import Case
 from kinid.modeling.experiment import Experiment, from_wrench
 from kinid.modeling.model import Model
+from kinid.modeling.reference_motions import reference_motion
 from kinid.robotics.robot import Robot
 from kinid.signal.derivative import Differentiator
 
@@ -371,12 +375,12 @@ def test_what_follows_from_the_log_alone_is_kept_as_long_as_the_log() -> None:
 # ---- sensor ---------------------------------------------------------------------------------------------------------
 
 
-def test_misalignment_reads_in_turned_axes(examples_of: Callable[[str], Any]) -> None:
-    found = examples_of("sensor-misalignment")
-    clean = Model("hooke").predict(found.signals, {})
+def test_misalignment_reads_in_turned_axes() -> None:
+    s = reference_motion(Motion.WRENCH)
+    clean = Model("hooke").predict(s, {})
     phi = np.array([0.3, -0.5, 0.2])
     values = {f"sensor-misalignment.rotation[{axis}]": v for axis, v in zip("xyz", phi)}
-    read = Model("hooke", "sensor-misalignment").predict(found.signals, values)
+    read = Model("hooke", "sensor-misalignment").predict(s, values)
     into = Rotation.from_rotvec(phi).inv()
     expected = np.concatenate([into.apply(clean[:3].T).T, into.apply(clean[3:].T).T])
     np.testing.assert_allclose(read, expected, atol=1e-12)
@@ -399,16 +403,17 @@ def test_misalignment_in_the_contact_frame_whatever_the_order_of_its_channels() 
     assert (model + "sensor-misalignment").parameters(alone).keys() == model.parameters(alone).keys()
 
 
-def test_crosstalk_is_a_matrix_without_its_diagonal(examples_of: Callable[[str], Any]) -> None:
-    found = examples_of("sensor-crosstalk")
+def test_crosstalk_is_a_matrix_without_its_diagonal() -> None:
+    case = Case.of(SensorCrosstalk)
+    found = dict(zip((f"sensor-crosstalk.{name}" for name in case.own), case.values[case.places]))
     model = Model("hooke", "coulomb-friction")
     matrix = np.eye(6)
-    for name, value in found.values.items():
+    for name, value in found.items():
         row, column = name.split("[")[1].rstrip("]").split(",")
         matrix[WRENCH.index(row), WRENCH.index(column)] = value
     assert (matrix != 0).sum() == 36
-    read = (model + "sensor-crosstalk").predict(found.signals, found.values)
-    np.testing.assert_allclose(read, matrix @ model.predict(found.signals, {}), atol=1e-12)
+    read = (model + "sensor-crosstalk").predict(case.signals, found)
+    np.testing.assert_allclose(read, matrix @ model.predict(case.signals, {}), atol=1e-12)
 
 
 def test_crosstalk_of_three_forces_and_of_one() -> None:
@@ -419,8 +424,8 @@ def test_crosstalk_of_three_forces_and_of_one() -> None:
     assert units == {"N/m", "1", "m", "1/m"}
 
 
-def test_gain_scales_weight_and_contact_alike(examples_of: Callable[[str], Any]) -> None:
-    s = examples_of("sensor-gain").signals
+def test_gain_scales_weight_and_contact_alike() -> None:
+    s = reference_motion(Motion.WRENCH)
     clean = Model("hooke").predict(s, {})
     np.testing.assert_allclose(
         Model("hooke", "sensor-gain").predict(s, {"sensor-gain.gain": -0.2}), 0.8 * clean, rtol=1e-14
@@ -525,11 +530,10 @@ def test_time_offset_stays_within_its_piece() -> None:
         np.testing.assert_array_equal(read[0], s.depth)
 
 
-def test_saturation_clips_each_channel_at_its_limit(examples_of: Callable[[str], Any]) -> None:
-    found = examples_of("saturation")
-    clean = Model("hooke").predict(found.signals, {})
-    read = Model("hooke", "saturation").predict(found.signals, found.values)
-    for row, limit, channel in zip(read, found.values.values(), clean):
+def test_saturation_clips_each_channel_at_its_limit() -> None:
+    case = Case.of(Saturation)
+    clean = Model("hooke").predict(case.signals, {})
+    for row, limit, channel in zip(case.reading, case.values[case.places], clean):
         assert np.abs(row).max() == limit
         inside = np.abs(channel) < limit
         assert 0 < inside.sum() < len(inside)
@@ -558,13 +562,15 @@ def test_readings_pile_up_where_noise_comes_behind_the_end_of_the_range(noise: f
     np.testing.assert_allclose(start, 18.0, atol=0.2 * noise)
 
 
-def test_quantization_reads_whole_steps(examples_of: Callable[[str], Any]) -> None:
-    found = examples_of("quantization")
-    values = {**found.values, "quantization.step[fx]": 0.0}
-    clean = Model("hooke").predict(found.signals, {})
-    read = Model("hooke", "quantization").predict(found.signals, values)
+def test_quantization_reads_whole_steps() -> None:
+    case = Case.of(Quantization)
+    steps = dict(zip(case.own, case.values[case.places])) | {"step[fx]": 0.0}
+    clean = Model("hooke").predict(case.signals, {})
+    read = Model("hooke", "quantization").predict(
+        case.signals, {f"quantization.{name}": value for name, value in steps.items()}
+    )
     np.testing.assert_array_equal(read[0], clean[0])
-    for row, channel, step in zip(read[1:], clean[1:], list(values.values())[1:]):
+    for row, channel, step in zip(read[1:], clean[1:], list(steps.values())[1:]):
         np.testing.assert_allclose(row / step, np.round(row / step), atol=1e-9)
         assert np.abs(row - channel).max() <= 0.5 * step * (1 + 1e-9)
 
@@ -598,22 +604,3 @@ def test_hum_finds_its_own_frequency(line: float) -> None:
     size = np.hypot(fit["sine[normal_force,1]"].value, fit["cosine[normal_force,1]"].value)
     assert size == pytest.approx(0.1, rel=0.03)  # its noise is 0.2 %; the search's last step blurs it by less
     assert fit.error.held_out < 1.05 * 0.02
-
-
-# ---- examples --------------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def examples_of() -> Callable[[str], Any]:
-    """The catalogue's examples by name."""
-    import importlib.util
-    import sys
-    from pathlib import Path
-
-    spec = importlib.util.spec_from_file_location("_sensor_examples", Path(__file__).with_name("_examples_sensor.py"))
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return lambda name: module.EXAMPLES[name]

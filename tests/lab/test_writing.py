@@ -13,7 +13,8 @@ import kinid
 from kinid.data.rig import Rig, StreamsSpec
 from kinid.identification.fit import fit_model
 from kinid.lab.experiments import prepare
-from kinid.lab.hidden import PLANTS, hide
+from kinid.lab.hidden import hide
+from kinid.lab.injectors import injectors
 from kinid.lab.protocol import Poke, five_phases
 from kinid.lab.sensors import StreamSpec
 from kinid.lab.setup import Result
@@ -213,6 +214,6 @@ def test_nothing_hidden_is_told_by_the_rig(tmp_path: Path) -> None:
     nominal = prepare("ecoflex-50", seed=3)
     write_rig(tmp_path, nominal)
     wanted = (tmp_path / "rig.toml").read_bytes()
-    for effect in PLANTS:
+    for effect in injectors():
         write_rig(tmp_path, hide(nominal, effect, 3)[0])
         assert (tmp_path / "rig.toml").read_bytes() == wanted, effect
