@@ -22,6 +22,7 @@ from kinid.robotics.reading import read
 
 if TYPE_CHECKING:
     from kinid.campaign.compare import CampaignComparison
+    from kinid.campaign.diagnosis import CampaignDiagnosis
 
 Progress = Callable[[str], None]
 Data = Log | ContactSeries
@@ -38,7 +39,7 @@ class _Member:
 
 
 class Campaign:
-    """Many logs, of which `fit` and `compare` say the same as of one.
+    """Many logs, of which `fit`, `compare` and `diagnose` say the same as of one.
 
     Material parameters are shared, those of a touch, a zeroing or a clock are each log's own (`Effect.per_log`), and
     `sharing` says otherwise: "shared", "per-log", "population" (a normal one, of learnt spread) or "per COLUMN".
@@ -109,6 +110,12 @@ class Campaign:
         from kinid.campaign.compare import compare
 
         return compare(self, models, reference=reference, progress=progress)
+
+    def diagnose(self, model: Model, *, max_effects: int = 8, progress: Progress = lambda _: None) -> CampaignDiagnosis:
+        """Which effects the model lacks, over all logs and in each; see `campaign.diagnosis`."""
+        from kinid.campaign.diagnosis import diagnose
+
+        return diagnose(self, model, max_effects=max_effects, progress=progress)
 
     def logs(self, model: Model) -> list[PooledLog]:
         """The logs as a fit of this model takes them."""

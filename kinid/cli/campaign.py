@@ -16,6 +16,7 @@ from kinid.errors import InputError
 
 if TYPE_CHECKING:
     from kinid.campaign.compare import CampaignComparison
+    from kinid.campaign.diagnosis import CampaignDiagnosis
     from kinid.identification.pooling.result import PooledFit
     from kinid.modeling.model import Model
 
@@ -117,6 +118,59 @@ def show_compared(result: CampaignComparison) -> None:
     for row in result.rows:
         for warning in row.fit.warnings:
             out.print(f"doubt: {row.fit.model}: {escape(warning)}", soft_wrap=True)
+
+
+def diagnose_campaign(
+    logs: Sequence[Path],
+    model: Model,
+    rig: Path | None,
+    json_file: Path | None,
+    report: Path | None,
+    out: Path | None,
+    max_effects: int,
+) -> None:
+    """`kinid diagnose` of many logs."""
+    from kinid.campaign import Campaign
+    from kinid.writers import check_outputs, write_text
+
+    refuse_table(out)
+    check_outputs((report, json_file), (*[log for log in logs if log.is_file()], rig))
+    with watched() as progress:
+        result = Campaign(list(logs), rig).diagnose(model, max_effects=max_effects, progress=progress)
+    if json_file is not None:
+        write_text(json_file, json.dumps(result.to_dict(), indent=2, allow_nan=False) + "\n")
+    if report is not None:
+        from kinid.reports.campaign_page import diagnosis_page
+
+        write_text(report, diagnosis_page(result, title=f"{len(result.before.logs)} logs: {model}"))
+    show_diagnosed(result)
+    written([path for path in (report, json_file) if path is not None])
+
+
+def show_diagnosed(result: CampaignDiagnosis) -> None:
+    """Verdict first, odd logs, the error falling, which log shows what, differences, the model now."""
+    out = console()
+    out.print(f"[bold]{result.verdict}[/]: {escape(result.says)}", soft_wrap=True)
+    for name, why in result.odd.items():
+        out.print(f"odd: {escape(name)}: {escape(why)}", soft_wrap=True)
+    table = Table("model", box=None, pad_edge=False)
+    for heading in (f"held out [{result.fit.error.unit}]", "by log", "explained"):
+        table.add_column(escape(heading), justify="right")
+    for step, error in zip(result.steps, result.by_log):
+        name = "as asked" if step.added is None else f"+ {step.added}"
+        table.add_row(name, f"{step.held_out:.4g}", f"{error:.4g}", f"{100 * step.explained:.0f} %")
+    table.add_row("noise alone", f"{result.fit.error.noise_floor:.4g}", "", "")
+    out.print(table)
+    for name in result.added:
+        shown = result.shown.get(name, {})
+        some = [log for log, verdict in shown.items() if verdict == "present"]
+        none = [log for log, verdict in shown.items() if verdict == "absent"]
+        words = f"{name} shows in {len(some)} of {len(shown)} logs by themselves"
+        out.print(words + (f", not in {escape(', '.join(none))}" if none else ""), soft_wrap=True)
+    for one in result.differences:
+        out.print(escape(str(one)), soft_wrap=True)
+    out.print()
+    show_pooled(result.fit)
 
 
 def refuse_table(out: Path | None) -> None:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinid.campaign.compare import CampaignComparison
+from kinid.campaign.diagnosis import CampaignDiagnosis
+from kinid.diagnosis.result import ABSENT, NOT_EXCITED, PRESENT
 from kinid.identification.fit import FittedParameter
 from kinid.identification.pooling.result import LogResult, PooledFit
 from kinid.reports.plots import AXES, BLUE, GREY, INK, ORANGE, finish, grid, page
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
 #: values of a column that have a colour of their own, and parameters of logs that are drawn
 COLOURS = (*AXES, ORANGE, "#CC79A7", "#56B4E9", GREY)
 MOST_DRAWN = 12
+MARKS = {PRESENT: "●", ABSENT: "○", NOT_EXCITED: "·"}
 
 
 def fit_page(result: PooledFit, title: str) -> str:
@@ -44,6 +47,41 @@ def comparison_page(result: CampaignComparison, title: str) -> str:
     tail += table(["log", *(str(row.fit.model) for row in result.rows)], errors)
     best = result.rows[0].fit
     return page(title, head, [], f"{tail}<h2>The best: {html.escape(str(best.model))}</h2>{sections(best)}")
+
+
+def diagnosis_page(result: CampaignDiagnosis, title: str) -> str:
+    """A diagnosis of a campaign as one HTML page."""
+    unit = result.fit.error.unit
+    head = f"<p><b>{html.escape(result.verdict)}</b>: {html.escape(result.says)}</p>"
+    head += "".join(f"<p><b>odd</b>: {html.escape(f'{name}: {why}')}</p>" for name, why in result.odd.items())
+    head += "".join(f"<p>{html.escape(str(one))}</p>" for one in result.differences)
+    rows = []
+    for step, error in zip(result.steps, result.by_log):
+        name = "as asked" if step.added is None else f"+ {step.added}"
+        rows.append([name, number(step.held_out), number(error), f"{100 * step.explained:.0f} %"])
+    rows.append(["noise alone", number(result.fit.error.noise_floor), "", ""])
+    tail = "<h2>The error falling</h2>"
+    tail += table(["model", f"held out by block [{unit}]", f"held out by log [{unit}]", "explained"], rows)
+    tail += "<h2>Effects by log</h2>" + _matrix(result)
+    if result.where:
+        cells = "".join(f"<li>{html.escape(cell.says)}</li>" for cell in result.where)
+        tail += f"<h2>Where the model fails</h2><ul>{cells}</ul>"
+    verdicts = [[e.id, e.verdict, number(e.evidence), e.says, e.separate_by] for e in result.effects]
+    tail += "<h2>Every effect</h2>" + table(["effect", "verdict", "evidence", "in words", "told apart by"], verdicts)
+    tail += f"<h2>The model now: {html.escape(str(result.best))}</h2>{sections(result.fit)}"
+    return page(title, head, [], tail)
+
+
+def _matrix(result: CampaignDiagnosis) -> str:
+    """Effects that were added or tried against logs."""
+    names = list(result.shown)
+    if not names:
+        return "<p class=facts>No effect was worth a fit.</p>"
+    logs = [log.name for log in result.fit.logs]
+    rows = [[log, *(MARKS.get(result.shown[name].get(log, ""), "") for name in names)] for log in logs]
+    heads = [f"{name} (added)" if name in result.added else name for name in names]
+    words = "● the log shows it by itself, ○ it shows that it isn't there, · it can't tell"
+    return f"<p class=facts>{words}</p>" + table(["log", *heads], rows)
 
 
 def facts(result: PooledFit) -> str:

@@ -54,12 +54,25 @@ def test_models_are_compared(folder: Path, monkeypatch: pytest.MonkeyPatch, caps
     assert "by log" in (folder / "c.html").read_text()
 
 
+def test_a_campaign_is_diagnosed(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = "kelvin-voigt,surface-offset,sensor-bias"
+    words = ["--max-effects", 0, "--json", folder / "d.json", "--report", folder / "d.html"]
+    assert run(monkeypatch, "diagnose", folder, "--model", model, *words) == 0
+    assert "adequate" in capsys.readouterr().out
+    found = json.loads((folder / "d.json").read_text())
+    assert (found["verdict"], found["added"], found["odd"]) == ("adequate", [], [])
+    assert "Effects by log" in (folder / "d.html").read_text()
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
         (["fit", "none", "a.parquet"], "no log at none"),
         (["fit", "a.parquet", "b.parquet", "-o", "t.csv"], "many logs"),
         (["fit", "empty"], "no logs in empty"),
+        (["diagnose", "a.parquet", "b.parquet", "--add", "relaxation"], "for many logs"),
     ],
 )
 def test_what_is_wrong_is_one_line(

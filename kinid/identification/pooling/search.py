@@ -30,6 +30,9 @@ Progress = Callable[[str], None]
 
 #: steps of a search; how often the spread of a population is learnt anew
 STEPS, POPULATION_ROUNDS = 30, 3
+#: steps in a row that may gain nothing before a search ends. And what may be left to gain for each log where it ends
+#: then: touches make and lose contact sample by sample as surfaces move, and the cost has kinks of that depth
+REFUSED, NEAR = 2, 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,38 +148,46 @@ def _agree(pool: Pool) -> None:
 def settled(pool: Pool) -> Pool:
     """The pool at its best, error models and populations learnt along."""
     with np.errstate(all="ignore"):  # a step too far is taken back
-        _descend(pool)
+        descend(pool)
         if len(pool) > 1:
             for _ in range(RELEARNED):
                 _relearn(pool)
-                _descend(pool)
+                descend(pool)
         for _ in range(POPULATION_ROUNDS if pool.populations else 0):
             _spread(pool)
-            _descend(pool)
+            descend(pool)
     return pool
 
 
-def _descend(pool: Pool) -> None:
-    """Search from where it is."""
-    damping, cost = 1e-3, pool.cost(pool.spot, pool.normals)
-    pool.converged = False
+def descend(pool: Pool, ends: tuple[float, float] = CONVERGED) -> Pool:
+    """Search from where it is, with the error models that it has; the same pool, at its best.
+
+    Args:
+        pool: where it begins. ends: what a step must promise, absolutely and as a share of the cost, to be tried.
+    """
+    damping, cost, refused = 1e-3, pool.cost(pool.spot, pool.normals), 0
+    pool.converged, near = False, NEAR * len(pool)
+    trial, expected = _step(pool, damping)
     for _ in range(STEPS):
-        trial, expected = _step(pool, damping)
-        least = CONVERGED[0] + CONVERGED[1] * cost
-        if expected < least:
+        if expected < ends[0] + ends[1] * cost or (refused >= REFUSED and expected < near):
             pool.converged = True
-            return
+            return pool
         pool.steps += 1
         there = [Normals.of(pool.state(number, trial)) for number in range(len(pool))]
         gain = cost - pool.cost(trial, there)
-        if not gain > FAITHFUL * expected:
-            if damping > 1e6:
-                pool.converged = True
-                return
-            damping = max(damping, 1e-6) * 10.0
+        before = pool.spot, pool.normals
+        pool.spot, pool.normals = trial, there
+        following, left = _step(pool, damping)
+        # near the end what calibration leaves open moves the cost by as much as the last steps do: there a step is good
+        # where it leaves less to gain
+        if gain > FAITHFUL * expected or (expected < near and abs(gain) < near and left < 0.5 * expected):
+            damping = max(damping / 10.0, 1e-9) if gain > 0.5 * expected else damping * 3.0
+            trial, expected, cost, refused = following, left, cost - gain, 0
             continue
-        pool.spot, pool.normals, cost = trial, there, cost - gain
-        damping = max(damping / 10.0, 1e-9) if gain > 0.5 * expected else damping * 3.0
+        pool.spot, pool.normals = before
+        damping, refused = max(damping, 1e-6) * 10.0, refused + 1
+        trial, expected = _step(pool, damping)
+    return pool
 
 
 def _step(pool: Pool, damping: float) -> tuple[Spot, float]:
