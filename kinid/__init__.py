@@ -9,6 +9,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from kinid.campaign import Campaign
     from kinid.contact.registration import find_surface
     from kinid.contact.series import ContactSeries, contact_series, tip_motion
     from kinid.data.log import Log
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
+    "Campaign": "campaign",
     "ContactSeries": "contact.series",
     "contact_series": "contact.series",
     "tip_motion": "contact.series",
@@ -43,6 +45,7 @@ _HOME = {
 }
 
 __all__ = [
+    "Campaign",
     "ContactSeries",
     "Diagnosis",
     "Differentiator",

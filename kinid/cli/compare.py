@@ -19,8 +19,13 @@ kinid compare poke.csv --model kelvin-voigt,coulomb-friction --model hunt-crossl
 
 
 def compare(
-    log: Annotated[
-        Path, typer.Argument(help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP.", show_default=False)
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="LOG…",
+            help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP; or many, a folder of them, or a campaign.toml.",
+            show_default=False,
+        ),
     ],
     model: Annotated[
         list[str],
@@ -41,16 +46,22 @@ def compare(
     plot: Annotated[Path | None, typer.Option(help="Plot to write: one offline HTML file.")] = None,
 ) -> None:
     """Models by their error on samples that their fits have not seen, with paired differences."""
+    from kinid.cli.campaign import compare_campaign, is_campaign
     from kinid.cli.contact import rig_path
     from kinid.cli.fit import data_for, parse_model
     from kinid.writers import check_outputs, write_text
 
-    check_outputs((plot, json_file), (log, rig_path(log, rig)))
     models = [parse_model(text) for text in model]
+    named = None if reference is None else str(parse_model(reference))
+    if is_campaign(logs):
+        compare_campaign(logs, models, rig, named, json_file, plot)
+        return
+    (log,) = logs
+    check_outputs((plot, json_file), (log, rig_path(log, rig)))
     the_rig, data = data_for(log, rig)
     from kinid.identification.compare import compare as run
 
-    result = run(models, data, the_rig, reference=None if reference is None else str(parse_model(reference)))
+    result = run(models, data, the_rig, reference=named)
     if json_file is not None:
         write_text(json_file, json.dumps(result.to_dict(), indent=2) + "\n")
     if plot is not None:

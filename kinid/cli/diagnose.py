@@ -30,8 +30,13 @@ kinid diagnose --explain relaxation
 
 
 def diagnose(
-    log: Annotated[
-        Path | None, typer.Argument(help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP.", show_default=False)
+    logs: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="LOG…",
+            help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP; or many, a folder of them, or a campaign.toml.",
+            show_default=False,
+        ),
     ] = None,
     model: Annotated[
         str,
@@ -74,20 +79,29 @@ def diagnose(
     if explain is not None:
         explained(explain)
         return
+    from kinid.cli.campaign import diagnose_campaign, is_campaign
     from kinid.cli.contact import load, rig_path
     from kinid.cli.fit import parse_model
     from kinid.errors import InputError
     from kinid.modeling.applicability import expand_names, refuse_names
     from kinid.writers import check_outputs, check_table_name, write_table, write_text
 
-    if log is None:
+    if not logs:
         raise InputError("no log", "a log to diagnose", "kinid diagnose LOG --model …, or --explain EFFECT")
     if not model:
         raise InputError(
-            "no --model", "the model to ask about", f"kinid diagnose {log} --model kelvin-voigt,coulomb-friction"
+            "no --model", "the model to ask about", f"kinid diagnose {logs[0]} --model kelvin-voigt,coulomb-friction"
         )
     chosen = parse_model(model)
     refuse_names(expand_names(add or [], chosen), chosen, max_effects)
+    if is_campaign(logs):
+        if add or tolerance is not None:
+            raise InputError(
+                "--add or --tolerance for many logs", "neither", "put the effect into --model, or leave it"
+            )
+        diagnose_campaign(logs, chosen, rig, json_file, report, out, max_effects)
+        return
+    (log,) = logs
     if out is not None:
         check_table_name(out)
     check_outputs((out, report, json_file), (log, rig_path(log, rig)))

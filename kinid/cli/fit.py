@@ -1,4 +1,4 @@
-"""`kinid fit`: the parameters of a model, from one log."""
+"""`kinid fit`: the parameters of a model, from one log or from many."""
 
 from __future__ import annotations
 
@@ -26,12 +26,19 @@ kinid fit poke.csv --rig rig.toml --model hunt-crossley --json fit.json --plot f
 kinid fit motion.npz --model rigid-body,joint-torque-offset,joint-coulomb-friction
 
 kinid fit tester.csv --model hunt-crossley          (t, depth, normal_force: needs no rig)
+
+kinid fit tuesday/*.parquet --model kelvin-voigt,surface-offset --json shared.json
 """
 
 
 def fit(
-    log: Annotated[
-        Path, typer.Argument(help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP.", show_default=False)
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="LOG…",
+            help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP; or many, a folder of them, or a campaign.toml.",
+            show_default=False,
+        ),
     ],
     model: Annotated[
         str,
@@ -47,10 +54,15 @@ def fit(
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Table of measured and predicted readings.")] = None,
 ) -> None:
     """Estimates with 95 % intervals, the error on samples seen and unseen, and what to doubt."""
+    from kinid.cli.campaign import fit_campaign, is_campaign
     from kinid.cli.contact import rig_path
     from kinid.writers import check_outputs, check_table_name, write_table, write_text
 
     chosen = parse_model(model)
+    if is_campaign(logs):
+        fit_campaign(logs, chosen, rig, json_file, plot, out)
+        return
+    (log,) = logs
     if out is not None:
         check_table_name(out)
     check_outputs((out, plot, json_file), (log, rig_path(log, rig)))

@@ -65,6 +65,9 @@ class Effect(ABC):
         pulls: whether the law pulls at a tool that retracts, as a linear dashpot does and no material that lets go.
         reaches: whether its force acts outside the material, too.
         couples: whether it carries force or motion from one axis into another.
+        per_log: whether its parameters differ from log to log of one rig, as a surface that is touched anew, a sensor
+            that is zeroed, clocks that start; a fit to many logs shares those of all others unless it is told
+            otherwise.
         constant: whether it is one constant a channel, which a fit estimates along where a model lacks it.
         recursive: name of the estimator in `kinid.estimators` that follows its parameters sample by sample.
         map_names: parameter name → what a map calls it.
@@ -104,6 +107,7 @@ class Effect(ABC):
     pulls: ClassVar[bool] = False
     reaches: ClassVar[bool] = False
     couples: ClassVar[bool] = False
+    per_log: ClassVar[bool] = False
     constant: ClassVar[bool] = False
     recursive: ClassVar[str] = ""
     map_names: ClassVar[Mapping[str, str]] = {}

@@ -22,6 +22,7 @@ class SensorBias(Effect):
     signature = "a constant in every phase, in the air too"
     confusions = {"tool-mass": "free rotation: weight turns with the tool, bias doesn't"}
     excited_by = "samples in free motion, best in several orientations"
+    per_log = True
     constant = True
     needs = ()
     null = {"offset": 0.0}

@@ -22,6 +22,7 @@ class SensorDrift(Effect):
     confusions = {"stiffness-drift": "look in the air: there, stiffness has no part"}
     excited_by = "free motion early and late in a long log"
     needs = ()
+    per_log = True
     null = {"drift": 0.0}
     turn = 2
     # a strain gauge of 0.1 % of 1 kN a kelvin, warming up by 10 K a minute

@@ -26,6 +26,7 @@ class SurfaceOffset(Effect):
         "adhesion": "a slow retraction: only a bond leaves a negative force",
     }
     excited_by = "touch and separation"
+    per_log = True
     null = {"offset": 0.0}
     grid = {"offset": (-2e-3, -7e-4, -2e-4, 2e-4, 7e-4, 2e-3)}
     calibration_tolerance = {"offset": 3e-5}  # touch is found to some hundredths of a millimetre

@@ -28,6 +28,7 @@ class TimeOffset(Effect):
     }
     excited_by = "forces that change fast"
     needs = ()
+    per_log = True
     null = {"delay": 0.0}
     grid = {"delay": (-5e-2, -1e-2, -2e-3, 2e-3, 1e-2, 5e-2)}
     turn = 1

@@ -8,6 +8,7 @@ with their prior in both.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,17 +55,13 @@ def covariance_of(state: State) -> Covariance:
     own = np.flatnonzero(keep)
     prior = state.prior[np.ix_(own, own)]
     information = jacobian[:, own].T @ jacobian[:, own] + prior
-    size = np.sqrt(np.diag(information))
-    normal = information / np.outer(size, size)
-    eigenvalue, vector = np.linalg.eigh(normal)
-    lost = eigenvalue < MIN_EIGENVALUE
-    open_ = (np.abs(vector[:, lost]) > MIN_PARTICIPATION).any(axis=1)
-    inverse = (vector[:, ~lost] / eigenvalue[~lost]) @ vector[:, ~lost].T / np.outer(size, size)
-    spread = inverse @ _meat(state, jacobian[:, own], prior) @ inverse
-    floor = np.maximum(np.diag(inverse) * state.inflation, _unlike(state, jacobian[:, own], information))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        widen = np.sqrt(np.maximum(1.0, floor / np.maximum(np.diag(spread), 1e-300)))
-    spread = spread * np.outer(widen, widen)
+    rows = jacobian[:, own]
+    meat = small_sample(blocks_of(state), len(own)) * squared_scores(state, rows) + prior
+    spread, inverse, open_, condition = sandwich(
+        information,
+        meat,
+        lambda inverse: np.maximum(np.diag(inverse) * state.inflation, _unlike(state, rows, information)),
+    )
     matrix, unidentified = np.zeros((p, p)), unseen.copy()
     at = own[own < p]
     matrix[np.ix_(at, at)] = spread[: len(at), : len(at)] * np.outer(state.scale[at], state.scale[at])
@@ -74,25 +71,56 @@ def covariance_of(state: State) -> Covariance:
     matrix[unidentified, :] = 0.0
     matrix[:, unidentified] = 0.0
     matrix[unidentified, unidentified] = np.inf
+    return Covariance(matrix, trade, unidentified, condition)
+
+
+def sandwich(information: Array, meat: Array, floor: Callable[[Array], Array]) -> tuple[Array, Array, Mask, float]:
+    """Covariance of directions, the inverse of their information alone, which are open (m,), and the condition.
+
+    Args:
+        information: of all directions, priors included, (m, m). meat: squared scores, (m, m).
+        floor: variances (m,) that no direction's is below, from the inverse of the information (m, m).
+    """
+    size = np.sqrt(np.diag(information))
+    eigenvalue, vector = np.linalg.eigh(information / np.outer(size, size))
+    lost = eigenvalue < MIN_EIGENVALUE
+    open_ = (np.abs(vector[:, lost]) > MIN_PARTICIPATION).any(axis=1)
+    inverse = (vector[:, ~lost] / eigenvalue[~lost]) @ vector[:, ~lost].T / np.outer(size, size)
+    spread = inverse @ meat @ inverse
+    with np.errstate(divide="ignore", invalid="ignore"):
+        widen = np.sqrt(np.maximum(1.0, floor(inverse) / np.maximum(np.diag(spread), 1e-300)))
     seen = eigenvalue[~lost]
-    return Covariance(matrix, trade, unidentified, float(np.sqrt(seen[-1] / seen[0])) if len(seen) else 1.0)
+    condition = float(np.sqrt(seen[-1] / seen[0])) if len(seen) else 1.0
+    return spread * np.outer(widen, widen), inverse, open_, condition
 
 
-def _meat(state: State, jacobian: Array, prior: Array) -> Array:
-    """Squared scores over blocks, those of neighbours included as far as that widens, and the nuisances' priors."""
+def blocks_of(state: State) -> int:
+    """Blocks of time that count."""
+    return int(state.problem.block.max()) + 1 if len(state.problem.block) else 0
+
+
+def small_sample(blocks: int, directions: int) -> float:
+    """By how much squared scores of so many blocks fall short of the truth beside so many free directions."""
+    return blocks / max(1, blocks - directions) if blocks > directions else 2.0
+
+
+def squared_scores(state: State, jacobian: Array) -> Array:
+    """Squared scores over blocks, (m, m), those of neighbours included as far as that widens.
+
+    Args:
+        state: as fitted. jacobian: weighted change of the means per step of each direction, (channels · g, m).
+    """
     problem = state.problem
     score = jacobian * (state.residual / state.error.sigma).reshape(-1, 1)
     per_group = score.reshape(*problem.shape, -1).sum(axis=0)
-    blocks = int(problem.block.max()) + 1 if len(problem.block) else 0
+    blocks = blocks_of(state)
     total = np.stack([np.bincount(problem.block, column, blocks) for column in per_group.T], axis=1)
     total -= total.mean(axis=0)
     own = total.T @ total
     cross = total[1:].T @ total[:-1]
     near = own + 0.5 * (cross + cross.T)
-    small = blocks / max(1, blocks - jacobian.shape[1]) if blocks > jacobian.shape[1] else 2.0
     widen = np.maximum(np.diag(near), np.diag(own)) / np.maximum(np.diag(own), 1e-300)
-    out: Array = small * own * np.sqrt(np.outer(widen, widen)) + prior
-    return out
+    return np.asarray(own * np.sqrt(np.outer(widen, widen)), dtype=np.float64)
 
 
 def _unlike(state: State, jacobian: Array, information: Array) -> Array:
@@ -105,13 +133,25 @@ def _unlike(state: State, jacobian: Array, information: Array) -> Array:
     problem, s, out = state.problem, state.problem.experiment.signals, np.zeros(len(information))
     rows = jacobian.reshape(*problem.shape, -1)
     scores = rows * (state.residual / state.error.sigma)[:, :, None]
-    root = np.linalg.inv(np.linalg.cholesky(information + FOLD_RIDGE * np.diag(np.diag(information))))
     for kind in kinds_of_motion(problem.mean_at(s.depth), *map(problem.mean_at, (s.depth_rate, *s.slip_rate))):
-        moved = np.zeros(len(information))
+        clusters = []
         for number in range(int(kind.max()) + 1):
-            j = rows[:, kind == number].reshape(-1, len(information)) @ root.T
-            share, vector = np.linalg.eigh(j.T @ j)
-            own = vector.T @ root @ scores[:, kind == number].sum(axis=(0, 1))
-            moved += (root.T @ vector @ (own / np.sqrt(np.maximum(1.0 - share, FOLD_RIDGE)))) ** 2
-        out = np.maximum(out, moved)
+            part = rows[:, kind == number].reshape(-1, len(information))
+            clusters.append((part.T @ part, scores[:, kind == number].sum(axis=(0, 1))))
+        out = np.maximum(out, cluster_variance(information, clusters))
+    return out
+
+
+def cluster_variance(information: Array, clusters: Iterable[tuple[Array, Array]]) -> Array:
+    """Variance of directions, (m,), from the scores of a few clusters that weigh unlike.
+
+    Args:
+        information: of all directions, (m, m). clusters: of each its squares (m, m) and its score (m,).
+    """
+    root: Array = np.linalg.inv(np.linalg.cholesky(information + FOLD_RIDGE * np.diag(np.diag(information))))
+    out = np.zeros(len(information))
+    for squares, score in clusters:
+        share, vector = np.linalg.eigh(root @ squares @ root.T)
+        own = vector.T @ root @ score
+        out += (root.T @ vector @ (own / np.sqrt(np.maximum(1.0 - share, FOLD_RIDGE)))) ** 2
     return out

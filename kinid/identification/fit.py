@@ -166,13 +166,32 @@ def fit_model(
     Raises:
         InputError: data that can't carry the model, and what to record instead.
     """
-    experiment = experiment_for(model, data, rig, channels)
+    experiment, warnings = checked_experiment(model, data, rig, channels)
     if train is not None and np.shape(train) != (len(experiment.signals),):
         raise InputError(
             f"a mask of training samples of shape {np.shape(train)}",
             f"one flag for each of the {len(experiment.signals)} samples",
             "make it from the experiment's own time",
         )
+    known = starting_values(model, experiment, start)
+    told = experiment if train is None else dataclasses.replace(experiment, valid=experiment.valid & train)
+    with threadpool_limits(1, user_api="blas"):  # many small products: threads would only wait for each other
+        state = estimate(model, told, known)
+        return fit_of(state, experiment, held_out=held_out, train=train, warnings=warnings, known=known)
+
+
+def checked_experiment(
+    model: Model,
+    data: ContactSeries | Log | Experiment,
+    rig: Rig | None = None,
+    channels: Sequence[str] | None = None,
+) -> tuple[Experiment, list[str]]:
+    """Signals and readings that a model is fitted to, and what to doubt of them; arguments as of `fit_model`.
+
+    Raises:
+        InputError: data that can't carry the model, and what to record instead.
+    """
+    experiment = experiment_for(model, data, rig, channels)
     if not experiment.valid.any():
         raise InputError(
             f"no sample with all of {', '.join(experiment.layout.channels)}",
@@ -180,12 +199,7 @@ def fit_model(
             "leave out the channels that the log doesn't have, or look for a column that holds nothing",
         )
     refuse_inactive_effects(model, experiment)
-    warnings = check_excitation(model, experiment)
-    known = starting_values(model, experiment, start)
-    training = experiment if train is None else dataclasses.replace(experiment, valid=experiment.valid & train)
-    with threadpool_limits(1, user_api="blas"):  # many small products: threads would only wait for each other
-        state = estimate(model, training, known)
-        return fit_of(state, experiment, held_out=held_out, train=train, warnings=warnings, known=known)
+    return experiment, check_excitation(model, experiment)
 
 
 Model.fitter = fit_model  # `model.fit(…)` reads well, and models stand on the floor below

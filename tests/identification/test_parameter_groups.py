@@ -45,7 +45,7 @@ def experiment(swing: Callable[..., Any]) -> Experiment:
     return from_joint_torques(kinid.Log(t, q=q, dq=dq, ddq=ddq, tau=tau), rig)
 
 
-def one_by_one(names: list[str], _: Layout) -> list[dict[int, int]]:
+def expand_names(names: list[str], _: Layout) -> list[dict[int, int]]:
     """Every parameter alone."""
     return [{ALL_CHANNELS: place} for place in range(len(names))]
 
@@ -106,7 +106,7 @@ def test_sensitivities_are_as_if_each_were_moved_alone(experiment: Experiment, m
     monkeypatch.setattr(kinid.Model, "predict", lambda *a, **k: (many.append(1), predict(*a, **k))[1])
     fast = found()
     saved = len(many)
-    monkeypatch.setattr(jacobian, "parameter_groups", one_by_one)
+    monkeypatch.setattr(jacobian, "parameter_groups", expand_names)
     slow = found()
     print(f"{saved} predictions, {len(many) - saved} one by one")
     assert len(many) - saved > 1.5 * saved  # 32 parameters, 11 of which change every torque, and what both need besides

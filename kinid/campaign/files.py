@@ -1,0 +1,150 @@
+"""Where a campaign's logs are: files, folders, or a `campaign.toml` that says more of each.
+
+```toml
+rig = "rig.toml"                        # optional; default: rig.toml beside each log
+logs = ["tuesday/*.parquet", "c.csv"]   # optional: names or patterns, relative to this file
+
+[sharing]                               # optional: shared, per-log, population, or per COLUMN
+"kelvin-voigt.stiffness" = "per robot"
+surface-offset = "shared"
+
+[[log]]                                 # optional: of single logs, their rig and any columns
+file = "d.parquet"
+rig = "other/rig.toml"
+robot = "left"
+day = "2026-03-02"
+```
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from kinid.errors import InputError, near
+
+#: files of logs in a folder, and folders in it that hold none
+SUFFIXES = (".parquet", ".csv", ".npz", ".mat", ".mcap", ".bag")
+NO_LOGS = ("truth", "streams")
+#: what marks a folder as one ROS 2 bag, and as a campaign
+BAG, CAMPAIGN = "metadata.yaml", "campaign.toml"
+
+
+@dataclass(frozen=True)
+class Source:
+    """One log of a campaign: its file, the file of its rig (None: beside it), and columns that it is grouped by."""
+
+    path: Path
+    rig: Path | None = None
+    columns: dict[str, str] = field(default_factory=dict)
+
+
+def is_campaign(paths: Sequence[Path]) -> bool:
+    """Whether paths name many logs, or one place that holds them, and not just one log."""
+    if len(paths) != 1:
+        return len(paths) > 1
+    return paths[0].suffix.lower() == ".toml" or (paths[0].is_dir() and not (paths[0] / BAG).is_file())
+
+
+def sources(paths: Sequence[Path], rig: Path | None = None) -> tuple[list[Source], dict[str, str]]:
+    """The logs that files, folders and `campaign.toml` files name, in order, and how parameters are shared.
+
+    Args:
+        paths: of logs, of folders (with their sub-folders), of campaign files. rig: of all that have no other.
+
+    Raises:
+        InputError: nothing there, a folder without logs, or a campaign file that is none.
+    """
+    out: dict[Path, Source] = {}
+    sharing: dict[str, str] = {}
+    for given in paths:
+        path = given / CAMPAIGN if given.is_dir() and (given / CAMPAIGN).is_file() else given
+        if path.suffix.lower() == ".toml":
+            found, ways = _from_file(path, rig)
+            sharing |= ways
+        elif path.is_dir() and not (path / BAG).is_file():
+            found = [Source(file, rig) for file in _in_folder(path)]
+        elif path.exists():
+            found = [Source(path, rig)]
+        else:
+            raise InputError(f"no log at {path}", "logs, a folder of logs, or a campaign.toml", "correct the name")
+        out |= {source.path: source for source in found}
+    return list(out.values()), sharing
+
+
+def names_of(paths: Sequence[Path]) -> list[str]:
+    """What logs are called: by their file where those differ, else by as much of the path as tells them apart."""
+    for parts in range(1, max((len(path.parts) for path in paths), default=1) + 1):
+        names = ["/".join(path.parts[-parts:]) for path in paths]
+        if len(set(names)) == len(names):
+            return names
+    return [str(path) for path in paths]
+
+
+def _in_folder(folder: Path) -> list[Path]:
+    found = sorted(
+        path
+        for path in folder.rglob("*")
+        if path.suffix.lower() in SUFFIXES
+        and path.is_file()
+        and not any(part.startswith(".") or part in NO_LOGS for part in path.relative_to(folder).parts)
+    )
+    if not found:
+        raise InputError(f"no logs in {folder}", f"files ending in {', '.join(SUFFIXES)}", "name another folder")
+    return found
+
+
+def _from_file(path: Path, rig: Path | None) -> tuple[list[Source], dict[str, str]]:
+    try:
+        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        why = getattr(error, "strerror", None) or type(error).__name__
+        raise InputError(f"no readable campaign at {path} ({why})", "a campaign.toml in UTF-8", "correct it") from None
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: {error}", "valid TOML", "correct that line") from None
+    known = ("rig", "logs", "sharing", "log")
+    for key in tables:
+        if key not in known:
+            raise InputError(f"'{key}' in {path}", f"one of {', '.join(known)}", near(key, known))
+    common = path.parent / _text(tables["rig"], "rig", path) if "rig" in tables else rig
+    sharing = tables.get("sharing", {})
+    if not isinstance(sharing, dict) or not all(isinstance(way, str) for way in sharing.values()):
+        raise InputError(f"[sharing] in {path}", 'lines as "hooke.stiffness" = "per robot"', "write names in quotes")
+    out: dict[Path, Source] = {}
+    for pattern in _listed(tables.get("logs", []), "logs", path):
+        files = sorted(path.parent.glob(_text(pattern, "logs", path)))
+        if not files:
+            raise InputError(f"no log like '{pattern}' in {path}", "a file there", "correct the name")
+        out |= {file: Source(file, common) for file in files}
+    for table in _listed(tables.get("log", []), "[[log]]", path):
+        source = _of_table(table, common, path)
+        out[source.path] = source
+    if not out:
+        raise InputError(f"no logs in {path}", 'logs = ["*.parquet"], or [[log]] tables', "name them")
+    return list(out.values()), dict(sharing)
+
+
+def _of_table(table: Any, rig: Path | None, path: Path) -> Source:
+    """A log of its own table."""
+    if not isinstance(table, dict) or "file" not in table:
+        raise InputError(f"a [[log]] without a file in {path}", 'file = "a.parquet"', "add that line")
+    file = path.parent / _text(table["file"], "file", path)
+    if not file.exists():
+        raise InputError(f"no log at {file}, which {path} names", "a log", "correct the name")
+    own = path.parent / _text(table["rig"], "rig", path) if "rig" in table else rig
+    return Source(file, own, {key: str(value) for key, value in table.items() if key not in ("file", "rig")})
+
+
+def _text(value: Any, key: str, path: Path) -> str:
+    if not isinstance(value, str):
+        raise InputError(f"{key} = {value!r} in {path}", "a name in quotes", "correct that line")
+    return value
+
+
+def _listed(value: Any, key: str, path: Path) -> list[Any]:
+    if not isinstance(value, list):
+        raise InputError(f"{key} = {value!r} in {path}", "a list", "correct that line")
+    return value

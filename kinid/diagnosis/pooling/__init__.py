@@ -1,0 +1,1 @@
+"""What many logs lack together: the diagnosis of a pooled model."""

@@ -1,0 +1,162 @@
+"""Covariance of pooled estimates: the sandwich of one log's, log by log on what is shared; no tighter than memory,
+kinds of motion or logs allow.
+
+What is a log's own is projected out of its scores (E = s − H_so H_oo⁻¹ o), so that the sandwich on what is shared is
+that of the whole problem. Logs are clusters as well: what differs between them and isn't in the model widens intervals
+(R. M. Bell, D. F. McCaffrey, Survey Methodology 28, 2002).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.contact.kinds_of_motion import labels_of_motion
+from kinid.identification.covariance import (
+    UNSEEN,
+    blocks_of,
+    cluster_variance,
+    sandwich,
+    small_sample,
+    squared_scores,
+)
+from kinid.identification.pooling.held_out import HeldOut
+from kinid.identification.pooling.pool import Pool
+from kinid.identification.state import State
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Cluster = tuple[Array, Array]
+
+#: logs from which on they are clusters: fewer tell nothing of how logs differ
+ENOUGH_LOGS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class PooledCovariance:
+    """Of what is shared, in scales.
+
+    Attributes:
+        matrix: (m, m), infinite where unidentified. inverse: of the information alone, (m, m). unidentified: (m,).
+        condition: of the sensitivity.
+    """
+
+    matrix: Array
+    inverse: Array
+    unidentified: Mask
+    condition: float
+
+
+class Scores:
+    """Squared scores of logs, added one after the other.
+
+    Args:
+        pool: at its best. held_out: whose reduced normal equations are known.
+    """
+
+    def __init__(self, pool: Pool, held_out: HeldOut) -> None:
+        self.pool, self.held_out = pool, held_out
+        size = len(pool.vector)
+        self.meat, self.inflated = np.zeros((size, size)), np.zeros((size, size))
+        self.length, self.blocks, self.inflation = np.zeros(size), 0, 0.0
+        self.kinds: dict[tuple[int, int], Cluster] = {}
+        self.logs: list[Cluster] = []
+        self.own: list[Array] = []
+
+    def add(self, number: int, state: State) -> None:
+        """One log, as it is at the pool's best."""
+        pool, at, part = self.pool, self.pool.at[number], self.held_out.parts[number]
+        jacobian = state.jacobian / state.error.sigma.reshape(-1, 1)
+        turn = np.zeros((len(at.scale), len(at.shared)))
+        turn[at.shared, np.arange(len(at.shared))] = 1.0
+        turn[at.own] += part.gain
+        scores = squared_scores(state, jacobian)
+        prior = pool.own_prior(number)
+        self._scatter(self.meat, at.into, turn.T @ scores @ turn + part.gain.T @ prior @ part.gain)
+        self._scatter(self.inflated, at.into, state.inflation * part.squares)
+        self.inflation += state.inflation / len(pool)
+        np.add.at(self.length, at.into, np.sum(jacobian[:, at.shared] ** 2, axis=0))
+        self.blocks += blocks_of(state)
+        self._add_kinds(state, jacobian @ turn, at.into)
+        self.logs.append(self._placed(at.into, part.squares, part.slope))
+        inverse = np.linalg.pinv(part.own_squares, hermitian=True)
+        own = inverse @ (scores[np.ix_(at.own, at.own)] + prior) @ inverse
+        floor = np.diag(inverse) * state.inflation
+        widen = np.sqrt(np.maximum(1.0, floor / np.maximum(np.diag(own), 1e-300)))
+        own = own * np.outer(widen, widen)
+        lost = np.diag(pool.normals[number].squares)[at.own] < UNSEEN**2
+        own[lost, lost] = np.inf
+        self.own.append(own)
+
+    def _add_kinds(self, state: State, reduced: Array, into: NDArray[np.int64]) -> None:
+        problem, s = state.problem, state.problem.experiment.signals
+        rows = reduced.reshape(*problem.shape, -1)
+        scores = rows * (state.residual / state.error.sigma)[:, :, None]
+        labels = labels_of_motion(problem.mean_at(s.depth), *map(problem.mean_at, (s.depth_rate, *s.slip_rate)))
+        for way, label in enumerate(labels):
+            for value in np.unique(label).tolist():
+                own = rows[:, label == value].reshape(-1, rows.shape[2])
+                new = self._placed(into, own.T @ own, scores[:, label == value].sum(axis=(0, 1)))
+                old = self.kinds.get((way, value))
+                self.kinds[way, value] = new if old is None else (old[0] + new[0], old[1] + new[1])
+
+    def _placed(self, into: NDArray[np.int64], squares: Array, slope: Array) -> Cluster:
+        h, b = np.zeros_like(self.meat), np.zeros(len(self.meat))
+        self._scatter(h, into, squares)
+        np.add.at(b, into, slope)
+        return h, b
+
+    @staticmethod
+    def _scatter(total: Array, into: NDArray[np.int64], squares: Array) -> None:
+        np.add.at(total, (into[:, None], into[None, :]), squares)
+
+    def covariance(self) -> PooledCovariance:
+        """Of what is shared, once all logs were added."""
+        pool, size = self.pool, len(self.pool.vector)
+        parameters = pool.vector.parameters()
+        unseen = parameters & (np.sqrt(self.length) < UNSEEN)
+        kept = np.flatnonzero(~unseen)
+        at = np.ix_(kept, kept)
+        if not len(kept):
+            return PooledCovariance(np.diag(np.full(size, np.inf)), np.zeros((size, size)), unseen, 1.0)
+        prior = pool.vector.prior[at]
+        directions = len(kept) + sum(len(d.own) for d in pool.at)
+        meat = small_sample(self.blocks, directions) * self.meat[at] + prior
+        information = self.held_out.squares[at]
+        inflated = self.inflated[at] + self.inflation * prior
+        clusters = [[(h[at], b[kept]) for (w, _), (h, b) in self.kinds.items() if w == way] for way, _ in self.kinds]
+        if len(self.logs) >= ENOUGH_LOGS:
+            clusters.append([(h[at], b[kept]) for h, b in self.logs])
+
+        def floor(inverse: Array) -> Array:
+            out = np.diag(inverse @ inflated @ inverse)
+            for several in clusters:
+                if len(several) > 1:
+                    out = np.maximum(out, cluster_variance(information, several))
+            return np.asarray(out)
+
+        spread, inverse, open_, condition = sandwich(information, meat, floor)
+        matrix, whole, lost = np.zeros((size, size)), np.zeros((size, size)), unseen.copy()
+        matrix[at], whole[at] = spread, inverse
+        lost[kept] = open_ & parameters[kept]
+        matrix[lost, :] = matrix[:, lost] = 0.0
+        matrix[lost, lost] = np.inf
+        return PooledCovariance(matrix, whole, lost, condition)
+
+    def own_covariance(self, number: int, shared: Array) -> Array:
+        """Covariance of all directions of a log, (d, d), given that of what is shared (m, m), in scales."""
+        at, part = self.pool.at[number], self.held_out.parts[number]
+        turn = np.zeros((len(at.scale), len(at.shared)))
+        turn[at.shared, np.arange(len(at.shared))] = 1.0
+        turn[at.own] += part.gain
+        known = np.where(np.isfinite(shared), shared, 0.0)[np.ix_(at.into, at.into)]
+        out = turn @ known @ turn.T
+        own = self.own[number]
+        out[np.ix_(at.own, at.own)] += np.where(np.isfinite(own), own, 0.0)
+        lost = np.zeros(len(out), np.bool_)
+        lost[at.shared] = ~np.isfinite(np.diag(shared)[at.into])
+        lost[at.own] |= ~np.isfinite(np.diag(own))
+        out[lost, lost] = np.inf
+        return out

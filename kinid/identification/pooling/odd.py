@@ -1,0 +1,72 @@
+"""Which logs don't belong to the others: another tool, a surface that moved, a sensor that was turned or rewired.
+
+A log is compared with its fellows, not with a table: three figures of each log are held against their median and their
+spread over all logs (median absolute deviation, P. J. Rousseeuw, C. Croux, J. Am. Stat. Assoc. 88, 1993), so that a
+model that errs everywhere makes no log an odd one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.identification.pooling.result import LogResult
+
+Array = NDArray[np.float64]
+
+#: logs from which on one can be odd, and the share of them that may be
+FEWEST, MOST = 4, 0.34
+#: deviations from the median beyond which a log is odd: of ten thousand normal ones none is expected
+BEYOND = 6.0
+#: an error is odd where it is so many times the usual, a disagreement where it is so many times chance's
+TIMES, CHANCE = 1.5, 6.0
+#: spread of the logarithm of an error that any logs have
+USUAL = 0.1
+
+
+def odd_logs(logs: Sequence[LogResult], scales: Mapping[str, float]) -> dict[str, str]:
+    """Names of the odd logs, with why, the oddest first.
+
+    Args:
+        logs: of one pooled fit. scales: of parameters that logs have for themselves, what of each matters.
+    """
+    if len(logs) < FEWEST:
+        return {}
+    found: list[tuple[float, str, str]] = []
+    error = np.log(np.maximum([log.by_log for log in logs], 1e-12))
+    usual = float(np.exp(np.median(error)))
+    for log, away in zip(logs, _deviations(error, USUAL)):
+        if away > BEYOND and log.by_log > TIMES * usual:
+            words = f"what the other logs say leaves {log.by_log:.3g} {log.error.unit}, {usual:.2g} is usual"
+            found.append((away, log.name, words))
+    disagreement = np.log(np.maximum([log.disagreement for log in logs], 1e-3))
+    typical = float(np.exp(np.median(disagreement)))
+    for log, away in zip(logs, _deviations(disagreement, 0.5)):
+        if away > BEYOND and log.disagreement > CHANCE * max(1.0, typical):
+            words = f"its own values disagree with the others' {log.disagreement / typical:.0f} times as much as usual"
+            found.append((away, log.name, words))
+    for name in {name for log in logs for name in log.parameters}:
+        having = [log for log in logs if name in log.parameters and np.isfinite(log.parameters[name].high)]
+        if len(having) < FEWEST:
+            continue
+        values = np.array([log.parameters[name].value for log in having])
+        for log, away in zip(having, _deviations(values, scales.get(name, 0.0))):
+            if abs(away) > BEYOND:
+                p = log.parameters[name]
+                words = f"{name} is {p.value:.3g} {p.unit}, {np.median(values):.2g} is usual".replace(" 1,", ",")
+                found.append((abs(away), log.name, words))
+    found.sort(key=lambda item: -item[0])
+    out: dict[str, str] = {}
+    for _, name, words in found:
+        out[name] = f"{out[name]}; {words}" if name in out else words
+    return out if len(out) <= MOST * len(logs) else {}
+
+
+def _deviations(values: Array, least: float) -> Array:
+    """How many spreads each is above the median, (n,); a spread is no less than `least`."""
+    middle = np.median(values)
+    spread = max(1.4826 * float(np.median(np.abs(values - middle))), least, 1e-300)
+    out: Array = (values - middle) / spread
+    return out

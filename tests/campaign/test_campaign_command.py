@@ -1,0 +1,90 @@
+"""`kinid fit` and `compare` of many logs: what they print, write and refuse."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from campaign.testers import several
+
+from kinid.cli import main
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
+    monkeypatch.setattr("sys.argv", ["kinid", *map(str, words)])
+    with pytest.raises(SystemExit) as end:
+        main()
+    return int(end.value.code or 0)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    for name, log in zip("abc", several(3)):
+        pq.write_table(pa.table({"t": log.t, **log.contact}), tmp_path / f"{name}.parquet")
+    return tmp_path
+
+
+def test_a_folder_is_fitted(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    facts, page = folder / "out" / "fit.json", folder / "out" / "fit.html"
+    facts.parent.mkdir()
+    model = "kelvin-voigt,surface-offset,sensor-bias"
+    assert run(monkeypatch, "fit", folder, "--model", model, "--json", facts, "--plot", page) == 0
+    said = capsys.readouterr().out
+    assert "kelvin-voigt.stiffness" in said
+    assert "on logs held out" in said
+    found = json.loads(facts.read_text())
+    assert found["logs"] == ["a.parquet", "b.parquet", "c.parquet"]
+    assert list(found["parameters"]) == ["kelvin-voigt.stiffness", "kelvin-voigt.damping"]
+    text = page.read_text()
+    assert all(name in text for name in found["logs"])
+    assert "http://" not in text.split("plotly.js", maxsplit=1)[0]
+
+
+def test_models_are_compared(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    logs = [folder / f"{name}.parquet" for name in "abc"]
+    words = ["--model", "hooke", "--model", "kelvin-voigt", "--json", folder / "c.json", "--plot", folder / "c.html"]
+    assert run(monkeypatch, "compare", *logs, *words) == 0
+    assert "differences are means over logs held out" in capsys.readouterr().out
+    found = json.loads((folder / "c.json").read_text())
+    assert found["reference"] == "kelvin-voigt"
+    assert found["models"][1]["held_out_by_log"] > found["models"][0]["held_out_by_log"]
+    assert "by log" in (folder / "c.html").read_text()
+
+
+def test_a_campaign_is_diagnosed(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = "kelvin-voigt,surface-offset,sensor-bias"
+    words = ["--max-effects", 0, "--json", folder / "d.json", "--report", folder / "d.html"]
+    assert run(monkeypatch, "diagnose", folder, "--model", model, *words) == 0
+    assert "adequate" in capsys.readouterr().out
+    found = json.loads((folder / "d.json").read_text())
+    assert (found["verdict"], found["added"], found["odd"]) == ("adequate", [], [])
+    assert "Effects by log" in (folder / "d.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["fit", "none", "a.parquet"], "no log at none"),
+        (["fit", "a.parquet", "b.parquet", "-o", "t.csv"], "many logs"),
+        (["fit", "empty"], "no logs in empty"),
+        (["diagnose", "a.parquet", "b.parquet", "--add", "relaxation"], "for many logs"),
+    ],
+)
+def test_what_is_wrong_is_one_line(
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    words: list[str],
+    said: str,
+) -> None:
+    (folder / "empty").mkdir()
+    monkeypatch.chdir(folder)
+    assert run(monkeypatch, *words, "--model", "hooke") == 2
+    err = capsys.readouterr().err
+    assert said in err
+    assert len(err.strip().splitlines()) == 1

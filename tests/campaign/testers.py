@@ -1,0 +1,53 @@
+"""Campaigns of a material tester's short logs, on equations written here."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+import kinid
+
+Array = NDArray[np.float64]
+
+RATE, SPAN, NOISE = 200.0, 8.0, 0.02
+#: N/m, N·s/m
+STIFFNESS, DAMPING = 800.0, 6.0
+
+
+def poked(
+    seed: int,
+    *,
+    stiffness: float = STIFFNESS,
+    damping: float = DAMPING,
+    offset: float = 0.0,
+    bias: float = 0.0,
+    stiffening: float = 0.0,
+    motion: int | None = None,
+) -> kinid.Log:
+    """A tester that swings in and out of a spring with a dashpot, which lets go and doesn't pull.
+
+    Args:
+        seed: of noise, and of the motion where `motion` doesn't say it. offset: by which the surface lies further out
+            than recorded [m]. bias: of the force [N]. stiffening: force that grows with the square of depth [N/m²].
+    """
+    noise = np.random.default_rng([seed, 1])
+    swing = np.random.default_rng([seed if motion is None else motion, 2])
+    slow, fast, when = swing.uniform(0.4, 0.8), swing.uniform(2.0, 2.6), swing.uniform(0.0, 6.0)
+    t = np.arange(int(SPAN * RATE)) / RATE
+    a, b = 2 * np.pi * slow, 2 * np.pi * fast
+    recorded = 2e-3 * np.sin(a * t + when) + 0.7e-3 * np.sin(b * t)
+    rate = 2e-3 * a * np.cos(a * t + when) + 0.7e-3 * b * np.cos(b * t)
+    depth = recorded + offset
+    force = np.where(depth > 0, stiffness * depth + damping * rate + stiffening * depth**2, 0.0)
+    force = np.maximum(force, 0.0) + bias + NOISE * noise.standard_normal(len(t))
+    return kinid.Log(t=t, contact={"depth": recorded, "depth_rate": rate, "normal_force": force})
+
+
+def several(count: int, seed: int = 0, **truth: float) -> list[kinid.Log]:
+    """So many logs, each with a surface offset and a bias of its own."""
+    rng = np.random.default_rng([seed, 3])
+    offsets, biases = 1e-4 * rng.standard_normal(count), 0.05 * rng.standard_normal(count)
+    return [
+        poked(1000 * seed + i, offset=float(z), bias=float(b), **truth)  # type: ignore[arg-type]
+        for i, (z, b) in enumerate(zip(offsets, biases))
+    ]
