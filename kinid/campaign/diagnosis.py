@@ -45,7 +45,7 @@ class CampaignDiagnosis:
             why, in words. added: names, in their order.
         steps: errors held out by block, from the model to the best one; by_log: the same held out by log.
         where: parts of logs that hold most of the error of `model`.
-        effects: a verdict for every effect. shown: of those that were added or tried, log → "present", "absent" or
+        effects: a verdict for every effect. shown: of those that were added or tried, log → present, absent or
             "not-excited".
         before, fit: of the model that was asked about, and of the best one.
         differences: of shared parameters between groups of logs. odd: names of logs that don't belong, with why.
@@ -54,14 +54,14 @@ class CampaignDiagnosis:
 
     model: Model
     best: Model
-    verdict: str
+    verdict: Verdict
     says: str
     added: tuple[str, ...]
     steps: tuple[Step, ...]
     by_log: tuple[float, ...]
     where: tuple[Cell, ...]
     effects: tuple[EffectVerdict, ...]
-    shown: dict[str, dict[str, str]]
+    shown: dict[str, dict[str, EffectStatus]]
     before: PooledFit
     fit: PooledFit
     differences: tuple[Difference, ...]
@@ -179,7 +179,7 @@ def _steps(found: PooledSelection) -> tuple[Step, ...]:
     return tuple(out)
 
 
-def _verdict(found: PooledSelection, steps: tuple[Step, ...]) -> tuple[str, str]:
+def _verdict(found: PooledSelection, steps: tuple[Step, ...]) -> tuple[Verdict, str]:
     left = found.fits[-1].left
     allowed = f"{left.tolerance:.2g} {left.unit} may be"
     remains = f"{left.excess:.2g} {left.unit} are left beside noise, {100 * left.share_of_reading:.2g} % of the reading"
@@ -197,7 +197,7 @@ def _verdict(found: PooledSelection, steps: tuple[Step, ...]) -> tuple[str, str]
     return (Verdict.MISSING if found.added else Verdict.ADEQUATE), f"{helped}{inside}"
 
 
-def _by_log(fit: PooledFit, name: str) -> dict[str, str]:
+def _by_log(fit: PooledFit, name: str) -> dict[str, EffectStatus]:
     return dict(zip([log.name for log in fit.pool.problems.logs], shown_by(fit.pool, name)))
 
 
@@ -212,35 +212,29 @@ def _effects(found: PooledSelection, settings: DiagnosisSettings) -> tuple[Effec
         rivals |= {other: name for other in others}
         own = {full.split(".", 1)[1]: p for full, p in _all_parameters(last).items() if full.split(".", 1)[0] == name}
         evidence = found.evidence[name]
-        says = f"{evidence.significance:.1f} standard errors over {len(last.pool)} logs, {evidence.by_log:.1f} on logs "
-        says += (
-            f"held out; by itself beyond doubt in {sum(s > settings.min_significance for s in evidence.logs)} of them"
+        alone = sum(significance > settings.min_significance for significance in evidence.logs)
+        says = (
+            f"{evidence.significance:.1f} standard errors over {len(last.pool)} logs, {evidence.by_log:.1f} on logs "
+            f"held out; by itself beyond doubt in {alone} of them"
         )
-        out.append(
-            EffectVerdict(name, EffectStatus.PRESENT, evidence.significance, others, gain, own, _apart(name), says)
-        )
+        status, sure = EffectStatus.PRESENT, evidence.significance
+        out.append(EffectVerdict(name, status, sure, says, others, gain, own, _apart(name)))
     tried = {t.effect.id: t for t in found.refits}
     for name, points in found.looked.items():
-        significance = tried[name].evidence.significance if name in tried else 0.0
+        sure = tried[name].evidence.significance if name in tried else 0.0
         if name in rivals:
-            words = f"fits as well as {rivals[name]}: these logs can't tell them apart"
-            out.append(
-                EffectVerdict(
-                    name, EffectStatus.INDISTINGUISHABLE, significance, (rivals[name],), 0.0, {}, _apart(name), words
-                )
-            )
-            continue
-        seen = max(point.visible for point in points) > VISIBLE * settings.min_significance
-        verdict = EffectStatus.ABSENT if seen else EffectStatus.NOT_EXCITED
-        words = "one that matters would show in these logs, and doesn't" if seen else "these logs would hardly show it"
-        record = "" if seen else f"record {get(name).excited_by}"
-        out.append(EffectVerdict(name, verdict, significance, (), 0.0, {}, record, words))
+            status = EffectStatus.INDISTINGUISHABLE
+            says = f"fits as well as {rivals[name]}: these logs can't tell them apart"
+            out.append(EffectVerdict(name, status, sure, says, (rivals[name],), separate_by=_apart(name)))
+        elif max(point.visible for point in points) > VISIBLE * settings.min_significance:
+            says = "one that matters would show in these logs, and doesn't"
+            out.append(EffectVerdict(name, EffectStatus.ABSENT, sure, says))
+        else:
+            says, record = "these logs would hardly show it", f"record {get(name).excited_by}"
+            out.append(EffectVerdict(name, EffectStatus.NOT_EXCITED, sure, says, separate_by=record))
     for name, why in found.idle.items():
-        out.append(
-            EffectVerdict(
-                name, EffectStatus.NOT_EXCITED, 0.0, (), 0.0, {}, f"record {get(name).excited_by}", why, False
-            )
-        )
+        record = f"record {get(name).excited_by}"
+        out.append(EffectVerdict(name, EffectStatus.NOT_EXCITED, 0.0, why, separate_by=record, acts=False))
     return tuple(out)
 
 

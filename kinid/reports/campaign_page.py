@@ -72,13 +72,17 @@ def diagnosis_page(result: CampaignDiagnosis, title: str) -> str:
     return page(title, head, [], tail)
 
 
+def _mark(status: EffectStatus | None) -> str:
+    return "" if status is None else MARKS.get(status, "")
+
+
 def _matrix(result: CampaignDiagnosis) -> str:
     """Effects that were added or tried against logs."""
     names = list(result.shown)
     if not names:
         return "<p class=facts>No effect was worth a fit.</p>"
     logs = [log.name for log in result.fit.logs]
-    rows = [[log, *(MARKS.get(result.shown[name].get(log, ""), "") for name in names)] for log in logs]
+    rows = [[log, *(_mark(result.shown[name].get(log)) for name in names)] for log in logs]
     heads = [f"{name} (added)" if name in result.added else name for name in names]
     words = "● the log shows it by itself, ○ it shows that it isn't there, · it can't tell"
     return f"<p class=facts>{words}</p>" + table(["log", *heads], rows)

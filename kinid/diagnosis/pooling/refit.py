@@ -250,7 +250,8 @@ def same(one: PooledRefit, other: PooledRefit, settings: DiagnosisSettings) -> b
     """Whether the logs can't tell two refits of one pool apart."""
     between = compare_pools_weighed(other.pool, one.pool, one.before)
     return (
-        abs(between.gain) <= settings.rival_significance * between.error or abs(between.share) <= settings.rival_share
+        abs(between.gain) <= settings.alternative_significance * between.error
+        or abs(between.share) <= settings.alternative_share
     )
 
 

@@ -132,8 +132,8 @@ def _prune(found: PooledSelection, settings: DiagnosisSettings) -> None:
             found.fits[-1] = fit_of_pool(settled(less))
 
 
-def shown_by(pool: Pool, name: str) -> list[str]:
-    """Which logs show an effect of the pool's model: "present", "absent", or "not-excited" where one can't tell.
+def shown_by(pool: Pool, name: str) -> list[EffectStatus]:
+    """Which logs show an effect of the pool's model: present, absent, or not excited where one can't tell.
 
     Each log's own share of the effect, 1 where it is as large there as in the others, follows from its readings with
     what is shared as all others know it. A log shows the effect where that share is `SHOWS` standard errors from
@@ -143,7 +143,7 @@ def shown_by(pool: Pool, name: str) -> list[str]:
     return [_shown(pool, held_out, number, name) for number in range(len(pool))]
 
 
-def _shown(pool: Pool, held_out: HeldOut, number: int, name: str) -> str:
+def _shown(pool: Pool, held_out: HeldOut, number: int, name: str) -> EffectStatus:
     """What one log shows of an effect."""
     state, at = pool.state(number), pool.at[number]
     weight = 1.0 / state.error.sigma

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from kinid.contact.kinds_of_motion import labels_of_motion
 from kinid.identification.covariance import (
-    UNSEEN,
+    MIN_CHANGE,
     blocks_of,
     cluster_variance,
     sandwich,
@@ -86,7 +86,7 @@ class Scores:
         floor = np.diag(inverse) * state.inflation
         widen = np.sqrt(np.maximum(1.0, floor / np.maximum(np.diag(own), 1e-300)))
         own = own * np.outer(widen, widen)
-        lost = np.diag(pool.normals[number].squares)[at.own] < UNSEEN**2
+        lost = np.diag(pool.normals[number].squares)[at.own] < MIN_CHANGE**2
         own[lost, lost] = np.inf
         self.own.append(own)
 
@@ -116,7 +116,7 @@ class Scores:
         """Of what is shared, once all logs were added."""
         pool, size = self.pool, len(self.pool.vector)
         parameters = pool.vector.parameters()
-        unseen = parameters & (np.sqrt(self.length) < UNSEEN)
+        unseen = parameters & (np.sqrt(self.length) < MIN_CHANGE)
         kept = np.flatnonzero(~unseen)
         at = np.ix_(kept, kept)
         if not len(kept):
