@@ -1,0 +1,192 @@
+"""`kinid live`: the same quantities from a robot's stream, as they come."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from kinid.cli import complete
+from kinid.errors import InputError
+
+if TYPE_CHECKING:
+    from kinid.data.rig import Rig
+    from kinid.live.messages import Source
+    from kinid.live.recording import Recorder
+    from kinid.robotics.robot import Robot
+
+EXAMPLES = """Examples:
+
+kinid live udp://127.0.0.1:5005 --rig rig.toml --model kelvin-voigt,coulomb-friction --record out.mcap
+
+kinid live poke.parquet --model hunt-crossley --speed 0 --json live.json          (a log, as fast as it goes)
+
+kinid live lab:mould --model kelvin-voigt,coulomb-friction          (the virtual laboratory)
+"""
+
+
+def live(
+    source: Annotated[
+        str,
+        typer.Argument(
+            help="udp://HOST:PORT, shm:PATH, lab:EXPERIMENT[:SEED], or a log to be replayed.", show_default=False
+        ),
+    ],
+    model: Annotated[
+        str,
+        typer.Option(
+            help="Effects that are estimated: a contact law, friction, or both.",
+            show_default=False,
+            autocompletion=complete.model,
+        ),
+    ],
+    rig: Annotated[
+        Path | None,
+        typer.Option(help="What is measured with what; default: rig.toml beside the log, or the laboratory's."),
+    ] = None,
+    record: Annotated[
+        Path | None, typer.Option(help="Recording to write: one MCAP file, whole at any moment.", show_default=False)
+    ] = None,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Summary and events to write as JSON.")] = None,
+    speed: Annotated[
+        float, typer.Option(help="Of what is replayed, in parts of its own; 0: as fast as it goes.")
+    ] = 1.0,
+    duration: Annotated[
+        float | None, typer.Option(help="Time after which it ends [s]; default: with the source, or Ctrl-C.")
+    ] = None,
+    tare: Annotated[
+        float, typer.Option(help="Seconds in the air at the beginning that the sensor's bias is learnt from.")
+    ] = 0.0,
+    bandwidth: Annotated[float, typer.Option(help="Of velocities that the stream lacks [Hz].")] = 40.0,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print the summary alone.")] = False,
+) -> None:
+    """Contact frame, estimates and events of a robot's stream, sample by sample; nothing here commands a robot."""
+    names = [name.strip() for name in model.split(",") if name.strip()]
+    if duration is not None and not duration > 0.0:
+        raise InputError(f"--duration {duration:g}", "a time > 0 s", "leave it out to go on until the source ends")
+    if not (math.isfinite(tare) and tare >= 0.0):
+        raise InputError(f"--tare {tare:g}", "seconds ≥ 0", "leave it out for the rig's bias")
+    if not (math.isfinite(bandwidth) and bandwidth > 0.0):
+        raise InputError(f"--bandwidth {bandwidth:g}", "a frequency > 0 Hz", "leave it out for 40")
+    from kinid.writers import check_outputs
+
+    path = _log_of(source)
+    rig = rig or (path.parent / "rig.toml" if path is not None else None)
+    check_outputs((record, json_file), (path, rig))
+    if record is not None and record.suffix.lower() != ".mcap":
+        raise InputError(f"--record {record.name}", "a name ending in .mcap", "rename it")
+    opened, the_rig, robot = _open(source, rig, speed)
+    try:
+        _run(opened, the_rig, robot, names, record, json_file, duration, tare, bandwidth, quiet)
+    finally:
+        opened.close()
+
+
+def _log_of(source: str) -> Path | None:
+    """The log that a source replays; None for any other source."""
+    scheme, colon, rest = source.partition(":")
+    if (colon and scheme in ("udp", "shm", "lab")) or rest.startswith("//"):
+        return None
+    return Path(rest if scheme == "file" and colon else source)
+
+
+def _open(source: str, rig: Path | None, speed: float) -> tuple[Source, Rig, Robot]:
+    """The source, and what is measured with what."""
+    from kinid.data.rig import Rig
+    from kinid.live.sources import Asked, open_source
+    from kinid.robotics.robot import Robot
+
+    if rig is None:
+        opened = open_source(source, Asked(None, None, speed))
+        the_rig = getattr(opened, "rig", None)
+        if the_rig is None:
+            opened.close()
+            raise InputError(f"no rig for {source}", "what is measured with what", "name it with --rig rig.toml")
+        return opened, the_rig, Robot.load(the_rig)
+    the_rig = Rig.load(rig)
+    if the_rig.robot is None:
+        raise InputError(f"a rig without [robot] at {rig}", "a robot, for its joints", "add [robot] model")
+    if the_rig.streams.reference == "joints":
+        raise InputError(
+            f'[streams] reference = "joints" in {rig}', "the wrench's clock, which is kept live", "remove that line"
+        )
+    robot = Robot.load(the_rig)
+    return open_source(source, Asked(the_rig, tuple(robot.joint_names), speed)), the_rig, robot
+
+
+def _run(
+    opened: Source,
+    rig: Rig,
+    robot: Robot,
+    names: list[str],
+    record: Path | None,
+    json_file: Path | None,
+    duration: float | None,
+    seconds: float,
+    bandwidth: float,
+    quiet: bool,
+) -> None:
+    """One session."""
+    from kinid.cli.show import console, written
+    from kinid.live.events import Event
+    from kinid.live.pipeline import Pipeline
+    from kinid.live.session import Session
+    from kinid.live.tare import tare
+    from kinid.live.terminal import Lines, Screen, show
+    from kinid.writers import write_text
+
+    out = console()
+    pipeline = Pipeline(rig, names, robot=robot, bandwidth=bandwidth)  # compiles: no sample waits for that
+    if seconds > 0.0:
+        out.print(f"keep the tool in the air for {seconds:g} s …")
+        rig = tare(opened, rig, robot, seconds)
+        pipeline = Pipeline(rig, names, robot=robot, bandwidth=bandwidth)
+    elif rig.sensor.bias is None:
+        out.print("doubt: the rig states no bias of the sensor: add [sensor] bias, or --tare 2 in the air")
+    recorder = None if record is None else _recorder(record, opened, rig, robot, names, bandwidth)
+    kept: list[Event] = []
+    lines = Lines(out)
+
+    def tell(event: Event) -> None:
+        if json_file is not None and len(kept) < 100_000:
+            kept.append(event)
+        if not quiet and not out.is_terminal:
+            lines(event)
+
+    session = Session(
+        opened,
+        pipeline,
+        tuple(robot.joint_names),
+        wrench_offset=rig.streams.wrench_clock_offset or 0.0,
+        max_gap=rig.streams.max_gap,
+        recorder=recorder,
+        tell=tell,
+    )
+    limit = math.inf if duration is None else duration
+    if out.is_terminal and not quiet:
+        with Screen(session, out).live:
+            session.run(limit)
+    else:
+        session.run(limit)
+    show(session, out)
+    if json_file is not None:
+        facts: dict[str, Any] = {**session.summary(), "list": [event.to_dict() for event in kept]}
+        write_text(json_file, json.dumps(facts, indent=1) + "\n")
+    written([path for path in (record, json_file) if path is not None])
+
+
+def _recorder(record: Path, source: Source, rig: Rig, robot: Robot, names: list[str], bandwidth: float) -> Recorder:
+    import kinid
+    from kinid.live.recording import Recorder
+
+    provenance = {
+        "version": kinid.__version__,
+        "source": source.name,
+        "model": ",".join(names),
+        "bandwidth_hz": str(bandwidth),
+        "rig": rig.model_dump_json(exclude_none=True, exclude={"folder"}),
+    }
+    return Recorder(record, robot.joint_names, robot.sensor_frame or "", provenance)

@@ -1,0 +1,193 @@
+"""Compiled: a stream's clock, and wrench samples brought together with the joints around them.
+
+Times are whole nanoseconds: stamps since 1970 have no room for them in a float64.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+#: places of a clock (int64): the last stamp that was accepted, when it came; the smallest delay between stamp and
+#: reception; what is added to stamps; median step; steps seen; samples behind the last one, in a row, and the last of
+#: them; whether samples are delayed; what is said of the last sample: a step of time; then a ring of steps
+LAST, RECEIVED, LAG, SHIFT, PERIOD, COUNT, BEHIND, BEHIND_LAST, DELAYED, STEP, RING = range(11)
+#: steps that the median is of; places of a clock
+STEPS = 15
+PLACES = RING + 2 * STEPS
+
+#: what became of a sample: accepted; accepted behind a gap, behind a jump of its clock, or late but in order; left out
+#: because it is late, there already, or no finite number
+FINE, GAP, JUMP, DELAY, LATE, REPEATED, NOT_FINITE = range(7)
+
+#: longer than so many median steps is a gap, as for logs
+GAP_PERIODS = 3.5
+#: a clock has jumped where stamps and reception come apart by more [ns]; so many samples in a row, with growing stamps,
+#: tell a jump back from late samples
+JUMP_NS, BACK_NS, BACK = 250_000_000, 100_000_000, 3
+#: samples are delayed that come so much later than the quickest [ns], until they are within the second
+DELAY_NS, PROMPT_NS = 50_000_000, 20_000_000
+#: the smallest delay may rise so slowly: clocks that run apart by 200 ppm are none that jump
+DRIFT = 5000
+
+#: samples of joints that are kept; wrench samples that can wait for them
+JOINT_SLOTS, WRENCH_SLOTS = 64, 256
+#: two times are the same when they differ by less than this part of a step, as for logs
+SAME = 1e-6
+#: places of the pairing's state: joint samples written, wrench samples written, and read
+JOINTS, WRITTEN, READ = range(3)
+#: what came of asking for a pair, where none came
+WAITING, UNPAIRED = 1, 2
+
+
+@njit(cache=True, error_model="numpy")
+def admit(clock: Any, stamp: int, received: int) -> int:
+    """What becomes of a sample by its time; where it is accepted, `clock[LAST]` is its stamp on the continuous clock.
+
+    Args:
+        clock: (PLACES,) int64. stamp: as sent [ns]. received: [ns].
+    """
+    now = stamp + clock[SHIFT]
+    if clock[COUNT] < 0:  # the first one
+        clock[LAST], clock[RECEIVED], clock[LAG], clock[COUNT] = now, received, received - now, 0
+        clock[STEP] = 0
+        return FINE
+    waited, lag = received - clock[RECEIVED], received - now
+    code = FINE
+    if now <= clock[LAST]:
+        if now == clock[LAST]:
+            return REPEATED
+        if clock[LAST] - now > BACK_NS:
+            growing = clock[BEHIND] > 0 and now > clock[BEHIND_LAST]
+            clock[BEHIND] = clock[BEHIND] + 1 if growing else 1
+            clock[BEHIND_LAST] = now
+            if clock[BEHIND] >= BACK:
+                code = JUMP
+        if code != JUMP:
+            return LATE
+    elif lag < clock[LAG] - JUMP_NS:
+        code = JUMP
+    if code == JUMP:
+        # time goes on by what passed for the receiver
+        step = max(waited, clock[PERIOD], 1)
+        clock[STEP] = now - clock[LAST]
+        clock[SHIFT] += clock[LAST] + step - now
+        now = clock[LAST] + step
+        lag = received - now
+        clock[LAG] = lag
+    else:
+        step = now - clock[LAST]
+        clock[STEP] = step
+        clock[LAG] = min(lag, clock[LAG] + max(waited, 0) // DRIFT)
+        if clock[PERIOD] > 0 and step > GAP_PERIODS * clock[PERIOD]:
+            code = GAP
+        elif lag > clock[LAG] + DELAY_NS and clock[DELAYED] == 0:
+            clock[DELAYED], code = 1, DELAY
+            clock[STEP] = lag - clock[LAG]
+        _remember(clock, step)
+    if lag < clock[LAG] + PROMPT_NS:
+        clock[DELAYED] = 0
+    clock[LAST], clock[RECEIVED], clock[BEHIND] = now, received, 0
+    return code
+
+
+@njit(cache=True, error_model="numpy")
+def _remember(clock: Any, step: int) -> None:
+    """One more step of time: the median of the last ones is the period."""
+    at = clock[COUNT] % STEPS
+    clock[RING + at] = step
+    clock[COUNT] += 1
+    n = min(clock[COUNT], STEPS)
+    ordered = clock[RING + STEPS :]
+    for i in range(n):
+        value, j = clock[RING + i], i
+        while j > 0 and ordered[j - 1] > value:
+            ordered[j] = ordered[j - 1]
+            j -= 1
+        ordered[j] = value
+    clock[PERIOD] = ordered[n // 2]
+
+
+@njit(cache=True, error_model="numpy")
+def put(clock: Any, counts: Any, slot: int, stamps: Any, rows: Any, stamp: int, received: int, row: Any, n: int) -> int:
+    """Ask the clock for a sample, and keep it where it is accepted.
+
+    Args:
+        counts: state of the pairing. slot: of the stream in it. stamps, rows: ring of the stream. row: the sample, of
+            which the first n numbers have to be finite.
+
+    Returns:
+        The stamp on the continuous clock; for anything but `FINE` minus the code, with the stamp in `clock[LAST]`.
+    """
+    for i in range(n):
+        if not abs(row[i]) < np.inf:
+            return -NOT_FINITE
+    code = admit(clock, stamp, received)
+    if code < LATE:
+        at = counts[slot] % len(stamps)
+        stamps[at] = clock[LAST]
+        rows[at] = row
+        counts[slot] += 1
+    stamped: int = clock[LAST]
+    return stamped if code == FINE else -code
+
+
+@njit(cache=True, error_model="numpy")
+def take_pair(
+    clock: Any,
+    counts: Any,
+    joint_stamps: Any,
+    joint_rows: Any,
+    wrench_stamps: Any,
+    wrench_rows: Any,
+    longest: int,
+    offset: int,
+    out: Any,
+) -> int:
+    """The oldest wrench that waits, with joints between their neighbours in time.
+
+    Args:
+        clock: of the joints. counts: state of the pairing. longest: between two joint samples that may be bridged [ns];
+            0: so many median steps as for logs. offset: added to the wrench's stamps [ns].
+        out: gets q, dq, tau and the wrench, (3 N + 6,).
+
+    Returns:
+        Time of the wrench, with the offset [ns]; minus `WAITING` where none waits or its joints haven't come; minus
+        `UNPAIRED` where they never will.
+    """
+    if counts[WRITTEN] - counts[READ] > WRENCH_SLOTS:
+        counts[READ] = counts[WRITTEN] - WRENCH_SLOTS
+        return -UNPAIRED
+    if counts[READ] >= counts[WRITTEN] or counts[JOINTS] == 0:
+        return -WAITING
+    slot = counts[READ] % WRENCH_SLOTS
+    at: int = wrench_stamps[slot] + offset
+    newest = counts[JOINTS] - 1
+    if joint_stamps[newest % JOINT_SLOTS] < at:
+        return -WAITING
+    oldest = max(0, counts[JOINTS] - JOINT_SLOTS)
+    right = newest
+    while right > oldest and joint_stamps[(right - 1) % JOINT_SLOTS] >= at:
+        right -= 1
+    counts[READ] += 1
+    b = right % JOINT_SLOTS
+    width = out.shape[0] - 6
+    if joint_stamps[b] == at:
+        out[:width] = joint_rows[b]
+    elif right == oldest:
+        return -UNPAIRED
+    else:
+        a = (right - 1) % JOINT_SLOTS
+        span = joint_stamps[b] - joint_stamps[a]
+        share = (at - joint_stamps[a]) / span
+        near = np.round(share)
+        if abs(share - near) < SAME:
+            share = near
+        elif span > (longest if longest > 0 else GAP_PERIODS * clock[PERIOD]):
+            return -UNPAIRED
+        for i in range(width):
+            out[i] = joint_rows[a, i] + share * (joint_rows[b, i] - joint_rows[a, i])
+    out[width:] = wrench_rows[slot]
+    return at

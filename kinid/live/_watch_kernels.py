@@ -1,0 +1,220 @@
+"""Compiled: a sample in the contact frame into both estimators, and into the watch over them.
+
+The watch is one float64 array: settings (`SETTINGS` of them), the range of each channel of the wrench (6), then state.
+Its bits are those of `kinid.live.events`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+import numpy as np
+from numba import float64, int64, njit, types
+from numpy.typing import NDArray
+
+from kinid.kernels import causal, chain
+from kinid.live.events import ABOVE, CHANGE, DIVERGENCE, EXCITATION, LEAVE, SATURATED, TOUCH
+
+Array = NDArray[np.float64]
+
+#: settings: normal force from which the tool touches, and below which it has left [N]; standard deviation of a force
+#: [N]; drift and threshold of the cumulated sums, in standard deviations; time [s] that an estimate has to stand before
+#: changes are looked for; share of the reading that a model may leave unexplained; share by which a force may be above
+ON, OFF, NOISE, DRIFT, THRESHOLD, SETTLED, UNEXPLAINED, ABOVE_SHARE = range(8)
+SETTINGS = 8
+RANGE = SETTINGS
+#: state: whether the tool touches; samples towards the other; time since which the normal law's estimate, and that of
+#: friction, stand [s]; sums upwards and downwards of the normal force and of friction; mean squares of innovation and
+#: force; since when something is (and is told): divergence, no excitation, saturation, a force above
+TOUCHING, TOWARDS, NORMAL_SINCE, FRICTION_SINCE = range(SETTINGS + 6, SETTINGS + 10)
+SUMS = SETTINGS + 10
+MEAN_INNOVATION, MEAN_FORCE = SUMS + 4, SUMS + 5
+SINCE = SUMS + 6
+TOLD = SINCE + 4
+EXCITED = TOLD + 4
+MEAN_SQUARES = EXCITED + 1
+LAST_TIME = MEAN_SQUARES + 2
+PLACES = LAST_TIME + 1
+
+#: samples in a row that make or end a touch; time constant of the mean squares [s]
+ROW, MEMORY = 3, 0.1
+#: what lasts so long is told: divergence, no excitation, saturation, a force above [s]
+LASTING = (0.1, 0.25, 0.0, 0.005)
+#: a channel is at the end of its range from this share of it on
+FULL = 0.98
+#: contact isn't sought further outside the material than this [m]
+REACH = 5e-3
+#: an innovation counts for so many standard deviations at most, so that no single sample raises an alarm
+CLIP = 6.0
+VALID, NOT_EXCITED, NO_CONTACT, NOT_SLIDING, NOT_FINITE = 0, 2, 3, 7, 6
+
+_INNOVATION, _NOISE, _STATUS = -6, -5, -3
+
+
+@njit(error_model="numpy", forceinline=True)
+def _touch(quantities: Any, w: Any) -> int:
+    """Touch and leave, each after some samples in a row."""
+    force, depth = quantities[chain.NORMAL], quantities[chain.DEPTH]
+    gone = force < w[OFF] or depth < -REACH
+    away = gone if w[TOUCHING] > 0.0 else force > w[ON] and depth > -REACH
+    w[TOWARDS] = w[TOWARDS] + 1.0 if away else 0.0
+    if w[TOWARDS] < ROW:
+        return 0
+    w[TOWARDS] = 0.0
+    w[TOUCHING] = 1.0 - w[TOUCHING]
+    w[SUMS : SUMS + 4] = 0.0
+    w[NORMAL_SINCE] = w[FRICTION_SINCE] = np.inf
+    w[MEAN_INNOVATION] = w[MEAN_FORCE] = w[EXCITED] = 0.0
+    w[MEAN_SQUARES : MEAN_SQUARES + 2] = 0.0
+    return TOUCH if w[TOUCHING] > 0.0 else LEAVE
+
+
+@njit(error_model="numpy", forceinline=True)
+def _cumulate(t: float, share: float, record: Any, w: Any, since: int, sums: int, squares: int) -> bool:
+    """Cumulated sums of one estimator's innovations (E. S. Page, Biometrika 41, 1954), each over its usual size.
+
+    The usual size follows slowly what is left of the innovations: a law that doesn't quite fit is no border.
+    """
+    status = int(record[len(record) + _STATUS])
+    if status in (NO_CONTACT, NOT_SLIDING):
+        w[since] = np.inf
+        w[sums] = w[sums + 1] = w[squares] = 0.0
+        return False
+    if status not in (VALID, NOT_EXCITED):
+        return False
+    innovation = record[len(record) + _INNOVATION]
+    if w[since] == np.inf:
+        w[since] = t
+    if t - w[since] < w[SETTLED]:
+        w[squares] += share * (innovation * innovation - w[squares])
+        return False
+    size = np.sqrt(max(w[squares], record[len(record) + _NOISE], w[NOISE] * w[NOISE]))
+    z = min(max(innovation / size, -CLIP), CLIP)
+    # with the clipped one: what is being told mustn't hide itself
+    w[squares] += share * (size * size * z * z - w[squares])
+    w[sums] = max(0.0, w[sums] + z - w[DRIFT])
+    w[sums + 1] = max(0.0, w[sums + 1] - z - w[DRIFT])
+    if max(w[sums], w[sums + 1]) < w[THRESHOLD]:
+        return False
+    w[sums] = w[sums + 1] = 0.0
+    w[since] = np.inf
+    return True
+
+
+@njit(error_model="numpy", forceinline=True)
+def _lasts(t: float, which: int, is_so: bool, longest: float, w: Any) -> bool:
+    """Whether something has been so for its time, and hasn't been told since."""
+    if not is_so:
+        w[SINCE + which] = np.inf
+        w[TOLD + which] = 0.0
+        return False
+    if w[SINCE + which] == np.inf:
+        w[SINCE + which] = t
+    if w[TOLD + which] > 0.0 or t - w[SINCE + which] < longest:
+        return False
+    w[TOLD + which] = 1.0
+    return True
+
+
+@njit(error_model="numpy", forceinline=True)
+def _watch(t: float, wrench: Any, quantities: Any, normal: Any, friction: Any, w: Any) -> Any:
+    """What is to be told of this sample, as bits."""
+    told = 0
+    full = False
+    for i in range(6):
+        full |= abs(wrench[i]) >= FULL * w[RANGE + i]
+    if _lasts(t, 2, full, LASTING[2], w):
+        told |= SATURATED
+    force = quantities[chain.NORMAL]
+    if not abs(force) < np.inf:
+        return told
+    dt = min(max(t - w[LAST_TIME], 0.0), MEMORY)
+    w[LAST_TIME] = t
+    told |= _touch(quantities, w)
+    touching = w[TOUCHING] > 0.0
+    share = dt / (dt + MEMORY)
+    changed = _cumulate(t, share, normal, w, NORMAL_SINCE, SUMS, MEAN_SQUARES)
+    changed |= _cumulate(t, share, friction, w, FRICTION_SINCE, SUMS + 2, MEAN_SQUARES + 1)
+    if changed and touching:
+        told |= CHANGE
+    status = int(normal[len(normal) + _STATUS])
+    innovation = normal[len(normal) + _INNOVATION]
+    settled = touching and status == VALID and t - w[NORMAL_SINCE] > w[SETTLED]
+    if touching:
+        w[MEAN_INNOVATION] += share * (innovation * innovation - w[MEAN_INNOVATION])
+        w[MEAN_FORCE] += share * (force * force - w[MEAN_FORCE])
+    wrong = settled and w[MEAN_INNOVATION] > max(
+        w[UNEXPLAINED] * w[UNEXPLAINED] * w[MEAN_FORCE], 25.0 * w[NOISE] * w[NOISE]
+    )
+    if _lasts(t, 0, wrong, LASTING[0], w):
+        told |= DIVERGENCE
+    if touching and status == VALID:
+        w[EXCITED] = 1.0
+    if _lasts(t, 1, touching and status == NOT_EXCITED and w[EXCITED] > 0.0, LASTING[1], w):
+        told |= EXCITATION
+        w[EXCITED] = 0.0
+    allowed = w[ABOVE_SHARE] * abs(force - innovation) + 5.0 * np.sqrt(
+        max(normal[len(normal) + _NOISE], w[MEAN_SQUARES], w[NOISE] * w[NOISE])
+    )
+    if _lasts(t, 3, settled and innovation > allowed, LASTING[3], w):
+        told |= ABOVE
+    return told
+
+
+def _learn(
+    t: float,
+    wrench: Array,
+    contact: Array,
+    rows: Any,
+    start: int,
+    shape: Any,
+    memory: Array,
+    friction_rows: Any,
+    friction_start: int,
+    friction_shape: Any,
+    friction_memory: Array,
+    watch: Array,
+) -> int:
+    causal.hand_over(contact, rows, memory[start:])
+    once(t, shape, memory)  # type: ignore[name-defined]  # noqa: F821
+    causal.hand_over(contact, friction_rows, friction_memory[friction_start:])
+    friction_once(t, friction_shape, friction_memory)  # type: ignore[name-defined]  # noqa: F821
+    p, k = len(shape), len(friction_shape)
+    quantities = carve(contact).quantities  # type: ignore[name-defined]  # noqa: F821
+    told: int = _watch(t, wrench, quantities, memory[: 2 * p + 6], friction_memory[: 2 * k + 6], watch)
+    return told
+
+
+_GIVEN = types.Array(float64, 1, "A", readonly=True)
+_SOURCES = hashlib.sha256(
+    b"".join(Path(file).read_bytes() for file in (__file__, causal.__file__, chain.__file__))
+).hexdigest()[:12]
+
+
+def compile_learn(once: Any, parameters: int, friction_once: Any) -> Callable[..., int]:
+    """Both estimators and the watch as one compiled call, which allocates nothing.
+
+    Args:
+        once: the normal law's kernel of one sample; parameters: of it. friction_once: that of friction.
+
+    Returns:
+        A function of time, wrench, the contact's store behind its step; for the normal law and for friction the rows,
+        the place of the inputs, the shape and the store; and the watch. It answers with the bits of what is to be told.
+    """
+    # kernels are constants of the compiled code, as in causal.compile_step_and_learn
+    known = {**globals(), "once": once, "friction_once": friction_once, "carve": causal._carve}
+    function = FunctionType(_learn.__code__, known, f"learn_{once.py_func.__qualname__}_{_SOURCES}")
+    function.__qualname__ = function.__name__
+    compiled = njit(error_model="numpy", cache=True, _nrt=False)(function)
+    estimator = (types.Array(int64, 1, "C"), int64)
+    compiled.compile(
+        (float64, _GIVEN, float64[::1])
+        + (*estimator, types.UniTuple(float64, parameters), float64[::1])
+        + (*estimator, types.UniTuple(float64, 2), float64[::1], float64[::1])
+    )
+    compiled.disable_compile()
+    return compiled  # type: ignore[no-any-return]

@@ -1,0 +1,66 @@
+"""What is worth telling: of the material that is touched, of the estimates, and of the streams."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+#: kinds of event, and what each means
+KINDS = {
+    "touch": "the tool touches",
+    "leave": "the tool has left",
+    "force-jump": "the force changed beyond what the model expects, at one place",
+    "border": "the force changed beyond what the model expects while sliding: another material",
+    "divergence": "the model no longer explains the force",
+    "excitation-lost": "the motion no longer tells the parameters apart",
+    "saturated": "a channel of the wrench is at the end of its range",
+    "force-above": "the force is above what the model and its uncertainty allow",
+    "reopened": "the estimators' covariance was opened",
+    "gap": "samples are missing",
+    "late": "a sample came behind a newer one and was left out",
+    "repeated": "a sample came twice and was left out once",
+    "delayed": "samples come later than before",
+    "clock-jump": "the sender's clock jumped; time goes on from the last sample",
+    "clock-offset": "the streams' clocks have different epochs; they were put together by the time of reception",
+    "not-finite": "a sample holds what is no finite number",
+    "joint-names": "a sample's joints are not the robot's",
+    "malformed": "something came that is no sample",
+    "unpaired": "a wrench without joint positions around it",
+    "stream-lost": "a stream is silent",
+    "stream-returned": "a stream is back",
+    "overrun": "samples were overwritten before they were read",
+    "recording-failed": "the recording ended early; the session goes on",
+    "source-restarted": "the sender began anew",
+}
+
+#: bits that the compiled step sets, by kind
+TOUCH, LEAVE, CHANGE, DIVERGENCE, EXCITATION, SATURATED, ABOVE = (1 << i for i in range(7))
+
+
+class Event(NamedTuple):
+    """One of them.
+
+    Attributes:
+        kind: of `KINDS`. t: time since the first sample [s], of the sample it was found at.
+        place: slip along both tangents and depth there [m]; NaN where no place belongs to it.
+        force: normal force there [N]. says: figures, in words.
+    """
+
+    kind: str
+    t: float
+    says: str
+    place: tuple[float, float, float] = (math.nan, math.nan, math.nan)
+    force: float = math.nan
+
+    def __str__(self) -> str:
+        where = ""
+        if math.isfinite(self.place[0]):
+            x, y, z = (1e3 * v for v in self.place)
+            where = f" at ({x:.1f}, {y:.1f}) mm, {z:.2f} mm deep"
+        return f"{self.t:9.3f} s  {self.kind}{where}: {self.says}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain types, for JSON; None where something isn't known."""
+        numbers = {"slip1": self.place[0], "slip2": self.place[1], "depth": self.place[2], "normal_force": self.force}
+        known = {name: value if math.isfinite(value) else None for name, value in numbers.items()}
+        return {"kind": self.kind, "t": self.t, **known, "says": self.says}

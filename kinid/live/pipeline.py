@@ -1,0 +1,249 @@
+"""Per sample: motion, contact frame, both estimators and the watch over them, in compiled code."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.contact.online import OnlineContact
+from kinid.data.rig import CONTACT, Rig
+from kinid.errors import InputError
+from kinid.estimators import Friction, KelvinVoigt, SingleStage
+from kinid.estimators._machine import Machine, Online
+from kinid.estimators.estimate import Estimate, Status
+from kinid.kernels.causal import FLAG, NOT_FINITE, compile_step
+from kinid.live import _watch_kernels as kernels
+from kinid.live import events
+from kinid.live.events import Event
+
+if TYPE_CHECKING:
+    from kinid.robotics.robot import Robot
+
+Array = NDArray[np.float64]
+
+#: normal laws that are estimated live, and effects of friction that come with its estimator
+LAWS, FRICTION = ("kelvin-voigt", "hunt-crossley", "hooke"), ("coulomb-friction", "viscous-friction")
+#: normal force from which the tool touches, in standard deviations of the sensor's noise, and at least [N]
+TOUCHES, LEAST_FORCE = 6.0, 0.1
+#: noise of a force where the rig states none [N]
+UNSTATED_NOISE = 0.02
+#: a border is sought while the tip slides at least so fast [m/s]
+SLIDING = 5e-4
+#: what an opened estimator may be wrong by, in parts of its values
+SPREAD = 1.0
+
+_DEPTH, _RATE, _SLIP1, _SLIP2, _SLIP_RATE1, _SLIP_RATE2, _NORMAL = range(7)
+
+
+@dataclass(frozen=True)
+class Watch:
+    """When something is told.
+
+    Attributes:
+        drift, threshold: of the cumulated sums that tell a change, in standard deviations of the innovations.
+        settled: time that an estimate has to stand before changes are looked for [s].
+        unexplained: rms of the innovations over that of the force from which the model has lost it.
+        above: share by which a force may be above its prediction.
+        reopen: whether a change opens the estimators' covariance.
+    """
+
+    drift: float = 2.0
+    threshold: float = 25.0
+    settled: float = 0.1
+    unexplained: float = 0.25
+    above: float = 0.3
+    reopen: bool = True
+
+
+class Pipeline:
+    """From aligned samples to quantities, estimates and events.
+
+    Args:
+        rig: with a robot, a plane, and what is known of tool and sensor.
+        model: names of effects: a law out of `LAWS`, `FRICTION`.
+        bandwidth: of the velocities that the stream lacks [Hz], as in `OnlineContact`.
+        watch: when something is told.
+        contact_force: normal force from which the tool touches [N]; None: six standard deviations of the rig's noise.
+
+    Attributes:
+        quantities: contact quantities of the last sample, in the order of `CONTACT`; overwritten by the next.
+
+    Raises:
+        InputError: a rig without robot or plane, or a model that isn't estimated live.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        model: Sequence[str],
+        *,
+        robot: Robot | None = None,
+        bandwidth: float = 40.0,
+        watch: Watch | None = None,
+        contact_force: float | None = None,
+    ) -> None:
+        law = _law(model)
+        noise = UNSTATED_NOISE if rig.sensor.noise is None else max(1e-4, *rig.sensor.noise[:3])
+        on = max(LEAST_FORCE, TOUCHES * noise) if contact_force is None else contact_force
+        self.model, self.watch = tuple(model), watch or Watch()
+        self.contact = OnlineContact(rig, robot=robot, bandwidth=bandwidth, contact_force=on)
+        self.normal: Machine = (SingleStage(noise=noise) if law == "hunt-crossley" else KelvinVoigt()).online().machine
+        self.friction: Machine = Friction().online().machine
+        self._told = np.full(kernels.PLACES, 0.0)
+        self._set_up(rig, on, noise)
+        self._take = compile_step()
+        self._learn = kernels.compile_learn(self.normal.once, len(self.normal.shape), self.friction.once)
+        self._normal = _inputs(self.normal, ("depth", "depth_rate", "normal_force", "in_contact"))
+        self._friction = _inputs(
+            self.friction, ("normal_force", "slip_rate1", "slip_rate2", "tangential_force1", "tangential_force2")
+        )
+        self._rest = (self.contact.store, *self._normal, *self._friction, self._told)
+        self._none = np.empty(0)
+        self.quantities = self.contact.quantities
+
+    @property
+    def touching(self) -> bool:
+        """Whether the tool touches, with hysteresis."""
+        return bool(self._told[kernels.TOUCHING] > 0.0)
+
+    @property
+    def estimates(self) -> dict[str, Estimate]:
+        """What is known now of the model's parts: "normal" and "friction"."""
+        parts = {"normal": self.normal} if any(name in LAWS for name in self.model) else {}
+        if any(name in FRICTION for name in self.model):
+            parts["friction"] = self.friction
+        return {name: machine.estimate() for name, machine in parts.items()}
+
+    @property
+    def predicted(self) -> float:
+        """Normal force that the estimate before the last sample expected [N]; NaN where the sample wasn't used."""
+        innovation = self.normal.estimate().innovation
+        return float(self.quantities[_NORMAL]) - innovation if innovation != 0.0 else math.nan
+
+    def step(self, t: float, q: Array, wrench: Array, dq: Array) -> int:
+        """Work out one sample; bits of `kinid.live.events` of what is to be told, for `explain`.
+
+        It allocates nothing but what Python's call does.
+
+        Args:
+            t: time [s], which has to grow. q: positions (N,). wrench: fx fy fz tx ty tz in sensor axes, (6,).
+            dq: velocities (N,), the first of which is NaN where there are none.
+
+        Returns:
+            The bits; a negative number for a sample that was left out.
+        """
+        none = self._none
+        code = self._take(t, q, wrench, dq if dq[0] == dq[0] else none, none, self.contact.store)
+        if code > NOT_FINITE:
+            return -code
+        return self._learn(t, wrench, *self._rest)
+
+    def explain(self, told: int, t: float) -> list[Event]:
+        """The events that the bits of the last sample stand for; a change opens the estimators' covariance.
+
+        Args:
+            told: bits, > 0. t: time of that sample [s].
+        """
+        out = []
+        x = self.quantities
+        place, force = (float(x[_SLIP1]), float(x[_SLIP2]), float(x[_DEPTH])), float(x[_NORMAL])
+        for bit, kind, says in _BITS:
+            if told & bit:
+                slides = bit == events.CHANGE and math.hypot(x[_SLIP_RATE1], x[_SLIP_RATE2]) > SLIDING
+                out.append(Event("border" if slides else kind, t, says(self), place, force))
+        if told & events.CHANGE and self.watch.reopen:
+            self.reopen()
+            out.append(Event("reopened", t, f"each parameter may be off by {100 * SPREAD:.0f} %", place, force))
+        return out
+
+    def reopen(self) -> None:
+        """Open both estimators' covariance: what was learnt stays as a start, which the next samples may overrule."""
+        for machine in (self.normal, self.friction):
+            reopen(machine)
+
+    def restart(self) -> None:
+        """A new log begins, whose time may start anew; what was learnt stays."""
+        self.contact.reset()
+        self.normal.restart()
+        self.friction.restart()
+
+    def _set_up(self, rig: Rig, on: float, noise: float) -> None:
+        w, told = self.watch, self._told
+        told[kernels.ON], told[kernels.OFF], told[kernels.NOISE] = on, 0.5 * on, noise
+        told[kernels.DRIFT], told[kernels.THRESHOLD], told[kernels.SETTLED] = w.drift, w.threshold, w.settled
+        told[kernels.UNEXPLAINED], told[kernels.ABOVE_SHARE] = w.unexplained, w.above
+        told[kernels.RANGE : kernels.RANGE + 6] = np.inf if rig.sensor.range is None else rig.sensor.range
+        told[kernels.NORMAL_SINCE] = told[kernels.FRICTION_SINCE] = np.inf
+        told[kernels.SINCE : kernels.SINCE + 4] = np.inf
+        told[kernels.LAST_TIME] = 0.0
+
+
+def reopen(machine: Machine) -> None:
+    """Give an estimator its values with the standard deviation `SPREAD` of each, as if nothing else were known."""
+    state, p = machine.room.state, len(machine.names)
+    if len(state) != 2 * p + p * p + p + 4:  # two regressions of their own
+        return
+    noise = max(float(machine.room.record[2 * p + 1]), 1e-12)
+    unit = np.minimum(np.maximum((SPREAD * state[:p]) ** 2, 1e-12) / noise, machine.room.limit)
+    state[p : 2 * p] = unit
+    state[2 * p : 2 * p + p * p] = np.eye(p).ravel()
+    state[2 * p + p * p : 3 * p + p * p] = unit
+    updates = state[-1]
+    state[-4:] = 0.0
+    # at least one residual of the size that was usual, so that the first intervals aren't of zero width
+    state[-4], state[-3], state[-2], state[-1] = noise, 1.0, 1.0, min(updates, 1.0)
+
+
+def _law(model: Sequence[str]) -> str | None:
+    """The normal law out of a model."""
+    unknown = [name for name in model if name not in (*LAWS, *FRICTION)]
+    if unknown:
+        raise InputError(
+            f"effect '{unknown[0]}' in a live model",
+            f"one of {', '.join((*LAWS, *FRICTION))}",
+            "leave it out: kinid diagnose finds it in the recording",
+        )
+    laws = [name for name in model if name in LAWS]
+    if len(laws) > 1:
+        raise InputError(f"{len(laws)} contact laws, {' and '.join(laws)}", "one at most", "choose one")
+    if not model:
+        raise InputError("a live model without effects", "a contact law, friction, or both", "name one with --model")
+    return laws[0] if laws else None
+
+
+def _inputs(machine: Machine, takes: Sequence[str]) -> tuple[Any, ...]:
+    """What the compiled step needs of an estimator: rows of quantities, place of the inputs, shape and store."""
+    Online(machine)  # compiles its kernel
+    rows = np.array([FLAG if name == "in_contact" else CONTACT.index(name) for name in takes], dtype=np.int64)
+    start = (machine.room.inputs.ctypes.data - machine.store.ctypes.data) // machine.store.itemsize
+    return rows, start, machine.shape, machine.store
+
+
+def _residual(pipeline: Pipeline) -> str:
+    estimate = pipeline.normal.estimate()
+    force = float(pipeline.quantities[_NORMAL])
+    return f"{force:.2f} N, {force - estimate.innovation:.2f} N expected"
+
+
+def _force(pipeline: Pipeline) -> str:
+    return f"{float(pipeline.quantities[_NORMAL]):.2f} N"
+
+
+def _status(pipeline: Pipeline) -> str:
+    return Status(pipeline.normal.estimate().status).remedy
+
+
+_BITS: tuple[tuple[int, str, Callable[[Pipeline], str]], ...] = (
+    (events.SATURATED, "saturated", lambda _: "a channel at the end of the rig's range"),
+    (events.TOUCH, "touch", _force),
+    (events.LEAVE, "leave", _force),
+    (events.CHANGE, "force-jump", _residual),
+    (events.DIVERGENCE, "divergence", _residual),
+    (events.EXCITATION, "excitation-lost", _status),
+    (events.ABOVE, "force-above", _residual),
+)

@@ -1,0 +1,199 @@
+"""The loop: a source's items to samples, events, recording and views; what went through, how fast, how late."""
+
+from __future__ import annotations
+
+import gc
+import math
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from kinid.data.rig import CONTACT as QUANTITIES
+from kinid.live import recording
+from kinid.live.alignment import Aligner
+from kinid.live.events import Event
+from kinid.live.latency import Latencies
+from kinid.live.messages import Notice, Source
+from kinid.live.pipeline import Pipeline
+from kinid.live.recording import Recorder
+
+#: a stream is lost after so long, or so many of its samples, without one [ns]; looked at so often [ns]
+SILENCE_NS, SILENCE_SAMPLES, LOOK_NS = 100_000_000, 20, 20_000_000
+#: streams have so long to begin [ns]
+BEGIN_NS = 2_000_000_000
+#: contact quantities and estimates are recorded so often [ns]
+RECORD_NS = 20_000_000
+#: events that are remembered; all are counted, told and recorded
+REMEMBERED = 1000
+
+
+class Session:
+    """One run of a source through a pipeline.
+
+    Args:
+        source: of samples. pipeline: that works on them. joints: names of the robot's joints, in order.
+        wrench_offset, max_gap: as in `Aligner`.
+        recorder: keeps all of it. tell: is told each event.
+
+    Attributes:
+        samples: that went through the pipeline. counts: of events by kind. events: the last ones.
+        processing: time of a sample from its streams' messages to its estimate [ns]; latency: from the reception of the
+            last message that a sample needed to its estimate [ns], where a source is live.
+    """
+
+    def __init__(
+        self,
+        source: Source,
+        pipeline: Pipeline,
+        joints: Sequence[str],
+        *,
+        wrench_offset: float = 0.0,
+        max_gap: float | None = None,
+        recorder: Recorder | None = None,
+        tell: Callable[[Event], None] | None = None,
+    ) -> None:
+        self.source, self.pipeline, self.recorder, self._tell = source, pipeline, recorder, tell
+        self.aligner = Aligner(joints, self._report, wrench_offset=wrench_offset, max_gap=max_gap)
+        self.samples, self.counts, self.events = 0, Counter[str](), deque[Event](maxlen=REMEMBERED)
+        self.processing, self.latency = Latencies(), Latencies()
+        self._received = self._looked = self._begun = self._recorded = 0
+        self._lost: set[str] = set()
+        self._stop = False
+
+    def stop(self) -> None:
+        """End at the next item."""
+        self._stop = True
+
+    def run(self, duration: float = math.inf) -> None:
+        """Take everything that the source has, or so much of its time [s]; Ctrl-C ends it as the source's end does."""
+        gc.collect()
+        gc.freeze()  # what is here stays: it needn't be searched for garbage while samples come
+        try:
+            self._run(duration)
+        except KeyboardInterrupt:
+            pass
+        finally:
+            gc.unfreeze()
+            self.source.close()
+            if self.recorder is not None:
+                self.recorder.close()
+
+    def summary(self) -> dict[str, Any]:
+        """What went through, as plain types."""
+        clocks = self.aligner.clocks.items()
+        return {
+            "source": self.source.name,
+            "samples": self.samples,
+            "duration_s": self.aligner.t,
+            "rates_hz": {name: 1e9 / clock.period if clock.period else None for name, clock in clocks},
+            "processing_us": self.processing.summary(),
+            "latency_us": self.latency.summary() if self.source.live else None,
+            "events": dict(self.counts),
+            "estimates": {
+                part: {
+                    "values": dict(zip(estimate.names, estimate.values.tolist())),
+                    "std": [v if math.isfinite(v) else None for v in estimate.std.tolist()],
+                    "valid": estimate.valid,
+                    "status": estimate.status.remedy,
+                }
+                for part, estimate in self.pipeline.estimates.items()
+            },
+        }
+
+    def _run(self, duration: float) -> None:
+        aligner, recorder, live = self.aligner, self.recorder, self.source.live
+        clock, spent = time.perf_counter_ns, 0
+        for item in self.source.items():
+            if item is None:
+                if live:
+                    self._look(time.monotonic_ns())
+            elif isinstance(item, Notice):
+                self._received = item.received
+                self._report(item.kind, item.says)
+            else:
+                if item.received - self._looked > LOOK_NS:
+                    self._look(item.received)
+                begin = clock()
+                stamp = aligner.put(item)
+                self._received = item.received
+                if stamp is not None and recorder is not None:
+                    recorder.sample(item, stamp)
+                while aligner.pair():
+                    self._sample()
+                    end = clock()
+                    self.processing.add(spent + end - begin)
+                    if live:
+                        self.latency.add(time.monotonic_ns() - item.received)
+                    begin, spent = end, 0
+                spent += clock() - begin
+            if self._stop or aligner.t > duration:
+                return
+
+    def _sample(self) -> None:
+        """The pair that is ready, through the pipeline."""
+        aligner = self.aligner
+        told = self.pipeline.step(aligner.t, aligner.q, aligner.wrench, aligner.dq)
+        self.samples += 1
+        if told:
+            if told < 0:
+                self._report("not-finite", "a pair that can't be used")
+                return
+            for event in self.pipeline.explain(told, aligner.t):
+                self._note(event)
+        if self.recorder is not None and aligner.stamp - self._recorded >= RECORD_NS:
+            self._recorded = aligner.stamp
+            self._record(self.recorder)
+
+    def _record(self, recorder: Recorder) -> None:
+        """Contact quantities and estimates as they are now."""
+        aligner, pipeline = self.aligner, self.pipeline
+        known = dict(zip(QUANTITIES, map(_number, pipeline.quantities.tolist())))
+        known["predicted_normal_force"] = _number(pipeline.predicted)
+        contact = {"t": aligner.t, **known, "in_contact": pipeline.touching}
+        recorder.state(recording.CONTACT, self._received, aligner.stamp, contact)
+        values, status = {}, {}
+        for estimate in pipeline.estimates.values():
+            for name, value, std in zip(estimate.names, estimate.values.tolist(), estimate.std.tolist()):
+                values[name] = {"value": _number(value), "std": _number(std)}
+                status[name] = estimate.status.name.lower().replace("_", "-")
+        estimates = {"t": aligner.t, "values": values, "status": status}
+        recorder.state(recording.ESTIMATES, self._received, aligner.stamp, estimates)
+
+    def _report(self, kind: str, says: str) -> None:
+        """What a stream has to be told of."""
+        self._note(Event(kind, self.aligner.t, says))
+
+    def _note(self, event: Event) -> None:
+        self.counts[event.kind] += 1
+        self.events.append(event)
+        if self.recorder is not None:
+            self.recorder.event(event, self._received, self.aligner.stamp)
+        if self._tell is not None:
+            self._tell(event)
+
+    def _look(self, now: int) -> None:
+        """Whether a stream is silent, or back."""
+        self._looked = now
+        self._begun = self._begun or now
+        for name, clock in self.aligner.clocks.items():
+            if clock.started:
+                silent = now - clock.received
+                is_lost = silent > max(SILENCE_NS, SILENCE_SAMPLES * clock.period)
+            else:
+                silent = now - self._begun
+                is_lost = silent > BEGIN_NS
+            if is_lost and name not in self._lost:
+                self._lost.add(name)
+                self._report("stream-lost", f"no {name} for {1e-9 * silent:.2f} s")
+            elif not is_lost and name in self._lost:
+                self._lost.remove(name)
+                self._report("stream-returned", name)
+        if self.recorder is not None and self.recorder.error:
+            error, self.recorder = self.recorder.error, None
+            self._report("recording-failed", error)
+
+
+def _number(value: float) -> float | None:
+    """A number that JSON has."""
+    return value if math.isfinite(value) else None

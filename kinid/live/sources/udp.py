@@ -1,0 +1,113 @@
+"""Samples as lines of JSON in UDP datagrams: `udp://127.0.0.1:5005`.
+
+A line is one object with the names of the log format:
+
+    {"t": 12.345, "q": [...], "dq": [...], "tau": [...], "names": [...], "wrench": [fx, fy, fz, tx, ty, tz]}
+
+`t` is the sender's clock [s]; `t_ns` a whole number of nanoseconds instead, for clocks that count from 1970; neither
+where the time of reception is to be used. `q` or `wrench` or both; all else may be left out. A datagram may hold
+several lines. It listens on this machine alone unless the address says otherwise, and never answers.
+"""
+
+from __future__ import annotations
+
+import json
+import select
+import socket
+import time
+from collections.abc import Iterator
+from typing import Any
+
+from kinid.errors import InputError
+from kinid.live.messages import Item, Joints, Notice, Source, Wrench
+from kinid.live.sources import IDLE, Asked
+
+SCHEME = "udp"
+HELP = "udp://127.0.0.1:5005 takes lines of JSON"
+
+#: room for datagrams that wait while something else is done [bytes]; and of one datagram
+BUFFER, LARGEST = 4 << 20, 65536
+
+
+def open_source(address: str, asked: Asked) -> Source:
+    """Listen at HOST:PORT.
+
+    Raises:
+        InputError: no such address, or one that is taken.
+    """
+    return Socket(address)
+
+
+class Socket:
+    """A UDP socket.
+
+    Args:
+        address: HOST:PORT; port 0 takes a free one.
+    """
+
+    live = True
+
+    def __init__(self, address: str) -> None:
+        host, colon, port = address.rpartition(":")
+        host = host.strip("[]") or "127.0.0.1"
+        if not colon or not port.isdigit() or int(port) > 65535:
+            raise InputError(f"address '{address}'", "HOST:PORT", "name it as udp://127.0.0.1:5005")
+        self._socket = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
+            self._socket.bind((host, int(port)))
+        except OSError as error:
+            self._socket.close()
+            raise InputError(
+                f"no way to listen at {address} ({error.strerror})", "a free port of this machine", "choose another"
+            ) from None
+        self._socket.setblocking(False)
+        self.port = int(self._socket.getsockname()[1])
+        self.name = f"udp://{host}:{self.port}"
+        self._open = True
+
+    def items(self) -> Iterator[Item]:
+        """See `Source`."""
+        while self._open:
+            try:
+                data = self._socket.recv(LARGEST)
+            except BlockingIOError:
+                if not select.select([self._socket], [], [], IDLE)[0]:
+                    yield None
+                continue
+            except OSError:  # closed
+                return
+            received = time.monotonic_ns()
+            for line in data.splitlines():
+                yield from parse(line, received)
+
+    def close(self) -> None:
+        """See `Source`."""
+        self._open = False
+        self._socket.close()
+
+
+def parse(line: bytes, received: int) -> Iterator[Item]:
+    """Samples of one line; a notice of what isn't one."""
+    try:
+        told: Any = json.loads(line)
+        stamp = int(told["t_ns"]) if "t_ns" in told else round(1e9 * told["t"]) if "t" in told else None
+        wrench, q = told.get("wrench"), told.get("q")
+        if q is None and wrench is None:
+            raise ValueError("neither q nor wrench")
+        out: list[Item] = []
+        if q is not None:
+            names = told.get("names")
+            known = None if names is None else tuple(map(str, names))
+            out.append(Joints(received, stamp, _numbers(q), _numbers(told.get("dq")), _numbers(told.get("tau")), known))
+        if wrench is not None:
+            out.append(Wrench(received, stamp, _numbers(wrench)))
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
+        yield Notice(received, "malformed", f"{line[:60]!r} ({error})")
+        return
+    yield from out
+
+
+def _numbers(values: Any) -> list[float]:
+    """A list of numbers, as sent; null is no number, and so not finite."""
+    return [float("nan") if value is None else float(value) for value in values or ()]

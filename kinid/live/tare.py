@@ -1,0 +1,60 @@
+"""The sensor's bias from the first seconds of a stream, the tool in the air."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinid.contact.series import contact_series
+from kinid.data.log import Log, Provenance
+from kinid.data.rig import Rig
+from kinid.errors import InputError
+from kinid.live.alignment import Aligner
+from kinid.live.messages import Notice, Source
+from kinid.robotics.robot import Robot
+from kinid.robotics.wrench import FEWEST_FREE
+
+
+def tare(source: Source, rig: Rig, robot: Robot, seconds: float) -> Rig:
+    """The rig with the bias that the first samples of a source have, as logs' free motion gives it.
+
+    Args:
+        source: whose first samples are taken, with the tool clear of the surface. seconds: of them.
+
+    Raises:
+        InputError: too few samples, or none clear of the surface.
+    """
+    aligner = Aligner(
+        robot.joint_names, lambda _kind, _says: None, wrench_offset=rig.streams.wrench_clock_offset or 0.0
+    )
+    t, q, wrench = [], [], []
+    for item in source.items():
+        if item is None or isinstance(item, Notice):
+            continue
+        aligner.put(item)
+        while aligner.pair():
+            t.append(aligner.t)
+            q.append(aligner.q.copy())
+            wrench.append(aligner.wrench.copy())
+        if aligner.t > seconds:
+            break
+    if len(t) < FEWEST_FREE:
+        raise InputError(
+            f"{len(t)} samples for the bias", f"{FEWEST_FREE} or more", "give --tare more seconds, or leave it out"
+        )
+    log = Log(np.array(t), q=np.array(q), wrench=np.array(wrench), provenance=Provenance(source.name))
+    without = Rig.parse(
+        {**rig.model_dump(exclude={"folder"}), "sensor": rig.sensor.model_dump(exclude={"bias"})}, folder=rig.folder
+    )
+    touch = contact_series(log, without, robot=robot)
+    facts = next((step.facts for step in touch.provenance.steps if step.name == "wrench"), {})
+    if touch.bias is None or facts.get("free_samples_used", 0) < FEWEST_FREE:
+        raise InputError(
+            f"a tool near the surface in the first {seconds:g} s", "a tool in the air", "lift it, or leave --tare out"
+        )
+    return Rig.parse(
+        {
+            **rig.model_dump(exclude={"folder"}),
+            "sensor": {**rig.sensor.model_dump(exclude={"bias"}), "bias": touch.bias.tolist()},
+        },
+        folder=rig.folder,
+    )

@@ -1,0 +1,87 @@
+"""`kinid live` from the command line, and what is made of its recording."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from kinid.cli import main
+from kinid.lab.scripted import Scripted
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    def call(*args: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["kinid", *map(str, args)])
+        with pytest.raises(SystemExit) as stop:
+            main()
+        out = capsys.readouterr()
+        return int(stop.value.code or 0), out.out, out.err
+
+    return call
+
+
+@pytest.fixture
+def log(scripted: Scripted, tmp_path: Path) -> Path:
+    return scripted.write(tmp_path)
+
+
+def test_a_log_is_watched_recorded_and_read_again(run: Run, log: Path) -> None:
+    record, told = log.parent / "out.mcap", log.parent / "out.json"
+    code, out, err = run(
+        *("live", log, "--model", "kelvin-voigt,coulomb-friction", "--speed", 0, "--tare", 2),
+        *("--record", record, "--json", told),
+    )
+    assert code == 0, err
+    assert "touch at" in out
+    assert "7500 samples over 15 s" in out
+    facts = json.loads(told.read_text())
+    assert facts["events"]["touch"] == 1
+    assert facts["list"][0]["kind"] == "touch"
+    assert facts["estimates"]["normal"]["values"]["stiffness"] == pytest.approx(732, rel=0.02)
+    assert facts["estimates"]["friction"]["values"]["friction"] == pytest.approx(0.45, rel=0.2)
+    code, out, err = run("contact", record, "-o", log.parent / "contact.parquet")
+    assert code == 0, err
+    assert "1 touches" in out
+
+
+def test_quiet_and_a_duration(run: Run, log: Path) -> None:
+    code, out, _ = run("live", log, "--model", "kelvin-voigt", "--speed", 0, "--quiet", "--duration", 6)
+    assert code == 0
+    assert "touch at" not in out
+    assert "over 6" in out
+    assert "no bias" in out  # the rig states none, and nobody asked for a tare
+
+
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        (("--model", "relaxation"), "relaxation"),
+        (("--model", "kelvin-voigt", "--speed", -1), "speed"),
+        (("--model", "kelvin-voigt", "--tare", "-1"), "--tare"),
+        (("--model", "kelvin-voigt", "--tare", "nan"), "--tare"),
+        (("--model", "kelvin-voigt", "--duration", 0), "--duration"),
+        (("--model", "kelvin-voigt", "--bandwidth", 0), "--bandwidth"),
+        (("--model", "kelvin-voigt", "--record", "x.txt"), ".mcap"),
+        (("--model", "kelvin-voigt", "--record", "no/x.mcap"), "no folder"),
+    ],
+)
+def test_wrong_use_is_one_line(run: Run, log: Path, args: tuple[object, ...], words: str) -> None:
+    code, _, err = run("live", log, *args)
+    assert code == 2
+    assert err.count("\n") == 1
+    assert words in err
+
+
+def test_sources_without_a_rig(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for source in ("udp://127.0.0.1:0", "shm:nothing", "log.parquet"):
+        code, _, err = run("live", source, "--model", "kelvin-voigt")
+        assert code == 2, source
+        assert "rig" in err

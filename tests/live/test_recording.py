@@ -1,0 +1,171 @@
+"""What is on disk: readable by the official reader at any moment, and the same numbers again."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from live.prepared import NAMES, Prepared
+
+import kinid
+from kinid.data.rig import Rig
+from kinid.errors import InputError
+from kinid.live import Event, Pipeline, Recorder, Session, open_source
+from kinid.live.messages import Item, Joints, Wrench
+from kinid.live.sources import Asked
+
+mcap_reader = pytest.importorskip("mcap.reader")
+typesys = pytest.importorskip("rosbags.typesys")
+MODEL = ("kelvin-voigt", "coulomb-friction")
+
+
+def messages(path: Path) -> list[tuple[str, int, int, Any]]:
+    """Topic, stamp, time of reception and decoded message, by the official reader and the types of rosbags."""
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    out = []
+    with path.open("rb") as file:
+        for schema, channel, message in mcap_reader.make_reader(file, validate_crcs=True).iter_messages():
+            if channel.message_encoding == "cdr":
+                decoded = store.deserialize_cdr(message.data, schema.name)
+            else:
+                decoded = json.loads(message.data)
+                assert set(decoded) <= set(json.loads(schema.data)["properties"])
+            out.append((channel.topic, message.publish_time, message.log_time, decoded))
+    return out
+
+
+@pytest.fixture(scope="module")
+def recorded(rig: Rig, rows: list[Item], tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Session]:
+    path = tmp_path_factory.mktemp("live") / "out.mcap"
+    recorder = Recorder(path, NAMES, "ft_sensor", {"model": MODEL, "rig": rig.model_dump_json(exclude={"folder"})})
+    session = Session(Prepared(rows), Pipeline(rig, MODEL), NAMES, recorder=recorder)
+    session.run()
+    return path, session
+
+
+def test_every_sample_is_there_to_the_last_bit(recorded: tuple[Path, Session], rows: list[Item]) -> None:
+    found = messages(recorded[0])
+    joints = [m for m in found if m[0] == "/joint_states"]
+    wrench = [m for m in found if m[0] == "/ft_sensor/wrench"]
+    sent = [item for item in rows if isinstance(item, Joints)]
+    loads = [item for item in rows if isinstance(item, Wrench)]
+    np.testing.assert_array_equal([m[3].position for m in joints], [item.q for item in sent])
+    assert [m[1] for m in joints] == [item.stamp for item in sent]
+    assert [m[3].header.stamp.sec * 10**9 + m[3].header.stamp.nanosec for m in joints] == [m[1] for m in joints]
+    assert joints[0][3].name == list(NAMES)
+    assert all(len(m[3].velocity) == len(m[3].effort) == 0 for m in joints)
+    assert wrench[0][3].header.frame_id == "ft_sensor"
+    forces = [(m[3].wrench.force, m[3].wrench.torque) for m in wrench]
+    np.testing.assert_array_equal([(f.x, f.y, f.z, t.x, t.y, t.z) for f, t in forces], [i.wrench for i in loads])
+
+
+def test_provenance_events_and_estimates_are_inside(recorded: tuple[Path, Session]) -> None:
+    path, session = recorded
+    with path.open("rb") as file:
+        reader = mcap_reader.make_reader(file)
+        (metadata,) = list(reader.iter_metadata())
+        assert reader.get_summary().statistics.message_count == len(messages(path))
+    assert metadata.name == "kinid"
+    assert json.loads(metadata.metadata["model"]) == list(MODEL)
+    assert Rig.parse(json.loads(metadata.metadata["rig"])).tool is not None
+    found = messages(path)
+    events = [m[3]["kind"] for m in found if m[0] == "/kinid/events"]
+    assert events == [event.kind for event in session.events]
+    contact = [m[3] for m in found if m[0] == "/kinid/contact"]
+    # fifty times a second, of 15 s
+    assert len(contact) == pytest.approx(750, abs=2)
+    assert max(m["depth"] for m in contact) > 4e-3
+    last = [m[3] for m in found if m[0] == "/kinid/estimates"][-1]
+    assert last["values"]["stiffness"]["value"] == pytest.approx(732, rel=0.02)
+
+
+def test_a_recording_gives_the_same_estimates_again(recorded: tuple[Path, Session], rig: Rig, rows: list[Item]) -> None:
+    path, session = recorded
+    log = kinid.read(path, rig)
+    assert len(log) == session.samples
+    pipeline = Pipeline(rig, MODEL)
+    none = np.full(7, np.nan)
+    assert log.q is not None
+    assert log.wrench is not None
+    for t, q, wrench in zip(log.t.tolist(), np.array(log.q), np.array(log.wrench)):
+        told = pipeline.step(t, q, wrench, none)
+        assert told >= 0
+        if told:
+            pipeline.explain(told, t)
+    for part, estimate in session.pipeline.estimates.items():
+        # asked for; what differs is how times are rounded
+        np.testing.assert_allclose(pipeline.estimates[part].values, estimate.values, rtol=1e-9)
+    again = Session(open_source(str(path), Asked(rig, NAMES, 0.0)), Pipeline(rig, MODEL), NAMES)
+    again.run()
+    assert again.counts == session.counts
+    for part, estimate in session.pipeline.estimates.items():
+        np.testing.assert_allclose(again.pipeline.estimates[part].values, estimate.values, rtol=1e-9)
+
+
+WRITES = """
+import sys, time
+from pathlib import Path
+from kinid.live import Recorder
+from kinid.live.messages import Wrench
+recorder = Recorder(Path(sys.argv[1]), ("a",), "s", {})
+print("ready", flush=True)
+begin = time.monotonic_ns()
+for k in range(60_000):
+    while time.monotonic_ns() < begin + k * 1_000_000:
+        time.sleep(2e-4)
+    now = time.monotonic_ns()
+    recorder.sample(Wrench(now, now, [float(k)] * 6), now)
+"""
+
+
+@pytest.mark.parametrize("after", [0.35, 0.5, 0.75])
+def test_a_program_that_is_killed_has_lost_a_tenth_of_a_second_at_most(after: float, tmp_path: Path) -> None:
+    path = tmp_path / "out.mcap"
+    with subprocess.Popen([sys.executable, "-c", WRITES, str(path)], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        time.sleep(after)
+        os.kill(process.pid, signal.SIGKILL)
+        killed = time.monotonic_ns()
+        process.wait()
+    found = messages(path)
+    loads = [m[3].wrench.force.x for m in found]
+    assert loads == [float(k) for k in range(len(loads))]  # all that is there is whole and in order
+    lost = 1e-9 * (killed - found[-1][1])
+    print(f"killed after {after} s: {len(found)} samples, {1e3 * lost:.1f} ms lost")
+    assert lost < 0.1  # asked for
+    assert np.isfinite(loads).all()
+
+
+def test_it_can_be_read_while_it_is_written(tmp_path: Path) -> None:
+    path = tmp_path / "out.mcap"
+    recorder = Recorder(path, ("a", "b"), "s", {})
+    assert messages(path) == []
+    for k in range(5):
+        stamp = 10**18 + k
+        recorder.sample(Joints(k, stamp, [1.0, 2.0], [3.0, 4.0], [5.0, 6.0], ("b", "a")), stamp)
+        recorder.event(Event("gap", 0.5, "of nothing"), k, stamp)
+        end = time.monotonic() + 5.0
+        while len(messages(path)) < 2 * (k + 1) and time.monotonic() < end:
+            time.sleep(0.01)
+        found = messages(path)
+        assert len(found) == 2 * (k + 1)
+    assert found[0][3].name == ["b", "a"]
+    assert found[0][3].velocity.tolist() == [3.0, 4.0]
+    assert found[0][3].effort.tolist() == [5.0, 6.0]
+    assert found[1][3]["slip1"] is None
+    recorder.close()
+    assert len(messages(path)) == 10
+
+
+def test_a_place_that_cannot_be_written(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no way to write"):
+        Recorder(tmp_path / "none" / "out.mcap", NAMES, "s", {})
