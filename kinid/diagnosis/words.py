@@ -19,6 +19,7 @@ from kinid.diagnosis.result import (
     EffectVerdict,
 )
 from kinid.identification.warnings import listed
+from kinid.parameter import ParameterId
 
 if TYPE_CHECKING:
     from kinid.identification.fit import FittedParameter
@@ -115,8 +116,9 @@ def acting(parameters: Mapping[str, FittedParameter]) -> dict[str, FittedParamet
     """Without parameters of effects that are read off the samples, for channels that don't bear their mark."""
 
     def acts(p: FittedParameter) -> bool:
-        effect, _, name = p.name.partition(".")
-        return not catalogue.get(effect).detector or p.value != catalogue.get(effect).null.get(name.split("[")[0])
+        own = ParameterId.parse(p.name)
+        effect = catalogue.get(own.effect)
+        return not effect.detector or p.value != effect.null.get(own.name)
 
     return {name: p for name, p in parameters.items() if acts(p)}
 

@@ -11,7 +11,7 @@ from functools import cache
 from kinid.effects._effect import Effect, Stage
 from kinid.effects._foreign import foreign_effects, only_effect
 from kinid.effects._samples import Detection, Samples
-from kinid.effects._signals import AsRead, JointMotion, Layout, SensorMotion, Signals
+from kinid.effects._signals import AsRead, JointMotion, Kind, Layout, SensorMotion, Signals
 from kinid.errors import InputError, near
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "Detection",
     "Effect",
     "JointMotion",
+    "Kind",
     "Layout",
     "Samples",
     "SensorMotion",

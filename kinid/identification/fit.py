@@ -27,7 +27,8 @@ from kinid.identification.nuisance import with_calibration
 from kinid.identification.solver import State, shown_values
 from kinid.identification.whole import held_out_residual, train_residual
 from kinid.modeling.data_warnings import doubts_of
-from kinid.modeling.experiment import Experiment, from_contact, from_joint_torques, from_wrench
+from kinid.modeling.experiment import Experiment
+from kinid.modeling.from_logs import from_contact, from_joint_torques, from_wrench
 from kinid.modeling.model import Model
 
 Array = NDArray[np.float64]

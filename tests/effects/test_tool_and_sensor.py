@@ -22,7 +22,8 @@ from kinid.data.rig import WRENCH, Rig
 from kinid.effects import Layout, Signals
 from kinid.effects.mains_hum import MainsHum
 from kinid.effects.saturation import Saturation
-from kinid.modeling.experiment import Experiment, from_wrench
+from kinid.modeling.experiment import Experiment
+from kinid.modeling.from_logs import from_wrench
 from kinid.modeling.model import Model
 from kinid.robotics.robot import Robot
 from kinid.signal.derivative import Differentiator

@@ -12,7 +12,7 @@ import kinid
 from kinid.identification.initial_guesses import project_linear
 from kinid.identification.problem import Problem
 from kinid.identification.solver import first_error_model, search, solve_between
-from kinid.modeling.experiment import from_contact
+from kinid.modeling.from_logs import from_contact
 
 Array = NDArray[np.float64]
 
