@@ -6,33 +6,21 @@ Each has `command(state)`. `from kinid.controllers import Impedance` loads what 
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from kinid.controllers.adaptive import AdaptiveImpedance, Schedule
-    from kinid.controllers.cartesian import (
-        DecoupledImpedance,
-        Gains,
-        Impedance,
-        JacobianTranspose,
-        design_damping,
-        sampled_radius,
-    )
-    from kinid.controllers.haptic import (
-        HapticRendering,
-        HapticSettings,
-        Hooke,
-        HuntCrossley,
-        KelvinVoigt,
-        Rendered,
-    )
+    from kinid.controllers.cartesian import DecoupledImpedance, Impedance, JacobianTranspose
+    from kinid.controllers.gains import Gains, design_damping, sampled_radius
+    from kinid.controllers.haptic import HapticRendering, HapticSettings, Hooke, HuntCrossley, KelvinVoigt, Rendered
     from kinid.controllers.impedance import impedance_torque, potential
     from kinid.controllers.measured import Measured
     from kinid.controllers.mesh_surface import MeshSurface
     from kinid.controllers.passivity import EnergyTank, Observer
     from kinid.controllers.properties import Foot, Plane, Properties, PropertyMap, Touchable, Uniform
     from kinid.controllers.state import ArmState, Target
-    from kinid.controllers.teleoperation import Environment, Study, Teleoperator, measured_impedance, simulate, study
+    from kinid.controllers.teleoperation import Study, measured_impedance, simulate, study
+    from kinid.controllers.teleoperator import Environment, Teleoperator
 
 __all__ = [
     "AdaptiveImpedance",
@@ -73,7 +61,8 @@ __all__ = [
 
 _HOMES = {
     "adaptive": ("AdaptiveImpedance", "Schedule"),
-    "cartesian": ("DecoupledImpedance", "Gains", "Impedance", "JacobianTranspose", "design_damping", "sampled_radius"),
+    "cartesian": ("DecoupledImpedance", "Impedance", "JacobianTranspose"),
+    "gains": ("Gains", "design_damping", "sampled_radius"),
     "haptic": ("HapticRendering", "HapticSettings", "Hooke", "HuntCrossley", "KelvinVoigt", "Rendered"),
     "impedance": ("impedance_torque", "potential"),
     "measured": ("Measured",),
@@ -81,12 +70,13 @@ _HOMES = {
     "passivity": ("EnergyTank", "Observer"),
     "properties": ("Foot", "Plane", "Properties", "PropertyMap", "Touchable", "Uniform"),
     "state": ("ArmState", "Target"),
-    "teleoperation": ("Environment", "Study", "Teleoperator", "measured_impedance", "simulate", "study"),
+    "teleoperation": ("Study", "measured_impedance", "simulate", "study"),
+    "teleoperator": ("Environment", "Teleoperator"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     if name not in _HOME_OF:
         raise AttributeError(f"module 'kinid.controllers' has no attribute '{name}'")
     return getattr(importlib.import_module(f"kinid.controllers.{_HOME_OF[name]}"), name)

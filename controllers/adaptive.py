@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.controllers._given import is_number, is_positive
-from kinid.controllers.cartesian import GREATEST_STIFFNESS, Impedance
+from kinid.controllers.cartesian import Impedance
+from kinid.controllers.gains import GREATEST_STIFFNESS
 from kinid.controllers.passivity import check_period
 from kinid.controllers.properties import Plane, PropertyMap, checked_map, material_at
 from kinid.controllers.state import ArmState, Target

@@ -20,6 +20,7 @@ from kinid.controllers.passivity import Observer, Passivity, check_period
 from kinid.controllers.properties import Plane, Properties, PropertyMap, Touchable, checked_map, material_at
 from kinid.controllers.state import ArmState
 from kinid.errors import InputError
+from kinid.kernels import contact_laws
 
 if TYPE_CHECKING:
     from kinid.mapping.property_map import PropertyMap as Map
@@ -43,7 +44,7 @@ class Hooke(ContactLaw):
 
     def force(self, depth: float, rate: float, material: Properties) -> float:
         """See the class."""
-        return material.stiffness * depth
+        return contact_laws.kelvin_voigt(depth, rate, material.stiffness, 0.0)
 
 
 class KelvinVoigt(ContactLaw):
@@ -51,7 +52,7 @@ class KelvinVoigt(ContactLaw):
 
     def force(self, depth: float, rate: float, material: Properties) -> float:
         """See the class."""
-        return max(0.0, material.stiffness * depth + material.damping * rate)
+        return max(0.0, contact_laws.kelvin_voigt(depth, rate, material.stiffness, material.damping))
 
 
 class HuntCrossley(ContactLaw):
@@ -60,7 +61,7 @@ class HuntCrossley(ContactLaw):
     def force(self, depth: float, rate: float, material: Properties) -> float:
         """See the class."""
         power = float(depth**material.exponent)
-        return max(0.0, power * (material.stiffness + material.damping * rate))
+        return max(0.0, contact_laws.hunt_crossley(power, rate, material.stiffness, material.damping))
 
 
 class Rendered(NamedTuple):
@@ -255,9 +256,7 @@ class HapticRendering:
         return Rendered(pressing + dragging, proxy, foot.depth, sliding, extra, share, energy, limited)
 
     def _borne(self, depth: float, rate: float, material: Properties) -> tuple[float, float, bool]:
-        """The law's force, softened to what the device's mass bears [N]; damping that may still be added; whether
-        softened.
-        """
+        """The law's force as the device's mass bears it [N]; damping that may still be added; whether softened."""
         s = self.settings
         wanted, still = self.law.force(depth, rate, material), self.law.force(depth, 0.0, material)
         spring, damper = min(still, s.most_stiffness * depth), s.most_damping * abs(rate)

@@ -24,36 +24,12 @@ Array = NDArray[np.float64]
 RANK = 1e-10
 
 
+Six = tuple[float, float, float, float, float, float]
+
+
 @njit(cache=True)
-def impedance_torque(
-    rotation: Array,
-    position: Array,
-    jacobian: Array,
-    dq: Array,
-    gravity_torque: Array,
-    rotation_d: Array,
-    position_d: Array,
-    velocity_d: Array,
-    stiffness: Array,
-    damping: Array,
-    null_damping: float,
-    torque_limit: Array,
-    out: Array,
-) -> None:
-    """τ = clip(g + Jᵀ (−∂V + D (ẋ_d − J q̇)) − d P q̇); nothing is allocated.
-
-    P = I − Jᵀ (J Jᵀ + λ)⁻¹ J is symmetric and positive semi-definite, whatever λ: null-space damping never gives
-    energy. It is not the dynamically consistent projector: it may accelerate the tip a little, against which the spring
-    works. Saturation clips each joint on its own; a clipped torque is no gradient any more.
-
-    Args:
-        rotation, position: of the tip, (3, 3), (3,) [m]. jacobian: rows linear, angular, base axes, at the tip, (6, N).
-        dq: (N,). gravity_torque: what holds the arm against gravity [N·m], (N,).
-        rotation_d, position_d, velocity_d: set-point, (3, 3), (3,), (6,) [m/s, rad/s].
-        stiffness, damping: base axes, linear then angular, symmetric, (6, 6) [N/m, N, N·m/rad; N·s/m, N·s, N·m·s/rad].
-        null_damping: d [N·m·s/rad]. torque_limit: [N·m], (N,). out: τ, (N,).
-    """
-    n = dq.shape[0]
+def _spring(rotation: Array, position: Array, rotation_d: Array, position_d: Array, stiffness: Array) -> Six:
+    """The wrench −∂V, see the module: force [N], then moment [N·m]; arguments as in `impedance_torque`."""
     r, d = rotation, rotation_d
     # E = R_d Rᵀ
     e00 = d[0, 0] * r[0, 0] + d[0, 1] * r[0, 1] + d[0, 2] * r[0, 2]
@@ -85,9 +61,14 @@ def impedance_torque(
     m0 += 0.5 * (trace * c0 - e00 * c0 - e01 * c1 - e02 * c2)
     m1 += 0.5 * (trace * c1 - e10 * c0 - e11 * c1 - e12 * c2)
     m2 += 0.5 * (trace * c2 - e20 * c0 - e21 * c1 - e22 * c2)
-    # damper, on the error of the twist
+    return f0, f1, f2, m0, m1, m2
+
+
+@njit(cache=True)
+def _twist(jacobian: Array, dq: Array) -> Six:
+    """J q̇."""
     v0, v1, v2, v3, v4, v5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for j in range(n):
+    for j in range(dq.shape[0]):
         speed = dq[j]
         v0 += jacobian[0, j] * speed
         v1 += jacobian[1, j] * speed
@@ -95,6 +76,41 @@ def impedance_torque(
         v3 += jacobian[3, j] * speed
         v4 += jacobian[4, j] * speed
         v5 += jacobian[5, j] * speed
+    return v0, v1, v2, v3, v4, v5
+
+
+@njit(cache=True)
+def impedance_torque(
+    rotation: Array,
+    position: Array,
+    jacobian: Array,
+    dq: Array,
+    gravity_torque: Array,
+    rotation_d: Array,
+    position_d: Array,
+    velocity_d: Array,
+    stiffness: Array,
+    damping: Array,
+    null_damping: float,
+    torque_limit: Array,
+    out: Array,
+) -> None:
+    """τ = clip(g + Jᵀ (−∂V + D (ẋ_d − J q̇)) − d P q̇); nothing is allocated.
+
+    P = I − Jᵀ (J Jᵀ + λ)⁻¹ J is symmetric and positive semi-definite, whatever λ: null-space damping never gives
+    energy. It is not the dynamically consistent projector: it may accelerate the tip a little, against which the spring
+    works. Saturation clips each joint on its own; a clipped torque is no gradient any more.
+
+    Args:
+        rotation, position: of the tip, (3, 3), (3,) [m]. jacobian: rows linear, angular, base axes, at the tip, (6, N).
+        dq: (N,). gravity_torque: what holds the arm against gravity [N·m], (N,).
+        rotation_d, position_d, velocity_d: set-point, (3, 3), (3,), (6,) [m/s, rad/s].
+        stiffness, damping: base axes, linear then angular, symmetric, (6, 6) [N/m, N, N·m/rad; N·s/m, N·s, N·m·s/rad].
+        null_damping: d [N·m·s/rad]. torque_limit: [N·m], (N,). out: τ, (N,).
+    """
+    f0, f1, f2, m0, m1, m2 = _spring(rotation, position, rotation_d, position_d, stiffness)
+    # damper, on the error of the twist
+    v0, v1, v2, v3, v4, v5 = _twist(jacobian, dq)
     w, b = velocity_d, damping
     u0, u1, u2, u3, u4, u5 = w[0] - v0, w[1] - v1, w[2] - v2, w[3] - v3, w[4] - v4, w[5] - v5
     f0 += b[0, 0] * u0 + b[0, 1] * u1 + b[0, 2] * u2 + b[0, 3] * u3 + b[0, 4] * u4 + b[0, 5] * u5
@@ -108,7 +124,7 @@ def impedance_torque(
         s0, s1, s2, s3, s4, s5 = _task_part(jacobian, v0, v1, v2, v3, v4, v5)
         f0, f1, f2 = f0 + null_damping * s0, f1 + null_damping * s1, f2 + null_damping * s2
         m0, m1, m2 = m0 + null_damping * s3, m1 + null_damping * s4, m2 + null_damping * s5
-    for j in range(n):
+    for j in range(dq.shape[0]):
         torque = (
             gravity_torque[j]
             - null_damping * dq[j]
@@ -131,9 +147,7 @@ def _dot(jacobian: Array, a: int, b: int) -> float:
 
 
 @njit(cache=True)
-def _task_part(
-    jacobian: Array, v0: float, v1: float, v2: float, v3: float, v4: float, v5: float
-) -> tuple[float, float, float, float, float, float]:
+def _task_part(jacobian: Array, v0: float, v1: float, v2: float, v3: float, v4: float, v5: float) -> Six:
     """(J Jᵀ + λ)⁻¹ v by an L D Lᵀ factorisation in scalars."""
     j = jacobian
     a00, a11, a22 = _dot(j, 0, 0), _dot(j, 1, 1), _dot(j, 2, 2)

@@ -72,9 +72,7 @@ class Measured:
         self._table, self._known = self._tabled(grown, method, told)
 
     def _tabled(self, grown: Map, method: str, told: dict[str, str]) -> tuple[Array, NDArray[np.bool_]]:
-        """The table, (nx, ny, roles) or (vertices, roles), and where it is known; its last entries are those of
-        nowhere.
-        """
+        """The table, (nx, ny, roles) or (vertices, roles), and where it is known."""
         columns, known = [], np.ones(1, dtype=np.bool_)
         for role in told.keys() & ROLES.keys():
             if self.plane is None:

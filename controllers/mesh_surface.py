@@ -83,8 +83,7 @@ def _follow(at: Array, goal: Array, tree: MeshTree, normal: Array) -> bool:
     while True:
         # each round begins free: a face that was left over its edge doesn't hold any more
         count, moved = 0, 0.0
-        for j in range(3):
-            way[j] = goal[j] - at[j]
+        way[:] = goal - at
         while True:
             face, share = _first_hit(at, way, tree, nodes)
             if face < 0:
@@ -100,19 +99,14 @@ def _follow(at: Array, goal: Array, tree: MeshTree, normal: Array) -> bool:
                 moved += abs(share * way[j])
                 at[j] += share * way[j]
                 normal[j] = n[j]
-            known = False
-            for k in range(count):
-                known = known or planes[k, 0] * n[0] + planes[k, 1] * n[1] + planes[k, 2] * n[2] > 1.0 - 1e-12
             stops += 1
-            if known or count == 3 or stops >= MOST_STOPS:
+            if _is_among(n, planes, count) or count == 3 or stops >= MOST_STOPS:
                 break
             planes[count] = n
             count += 1
-            for j in range(3):
-                way[j] = goal[j] - at[j]
+            way[:] = goal - at
             _allowed(way, planes, count, best, side)
-            for j in range(3):
-                way[j] = best[j]
+            way[:] = best
             if abs(way[0]) + abs(way[1]) + abs(way[2]) < 1e-12:
                 break
         if count == 0:
@@ -122,10 +116,17 @@ def _follow(at: Array, goal: Array, tree: MeshTree, normal: Array) -> bool:
 
 
 @njit(cache=True, error_model="numpy")
+def _is_among(normal: Array, planes: Array, count: int) -> bool:
+    """Whether a plane of this normal is among the first so many."""
+    for k in range(count):
+        if planes[k, 0] * normal[0] + planes[k, 1] * normal[1] + planes[k, 2] * normal[2] > 1.0 - 1e-12:
+            return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
 def _allowed(way: Array, planes: Array, count: int, best: Array, side: Array) -> None:
-    """The way (3,) nearest to the wanted one that goes against no plane: the projection on a cone, by trying its
-    faces.
-    """
+    """The way (3,) nearest to the wanted one that goes against no plane: the projection on a cone."""
     least = np.inf
     best[:] = 0.0  # the corner itself
     least = way[0] ** 2 + way[1] ** 2 + way[2] ** 2

@@ -92,9 +92,7 @@ def check_period(period: float) -> None:
 
 
 class Ledger(ABC):
-    """A port's account: it is told each period's work, and says what of the next force may be rendered. It
-    remembers.
-    """
+    """A port's account: it is told each period's work, and says what of the next force may be rendered."""
 
     energy: float  #: [J]; of an observer what the port took up, of a tank what it holds
 

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, NamedTuple, Protocol, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinid.controllers._given import is_number, numbers
 from kinid.errors import InputError
+
+if TYPE_CHECKING:
+    from kinid.controllers.measured import Unknown
 
 Array = NDArray[np.float64]
 
@@ -49,7 +52,7 @@ class PropertyMap(Protocol):
         """The material there."""
 
 
-def checked_map(surface: Any, unknown: Any = "softest") -> PropertyMap:
+def checked_map(surface: object, unknown: Unknown = "softest") -> PropertyMap:
     """Itself; of a measured map what controllers read, `kinid.controllers.Measured`.
 
     Args:
@@ -60,8 +63,7 @@ def checked_map(surface: Any, unknown: Any = "softest") -> PropertyMap:
         InputError: nothing that knows the material at a place.
     """
     if not isinstance(surface, type) and callable(getattr(surface, "properties", None)):
-        known: PropertyMap = surface
-        return known
+        return cast(PropertyMap, surface)
     from kinid.mapping import property_map  # heavy, and seldom needed
 
     if isinstance(surface, property_map.PropertyMap):

@@ -15,6 +15,7 @@ from kinid.estimators._machine import Machine, Memory, covariance
 from kinid.estimators.estimate import Array, Prior
 from kinid.estimators.excitation import Excitation
 from kinid.estimators.forgetting import Constant, Forgetting
+from kinid.kernels import contact_laws
 
 NAMES = ("stiffness", "damping", "exponent")  # K [N/mⁿ], B [N·s/mⁿ⁺¹], n [1]
 CONDITIONS = ("speed", "noise")  # |ẋ| < 0.1 K/B, and K xⁿ > 10 ε
@@ -199,7 +200,7 @@ def _sandwich(jacobian: list[list[float]], inner: Array) -> Array:
 def force(depth: Array, depth_rate: Array, stiffness: Any, damping: Any, exponent: Any) -> Array:
     """Normal force [N] of the law where the depth is positive, else 0; all broadcast."""
     x = np.maximum(np.asarray(depth, dtype=np.float64), 0.0)
-    return np.asarray((stiffness + damping * np.asarray(depth_rate)) * x**exponent * (x > 0.0))
+    return np.asarray(contact_laws.hunt_crossley(x**exponent * (x > 0.0), np.asarray(depth_rate), stiffness, damping))
 
 
 def restitution(stiffness: float, damping: float, speed: float) -> float:

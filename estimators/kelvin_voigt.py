@@ -14,6 +14,7 @@ from kinid.estimators.estimate import Array, Prior
 from kinid.estimators.excitation import Excitation
 from kinid.estimators.forgetting import Constant, Forgetting
 from kinid.estimators.rls import LeastSquaresMachine, RecursiveLeastSquares
+from kinid.kernels import contact_laws
 
 NAMES = ("stiffness", "damping")  # K [N/m], B [N·s/m]
 
@@ -65,4 +66,5 @@ class _KelvinVoigtMachine(LeastSquaresMachine):
 
 def force(depth: Array, depth_rate: Array, stiffness: Any, damping: Any) -> Array:
     """Normal force [N] of the law where the depth is positive, else 0; all broadcast."""
-    return np.where(np.asarray(depth) > 0.0, stiffness * np.asarray(depth) + damping * np.asarray(depth_rate), 0.0)
+    law = contact_laws.kelvin_voigt(np.asarray(depth), np.asarray(depth_rate), stiffness, damping)
+    return np.where(np.asarray(depth) > 0.0, law, 0.0)

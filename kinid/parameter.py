@@ -7,6 +7,28 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
+class ParameterId:
+    """Which parameter of a model: its effect, its name there, and the joint, channel or node that it is of, if any.
+
+    As text it is "effect.name[index]", in JSON and on screens.
+    """
+
+    effect: str
+    name: str
+    index: str = ""
+
+    @classmethod
+    def parse(cls, text: str) -> ParameterId:
+        """From its text; without an effect where there is none before a dot."""
+        name, _, index = text.partition("[")
+        effect, _, name = name.rpartition(".")
+        return cls(effect, name, index.removesuffix("]"))
+
+    def __str__(self) -> str:
+        return ".".join(filter(None, (self.effect, self.name))) + (f"[{self.index}]" if self.index else "")
+
+
+@dataclass(frozen=True)
 class Parameter:
     """One number of a physical law.
 
@@ -34,6 +56,11 @@ class Parameter:
             raise ValueError(f"{self.name}: nominal {self.nominal} outside [{self.low}, {self.high}]")
         if not (self.scale > 0 and math.isfinite(self.scale)):
             raise ValueError(f"{self.name}: scale {self.scale} is not positive")
+
+    @property
+    def stem(self) -> str:
+        """Its name without the joint, channel or node that it is of."""
+        return ParameterId.parse(self.name).name
 
     @property
     def fixed(self) -> bool:

@@ -22,8 +22,9 @@ from kinid.effects import catalogue
 from kinid.errors import InputError
 from kinid.identification.fit import Fit
 from kinid.inputs import read_json
-from kinid.modeling.experiment import from_contact, from_wrench
+from kinid.modeling.from_logs import from_contact, from_wrench
 from kinid.modeling.model import Model
+from kinid.parameter import ParameterId
 
 Array = NDArray[np.float64]
 
@@ -39,19 +40,19 @@ def told_apart(fit: Fit) -> list[str]:
     open_ = [
         name
         for name, is_open in zip(fit.parameters, fit.solution.unidentified)
-        if is_open and name.split(".")[0] in COUPLING
+        if is_open and ParameterId.parse(name).effect in COUPLING
     ]
     return [f"{name} is open: this log doesn't excite it, or not apart from the others" for name in open_] + alike(fit)
 
 
 def alike(fit: Fit) -> list[str]:
     """Pairs of parameters of different coupling effects whose estimates hang on each other, one line each."""
-    names, covariance = list(fit.parameters), fit.solution.covariance
-    mine = [i for i, name in enumerate(names) if name.split(".")[0] in COUPLING]
+    names, covariance = [ParameterId.parse(name) for name in fit.parameters], fit.solution.covariance
+    mine = [i for i, name in enumerate(names) if name.effect in COUPLING]
     out = []
     for k, i in enumerate(mine):
         for j in mine[k + 1 :]:
-            if names[i].split(".")[0] == names[j].split(".")[0]:
+            if names[i].effect == names[j].effect:
                 continue
             both = covariance[i, i] * covariance[j, j]
             if np.isfinite(both) and both > 0 and abs(covariance[i, j]) > ALIKE * np.sqrt(both):
@@ -142,9 +143,8 @@ def _contribution(model: Model, values: Mapping[str, float], signals: Any) -> Ar
     for effect in model.effects:
         if effect.id in COUPLING:
             for name, p in named.items():
-                owner, _, parameter = name.partition(".")
-                if owner == effect.id:
-                    without[name] = effect.null_for(base).get(parameter.split("[")[0], p.nominal)
+                if ParameterId.parse(name).effect == effect.id:
+                    without[name] = effect.null_for(base).get(p.stem, p.nominal)
     difference: Array = model.predict(signals, full) - model.predict(signals, without)
     return difference
 

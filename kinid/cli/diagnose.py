@@ -144,7 +144,7 @@ def explained(name: str) -> None:
     """What an effect is, what it looks like, what it is mistaken for, and what shows it; of "all", each in a line."""
     from kinid import effects
     from kinid.cli.show import console
-    from kinid.effects import TOGETHER, Layout
+    from kinid.effects import TOGETHER, Kind, Layout
 
     out = console()
     if name == "all":
@@ -159,7 +159,7 @@ def explained(name: str) -> None:
         )
         return
     effect = effects.get(name)
-    kind = "joints" if "joint" in {stage.value for stage in effect.stages()} else "wrench"
+    kind: Kind = "joints" if "joint" in {stage.value for stage in effect.stages()} else "wrench"
     channels = ("tau1",) if kind == "joints" else ("fx", "fy", "fz", "tx", "ty", "tz")
     layout = Layout(channels, kind, ("joint_1",) if kind == "joints" else ())
     lines = [

@@ -1,6 +1,4 @@
-"""Everything that can be said of one log without a model of the material: contact frame or tip motion, joint
-torques.
-"""
+"""What one log says without a model of the material: contact frame or tip motion, and joint torques."""
 
 from __future__ import annotations
 
@@ -38,11 +36,11 @@ class Analysis:
         """The same with other contact quantities."""
         return dataclasses.replace(self, contact=touch, provenance=touch.provenance)
 
-    def columns(self) -> dict[str, NDArray[Any]]:
+    def columns(self) -> dict[str, NDArray[np.generic]]:
         """Columns of the table to write."""
         if self.contact is not None:
             return self.contact.columns()
-        out: dict[str, NDArray[Any]] = dict(self.tip.columns()) if self.tip is not None else {}
+        out: dict[str, NDArray[np.generic]] = dict(self.tip.columns()) if self.tip is not None else {}
         if self.torques is not None:
             out.setdefault("t", self.torques.t)
             out |= {f"tau{j + 1}_model": self.torques.predicted[:, j] for j in range(self.torques.predicted.shape[1])}
@@ -50,7 +48,7 @@ class Analysis:
 
     def summary(self) -> dict[str, Any]:
         """Figures for a terminal or JSON: ranges, contact, joint torques, provenance."""
-        columns = {k: v for k, v in self.columns().items() if v.dtype.kind == "f" and k != "t"}
+        columns = {k: v.astype(np.float64) for k, v in self.columns().items() if v.dtype.kind == "f" and k != "t"}
         out: dict[str, Any] = {"ranges": {k: _range(v) for k, v in columns.items()}}
         if self.contact is not None:
             touch = self.contact
@@ -107,11 +105,11 @@ def analyse(
         torques = joint_torques(log, rig, robot=robot, bias=known, differentiator=differentiator)
     made = contact or torques
     provenance = made.provenance if made else log.provenance
-    if made is None and tip is not None and tip.facts:
-        provenance = provenance.then("smooth" if "motion" in tip.facts else "differentiate", **tip.facts)
+    if made is None and tip is not None:
+        provenance = provenance.after(*tip.steps)
     return Analysis(contact, tip, torques, provenance)
 
 
-def _range(values: NDArray[Any]) -> dict[str, float] | None:
+def _range(values: NDArray[np.float64]) -> dict[str, float] | None:
     finite = values[np.isfinite(values)]
     return {"min": float(finite.min()), "max": float(finite.max())} if len(finite) else None

@@ -16,7 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.data.rig import CONTACT, Rig, ToolSpec
+from kinid.data.rig import CONTACT, Rig
 from kinid.errors import InputError, near
 from kinid.estimators._machine import Machine, Online
 from kinid.estimators.estimate import Estimate
@@ -25,10 +25,14 @@ from kinid.kernels import chain as kernel
 from kinid.robotics.robot import Robot
 from kinid.robotics.surface import Plane
 from kinid.robotics.surface import load as load_surface
+from kinid.robotics.wrench import packed_tool
 
 Array = NDArray[np.float64]
 
 _NOTHING: Array = np.empty(0)
+Numbers = Sequence[float] | Array
+#: t [s], q, wrench, dq, ddq of one sample
+Raw = tuple[float, Numbers, Numbers, Numbers | None, Numbers | None]
 
 
 class Stepper(Protocol):
@@ -65,9 +69,6 @@ class OnlineContact:
         if robot.sensor_frame is None or robot.tip_frame is None:
             raise InputError(f"{robot.name} without sensor or tip frame", "both", "name them in [robot] of the rig")
         chain = robot.chain(robot.sensor_frame)
-        tool = rig.tool or ToolSpec(mass=0.0)
-        crosstalk = np.eye(6) if rig.sensor.crosstalk is None else np.asarray(rig.sensor.crosstalk)
-        bias = np.zeros(6) if rig.sensor.bias is None else np.asarray(rig.sensor.bias)
         self.joint_count = robot.joint_count
         self.store = causal.build(
             chain.columns,
@@ -75,9 +76,9 @@ class OnlineContact:
             chain.turns,
             chain.shifts,
             robot.tip_in_sensor(),
-            np.concatenate([np.linalg.inv(crosstalk).ravel(), bias]),
-            np.concatenate([[tool.mass], tool.com, tool.inertia_matrix.ravel(), robot.gravity]),
-            np.concatenate([surface.point, surface.axes.ravel()]),
+            np.concatenate([np.linalg.inv(rig.sensor.crosstalk_matrix).ravel(), rig.sensor.stated_bias]),
+            packed_tool(rig, robot),
+            surface.packed(),
             robot.compliance.ravel(),
             2 * np.pi * bandwidth,
             contact_force,
@@ -103,10 +104,10 @@ class OnlineContact:
     def step(
         self,
         t: float,
-        q: Sequence[float] | Array,
-        wrench: Sequence[float] | Array,
-        dq: Sequence[float] | Array | None = None,
-        ddq: Sequence[float] | Array | None = None,
+        q: Numbers,
+        wrench: Numbers,
+        dq: Numbers | None = None,
+        ddq: Numbers | None = None,
     ) -> Array:
         """Work out one sample; the array it returns, in the order of `CONTACT`, is overwritten by the next.
 
@@ -124,7 +125,7 @@ class OnlineContact:
         self.call(self._step, (t, q, wrench, dq, ddq), (self.store,))
         return self.quantities
 
-    def call(self, step: Callable[..., int], raw: tuple[Any, ...], rest: tuple[Any, ...]) -> None:
+    def call(self, step: Callable[..., int], raw: Raw, rest: tuple[object, ...]) -> None:
         """A compiled step with one raw sample, whatever its numbers came in.
 
         Args:
@@ -150,7 +151,7 @@ class OnlineContact:
         if code > causal.NOT_FINITE:
             raise self.refusal(code, raw)
 
-    def refusal(self, code: int, raw: tuple[Any, ...]) -> InputError:
+    def refusal(self, code: int, raw: Raw) -> InputError:
         """What to say of a sample that can't be taken."""
         t, q, wrench, dq, ddq = raw
         if code == causal.LATE:
@@ -192,7 +193,7 @@ class OnlineEstimator:
     _rows: list[int | list[int]] = field(init=False, repr=False)
     _machine: Machine | None = field(init=False, repr=False, default=None)
     _fused: Callable[..., int] = field(init=False, repr=False)
-    _rest: tuple[Any, ...] = field(init=False, repr=False, default=())
+    _rest: tuple[object, ...] = field(init=False, repr=False, default=())
 
     def __post_init__(self) -> None:
         rows = [_row(name) if isinstance(name, str) else [_row(part) for part in name] for name in self.takes]
@@ -225,7 +226,9 @@ class OnlineEstimator:
         if isinstance(self.estimator, Online):
             self.estimator.reset()
 
-    def update(self, t: float, q: Any, wrench: Any, dq: Any = None, ddq: Any = None) -> Estimate:
+    def update(
+        self, t: float, q: Numbers, wrench: Numbers, dq: Numbers | None = None, ddq: Numbers | None = None
+    ) -> Estimate:
         """Learn one raw sample: values, interval, validity and innovation as they are now.
 
         A sample that isn't finite is passed over: the estimate's status says so, and nothing that was learnt changes.
@@ -263,7 +266,7 @@ def _row(name: str) -> int:
     return CONTACT.index(name)
 
 
-def _shape(value: Any) -> tuple[int, ...] | str:
+def _shape(value: Numbers) -> tuple[int, ...] | str:
     """Shape of a value, or what it is."""
     try:
         return tuple(np.shape(value))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
-from kinid.contact.series import OFF, ON, force_noise, tip_motion
+from kinid.contact.flag import OFF, ON, force_noise
+from kinid.contact.series import tip_motion
 from kinid.data.log import Log
 from kinid.data.rig import Rig, SurfaceSpec
 from kinid.errors import InputError
@@ -33,9 +34,7 @@ EXPONENTS = (1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.75, 2.0)
 
 @dataclass(frozen=True, eq=False)
 class Onset:
-    """Where a touch began: time [s], tip position in the base frame [m] (3,), force's direction (3,), its uncertainty
-    [m].
-    """
+    """Where a touch began: time [s], tip position in base axes [m] (3,), force's direction (3,), uncertainty [m]."""
 
     t: float
     position: Array
@@ -77,7 +76,7 @@ class FoundSurface:
         common = 1.96 * float(np.mean([onset.sigma for onset in self.onsets]))
         return float(low) - common, float(high) + common
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, object]:
         """Plain types, for JSON: paste point and normal into [surface]."""
         return {
             "point": self.plane.point.tolist(),
@@ -199,11 +198,7 @@ def _onset(motion: TipMotion, force: Array, size: Array, start: int, end: int, o
 
 def _widened(flag: NDArray[np.bool_], margin: int) -> NDArray[np.bool_]:
     """A flag that is up `margin` samples earlier and later."""
-    edges = np.diff(flag.astype(np.int64), prepend=0, append=0)
-    out = np.zeros(len(flag) + 1, dtype=np.int64)
-    np.add.at(out, np.maximum(np.flatnonzero(edges == 1) - margin, 0), 1)
-    np.add.at(out, np.minimum(np.flatnonzero(edges == -1) + margin, len(flag)), -1)
-    return np.asarray(np.cumsum(out[:-1]) > 0)
+    return np.asarray(maximum_filter1d(flag.astype(np.uint8), 2 * margin + 1, mode="constant") > 0)
 
 
 def _triple(values: Array) -> tuple[float, float, float]:

@@ -6,28 +6,36 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from kinid.data.rig import CONTACT
 from kinid.errors import InputError
-from kinid.signal.derivative import GAP_FACTOR
+from kinid.signal.pieces import GAP_FACTOR, finite_rows
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+S = TypeVar("S", bound=np.generic)
 
 
 @dataclass(frozen=True)
 class Step:
-    """One thing that was done to the samples on their way: its name, and the figures a reader would ask for."""
+    """One thing that was done to the samples on their way: its name, the figures that a reader would ask for, and what
+    it found to doubt, a sentence each.
+    """
 
     name: str
-    facts: Mapping[str, Any]
+    facts: Mapping[str, object]
+    warnings: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        return f"{self.name}: " + ", ".join(f"{k} {_short(v)}" for k, v in self.facts.items())
+        return f"{self.name}: " + ", ".join(f"{k} {_short(v)}" for k, v in self.to_dict().items() if k != "name")
+
+    def to_dict(self) -> dict[str, object]:
+        """Plain types, for JSON."""
+        return {"name": self.name, **self.facts} | ({"warnings": list(self.warnings)} if self.warnings else {})
 
 
 @dataclass(frozen=True)
@@ -37,22 +45,31 @@ class Provenance:
     source: str
     steps: tuple[Step, ...] = ()
 
-    def then(self, name: str, **facts: Any) -> Provenance:
+    def then(self, name: str, **facts: object) -> Provenance:
         """The same provenance with one more step."""
-        return Provenance(self.source, (*self.steps, Step(name, facts)))
+        return self.after(Step(name, facts))
+
+    def after(self, *steps: Step) -> Provenance:
+        """The same provenance with more steps."""
+        return Provenance(self.source, (*self.steps, *steps))
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What the steps found to doubt, a sentence each."""
-        return tuple(dict.fromkeys(warning for step in self.steps for warning in step.facts.get("warnings", ())))
+        return tuple(dict.fromkeys(warning for step in self.steps for warning in step.warnings))
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, object]:
         """Plain types, for JSON."""
-        return {"source": self.source, "steps": [{"name": s.name, **s.facts} for s in self.steps]}
+        return {"source": self.source, "steps": [step.to_dict() for step in self.steps]}
 
 
-def frozen(values: Any, dtype: Any = np.float64) -> NDArray[Any]:
+def frozen(values: ArrayLike) -> Array:
     """A read-only array; the caller's own array stays writeable where it had to be copied or viewed."""
+    return frozen_as(np.float64, values)
+
+
+def frozen_as(dtype: type[S], values: ArrayLike) -> NDArray[S]:
+    """The same of another type than float64."""
     array = np.asarray(values, dtype=dtype).view()
     array.setflags(write=False)
     return array
@@ -71,6 +88,7 @@ class Log:
         phase: name of the protocol phase of each sample, (n,) of text.
         valid: False where any quantity of the sample is not a finite number, (n,).
         provenance: source and processing steps.
+        joint_period: of the joints' own stream where the rows between were interpolated [s]; 0 where each was measured.
 
     Raises:
         InputError: no samples, lengths that differ, or time that is not finite and strictly increasing.
@@ -86,6 +104,7 @@ class Log:
     contact: Mapping[str, Array] = field(default_factory=dict)
     phase: NDArray[np.str_] | None = None
     provenance: Provenance = Provenance("memory")
+    joint_period: float = 0.0
 
     def __post_init__(self) -> None:
         where = self.provenance.source
@@ -120,7 +139,7 @@ class Log:
             contact[name] = frozen(values)
         object.__setattr__(self, "contact", contact)
         if self.phase is not None:
-            phase = frozen(self.phase, dtype=np.str_)
+            phase = frozen_as(np.str_, self.phase)
             if phase.shape != (n,):
                 raise InputError(f"phase of shape {phase.shape} in {where}", f"shape ({n},)", "check its column")
             object.__setattr__(self, "phase", phase)
@@ -142,7 +161,7 @@ class Log:
         mask = np.ones(len(self), dtype=np.bool_)
         for values in (self.q, self.dq, self.ddq, self.tau, self.q_cmd, self.wrench):
             if values is not None:
-                mask &= _finite(values)
+                mask &= finite_rows(values)
         for values in self.contact.values():
             mask &= np.isfinite(values)
         mask.setflags(write=False)
@@ -151,10 +170,7 @@ class Log:
     @cached_property
     def labelled_free(self) -> NDArray[np.int64]:
         """Rows of the phase "free"; none where the log has no phases."""
-        rows: NDArray[np.int64] = (
-            np.empty(0, dtype=np.int64) if self.phase is None else np.flatnonzero(self.phase == "free")
-        )
-        return rows
+        return np.empty(0, dtype=np.int64) if self.phase is None else np.flatnonzero(self.phase == "free")
 
     @cached_property
     def period(self) -> float:
@@ -164,21 +180,14 @@ class Log:
     @cached_property
     def pieces(self) -> tuple[slice, ...]:
         """Runs of samples without a gap in time. Invalid joint positions are in no run, or single ones within it."""
-        usable = np.arange(len(self)) if self.q is None else np.flatnonzero(_finite(self.q))
+        usable = np.arange(len(self)) if self.q is None else np.flatnonzero(finite_rows(self.q))
         breaks = np.flatnonzero(np.diff(self.t[usable]) > GAP_FACTOR * self.period) + 1
         return tuple(slice(int(run[0]), int(run[-1]) + 1) for run in np.split(usable, breaks) if len(run))
 
-    def replace(self, step: str | None = None, facts: Mapping[str, Any] | None = None, **changes: Any) -> Log:
+    def replace(self, step: str | None = None, facts: Mapping[str, object] | None = None, **changes: object) -> Log:
         """A copy with other arrays and, if `step` is named, one more provenance step."""
-        provenance = self.provenance.then(step, **(facts or {})) if step else self.provenance
-        return dataclasses.replace(self, provenance=provenance, **changes)
-
-
-def _finite(values: Array) -> Mask:
-    """Rows whose entries are all finite numbers: exactly then their sum is, which needs no table of flags."""
-    with np.errstate(invalid="ignore", over="ignore"):
-        finite: Mask = np.isfinite(values @ np.ones(values.shape[1]))  # faster than a sum over few columns
-    return finite
+        provenance = self.provenance.after(Step(step, facts or {})) if step else self.provenance
+        return dataclasses.replace(self, provenance=provenance, **changes)  # type: ignore[arg-type]  # checked there
 
 
 def _check_time(t: Array, where: str) -> None:
@@ -202,7 +211,7 @@ def _check_time(t: Array, where: str) -> None:
         )
 
 
-def _short(value: Any) -> str:
+def _short(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.4g}"
     if isinstance(value, list | tuple):

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from pydantic_core import PydanticCustomError
 
 from kinid.errors import InputError, near
 from kinid.inputs import read_text
-from kinid.units import FACTORS
+from kinid.units import FACTORS, factor
 
 Array = NDArray[np.float64]
 
@@ -142,6 +142,16 @@ class SensorSpec(_Table):
     crosstalk: Matrix6 | None = None  # measured = crosstalk · true
     wrench_frame: Literal["sensor", "base"] = "sensor"  # axes that the log's wrench is expressed in
 
+    @property
+    def crosstalk_matrix(self) -> Array:
+        """Measured = crosstalk · true, (6, 6); the identity where nothing is stated."""
+        return np.eye(6) if self.crosstalk is None else np.asarray(self.crosstalk)
+
+    @property
+    def stated_bias(self) -> Array:
+        """Reading without any load [N, N·m], (6,); zeros where nothing is stated."""
+        return np.zeros(6) if self.bias is None else np.asarray(self.bias)
+
 
 class ColumnSpec(_Table):
     """Where a quantity stands in a log with other names and units: SI value = (raw · scale) · unit + offset."""
@@ -152,6 +162,11 @@ class ColumnSpec(_Table):
     scale: Finite = 1.0
     offset: Finite = 0.0
     rate: Positive | None = None  # [Hz], for t alone: rows come evenly, and no column holds the time
+
+    @property
+    def to_si(self) -> float:
+        """SI units in one of the log's."""
+        return self.scale * (factor(self.unit, "[columns]") if self.unit else 1.0)
 
     @model_validator(mode="after")
     def _one_source(self) -> ColumnSpec:
@@ -242,7 +257,7 @@ class Rig(_Table):
         return cls.parse(tables, folder=folder, where=where)
 
     @classmethod
-    def parse(cls, tables: dict[str, Any], folder: str | Path = ".", where: str = "the rig") -> Rig:
+    def parse(cls, tables: Mapping[str, object], folder: str | Path = ".", where: str = "the rig") -> Rig:
         """Validate tables as they stand in a rig.toml; relative paths in them are relative to `folder`."""
         if "folder" in tables:
             raise InputError(f"'folder' in {where}", "the tables of a rig", "remove it: paths are relative to the file")
@@ -250,6 +265,11 @@ class Rig(_Table):
             return cls.model_validate({**tables, "folder": Path(folder)})
         except ValidationError as error:
             raise _as_input_error(error, where, cls) from None
+
+    @property
+    def carried(self) -> ToolSpec:
+        """The tool; one without mass where none is stated."""
+        return self.tool or ToolSpec(mass=0.0)
 
     @cached_property
     def axes(self) -> Array | None:
@@ -260,9 +280,7 @@ class Rig(_Table):
 
 
 def surface_axes(normal: Sequence[float], tangent: Sequence[float] | None = None) -> Array:
-    """Orthonormal rows tangent1, tangent2 = normal × tangent1, normal; without a tangent the base x axis is
-    projected.
-    """
+    """Orthonormal rows tangent1, tangent2 = normal × tangent1, normal; the first is along x where none is given."""
     n = np.asarray(normal, dtype=float) / np.linalg.norm(normal)
     if tangent is None:
         tangent = (1.0, 0.0, 0.0) if abs(n[0]) < 0.9 else (0.0, 1.0, 0.0)
@@ -328,7 +346,7 @@ def _length(error: ValidationError) -> int | None:
     return 1 + max(int(index) for index in here)
 
 
-def _spec_of(annotation: Any) -> type[BaseModel]:
+def _spec_of(annotation: object) -> type[BaseModel]:
     for candidate in (annotation, *getattr(annotation, "__args__", ())):
         if isinstance(candidate, type) and issubclass(candidate, BaseModel):
             return candidate

@@ -12,7 +12,7 @@ from kinid.effects._effect import Effect, Stage
 from kinid.effects._example import Example, Motion
 from kinid.effects._foreign import foreign_effects, load_effect, only_effect
 from kinid.effects._samples import Detection, Samples
-from kinid.effects._signals import Array, AsRead, JointMotion, Layout, SensorMotion, Signals
+from kinid.effects._signals import Array, AsRead, JointMotion, Kind, Layout, SensorMotion, Signals
 from kinid.errors import InputError, near
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "Effect",
     "Example",
     "JointMotion",
+    "Kind",
     "Layout",
     "Motion",
     "Samples",

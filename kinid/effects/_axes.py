@@ -44,16 +44,12 @@ def axes(layout: Layout) -> tuple[Axis, ...]:
 
 
 def usual_offset(parameter: str) -> float:
-    """What sensors of a range of some 100 N·m in an arm's joints are off by [N·m]; none for a drive, whose range isn't
-    known.
-    """
+    """What sensors of some 100 N·m in an arm's joints are off by [N·m]; 0 for a drive, whose range isn't known."""
     return 0.05 if "[" in parameter else 0.0
 
 
 def directions(s: Signals) -> Array:
-    """Which way each joint last moved, from −1 to 1, (N, n), in the form of `s.rest`: bristles, straight at first, or
-    speed.
-    """
+    """Which way each joint last moved, from −1 to 1, (N, n), in the form of `s.rest`: bristles, or speed."""
     motion, rest = s.joints, s.rest
     assert motion is not None
 

@@ -138,9 +138,7 @@ class _Newton:
         return trial - self.force
 
     def torn(self, change: Array, before: Array) -> Array:
-        """Take a step with samples that go to and fro taken half as far each time; the change of those that aren't left
-        (·,).
-        """
+        """Take a step, half as far where samples go to and fro; the change of those that aren't left (·,)."""
         torn = (change * before < 0.0) & (np.abs(change) > TORN * np.abs(before))
         self._trust = np.where(torn, 0.5 * self._trust, self._trust)
         self.force = self.force + self._trust * change

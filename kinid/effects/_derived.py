@@ -18,9 +18,7 @@ _made: dict[tuple[object, ...], dict[tuple[float, ...], Array]] = {}
 
 
 def derived(name: str, make: Callable[[], Array], *sources: Array, at: tuple[float, ...] = ()) -> Array:
-    """The result of `make`, which follows from these read-only inputs of predictions, and from parameters `at` these
-    values.
-    """
+    """The result of `make`, which follows from these read-only inputs of predictions and the parameters `at`."""
     key = (name, *map(id, sources))
     made = _made.get(key)
     if made is None:

@@ -16,7 +16,7 @@ import numpy as np
 from kinid.effects._example import Example
 from kinid.effects._samples import Detection, Samples
 from kinid.effects._signals import Array, Layout, Signals
-from kinid.parameter import Parameter
+from kinid.parameter import Parameter, ParameterId
 
 T = TypeVar("T")
 
@@ -121,15 +121,11 @@ class Effect(ABC):
     example: ClassVar[Example | None] = None
 
     def for_log(self, signals: Signals) -> Effect:
-        """The effect as this log needs it, where parameters depend on what a log visits; else itself, as one that was
-        made so.
-        """
+        """The effect as this log needs it, where parameters depend on what a log visits; else itself."""
         return self
 
     def beside(self, names: Collection[str]) -> Effect:
-        """The effect as a model of these effects needs it, where another one takes over a part of it; parameters keep
-        places.
-        """
+        """The effect as a model of these effects needs it, where another one takes a part over; parameters stay."""
         return self
 
     def prior(self, layout: Layout) -> Array | None:
@@ -164,15 +160,11 @@ class Effect(ABC):
         )
 
     def simpler(self) -> Effect | None:
-        """A form of it with fewer parameters, of the same names, that a fit returns to where the rest explains
-        nothing.
-        """
+        """A form with fewer parameters, of the same names, that a fit returns to where the rest explains nothing."""
         return None
 
     def marks(self, measured: Array) -> tuple[Array, Array] | None:
-        """For a detector: its parameters as readings (channels, n) show them, and as a search for the others holds
-        them.
-        """
+        """For a detector: parameters as readings (channels, n) show them, and as a search for the others holds them."""
         return None
 
     def detect(self, samples: Samples) -> Detection | None:
@@ -180,15 +172,11 @@ class Effect(ABC):
         return None
 
     def unseen(self, rate: float) -> str:
-        """For a detector without a mark: why a log of this rate [Hz] says nothing of it, in words; "" where it is
-        absent.
-        """
+        """For a detector without a mark: why a log of this rate [Hz] says nothing of it; "" where it is absent."""
         return ""
 
     def calibration_sd(self, signals: Signals) -> Mapping[str, float]:
-        """Standard deviation within which calibration leaves its parameters open, by full name; {} where it is no
-        calibration.
-        """
+        """Standard deviation within which calibration leaves each parameter open; {} where it is no calibration."""
         kind = signals.layout.kind
         if ("wrench" in self.needs and kind != "wrench") or (
             ("joints" in self.needs) != (kind == "joints") and self.needs
@@ -222,7 +210,11 @@ class Effect(ABC):
         """
         own = {p.name: p for p in self.parameters(signals.layout)} if signals is not None else {}
         for name, value in values.items():
-            found = _looked_up(self.admissible, own[name]) if name in own else self.admissible.get(name.split("[")[0])
+            found = (
+                _looked_up(self.admissible, own[name])
+                if name in own
+                else self.admissible.get(ParameterId.parse(name).name)
+            )
             if found is not None and not found[0] <= value <= found[1]:
                 unit = f" {own[name].unit}" if name in own and own[name].unit != "1" else ""
                 return f"{name} = {value:.3g}{unit}, possible is {_range(*found)}{unit}"
@@ -233,9 +225,7 @@ class Effect(ABC):
         return ""
 
     def within(self, signals: Signals) -> str:
-        """How far its absence reaches, in words, where a log that shows none of it says nothing of one elsewhere; ""
-        else.
-        """
+        """How far its absence reaches, where a log without it says nothing of one elsewhere; "" else."""
         return ""
 
     def stages(self) -> tuple[Stage, ...]:
@@ -274,8 +264,7 @@ class Effect(ABC):
 
 def _looked_up(by_name: Mapping[str, T], p: Parameter) -> T | None:
     """What a mapping says of a parameter, by "name[unit]" or by its name before the bracket; None if nothing."""
-    name = p.name.split("[")[0]
-    return by_name.get(f"{name}[{p.unit}]", by_name.get(name))
+    return by_name.get(f"{p.stem}[{p.unit}]", by_name.get(p.stem))
 
 
 def _range(low: float, high: float) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.effects._signals import Array, Layout
-from kinid.signal.white_noise import white_noise
+from kinid.signal.noise import white_noise
 
 Mask = NDArray[np.bool_]
 

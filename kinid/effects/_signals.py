@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,9 @@ from numpy.typing import NDArray
 from kinid.kernels.memory import ELASTIC
 
 Array = NDArray[np.float64]
+
+#: readings of a force/torque sensor, contact-frame quantities, or joint torques
+Kind = Literal["wrench", "contact", "joints"]
 
 #: length of the bristles by which friction turns around, unless an effect states another [m]
 BRISTLE = 1e-4
@@ -28,12 +33,12 @@ class Layout:
     Attributes:
         channels: names of the readings: fx…tz of a wrench, normal_force and tangential_force1/2 of a contact frame, or
             tau of each joint.
-        kind: "wrench", "contact" or "joints".
+        kind: what they are readings of.
         joints: joint names, for `kind` "joints".
     """
 
     channels: tuple[str, ...]
-    kind: str
+    kind: Kind
     joints: tuple[str, ...] = ()
 
     @property
@@ -279,9 +284,7 @@ class Signals:
 
     def copy(self) -> Signals:
         """A copy that shares all arrays."""
-        out: Signals = object.__new__(Signals)
-        out.__dict__.update(self.__dict__)
-        return out
+        return copy.copy(self)
 
     def fresh(self) -> Signals:
         """A copy to predict with: inputs shared, the chain's quantities zero."""

@@ -8,6 +8,7 @@ from kinid.effects._derived import power_of_depth
 from kinid.effects._effect import Effect
 from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Signals
+from kinid.kernels import contact_laws
 from kinid.parameter import Parameter
 
 
@@ -40,8 +41,8 @@ class HuntCrossley(Effect):
     def elastic(self, s: Signals, p: Array) -> None:
         """Set the elastic force."""
         s.exponent = float(p[2])
-        s.elastic = p[0] * power_of_depth(s, p[2])
+        s.elastic = contact_laws.hunt_crossley(power_of_depth(s, p[2]), s.zeros[0], p[0], 0.0)
 
     def normal(self, s: Signals, p: Array) -> None:
         """Add the damping."""
-        s.normal = s.normal + p[1] * power_of_depth(s, p[2]) * s.depth_rate
+        s.normal = s.normal + contact_laws.hunt_crossley(power_of_depth(s, p[2]), s.depth_rate, 0.0, p[1])

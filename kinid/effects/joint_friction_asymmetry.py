@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import final
 
 import numpy as np
@@ -11,7 +12,7 @@ from kinid.effects._axes import axes, directions, usual_offset
 from kinid.effects._effect import Effect
 from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
-from kinid.parameter import Parameter
+from kinid.parameter import Parameter, ParameterId
 
 
 @final
@@ -52,13 +53,16 @@ class JointFrictionAsymmetry(Effect):
         self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None
     ) -> str:
         """Friction that gives energy in one direction."""
-        whole = {"asymmetry": "joint-viscous-friction.viscous", "dry": "joint-coulomb-friction.coulomb"}
+        whole = {
+            "asymmetry": ParameterId("joint-viscous-friction", "viscous"),
+            "dry": ParameterId("joint-coulomb-friction", "coulomb"),
+        }
         for name, value in values.items():
-            kind = name.split("[")[0]
-            both = model_values.get(whole[kind] + name.removeprefix(kind))
+            own = ParameterId.parse(name)
+            mean = replace(whole[own.name], index=own.index)
+            both = model_values.get(str(mean))
             if both is not None and abs(value) > both:
-                beside = f"{whole[kind].split('.')[1]} {both:.3g}"
-                return f"{name} = {value:.3g} beside {beside}: one direction would give energy"
+                return f"{name} = {value:.3g} beside {mean.name} {both:.3g}: one direction would give energy"
         return super().implausible(values, model_values, signals)
 
     def joint(self, s: Signals, p: Array) -> None:

@@ -140,9 +140,7 @@ class JointTorqueRipple(Effect):
     def implausible(
         self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None
     ) -> str:
-        """A ripple that is larger than the torque that it is part of, or one that passes too seldom over the travel,
-        too.
-        """
+        """A ripple larger than the torque that it is part of, or one that passes too seldom over the travel, too."""
         if signals is not None and signals.measured is not None and signals.joints is not None:
             for j, axis in enumerate(axes(signals.layout)):
                 order, travel = values.get(f"order{axis.suffix}", np.inf), float(np.ptp(signals.joints.q[j]))
@@ -193,9 +191,7 @@ def _waves(q: Array, j: int, order: float) -> Array:
 
 
 def _lines(s: Signals, j: int, axis: Axis) -> tuple[list[float], float]:
-    """Orders at which a joint's torque has lines over its angle, the one that explains most first; how far it stands
-    out.
-    """
+    """Orders of lines of a joint's torque over its angle, the best first; and how far it stands out."""
     assert s.joints is not None
     assert s.measured is not None
 
@@ -243,9 +239,7 @@ def _searched(s: Signals, j: int, axis: Axis) -> tuple[list[float], float]:
 
 
 def _sweeps(q: Array, y: Array) -> tuple[Array, Array]:
-    """Angles and torques of sweeps between two reversals, less a parabola over the angle of each: friction goes with
-    it.
-    """
+    """Angles and torques of sweeps between reversals, less a parabola over the angle of each: no friction left."""
     step = np.diff(q, prepend=q[:1])
     still = (
         np.abs(step) < 0.02 * np.median(np.abs(step[step != 0.0])) if (step != 0.0).any() else np.ones(len(q), np.bool_)
@@ -266,9 +260,7 @@ def _sweeps(q: Array, y: Array) -> tuple[Array, Array]:
 
 
 def _beside(power: Array) -> Array:
-    """Height of a spectrum beside each of its lines: the median of its neighbours over that of an exponential law,
-    (n,).
-    """
+    """Height of a spectrum beside each line: its neighbours' median over that of an exponential law, (n,)."""
     wide = min(4 * BESIDE, len(power) // 2)
     padded = np.pad(power, wide, mode="reflect")
     blocks = np.lib.stride_tricks.sliding_window_view(padded, 2 * wide + 1)[:: max(1, wide // 4)]

@@ -7,6 +7,7 @@ from typing import final
 from kinid.effects._effect import Effect
 from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Signals
+from kinid.kernels import contact_laws
 from kinid.parameter import Parameter
 
 
@@ -37,8 +38,8 @@ class KelvinVoigt(Effect):
 
     def elastic(self, s: Signals, p: Array) -> None:
         """Set the elastic force."""
-        s.elastic = p[0] * s.penetration
+        s.elastic = contact_laws.kelvin_voigt(s.penetration, s.zeros[0], p[0], 0.0)
 
     def normal(self, s: Signals, p: Array) -> None:
         """Add the damping."""
-        s.normal = s.normal + p[1] * s.depth_rate * s.inside
+        s.normal = s.normal + contact_laws.kelvin_voigt(s.zeros[0], s.depth_rate * s.inside, 0.0, p[1])

@@ -76,9 +76,7 @@ class MainsHum(Effect):
         )
 
     def detect(self, samples: Samples) -> Detection | None:
-        """The grid whose lines hold the most power in what the model leaves: phase and size are followed, as grids
-        wander.
-        """
+        """The grid whose lines hold the most power in what the model leaves; phase and size are followed."""
         if samples.raw.shape[1] < FEWEST:
             return None
         rest = samples.raw.copy() if samples.expected is None else samples.raw - samples.expected
@@ -133,9 +131,7 @@ def _lines(rest: Array, samples: Samples, grid: float) -> tuple[float, float, tu
 
 
 def _pair(readings: Array, t: Array, frequency: float) -> Array:
-    """Sine and cosine amplitude at a frequency, root mean square over stretches in which a grid's phase is one, (2,
-    channels).
-    """
+    """Amplitudes of sine and cosine, mean square over stretches in which a grid's phase is one, (2, channels)."""
     many = max(1, min(int(t[-1] / STEADY), len(t) // FEWEST))
     angle = 2.0 * np.pi * frequency * t
     out = np.zeros((2, len(readings)))
@@ -156,9 +152,7 @@ def _coherent(readings: Array, t: Array, frequency: float) -> Array:
 
 
 def _followed(readings: Array, samples: Samples, frequency: float) -> Array:
-    """A line in a residual (channels, n) that is 0 where samples don't count, its phase and size followed, (channels,
-    n).
-    """
+    """A line in a residual that is 0 where samples don't count, its phase and size followed, (channels, n)."""
     from scipy.ndimage import gaussian_filter1d
 
     turned = np.exp(-2j * np.pi * frequency * samples.t)

@@ -12,7 +12,7 @@ from kinid.effects._example import Example, Motion
 from kinid.effects._samples import QUIETEST, Detection, Mask, Samples, lattice
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.parameter import Parameter
-from kinid.signal.white_noise import GAIN, ROBUST, white_noise
+from kinid.signal.noise import ROBUST, THIRD_DIFFERENCE, white_noise
 
 #: so many samples at the very same largest value are a flat top
 FLAT = 5
@@ -92,9 +92,7 @@ class Saturation(Effect):
         )
 
     def marks(self, measured: Array) -> tuple[Array, Array]:
-        """The largest reading of each channel where several samples share it; else none, and a free one where values
-        pile up.
-        """
+        """The largest reading where several samples share it; else none, and a free one where values pile up."""
         sizes = np.abs(np.where(np.isfinite(measured), measured, 0.0))
         top = sizes.max(axis=1)
         flat = ((sizes >= top[:, None] * (1 - 1e-9)).sum(axis=1) >= FLAT) & (top > 0)
@@ -106,9 +104,7 @@ class Saturation(Effect):
         return limits, np.where(open_, np.nan, limits)
 
     def piles(self, measured: Array) -> Array:
-        """The level about which the largest readings of each channel (channels, n) pile up with noise, NaN without
-        one.
-        """
+        """The level about which the largest readings of each channel pile up with noise, NaN without one."""
         return self._piles(measured, alone=self.reached is None)
 
     def _piles(self, measured: Array, alone: bool) -> Array:
@@ -117,9 +113,7 @@ class Saturation(Effect):
         return np.array([_pile(channel[np.isfinite(channel)], *limits) for channel in measured])
 
     def detect(self, samples: Samples) -> Detection | None:
-        """Flat tops, exact ones or with noise on them where the model goes on; samples at them and beside them don't
-        count.
-        """
+        """Flat tops, exact ones or with noise where the model goes on; samples at and beside them don't count."""
         raw = samples.raw
         limits, flat = self._flat_tops(samples)
         exact = np.asarray(flat.any(axis=1))
@@ -153,9 +147,7 @@ class Saturation(Effect):
         return "no reading stays at a largest value: the end of the range was not reached"
 
     def _flat_tops(self, samples: Samples) -> tuple[Array, Mask]:
-        """Largest size of each channel, (channels,), and samples that have it where that is the end of a range,
-        (channels, n).
-        """
+        """Largest size of each channel, and samples, (channels, n), that have it where it is the end of a range."""
         raw = samples.raw
         limits = self.marks(raw)[0]
         flat: Mask = np.abs(raw) >= limits[:, None] * (1 - 1e-9)
@@ -236,15 +228,13 @@ def _as_below(x: Array, expected: Array, below: Mask) -> Array:
 
 
 def _noises(x: Array) -> tuple[float, float]:
-    """White noise of all readings (n,), and of the largest: an end of the range takes off the noise that comes before
-    it.
-    """
+    """White noise of all readings (n,), and of the largest, whose own the end of a range takes off."""
     x, found = x if x.max() > -x.min() else -x, [0.0]
     change = np.abs(np.diff(x, n=3))
     for top in TOPS:
         high = np.convolve(x > top * x.max(), np.ones(4), mode="valid") == 4
         if high.sum() >= ENOUGH:
-            found.append(ROBUST * float(np.median(change[high])) / GAIN**0.5)
+            found.append(ROBUST * float(np.median(change[high])) / THIRD_DIFFERENCE**0.5)
     return white_noise(x), max(found)
 
 

@@ -10,6 +10,7 @@ from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 
 from kinid.effects._derived import derived
 from kinid.effects._effect import Effect
@@ -264,9 +265,7 @@ class StiffnessInhomogeneity(Effect):
 
 
 def _spots(x: Array) -> tuple[Array, Array]:
-    """Middles of the few small places that visited ones x (2, n) gather at [m], (K, 2), and how many are at each; else
-    none.
-    """
+    """Middles of the few small places that visited ones x (2, n) gather at [m], (K, 2), and their samples."""
     cell = max(float(np.ptp(x, axis=1).max()) / 60.0, 0.5 * CLOSEST)
     cells, where, number = np.unique(
         np.floor(x / cell).astype(np.int64), axis=1, return_inverse=True, return_counts=True
@@ -276,27 +275,19 @@ def _spots(x: Array) -> tuple[Array, Array]:
         return none
     # cells that touch, corners too, are one place
     near = np.abs(cells[:, :, None] - cells[:, None, :]).max(axis=0) <= 1
-    label = np.arange(len(number))
-    for _ in range(len(number)):
-        spread = np.where(near, label, len(number)).min(axis=1)
-        if np.array_equal(spread, label):
-            break
-        label = spread
-    groups = [np.flatnonzero(label == k) for k in np.unique(label)]
-    of_sample = label[where.ravel()]
-    often = np.array([int(number[group].sum()) for group in groups])
+    count, label = connected_components(near, directed=False)
+    often = np.bincount(label, weights=number)
     enough = often >= max(FEW, SHARE * x.shape[1])
-    wide = max(int(np.ptp(cells[:, group], axis=1).max()) + 1 for group in groups)
+    wide = max(int(np.ptp(cells[:, label == k], axis=1).max()) + 1 for k in range(count))
     if not 1 < enough.sum() <= OVER or wide > WIDEST:
         return none
-    middles = [x[:, of_sample == label[group[0]]].mean(axis=1) for group, keep in zip(groups, enough) if keep]
+    of_sample = label[where.ravel()]
+    middles = [x[:, of_sample == k].mean(axis=1) for k in np.flatnonzero(enough)]
     return np.array(middles), often[enough]
 
 
 def _direction(x: Array) -> float:
-    """Angle of the grid's first axis for visited places x (2, n) [rad]: along them; the first tangent where that is as
-    good.
-    """
+    """Angle of the grid's first axis for visited places x (2, n) [rad]; 0 where the first tangent is as good."""
     cell = max(float(np.ptp(x, axis=1).max()) / 200.0, CLOSEST / 10.0)
     cells = np.unique(np.floor(x / cell), axis=1)  # a place counts as one, however long the tool stayed
     if cells.shape[1] < 2:

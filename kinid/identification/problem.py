@@ -18,7 +18,7 @@ from kinid.kernels.averages import weighted_changes, weighted_sums
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.forward import Course
 from kinid.modeling.model import Model
-from kinid.signal.white_noise import white_noise
+from kinid.signal.noise import white_noise
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

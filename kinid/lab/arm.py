@@ -13,7 +13,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from kinid.controllers import cartesian
+from kinid.controllers import gains as cartesian_gains
 from kinid.data.rig import ToolSpec
 from kinid.errors import InputError
 from kinid.kernels import dynamics as kernel
@@ -221,7 +221,7 @@ def design_damping(gains: Gains, arm: Arm, joints: Joints, q: Array) -> Array:
     inertia = state.mass + np.diag(joints.packed[0])
     mobility = state.jacobian @ np.linalg.solve(inertia, state.jacobian.T) + 1e-9 * np.eye(6)
     task = np.asarray(np.linalg.inv(mobility), dtype=np.float64)
-    return cartesian.design_damping(gains.stiffness, task, gains.ratio)
+    return cartesian_gains.design_damping(gains.stiffness, task, gains.ratio)
 
 
 def spectral_radius(gains: Gains, damping: Array, arm: Arm, joints: Joints, q: Array) -> float:

@@ -2,7 +2,7 @@
 
 The slave's material is poked in the virtual laboratory and fitted as a user would; what that fit says is the map. Then
 direct force reflection, impedance reflection from that map, and direct reflection behind passivity controllers are held
-side by side: `kinid.controllers.teleoperation` has the equations.
+side by side: `kinid.controllers.teleoperator` has the equations.
 """
 
 from __future__ import annotations
@@ -18,15 +18,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.controllers.teleoperation import (
-    LINEAR,
-    Environment,
-    Study,
-    Teleoperator,
-    measured_impedance,
-    study,
-    transparency_error,
-)
+from kinid.controllers.teleoperation import Study, measured_impedance, study, transparency_error
+from kinid.controllers.teleoperator import LINEAR, Environment, Teleoperator
 from kinid.errors import InputError
 from kinid.lab import materials
 from kinid.lab.experiments import SILICONE_POKE, prepare

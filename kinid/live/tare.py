@@ -47,7 +47,8 @@ def tare(source: Source, rig: Rig, robot: Robot, seconds: float) -> Rig:
     )
     touch = contact_series(log, without, robot=robot)
     facts = next((step.facts for step in touch.provenance.steps if step.name == "wrench"), {})
-    if touch.bias is None or facts.get("free_samples_used", 0) < FEWEST_FREE:
+    used = facts.get("free_samples_used")
+    if touch.bias is None or not isinstance(used, int) or used < FEWEST_FREE:
         raise InputError(
             f"a tool near the surface in the first {seconds:g} s", "a tool in the air", "lift it, or leave --tare out"
         )

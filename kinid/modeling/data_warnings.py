@@ -1,10 +1,8 @@
-"""What a reader of a log should doubt, in words, each with what to do about it: units, signs, lost samples, missing
-channels.
-"""
+"""What to doubt of a log, each with what to do about it: units, signs, lost samples, missing channels."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,89 +43,94 @@ SLIPPING, DRIVES = 1e-3, 0.5
 
 def doubts_of(experiment: Experiment) -> list[str]:
     """Units and signs of depth and normal force that nature doesn't have; and whether there is free motion."""
-    out = []
-    valid, depth = experiment.valid, experiment.signals.depth
-    inside = valid & (depth > 0)
-    most = float(depth[inside].max())
-    if not SHALLOWEST < most < DEEPEST:
-        out.append(f"depths of up to {most:.3g} m: are they in another unit? Say so {DEPTH_UNIT}")
-    force = _force(experiment)
-    if force is not None and np.abs(force[valid]).max() > STRONGEST:
-        out.append(
-            f"normal forces of up to {np.abs(force[valid]).max():.3g} N: are they in another unit? Say so in [columns] "
-            f"of "
-            'the rig: normal_force = { unit = "mN" }, or { scale = 1e-6 }'
+    return [*_units(experiment), *_channels(experiment), *_signs(experiment), *_sampling(experiment)]
+
+
+def _deepest(experiment: Experiment) -> float:
+    """Greatest depth among the samples that count [m]."""
+    depth = experiment.signals.depth
+    return float(depth[experiment.valid & (depth > 0)].max())
+
+
+def _units(experiment: Experiment) -> Iterator[str]:
+    deepest, force = _deepest(experiment), _force(experiment)
+    if not SHALLOWEST < deepest < DEEPEST:
+        yield f"depths of up to {deepest:.3g} m: are they in another unit? Say so {DEPTH_UNIT}"
+    if force is not None and np.abs(force[experiment.valid]).max() > STRONGEST:
+        yield (
+            f"normal forces of up to {np.abs(force[experiment.valid]).max():.3g} N: are they in another unit? Say so "
+            'in [columns] of the rig: normal_force = { unit = "mN" }, or { scale = 1e-6 }'
         )
+
+
+def _channels(experiment: Experiment) -> Iterator[str]:
+    """Forces and slips of which one is missing, or that are exchanged."""
     blind = [i for i in (1, 2) if _slides_unseen(experiment, i)]
     if blind:
-        out.append(
+        yield (
             f"tangential_force{blind[0]} without slip{blind[0]}: how the tool slides along that tangent isn't known, "
-            f"so "
-            "friction has the wrong direction wherever it does; record both"
+            "so friction has the wrong direction wherever it does; record both"
         )
     unfelt = [i for i in (1, 2) if _slides_unfelt(experiment, i)]
     if unfelt:
-        out.append(
+        yield (
             f"slip{unfelt[0]} without tangential_force{unfelt[0]}: what friction does along that tangent isn't seen; "
             "record both"
         )
     if _crossed(experiment):
-        out.append(
+        yield (
             "tangential_force1 acts against slip2, and tangential_force2 against slip1: are they exchanged? [columns] "
-            "of "
-            'the rig names them: slip1 = { column = "…" }'
+            'of the rig names them: slip1 = { column = "…" }'
         )
-    strongest = turned_depth(experiment)
+
+
+def _signs(experiment: Experiment) -> Iterator[str]:
+    strongest, along, lowest = turned_depth(experiment), drives(experiment), turned(experiment)
     if strongest is not None:
-        out.append(
+        yield (
             f"a force of {strongest:.3g} N where the depth is negative, and next to none inside: is its sign turned? "
             f"It is positive inside the material; {TURN_DEPTH}"
         )
-    along = drives(experiment)
     if along is not None:
-        out.append(
+        yield (
             f"the tangential force points along the slip, by {along:.3g} N: is its sign turned? It is what the surface "
             f"does to the tool, against the slip; {TURN_TANGENTIAL}"
         )
-    lowest = turned(experiment)
     if lowest is not None:
-        out.append(
+        yield (
             f"the normal force falls to {lowest:.3g} N as the tool goes deeper: is its sign turned? It is positive "
             f"where the material pushes the tool out; {TURN}"
         )
-    if not (valid & (depth <= 0) & ~experiment.in_contact).any():
-        out.append("no free motion in the log: a bias of the sensor would look like stiffness")
-    quick = (experiment.signals.dt > 0) & (experiment.signals.dt < QUICK)
-    jump = float(np.abs(np.diff(depth, prepend=depth[:1])[quick]).max(initial=0.0))
-    if jump > LEAP * most:
-        out.append(
-            f"the depth leaps by {1e3 * jump:.3g} mm from one sample to the next: no tool does; look for lost samples"
-        )
-    t = experiment.signals.t
+
+
+def _sampling(experiment: Experiment) -> Iterator[str]:
+    """Free motion, samples and time that are missing, or a unit of time that is another one."""
+    s, t = experiment.signals, experiment.signals.t
+    if not (experiment.valid & (s.depth <= 0) & ~experiment.in_contact).any():
+        yield "no free motion in the log: a bias of the sensor would look like stiffness"
+    quick = (s.dt > 0) & (s.dt < QUICK)
+    jump = float(np.abs(np.diff(s.depth, prepend=s.depth[:1])[quick]).max(initial=0.0))
+    if jump > LEAP * _deepest(experiment):
+        yield f"the depth leaps by {1e3 * jump:.3g} mm from one sample to the next: no tool does; look for lost samples"
     gaps = gaps_in_contact(t, experiment.in_contact)
     if len(gaps) and gaps[0] == 0:
-        out.append(
+        yield (
             "the log begins in contact: what bristles and a material remember of how it was reached isn't known; begin "
-            "in "
-            "the air"
+            "in the air"
         )
         gaps = gaps[1:]
     if len(gaps):
-        many, longest = (
-            "a gap of" if len(gaps) == 1 else f"{len(gaps)} gaps of up to",
-            float((t[gaps] - t[gaps - 1]).max()),
+        many = "a gap of" if len(gaps) == 1 else f"{len(gaps)} gaps of up to"
+        yield (
+            f"{many} {float((t[gaps] - t[gaps - 1]).max()):.2g} s in contact: what bristles and a material remember "
+            "over it isn't known; look for lost samples"
         )
-        out.append(
-            f"{many} {longest:.2g} s in contact: what bristles and a material remember over it isn't known; look "
-            "for lost samples"
-        )
-    steps = experiment.signals.dt[experiment.signals.dt > 0]
+    steps = s.dt[s.dt > 0]
     if experiment.layout.kind == "contact" and len(steps) and np.median(steps) > SLOWEST:
-        out.append(
+        yield (
             f"{np.median(steps):.3g} s between samples: is the time in another unit? Say so in [columns] of the rig: "
             't = { unit = "ms" }'
         )
-    return out
 
 
 def refuse_outliers(experiment: Experiment) -> None:

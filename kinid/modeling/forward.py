@@ -188,9 +188,7 @@ def _bristles(s: Signals) -> Array:
 
 
 def _read(s: Signals, _: Array) -> None:
-    """Contact forces as the sensor has them: a wrench at its origin with the rig's tool (6, n), or the forces
-    themselves.
-    """
+    """Contact forces as the sensor has them: a wrench at its origin with the rig's tool, or themselves."""
     if s.layout.kind == "contact":
         rows = {"normal_force": s.normal, "tangential_force1": s.tangential[0], "tangential_force2": s.tangential[1]}
         s.reading = np.stack([rows[name] for name in s.layout.channels])

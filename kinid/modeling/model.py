@@ -106,9 +106,7 @@ class Model:
 
     @cached_property
     def needs_log(self) -> bool:
-        """Whether contact-frame quantities alone can't carry it: some effect acts on the whole wrench, or on joint
-        torques.
-        """
+        """Whether contact-frame quantities alone can't carry it: some effect acts on a wrench or on joint torques."""
         one = Layout(("normal_force",), "contact")
         return bool(self.needs & {"wrench", "joints"}) or any(not effect.parameters(one) for effect in self.effects)
 
@@ -119,18 +117,11 @@ class Model:
 
     @property
     def pulls(self) -> bool:
-        """Whether it pulls at a tool that retracts and no adhesion is meant: a material that lets go says nothing to it
-        then.
-        """
+        """Whether it pulls at a tool that retracts, without meaning adhesion: separation then tells it nothing."""
         return any(effect.pulls for effect in self.effects) and not any(effect.reaches for effect in self.effects)
 
-    @property
-    def acts_on_reading(self) -> bool:
-        """Whether an effect of tool, sensor or acquisition is in it: such act on all that the sensor reads."""
-        return bool(self.stages & {Stage.TOOL, Stage.SENSOR, Stage.ACQUISITION})
-
     def parameters(self, layout: Layout) -> dict[str, Parameter]:
-        """All parameters for logs of this layout, by "effect.parameter", in order."""
+        """All parameters for logs of this layout, by the text of their `ParameterId`, in order."""
         return {f"{effect.id}.{p.name}": p for effect in self.effects for p in effect.parameters(layout)}
 
     def nominal(self, layout: Layout) -> Array:
@@ -155,9 +146,7 @@ class Model:
         return self._route(signals.layout.kind).run(signals, self._split(signals.layout, values), near).reading
 
     def course(self, signals: Signals, values: Array, near: Course | None = None) -> Course:
-        """The way along the chain to what `predict` gives, which other predictions may share; it may share another one
-        itself.
-        """
+        """The way along the chain to what `predict` gives; predictions may share it, and it may share another one."""
         return Course(self._route(signals.layout.kind), signals, self._split(signals.layout, values), near)
 
     def _route(self, kind: str) -> Route:

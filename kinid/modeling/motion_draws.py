@@ -9,18 +9,16 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.contact.series import contact_motion
+from kinid.contact.surface_frame import contact_motion
 from kinid.data.log import Log
 from kinid.data.rig import CONTACT, Rig
 from kinid.effects import Signals
-from kinid.modeling.tool_load import gravity_torques, payload_torques, sensor_motion
-from kinid.robotics.inverse_dynamics import inverse_dynamics
-from kinid.robotics.motion import JointMotion, axes_motion, joint_motion, own_motion
+from kinid.modeling.tool_load import joint_signals, sensor_motion
+from kinid.robotics.motion import axes_motion, joint_motion, own_motion
 from kinid.robotics.robot import Robot
 from kinid.robotics.surface import load as load_surface
 from kinid.signal import Smoothed
@@ -97,20 +95,8 @@ class JointDraws:
         if motion.smoothed is None or signals.joints is None:
             return
         for number in range(DRAWS):
-            yield dataclasses.replace(
-                signals, joints=dataclasses.replace(signals.joints, **self._joints(motion, number, rows))
-            )
-
-    def _joints(self, motion: JointMotion, number: int, rows: Rows) -> dict[str, Any]:
-        moved = motion.draw(number)
-        q, dq, ddq = moved.q[rows], moved.dq[rows], moved.ddq[rows]
-        out: dict[str, Any] = {"q": _turned(q), "dq": _turned(dq), "ddq": _turned(ddq)}
-        if self.robot is not None and self.bare is not None:
-            carried = None if self.carried is None else self.carried[rows]
-            out["rigid"] = _turned(inverse_dynamics(self.robot, q, dq, ddq, carried))
-            out["payload"] = payload_torques(self.bare, q, dq, ddq)
-            out["gravity"] = gravity_torques(self.robot, q)
-        return out
+            moved = joint_signals(motion.draw(number), rows, self.robot, self.bare, self.carried)
+            yield dataclasses.replace(signals, joints=dataclasses.replace(moved, tool=signals.joints.tool))
 
 
 def _moved(signals: Signals, away: Array) -> Signals:
@@ -123,7 +109,3 @@ def _moved(signals: Signals, away: Array) -> Signals:
         slip=signals.slip + away[SLIP],
         slip_rate=signals.slip_rate + away[SLIP_RATE],
     )
-
-
-def _turned(values: Array) -> Array:
-    return np.ascontiguousarray(values.T)

@@ -12,7 +12,8 @@ from kinid.data.rig import Rig
 from kinid.effects import Stage
 from kinid.errors import InputError, near
 from kinid.modeling.data_warnings import DEEPEST, DEPTH_UNIT, doubts_of
-from kinid.modeling.experiment import Experiment, from_contact, from_joint_torques, from_wrench
+from kinid.modeling.experiment import Experiment
+from kinid.modeling.from_logs import from_contact, from_joint_torques, from_wrench
 from kinid.modeling.model import Model
 
 CONTACT_FORCES = ("normal_force", "tangential_force1", "tangential_force2")

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from kinid.errors import InputError
 from kinid.robotics.motion import STATIC_PERIOD
-from kinid.signal.derivative import GAP_FACTOR, Differentiator
+from kinid.signal.derivative import Differentiator
+from kinid.signal.pieces import GAP_FACTOR
 
 Array = NDArray[np.float64]
 

@@ -1,16 +1,18 @@
-"""What an arm carries: the motion of its force/torque sensor, the load of the tool there, and the torques that hold a
-payload.
-"""
+"""What an arm carries: its sensor's motion, the tool's load there, and the torques that hold a payload."""
 
 from __future__ import annotations
+
+import dataclasses
+import functools
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from kinid.data.rig import Rig, ToolSpec
-from kinid.effects import SensorMotion
-from kinid.robotics.motion import JointMotion
+from kinid.data.rig import Rig
+from kinid.effects import JointMotion, SensorMotion
+from kinid.robotics.inverse_dynamics import inverse_dynamics
+from kinid.robotics.motion import JointMotion as Motion
 from kinid.robotics.robot import Kinematics, Robot
 from kinid.robotics.surface import Plane, Surface
 from kinid.robotics.wrench import tool_load
@@ -22,13 +24,13 @@ AT_ONCE = 32_768
 
 
 def sensor_motion(
-    robot: Robot, rig: Rig, motion: JointMotion, rows: NDArray[np.int64], surface: Surface | None
+    robot: Robot, rig: Rig, motion: Motion, rows: NDArray[np.int64], surface: Surface | None
 ) -> SensorMotion:
     """Motion of the sensor at these rows, and the load of the rig's tool there.
 
     Contact axes are the surface's where the tip is; without a surface, the base's.
     """
-    tool, n = rig.tool or ToolSpec(mass=0.0), len(rows)
+    tool, n = rig.carried, len(rows)
     out = SensorMotion(
         to_contact=np.empty((n, 3, 3)),
         tip=robot.tip_in_sensor() if robot.tip_frame is not None else np.zeros(3),
@@ -53,6 +55,32 @@ def sensor_motion(
     return out
 
 
+def joint_signals(
+    motion: Motion, rows: NDArray[np.int64], arm: Robot | None, bare: Robot | None, carried: Array | None
+) -> JointMotion:
+    """Motion of the joints at these rows, and the rigid-body torques that go with it.
+
+    Args:
+        motion: of all rows. arm: that carries everything whose torques are predicted, None for axes alone.
+        bare: without the tool. carried: load on what lies beyond the sensor frame at all rows [N, N·m], (n, 6).
+    """
+    q, dq, ddq = motion.q[rows], motion.dq[rows], motion.ddq[rows]
+    rows_first = [np.ascontiguousarray(values.T) for values in (q, dq, ddq, np.zeros_like(q))]
+    out = JointMotion(rows_first[0], rows_first[1], rows_first[2], rows_first[3], known=False)
+    if arm is None or bare is None:
+        return out
+    rigid = inverse_dynamics(arm, q, dq, ddq, None if carried is None else carried[rows])
+    return dataclasses.replace(
+        out,
+        rigid=np.ascontiguousarray(rigid.T),
+        known=True,
+        payload=payload_torques(bare, q, dq, ddq),
+        gravity=gravity_torques(arm, q),
+        moments=functools.partial(moment_torques, arm),
+        slopes=functools.partial(torque_slopes, arm),
+    )
+
+
 def payload_torques(robot: Robot, q: Array, dq: Array, ddq: Array) -> Array:
     """Joint torques per unit of a payload's m [kg] and m·com [kg·m], (4, N, n), in the log's order of joints.
 
@@ -75,9 +103,7 @@ def payload_torques(robot: Robot, q: Array, dq: Array, ddq: Array) -> Array:
 
 
 def gravity_torques(robot: Robot, q: Array) -> Array:
-    """Joint torques that hold the arm per unit of gravity along each axis of its base, (3, N, n), in the log's
-    order.
-    """
+    """Joint torques that hold the arm per unit of gravity along each base axis, (3, N, n), in the log's order."""
     data, configuration = robot.model.createData(), robot.configuration(q)
     out = np.empty((3, len(q), robot.model.nv))
     for axis in range(3):

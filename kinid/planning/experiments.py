@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from kinid.data.log import Log, Provenance
 from kinid.effects import catalogue
 from kinid.errors import InputError
-from kinid.modeling.experiment import Experiment, from_joint_torques, from_wrench
+from kinid.modeling.experiment import Experiment
+from kinid.modeling.from_logs import from_joint_torques, from_wrench
 from kinid.modeling.model import Model
 from kinid.planning.check import check
 from kinid.planning.expected import Law

@@ -18,7 +18,8 @@ import kinid.urdf
 from kinid.data.log import Log, Provenance
 from kinid.data.rig import Rig
 from kinid.errors import InputError
-from kinid.modeling.experiment import Experiment, from_joint_torques, from_wrench
+from kinid.modeling.experiment import Experiment
+from kinid.modeling.from_logs import from_joint_torques, from_wrench
 from kinid.modeling.model import Model
 from kinid.planning.check import Usage, check
 from kinid.planning.collision import Scene

@@ -10,6 +10,7 @@ import numpy as np
 from kinid import effects as catalogue
 from kinid.diagnosis.result import Diagnosis, EffectStatus, EffectVerdict, Verdict, with_alternatives
 from kinid.identification.warnings import listed
+from kinid.parameter import ParameterId
 
 if TYPE_CHECKING:
     from kinid.identification.fit import FittedParameter
@@ -100,8 +101,9 @@ def acting(parameters: Mapping[str, FittedParameter]) -> dict[str, FittedParamet
     """Without parameters of effects that are read off the samples, for channels that don't bear their mark."""
 
     def acts(p: FittedParameter) -> bool:
-        effect, _, name = p.name.partition(".")
-        return not catalogue.get(effect).detector or p.value != catalogue.get(effect).null.get(name.split("[")[0])
+        own = ParameterId.parse(p.name)
+        effect = catalogue.get(own.effect)
+        return not effect.detector or p.value != effect.null.get(own.name)
 
     return {name: p for name, p in parameters.items() if acts(p)}
 

@@ -80,9 +80,7 @@ def joint_torques(
         )
     robot = robot or Robot.load(rig)
     motion = joint_motion(log, robot, differentiator)
-    provenance = log.provenance.then("inverse dynamics", robot=robot.name)
-    if motion.facts:
-        provenance = provenance.then("smooth" if motion.smoothed else "differentiate", **motion.facts)
+    provenance = log.provenance.then("inverse dynamics", robot=robot.name).after(*motion.steps)
     carried = None
     if log.wrench is not None and robot.sensor_frame is not None:
         free = log.labelled_free

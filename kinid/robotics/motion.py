@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.data.log import Log
+from kinid.data.log import Log, Step
 from kinid.errors import InputError
 from kinid.robotics.robot import Robot
 from kinid.signal import Smoothed, contradictions, smooth_motion
 from kinid.signal.derivative import Derivatives, Differentiator
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 #: a log slower than this holds single poses: the arm stood still at each of them [s]
 STATIC_PERIOD = 0.1
@@ -27,23 +28,45 @@ MORE_THAN_A_TURN = 2 * np.pi + 0.1
 MANY_KEPT = 1_000_000
 
 
-_LATEST: weakref.WeakKeyDictionary[Log, JointMotion] = weakref.WeakKeyDictionary()
-_LATEST_OWN: weakref.WeakKeyDictionary[Log, dict[str, Smoothed]] = weakref.WeakKeyDictionary()
+class _Latest(Generic[T]):
+    """What was made of the latest log, while that lives and is short."""
+
+    def __init__(self) -> None:
+        self._made: weakref.WeakKeyDictionary[Log, T] = weakref.WeakKeyDictionary()
+
+    def of(self, log: Log, make: Callable[[], T]) -> T:
+        """What was made of this log, or is made now."""
+        made = self._made.get(log)
+        if made is None:
+            made = make()
+            self._made.clear()
+            if (log.t if log.q is None else log.q).size <= MANY_KEPT:
+                self._made[log] = made
+        return made
 
 
 @dataclass(frozen=True, eq=False)
 class JointMotion:
-    """Joint positions with both derivatives, (n, N) each, in the log's order; `facts` says where they came from.
+    """Joint positions with both derivatives, (n, N) each, in the log's order.
 
-    `smoothed` is the estimate that they are, with its standard deviations; None where they are as logged or
-    differentiated.
+    Attributes:
+        facts: where they came from. warnings: where what was logged contradicts itself, a sentence each.
+        smoothed: the estimate that they are, with its standard deviations; None where they are as logged or
+            differentiated.
     """
 
     q: Array
     dq: Array
     ddq: Array
-    facts: dict[str, Any]
+    facts: Mapping[str, object]
     smoothed: Smoothed | None = field(default=None, repr=False)
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """What was done to the log's positions, for the provenance."""
+        name = "differentiate" if self.smoothed is None else "smooth"
+        return (Step(name, self.facts, self.warnings),) if self.facts else ()
 
     @property
     def sd(self) -> tuple[Array, Array, Array]:
@@ -59,7 +82,11 @@ class JointMotion:
         if self.smoothed is None:
             return self
         made = self.smoothed.draw(number)
-        return JointMotion(made.value, made.first, made.second, self.facts, made)
+        return replace(self, q=made.value, dq=made.first, ddq=made.second, smoothed=made)
+
+
+_MOTIONS = _Latest[JointMotion]()
+_OWN_MOTIONS = _Latest[dict[str, Smoothed]]()
 
 
 def joint_motion(log: Log, robot: Robot, differentiator: Differentiator | None = None) -> JointMotion:
@@ -74,89 +101,50 @@ def joint_motion(log: Log, robot: Robot, differentiator: Differentiator | None =
     Raises:
         InputError: no joints, a count that isn't the robot's, or positions that look like degrees.
     """
-    where = log.provenance.source
-    if log.q is None:
-        raise InputError(f"no joint positions in {where}", "q1…qN [rad]", "name their columns in [columns] of the rig")
-    if log.q.shape[1] != robot.joint_count:
+    where, q = log.provenance.source, _positions(log)
+    if q.shape[1] != robot.joint_count:
         raise InputError(
-            f"{log.q.shape[1]} joints in {where}",
+            f"{q.shape[1]} joints in {where}",
             f"{robot.joint_count} for {robot.name} ({', '.join(robot.joint_names)})",
             "list the log's joints in [robot] joints, or name the columns in [columns]",
         )
-    _refuse_degrees(log.q, robot, where)
+    _refuse_degrees(q, robot, where)
     return axes_motion(log, differentiator)
 
 
 def axes_motion(log: Log, differentiator: Differentiator | None = None) -> JointMotion:
     """The same of axes without a robot."""
-    if log.q is None:
-        raise InputError(
-            f"no joint positions in {log.provenance.source}", "q1…qN", "name their columns in [columns] of the rig"
-        )
+    q = _positions(log)
     if log.period >= STATIC_PERIOD and log.dq is None:
-        still = np.zeros_like(log.q)
-        return JointMotion(
-            log.q, still, still if log.ddq is None else log.ddq, {"velocities": "zero: the log holds poses at rest"}
-        )
+        still = np.zeros_like(q)
+        facts = {"velocities": "zero: the log holds poses at rest"}
+        return JointMotion(q, still, still if log.ddq is None else log.ddq, facts)
     if differentiator is None:
-        kept = _LATEST.get(log)
-        if kept is not None:
-            return kept
-        made = smooth_motion(log.t, log.q, log.pieces, log.dq, log.ddq, _slower(log))
-        facts = {
-            "motion": "smoothed from "
-            + " and ".join(
-                name
-                for name, there in (
-                    ("positions", True),
-                    ("velocities", log.dq is not None),
-                    ("accelerations", log.ddq is not None),
-                )
-                if there
-            ),
-            **made.facts,
-        }
-        warnings = warnings_of(made, [f"q{j + 1}" for j in range(log.q.shape[1])], log.period)
-        if warnings:
-            facts["warnings"] = warnings
-        out = JointMotion(made.value, made.first, made.second, facts, made)
-        _LATEST.clear()
-        if log.q.size <= MANY_KEPT:
-            _LATEST[log] = out
-        return out
-    return _differentiated(log, log.q, differentiator)
+        return _MOTIONS.of(log, lambda: _smoothed(log, q))
+    return _differentiated(log, q, differentiator)
 
 
-def _slower(log: Log) -> int:
-    """How many samples there are for one that the joints' own stream had, where they were interpolated."""
-    for step in log.provenance.steps:
-        if (
-            step.name == "merge"
-            and step.facts.get("stream") == "joints"
-            and "interpolation" in str(step.facts.get("method"))
-        ):
-            return max(1, round(1.0 / (float(step.facts["rate"]) * log.period)))
-    return 1
+def _positions(log: Log) -> Array:
+    if log.q is None:
+        found = f"no joint positions in {log.provenance.source}"
+        raise InputError(found, "q1…qN [rad] or [m]", "name their columns in [columns] of the rig")
+    return log.q
 
 
-def warnings_of(made: Smoothed, names: list[str], period: float) -> list[str]:
-    """Where logged rates contradict the positions, a sentence each."""
-    out = []
-    for what, rate in (("velocities", made.first), ("accelerations", made.second)):
-        if what in made.facts:
-            largest = np.nan_to_num(np.fmax.reduce(np.abs(rate), axis=0))
-            out += contradictions(made.facts[what], what, names, largest, period)
-    return out
+def _smoothed(log: Log, q: Array) -> JointMotion:
+    """From a smoother."""
+    every = max(1, round(log.joint_period / log.period))
+    made = smooth_motion(log.t, q, log.pieces, log.dq, log.ddq, every)
+    logged = (("positions", q), ("velocities", log.dq), ("accelerations", log.ddq))
+    sources = " and ".join(name for name, values in logged if values is not None)
+    warnings = contradictions(made, [f"q{j + 1}" for j in range(q.shape[1])], log.period)
+    facts = {"motion": f"smoothed from {sources}", **made.facts}
+    return JointMotion(made.value, made.first, made.second, facts, made, tuple(warnings))
 
 
 def own_motion(log: Log, differentiator: Differentiator | None) -> Iterator[tuple[str, str, Smoothed | Derivatives]]:
     """Depth and slips that a log holds, each with the name of its rate, smoothed by themselves or differentiated."""
-    kept = _LATEST_OWN.get(log)
-    if kept is None:
-        kept = {}
-        _LATEST_OWN.clear()
-        if log.t.size <= MANY_KEPT:
-            _LATEST_OWN[log] = kept
+    kept: dict[str, Smoothed] = _OWN_MOTIONS.of(log, dict)
     for name, rate in (("depth", "depth_rate"), ("slip1", "slip_rate1"), ("slip2", "slip_rate2")):
         if name not in log.contact:
             continue
@@ -172,28 +160,16 @@ def own_motion(log: Log, differentiator: Differentiator | None) -> Iterator[tupl
 
 def _differentiated(log: Log, q: Array, differentiator: Differentiator) -> JointMotion:
     """Positions and derivatives as logged, and those that the log lacks from a differentiator."""
-    facts: dict[str, Any] = {}
+    if log.dq is not None and log.ddq is not None:
+        return JointMotion(q, log.dq, log.ddq, {})
+    made = differentiator(log.t, q if log.dq is None else log.dq, log.pieces)
+    facts = {"bandwidth_hz": made.bandwidth, "window_samples": made.window}
     if log.dq is not None:
-        if log.ddq is not None:
-            return JointMotion(q, log.dq, log.ddq, facts)
-        made = differentiator(log.t, log.dq, log.pieces)
-        facts = {
-            "accelerations": "derivative of the logged velocities",
-            "bandwidth_hz": made.bandwidth,
-            "window_samples": made.window,
-        }
-        return JointMotion(q, log.dq, made.first, facts)
-    made = differentiator(log.t, q, log.pieces)
-    facts = {
-        "velocities": "derivative of the logged positions",
-        "accelerations": "second derivative",
-        "bandwidth_hz": made.bandwidth,
-        "window_samples": made.window,
-    }
-    ddq = made.second
-    if log.ddq is not None:
-        ddq, facts["accelerations"] = log.ddq, "logged"
-    return JointMotion(q, made.first, ddq, facts)
+        return JointMotion(q, log.dq, made.first, {"accelerations": "derivative of the logged velocities", **facts})
+    ddq, source = (made.second, "second derivative") if log.ddq is None else (log.ddq, "logged")
+    return JointMotion(
+        q, made.first, ddq, {"velocities": "derivative of the logged positions", "accelerations": source, **facts}
+    )
 
 
 def _refuse_degrees(q: Array, robot: Robot, where: str) -> None:
@@ -223,14 +199,14 @@ class TipMotion:
         t: [s], (n,). position [m], velocity [m/s]: (n, 3).
         force: what pushes the tool at the tip once the tool's own load is taken away [N], (n, 3); None without a
             wrench.
-        facts: where the motion came from.
+        steps: where the motion came from.
     """
 
     t: Array
     position: Array
     velocity: Array
     force: Array | None
-    facts: Mapping[str, Any] = field(default_factory=dict)
+    steps: tuple[Step, ...] = ()
 
     def columns(self) -> dict[str, Array]:
         """Columns for a table."""

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import os
-import sys
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -17,6 +13,7 @@ from numpy.typing import NDArray
 import kinid.urdf
 from kinid.data.rig import Rig, RobotSpec, ToolSpec
 from kinid.errors import InputError, near
+from kinid.robotics.urdf_model import find_frame, joint_axis, lock, names_to, parsed, z_onto
 
 Array = NDArray[np.float64]
 
@@ -80,7 +77,7 @@ class Robot:
     """
 
     name: str
-    model: Any
+    model: pin.Model
     joint_names: tuple[str, ...]
     sensor_frame: str | None
     tip_frame: str | None
@@ -130,14 +127,14 @@ class Robot:
         """The robot of a URDF file; without `joints` those between the base and the tip, in their order."""
         kinid.urdf.check(path)
         name = name or path.stem
-        full = _parsed(path)
+        full = parsed(path)
         frames = [frame.name for frame in full.frames]
         sensor_frame = _frame(sensor_frame, DEFAULT_SENSOR_FRAME, frames, "sensor_frame", name)
         tip_frame = _frame(tip_frame, DEFAULT_TIP_FRAME, frames, "tip_frame", name)
         movable = [full.names[j] for j in range(1, full.njoints) if full.joints[j].nv == 1]
         if joints is None:
             end = tip_frame or sensor_frame
-            on_path = _names_to(full, _find(full, end, name).parentJoint) if end else movable
+            on_path = names_to(full, find_frame(full, end, name).parentJoint) if end else movable
             joints = [joint for joint in on_path if joint in movable] or movable
         for joint in joints:
             if joint not in movable:
@@ -147,7 +144,7 @@ class Robot:
         if len(set(joints)) != len(joints):
             raise InputError(f"[robot] joints {list(joints)}", "each joint once", "remove the doubled name")
         locked = [j for j in range(1, full.njoints) if full.names[j] not in set(joints)]
-        model = _lock(full, locked) if locked else full
+        model = lock(full, locked) if locked else full
         model.gravity = pin.Motion(np.asarray(gravity, dtype=float), np.zeros(3))
         robot = cls(
             name,
@@ -230,9 +227,9 @@ class Robot:
             np.array([(align.T @ body.inertia @ align).ravel() for align, body in turned]),
         )
 
-    def frame(self, name: str) -> Any:
+    def frame(self, name: str) -> pin.Frame:
         """Pinocchio's frame of that name; where a link and a joint share it, the link's."""
-        return _find(self.model, name, self.name)
+        return find_frame(self.model, name, self.name)
 
     def tip_in_sensor(self) -> Array:
         """Position of the tip in the sensor frame [m], (3,); both frames must be there."""
@@ -324,85 +321,9 @@ class Robot:
         return int(self.frame(frame).parentJoint)
 
 
-def _parsed(path: Path) -> Any:
-    """Pinocchio's model of a URDF; what its parser writes to the process's error stream goes into the message."""
-    with tempfile.TemporaryFile() as said:
-        sys.stderr.flush()
-        kept = os.dup(2)
-        os.dup2(said.fileno(), 2)
-        try:
-            return pin.buildModelFromUrdf(str(path))
-        except (ValueError, RuntimeError) as error:
-            said.seek(0)
-            lines = [line.split("]")[-1].strip() for line in said.read().decode(errors="replace").splitlines()]
-            cause = "; ".join(dict.fromkeys(line for line in (*lines, str(error)) if line))[:300]
-            raise InputError(
-                f"{path}, which Pinocchio can't read ({cause})", "a URDF of one arm", "correct it there"
-            ) from None
-        finally:
-            os.dup2(kept, 2)
-            os.close(kept)
-
-
 def _frame(name: str | None, default: str, frames: Sequence[str], key: str, robot: str) -> str | None:
     if name is None:
         return default if default in frames else None
     if name not in frames:
         raise InputError(f"[robot] {key} = '{name}'", f"a frame of {robot}", near(name, frames))
     return name
-
-
-def _find(model: Any, name: str, robot: str) -> Any:
-    same = [frame for frame in model.frames if frame.name == name]
-    if not same:
-        raise InputError(f"frame '{name}'", f"a frame of {robot}", near(name, [f.name for f in model.frames]))
-    return next((frame for frame in same if frame.type == pin.FrameType.BODY), same[0])
-
-
-def _lock(model: Any, joints: list[int]) -> Any:
-    """The model with joints locked at neutral.
-
-    Pinocchio looks frames up by their names alone there, so a joint that shares its name with a link has another one
-    for the time.
-    """
-    suffix = " (joint)"
-    links = {frame.name for frame in model.frames if frame.type == pin.FrameType.BODY}
-    for frame in model.frames:
-        if frame.type != pin.FrameType.BODY and frame.name in links:
-            frame.name += suffix
-    for j in range(1, model.njoints):
-        if model.names[j] in links:
-            model.names[j] += suffix
-    reduced = pin.buildReducedModel(model, joints, pin.neutral(model))
-    for j in range(1, reduced.njoints):
-        reduced.names[j] = reduced.names[j].removesuffix(suffix)
-    return reduced
-
-
-def _names_to(model: Any, joint: int) -> list[str]:
-    return [model.names[j] for j in model.supports[joint] if j > 0]
-
-
-def joint_axis(model: Any, j: int) -> tuple[Array, bool]:
-    """Axis of a one-axis joint in its own frame, and whether it slides; read off the joint's motion at one unit."""
-    joint = model.joints[j]
-    data = joint.createData()
-    unit = np.array([np.cos(1.0), np.sin(1.0)]) if joint.nq == 2 else np.array([1.0])
-    # calc reads the joint's slice of a whole configuration
-    configuration = pin.neutral(model)
-    configuration[joint.idx_q : joint.idx_q + joint.nq] = unit
-    joint.calc(data, configuration)
-    motion = data.M
-    slides = bool(np.linalg.norm(motion.translation) > 0.5)
-    axis = np.asarray(motion.translation if slides else pin.log3(motion.rotation))
-    nearest = np.round(axis)
-    # axes along a coordinate are made exact, so that the chain holds no rounding of the logarithm
-    return (nearest if np.abs(axis - nearest).max() < 1e-12 else axis / np.linalg.norm(axis)), slides
-
-
-def z_onto(axis: Array) -> Array:
-    """A rotation whose third column is the axis."""
-    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
-    x = helper - (helper @ axis) * axis
-    x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(axis, x), axis], axis=1)

@@ -10,12 +10,12 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinid.data.log import frozen
+from kinid.data.log import frozen, frozen_as
 from kinid.data.rig import Rig
 from kinid.errors import InputError
 
@@ -93,6 +93,10 @@ class Plane(Surface):
         """Nothing to say of a plane."""
         return ()
 
+    def packed(self) -> Array:
+        """For the kernels: the point, then the axes row by row, (12,)."""
+        return np.concatenate([self.point, self.axes.ravel()])
+
     def locate(self, points: ArrayLike) -> Located:
         """Where points (n, 3) in the base frame lie relative to the plane."""
         p = np.asarray(points, dtype=np.float64).reshape(-1, 3)
@@ -155,7 +159,7 @@ class Mesh(Surface):
                 "check its scale and save it again",
             )
         object.__setattr__(self, "vertices", frozen(vertices))
-        object.__setattr__(self, "faces", frozen(faces, dtype=np.int64))
+        object.__setattr__(self, "faces", frozen_as(np.int64, faces))
         object.__setattr__(self, "tangent", None if self.tangent is None else frozen(self.tangent))
         object.__setattr__(self, "notes", _check(vertices, faces, slivers, self.source))
 
@@ -224,7 +228,7 @@ def _read(path: Path) -> tuple[Array, Index]:
         ) from None
     try:
         # from memory, so that an OBJ file can't have materials read from elsewhere
-        mesh: Any = trimesh.load(io.BytesIO(data), file_type=kind[1:], force="mesh", process=False)
+        mesh = trimesh.load(io.BytesIO(data), file_type=kind[1:], force="mesh", process=False)
         return np.array(mesh.vertices, dtype=np.float64), np.array(mesh.faces, dtype=np.int64)
     except Exception as error:  # trimesh's readers raise whatever comes up in a broken file
         raise InputError(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,7 @@ class Reading:
     wrench: Array  # (n, 6) sensor axes; only the axes are settled, bias and cross-talk are not removed yet
     inverse_crosstalk: Array  # (6, 6)
     bias: Array  # (6,)
-    facts: dict[str, Any]
+    facts: dict[str, object]
 
     def packed(self) -> Array:
         """For the kernel: inverse cross-talk row-major, then the bias, (42,)."""
@@ -61,6 +61,12 @@ def tool_load(tool: ToolSpec, motion: Kinematics, gravity: Array) -> Array:
     return np.concatenate([force, torque], axis=1)
 
 
+def packed_tool(rig: Rig, robot: Robot) -> Array:
+    """What the kernels want to know of the tool: mass, com, inertia about the com, gravity in base axes, (16,)."""
+    tool = rig.carried
+    return np.concatenate([[tool.mass], tool.com, tool.inertia_matrix.ravel(), robot.gravity])
+
+
 def read_wrench(
     log: Log, rig: Rig, robot: Robot, motion: JointMotion, free: NDArray[np.int64], bias: Bias, trust: bool
 ) -> Reading:
@@ -88,15 +94,15 @@ def read_wrench(
     if rig.sensor.wrench_frame == "base":
         rotation = robot.kinematics(robot.sensor_frame, motion.q).rotation
         wrench = np.concatenate([np.einsum("nji,nj->ni", rotation, wrench[:, i : i + 3]) for i in (0, 3)], axis=1)
-    crosstalk = np.eye(6) if rig.sensor.crosstalk is None else np.asarray(rig.sensor.crosstalk)
+    crosstalk = rig.sensor.crosstalk_matrix
     inverse = np.linalg.inv(crosstalk)
-    offset, origin = _given_bias(bias, rig)
+    offset, origin = given_bias(bias, rig)
     usable = free[log.valid[free] & np.isfinite(motion.ddq[free].sum(axis=1))]
     usable = usable[:: 1 + len(usable) // MOST_FREE]
-    facts: dict[str, Any] = {"free_samples_used": len(usable)}
+    facts: dict[str, object] = {"free_samples_used": len(usable)}
     if len(usable) >= FEWEST_FREE:
         kinematics = robot.kinematics(robot.sensor_frame, motion.q[usable], motion.dq[usable], motion.ddq[usable])
-        load = tool_load(rig.tool or ToolSpec(mass=0.0), kinematics, robot.gravity)
+        load = tool_load(rig.carried, kinematics, robot.gravity)
         if rig.tool is not None and rig.tool.mass > 0 and not trust:
             force = ((wrench[usable] - offset) @ inverse.T)[:, :3]
             refuse_contradicted(
@@ -116,10 +122,10 @@ def read_wrench(
         "wrench_frame": rig.sensor.wrench_frame,
         "crosstalk": "rig" if rig.sensor.crosstalk is not None else "none",
     }
-    return Reading(wrench, inverse, offset, facts)
+    return Reading(wrench, np.asarray(inverse, dtype=np.float64), offset, facts)
 
 
-def _given_bias(bias: Bias, rig: Rig) -> tuple[Array, str]:
+def given_bias(bias: Bias, rig: Rig) -> tuple[Array, str]:
     """The bias that the caller or the rig names, and which of them; zeros and no name where it is to be learned."""
     if not isinstance(bias, str):
         offset = np.asarray(bias, dtype=float)

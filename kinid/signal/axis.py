@@ -170,9 +170,7 @@ class Axis:
         )
 
     def smoothed(self, random: Array | None = None) -> tuple[Array, Array, Array]:
-        """State (n, d), its standard deviations (n, d), and draws of its error (m, n, 3) from normal numbers (m, n,
-        d).
-        """
+        """State and its standard deviations (n, d), and draws of its error (m, n, 3) from normal numbers (m, n, d)."""
         n = len(self.tau)
         state, sd = np.empty((n, ORDER)), np.empty((n, ORDER))
         random = np.empty((0, n, ORDER)) if random is None else random

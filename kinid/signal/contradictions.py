@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+
+from kinid.signal.rates import Learnt
+from kinid.signal.smoother import Smoothed
 
 Array = NDArray[np.float64]
 
@@ -16,19 +18,29 @@ SURE, SHARE = 5.0, 1e-4
 SCALE, SAMPLES, LEAST_DELAY = 0.02, 0.5, 1e-3
 
 
-def contradictions(
-    facts: Mapping[str, Any], what: str, names: Sequence[str], largest: Array, period: float
-) -> list[str]:
-    """At most a sentence each for offsets, scales and delays that are large.
+def contradictions(made: Smoothed, names: Sequence[str], period: float) -> list[str]:
+    """At most a sentence each for offsets, scales and delays that are large, of velocities and of accelerations.
 
     Args:
-        facts: as `Smoothed.facts` has them of these rates. what: "velocities" or "accelerations". names: of the axes,
-            (k,).
-        largest: greatest rate of each axis, (k,). period: sample time [s].
+        made: the estimate. names: of the axes, (k,). period: sample time [s].
     """
-    unit = "/s" if what == "velocities" else "/s²"
-    bias, gain, delay, errors = (np.asarray(facts[name], dtype=float) for name in ("bias", "scale", "delay", "errors"))
-    left_out = ~np.isfinite(np.asarray(facts["noise"], dtype=float))
+    out = []
+    for what, unit, learnt, rate in (
+        ("velocities", "/s", made.velocities, made.first),
+        ("accelerations", "/s²", made.accelerations, made.second),
+    ):
+        if learnt:
+            largest = np.nan_to_num(np.fmax.reduce(np.abs(rate), axis=0))
+            out += _of_rates(learnt, what, unit, names, largest, period)
+    return out
+
+
+def _of_rates(
+    learnt: Sequence[Learnt], what: str, unit: str, names: Sequence[str], largest: Array, period: float
+) -> list[str]:
+    """Of one kind of rates, whose greatest values are these, (k,)."""
+    bias, gain, delay, noise = np.array([(one.bias, one.scale, one.delay, one.noise) for one in learnt]).T
+    errors, left_out = np.array([one.errors for one in learnt]), ~np.isfinite(noise)
     done = "they add nothing to the positions and were left out" if left_out.all() else ""
     out = []
     off = (np.abs(bias) > SURE * errors[:, 0]) & (np.abs(bias) > SHARE * largest)

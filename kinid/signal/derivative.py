@@ -9,18 +9,17 @@ widest for which the velocity of a sine at that frequency still comes through wi
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError
+from kinid.signal.pieces import GAP_FACTOR, runs
 
 Array = NDArray[np.float64]
 
-#: a pause longer than this many median sample times is a gap: nothing is filtered or interpolated across it
-GAP_FACTOR = 5.0
 #: sampling this uneven (relative to the median period) is fitted with the actual times
 UNEVEN = 0.02
 
@@ -96,18 +95,16 @@ class Differentiator:
         first, second = np.full_like(x, np.nan), np.full_like(x, np.nan)
         period = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
         half = self.half_window(period)
-        for rows in _runs(t, x, pieces, GAP_FACTOR * period):
-            some_t, some_x = t[rows], np.ascontiguousarray(x[rows])
-            length = len(some_t)
+        for rows in runs(t, x, pieces, GAP_FACTOR * period):
+            length = len(rows)
             if length < 2:
                 continue
             order = min(self.order, length - 1)
             reach = min(half, (length - 1) // 2)
             taps = self._taps(reach, period) if 2 * reach >= self.order else np.zeros((2, 0))
-            one, two = first[rows], second[rows]  # views of a slice, copies of single rows
-            differentiate(some_t, some_x, reach, order, taps, UNEVEN * period, period, one, two)
-            if not isinstance(rows, slice):
-                first[rows], second[rows] = one, two
+            one, two = np.full((2, length, x.shape[1]), np.nan)
+            differentiate(t[rows], x[rows], reach, order, taps, UNEVEN * period, period, one, two)
+            first[rows], second[rows] = one, two
         return Derivatives(first, second, 2 * half + 1, self.achieved_bandwidth(half, period))
 
     def _taps(self, half: int, period: float) -> Array:
@@ -129,15 +126,3 @@ class Differentiator:
         basis = k[:, None] ** odd
         coefficients = np.linalg.solve(2 * basis.T @ basis, 2 * basis.T @ np.sin(omega * period * half * k))
         return float(coefficients[0] / (half * period) / omega)
-
-
-def _runs(t: Array, x: Array, pieces: Iterable[slice], gap: float) -> Iterator[slice | NDArray[np.int64]]:
-    """Rows of the pieces in which all of `x` are finite numbers, apart where that leaves a gap in time."""
-    with np.errstate(invalid="ignore", over="ignore"):
-        good = np.isfinite(x @ np.ones(x.shape[1]))  # a sum is finite exactly when all its terms are
-    for piece in pieces:
-        if good[piece].all():
-            yield piece
-            continue
-        rows = piece.start + np.flatnonzero(good[piece])
-        yield from np.split(rows, np.flatnonzero(np.diff(t[rows]) > gap) + 1)

@@ -17,6 +17,8 @@ ORDERS = (3, 4, 5, 6)
 NOISY = 0.7
 #: normal standard deviations in a median absolute deviation
 ROBUST = 1.4826
+#: variance of a third difference of white noise of variance 1
+THIRD_DIFFERENCE = 20.0
 #: noise is at least this share of the range of the positions, and of their size, which is what 64 bits hold
 FLOOR, DIGITS = 1e-9, 4e-16
 #: of its size, what a number is off by rounding
@@ -38,6 +40,18 @@ ALONE = 8.0
 EDGE = 0.03
 
 
+def white_noise(signal: Array) -> float:
+    """Standard deviation of the white noise on a smooth signal (n,): from third differences, robustly; 0 of fewer than
+    8 samples.
+
+    Of a smooth signal a third difference has next to nothing, and the median absolute deviation ignores the few samples
+    at impacts.
+    """
+    if len(signal) < 8:
+        return 0.0
+    return float(ROBUST * np.median(np.abs(np.diff(signal, n=3))) / np.sqrt(THIRD_DIFFERENCE))
+
+
 def white(x: Array, tau: Array | None = None) -> float:
     """Standard deviation of white noise on smooth positions (n,), robustly, from the least of several orders of
     differences.
@@ -55,9 +69,7 @@ def is_noise(x: Array, tau: Array | None = None) -> bool:
 
 
 def evenly(t: Array, unit: float) -> Array:
-    """Steps of time before each sample, (n,), in units of the median one, of a clock that ticks evenly and drops
-    samples.
-    """
+    """Steps of time before each sample, in median ones, (n,), of a clock that ticks evenly and drops samples."""
     steps = np.diff(t, prepend=t[0]) / unit
     return np.where(steps > 0.5, np.maximum(np.round(steps), 1.0), steps)
 
@@ -83,9 +95,7 @@ def _spread(x: Array, tau: Array | None, moved: bool = False) -> dict[int, float
 
 
 def divided_differences(t: Array, order: int) -> Array:
-    """Weights of divided differences over uneven times (n,), of white noise of variance 1 their variance is 1, (order +
-    1, m).
-    """
+    """Weights of divided differences over uneven times (n,), of variance 1 for white noise of 1, (order + 1, m)."""
     m = len(t) - order
     at = [t[i : i + m] for i in range(order + 1)]
     weights = np.ones((order + 1, m))
@@ -98,9 +108,7 @@ def divided_differences(t: Array, order: int) -> Array:
 
 
 def weighted_differences(x: Array, weights: Array) -> Array:
-    """Differences of positions (n,), or of rows of them (n, k), with weights of `divided_differences`, (m,) or (m,
-    k).
-    """
+    """Differences of positions (n,) or (n, k) with weights of `divided_differences`, (m,) or (m, k)."""
     m = weights.shape[1]
     return np.asarray(sum((w * x[i : i + m].T).T for i, w in enumerate(weights)))
 
@@ -128,9 +136,7 @@ def lattice(x: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Positions:
-    """Positions of one axis as measurements: values (n,), their variances (n,), noise of a sample, the step, and least
-    noise.
-    """
+    """Positions of one axis as measurements: values and variances (n,), noise of a sample, the step, least noise."""
 
     value: Array
     variance: Array

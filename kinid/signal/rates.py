@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,18 +75,16 @@ class Learnt:
         variance = np.where(good, (self.noise / self.gain) ** 2 * self.local[piece], np.inf)
         return np.where(good, (value - self.bias) / self.gain, 0.0), variance
 
-    @staticmethod
-    def facts(several: Sequence[Learnt]) -> dict[str, Any]:
-        """Figures of all axes."""
-        names = ("bias", "gain", "delay", "scale", "noise", "memory")
-        facts: dict[str, Any] = {name: [float(getattr(one, name)) for one in several] for name in names}
-        return facts | {"errors": [one.errors.tolist() for one in several]}
+
+def figures(several: Sequence[Learnt]) -> dict[str, object]:
+    """What is known of all axes, as plain types."""
+    names = ("bias", "gain", "delay", "scale", "noise", "memory")
+    out: dict[str, object] = {name: [float(getattr(one, name)) for one in several] for name in names}
+    return out | {"errors": [one.errors.tolist() for one in several]}
 
 
 def learn(t: Array, x: Array, pieces: Sequence[tuple[Rows, Axis]], logged: Array, order: int, unit: float) -> Learnt:
-    """Hold a logged rate (n,) of this order against the pieces' estimate of it; `x` are the positions as logged,
-    (n,).
-    """
+    """Hold a logged rate (n,) of this order against the pieces' estimate of it; `x` are the logged positions."""
     states = [axis.smoothed()[:2] for _, axis in pieces]
     positions = [x[rows] - state[:, 0] for (rows, _), (state, _) in zip(pieces, states)]
     times = [t[rows] for rows, _ in pieces]
@@ -263,9 +260,7 @@ def _noise(
 
 
 def _derived(x: Sequence[Array], off: Sequence[Array], left: Sequence[Array], tau: Array) -> bool:
-    """Whether the noise of the rates, `left`, is that of the positions, `off`: rates made of positions tell nothing
-    new.
-    """
+    """Whether the noise of the rates, `left`, is that of the positions, `off`: such rates tell nothing new."""
     if not is_noise(x[0], tau) and not lattice(np.concatenate(x)):
         return False
     theirs, ours = [], []
@@ -330,10 +325,5 @@ def _shifted(t: Array, x: Array, delay: float) -> Array:
     """What was logged a delay later, (n,); NaN beyond the last sample."""
     if delay == 0.0 or len(t) < 2:
         return np.array(x, dtype=np.float64)
-    good = np.isfinite(x)
-    if good.sum() < 2:
-        return np.full(len(t), np.nan)
-    out = np.interp(t + delay, t[good], x[good], left=np.nan, right=np.nan)
-    # nothing is interpolated over what is missing
-    out[np.interp(t + delay, t, (~good).astype(np.float64), left=1.0, right=1.0) > 0.0] = np.nan
-    return out
+    # what is no number makes what is interpolated beside it none: nothing is interpolated over what is missing
+    return np.interp(t + delay, t, np.where(np.isfinite(x), x, np.nan), left=np.nan, right=np.nan)

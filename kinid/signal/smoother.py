@@ -10,8 +10,8 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,15 +20,14 @@ from kinid.kernels.state_space import ORDER
 from kinid.signal.axis import Axis
 from kinid.signal.clock import time_steps
 from kinid.signal.noise import Positions, positions, wrong
-from kinid.signal.rates import Learnt, learn, together
+from kinid.signal.pieces import GAP_FACTOR, runs
+from kinid.signal.rates import Learnt, figures, learn, together
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 Single = NDArray[np.float32]
 T = TypeVar("T")
 
-#: a pause longer than this many median sample times is a gap
-GAP_FACTOR = 5.0
 #: a sample that comes so shortly behind another one, in samples, repeats it
 REPEATED = 0.1
 #: from this many numbers on, axes are smoothed side by side
@@ -51,25 +50,33 @@ class Smoothed:
     Attributes:
         value, first, second: position, velocity, acceleration [unit, unit/s, unit/s²].
         sd: their standard deviations, in this order.
-        facts: noise and step of the positions, and what was found of logged velocities and accelerations.
+        velocities, accelerations: what was found of logged ones, axis by axis; () where none were logged.
     """
 
     value: Array
     first: Array
     second: Array
     sd: tuple[Single, Single, Single]
-    facts: dict[str, Any]
+    velocities: tuple[Learnt, ...] = field(repr=False)
+    accelerations: tuple[Learnt, ...] = field(repr=False)
     _tracks: tuple[Track, ...] = field(repr=False)
+
+    @property
+    def facts(self) -> dict[str, object]:
+        """Noise and step of the positions, and what was found of logged rates, as plain types."""
+        known = [track.positions for track in self._tracks]
+        out: dict[str, object] = {"noise": [one.noise for one in known]}
+        out |= {"step": [one.step for one in known]} if any(one.step for one in known) else {}
+        rates = {"velocities": self.velocities, "accelerations": self.accelerations}
+        return out | {name: figures(found) for name, found in rates.items() if found}
 
     def draw(self, number: int) -> Smoothed:
         """The motion with a sample of the estimate's error, the same for the same number."""
         value, first, second = (x + e for x, e in zip((self.value, self.first, self.second), self.error(number)))
-        return Smoothed(value, first, second, self.sd, self.facts, self._tracks)
+        return replace(self, value=value, first=first, second=second)
 
     def error(self, number: int) -> tuple[Array, Array, Array]:
-        """A sample of the estimate's error with its memory (Durbin & Koopman 2002), (n, k) each; 0 where nothing is
-        known.
-        """
+        """A sample of the estimate's error with its memory (Durbin & Koopman 2002), (n, k) each; 0 where unknown."""
         out = [np.zeros_like(self.value) for _ in range(3)]
 
         def add(j: int) -> None:
@@ -101,68 +108,61 @@ def smooth_motion(
     """
     unit = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
     unit = unit if unit > 0.0 else 1.0
-    runs = list(_runs(t, value, pieces, GAP_FACTOR * unit))
-    k = value.shape[1]
-    everywhere = np.concatenate(runs) if runs else np.empty(0, np.int64)
-    steps = time_steps(t, value, runs, unit)
-    ticks = np.concatenate(steps) if steps else np.empty(0)
-    ticks[ticks == 0.0] = 1.0  # over a gap differences mean nothing, whatever it is
-
-    def alone(j: int) -> Track:
-        known = positions(value[everywhere, j], ticks, every)
-        quieter = 1.0 if known.step else min(1.0, (known.least / known.noise) ** 2)
-        made, at = [], 0
-        for rows, tau in zip(runs, steps):
-            own = slice(at, at + len(rows))
-            at += len(rows)
-            variance = known.variance[own].copy()
-            if every > 1 and len(rows) > ORDER * every:
-                variance[np.arange(len(rows)) % every > 0] = np.inf
-            variance[1:][tau[1:] < REPEATED] = np.inf  # what the sample before has said already
-            variance[wrong(value[rows, j], np.where(tau > 0.0, tau, 1.0), known.noise, known.step)] = np.inf
-            axis = Axis.of(tau, known.value[own], variance, known.noise**2, quieter)
-            axis.climb()
-            made.append((rows, axis))
-        return Track(known, made, unit)
-
-    if not runs:
-        none = np.full(value.shape, np.nan)
-        unknown = none.astype(np.float32)
-        return Smoothed(none, none.copy(), none.copy(), (unknown, unknown, unknown), {"noise": []}, ())
-    tracks = _each(alone, range(k), value.size)
-    facts: dict[str, Any] = {"noise": [track.positions.noise for track in tracks]}
-    if any(track.positions.step for track in tracks):
-        facts["step"] = [track.positions.step for track in tracks]
-    for order, logged, name in ((1, first, "velocities"), (2, second, "accelerations")):
-        if logged is None:
-            continue
-        facts[name] = Learnt.facts(_with_rates(t, value, tracks, logged, order, unit))
+    rows, which = list(runs(t, value, pieces, GAP_FACTOR * unit)), range(value.shape[1])
+    steps, tracks = time_steps(t, value, rows, unit), []
+    if rows:
+        tracks = _each(lambda j: _track(value[:, j], rows, steps, unit, every), which, value.size)
+    velocities = _with_rates(t, value, tracks, first, 1, unit)
+    accelerations = _with_rates(t, value, tracks, second, 2, unit)
     out = [np.full(value.shape, np.nan) for _ in range(3)]
     sd = [np.full(value.shape, np.nan, np.float32) for _ in range(3)]
 
     def finish(j: int) -> None:
-        for rows, axis in tracks[j].pieces:
+        for own, axis in tracks[j].pieces:
             state, deviation, _ = axis.sound()
             for order, stated in ((0, None), (1, first), (2, second)):
-                if order and len(rows) < 2:  # a single row has the rates that were stated, if any
-                    out[order][rows, j] = np.nan if stated is None else stated[rows, j]
-                    sd[order][rows, j] = np.nan if stated is None else 0.0
+                if order and len(own) < 2:  # a single row has the rates that were stated, if any
+                    out[order][own, j] = np.nan if stated is None else stated[own, j]
+                    sd[order][own, j] = np.nan if stated is None else 0.0
                     continue
-                out[order][rows, j] = state[:, order] / unit**order
-                sd[order][rows, j] = deviation[:, order] / unit**order
+                out[order][own, j] = state[:, order] / unit**order
+                sd[order][own, j] = deviation[:, order] / unit**order
 
-    _each(finish, range(k), value.size)
-    return Smoothed(out[0], out[1], out[2], (sd[0], sd[1], sd[2]), facts, tuple(tracks))
+    _each(finish, range(len(tracks)), value.size)
+    return Smoothed(out[0], out[1], out[2], (sd[0], sd[1], sd[2]), velocities, accelerations, tuple(tracks))
+
+
+def _track(x: Array, runs: Sequence[Rows], steps: Sequence[Array], unit: float, every: int) -> Track:
+    """One axis from its positions (n,), in runs of rows with their steps of time; see `smooth_motion`."""
+    ticks = np.concatenate(steps)
+    ticks[ticks == 0.0] = 1.0  # over a gap differences mean nothing, whatever it is
+    known = positions(x[np.concatenate(runs)], ticks, every)
+    quieter = 1.0 if known.step else min(1.0, (known.least / known.noise) ** 2)
+    made, at = [], 0
+    for rows, tau in zip(runs, steps):
+        own = slice(at, at + len(rows))
+        at += len(rows)
+        variance = known.variance[own].copy()
+        if every > 1 and len(rows) > ORDER * every:
+            variance[np.arange(len(rows)) % every > 0] = np.inf
+        variance[1:][tau[1:] < REPEATED] = np.inf  # what the sample before has said already
+        variance[wrong(x[rows], np.where(tau > 0.0, tau, 1.0), known.noise, known.step)] = np.inf
+        axis = Axis.of(tau, known.value[own], variance, known.noise**2, quieter)
+        axis.climb()
+        made.append((rows, axis))
+    return Track(known, made, unit)
 
 
 def _with_rates(
-    t: Array, value: Array, tracks: Sequence[Track], logged: Array, order: int, unit: float
-) -> list[Learnt]:
+    t: Array, value: Array, tracks: Sequence[Track], logged: Array | None, order: int, unit: float
+) -> tuple[Learnt, ...]:
     """Learn what logged rates (n, k) of this order are worth, and take them among the axes' measurements."""
+    if logged is None:
+        return ()
     which, size = range(len(tracks)), logged.size
     learnt = together(_each(lambda j: learn(t, value[:, j], tracks[j].pieces, logged[:, j], order, unit), which, size))
     _each(lambda j: _fuse(t, tracks[j], logged[:, j], learnt[j], order), which, size)
-    return learnt
+    return tuple(replace(one, local=[]) for one in learnt)  # those are as long as the log
 
 
 def _fuse(t: Array, track: Track, logged: Array, learnt: Learnt, order: int) -> None:
@@ -181,16 +181,6 @@ def _fuse(t: Array, track: Track, logged: Array, learnt: Learnt, order: int) -> 
         wide[:, order] = np.where(vary[:, order] < np.inf, wide[:, order], 0.0)
         axis.value, axis.variance = wide, vary
         axis.climb()
-
-
-def _runs(t: Array, x: Array, pieces: Iterable[slice], gap: float) -> Iterable[Rows]:
-    """Rows of the pieces in which all of `x` are finite numbers, apart where that leaves a gap in time."""
-    with np.errstate(invalid="ignore", over="ignore"):
-        good = np.isfinite(x @ np.ones(x.shape[1]))
-    for piece in pieces:
-        rows = piece.start + np.flatnonzero(good[piece])
-        if len(rows):
-            yield from np.split(rows, np.flatnonzero(np.diff(t[rows]) > gap) + 1)
 
 
 def _each(do: Callable[[int], T], which: Sequence[int], size: int) -> list[T]:

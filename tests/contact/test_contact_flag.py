@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from kinid.contact.series import ContactSeries, contact_series, force_noise
+from kinid.contact.flag import force_noise
+from kinid.contact.series import ContactSeries, contact_series
 from kinid.data.log import Log
 from kinid.data.rig import Rig
 from kinid.errors import InputError

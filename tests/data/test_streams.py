@@ -13,10 +13,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from kinid.data.clock_offset import ClockOffset, clock_offset
 from kinid.data.log import Provenance
 from kinid.data.readers import read
 from kinid.data.rig import Rig
-from kinid.data.streams import ClockOffset, Stream, clock_offset, merge, resample, tidy
+from kinid.data.streams import Stream, merge, resample, tidy
 from kinid.errors import InputError
 
 Array = NDArray[np.float64]

@@ -18,7 +18,8 @@ from kinid.data.rig import Rig
 from kinid.effects import JointMotion, Layout, Signals, get
 from kinid.effects._axes import BRISTLE
 from kinid.effects.joint_torque_ripple import JointTorqueRipple
-from kinid.modeling.experiment import Experiment, from_joint_torques
+from kinid.modeling.experiment import Experiment
+from kinid.modeling.from_logs import from_joint_torques
 from kinid.modeling.model import Model
 from kinid.robotics.robot import Robot
 from kinid.signal.derivative import Differentiator

@@ -25,7 +25,8 @@ from kinid.effects.quantization import Quantization
 from kinid.effects.saturation import Saturation
 from kinid.effects.sensor_crosstalk import SensorCrosstalk
 from kinid.modeling.contract import Case
-from kinid.modeling.experiment import Experiment, from_wrench
+from kinid.modeling.experiment import Experiment
+from kinid.modeling.from_logs import from_wrench
 from kinid.modeling.model import Model
 from kinid.modeling.reference_motions import reference_motion
 from kinid.robotics.robot import Robot

@@ -19,7 +19,8 @@ from kinid.errors import InputError
 from kinid.identification.compare import compare
 from kinid.identification.fit import fit_model
 from kinid.lab.scripted import RIG, Scripted, scripted_poke
-from kinid.modeling.experiment import Experiment, from_joint_torques
+from kinid.modeling.experiment import Experiment
+from kinid.modeling.from_logs import from_joint_torques
 from kinid.modeling.model import Model
 
 

@@ -20,7 +20,8 @@ from kinid.identification.jacobian import ALL_CHANNELS, changes, parameter_group
 from kinid.identification.problem import Problem
 from kinid.identification.solver import first_error_model, search
 from kinid.modeling.applicability import candidate_effects
-from kinid.modeling.experiment import Experiment, from_joint_torques
+from kinid.modeling.experiment import Experiment
+from kinid.modeling.from_logs import from_joint_torques
 
 Array = NDArray[np.float64]
 

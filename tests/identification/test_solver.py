@@ -13,7 +13,7 @@ from kinid.identification.initial_guesses import project_linear
 from kinid.identification.problem import Problem
 from kinid.identification.solver import first_error_model, search
 from kinid.identification.state import solve_box_constrained
-from kinid.modeling.experiment import from_contact
+from kinid.modeling.from_logs import from_contact
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,8 @@ from kinid.data.rig import WRENCH, Rig, ToolSpec
 from kinid.effects import Layout
 from kinid.errors import InputError
 from kinid.lab.scripted import RIG, Scripted, scripted_poke
-from kinid.modeling.experiment import FAR, Experiment, from_contact, from_wrench
+from kinid.modeling.experiment import Experiment
+from kinid.modeling.from_logs import FAR, from_contact, from_wrench
 from kinid.modeling.model import Model
 from kinid.robotics.robot import Robot
 from kinid.robotics.wrench import tool_load

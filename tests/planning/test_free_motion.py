@@ -12,7 +12,7 @@ import kinid
 from kinid.data.log import Log
 from kinid.errors import InputError
 from kinid.identification.fit import fit_model
-from kinid.modeling.experiment import from_wrench
+from kinid.modeling.from_logs import from_wrench
 from kinid.planning.check import breaks, check
 from kinid.planning.free_motion import WRENCH_NOISE, Swing, excite_free
 from kinid.planning.limits import Limits

@@ -187,7 +187,7 @@ def test_what_contradicts_the_positions_is_said_with_figures(
 ) -> None:
     t, truth, x = measured
     made = smoothed(t, x, rate(t) + 2e-4 * np.random.default_rng(1).standard_normal(len(t)))
-    lines = contradictions(made.facts["velocities"], "velocities", ["q1"], np.abs(made.first).max(axis=0), 0.002)
+    lines = contradictions(made, ["q1"], 0.002)
     assert len(lines) == bool(said)
     assert all(word in lines[0] for word in said)
 

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.data.readers._cells import Column
 
-def is_block(kind: Any) -> bool:
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+
+def is_block(kind: pa.DataType) -> bool:
     """Whether a column of this Arrow type holds a list in each row."""
     from pyarrow import types
 
     return bool(types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind))
 
 
-def to_numpy(column: Any) -> NDArray[Any]:
+def to_numpy(column: pa.ChunkedArray) -> Column:
     """Values of a chunked Arrow column: (n,), or (n, k) for lists of one length.
 
     Absent numbers are NaN, absent text is empty. Numbers in one chunk, none of them absent, are not copied.

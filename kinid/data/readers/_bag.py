@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from kinid.data.log import Array, Log, Provenance, Step
 from kinid.data.readers._joints import Names, arrange
 from kinid.data.rig import WRENCH, Rig
 from kinid.data.streams import Merged, Stream, merge
 from kinid.errors import InputError, near
-from kinid.units import factor
 
 #: what a message type means here, by the last part of its name
 KINDS: dict[str, str] = {"JointState": "joints", "JointStates": "joints", "WrenchStamped": "wrench", "String": "text"}
+#: what a library makes of a message: its fields as attributes, by names that differ from one encoding to another
+Message = Any
 _FIELDS = ("position", "velocity", "effort")
 #: a topic of text with this name tells the protocol's phase
 _PHASE = "phase"
@@ -44,7 +46,7 @@ class Bag(Protocol):
     def topics(self) -> Sequence[Topic]:
         """All topics."""
 
-    def messages(self, names: Sequence[str]) -> Iterator[tuple[str, int, Any]]:
+    def messages(self, names: Sequence[str]) -> Iterator[tuple[str, int, Message]]:
         """Topic, time of reception [ns] and message."""
 
 
@@ -56,11 +58,11 @@ LONGEST_DELAY = 1_000_000_000
 
 @dataclass
 class _Samples:
-    """Messages of one source as they come: one row of numbers each."""
+    """Messages of one source as they come: one row of numbers each, or a word."""
 
     received: list[int] = field(default_factory=list)
     stamped: list[int] = field(default_factory=list)
-    rows: list[Any] = field(default_factory=list)
+    rows: list[ArrayLike] = field(default_factory=list)
 
     def clock(self) -> tuple[list[int], str]:
         """Stamps [ns] and whose they are: the header's, unless it was left at zero or never moves."""
@@ -93,14 +95,14 @@ def to_log(bag: Bag, rig: Rig, joints: Sequence[str] | None) -> Log:
     """
     topics = _topics(bag, rig)
     samples = _collect(bag, topics)
-    facts: dict[str, Any] = {"format": "bag", "topics": topics}
+    facts: dict[str, object] = {"format": "bag", "topics": topics}
     parts: list[_Part] = []
     if "joints" in topics:
-        parts += _joint_parts("joints", ("q", "dq", "tau"), samples["joints"], joints, bag.source, facts)
-        joints = joints or facts["joints"]
+        names, found = _joint_parts("joints", ("q", "dq", "tau"), samples["joints"], joints, bag.source, facts)
+        parts, joints = found, joints or names
     if "joint_commands" in topics:
-        found = samples["joint_commands"]
-        parts += _joint_parts("joint_commands", ("q_cmd",), found, joints, bag.source, facts)
+        commands = samples["joint_commands"]
+        parts += _joint_parts("joint_commands", ("q_cmd",), commands, joints, bag.source, facts)[1]
     if "wrench" in topics:
         wrench = samples["wrench"][()]
         targets = tuple(("wrench", i) for i in range(len(WRENCH)))
@@ -175,10 +177,15 @@ def _merge(streams: Sequence[Stream], rig: Rig, source: str) -> Merged:
 
 
 def _log(
-    parts: Sequence[_Part], merged: Merged, rig: Rig, source: str, facts: dict[str, Any], phase: NDArray[np.str_] | None
+    parts: Sequence[_Part],
+    merged: Merged,
+    rig: Rig,
+    source: str,
+    facts: dict[str, object],
+    phase: NDArray[np.str_] | None,
 ) -> Log:
     """The log's arrays from the streams' columns."""
-    fields: dict[str, Any] = {}
+    fields: dict[str, Array] = {}
     width: dict[str, int] = {}
     for part in parts:
         for quantity, index in part.targets:
@@ -193,15 +200,13 @@ def _log(
     for quantity in fields:
         spec = rig.columns.get(quantity)
         if spec is not None and spec.column is None and spec.columns is None:
-            scale = spec.scale * (factor(spec.unit, "[columns]") if spec.unit else 1.0)
-            scales[quantity] = scale
-            fields[quantity] = fields[quantity] * scale + spec.offset
+            scales[quantity] = spec.to_si
+            fields[quantity] = fields[quantity] * spec.to_si + spec.offset
     facts |= {"to_si": scales} if scales else {}
-    facts["rows"] = len(merged.t)
-    step = Step("read", facts)
-    log = Log(merged.t, **fields, phase=phase, provenance=Provenance(source, (step, *merged.steps)))
-    facts["invalid_rows"] = int((~log.valid).sum())  # known only now; the step is not yet anybody else's
-    return log
+    slower = merged.interpolated.get("joints", 0.0)
+    log = Log(merged.t, phase=phase, provenance=Provenance(source), joint_period=slower, **fields)  # type: ignore[arg-type]
+    facts |= {"rows": len(merged.t), "invalid_rows": int((~log.valid).sum())}
+    return dataclasses.replace(log, provenance=Provenance(source, (Step("read", facts), *merged.steps)))
 
 
 # ---------------------------------------------------------------------------------------- topics and messages
@@ -261,7 +266,7 @@ def _collect(bag: Bag, topics: Mapping[str, str]) -> dict[str, dict[Names, _Samp
         try:
             if role == "wrench":
                 names: Names = ()
-                row: Any = _wrench_row(message)
+                row: ArrayLike = _wrench_row(message)
             elif role == "phase":
                 names, row = (), message.data
             else:
@@ -291,13 +296,13 @@ def _order(found: Names, known: Mapping[Names, _Samples]) -> tuple[Names, list[i
     return kept, [found.index(name) for name in kept]
 
 
-def _wrench_row(message: Any) -> tuple[float, ...]:
-    wrench = getattr(message, "wrench", message)
+def _wrench_row(message: Message) -> tuple[float, ...]:
+    wrench = message.wrench if hasattr(message, "wrench") else message
     force, torque = wrench.force, wrench.torque
     return force.x, force.y, force.z, torque.x, torque.y, torque.z
 
 
-def _joint_values(message: Any) -> tuple[Names, tuple[Any, ...]]:
+def _joint_values(message: Message) -> tuple[Names, tuple[Sequence[float | None], ...]]:
     """Names, and positions, velocities and efforts, each empty where the message has none."""
     if hasattr(message, "joints"):  # one record a joint, instead of one list a quantity
         joints = message.joints
@@ -305,7 +310,7 @@ def _joint_values(message: Any) -> tuple[Names, tuple[Any, ...]]:
     return tuple(message.name), tuple(getattr(message, f, ()) for f in _FIELDS)
 
 
-def _joint_row(values: Sequence[Any], places: Sequence[int]) -> Array:
+def _joint_row(values: Sequence[Sequence[float | None]], places: Sequence[int]) -> Array:
     """Positions, velocities, efforts in the order kept, (3, J); NaN where there is not one for each name."""
     row = np.full((len(_FIELDS), len(places)), np.nan)
     for i, value in enumerate(values):
@@ -314,7 +319,7 @@ def _joint_row(values: Sequence[Any], places: Sequence[int]) -> Array:
     return row
 
 
-def _stamp(message: Any) -> int:
+def _stamp(message: Message) -> int:
     """Stamp of the header [ns], 0 without one."""
     header = getattr(message, "header", None)
     stamp = getattr(header, "stamp", None) if header is not None else getattr(message, "timestamp", None)
@@ -330,9 +335,9 @@ def _joint_parts(
     found: Mapping[Names, _Samples],
     joints: Sequence[str] | None,
     source: str,
-    facts: dict[str, Any],
-) -> list[_Part]:
-    """One part for each set of joints that is needed, the largest first; adds to `facts` what was found."""
+    facts: dict[str, object],
+) -> tuple[Names, list[_Part]]:
+    """Names of the joints, and one part for each set of them, the largest first; adds to `facts` what was found."""
     counts = {names: len(samples.rows) for names, samples in found.items()}
     plan = arrange(counts, joints, source)
     facts |= {role: list(plan.names), f"{role}_order": "given" if joints else "as recorded"}
@@ -344,4 +349,4 @@ def _joint_parts(
         targets = tuple((quantity, joint) for quantity in quantities for joint in places.values())
         name = role if number == 0 else f"{role} {number + 1}"
         parts.append(_Part(name, found[names], rows.reshape(len(rows), -1), targets))
-    return parts
+    return plan.names, parts

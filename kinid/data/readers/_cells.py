@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,12 +9,15 @@ from kinid.data.log import Array
 from kinid.data.rig import ColumnSpec
 from kinid.errors import InputError
 
+#: a column of a table, numbers, text or times
+Column = NDArray[np.generic]
+
 _ABSENT = ("", "nan", "-nan")
 #: no clock in seconds shows this before the year 5000: it counts in another unit
 _NOT_SECONDS = 1e11
 
 
-def numbers(array: NDArray[Any], source: str, label: str) -> Array:
+def numbers(array: Column, source: str, label: str) -> Array:
     """A column as float64; empty cells and `nan` are NaN.
 
     Raises:
@@ -48,16 +49,16 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def words(array: NDArray[Any]) -> NDArray[np.str_]:
+def words(array: Column) -> NDArray[np.str_]:
     """A column as text."""
     if array.dtype.kind == "S":
-        return np.char.decode(array, "utf-8", "replace")
+        return np.char.decode(array.astype(np.bytes_), "utf-8", "replace")
     if array.dtype.kind == "f" and np.isnan(array).all():
         return np.full(len(array), "", dtype=np.str_)
     return array.astype(np.str_)
 
 
-def seconds(array: NDArray[Any], spec: ColumnSpec, scale: float, source: str, label: str) -> tuple[Array, float | None]:
+def seconds(array: Column, spec: ColumnSpec, source: str, label: str) -> tuple[Array, float | None]:
     """Time [s], (n,), and the origin [s] that was subtracted, if one was.
 
     Whole µs or ns of an absolute clock have more digits than a float64 of seconds: they are counted from the
@@ -69,6 +70,7 @@ def seconds(array: NDArray[Any], spec: ColumnSpec, scale: float, source: str, la
     if array.ndim != 1:
         raise InputError(f"time '{label}' of shape {array.shape} in {source}", "shape (n,)", "give one time a row")
     since: Array
+    scale = spec.to_si
     if array.dtype.kind == "M":
         absent = np.isnat(array)
         array, scale = array.astype("datetime64[ns]").astype(np.int64), 1e-9

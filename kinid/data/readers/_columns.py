@@ -5,18 +5,16 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kinid.data.log import Array, Log, Provenance, Step
-from kinid.data.readers._cells import numbers, seconds, words
+from kinid.data.log import Array, Log, Provenance
+from kinid.data.readers._cells import Column, numbers, seconds, words
 from kinid.data.rig import CONTACT, GROUPS, WRENCH, ColumnSpec, Rig
 from kinid.errors import InputError, near
-from kinid.units import factor
 
-Arrays = list[NDArray[Any]]
+Arrays = list[Column]
 JOINT_GROUPS = tuple(g for g in GROUPS if g != "wrench")
 
 
@@ -76,16 +74,11 @@ class Table:
         return near(key, self.names) if self.names else f"number one of its {self.width} columns, from 0"
 
 
-@dataclass(frozen=True)
-class _Source:
+class _Source(NamedTuple):
     """One column of a quantity: where it stands, and how it becomes SI."""
 
     position: int
     spec: ColumnSpec
-
-    @property
-    def scale(self) -> float:
-        return self.spec.scale * (factor(self.spec.unit, "[columns]") if self.spec.unit else 1.0)
 
 
 Plan = dict[str, list[_Source]]
@@ -106,44 +99,46 @@ def to_log(table: Table, rig: Rig, joints: Sequence[str] | None = None) -> Log:
     plan = _plan(table, rig, joints)
     facts = _facts(table, plan)
     loaded = table.load([[s.position for s in sources] for sources in plan.values()])
-    fields: dict[str, Any] = {"contact": {}}
+    t: Array | None = None
+    phase = None
+    joined: dict[str, Array] = {}
+    contact: dict[str, Array] = {}
     n = 0
     for (quantity, sources), arrays in zip(plan.items(), loaded):
         labels = [table.label(s.position) for s in sources]
         if quantity == "t":
-            spec = sources[0].spec
-            fields["t"], origin = seconds(arrays[0], spec, sources[0].scale, table.source, labels[0])
-            n = len(fields["t"])
+            t, origin = seconds(arrays[0], sources[0].spec, table.source, labels[0])
+            n = len(t)
             facts |= {"rows": n} | ({"time_origin": origin} if origin is not None else {})
             continue
-        if "t" not in fields:  # rows that come evenly: the first quantity tells how many
+        if t is None:  # rows that come evenly: the first quantity tells how many
             n = len(arrays[0])
-            fields["t"] = np.arange(n) / (rig.columns["t"].rate or 1.0)
+            t = np.arange(n) / (rig.columns["t"].rate or 1.0)
             facts |= {"rows": n, "time_from_rate_hz": rig.columns["t"].rate}
         shapes = [a.shape for a in arrays if a.shape[:1] != (n,)]
         if shapes:
             found = f"{quantity} of shape {shapes[0]} beside {n} times in {table.source}"
             raise InputError(found, f"{n} rows", "write arrays with one row a sample")
         if quantity == "phase":
-            fields["phase"] = words(arrays[0])
-        elif quantity in CONTACT:
-            values = _fill(arrays, sources, labels, table.source, n)
-            fields["contact"][quantity] = values if values.shape[1] > 1 else values[:, 0]
+            phase = words(arrays[0])
         else:
-            fields[quantity] = _fill(arrays, sources, labels, table.source, n)
+            values = _fill(arrays, sources, labels, table.source, n)
+            if quantity in CONTACT:
+                contact[quantity] = values if values.shape[1] > 1 else values[:, 0]
+            else:
+                joined[quantity] = values
         arrays.clear()
-    step = Step("read", facts)
-    log = Log(**fields, provenance=Provenance(table.source, (step,)))
+    assert t is not None
+    log = Log(t, contact=contact, phase=phase, provenance=Provenance(table.source), **joined)  # type: ignore[arg-type]
     _check_joints(log, rig, table.source)
-    facts["invalid_rows"] = int((~log.valid).sum())  # known only now; the step is not yet anybody else's
-    return log
+    return log.replace("read", facts | {"invalid_rows": int((~log.valid).sum())})
 
 
 def _fill(arrays: Arrays, sources: list[_Source], labels: list[str], source: str, n: int) -> Array:
     """Columns in SI side by side, (n, N)."""
     if len(arrays) == 1 and arrays[0].ndim == 2:
         block = numbers(arrays[0], source, labels[0])
-        spec, scale = sources[0].spec, sources[0].scale
+        spec, scale = sources[0].spec, sources[0].spec.to_si
         block = block if scale == 1.0 and spec.offset == 0.0 else block * scale + spec.offset
         return np.ascontiguousarray(block)
     out = np.empty((n, len(arrays)))
@@ -156,26 +151,25 @@ def _fill(arrays: Arrays, sources: list[_Source], labels: list[str], source: str
             )
         target = out[:, i]
         target[:] = numbers(array, source, label)
-        if column.scale != 1.0:
-            target *= column.scale
+        if column.spec.to_si != 1.0:
+            target *= column.spec.to_si
         if column.spec.offset != 0.0:
             target += column.spec.offset
     return out
 
 
-def _facts(table: Table, plan: Plan) -> dict[str, Any]:
+def _facts(table: Table, plan: Plan) -> dict[str, object]:
     """What the provenance says of the mapping."""
     used = {source.position for sources in plan.values() for source in sources}
-    ignored = [table.label(i) for i in range(table.width) if i not in used]
-    facts: dict[str, Any] = {
+    scales = {name: _one_or_all([s.spec.to_si for s in sources]) for name, sources in plan.items()}
+    offsets = {name: _one_or_all([s.spec.offset for s in sources]) for name, sources in plan.items()}
+    facts: dict[str, object] = {
         "format": table.kind,
         "columns": {name: [table.label(s.position) for s in sources] for name, sources in plan.items()},
-        "to_si": {name: _one_or_all([s.scale for s in sources]) for name, sources in plan.items()},
-        "offset": {name: _one_or_all([s.spec.offset for s in sources]) for name, sources in plan.items()},
-        "ignored": ignored,
+        "to_si": {name: scale for name, scale in scales.items() if scale != 1.0},
+        "offset": {name: offset for name, offset in offsets.items() if offset != 0.0},
+        "ignored": [table.label(i) for i in range(table.width) if i not in used],
     }
-    facts["to_si"] = {name: scale for name, scale in facts["to_si"].items() if scale != 1.0}
-    facts["offset"] = {name: offset for name, offset in facts["offset"].items() if offset != 0.0}
     return {name: fact for name, fact in facts.items() if fact}
 
 

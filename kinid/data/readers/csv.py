@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from kinid.data.readers._columns import Arrays, Table, to_log
 from kinid.data.readers._guard import readable
 from kinid.data.rig import Rig
 from kinid.errors import InputError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 SUFFIXES: tuple[str, ...] = (".csv", ".txt", ".tsv", ".dat")
 
@@ -126,7 +129,7 @@ def _decimal_comma(rows: Sequence[Sequence[str]]) -> bool:
     return any("," in cell for cell in numbers) and not any("." in cell for cell in numbers)
 
 
-def _parse(text: mmap.mmap, layout: _Layout, wanted: Sequence[int], path: Path) -> dict[int, Any]:
+def _parse(text: mmap.mmap, layout: _Layout, wanted: Sequence[int], path: Path) -> dict[int, pa.ChunkedArray]:
     """Arrow columns by position.
 
     Raises:

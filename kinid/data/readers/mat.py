@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kinid.data.log import Log
+from kinid.data.readers._cells import Column
 from kinid.data.readers._columns import Arrays, Table, to_log
 from kinid.data.readers._guard import readable
 from kinid.data.rig import Rig
@@ -46,7 +45,7 @@ def read(path: Path, rig: Rig, joints: Sequence[str] | None = None) -> Log:
     return to_log(Table(str(path), "MATLAB", names, len(names), blocks, load), rig, joints)
 
 
-def _flat(content: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, NDArray[Any]]]:
+def _flat(content: Mapping[str, object], prefix: str = "") -> Iterator[tuple[str, Column]]:
     """Arrays by name, those inside of 1×1 structs by `struct.field`."""
     for name, value in content.items():
         if isinstance(value, np.ndarray) and value.dtype.names and value.size == 1:
@@ -55,7 +54,7 @@ def _flat(content: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, NDAr
             yield prefix + name, value
 
 
-def _vectors(arrays: dict[str, NDArray[Any]]) -> Iterator[tuple[str, NDArray[Any]]]:
+def _vectors(arrays: dict[str, Column]) -> Iterator[tuple[str, Column]]:
     """MATLAB has no 1-D arrays: (1, n) and (n, 1) become (n,), n the longest dimension; cells become text."""
     longest = max((max(a.shape, default=0) for a in arrays.values()), default=0)
     for name, value in arrays.items():
@@ -66,5 +65,5 @@ def _vectors(arrays: dict[str, NDArray[Any]]) -> Iterator[tuple[str, NDArray[Any
             texts = [str(cell.flat[0]) if cell.size else "" for cell in array.flat]
             array = np.array(texts, dtype=np.str_).reshape(array.shape)
         if array.dtype.kind == "U":  # a matrix of characters pads its rows
-            array = np.char.strip(array)
+            array = np.char.strip(array.astype(np.str_))
         yield name, array.ravel() if sorted(array.shape) == sorted((1, longest)) else array

@@ -7,13 +7,17 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING
 
 from kinid.data.log import Log
-from kinid.data.readers._bag import KINDS, Topic, to_log
+from kinid.data.readers._bag import KINDS, Message, Topic, to_log
 from kinid.data.readers._guard import readable
 from kinid.data.rig import Rig
 from kinid.errors import MissingDependencyError
+
+if TYPE_CHECKING:
+    from mcap.reader import McapReader
+    from mcap.records import Channel, Schema
 
 SUFFIXES: tuple[str, ...] = (".mcap",)
 
@@ -40,12 +44,12 @@ def read(path: Path, rig: Rig, joints: Sequence[str] | None = None) -> Log:
 class _Bag:
     """An open file as `_bag` wants it."""
 
-    def __init__(self, path: Path, reader: Any) -> None:
+    def __init__(self, path: Path, reader: McapReader) -> None:
         self.source, self._path, self._reader = str(path), path, reader
         with readable(path, "MCAP", _DAMAGED):
             channels, schemas, counts = self._contents()
             samples = self._first_json(channels)
-        self._decoders: dict[int, Callable[[bytes], Any]] = {}
+        self._decoders: dict[int, Callable[[bytes], Message]] = {}
         found: dict[str, Topic] = {}
         for key, channel in channels.items():
             schema = schemas.get(channel.schema_id)
@@ -62,7 +66,7 @@ class _Bag:
             found[channel.topic] = Topic(channel.topic, shown, kind or before.kind, count)
         self.topics = list(found.values())
 
-    def _contents(self) -> tuple[dict[int, Any], dict[int, Any], Counter[int]]:
+    def _contents(self) -> tuple[dict[int, Channel], dict[int, Schema], Counter[int]]:
         """Channels, schemas and numbers of messages, from the summary, or from all messages without one."""
         summary = self._reader.get_summary()
         if summary is not None and summary.statistics is not None and summary.channels:
@@ -76,10 +80,10 @@ class _Bag:
                 schemas[schema.id] = schema
         return channels, schemas, counts
 
-    def _first_json(self, channels: dict[int, Any]) -> dict[str, Any]:
+    def _first_json(self, channels: dict[int, Channel]) -> dict[str, Message]:
         """The first message of each JSON topic: its fields tell what it is when its schema's name doesn't."""
         topics = {c.topic for c in channels.values() if c.message_encoding == "json"}
-        first: dict[str, Any] = {}
+        first: dict[str, Message] = {}
         for topic in topics:
             for _, channel, message in self._reader.iter_messages(topics=[topic]):
                 if channel.message_encoding == "json":
@@ -87,7 +91,7 @@ class _Bag:
                 break
         return first
 
-    def messages(self, names: Sequence[str]) -> Iterator[tuple[str, int, Any]]:
+    def messages(self, names: Sequence[str]) -> Iterator[tuple[str, int, Message]]:
         with readable(self._path, "MCAP", _DAMAGED):
             for _, channel, message in self._reader.iter_messages(topics=list(names)):
                 decode = self._decoders.get(channel.id)
@@ -95,11 +99,11 @@ class _Bag:
                     yield channel.topic, message.log_time, decode(message.data)
 
 
-def _parse(data: bytes) -> Any:
+def _parse(data: bytes) -> Message:
     return json.loads(data, object_hook=lambda fields: SimpleNamespace(**fields))
 
 
-def _kind_of(message: Any) -> str | None:
+def _kind_of(message: Message) -> str | None:
     """What a JSON message is by its fields."""
     if message is None:
         return None
@@ -109,7 +113,7 @@ def _kind_of(message: Any) -> str | None:
     return "joints" if hasattr(message, "name") and hasattr(message, "position") else None
 
 
-def _decoder(encoding: str, kind: str) -> Callable[[bytes], Any] | None:
+def _decoder(encoding: str, kind: str) -> Callable[[bytes], Message] | None:
     """From bytes to a message; None for an encoding that is not read."""
     if encoding == "json":
         return _parse

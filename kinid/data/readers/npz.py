@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from numpy.lib.npyio import NpzFile
 
 from kinid.data.log import Log
 from kinid.data.readers._columns import Arrays, Table, to_log
@@ -37,8 +37,9 @@ def read(path: Path, rig: Rig, joints: Sequence[str] | None = None) -> Log:
         return to_log(Table(str(path), "NPZ", names, len(names), blocks, load), rig, joints)
 
 
-def _shape(archive: Any, name: str) -> tuple[int, ...]:
+def _shape(archive: NpzFile, name: str) -> tuple[int, ...]:
     """Shape of an array from its header alone."""
+    assert archive.zip is not None
     member = name if name in archive.zip.namelist() else f"{name}.npy"
     with archive.zip.open(member) as file:
         version = np.lib.format.read_magic(file)

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from kinid.data.log import Log
-from kinid.data.readers._bag import KINDS, Topic, to_log
+from kinid.data.readers._bag import KINDS, Message, Topic, to_log
 from kinid.data.readers._guard import readable
 from kinid.data.rig import Rig
 from kinid.errors import InputError, MissingDependencyError
+
+if TYPE_CHECKING:
+    from rosbags.rosbag1 import Reader as Reader1
+    from rosbags.rosbag2 import Reader as Reader2
 
 SUFFIXES: tuple[str, ...] = (".bag", ".db3")
 MARKER = "metadata.yaml"
@@ -38,7 +42,7 @@ def read(path: Path, rig: Rig, joints: Sequence[str] | None = None) -> Log:
 class _Bag:
     """An open bag as `_bag` wants it."""
 
-    def __init__(self, source: str, reader: Any, ros1: bool) -> None:
+    def __init__(self, source: str, reader: Reader1 | Reader2, ros1: bool) -> None:
         from rosbags.typesys import Stores, get_typestore
 
         self.source, self._reader = source, reader
@@ -52,7 +56,7 @@ class _Bag:
             found[connection.topic] = Topic(connection.topic, connection.msgtype, kind, connection.msgcount + before)
         self.topics = list(found.values())
 
-    def messages(self, names: Sequence[str]) -> Iterator[tuple[str, int, Any]]:
+    def messages(self, names: Sequence[str]) -> Iterator[tuple[str, int, Message]]:
         wanted = [c for c in self._reader.connections if c.topic in names]
         if not wanted:
             raise InputError(f"no messages in {self.source}", "at least one", "record again")

@@ -5,6 +5,7 @@ MCAP is replayed message by message, as it was received; of tables each row is a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -101,7 +102,8 @@ class Recording:
             if self._roles[topic] == "wrench":
                 yield Wrench(received, stamp, _bag._wrench_row(message))
             else:
-                names, (q, dq, tau) = _bag._joint_values(message)
+                names, values = _bag._joint_values(message)
+                q, dq, tau = ([math.nan if x is None else x for x in value] for value in values)
                 yield Joints(received, stamp, q, dq, tau, names)
 
     def close(self) -> None:
