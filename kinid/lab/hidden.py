@@ -17,6 +17,8 @@ from kinid.lab.setup import Setup, together
 Array = NDArray[np.float64]
 Truth = dict[str, object]
 Planted = tuple[Setup, Truth]
+#: name of a parameter, and its bounds
+Size = tuple[str, float, float]
 Plant = Callable[[Setup, np.random.Generator], Planted]
 #: lower and upper corner along both tangents [m]
 Rectangle = tuple[tuple[float, float], tuple[float, float]]
@@ -103,6 +105,28 @@ def _sign(rng: np.random.Generator) -> float:
     return float(rng.choice([-1.0, 1.0]))
 
 
+def _of_material(attribute: str, *sizes: Size, sign: float | None = 1.0) -> Plant:
+    """One number of the material, or several, each evenly between its bounds; of a sign, or of either one."""
+
+    def plant(s: Setup, rng: np.random.Generator) -> Planted:
+        factor = _sign(rng) if sign is None else sign
+        truth = {name: factor * float(rng.uniform(low, high)) for name, low, high in sizes}
+        values = tuple(truth.values())
+        return _material(s, dict(truth), **{attribute: values[0] if len(values) == 1 else values})
+
+    return plant
+
+
+def _of_sensor(attribute: str, name: str, low: float, high: float, *, signed: bool = False) -> Plant:
+    """One number of the sensor, evenly between bounds."""
+
+    def plant(s: Setup, rng: np.random.Generator) -> Planted:
+        value = (_sign(rng) if signed else 1.0) * float(rng.uniform(low, high))
+        return _sensor(s, {name: value}, **{attribute: value})
+
+    return plant
+
+
 def _load(setup: Setup) -> tuple[float, float]:
     """Greatest depth that is asked for [m], and the force there [N]."""
     depth = max(1e-3, float(setup.script.place[:, 2].max()))
@@ -133,11 +157,6 @@ def _damping(s: Setup, rng: np.random.Generator) -> Planted:
     return _material(s, {"damping": c}, damping=c)
 
 
-def _loss(s: Setup, rng: np.random.Generator) -> Planted:
-    loss = float(rng.uniform(3.0, 8.0))
-    return _material(s, {"damping": loss}, loss=loss)
-
-
 def _relaxation(s: Setup, rng: np.random.Generator) -> Planted:
     ratio, tau = float(rng.uniform(0.2, 0.5)), float(np.exp(rng.uniform(np.log(0.2), np.log(1.5))))
     return _material(s, {"ratio": ratio, "time-constant": tau}, relaxation=((ratio, tau),))
@@ -153,20 +172,10 @@ def _softening(s: Setup, rng: np.random.Generator) -> Planted:
     return _material(s, {"ratio": ratio, "length": length}, softening=(ratio, length))
 
 
-def _adhesion(s: Setup, rng: np.random.Generator) -> Planted:
-    force, length = float(rng.uniform(0.3, 0.9)), float(rng.uniform(4e-4, 1.2e-3))
-    return _material(s, {"force": force, "length": length}, adhesion=(force, length))
-
-
 def _layer(s: Setup, rng: np.random.Generator) -> Planted:
     depth, force = _load(s)
     k, at = float(rng.uniform(0.6, 1.5)) * force / depth, float(rng.uniform(0.4, 0.65)) * depth
     return _material(s, {"stiffness": k, "depth": at}, layer=k, layer_depth=at)
-
-
-def _drift(s: Setup, rng: np.random.Generator) -> Planted:
-    rate = _sign(rng) * float(rng.uniform(0.3, 0.8))
-    return _material(s, {"rate": rate}, drift=rate)
 
 
 def _inhomogeneity(s: Setup, rng: np.random.Generator) -> Planted:
@@ -198,49 +207,6 @@ def _coupled(s: Setup, rng: np.random.Generator) -> Planted:
     return _material(
         s, {"stiffness-1n": float(k[0]), "stiffness-2n": float(k[1])}, coupling=(stiffness, np.zeros((3, 3)))
     )
-
-
-def _compliance(s: Setup, rng: np.random.Generator) -> Planted:
-    c = float(rng.uniform(0.5e-4, 1.5e-4))
-    return _material(s, {"compliance": c}, compliance=c)
-
-
-# -------------------------------------------------------------------------------------- tangential
-
-
-def _friction(s: Setup, rng: np.random.Generator) -> Planted:
-    mu = float(rng.uniform(0.3, 0.9))
-    return _material(s, {"coefficient": mu}, friction=mu)
-
-
-def _viscous(s: Setup, rng: np.random.Generator) -> Planted:
-    c = float(rng.uniform(40.0, 120.0))
-    return _material(s, {"damping": c}, viscous=c)
-
-
-def _stribeck(s: Setup, rng: np.random.Generator) -> Planted:
-    extra, speed = float(rng.uniform(0.06, 0.18)), float(rng.uniform(2.5e-3, 6e-3))
-    return _material(s, {"coefficient": extra, "speed": speed}, stribeck=(extra, speed))
-
-
-def _rounding(s: Setup, rng: np.random.Generator) -> Planted:
-    speed = float(rng.uniform(2e-3, 8e-3))
-    return _material(s, {"speed": speed}, rounding=speed)
-
-
-def _presliding(s: Setup, rng: np.random.Generator) -> Planted:
-    length = float(rng.uniform(5e-4, 1.5e-3))
-    return _material(s, {"length": length}, bristle=length)
-
-
-def _load_dependent(s: Setup, rng: np.random.Generator) -> Planted:
-    p = -float(rng.uniform(0.2, 0.4))
-    return _material(s, {"exponent": p}, load_exponent=p)
-
-
-def _anisotropy(s: Setup, rng: np.random.Generator) -> Planted:
-    a = _sign(rng) * float(rng.uniform(0.15, 0.4))
-    return _material(s, {"ratio": a}, anisotropy=a)
 
 
 # ------------------------------------------------------------------------------------ robot and tool
@@ -336,24 +302,9 @@ def _crosstalk(s: Setup, rng: np.random.Generator) -> Planted:
     return _sensor(s, {"crosstalk": c.tolist()}, crosstalk=total)
 
 
-def _gain(s: Setup, rng: np.random.Generator) -> Planted:
-    gain = _sign(rng) * float(rng.uniform(0.06, 0.15))
-    return _sensor(s, {"gain": gain}, gain=gain)
-
-
 def _misalignment(s: Setup, rng: np.random.Generator) -> Planted:
     rotation = rng.uniform(0.05, 0.15, 3) * rng.choice([-1.0, 1.0], 3)
     return _sensor(s, {"rotation": rotation.tolist()}, rotation=rotation)
-
-
-def _lag(s: Setup, rng: np.random.Generator) -> Planted:
-    lag = float(rng.uniform(8e-3, 2e-2))
-    return _sensor(s, {"time-constant": lag}, lag=lag)
-
-
-def _time_offset(s: Setup, rng: np.random.Generator) -> Planted:
-    delay = float(rng.uniform(5e-3, 1.5e-2))
-    return _sensor(s, {"delay": delay}, delay=delay)
 
 
 def _hum(s: Setup, rng: np.random.Generator) -> Planted:
@@ -380,25 +331,25 @@ def _saturation(s: Setup, rng: np.random.Generator) -> Planted:
 PLANTS: dict[str, Plant] = {
     "hertz-exponent": _exponent,
     "viscous-damping": _damping,
-    "hunt-crossley-damping": _loss,
+    "hunt-crossley-damping": _of_material("loss", ("damping", 3.0, 8.0)),
     "relaxation": _relaxation,
     "hysteresis": _hysteresis,
     "stress-softening": _softening,
-    "adhesion": _adhesion,
+    "adhesion": _of_material("adhesion", ("force", 0.3, 0.9), ("length", 4e-4, 1.2e-3)),
     "stiffening-layer": _layer,
     "surface-offset": _surface_offset,
-    "stiffness-drift": _drift,
+    "stiffness-drift": _of_material("drift", ("rate", 0.3, 0.8), sign=None),
     "stiffness-inhomogeneity": _inhomogeneity,
     "surface-tilt": _surface_tilt,
     "coupled-stiffness": _coupled,
-    "structural-compliance": _compliance,
-    "coulomb-friction": _friction,
-    "viscous-friction": _viscous,
-    "stribeck-friction": _stribeck,
-    "presliding": _presliding,
-    "friction-rounding": _rounding,
-    "load-dependent-friction": _load_dependent,
-    "friction-anisotropy": _anisotropy,
+    "structural-compliance": _of_material("compliance", ("compliance", 0.5e-4, 1.5e-4)),
+    "coulomb-friction": _of_material("friction", ("coefficient", 0.3, 0.9)),
+    "viscous-friction": _of_material("viscous", ("damping", 40.0, 120.0)),
+    "stribeck-friction": _of_material("stribeck", ("coefficient", 0.06, 0.18), ("speed", 2.5e-3, 6e-3)),
+    "presliding": _of_material("bristle", ("length", 5e-4, 1.5e-3)),
+    "friction-rounding": _of_material("rounding", ("speed", 2e-3, 8e-3)),
+    "load-dependent-friction": _of_material("load_exponent", ("exponent", 0.2, 0.4), sign=-1.0),
+    "friction-anisotropy": _of_material("anisotropy", ("ratio", 0.15, 0.4), sign=None),
     "tool-mass": _tool_mass,
     "tool-com": _tool_com,
     "tool-inertia": _tool_inertia,
@@ -419,10 +370,10 @@ PLANTS: dict[str, Plant] = {
     "sensor-bias": _bias,
     "sensor-drift": _sensor_drift,
     "sensor-crosstalk": _crosstalk,
-    "sensor-gain": _gain,
+    "sensor-gain": _of_sensor("gain", "gain", 0.06, 0.15, signed=True),
     "sensor-misalignment": _misalignment,
-    "sensor-lag": _lag,
-    "time-offset": _time_offset,
+    "sensor-lag": _of_sensor("lag", "time-constant", 8e-3, 2e-2),
+    "time-offset": _of_sensor("delay", "delay", 5e-3, 1.5e-2),
     "saturation": _saturation,
     "quantization": _quantization,
     "mains-hum": _hum,
