@@ -15,6 +15,10 @@ from numpy.typing import NDArray
 
 from kinid.errors import InputError
 
+#: an object of JSON that is read again, by key
+Json = dict[str, Any]
+#: values of a table, one a row
+Column = NDArray[np.generic]
 #: how a table may be written, by the ending of its name
 TABLE_SUFFIXES = (".parquet", ".csv", ".npz")
 
@@ -69,9 +73,7 @@ def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None])
     """
     read = {path.resolve() for path in inputs if path is not None}
     seen: set[Path] = set()
-    for path in outputs:
-        if path is None:
-            continue
+    for path in (path for path in outputs if path is not None):
         if path == Path("-"):
             raise InputError("an output named -", "a file: the tables go to the screen", "name one, as found.json")
         check_folder(path)
@@ -88,7 +90,7 @@ def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None])
         seen.add(path.resolve())
 
 
-def write_table(path: Path, columns: Mapping[str, NDArray[Any]], provenance: Mapping[str, Any] | None = None) -> None:
+def write_table(path: Path, columns: Mapping[str, Column], provenance: Mapping[str, object] | None = None) -> None:
     """Write columns of equal length as Parquet, CSV or NPZ, by the ending of the name.
 
     Parquet keeps the provenance as JSON under the key `kinid` of its schema's metadata.
@@ -98,8 +100,7 @@ def write_table(path: Path, columns: Mapping[str, NDArray[Any]], provenance: Map
     with replacing(path) as temporary:
         if suffix == ".npz":
             with temporary.open("wb") as file:  # given a name, it would add ".npz" to one that ends in ".NPZ"
-                arrays: dict[str, Any] = {name: np.asarray(values) for name, values in columns.items()}
-                np.savez(file, **arrays)
+                np.savez(file, **{name: np.asarray(values) for name, values in columns.items()})  # type: ignore[arg-type]
             return
         import pyarrow as pa
 
@@ -123,6 +124,23 @@ def write_text(path: Path, text: str) -> None:
     check_folder(path)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def write_json(path: Path, facts: object, *, allow_nan: bool = True) -> None:
+    """Write facts as JSON, NumPy's values as numbers; the file is whole or isn't there.
+
+    Raises:
+        ValueError: not a number, where `allow_nan` is False.
+    """
+    text = json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=allow_nan, default=_plain)
+    write_text(path, text + "\n")
+
+
+def _plain(value: object) -> object:
+    """NumPy's and other values as JSON knows them."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return value.item() if isinstance(value, np.generic) else str(value)
 
 
 def make_folder(path: Path) -> None:

@@ -74,8 +74,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder as a reader has it: a log as poke.csv and poke.parquet with its rig, and a picture of a mould."""
     import pyarrow.parquet as pq
     from pyarrow import csv
-
-    from kinid.lab.scripted import scripted_poke
+    from scripted import scripted_poke
 
     folder = tmp_path_factory.mktemp("desk")
     log = scripted_poke(seed=5).write(folder)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from kinid.cli import complete
+from kinid.cli.options import LogFiles, PlotFile, RigFile
 
 EXAMPLES = """Examples:
 
@@ -19,14 +19,7 @@ kinid compare poke.csv --model kelvin-voigt,coulomb-friction --model hunt-crossl
 
 
 def compare(
-    logs: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="LOG…",
-            help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP; or many, a folder of them, or a campaign.toml.",
-            show_default=False,
-        ),
-    ],
+    logs: LogFiles,
     model: Annotated[
         list[str],
         typer.Option(
@@ -35,21 +28,19 @@ def compare(
             autocompletion=complete.model,
         ),
     ],
-    rig: Annotated[
-        Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the log.")
-    ] = None,
+    rig: RigFile = None,
     reference: Annotated[
         str | None,
         typer.Option(help="The model that differences are taken to; default: the best.", autocompletion=complete.model),
     ] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="The table to write as JSON.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Plot to write: one offline HTML file.")] = None,
+    plot: PlotFile = None,
 ) -> None:
     """Models by their error on samples that their fits have not seen, with paired differences."""
     from kinid.cli.campaign import compare_campaign, is_campaign
     from kinid.cli.contact import rig_path
     from kinid.cli.fit import data_for, parse_model
-    from kinid.writers import check_outputs, write_text
+    from kinid.writers import check_outputs, write_json, write_text
 
     models = [parse_model(text) for text in model]
     named = None if reference is None else str(parse_model(reference))
@@ -63,7 +54,7 @@ def compare(
 
     result = run(models, data, the_rig, reference=named)
     if json_file is not None:
-        write_text(json_file, json.dumps(result.to_dict(), indent=2) + "\n")
+        write_json(json_file, result.to_dict())
     if plot is not None:
         from kinid.reports.fit_plots import comparison_page
 
@@ -71,4 +62,4 @@ def compare(
     from kinid.cli.show import show_comparison, written
 
     show_comparison(result)
-    written([path for path in (plot, json_file) if path is not None])
+    written((plot, json_file))

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from kinid.cli.options import LogFile, PlotFile, RigFile
 from kinid.errors import InputError, near
 
 if TYPE_CHECKING:
+    from kinid.calibration.coupling import Compensated
+    from kinid.contact.analysis import Analysis
+    from kinid.contact.registration import FoundSurface
     from kinid.data.log import Log
     from kinid.data.rig import Rig
+    from kinid.robotics.robot import Robot
 
 EXAMPLES = """Examples:
 
@@ -24,15 +28,12 @@ kinid contact touches.bag --rig rig.toml --find-surface
 """
 
 
+# as long as its options and their help
 def contact(
-    log: Annotated[
-        Path, typer.Argument(help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP.", show_default=False)
-    ],
-    rig: Annotated[
-        Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the log.")
-    ] = None,
+    log: LogFile,
+    rig: RigFile = None,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Table to write: .parquet, .csv or .npz.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Plot to write: one offline HTML file.")] = None,
+    plot: PlotFile = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Summary and provenance to write as JSON.")] = None,
     bias: Annotated[str, typer.Option(help="Sensor bias: auto (the rig's, else free motion) or none.")] = "auto",
     bandwidth: Annotated[
@@ -60,7 +61,7 @@ def contact(
     if bias not in ("auto", "none"):
         raise InputError(f"--bias {bias}", "auto or none", near(bias, ("auto", "none")))
     from kinid.signal.derivative import Differentiator
-    from kinid.writers import check_outputs, check_table_name, write_table, write_text
+    from kinid.writers import check_outputs, check_table_name, write_json, write_table, write_text
 
     if out is not None:
         check_table_name(out)
@@ -83,14 +84,8 @@ def contact(
         differentiator=differentiator,
         trust_wrench=trust_wrench,
     )
-    compensated = None
-    if compensate is not None:
-        from kinid.calibration.coupling import compensate as take_out
-        from kinid.calibration.coupling import load_fit
-
-        if result.contact is None:
-            raise InputError("a rig without [surface]", "contact-frame quantities to compensate", "add [surface]")
-        compensated = take_out(result.contact, the_log, the_rig, *load_fit(compensate))
+    compensated = None if compensate is None else _compensated(result, the_log, the_rig, compensate)
+    if compensated is not None:
         result = result.with_contact(compensated.touch)
     if out is not None:
         write_table(out, result.columns(), result.provenance.to_dict())
@@ -99,16 +94,7 @@ def contact(
 
         write_text(plot, analysis_page(result, title=log.name))
     if json_file is not None:
-        facts: dict[str, Any] = result.summary()
-        if found is not None:
-            facts["surface"] = found.to_dict()
-        if compensated is not None:
-            facts["compensated"] = {
-                "effects": compensated.effects,
-                "lateral_rms_before": compensated.before,
-                "lateral_rms_after": compensated.after,
-            }
-        write_text(json_file, json.dumps(facts, indent=2, default=str) + "\n")
+        write_json(json_file, _facts(result, found, compensated))
     from kinid.cli.show import show_analysis, show_surface, written
 
     if found is not None:
@@ -116,10 +102,33 @@ def contact(
     show_analysis(result, the_log)
     if compensated is not None:
         typer.echo(compensated.line())
-    written([path for path in (out, plot, json_file) if path is not None])
+    written((out, plot, json_file))
 
 
-def load(log: Path, rig: Path | None) -> tuple[Rig, Log, Any]:
+def _compensated(result: Analysis, log: Log, rig: Rig, fit: Path) -> Compensated:
+    """Without the coupling between the axes that a fit found."""
+    from kinid.calibration.coupling import compensate, load_fit
+
+    if result.contact is None:
+        raise InputError("a rig without [surface]", "contact-frame quantities to compensate", "add [surface]")
+    return compensate(result.contact, log, rig, *load_fit(fit))
+
+
+def _facts(result: Analysis, found: FoundSurface | None, compensated: Compensated | None) -> dict[str, object]:
+    """For JSON."""
+    facts: dict[str, object] = result.summary()
+    if found is not None:
+        facts["surface"] = found.to_dict()
+    if compensated is not None:
+        facts["compensated"] = {
+            "effects": compensated.effects,
+            "lateral_rms_before": compensated.before,
+            "lateral_rms_after": compensated.after,
+        }
+    return facts
+
+
+def load(log: Path, rig: Path | None) -> tuple[Rig, Log, Robot | None]:
     """The rig, the log with its joints in the robot's order, and the robot (None for a rig without one).
 
     A log that says everything itself (depth and force of a material tester, one drive) needs no rig.

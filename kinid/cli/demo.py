@@ -9,11 +9,14 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from kinid.errors import InputError
+
+if TYPE_CHECKING:
+    from kinid.writers import Json
 
 EXAMPLES = """Examples:
 
@@ -68,14 +71,14 @@ def demo(
     No network, no server, no robot: contact-frame quantities, estimates, the comparison of models, the diagnosis with
     the error falling, a small map, a report and scenes for the browser. Stopped and started again, it goes on.
     """
-    from kinid.writers import check_outputs, make_folder, write_text
+    from kinid.writers import check_outputs, make_folder, write_json, write_text
 
     if json_file is not None and json_file.absolute().parent != out.absolute():
         check_outputs((json_file,), ())
-    settings: dict[str, Any] = {"kind": "demo", "seed": seed, "hidden": HIDDEN}
+    settings: Json = {"kind": "demo", "seed": seed, "hidden": HIDDEN}
     _claim(out, settings)
     make_folder(out)
-    write_text(out / MANIFEST, json.dumps(settings, indent=1) + "\n")
+    write_json(out / MANIFEST, settings)
     tell = _Teller(7 if (measured := _measured(real)) is not None else 6)
 
     log, mould = out / "log.parquet", out / "mould"
@@ -84,27 +87,12 @@ def demo(
     with tell.step(
         "A map of four silicones: one quarter hides the effect too, a film lies on another; there the model fails"
     ):
-        tell.run(
-            "lab",
-            "mould",
-            "--campaign",
-            GRID,
-            "--spacing",
-            SPACING,
-            "--hide",
-            HIDDEN,
-            "--where",
-            QUARTER,
-            "--seed",
-            seed,
-            "-o",
-            mould,
-        )
+        places = ("--campaign", GRID, "--spacing", SPACING)
+        tell.run("lab", "mould", *places, "--hide", HIDDEN, "--where", QUARTER, "--seed", seed, "-o", mould)
         tell.run("map", mould, "-o", out / "map.parquet", "--plot", out / "map.html")
     with tell.step("Scenes for the browser, each one file: the arm with measured and predicted forces, and the map"):
-        better = ",".join(json.loads((out / "found.json").read_text(encoding="utf-8"))["steps"][-1]["model"])
-        contact_only = ",".join(name for name in better.split(",") if not name.startswith("sensor-"))
-        tell.run("view", log, "--model", contact_only, "--record", out / "scene.html")
+        better = json.loads((out / "found.json").read_text(encoding="utf-8"))["steps"][-1]["model"]
+        tell.run("view", log, "--model", ",".join(_on_contact(better)), "--record", out / "scene.html")
         tell.run("view", mould, "--record", out / "map-scene.html")
     if measured is not None:
         with tell.step("A real LWR4+ moving freely, measured; the model that kinid ships predicts its joint torques"):
@@ -112,9 +100,9 @@ def demo(
             tell.run("contact", measured, "--rig", out / "lwr4plus-motion.toml", "--plot", out / "lwr4plus-motion.html")
     else:
         tell.say("\nno measured logs found (KINID_REAL_DATA names their folder): that part is left out")
-    summary = settings | _summary(out, measured is not None, tell.elapsed)
+    summary = _summary(out, measured is not None, tell.elapsed)
     for path in (out / MANIFEST, *([json_file] if json_file is not None else [])):
-        write_text(path, json.dumps(summary, indent=1) + "\n")
+        write_json(path, settings | summary)
     _farewell(tell, summary)
     if show:
         import webbrowser
@@ -123,7 +111,16 @@ def demo(
             webbrowser.open(Path(summary["files"][name]).resolve().as_uri())
 
 
-def _claim(out: Path, settings: dict[str, Any]) -> None:
+def _on_contact(model: list[str]) -> list[str]:
+    """Those effects of a model that act on the contact, rather than on its readings."""
+    from kinid import effects
+    from kinid.effects import Stage
+
+    readings = {Stage.SENSOR, Stage.ACQUISITION}
+    return [name for name in model if readings.isdisjoint(effects.get(name).stages())]
+
+
+def _claim(out: Path, settings: Json) -> None:
     """Refuse a folder that holds something else: nothing in it is replaced then."""
     path = out / MANIFEST
     try:
@@ -172,7 +169,7 @@ def _learn(tell: _Teller, out: Path, log: Path, model: str) -> None:
         tell.run("diagnose", log, "--model", model, "--json", out / "found.json", "--report", out / "report.html")
 
 
-def _summary(out: Path, measured: bool, seconds: float) -> dict[str, Any]:
+def _summary(out: Path, measured: bool, seconds: float) -> Json:
     """What was found beside the truth, from the files that the commands wrote."""
     found = json.loads((out / "found.json").read_text(encoding="utf-8"))
     truth = json.loads((out / "truth" / "log.json").read_text(encoding="utf-8"))["hidden"]
@@ -200,7 +197,7 @@ def _summary(out: Path, measured: bool, seconds: float) -> dict[str, Any]:
     }
 
 
-def _farewell(tell: _Teller, summary: dict[str, Any]) -> None:
+def _farewell(tell: _Teller, summary: Json) -> None:
     error, truth = summary["error"], summary["truth"]
     tell.say("\n[bold]to look at[/], offline, in a browser")
     for name, path in summary["files"].items():

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import datetime
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from kinid.cli import complete
+from kinid.cli.options import ModelText, RigFile
 
 if TYPE_CHECKING:
     from kinid.data.log import Log
@@ -29,6 +29,7 @@ kinid diagnose --explain relaxation
 """
 
 
+# as long as its options and their help
 def diagnose(
     logs: Annotated[
         list[Path] | None,
@@ -38,15 +39,8 @@ def diagnose(
             show_default=False,
         ),
     ] = None,
-    model: Annotated[
-        str,
-        typer.Option(
-            help="Effects of the model, separated by commas.", show_default=False, autocompletion=complete.model
-        ),
-    ] = "",
-    rig: Annotated[
-        Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the log.")
-    ] = None,
+    model: ModelText = "",
+    rig: RigFile = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="The diagnosis to write as JSON.")] = None,
     report: Annotated[Path | None, typer.Option(help="Report to write: one offline HTML file.")] = None,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Table of readings, measured and predicted.")] = None,
@@ -84,7 +78,7 @@ def diagnose(
     from kinid.cli.fit import parse_model
     from kinid.errors import InputError
     from kinid.modeling.applicability import expand_names, refuse_names
-    from kinid.writers import check_outputs, check_table_name, write_table, write_text
+    from kinid.writers import check_outputs, check_table_name, write_json, write_table, write_text
 
     if not logs:
         raise InputError("no log", "a log to diagnose", "kinid diagnose LOG --model …, or --explain EFFECT")
@@ -111,7 +105,7 @@ def diagnose(
 
     result = _watched(the_log, the_rig, chosen, add or [], max_effects, tolerance)
     if json_file is not None:
-        write_text(json_file, json.dumps(result.to_dict(), indent=2, allow_nan=False) + "\n")
+        write_json(json_file, result.to_dict(), allow_nan=False)
     if out is not None:
         from kinid.cli.fit import prediction_columns
 
@@ -124,7 +118,7 @@ def diagnose(
         )
         write_text(report, diagnosis_page(result, title=f"{log.name}: {chosen}", provenance=provenance))
     show_diagnosis(result)
-    written([path for path in (out, report, json_file) if path is not None])
+    written((out, report, json_file))
 
 
 def _watched(log: Log, rig: Rig, model: Model, add: list[str], max_effects: int, tolerance: float | None) -> Diagnosis:
@@ -143,20 +137,17 @@ def _watched(log: Log, rig: Rig, model: Model, add: list[str], max_effects: int,
 def explained(name: str) -> None:
     """What an effect is, what it looks like, what it is mistaken for, and what shows it; of "all", each in a line."""
     from kinid import effects
-    from kinid.cli.show import console
+    from kinid.cli.show import console, say
     from kinid.effects import TOGETHER, Kind, Layout
 
     out = console()
     if name == "all":
         titles = {known: effects.get(known).title for known in effects.catalogue()}
         titles |= {known: " and ".join(parts) for known, parts in TOGETHER.items() if parts}
-        for known, title in titles.items():
-            out.print(f"{known:25s} {title}", soft_wrap=True, markup=False)
+        say(out, *(f"{known:25s} {title}" for known, title in titles.items()))
         return
     if TOGETHER.get(name):
-        out.print(
-            f"{name}: stands for {' and '.join(TOGETHER[name])}; --explain one of them", soft_wrap=True, markup=False
-        )
+        say(out, f"{name}: stands for {' and '.join(TOGETHER[name])}; --explain one of them")
         return
     effect = effects.get(name)
     kind: Kind = "joints" if "joint" in {stage.value for stage in effect.stages()} else "wrench"
@@ -176,6 +167,4 @@ def explained(name: str) -> None:
     shown: dict[str, str] = {}
     for p in effect.parameters(layout):
         shown.setdefault(p.name.split("[")[0], f"parameter    {p.name.split('[')[0]} ({p.symbol}) in {p.unit}")
-    lines += [*shown.values(), f"source       {effect.source}"]
-    for line in lines:
-        out.print(line, soft_wrap=True, markup=False)
+    say(out, *lines, *shown.values(), f"source       {effect.source}")

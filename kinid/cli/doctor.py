@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import importlib.metadata
 import importlib.util
-import json
 import os
 import platform
 import shutil
 import tempfile
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -45,8 +45,19 @@ NEEDED = (
 )
 EXTRAS = {"bags": ("rosbags", "mcap"), "vision": ("sklearn", "PIL")}
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "firefox", "microsoft-edge")
-GOOD, NOTE, BAD = "good", "note", "bad"
-MARK = {GOOD: "●", NOTE: "○", BAD: "✗"}
+
+
+class State(StrEnum):
+    """Of a thing that was looked at: fine; optional and absent; or such that kinid can't work."""
+
+    GOOD = "good"
+    NOTE = "note"
+    BAD = "bad"
+
+
+GOOD, NOTE, BAD = State
+#: sign and colour on a terminal
+MARK = {GOOD: ("●", "green"), NOTE: ("○", "yellow"), BAD: ("✗", "red")}
 
 
 @dataclass(frozen=True)
@@ -54,12 +65,11 @@ class Finding:
     """One thing that was looked at.
 
     Attributes:
-        name: of it. state: "good", "note" (something optional is absent) or "bad" (kinid can't work like this).
-        says: what was found. mend: the next thing to do, where something is to be done.
+        name: of it. state: see `State`. says: what was found. mend: the next thing to do, if any.
     """
 
     name: str
-    state: str
+    state: State
     says: str
     mend: str = ""
 
@@ -70,18 +80,16 @@ def doctor(
     """Versions, robots, caches, cores, browser, measured data and optional extras; exits 1 where something needed is
     missing.
     """
-    from kinid.writers import check_outputs, write_text
+    from kinid.cli.show import written
+    from kinid.writers import check_outputs, write_json
 
     check_outputs((json_file,), ())
     found = examine()
     healthy = all(f.state != BAD for f in found)
     if json_file is not None:
-        write_text(json_file, json.dumps({"healthy": healthy, "findings": [asdict(f) for f in found]}, indent=1) + "\n")
+        write_json(json_file, {"healthy": healthy, "findings": [asdict(f) for f in found]})
     _show(found, healthy)
-    if json_file is not None:
-        from kinid.cli.show import written
-
-        written([json_file])
+    written((json_file,))
     if not healthy:
         raise typer.Exit(1)
 
@@ -170,10 +178,10 @@ def _cores() -> Finding:
 
 
 def _renderer() -> Finding:
-    spec = importlib.util.find_spec("meshcat")
-    for place in (spec.submodule_search_locations or ()) if spec is not None else ():
-        if (Path(place) / "viewer" / "dist" / "main.min.js").is_file():
-            return Finding("renderer", GOOD, "meshcat's, for scenes that need no network")
+    from kinid.viewer.page import renderer
+
+    if renderer() is not None:
+        return Finding("renderer", GOOD, "meshcat's, for scenes that need no network")
     return Finding("renderer", BAD, "meshcat comes without its viewer", "pip install --force-reinstall meshcat")
 
 
@@ -217,18 +225,16 @@ def _extra(name: str, modules: tuple[str, ...]) -> Finding:
 
 def _show(found: list[Finding], healthy: bool) -> None:
     from rich.markup import escape
-    from rich.table import Table
+    from rich.table import Column, Table
 
     from kinid.cli.show import console
 
-    colour = {GOOD: "green", NOTE: "yellow", BAD: "red"}
-    table = Table(box=None, show_header=False, pad_edge=False)
-    table.add_column(no_wrap=True)
-    table.add_column(no_wrap=True)
-    table.add_column(overflow="fold")
+    columns = (Column(no_wrap=True), Column(no_wrap=True), Column(overflow="fold"))
+    table = Table(*columns, box=None, show_header=False, pad_edge=False)
     for f in found:
+        mark, colour = MARK[f.state]
         mend = f"; to mend it, {f.mend}" if f.mend else ""
-        table.add_row(f"[{colour[f.state]}]{MARK[f.state]}[/]", f.name, escape(f.says + mend))
+        table.add_row(f"[{colour}]{mark}[/]", f.name, escape(f.says + mend))
     out = console()
     out.print(table)
     out.print("all that is needed is here" if healthy else "[red]something that is needed is missing[/]")

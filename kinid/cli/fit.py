@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from kinid.cli import complete
+from kinid.cli.options import LogFiles, ModelText, PlotFile, RigFile, names
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from kinid.data.log import Log
     from kinid.data.rig import Rig
     from kinid.identification.fit import Fit
@@ -32,31 +34,17 @@ kinid fit tuesday/*.parquet --model kelvin-voigt,surface-offset --json shared.js
 
 
 def fit(
-    logs: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="LOG…",
-            help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP; or many, a folder of them, or a campaign.toml.",
-            show_default=False,
-        ),
-    ],
-    model: Annotated[
-        str,
-        typer.Option(
-            help="Effects of the model, separated by commas.", show_default=False, autocompletion=complete.model
-        ),
-    ],
-    rig: Annotated[
-        Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the log.")
-    ] = None,
+    logs: LogFiles,
+    model: ModelText,
+    rig: RigFile = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Estimates to write as JSON.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Plot to write: one offline HTML file.")] = None,
+    plot: PlotFile = None,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Table of measured and predicted readings.")] = None,
 ) -> None:
     """Estimates with 95 % intervals, the error on samples seen and unseen, and what to doubt."""
     from kinid.cli.campaign import fit_campaign, is_campaign
     from kinid.cli.contact import rig_path
-    from kinid.writers import check_outputs, check_table_name, write_table, write_text
+    from kinid.writers import check_outputs, check_table_name, write_json, write_table, write_text
 
     chosen = parse_model(model)
     if is_campaign(logs):
@@ -71,7 +59,7 @@ def fit(
 
     result = fit_model(chosen, data, the_rig)
     if json_file is not None:
-        write_text(json_file, json.dumps(result.to_dict(), indent=2) + "\n")
+        write_json(json_file, result.to_dict())
     if out is not None:
         write_table(out, prediction_columns(result))
     if plot is not None:
@@ -84,17 +72,17 @@ def fit(
     show_fit(result)
     for line in alike(result):  # what is open stands among the fit's own doubts
         typer.echo(f"doubt: {line}")
-    written([path for path in (out, plot, json_file) if path is not None])
+    written((out, plot, json_file))
 
 
 def parse_model(text: str) -> Model:
     """A model from names separated by commas."""
     from kinid.modeling.model import Model
 
-    names = [name.strip() for name in text.split(",") if name.strip()]
-    if not names:
+    effects = names(text)
+    if not effects:
         raise InputError(f"--model '{text}'", "names of effects, separated by commas", "see kinid fit --help")
-    return Model(*names)
+    return Model(*effects)
 
 
 def data_for(log: Path, rig: Path | None) -> tuple[Rig, Log]:
@@ -105,9 +93,9 @@ def data_for(log: Path, rig: Path | None) -> tuple[Rig, Log]:
     return the_rig, the_log
 
 
-def prediction_columns(result: Fit) -> dict[str, Any]:
+def prediction_columns(result: Fit) -> dict[str, NDArray[np.generic]]:
     """Time, and each channel measured and predicted."""
-    columns = {"t": result.experiment.signals.t}
+    columns: dict[str, NDArray[np.generic]] = {"t": result.experiment.signals.t}
     predicted = result.predict()
     for i, name in enumerate(result.experiment.layout.channels):
         columns[name] = result.experiment.measured[i]

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from kinid.cli import complete
+from kinid.cli.options import check_map_name, numbers
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
     from kinid.mapping.picture_map import Sighted
+    from kinid.mapping.property_map import PropertyMap
 
 EXAMPLES = """Examples:
 
@@ -28,6 +29,7 @@ CORNERS = (
 Corners = tuple[tuple[float, float], tuple[float, float]]
 
 
+# as long as its options and their help
 def picture(
     grown: Annotated[
         Path, typer.Argument(metavar="MAP", help="A map on a plane: .parquet of kinid map.", show_default=False)
@@ -57,44 +59,34 @@ def picture(
     from kinid.mapping.property_map import PropertyMap
     from kinid.mapping.vision import Picture
     from kinid.robotics.surface import Plane
-    from kinid.writers import check_outputs, write_text
+    from kinid.writers import check_outputs, write_json, write_text
 
     if not 2 <= cells <= 60:
         raise InputError(f"--cells {cells}", "2 to 60", "correct it")
-    if out is not None and out.suffix.lower() != ".parquet":
-        raise InputError(f"map '{out.name}'", "a name ending in .parquet", "rename it")
+    if out is not None:
+        check_map_name(out)
     if onto is None and onto_corners is not None:
         raise InputError("--onto-corners without --onto", "the other picture", "name it with --onto")
     check_outputs((out, json_file, plot), (grown, image, onto))
     place = _corners(corners, "--corners")
-    first = Picture.read(image, *place)
-    second = (
-        first
-        if onto is None
-        else Picture.read(onto, *(_corners(onto_corners, "--onto-corners") if onto_corners else place))
-    )
+    first = second = Picture.read(image, *place)
+    if onto is not None:
+        second = Picture.read(onto, *(_corners(onto_corners, "--onto-corners") if onto_corners else place))
     known = PropertyMap.read(grown)
     if not isinstance(known.surface, Plane):
         raise InputError("a map on a mesh", "a map on a plane", "map a plane")
     sighted = Sighted.learn(known, shown, first, calibrated=calibrated)
     predicted, unknown = sighted.predicted(second, known.surface, cells)
-    facts = sighted.to_dict() | {
-        "picture": (onto or image).name,
-        "cells": len(predicted) + unknown,
-        "unknown_cells": unknown,
-    }
-    if len(predicted):
-        values = predicted.values(shown)
-        facts["predicted"] = {"lowest": float(values.min()), "highest": float(values.max())}
+    name = (onto or image).name
     if out is not None and len(predicted):
         predicted.write(out)
     if json_file is not None:
-        write_text(json_file, json.dumps(facts, indent=2, ensure_ascii=False) + "\n")
+        write_json(json_file, _facts(sighted, predicted, unknown, name))
     if plot is not None and len(predicted):
         from kinid.mapping.map_page import map_page
 
-        write_text(plot, map_page(predicted, (onto or image).name, "nearest"))
-    _show(sighted, facts)
+        write_text(plot, map_page(predicted, name, "nearest"))
+    _show(sighted, predicted, unknown, name)
     if not sighted.tells:
         if out is None and plot is None:
             return
@@ -105,61 +97,62 @@ def picture(
         )
     if not len(predicted):
         raise InputError(
-            f"nothing in {(onto or image).name} that looks like what was learnt",
+            f"nothing in {name} that looks like what was learnt",
             "a picture of like materials",
             "poke this one, or light it as the first one",
         )
     from kinid.cli.show import written
 
-    written([path for path in (out, json_file, plot) if path is not None])
+    written((out, json_file, plot))
 
 
 def _corners(text: str, option: str) -> Corners:
-    """Two corners of four numbers."""
-    try:
-        a, b, c, d = (float(part) for part in text.split(","))
-    except ValueError:
-        raise InputError(f"{option} {text}", "four numbers [m]: low1,low2,high1,high2", "correct it") from None
+    a, b, c, d = numbers(text, option, "four numbers [m]: low1,low2,high1,high2", counts=(4,))
     return (a, b), (c, d)
 
 
-def _show(sighted: Sighted, facts: dict[str, Any]) -> None:
-    from rich.table import Table
+def _facts(sighted: Sighted, predicted: PropertyMap, unknown: int, name: str) -> dict[str, object]:
+    """For JSON."""
+    facts: dict[str, object] = sighted.to_dict() | {
+        "picture": name,
+        "cells": len(predicted) + unknown,
+        "unknown_cells": unknown,
+    }
+    if len(predicted):
+        values = predicted.values(sighted.item.name)
+        facts["predicted"] = {"lowest": float(values.min()), "highest": float(values.max())}
+    return facts
 
-    from kinid.cli.show import console
 
-    out, unit = console(), sighted.item.unit
-    table = Table("class", box=None, pad_edge=False)
-    for heading in ("probes", f"{sighted.item.name} [{unit}]"):
-        table.add_column(heading, justify="right")
-    for row in facts["classes"]:
-        table.add_row(row["name"], str(row["probes"]), f"{row['mean']:.5g}")
+def _show(sighted: Sighted, predicted: PropertyMap, unknown: int, name: str) -> None:
+    from kinid.cli.show import console, plain_table, right, say
+
+    out, seen, item = console(), sighted.figures, sighted.item
+    table = plain_table("class", *right("probes", f"{item.name} [{item.unit}]"))
+    for kind, count, level in zip(sighted.classifier.classes, sighted.counts, sighted.levels):
+        table.add_row(kind, str(int(count)), f"{level:.5g}")
     out.print(table)
-    held = facts["held_out"]
-    table = Table("places left out", box=None, pad_edge=False)
-    for heading in ("class recognised", f"error of {sighted.item.name}"):
-        table.add_column(heading, justify="right")
-    for name, words in (
-        ("random_folds", "random folds, as in the study"),
-        ("spatial_blocks", "spatial blocks, which is honest"),
+    table = plain_table("places left out", *right("class recognised", f"error of {item.name}"))
+    for words, recognised, error in (
+        ("random folds, as in the study", seen.random_folds, sighted.errors[0]),
+        ("spatial blocks, which is honest", seen.spatial_blocks, sighted.errors[1]),
     ):
-        table.add_row(words, f"{100 * held[name]['recognised']:.1f} %", f"{100 * held[name]['error']:.1f} %")
-    table.add_row("the commonest class, without a picture", f"{100 * sighted.figures.commonest:.1f} %", "–")
+        table.add_row(words, f"{100 * recognised:.1f} %", f"{100 * error:.1f} %")
+    table.add_row("the commonest class, without a picture", f"{100 * seen.commonest:.1f} %", "–")
     out.print(table)
     if not sighted.tells:
-        out.print(
-            f"doubt: the picture tells nothing of {sighted.item.name}: the commonest class alone is right at "
-            f"{100 * sighted.figures.commonest:.1f} % of the places, and values follow no better; nothing is predicted",
-            soft_wrap=True,
+        say(
+            out,
+            f"doubt: the picture tells nothing of {item.name}: the commonest class alone is right at "
+            f"{100 * seen.commonest:.1f} % of the places, and values follow no better; nothing is predicted",
         )
         return
-    share = facts["unknown_cells"] / max(facts["cells"], 1)
-    out.print(
-        f"{facts['picture']}: {facts['unknown_cells']} of {facts['cells']} cells ({100 * share:.0f} %) look like "
-        f"nothing "
-        "that was learnt, and stay unknown",
-        soft_wrap=True,
+    cells = len(predicted) + unknown
+    say(
+        out,
+        f"{name}: {unknown} of {cells} cells ({100 * unknown / max(cells, 1):.0f} %) look like nothing that was "
+        "learnt, and stay unknown",
     )
-    if "predicted" in facts:
-        span = facts["predicted"]
-        out.print(f"predicted: {span['lowest']:.5g} to {span['highest']:.5g} {unit}", soft_wrap=True)
+    if len(predicted):
+        values = predicted.values(item.name)
+        say(out, f"predicted: {values.min():.5g} to {values.max():.5g} {item.unit}")

@@ -3,30 +3,34 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from kinid.cli import complete
+from kinid.cli.options import grid as grid_of
+from kinid.cli.options import names, numbers
 from kinid.cli.plan_arguments import (
     Options,
     angles_of,
+    check,
     corners_of,
-    grid_of,
-    numbers_of,
+    limits_of,
+    model_of,
     place_of,
+    planner_of,
     signal_of,
     sines_of,
     with_options,
 )
+from kinid.cli.plan_result import bound_words, finish, show_intervals
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
-    from kinid.data.rig import Rig
-    from kinid.planning import Law, Planner, Trajectory
-    from kinid.planning.information import Interval
+    from kinid.modeling.model import Model
+    from kinid.planning import Multisine, Sampled
+    from kinid.planning.poke_design import Bounds
 
 app = typer.Typer(
     help="Robot trajectories within all limits: pokes, slides, and the motion that tells most about a model.",
@@ -90,7 +94,7 @@ def poke(
     spacing: Annotated[float, typer.Option(help="Between the pokes of a campaign [m].")] = 0.01,
 ) -> None:
     """Approach, hold, poke, retract and return; one place, or a campaign over a grid or a polygon."""
-    _check(o, signal)
+    check(o, signal)
     if signal is not None:
         o.refuse(
             ("sines", "depth", "duration"), "with --signal", "the signal's own depths and times, or a depth with sines"
@@ -103,8 +107,8 @@ def poke(
     from kinid.planning import grid as lattice
     from kinid.planning.touches import tour_length
 
-    moved: Any = Multisine(depth, sines_of(sines), duration) if signal is None else signal_of(signal)
-    planner = _planner(o)
+    moved: Multisine | Sampled = Multisine(depth, sines_of(sines), duration) if signal is None else signal_of(signal)
+    planner = planner_of(o)
     lean = angles_of(tilt, "--tilt")
     centre = place_of(at, "--at")
     places: list[tuple[float, ...]] = [centre]
@@ -114,7 +118,7 @@ def poke(
         if len(centre) != 2:
             raise InputError(f"--at {at} with a campaign", "a place along both tangents of a plane", "give two numbers")
         corners = corners_of(polygon or "", "--polygon")
-        places = lattice(*grid_of(grid), spacing, centre) if grid is not None else within(corners, spacing)
+        places = lattice(*grid_of(grid, "--grid"), spacing, centre) if grid is not None else within(corners, spacing)
     order = shortest_tour(places)
     motion = planner.plan([Poke(places[k], moved, hold, lean) for k in order])
     travel = tour_length(places, order)
@@ -123,18 +127,9 @@ def poke(
             f"{len(places)} places, {travel:.3f} m of travel between them "
             f"({tour_length(places, range(len(places))):.3f} m row by row)"
         )
-    _finish(
-        o,
-        motion,
-        planner.rig,
-        {
-            "signal": moved.to_dict(),
-            "hold": hold,
-            "tilt": list(lean),
-            "travel": travel,
-            "places": [list(places[k]) for k in order],
-        },
-    )
+    told = [list(places[k]) for k in order]
+    facts = {"signal": moved.to_dict(), "hold": hold, "tilt": list(lean), "travel": travel, "places": told}
+    finish(o, motion, planner.rig, facts)
 
 
 @app.command("slide", epilog=SLIDE_EXAMPLES)
@@ -154,7 +149,7 @@ def slide(
     back: Annotated[bool, typer.Option("--back/--one-way", help="Whether each path is slid back too.")] = True,
 ) -> None:
     """Approach, hold, slide along a polyline, retract and return."""
-    _check(o)
+    check(o)
     from kinid.planning import Slide
     from kinid.planning import four_paths as crossing
 
@@ -166,14 +161,14 @@ def slide(
         )
     if through is not None:
         o.refuse(("at",), "with --through", "--four-paths, which cross there")
-    planner = _planner(o)
+    planner = planner_of(o)
     if four_paths is not None:
         if not 0.0 < four_paths < 10.0:
             raise InputError(f"--four-paths {four_paths}", "a length in m", "correct it")
         slides = crossing(four_paths, place_of(at, "--at"), depth=depth, speed=speed, hold=hold, back=back)
     else:
         slides = (Slide(tuple(corners_of(through or "", "--through")), depth, speed, hold, back),)
-    _finish(o, planner.plan(slides), planner.rig, {"slides": [each.to_dict() for each in slides]})
+    finish(o, planner.plan(slides), planner.rig, {"slides": [each.to_dict() for each in slides]})
 
 
 @app.command("excite", epilog=EXCITE_EXAMPLES)
@@ -199,11 +194,11 @@ def excite(
     start: Annotated[str | None, typer.Option(help="In the air: posture to swing about, q1,q2,… [rad].")] = None,
 ) -> None:
     """The motion that tells most about a model's parameters, and the 95 % intervals to expect before anything moves."""
-    _check(o)
-    from kinid.modeling.model import Model
-    from kinid.planning.excite import NOISE, check_asked, optimise
+    check(o)
+    from kinid.planning.excite import NOISE, check_asked
+    from kinid.planning.poke_design import Bounds
 
-    chosen, values = _model(o)
+    chosen, values = model_of(o)
     check_asked(sines, criterion, NOISE if noise is None else noise)
     if chosen.contact_law is None:
         o.refuse(
@@ -211,34 +206,36 @@ def excite(
             "in the air",
             "a contact law in the model, or options of a motion in the air",
         )
-        _excite_free(o, chosen, values, criterion, duration, bandwidth, sines, start)
+        bounds = Bounds(bandwidth=bandwidth, duration=10.0 if duration is None else duration)
+        _excite_free(o, chosen, values, bounds, criterion, sines, start)
         return
-    assert isinstance(chosen, Model)
     o.refuse(("start",), "with a contact law", "--at, where it is poked")
-    from kinid.planning import Poke
-    from kinid.planning.ideal import efficiency, ideal_information
-    from kinid.planning.poke_design import Bounds
+    limit, seconds = float("inf") if o.force is None else o.force, 4.0 if duration is None else duration
+    bounds = Bounds(max_depth, min_depth, limit, max_speed, bandwidth, seconds)
+    _excite_contact(o, bounds, criterion, sines, noise, place_of(at, "--at"), hold)
 
-    planner = _planner(o)
-    law = planner.law
-    assert law is not None
-    stated = planner.rig.sensor.noise
-    sigma = noise if noise is not None else float(stated[2]) if stated is not None and stated[2] > 0 else NOISE
-    bounds = Bounds(
-        max_depth,
-        min_depth,
-        float("inf") if o.force is None else o.force,
-        max_speed,
-        bandwidth,
-        4.0 if duration is None else duration,
-    )
+
+def _excite_contact(
+    o: Options,
+    bounds: Bounds,
+    criterion: str,
+    sines: int,
+    noise: float | None,
+    place: tuple[float, ...],
+    hold: float,
+) -> None:
     from kinid.cli.show import console
+    from kinid.planning import Poke
+    from kinid.planning.excite import NOISE, optimise
+    from kinid.planning.ideal import efficiency, ideal_information
 
-    place = place_of(at, "--at")
+    planner = planner_of(o)
+    law, stated = planner.law, planner.rig.sensor.noise
+    assert law is not None
+    sigma = noise if noise is not None else float(stated[2]) if stated is not None and stated[2] > 0 else NOISE
     console().print(f"the signal is optimised ({criterion}-optimal) …")
-    found = optimise(
-        law, bounds, sines=sines, criterion=criterion, noise=sigma, rate=o.rate, joints=planner.joints(place, max_depth)
-    )
+    joints = planner.joints(place, bounds.deepest)
+    found = optimise(law, bounds, sines=sines, criterion=criterion, noise=sigma, rate=o.rate, joints=joints)
     motion = planner.plan([Poke(place, found.signal, hold)])
     ideal = ideal_information(law, bounds, criterion=criterion, noise=sigma, rate=o.rate)
     share = None if ideal is None else efficiency(found.information, ideal, criterion)
@@ -246,7 +243,7 @@ def excite(
     provenance = {**motion.provenance, "excitation": facts, "intervals": facts["intervals"]}
     motion = dataclasses.replace(motion, provenance=provenance)
     lines = ", ".join(f"{1e3 * a:.3g} mm at {f:.3g} Hz" for a, f, *_ in found.signal.sines if abs(a) > 1e-5)
-    bound = ", ".join(_bound(name, motion) for name in found.binding) or "nothing"
+    bound = ", ".join(bound_words(name, motion) for name in found.binding) or "nothing"
     typer.echo(
         f"{lines or 'no sine'} about {1e3 * found.signal.depth:.3g} mm; at most {1e3 * found.deepest:.3g} mm, "
         f"{found.force:.3g} N, {1e3 * found.speed:.3g} mm/s; bound by {bound}"
@@ -255,47 +252,30 @@ def excite(
         typer.echo(
             f"the best conceivable poke within these bounds would tell as much in {100 * share:.0f} % of the time"
         )
-    _show_intervals(found.intervals.values())
-    _finish(o, motion, planner.rig, facts)
-
-
-def _bound(name: str, motion: Trajectory) -> str:
-    """A bound that the optimum reaches; of the joints, which limit and whose."""
-    if name != "joints":
-        return name
-    nearest = max(
-        (use for use in motion.provenance["used"] if use["quantity"] in ("velocity", "acceleration", "jerk")),
-        key=lambda use: use["share"],
-    )
-    return f"the {nearest['quantity']} of {nearest['joint']}"
+    show_intervals(found.intervals.values())
+    finish(o, motion, planner.rig, facts)
 
 
 def _excite_free(
     o: Options,
-    model: Any,
+    model: Model,
     values: dict[str, float],
+    bounds: Bounds,
     criterion: str,
-    duration: float | None,
-    bandwidth: float,
     sines: int,
     start: str | None,
 ) -> None:
     import numpy as np
 
-    import kinid.urdf
     from kinid.cli.show import console
     from kinid.data.rig import Rig
-    from kinid.planning import Limits
     from kinid.planning.free_motion import excite_free
-    from kinid.planning.poke_design import Bounds
     from kinid.robotics.robot import Robot
 
     the_rig = Rig.load(o.rig)
     robot = Robot.load(the_rig)
-    limits = Limits.of(robot, kinid.urdf.path(robot.name, the_rig.folder), acceleration=o.acceleration, jerk=o.jerk)
-    posture = None if start is None else np.array(numbers_of(start, "--start"))
+    posture = None if start is None else np.array(numbers(start, "--start"))
     console().print(f"a free motion is sought ({criterion}-optimal) …")
-    bounds = Bounds(bandwidth=bandwidth, duration=10.0 if duration is None else duration)
     found = excite_free(
         the_rig,
         model,
@@ -305,10 +285,10 @@ def _excite_free(
         sines=sines,
         criterion=criterion,
         rate=o.rate,
-        limits=limits,
+        limits=limits_of(o, the_rig, robot),
         collisions=o.collision,
     )
-    _show_intervals(found.intervals.values())
+    show_intervals(found.intervals.values())
     facts = {
         "model": list(model.names),
         "criterion": criterion,
@@ -316,7 +296,7 @@ def _excite_free(
         "swing": found.swing.to_dict(),
         "intervals": {name: each.to_dict() for name, each in found.intervals.items()},
     }
-    _finish(o, found.trajectory, the_rig, facts)
+    finish(o, found.trajectory, the_rig, facts)
 
 
 @app.command("discriminate", epilog=DISCRIMINATE_EXAMPLES)
@@ -339,28 +319,26 @@ def discriminate_(
     at: Annotated[str, typer.Option(help="Place, as for kinid plan poke [m].")] = "0,0",
 ) -> None:
     """The experiment that tells candidate effects apart best, and why it does."""
-    _check(o)
+    check(o)
     from rich.table import Table
 
-    from kinid.cli.show import console
+    from kinid.cli.show import console, right
     from kinid.planning.discriminate import discriminate
 
-    chosen, values = _model(o)
-    planner = _planner(o, expecting=False)
-    names = [name.strip() for name in effects.split(",") if name.strip()]
+    chosen, values = model_of(o)
+    planner = planner_of(o, expecting=False)
     found = discriminate(
         planner,
         chosen,
-        names,
+        names(effects),
         values,
         duration=duration,
         depth=max_depth,
         place=place_of(at, "--at"),
         bandwidth=bandwidth,
     )
-    table = Table(title="How far apart the candidates are, in standard deviations of the noise")
-    for name in ("experiment", "s", "apart"):
-        table.add_column(name, justify="left" if name == "experiment" else "right")
+    title = "How far apart the candidates are, in standard deviations of the noise"
+    table = Table("experiment", *right("s", "apart"), title=title)
     for _, title, seconds, distance in found.table:
         table.add_row(title, f"{seconds:.1f}", f"{distance**0.5:.3g}")
     console().print(table)
@@ -369,153 +347,4 @@ def discriminate_(
         typer.echo(f"left out: {name}: {why}")
     for name in found.open:
         typer.echo(f"no experiment tells {name}")
-    _finish(o, found.trajectory, planner.rig, found.to_dict())
-
-
-def _planner(o: Options, *, expecting: bool = True) -> Planner:
-    """What plans for these options; with the force to expect of their model, or without."""
-    import kinid.urdf
-    from kinid.data.rig import Rig
-    from kinid.planning import Guard, Law, Limits, Planner, Protocol
-    from kinid.planning.setpoint import Pace
-
-    the_rig = Rig.load(o.rig)
-    law: Law | None = None
-    if expecting and (o.model is not None or o.fit is not None):
-        law = Law(*_model(o))
-    elif expecting and o.value:
-        raise InputError("--value without --model", "the model that it belongs to", "name it with --model or --fit")
-    elif expecting and o.force is not None:
-        raise InputError(
-            f"a force limit of {o.force:g} N without a model to expect forces from",
-            "--model or --fit beside it",
-            "name one, as --model hunt-crossley",
-        )
-    default = Protocol()
-    protocol = Protocol(
-        height=o.height,
-        pause=o.pause,
-        clearance=min(default.clearance, 0.5 * o.height),
-        rate=o.rate,
-        yaw=o.yaw,
-        travel=Pace(o.travel, default.travel.acceleration, default.travel.jerk),
-        contact=Pace(o.contact, default.contact.acceleration, default.contact.jerk),
-        guard=None if o.force is None else Guard(o.force),
-        collisions=o.collision,
-    )
-    planner = Planner(the_rig, protocol, law)
-    if o.acceleration is None and o.jerk is None:
-        return planner
-    path = kinid.urdf.path(planner.robot.name, the_rig.folder)
-    return Planner(the_rig, protocol, law, Limits.of(planner.robot, path, acceleration=o.acceleration, jerk=o.jerk))
-
-
-def _model(o: Options) -> tuple[Any, dict[str, float]]:
-    """The model, and the values that are given for it."""
-    from kinid.cli.fit import parse_model
-
-    model, values = o.model, dict[str, float]()
-    if o.fit is not None:
-        from kinid.calibration.coupling import load_fit
-
-        named, values = load_fit(o.fit)
-        if model is None:
-            model = ",".join(named.names)
-        kept = {effect.id for effect in parse_model(model).effects}
-        values = {name: v for name, v in values.items() if name.split(".", 1)[0] in kept}
-    if model is None:
-        raise InputError("no model", "the effects to plan for", "name them with --model, or a fit with --fit")
-    given: list[str] = []
-    for text in o.value or ():
-        name, _, number = text.partition("=")
-        name = name.strip()
-        if any(name == other or name.endswith(f".{other}") or other.endswith(f".{name}") for other in given):
-            raise InputError(f"two values of {name}", "one of each parameter", "leave out a --value")
-        given.append(name)
-        try:
-            values[name] = float(number)
-        except ValueError:
-            raise InputError(f"--value {text}", "a parameter and its value, as stiffness=900", "correct it") from None
-    return parse_model(model), values
-
-
-def _finish(o: Options, motion: Trajectory, rig: Rig, facts: dict[str, Any]) -> None:
-    """Write what was asked for, and show what the motion uses of each limit."""
-    from rich.table import Table
-
-    from kinid.cli.plan_remarks import remarks
-    from kinid.cli.show import console, written
-    from kinid.writers import write_text
-
-    told = remarks(o, motion, _model(o)[1] if o.model is not None or o.fit is not None else ())
-    motion.write(o.out)
-    if o.json is not None:
-        summary = {**facts, "motion": _summary(motion), "remarks": told}
-        write_text(o.json, json.dumps(summary, indent=2, default=str) + "\n")
-    if o.plot is not None:
-        from kinid.planning.figures import plan_page
-
-        write_text(o.plot, plan_page(motion, title=o.out.name))
-    if o.preview is not None:
-        from kinid.planning.preview import preview_page
-
-        write_text(o.preview, preview_page(motion, rig, title=o.out.name))
-    if o.mcap is not None:
-        from kinid.planning.ros import write_joint_trajectory
-
-        write_joint_trajectory(motion, o.mcap)
-    table = Table(title=f"{len(motion)} samples over {motion.duration:.2f} s")
-    for name in ("quantity", "nearest to its limit", "used", "value", "limit"):
-        table.add_column(name, justify="left" if name in ("quantity", "nearest to its limit") else "right")
-    for use in motion.provenance.get("used", ()):
-        table.add_row(
-            use["quantity"], use["joint"], f"{100 * use['share']:.0f} %", f"{use['value']:.4g}", f"{use['limit']:.4g}"
-        )
-    console().print(table)
-    for note in motion.provenance.get("notes", ()):
-        typer.echo(f"note: {note}")
-    for line in told:
-        typer.echo(line)
-    written(o.written)
-
-
-def _summary(motion: Trajectory) -> dict[str, Any]:
-    """For JSON: how long, how deep, what force to expect, and how much of each limit is used."""
-    import numpy as np
-
-    known = motion.normal_force is not None and bool(np.isfinite(motion.normal_force).all())
-    return {
-        "robot": motion.provenance.get("robot"),
-        "samples": len(motion),
-        "duration": motion.duration,
-        "phases": {str(name): int(count) for name, count in zip(*np.unique(motion.phase, return_counts=True))},
-        "deepest": None if motion.place is None else float(motion.place[:, 2].max()),
-        "largest_normal_force": float(np.max(motion.normal_force))
-        if known and motion.normal_force is not None
-        else None,
-        "used": list(motion.provenance.get("used", ())),
-        "notes": list(motion.provenance.get("notes", ())),
-    }
-
-
-def _show_intervals(intervals: Any) -> None:
-    from rich.markup import escape
-    from rich.table import Table
-
-    from kinid.cli.show import console
-
-    table = Table(title="95 % intervals to expect")
-    for name in ("parameter", "assumed", "±", "unit"):
-        table.add_column(name, justify="left" if name in ("parameter", "unit") else "right")
-    each: Interval
-    for each in intervals:
-        half = f"{each.half:.2g}" if each.half < float("inf") else "open"
-        table.add_row(escape(each.name), f"{each.value:.5g}", half, each.unit)
-    console().print(table)
-
-
-def _check(o: Options, signal: Path | None = None) -> None:
-    from kinid.writers import check_outputs, check_table_name
-
-    check_table_name(o.out)
-    check_outputs(o.written, (o.rig, o.fit, signal))
+    finish(o, found.trajectory, planner.rig, found.to_dict())

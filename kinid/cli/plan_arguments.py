@@ -15,10 +15,14 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from kinid.cli import complete
+from kinid.cli.options import numbers
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
-    from kinid.planning import Sampled
+    from kinid.data.rig import Rig
+    from kinid.modeling.model import Model
+    from kinid.planning import Limits, Planner, Sampled
+    from kinid.robotics.robot import Robot
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,13 +109,13 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
     parameters.append(inspect.Parameter("context", inspect.Parameter.KEYWORD_ONLY, annotation=typer.Context))
 
     @functools.wraps(command)
-    def run(context: typer.Context, **values: Any) -> None:
+    def run(context: typer.Context, **values: object) -> None:
         given = {
             p.name: (p.opts[-1], values[p.name])
             for p in context.command.params
             if p.name in values and _named(context, p.name)
         }
-        command(Options(**{each.name: values.pop(each.name) for each in fields}, given=given), **values)
+        command(Options(**{each.name: values.pop(each.name) for each in fields}, given=given), **values)  # type: ignore[arg-type]
 
     run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     run.__annotations__ = {p.name: p.annotation for p in parameters}
@@ -152,38 +156,98 @@ def sines_of(text: str) -> tuple[tuple[float, float], ...]:
     return tuple(out)
 
 
-def grid_of(text: str) -> tuple[int, int]:
-    """Rows and columns, as 10x10."""
-    parts = text.lower().replace("×", "x").split("x")
-    if len(parts) != 2 or not all(part.strip().isdigit() for part in parts):
-        raise InputError(f"--grid {text}", "rows x columns, as 10x10", "correct it")
-    return int(parts[0]), int(parts[1])
-
-
-def numbers_of(text: str, option: str) -> tuple[float, ...]:
-    """Numbers separated by commas."""
-    try:
-        return tuple(float(part) for part in text.split(","))
-    except ValueError:
-        raise InputError(f"{option} {text}", "numbers separated by commas", "correct it") from None
-
-
 def place_of(text: str, option: str) -> tuple[float, ...]:
     """x,y along both tangents, or x,y,z in the base frame [m]."""
-    values = numbers_of(text, option)
-    if len(values) not in (2, 3):
-        raise InputError(f"{option} {text}", "x,y along both tangents, or x,y,z in the base frame [m]", "correct it")
-    return values
+    return numbers(text, option, "x,y along both tangents, or x,y,z in the base frame [m]", counts=(2, 3))
 
 
 def angles_of(text: str, option: str) -> tuple[float, float]:
     """Two angles [rad]."""
-    values = numbers_of(text, option)
-    if len(values) != 2:
-        raise InputError(f"{option} {text}", "two angles a,b in rad", "correct it")
-    return values[0], values[1]
+    first, second = numbers(text, option, "two angles a,b in rad", counts=(2,))
+    return first, second
 
 
 def corners_of(text: str, option: str) -> list[tuple[float, ...]]:
     """Places separated by semicolons."""
     return [place_of(part, option) for part in text.split(";") if part.strip()]
+
+
+def planner_of(o: Options, *, expecting: bool = True) -> Planner:
+    """What plans for these options; with the force to expect of their model, or without."""
+    from kinid.data.rig import Rig
+    from kinid.planning import Guard, Law, Planner, Protocol
+    from kinid.planning.setpoint import Pace
+
+    the_rig = Rig.load(o.rig)
+    law: Law | None = None
+    if expecting and (o.model is not None or o.fit is not None):
+        law = Law(*model_of(o))
+    elif expecting and o.value:
+        raise InputError("--value without --model", "the model that it belongs to", "name it with --model or --fit")
+    elif expecting and o.force is not None:
+        raise InputError(
+            f"a force limit of {o.force:g} N without a model to expect forces from",
+            "--model or --fit beside it",
+            "name one, as --model hunt-crossley",
+        )
+    default = Protocol()
+    protocol = Protocol(
+        height=o.height,
+        pause=o.pause,
+        clearance=min(default.clearance, 0.5 * o.height),
+        rate=o.rate,
+        yaw=o.yaw,
+        travel=Pace(o.travel, default.travel.acceleration, default.travel.jerk),
+        contact=Pace(o.contact, default.contact.acceleration, default.contact.jerk),
+        guard=None if o.force is None else Guard(o.force),
+        collisions=o.collision,
+    )
+    planner = Planner(the_rig, protocol, law)
+    if o.acceleration is None and o.jerk is None:
+        return planner
+    return Planner(the_rig, protocol, law, limits_of(o, the_rig, planner.robot))
+
+
+def limits_of(o: Options, rig: Rig, robot: Robot) -> Limits:
+    """Of the joints, with what was asked for."""
+    import kinid.urdf
+    from kinid.planning import Limits
+
+    return Limits.of(robot, kinid.urdf.path(robot.name, rig.folder), acceleration=o.acceleration, jerk=o.jerk)
+
+
+def model_of(o: Options) -> tuple[Model, dict[str, float]]:
+    """The model, and the values that are given for it."""
+    from kinid.cli.fit import parse_model
+
+    model, values = o.model, dict[str, float]()
+    if o.fit is not None:
+        from kinid.calibration.coupling import load_fit
+
+        named, values = load_fit(o.fit)
+        if model is None:
+            model = ",".join(named.names)
+        kept = {effect.id for effect in parse_model(model).effects}
+        values = {name: v for name, v in values.items() if name.split(".", 1)[0] in kept}
+    if model is None:
+        raise InputError("no model", "the effects to plan for", "name them with --model, or a fit with --fit")
+    given: list[str] = []
+    for text in o.value or ():
+        name, _, number = text.partition("=")
+        name = name.strip()
+        if any(name == other or name.endswith(f".{other}") or other.endswith(f".{name}") for other in given):
+            raise InputError(f"two values of {name}", "one of each parameter", "leave out a --value")
+        given.append(name)
+        try:
+            values[name] = float(number)
+        except ValueError:
+            raise InputError(f"--value {text}", "a parameter and its value, as stiffness=900", "correct it") from None
+    return parse_model(model), values
+
+
+def check(o: Options, signal: Path | None = None) -> None:
+    """Refuse outputs that can't be written, before any work is done."""
+    from kinid.writers import check_outputs, check_table_name
+
+    check_table_name(o.out)
+    check_outputs(o.written, (o.rig, o.fit, signal))

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
+from rich.table import Column, Table
 
 if TYPE_CHECKING:
     from kinid.contact.analysis import Analysis
     from kinid.contact.registration import FoundSurface
     from kinid.data.log import Log
     from kinid.identification.compare import Comparison
-    from kinid.identification.fit import Fit
+    from kinid.identification.fit import Fit, FittedParameter
 
 
 #: a log without a touch that stays so far from the surface [m] was probably not meant
 FAR_AWAY = 0.1
+#: steps of an analysis that are shown
+SHOWN_STEPS = ("surface", "wrench", "differentiate")
 
 
 def console() -> Console:
@@ -28,11 +30,55 @@ def console() -> Console:
     return out if out.is_terminal else Console(highlight=False, width=140)
 
 
+def right(*headings: str) -> Iterator[Column]:
+    """Columns of numbers."""
+    return (Column(heading, justify="right") for heading in headings)
+
+
+def plain_table(*columns: str | Column) -> Table:
+    """A table without lines."""
+    return Table(*columns, box=None, pad_edge=False)
+
+
+def say(out: Console, *lines: str) -> None:
+    """Lines as they are, without markup, that the terminal folds."""
+    for line in lines:
+        out.print(line, soft_wrap=True, markup=False)
+
+
+def estimates(parameters: Iterable[FittedParameter], digits: int) -> Table:
+    """Estimates with intervals."""
+    table = plain_table("parameter", *right("estimate", "95 % from", "to"), "unit")
+    for p in parameters:
+        table.add_row(escape(p.name), *(f"{value:.{digits}g}" for value in (p.value, p.low, p.high)), p.unit)
+    return table
+
+
 def show_analysis(result: Analysis, log: Log) -> None:
     """Samples and contact, ranges of all quantities, joint torques."""
-    from kinid.contact.analysis import UNITS
-
     out, facts = console(), result.summary()
+    _show_samples(out, log)
+    if result.contact is not None:
+        out.print(f"in contact {100 * facts['in_contact']:.1f} % of the time, {facts['touches']} touches")
+        nearest = (facts["ranges"].get("depth") or {"max": 0.0})["max"]
+        if not facts["touches"] and nearest < -FAR_AWAY:
+            say(
+                out,
+                f"doubt: the tip comes no nearer to the surface than {-1e3 * nearest:.0f} mm: check [surface], the "
+                "tool's tip, and the unit of the joints",
+            )
+    say(out, *(f"{step}" for step in result.provenance.steps if step.name in SHOWN_STEPS))
+    say(out, *(f"doubt: {warning}" for warning in result.provenance.warnings))
+    _show_ranges(out, facts["ranges"])
+    if result.torques is not None:
+        table = plain_table("joint", *right("measured rms", "residual rms [N·m]"))
+        for name, row in facts["joint_torques"].items():
+            table.add_row(name, f"{row['measured_rms']:.3f}", f"{row['residual_rms']:.3f}")
+        out.print("joint torques against inverse dynamics:")
+        out.print(table)
+
+
+def _show_samples(out: Console, log: Log) -> None:
     rate = f"{1 / log.period:.5g} Hz" if log.period > 0 and len(log) > 1 else "one sample"
     line = f"{len(log)} samples over {log.t[-1] - log.t[0]:.4g} s at {rate}"
     if not log.valid.all():
@@ -40,40 +86,20 @@ def show_analysis(result: Analysis, log: Log) -> None:
     if len(log.pieces) > 1:
         line += f"; {len(log.pieces) - 1} gaps"
     out.print(line)
-    if result.contact is not None:
-        out.print(f"in contact {100 * facts['in_contact']:.1f} % of the time, {facts['touches']} touches")
-        nearest = (facts["ranges"].get("depth") or {"max": 0.0})["max"]
-        if not facts["touches"] and nearest < -FAR_AWAY:
-            out.print(
-                f"doubt: the tip comes no nearer to the surface than {-1e3 * nearest:.0f} mm: check \\[surface], the "
-                "tool's tip, and the unit of the joints",
-                soft_wrap=True,
-            )
-    for step in result.provenance.steps:
-        if step.name in ("surface", "wrench", "differentiate"):
-            out.print(f"{step}", soft_wrap=True, markup=False)
-    for warning in result.provenance.warnings:
-        out.print(f"doubt: {escape(warning)}", soft_wrap=True)
-    table = Table("quantity", "unit", box=None, pad_edge=False)
-    for heading in ("lowest", "highest"):
-        table.add_column(heading, justify="right")
-    for name, span in facts["ranges"].items():
+
+
+def _show_ranges(out: Console, ranges: Mapping[str, Mapping[str, float] | None]) -> None:
+    """Lowest and highest value of each quantity but joint torques, which have a table of their own."""
+    from kinid.contact.analysis import UNITS
+
+    table = plain_table("quantity", "unit", *right("lowest", "highest"))
+    for name, span in ranges.items():
         if name.startswith("tau"):
             continue
         unit = UNITS.get(name) or ("N" if name.startswith("force") else "m/s" if "_v" in name else "m")
-        if span is None:
-            table.add_row(name, unit, "unknown", "unknown")
-        else:
-            table.add_row(name, unit, f"{span['min']:.5g}", f"{span['max']:.5g}")
+        ends = ("unknown", "unknown") if span is None else (f"{span['min']:.5g}", f"{span['max']:.5g}")
+        table.add_row(name, unit, *ends)
     if table.row_count:
-        out.print(table)
-    if result.torques is not None:
-        table = Table("joint", box=None, pad_edge=False)
-        for heading in ("measured rms", "residual rms [N·m]"):
-            table.add_column(heading, justify="right")
-        for name, row in facts["joint_torques"].items():
-            table.add_row(name, f"{row['measured_rms']:.3f}", f"{row['residual_rms']:.3f}")
-        out.print("joint torques against inverse dynamics:")
         out.print(table)
 
 
@@ -86,33 +112,23 @@ def show_surface(found: FoundSurface) -> None:
 
 def show_fit(result: Fit) -> None:
     """Estimates with intervals, errors, the equation, doubts."""
-    out = console()
+    out, error = console(), result.error
     out.print(result.equation(), soft_wrap=True)
-    table = Table("parameter", box=None, pad_edge=False)
-    for heading in ("estimate", "95 % from", "to"):
-        table.add_column(heading, justify="right")
-    table.add_column("unit")
-    for p in result.parameters.values():
-        table.add_row(escape(p.name), f"{p.value:.5g}", f"{p.low:.5g}", f"{p.high:.5g}", p.unit)
-    if table.row_count:
-        out.print(table)
-    error = result.error
+    if result.parameters:
+        out.print(estimates(result.parameters.values(), 5))
     out.print(
         f"error {error.train:.4g} {error.unit} rms on samples seen, {error.held_out:.4g} on samples held out; "
         f"the noise is {error.noise_floor:.4g}",
         soft_wrap=True,
     )
-    for warning in result.warnings:
-        out.print(f"doubt: {escape(warning)}", soft_wrap=True)
+    say(out, *(f"doubt: {warning}" for warning in result.warnings))
 
 
 def show_comparison(result: Comparison) -> None:
     """Models by rank, with held-out error and the paired difference to the reference."""
     out = console()
-    table = Table("rank", "model", box=None, pad_edge=False)
-    for heading in (f"held-out error [{result.unit}]", "difference", "± standard error"):
-        table.add_column(heading, justify="right")
-    table.add_column("doubts")
+    numbers = right(f"held-out error [{result.unit}]", "difference", "± standard error")
+    table = plain_table("rank", "model", *numbers, "doubts")
     for row in result.rows:
         name = str(row.fit.model)
         same = name == result.reference
@@ -128,13 +144,12 @@ def show_comparison(result: Comparison) -> None:
     out.print(
         f"the noise is {result.noise_floor:.4g} {result.unit}; differences are to {result.reference}", soft_wrap=True
     )
-    for row in result.rows:
-        for warning in row.fit.warnings:
-            out.print(f"doubt: {row.fit.model}: {escape(warning)}", soft_wrap=True)
+    say(out, *(f"doubt: {row.fit.model}: {warning}" for row in result.rows for warning in row.fit.warnings))
 
 
-def written(paths: Iterable[Path]) -> None:
-    """Say where results are."""
+def written(paths: Iterable[Path | None]) -> None:
+    """Say where results are, of those that were asked for."""
     out = console()
     for path in paths:
-        out.print(f"wrote {path}", soft_wrap=True)
+        if path is not None:
+            out.print(f"wrote {path}", soft_wrap=True)

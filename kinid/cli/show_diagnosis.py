@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rich.markup import escape
 from rich.table import Table
 
-from kinid.cli.show import console
+from kinid.cli.show import console, estimates, right, say
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from kinid.diagnosis.result import Diagnosis, EffectVerdict
 
 #: sentences on where the error sits, and characters of the longest bar
-MOST_CELLS, WIDE = 5, 32
+MOST_REGIONS, WIDE = 5, 32
 #: hints on what to measure next, at most
 MOST_HINTS = 6
 #: parameters that have room beside an effect's verdict
@@ -34,36 +34,28 @@ def show_diagnosis(result: Diagnosis) -> None:
     colour = COLOUR.get(result.verdict, "bold")
     out.print(f"[bold {colour}]{result.verdict}[/]: {escape(headline(result))}", soft_wrap=True)
     if result.says:
-        out.print(escape(result.says), soft_wrap=True)
-    for warning in doubts(result):
-        out.print(f"doubt: {escape(warning)}", soft_wrap=True)
-    told = [cell for cell in result.where if cell.share > 0][:MOST_CELLS]
-    if told:
+        say(out, result.says)
+    say(out, *(f"doubt: {warning}" for warning in doubts(result)))
+    regions = [region for region in result.where if region.share > 0][:MOST_REGIONS]
+    if regions:
         out.print("\n[bold]where the model fails[/]")
-        for cell in told:
-            out.print(f"  {escape(cell.says)}", soft_wrap=True)
+        say(out, *(f"  {region.says}" for region in regions))
     out.print(f"\n[bold]held-out error[/] {escape(f'[{result.unit} rms]')}")
-    _ladder(out, result)
+    _steps(out, result)
     out.print(leftover(result), soft_wrap=True)
     _effects(out, result)
     if result.fit.parameters:
         out.print(f"\n[bold]the model now[/]: {escape(str(result.best))}", soft_wrap=True)
-        table = Table("parameter", box=None, pad_edge=False)
-        for heading in ("estimate", "95 % from", "to"):
-            table.add_column(heading, justify="right")
-        table.add_column("unit")
-        for p in acting(result.fit.parameters).values():
-            table.add_row(escape(p.name), f"{p.value:.4g}", f"{p.low:.4g}", f"{p.high:.4g}", p.unit)
-        out.print(table)
+        out.print(estimates(acting(result.fit.parameters).values(), 4))
     _next(out, result)
 
 
-def _ladder(out: Console, result: Diagnosis) -> None:
-    """A bar a rung, and the share that is explained by then; the noise is where no bar gets below."""
+def _steps(out: Console, result: Diagnosis) -> None:
+    """A bar a step, and the share that is explained by then; the noise is where no bar gets below."""
     from kinid.reports.diagnosis_words import SAME
     from kinid.residuals.words import percent
 
-    rungs = [
+    steps = [
         (
             "as asked" if step.added is None else f"+ {step.added}",
             step.held_out,
@@ -71,12 +63,12 @@ def _ladder(out: Console, result: Diagnosis) -> None:
         )
         for step in result.steps
     ]
-    rungs.append(("noise alone", result.noise_floor, ""))
-    top = max(error for _, error, _ in rungs) or 1.0
+    steps.append(("noise alone", result.noise_floor, ""))
+    top = max(error for _, error, _ in steps) or 1.0
     table = Table(show_header=False, box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for i, (name, error, explained) in enumerate(rungs):
+    for i, (name, error, explained) in enumerate(steps):
         bar = "█" * max(1, round(WIDE * error / top))
-        if 0 < i < len(result.steps) and error > (1.0 + SAME) * rungs[i - 1][1]:
+        if 0 < i < len(result.steps) and error > (1.0 + SAME) * steps[i - 1][1]:
             last = i == len(result.steps) - 1
             bar += f"[/] [dim]helps only {'as readings are weighed by their noise' if last else 'beside what follows'}"
         shade = "dim" if name == "noise alone" else "red" if name == "as asked" and len(result.steps) > 1 else "blue"
@@ -90,10 +82,10 @@ def _effects(out: Console, result: Diagnosis) -> None:
 
     shown = [e for e in by_verdict(result) if e.verdict in MARK]
     if shown:
-        table = Table("effect", "verdict", box=None, pad_edge=False, padding=(0, 2, 0, 0))
-        for heading in ("evidence", f"gain \\[{result.unit}]"):
-            table.add_column(heading, justify="right")
-        table.add_column("parameters (95 %)")
+        numbers = right("evidence", f"gain \\[{result.unit}]")
+        table = Table(
+            "effect", "verdict", *numbers, "parameters (95 %)", box=None, pad_edge=False, padding=(0, 2, 0, 0)
+        )
         for e in shown:
             mark = STAND_IN_MARK if e.stand_in else MARK[e.verdict]
             evidence = f"{e.evidence:.4g}" if isfinite(e.evidence) else "–"
@@ -114,7 +106,7 @@ def _effects(out: Console, result: Diagnosis) -> None:
     ):
         names = [e.label for e in result.effects if e.group == group]
         if names:
-            out.print(f"{words} ({len(names)}): {escape(', '.join(names))}", soft_wrap=True)
+            say(out, f"{words} ({len(names)}): {', '.join(names)}")
 
 
 def _numbers(effect: EffectVerdict) -> str:
@@ -144,8 +136,7 @@ def _next(out: Console, result: Diagnosis) -> None:
     if not hints and not hidden:
         return
     out.print("\n[bold]what to measure next[/]")
-    for hint in [*hints, *hidden][: max(MOST_HINTS, len(hints))]:
-        out.print(f"  {escape(hint)}", soft_wrap=True)
+    say(out, *(f"  {hint}" for hint in [*hints, *hidden][: max(MOST_HINTS, len(hints))]))
     more = len(hints) + len(hidden) - max(MOST_HINTS, len(hints))
     if more > 0:
         out.print(f"  and {more} more in the report and the JSON")

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import time
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from kinid.cli import complete
+from kinid.cli.options import RigFile, check_method
 from kinid.errors import InputError
 
 EXAMPLES = """Examples:
@@ -26,9 +26,7 @@ def view(
     target: Annotated[
         Path, typer.Argument(help="A map, a log, or a folder of logs, perhaps a running campaign.", show_default=False)
     ],
-    rig: Annotated[
-        Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the log.")
-    ] = None,
+    rig: RigFile = None,
     shown: Annotated[
         str | None,
         typer.Option("--property", help="Property that colours the surface first.", autocompletion=complete.mapped),
@@ -49,15 +47,13 @@ def view(
     browser: Annotated[bool, typer.Option("--open/--no-open", help="Open the browser.")] = True,
 ) -> None:
     """The arm moving through a log, or the surface coloured by a property, while it grows; to this machine only."""
-    from kinid.mapping.interpolation import METHODS
     from kinid.viewer.page import page
     from kinid.viewer.server import ViewServer
     from kinid.viewer.viewer import View
     from kinid.viewer.viewer import record as recorded
-    from kinid.writers import check_outputs, write_text
+    from kinid.writers import check_outputs, write_json, write_text
 
-    if method not in METHODS:
-        raise InputError(f"--method {method}", f"one of {', '.join(METHODS)}", "choose one of them")
+    check_method(method)
     if not 0 <= port < 65536:
         raise InputError(f"--port {port}", "0 to 65535", "choose another")
     check_outputs((record, json_file), (target, rig))
@@ -66,12 +62,12 @@ def view(
         write_text(record, recorded(seen))
         typer.echo(f"wrote {record}")
         if json_file is not None:
-            write_text(json_file, _json(seen.facts() | {"record": str(record)}))
+            write_json(json_file, seen.facts() | {"record": str(record)})
             typer.echo(f"wrote {json_file}")
         return
-    server = ViewServer(lambda: page(seen.scene() | {"live": seen.live}), port)
+    server = ViewServer(lambda: page(seen.scene() | {"live": True}), port)
     if json_file is not None:
-        write_text(json_file, _json(seen.facts() | {"url": server.url, "port": server.port}))
+        write_json(json_file, seen.facts() | {"url": server.url, "port": server.port})
     typer.echo(f"{target} at {server.url} (for this machine only); stop with Ctrl+C")
     if browser:
         import webbrowser
@@ -80,14 +76,9 @@ def view(
     try:
         while True:
             time.sleep(0.3)
-            message = seen.changed()
-            if message is not None:
+            if (message := seen.changed()) is not None:
                 server.send(message)
     except KeyboardInterrupt:
         typer.echo("stopped")
     finally:
         server.close()
-
-
-def _json(facts: dict[str, Any]) -> str:
-    return json.dumps(facts, indent=2, ensure_ascii=False) + "\n"

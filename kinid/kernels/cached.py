@@ -6,12 +6,12 @@ import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 from numba import njit
+from numba.core.dispatcher import Dispatcher
 
 
-def cached(*called: ModuleType) -> Callable[[Callable[..., Any]], Any]:
+def cached(*called: ModuleType) -> Callable[[Callable[..., object]], Dispatcher]:
     """Compile and cache a function that calls compiled functions of other modules.
 
     Numba looks at the file of the function alone; it would go on with what it once inlined from elsewhere. So the cache
@@ -22,9 +22,10 @@ def cached(*called: ModuleType) -> Callable[[Callable[..., Any]], Any]:
     """
     sources = stamp(*called)
 
-    def compile_(function: Callable[..., Any]) -> Any:
+    def compile_(function: Callable[..., object]) -> Dispatcher:
         function.__qualname__ += f"_{sources}"
-        return njit(cache=True)(function)
+        compiled: Dispatcher = njit(cache=True)(function)
+        return compiled
 
     return compile_
 

@@ -11,18 +11,18 @@ for N joints; what isn't named here is as in `kinid.kernels.chain.contacts`.
 
 from __future__ import annotations
 
-import hashlib
 import math
+import sys
 from collections.abc import Callable
-from pathlib import Path
 from types import FunctionType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import float64, int64, njit, types
 from numpy.typing import NDArray
 
 from kinid.kernels import chain
+from kinid.kernels.cached import stamp
 
 Array = NDArray[np.float64]
 
@@ -45,52 +45,43 @@ FLAG, YES = -1, -2
 
 
 class Contact(NamedTuple):
-    """Views of a store's parts."""
+    """Views of a store's parts; it has all that `chain.contact_block` asks of a frame."""
 
-    head: Any
-    columns: Any
-    prismatic: Any
-    turns: Any  # (N + 1, 9)
-    shifts: Any  # (N + 1, 3)
-    tip: Any
-    reader: Any
-    tool: Any
-    plane: Any
-    compliance: Any
-    motion: Any  # position, velocity, acceleration, (3, N)
-    quantities: Any
-    scratch: Any
+    head: Array
+    columns: Array
+    prismatic: Array
+    turns: Array  # (N + 1, 9)
+    shifts: Array  # (N + 1, 3)
+    tip: Array
+    reader: Array
+    tool: Array
+    plane: Array
+    compliance: Array
+    motion: Array  # position, velocity, acceleration, (3, N)
+    quantities: Array
+    scratch: Array
 
 
-def carve(store: Any) -> Contact:
+def carve(store: Array) -> Contact:
     """The parts of a store."""
     n = int(store[JOINTS])
-    columns = 6
-    prismatic = columns + n
-    turns = prismatic + n
-    shifts = turns + 9 * (n + 1)
-    tip = shifts + 3 * (n + 1)
-    reader = tip + 3
-    tool = reader + 42
-    plane = tool + 16
-    compliance = plane + 12
-    motion = compliance + 9
-    quantities = motion + 3 * n
-    scratch = quantities + QUANTITIES
+    joints, rest = store[6:], store[6 + 14 * n + 12 :]
+    turns, shifts, motion = joints[2 * n :], joints[11 * n + 9 :], rest[82:]
+    quantities = motion[3 * n :]
     return Contact(
-        store[:columns],
-        store[columns:prismatic],
-        store[prismatic:turns],
-        store[turns:shifts].reshape(n + 1, 9),
-        store[shifts:tip].reshape(n + 1, 3),
-        store[tip:reader],
-        store[reader:tool],
-        store[tool:plane],
-        store[plane:compliance],
-        store[compliance:motion],
-        store[motion:quantities].reshape(3, n),
-        store[quantities:scratch],
-        store[scratch:],
+        store[:6],
+        joints[:n],
+        joints[n : 2 * n],
+        turns[: 9 * (n + 1)].reshape(n + 1, 9),
+        shifts[: 3 * (n + 1)].reshape(n + 1, 3),
+        rest[:3],
+        rest[3:45],
+        rest[45:61],
+        rest[61:73],
+        rest[73:82],
+        motion[: 3 * n].reshape(3, n),
+        quantities[:QUANTITIES],
+        quantities[QUANTITIES:],
     )
 
 
@@ -180,27 +171,10 @@ def take(t: float, q: Array, wrench: Array, dq: Array, ddq: Array, store: Array)
             x[(k * n + j) * block] = room.motion[k, j]
     for i in range(6):
         f[i * block] = wrench[i]
-    chain.contact_block(
-        0,
-        1,
-        True,
-        room.head[BENDS] > 0.0,
-        room.head[CLEANS] > 0.0,
-        x,
-        w,
-        f,
-        o,
-        room.turns,
-        room.shifts,
-        room.prismatic,
-        room.tip,
-        room.reader,
-        room.tool,
-        room.plane,
-        room.compliance,
-        QUANTITIES,
-        room.quantities.reshape(QUANTITIES, 1),
-    )
+    bends, cleans = room.head[BENDS] > 0.0, room.head[CLEANS] > 0.0
+    out = room.quantities.reshape(QUANTITIES, 1)
+    scratch = chain.Scratch(x, w, f, o)
+    chain.contact_block(0, 1, True, bends, cleans, scratch, room, QUANTITIES, out)
     return FINE
 
 
@@ -218,14 +192,13 @@ def hand_over(store: Array, rows: NDArray[np.int64], inputs: Array) -> None:
 
 
 # --- what Python calls
-# -------------------------------------------------------------------------------------------------
 
 #: positions and the like may be read-only, or columns of a table
 _GIVEN = types.Array(float64, 1, "A", readonly=True)
 _RAW = (float64, _GIVEN, _GIVEN, _GIVEN, _GIVEN, float64[::1])
 
 #: names the cache of compiled code, which on its own would miss a change in what is inlined
-_SOURCES = hashlib.sha256(Path(__file__).read_bytes() + Path(chain.__file__).read_bytes()).hexdigest()[:12]
+_SOURCES = stamp(sys.modules[__name__], chain)
 
 
 def _step(t: float, q: Array, wrench: Array, dq: Array, ddq: Array, store: Array) -> int:
@@ -240,9 +213,9 @@ def _step_and_learn(
     dq: Array,
     ddq: Array,
     store: Array,
-    rows: Any,
+    rows: NDArray[np.int64],
     start: int,
-    shape: Any,
+    shape: tuple[float, ...],
     memory: Array,
 ) -> int:
     code: int = take(t, q, wrench, dq, ddq, store)
@@ -257,7 +230,7 @@ def compile_step() -> Callable[..., int]:
     return _compiled(_step, "step", _RAW)
 
 
-def compile_step_and_learn(once: Any, parameters: int) -> Callable[..., int]:
+def compile_step_and_learn(once: Callable[..., object], parameters: int) -> Callable[..., int]:
     """`take` and an estimator's kernel of one sample as one compiled call.
 
     Args:
@@ -270,13 +243,13 @@ def compile_step_and_learn(once: Any, parameters: int) -> Callable[..., int]:
     """
     # a kernel is a constant of the compiled code, so that LLVM can inline it. A closure would hold it too, but closures
     # over kernels are compiled anew in each process
-    name = f"step_and_learn_{once.py_func.__qualname__}"
+    name = f"step_and_learn_{once.py_func.__qualname__}"  # type: ignore[attr-defined]
     function = FunctionType(_step_and_learn.__code__, {**globals(), "once": once}, name)
     extra = (types.Array(int64, 1, "C"), int64, types.UniTuple(float64, parameters), float64[::1])
     return _compiled(function, name, (*_RAW, *extra))
 
 
-def _compiled(function: Any, name: str, signature: tuple[Any, ...]) -> Callable[..., int]:
+def _compiled(function: Callable[..., int], name: str, signature: tuple[types.Type, ...]) -> Callable[..., int]:
     """Compiled now, and for no other types: a loop mustn't wait for a compiler because somebody passed another
     array.
     """

@@ -11,14 +11,14 @@ The recursion is the outward half of Newton-Euler (Luh, Walker, Paul 1980; Feath
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-F = TypeVar("F", bound=Callable[..., Any])
+F = TypeVar("F", bound=Callable[..., object])
 
 BLOCK = 64  # samples in a block: 50 scratch rows of 64 doubles are 25 kB, within a first-level cache
 
@@ -50,37 +50,12 @@ def _sincos(x: float) -> tuple[float, float]:
     k = (x * _TWO_OVER_PI + _MAGIC) - _MAGIC
     r = ((x - k * _PIO2_1) - k * _PIO2_2) - k * _PIO2_3
     z = r * r
-    s = r + r * z * (
-        -1.66666666666666324348e-01
-        + z
-        * (
-            8.33333333332248946124e-03
-            + z
-            * (
-                -1.98412698298579493134e-04
-                + z * (2.75573137070700676789e-06 + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10))
-            )
-        )
-    )
-    c = (
-        1.0
-        - 0.5 * z
-        + z
-        * z
-        * (
-            4.16666666666666019037e-02
-            + z
-            * (
-                -1.38888888888741095749e-03
-                + z
-                * (
-                    2.48015872894767294178e-05
-                    + z
-                    * (-2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 - z * 1.13596475577881948265e-11))
-                )
-            )
-        )
-    )
+    p = 2.75573137070700676789e-06 + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)
+    p = 8.33333333332248946124e-03 + z * (-1.98412698298579493134e-04 + z * p)
+    s = r + r * z * (-1.66666666666666324348e-01 + z * p)
+    p = -2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 - z * 1.13596475577881948265e-11)
+    p = -1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 + z * p)
+    c = 1.0 - 0.5 * z + z * z * (4.16666666666666019037e-02 + z * p)
     half = (k * 0.5 - 0.25 + _MAGIC) - _MAGIC  # floor(k / 2)
     odd = k - 2.0 * half
     flip = 1.0 - 2.0 * (half - 2.0 * ((half * 0.5 - 0.25 + _MAGIC) - _MAGIC))  # −1 in the second half turn
@@ -213,8 +188,7 @@ def poses(q: Array, dq: Array, ddq: Array, turns: Array, shifts: Array, prismati
         out: (n, 24).
     """
     n, joints = q.shape
-    x = np.empty(3 * joints * BLOCK)
-    w = np.empty(24 * BLOCK)
+    x, w = np.empty(3 * joints * BLOCK), np.empty(24 * BLOCK)
     for start in range(0, n, BLOCK):
         count = min(BLOCK, n - start)
         _load(q, start, count, x, 0)
@@ -285,15 +259,34 @@ def _clean(width: int, f: Array, reader: Array) -> None:
 @_part
 def needed(reader: Array, compliance: Array) -> tuple[bool, bool]:
     """Whether the tip gives way under a force, and whether the sensor has faults to undo."""
-    bends = False
+    bends, cleans = False, False
     for i in range(9):
         bends = bends or compliance[i] != 0.0
-    cleans = False
-    for i in range(36):
-        cleans = cleans or reader[i] != (1.0 if i % 7 == 0 else 0.0)
-    for i in range(36, 42):
-        cleans = cleans or reader[i] != 0.0
+    for i in range(42):
+        cleans = cleans or reader[i] != (1.0 if i < 36 and i % 7 == 0 else 0.0)
     return bends, cleans
+
+
+class Frame(NamedTuple):
+    """What turns joints and a wrench into contact quantities; see `contacts`."""
+
+    turns: Array
+    shifts: Array
+    prismatic: Array
+    tip: Array
+    reader: Array
+    tool: Array
+    plane: Array
+    compliance: Array
+
+
+class Scratch(NamedTuple):
+    """Of a block: positions, velocities, accelerations of all joints, a frame's 24 runs, wrench, and contact load."""
+
+    x: Array
+    w: Array
+    f: Array
+    o: Array
 
 
 @_part
@@ -303,38 +296,25 @@ def contact_block(
     forces: bool,
     bends: bool,
     cleans: bool,
-    x: Array,
-    w: Array,
-    f: Array,
-    o: Array,
-    turns: Array,
-    shifts: Array,
-    prismatic: Array,
-    tip: Array,
-    reader: Array,
-    tool: Array,
-    plane: Array,
-    compliance: Array,
+    scratch: Scratch,
+    frame: Frame,
     columns: int,
     out: Array,
 ) -> None:
     """Contact quantities of one block, into `out` from column `start` on; arguments otherwise as `contacts`.
 
     Args:
-        count: samples in it.
-        forces: whether there is a wrench. bends: whether the compliance isn't zero. cleans: whether the reader does
-            anything.
-        x: positions, velocities, accelerations of all joints, loaded; w, f (wrench, loaded), o: scratch of 24, 6 and 6
-            runs.
+        count: samples in it. forces: whether there is a wrench. bends, cleans: see `needed`.
+        scratch: joints and wrench are loaded. frame: or whatever else has its attributes.
     """
-    t00, t01, t02 = plane[3], plane[4], plane[5]
-    t10, t11, t12 = plane[6], plane[7], plane[8]
+    (x, w, f, o), tip, plane, compliance = scratch, frame.tip, frame.plane, frame.compliance
+    t00, t01, t02, t10, t11, t12 = plane[3], plane[4], plane[5], plane[6], plane[7], plane[8]
     n0, n1, n2 = plane[9], plane[10], plane[11]
-    _advance(count, w, x, turns, shifts, prismatic)
+    _advance(count, w, x, frame.turns, frame.shifts, frame.prismatic)
     if forces:
         if cleans:
-            _clean(count, f, reader)
-        _force(count, w, f, o, tool)
+            _clean(count, f, frame.reader)
+        _force(count, w, f, o, frame.tool)
     for s in range(count):
         dx = w[s] * tip[0] + w[BLOCK + s] * tip[1] + w[2 * BLOCK + s] * tip[2]
         dy = w[3 * BLOCK + s] * tip[0] + w[4 * BLOCK + s] * tip[1] + w[5 * BLOCK + s] * tip[2]
@@ -403,10 +383,9 @@ def contacts(
         out: (columns, n), rows `DEPTH` … `MOMENT3`.
     """
     n, joints = q.shape
-    x = np.empty(3 * joints * BLOCK)
-    w = np.empty(24 * BLOCK)
-    f = np.zeros(6 * BLOCK)
-    o = np.zeros(6 * BLOCK)
+    x, f = np.empty(3 * joints * BLOCK), np.zeros(6 * BLOCK)
+    scratch = Scratch(x, np.empty(24 * BLOCK), f, np.zeros(6 * BLOCK))
+    frame = Frame(turns, shifts, prismatic, tip, reader, tool, plane, compliance)
     forces = wrench.shape[0] == n
     bends, cleans = needed(reader, compliance)
     for start in range(0, n, BLOCK):
@@ -416,24 +395,4 @@ def contacts(
         _load(ddq, start, count, x, 2 * joints)
         if forces:
             _load(wrench, start, count, f, 0)
-        contact_block(
-            start,
-            count,
-            forces,
-            bends,
-            cleans,
-            x,
-            w,
-            f,
-            o,
-            turns,
-            shifts,
-            prismatic,
-            tip,
-            reader,
-            tool,
-            plane,
-            compliance,
-            columns,
-            out,
-        )
+        contact_block(start, count, forces, bends, cleans, scratch, frame, columns, out)

@@ -19,8 +19,9 @@ _S, _V, _A, _I, _H, _MASS, _Z, _P = 0, 6, 12, 18, 24, 27, 28, 31
 WORK_COLUMNS = 34
 
 
+# one long function: a state goes through both recursions in scalars, which a call would put into memory
 @njit(cache=True)
-def dynamics(
+def dynamics(  # noqa: PLR0915
     q: Array,
     dq: Array,
     turns: Array,
@@ -228,25 +229,8 @@ def energy(
     """Kinetic and potential energy [J] of one state; arguments as in `dynamics`."""
     n = q.shape[0]
     work, matrix = np.empty((n, WORK_COLUMNS)), np.empty((n, n))
-    bias, hold, jacobian = np.empty(n), np.empty(n), np.empty((6, n))
-    dynamics(
-        q,
-        dq,
-        turns,
-        shifts,
-        prismatic,
-        mass,
-        com,
-        inertia,
-        gravity,
-        work,
-        matrix,
-        bias,
-        hold,
-        np.empty((3, 3)),
-        np.empty(3),
-        jacobian,
-    )
+    rest = (np.empty(n), np.empty(n), np.empty((3, 3)), np.empty(3), np.empty((6, n)))
+    dynamics(q, dq, turns, shifts, prismatic, mass, com, inertia, gravity, work, matrix, *rest)
     total = 0.0
     for i in range(n):
         for j in range(n):

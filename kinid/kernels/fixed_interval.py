@@ -63,87 +63,100 @@ def smooth(
     random: Array,
     drawn: Array,
 ) -> None:
-    """Fixed-interval smoother (Rauch, Tung & Striebel 1965), and draws of its error, which run backwards through the
-    same gains.
+    """Fixed-interval smoother (Rauch, Tung & Striebel 1965), and draws of its error through the same gains.
 
-    Backwards the covariance is (1 − G F) P (1 − G F)ᵀ + G s Q Gᵀ + G P₊ Gᵀ, sums alone; an error with the right memory
-    is e = G e₊ + c, c with the covariance of the first two (Carter & Kohn 1994; the distribution is that of the
-    simulation smoother of Durbin & Koopman 2002).
+    Backwards the covariance is (1 − G F) P (1 − G F)ᵀ + G s Q Gᵀ + G P₊ Gᵀ, sums alone; an error is e = G e₊ + c, c
+    with the covariance of the first two (Carter & Kohn 1994; as the simulation smoother of Durbin & Koopman 2002).
 
     Args:
         tau, z, noise, drive, start, spread: as for `score`.
-        state: gets the state, (n, d). sd: gets the standard deviations of its parts, (n, d).
-        random: standard normal numbers, (m, n, d). drawn: gets as many errors of position, velocity, acceleration, (m,
-            n, 3).
+        state, sd: get the state and the standard deviations of its parts, (n, d).
+        random: standard normal numbers, (m, n, d). drawn: gets errors of position, velocity, acceleration, (m, n, 3).
     """
-    n, many = tau.shape[0], random.shape[0]
-    size = min(n, CHUNK)
-    many_chunks = -(-n // CHUNK)
-    x, p, gain = start.copy(), spread.copy(), np.empty(ORDER)
-    move, added = np.empty(ORDER), np.empty((ORDER, ORDER))
+    n, many_chunks = tau.shape[0], -(-tau.shape[0] // CHUNK)
+    x, p, gain, move = start.copy(), spread.copy(), np.empty(ORDER), np.empty(ORDER)
     begin, begins = np.empty((many_chunks, ORDER)), np.empty((many_chunks, ORDER, ORDER))
-    filtered = np.empty((size, ORDER, ORDER))
+    added, filtered = np.empty((ORDER, ORDER)), np.empty((min(n, CHUNK), ORDER, ORDER))
     for chunk in range(many_chunks):
         begin[chunk], begins[chunk] = x, p
-        first = chunk * CHUNK
-        _filter(tau, z, noise, drive, first, min(n, first + CHUNK), x, p, gain, move, added, state, filtered)
-    after, own, back, left, lower = p.copy(), np.empty_like(p), np.empty_like(p), np.empty_like(p), np.empty_like(p)
-    errors, fresh, new = np.zeros((many, ORDER)), np.empty(ORDER), np.empty(ORDER)
-    _root(after, lower)
-    for i in range(ORDER):
-        sd[n - 1, i] = np.sqrt(max(after[i, i], 0.0))
-    for b in range(many):
-        _times(lower, random[b, n - 1], errors[b])
-        drawn[b, n - 1] = errors[b, :3]
-    first, last = (many_chunks - 1) * CHUNK, -1.0
-    ahead, foretold = np.empty(ORDER), np.empty_like(p)
+        a, b = chunk * CHUNK, min(n, (chunk + 1) * CHUNK)
+        _filter(tau, z, noise, drive, a, b, x, p, gain, move, added, state, filtered)
+    after, own, back, left, lower = p.copy(), np.empty_like(p), np.zeros_like(p), np.empty_like(p), np.empty_like(p)
+    errors = np.zeros((random.shape[0], ORDER))
+    _deviations(after, sd[n - 1])
+    _draw(after, back, random[:, n - 1], errors, lower, drawn[:, n - 1])
+    first, last, ahead, foretold = (many_chunks - 1) * CHUNK, -1.0, np.empty(ORDER), np.empty_like(p)
     for k in range(n - 2, -1, -1):
         if k < first:
             first -= CHUNK
             x[:], p[:] = begin[first // CHUNK], begins[first // CHUNK]
             _filter(tau, z, noise, drive, first, first + CHUNK, x, p, gain, move, added, state, filtered)
             last = -1.0
-        s = drive[k + 1]
         if tau[k + 1] != last:
             last = tau[k + 1]
             model(last, move, added)
-        now = filtered[k - first]
-        ahead[:] = state[k]
-        foretold[:] = now
+        s, now = drive[k + 1], filtered[k - first]
+        ahead[:], foretold[:] = state[k], now
         moved(ahead, foretold, move, added, s)
         _back(now, move, foretold, lower, back)
-        for i in range(ORDER):  # 1 − G F
-            for j in range(ORDER):
-                left[i, j] = 1.0 if i == j else 0.0
-                for b in range(j + 1):
-                    left[i, j] -= back[i, b] * move[j - b]
+        _towards(back, state[k + 1], ahead, state[k])
+        _left(back, move, left)
         own[:] = 0.0
         _around(left, now, 1.0, own)
-        if many:  # what an error is made of, before what comes after it
+        if len(errors) > 0:  # what an error is made of, before what comes after it
             _around(back, added, s, own)
-        for i in range(ORDER):
-            step = 0.0
-            for j in range(ORDER):
-                step += back[i, j] * (state[k + 1, j] - ahead[j])
-            state[k, i] += step
-        if many:
-            _root(own, lower)
-            for b in range(many):
-                _times(lower, random[b, k], fresh)
-                for i in range(ORDER):
-                    new[i] = fresh[i]
-                    for j in range(ORDER):
-                        new[i] += back[i, j] * errors[b, j]
-                errors[b] = new
-                drawn[b, k] = new[:3]
+            _draw(own, back, random[:, k], errors, lower, drawn[:, k])
         else:
-            for i in range(ORDER):
-                for j in range(ORDER):
-                    after[i, j] += s * added[i, j]
+            after += s * added
         _around(back, after, 1.0, own)
         after[:] = own
+        _deviations(own, sd[k])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _deviations(covariance: Array, out: Array) -> None:
+    """Standard deviations of the parts of a state, (d,)."""
+    for i in range(ORDER):
+        out[i] = np.sqrt(max(covariance[i, i], 0.0))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _towards(back: Array, after: Array, foretold: Array, state: Array) -> None:
+    """Add G (x₊ − F x) to a state."""
+    for i in range(ORDER):
+        step = 0.0
+        for j in range(ORDER):
+            step += back[i, j] * (after[j] - foretold[j])
+        state[i] += step
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _left(back: Array, move: Array, out: Array) -> None:
+    """1 − G F."""
+    for i in range(ORDER):
+        for j in range(ORDER):
+            out[i, j] = 1.0 if i == j else 0.0
+            for b in range(j + 1):
+                out[i, j] -= back[i, b] * move[j - b]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _draw(covariance: Array, back: Array, random: Array, errors: Array, lower: Array, out: Array) -> None:
+    """Errors e = G e₊ + c, c with a covariance; their first three parts are drawn.
+
+    Args:
+        random: standard normal numbers, (m, d). errors: e₊, and then e, (m, d). lower: scratch. out: (m, 3).
+    """
+    _root(covariance, lower)
+    new = np.empty(ORDER)
+    for b in range(errors.shape[0]):
         for i in range(ORDER):
-            sd[k, i] = np.sqrt(max(own[i, i], 0.0))
+            new[i] = 0.0
+            for j in range(i + 1):
+                new[i] += lower[i, j] * random[b, j]
+            for j in range(ORDER):
+                new[i] += back[i, j] * errors[b, j]
+        errors[b], out[b] = new, new[:3]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -207,12 +220,3 @@ def _root(a: Array, out: Array) -> None:
                 for k in range(j):
                     v -= out[i, k] * out[j, k]
                 out[i, j] = v / out[j, j]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _times(lower: Array, x: Array, out: Array) -> None:
-    """A lower triangular matrix times a vector."""
-    for i in range(ORDER):
-        out[i] = 0.0
-        for j in range(i + 1):
-            out[i] += lower[i, j] * x[j]

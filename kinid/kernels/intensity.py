@@ -45,41 +45,58 @@ def bank(
             last = tau[t]
             model(last, move, added)
         if last > 0.0:
-            for i in range(ORDER):
-                for k in range(i + 1, ORDER):
-                    g = move[k - i]
-                    for j in range(m):
-                        x[i, j] += g * x[k, j]
-                    for b in range(ORDER):
-                        for j in range(m):
-                            p[i, b, j] += g * p[k, b, j]
-            for i in range(ORDER):
-                for b in range(i, ORDER):
-                    for k in range(b + 1, ORDER):
-                        g = move[k - b]
-                        for j in range(m):
-                            p[i, b, j] += g * p[i, k, j]
-                    q = added[i, b]
-                    for j in range(m):
-                        p[i, b, j] += q * levels[j]
-                        p[b, i, j] = p[i, b, j]
+            _predict(x, p, move, added, levels)
         for j in range(m):
             f[j] = 1.0 / (max(p[0, 0, j], 0.0) + r + LEAST)
             e[j] = z - x[0, j]
-        for i in range(ORDER):
-            for j in range(m):
-                gain[i, j] = p[0, i, j] * f[j]
-                x[i, j] += gain[i, j] * e[j]
-        for i in range(1, ORDER):
-            for b in range(i, ORDER):
-                for j in range(m):
-                    p[i, b, j] -= gain[i, j] * p[0, b, j]
-                    p[b, i, j] = p[i, b, j]
-        for i in range(ORDER):
-            for j in range(m):
-                p[0, i, j] = p[i, 0, j] = r * gain[i, j]
+        _update(x, p, e, f, r, gain)
         for j in range(m):
             out[t, j] = 0.5 * (np.log(f[j]) - min(e[j] * e[j] * f[j], MOST))
+
+
+# the innermost loops below run over the intensities, whose numbers lie side by side: they compile to SIMD instructions
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _predict(x: Array, p: Array, move: Array, added: Array, levels: Array) -> None:
+    """Of each intensity: states (d, m) and covariances (d, d, m) before the next sample, as `state_space.moved`."""
+    m = levels.shape[0]
+    for i in range(ORDER):
+        for k in range(i + 1, ORDER):
+            g = move[k - i]
+            for j in range(m):
+                x[i, j] += g * x[k, j]
+            for b in range(ORDER):
+                for j in range(m):
+                    p[i, b, j] += g * p[k, b, j]
+    for i in range(ORDER):
+        for b in range(i, ORDER):
+            for k in range(b + 1, ORDER):
+                g = move[k - b]
+                for j in range(m):
+                    p[i, b, j] += g * p[i, k, j]
+            q = added[i, b]
+            for j in range(m):
+                p[i, b, j] += q * levels[j]
+                p[b, i, j] = p[i, b, j]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _update(x: Array, p: Array, e: Array, f: Array, r: float, gain: Array) -> None:
+    """Of each intensity: after a position with innovations e, one over their variances f, and noise r."""
+    m = e.shape[0]
+    for i in range(ORDER):
+        for j in range(m):
+            gain[i, j] = p[0, i, j] * f[j]
+            x[i, j] += gain[i, j] * e[j]
+    for i in range(1, ORDER):
+        for b in range(i, ORDER):
+            for j in range(m):
+                p[i, b, j] -= gain[i, j] * p[0, b, j]
+                p[b, i, j] = p[i, b, j]
+    for i in range(ORDER):
+        for j in range(m):
+            p[0, i, j] = p[i, 0, j] = r * gain[i, j]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -147,7 +164,7 @@ def score(
     """
     n, kinds = z.shape
     x, p = start.copy(), spread.copy()
-    move, added, gain = np.empty(ORDER), np.empty((ORDER, ORDER)), np.empty(ORDER)
+    move, added = np.empty(ORDER), np.empty((ORDER, ORDER))
     total, last = 0.0, -1.0
     for k in range(n):
         if tau[k] != last:
@@ -155,38 +172,13 @@ def score(
             model(last, move, added)
         if last > 0.0:
             moved(x, p, move, added, drive[k])
-        for c in range(kinds):
-            if noise[k, c] < np.inf:
-                e, f = updated(x, p, c, z[k, c], noise[k, c], gain)
-                total += np.log(f) - e * e * f
-                work[k, c, 0], work[k, c, 1] = e, f
-                for i in range(ORDER):
-                    work[k, c, 2 + i] = gain[i]
+        total += _measured(x, p, z[k], noise[k], work[k])
     r, big, through = np.zeros(ORDER), np.zeros((ORDER, ORDER)), np.empty(ORDER)
     fits[:] = 0.0
     for k in range(n - 1, -1, -1):
         for c in range(kinds - 1, -1, -1):
-            if not noise[k, c] < np.inf:
-                continue
-            e, f = work[k, c, 0], work[k, c, 1]
-            along, twice = 0.0, 0.0
-            for i in range(ORDER):  # N K, Kᵀ r and Kᵀ N K
-                through[i] = 0.0
-                for j in range(ORDER):
-                    through[i] += big[i, j] * work[k, c, 2 + j]
-                along += work[k, c, 2 + i] * r[i]
-            for i in range(ORDER):
-                twice += work[k, c, 2 + i] * through[i]
-            u, d = e * f - along, f + twice
-            fits[c, 0] += noise[k, c] * u * u
-            fits[c, 1] += noise[k, c] * d
-            # r ← (1 − K H)ᵀ r + Hᵀ e f; N ← (1 − K H)ᵀ N (1 − K H) + Hᵀ H f: only what stands beside H changes
-            r[c] += u
-            for i in range(ORDER):
-                if i != c:
-                    big[i, c] -= through[i]
-                    big[c, i] = big[i, c]
-            big[c, c] += d - 2.0 * through[c]
+            if noise[k, c] < np.inf:
+                _measured_back(work[k, c], c, noise[k, c], r, big, through, fits[c])
         if tau[k] != last:
             last = tau[k]
             model(last, move, added)
@@ -196,17 +188,63 @@ def score(
                 found += added[i, j] * r[i] * r[j]
                 expected += added[i, j] * big[i, j]
         out[k, 0], out[k, 1] = drive[k] * found, drive[k] * expected
-        # r ← Fᵀ r, N ← Fᵀ N F
+        _moved_back(move, r, big)
+    return 0.5 * total
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _measured(x: Array, p: Array, z: Array, noise: Array, out: Array) -> float:
+    """Take in what was measured at a sample; twice its log-likelihood, and e, f, K of each part, (c, 2 + d)."""
+    total = 0.0
+    for c in range(len(z)):
+        if noise[c] < np.inf:
+            e, f = updated(x, p, c, z[c], noise[c], out[c, 2:])
+            total += np.log(f) - e * e * f
+            out[c, 0], out[c, 1] = e, f
+    return total
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _measured_back(measured: Array, c: int, noise: float, r: Array, big: Array, through: Array, fit: Array) -> None:
+    """Backwards past a measurement: r ← (1 − K H)ᵀ r + Hᵀ e f; N ← (1 − K H)ᵀ N (1 − K H) + Hᵀ H f.
+
+    Only what stands beside H changes.
+
+    Args:
+        measured: e, f and K of part c, (2 + d,). through: scratch, (d,). fit: gets the two sums of its noise, (2,).
+    """
+    e, f, gain = measured[0], measured[1], measured[2:]
+    along, twice = 0.0, 0.0
+    for i in range(ORDER):  # N K, Kᵀ r and Kᵀ N K
+        through[i] = 0.0
+        for j in range(ORDER):
+            through[i] += big[i, j] * gain[j]
+        along += gain[i] * r[i]
+    for i in range(ORDER):
+        twice += gain[i] * through[i]
+    u, d = e * f - along, f + twice
+    fit[0] += noise * u * u
+    fit[1] += noise * d
+    r[c] += u
+    for i in range(ORDER):
+        if i != c:
+            big[i, c] -= through[i]
+            big[c, i] = big[i, c]
+    big[c, c] += d - 2.0 * through[c]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _moved_back(move: Array, r: Array, big: Array) -> None:
+    """Backwards past a step: r ← Fᵀ r, N ← Fᵀ N F."""
+    for i in range(ORDER - 1, -1, -1):
+        for j in range(i):
+            r[i] += move[i - j] * r[j]
+            for b in range(ORDER):
+                big[i, b] += move[i - j] * big[j, b]
+    for b in range(ORDER):
         for i in range(ORDER - 1, -1, -1):
             for j in range(i):
-                r[i] += move[i - j] * r[j]
-                for b in range(ORDER):
-                    big[i, b] += move[i - j] * big[j, b]
-        for b in range(ORDER):
-            for i in range(ORDER - 1, -1, -1):
-                for j in range(i):
-                    big[b, i] += move[i - j] * big[b, j]
-    return 0.5 * total
+                big[b, i] += move[i - j] * big[b, j]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

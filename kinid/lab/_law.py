@@ -11,56 +11,17 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 # parameters of a contact that hold throughout a patch
-(
-    EXPONENT,
-    LOSS,
-    RATIO1,
-    TIME1,
-    RATIO2,
-    TIME2,
-    LOOP,
-    LOOP_LENGTH,
-    SOFT,
-    SOFT_LENGTH,
-    PULL,
-    PULL_LENGTH,
-    DRIFT,
-    STRIBECK,
-    STRIBECK_SPEED,
-    VISCOUS,
-    BRISTLE,
-    LOAD,
-    ANISOTROPY,
-    COMPLIANCE,
-    ROUNDING,
-) = range(21)
+EXPONENT, LOSS, RATIO1, TIME1, RATIO2, TIME2, LOOP, LOOP_LENGTH = range(8)
+SOFT, SOFT_LENGTH, PULL, PULL_LENGTH, DRIFT = range(8, 13)
+STRIBECK, STRIBECK_SPEED, VISCOUS, BRISTLE, LOAD, ANISOTROPY, COMPLIANCE, ROUNDING = range(13, 21)
 COUPLED_K, COUPLED_C, PARAMETERS = 21, 30, 39
 # property fields over the surface
 STIFFNESS, DAMPING, FRICTION, LAYER, LAYER_DEPTH = range(5)
 FIELDS = 5
 # memory
-(
-    _Y1,
-    _Y2,
-    _FE,
-    _Z,
-    _ZW,
-    _DEPTH,
-    _MOST,
-    _BOND,
-    _U1,
-    _U2,
-    _W1,
-    _W2,
-    _S1,
-    _S2,
-    _X1,
-    _X2,
-    _TOUCH,
-    _EFFECTIVE,
-    _PULL,
-    FORCE,
-) = range(20)
+_Y1, _Y2, _FE, _Z, _ZW, _DEPTH, _MOST, BOND = range(8)
+_U1, _U2, _W1, _W2, _S1, _S2, _X1, _X2 = range(8, 16)
+_TOUCH, _EFFECTIVE, _PULL, FORCE = range(16, 20)
 MEMORY = FORCE + 3
 
 _AHEAD = 0.02  # share of a bristle's length that is purely elastic (Dupont et al. 2002)
@@ -110,12 +71,12 @@ def _normal(depth: float, rate: float, t: float, dt: float, m: Array, new: Array
     new[_MOST] = max(m[_MOST], depth)
     pull = 0.0
     if p[PULL] > 0.0:
-        bond = m[_BOND]
+        bond = m[BOND]
         if depth <= -p[PULL_LENGTH]:
             bond = -1.0
         elif depth > 0.0:
             bond = max(bond, depth)
-        new[_BOND] = bond
+        new[BOND] = bond
         if bond > 0.0:
             pull = p[PULL] * (1.0 - np.exp((depth - bond) / p[PULL_LENGTH]))
             if depth < 0.0:
@@ -156,52 +117,25 @@ def _patch(patches: NDArray[np.int64], grid: Array, x: float, y: float) -> int:
 
 
 @njit(cache=True)
-def contact(
-    x: Array,
-    v: Array,
-    t: float,
-    dt: float,
-    m: Array,
-    new: Array,
-    table: Array,
-    patches: NDArray[np.int64],
-    fields: Array,
-    grid: Array,
-    at: Array,
-) -> None:
-    """One step of the contact: force of the material on the tool at the step's end, in new[FORCE:FORCE + 3].
+def _effective(
+    depth: float, rate: float, t: float, dt: float, m: Array, new: Array, p: Array, at: Array
+) -> tuple[float, float]:
+    """Depth and rate of the material behind a spring, e + C N(e, ė) = δ, by secants from where it was."""
+    c, e0 = p[COMPLIANCE], m[_EFFECTIVE] if m[_TOUCH] > 0.0 else depth
+    a = e0 + rate * dt
+    fa = a + c * _normal(a, (a - e0) / dt, t, dt, m, new, p, at) - depth
+    b = a - fa
+    for _ in range(12):
+        fb = b + c * _normal(b, (b - e0) / dt, t, dt, m, new, p, at) - depth
+        if abs(fb) < 1e-13 or fb == fa:
+            break
+        a, fa, b = b, fb, b - fb * (b - a) / (fb - fa)
+    return b, (b - e0) / dt
 
-    Args:
-        x: place along both tangents, and depth [m], (3,). v: their rates [m/s], (3,). t: [s]. dt: since `m` [s], > 0.
-        m: memory at the step's beginning, (MEMORY,), unchanged. new: at its end.
-        table: parameters of each patch, (patches, PARAMETERS). patches: which of them is where, (nx, ny) over `grid`.
-        fields: (FIELDS, nx, ny) over `grid`. at: scratch, (FIELDS,).
-    """
-    for k in range(MEMORY):
-        new[k] = m[k]
-    p = table[_patch(patches, grid, x[0], x[1])]
-    _field(fields, grid, x[0], x[1], at)
-    depth, rate, c = x[2], v[2], p[COMPLIANCE]
-    if c > 0.0 and depth > -1e-3:
-        # in series with a spring: e + C N(e, ė) = δ, by secants from where the material was
-        e0 = m[_EFFECTIVE] if m[_TOUCH] > 0.0 else depth
-        a = e0 + rate * dt
-        fa = a + c * _normal(a, (a - e0) / dt, t, dt, m, new, p, at) - depth
-        b = a - fa
-        for _ in range(12):
-            fb = b + c * _normal(b, (b - e0) / dt, t, dt, m, new, p, at) - depth
-            if abs(fb) < 1e-13 or fb == fa:
-                break
-            a, fa, b = b, fb, b - fb * (b - a) / (fb - fa)
-        depth, rate = b, (b - e0) / dt
-    normal = _normal(depth, rate, t, dt, m, new, p, at)
-    new[_EFFECTIVE] = depth
-    new[_S1], new[_S2] = x[0], x[1]
-    if depth <= 0.0:
-        new[_U1] = new[_U2] = new[_W1] = new[_W2] = new[_TOUCH] = 0.0
-        new[FORCE] = new[FORCE + 1] = 0.0
-        new[FORCE + 2] = normal
-        return
+
+@njit(cache=True)
+def _friction(x: Array, v: Array, normal: float, m: Array, new: Array, p: Array, at: Array) -> tuple[float, float]:
+    """Tangential forces of a bristle, or of a film; fills the tangential part of the new memory."""
     if m[_TOUCH] == 0.0:
         new[_X1], new[_X2], new[_TOUCH] = x[0], x[1], 1.0
         step1 = step2 = 0.0
@@ -229,14 +163,50 @@ def contact(
         d1, d2 = v[0] / fast, v[1] / fast
     t1 = -mu * (1.0 + p[ANISOTROPY]) * load * d1 - p[VISCOUS] * v[0]
     t2 = -mu * (1.0 - p[ANISOTROPY]) * load * d2 - p[VISCOUS] * v[1]
+    return t1, t2
+
+
+@njit(cache=True)
+def contact(
+    x: Array,
+    v: Array,
+    t: float,
+    dt: float,
+    m: Array,
+    new: Array,
+    table: Array,
+    patches: NDArray[np.int64],
+    fields: Array,
+    grid: Array,
+    at: Array,
+) -> None:
+    """One step of the contact: force of the material on the tool at the step's end, in new[FORCE:FORCE + 3].
+
+    Args:
+        x: place along both tangents, and depth [m], (3,). v: their rates [m/s], (3,). t: [s]. dt: since `m` [s], > 0.
+        m: memory at the step's beginning, (MEMORY,), unchanged. new: at its end.
+        table: parameters of each patch, (patches, PARAMETERS). patches: which of them is where, (nx, ny) over `grid`.
+        fields: (FIELDS, nx, ny) over `grid`. at: scratch, (FIELDS,).
+    """
+    for k in range(MEMORY):
+        new[k] = m[k]
+    p = table[_patch(patches, grid, x[0], x[1])]
+    _field(fields, grid, x[0], x[1], at)
+    depth, rate = x[2], v[2]
+    if p[COMPLIANCE] > 0.0 and depth > -1e-3:
+        depth, rate = _effective(depth, rate, t, dt, m, new, p, at)
+    normal = _normal(depth, rate, t, dt, m, new, p, at)
+    new[_EFFECTIVE] = depth
+    new[_S1], new[_S2] = x[0], x[1]
+    if depth <= 0.0:
+        new[_U1] = new[_U2] = new[_W1] = new[_W2] = new[_TOUCH] = 0.0
+        new[FORCE] = new[FORCE + 1] = 0.0
+        new[FORCE + 2] = normal
+        return
+    new[FORCE], new[FORCE + 1] = _friction(x, v, normal, m, new, p, at)
+    new[FORCE + 2] = normal
     y1, y2 = x[0] - new[_X1], x[1] - new[_X2]
     for i in range(3):
         k, q = COUPLED_K + 3 * i, COUPLED_C + 3 * i
         extra = p[k] * y1 + p[k + 1] * y2 + p[k + 2] * depth + p[q] * v[0] + p[q + 1] * v[1] + p[q + 2] * rate
-        if i == 0:
-            t1 += extra
-        elif i == 1:
-            t2 += extra
-        else:
-            normal += extra
-    new[FORCE], new[FORCE + 1], new[FORCE + 2] = t1, t2, normal
+        new[FORCE + i] += extra

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -71,7 +71,7 @@ class Arm:
         return len(self.mass)
 
     @property
-    def packed(self) -> tuple[NDArray[Any], ...]:
+    def packed(self) -> tuple[NDArray[np.generic], ...]:
         """The arguments that every kernel takes after the state."""
         return (self.turns, self.shifts, self.prismatic, self.mass, self.com, self.inertia, self.gravity)
 
@@ -83,20 +83,9 @@ class Arm:
 
     def state(self, q: Array, dq: Array | None = None) -> State:
         """Dynamics and tip kinematics at one state."""
-        n = self.joints
-        out = State(np.empty((n, n)), np.empty(n), np.empty(n), np.empty((3, 3)), np.empty(3), np.empty((6, n)))
-        kernel.dynamics(
-            np.ascontiguousarray(q, dtype=float),
-            np.zeros(n) if dq is None else np.ascontiguousarray(dq, dtype=float),
-            *self.packed,
-            np.empty((n, kernel.WORK_COLUMNS)),
-            out.mass,
-            out.bias,
-            out.gravity,
-            out.rotation,
-            out.position,
-            out.jacobian,
-        )
+        out = State.empty(self.joints)
+        speed = np.zeros(self.joints) if dq is None else np.ascontiguousarray(dq, dtype=float)
+        kernel.dynamics(np.ascontiguousarray(q, dtype=float), speed, *self.packed, *out)
         return out
 
     def energy(self, q: Array, dq: Array) -> float:
@@ -104,16 +93,25 @@ class Arm:
         return float(kernel.energy(np.ascontiguousarray(q), np.ascontiguousarray(dq), *self.packed))
 
 
-@dataclass(frozen=True, eq=False)
-class State:
-    """M (N, N), bias and gravity torque (N,), tip rotation (3, 3), position (3,) and Jacobian (6, N), base axes."""
+class State(NamedTuple):
+    """M (N, N), bias and gravity torque (N,), tip rotation (3, 3), position (3,) and Jacobian (6, N), base axes.
 
+    In the order of `kinid.kernels.dynamics.dynamics`, after the scratch in which it works.
+    """
+
+    work: Array
     mass: Array
     bias: Array
     gravity: Array
     rotation: Array
     position: Array
     jacobian: Array
+
+    @classmethod
+    def empty(cls, n: int) -> State:
+        """Room for the state of an arm of n joints."""
+        shapes = ((n, kernel.WORK_COLUMNS), (n, n), (n,), (n,), (3, 3), (3,), (6, n))
+        return cls(*(np.empty(shape) for shape in shapes))
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,7 @@ from kinid.lab.places import Grid
 from kinid.lab.protocol import Poke, Slide, five_phases
 from kinid.lab.setup import Setup
 from kinid.lab.writing import write_experiment, write_rig
-from kinid.writers import make_folder, write_text
+from kinid.writers import Json, make_folder, write_json
 
 Array = NDArray[np.float64]
 
@@ -79,7 +79,7 @@ class Campaign(Grid):
         """What is done at each place."""
         return self.touch
 
-    def manifest(self, rig: Rig, everything: bool = False) -> dict[str, Any]:
+    def manifest(self, rig: Rig, everything: bool = False) -> Json:
         """What the campaign is and what measures it, in the words of JSON; what is hidden only with everything."""
         whole = {
             "kind": "campaign",
@@ -90,10 +90,10 @@ class Campaign(Grid):
         }
         if not everything:
             whole = {name: value for name, value in whole.items() if name not in ("hidden", "where")}
-        out: dict[str, Any] = json.loads(json.dumps(whole))
+        out: Json = json.loads(json.dumps(whole))
         return out
 
-    def base(self) -> tuple[Setup, dict[str, Any]]:
+    def base(self) -> tuple[Setup, dict[str, object]]:
         """What all pokes have in common, and what is hidden in it."""
         base = prepare(
             "poke",
@@ -109,7 +109,7 @@ class Campaign(Grid):
         base, hidden = hide(base, self.hidden, self.seed, self.where)
         return base, {"hidden": hidden}
 
-    def setup(self, index: int) -> tuple[Setup, dict[str, Any]]:
+    def setup(self, index: int) -> tuple[Setup, dict[str, object]]:
         """Of one poke, and what is hidden in it."""
         base, truth = self.base()
         script = five_phases(
@@ -177,7 +177,7 @@ def logs(folder: Path) -> Iterator[Path]:
     yield from sorted(path for touch in MOTIONS for path in folder.glob(f"{touch}_*.parquet"))
 
 
-def rig_facts(rig: Rig) -> dict[str, Any]:
+def rig_facts(rig: Rig) -> Json:
     """What a rig states, in the words of JSON."""
     return rig.model_dump(mode="json", exclude={"folder"}, exclude_none=True)
 
@@ -188,8 +188,7 @@ def _claim(campaign: Campaign, folder: Path) -> None:
     wanted = campaign.manifest(base.rig, everything=True)
     if path.is_file():
         try:
-            there = json.loads(path.read_text(encoding="utf-8"))
-            differ = sorted(k for k in {*there, *wanted} if there.get(k) != wanted.get(k))
+            differ = _differ(json.loads(path.read_text(encoding="utf-8")), wanted)
         except (OSError, ValueError, TypeError, AttributeError):
             raise InputError(
                 f"a damaged {path}", "the manifest of a campaign", "choose another folder with -o"
@@ -208,18 +207,21 @@ def _claim(campaign: Campaign, folder: Path) -> None:
             )
         check_free(folder)
         make_folder(folder / "truth")
-        write_text(path, json.dumps(wanted, indent=1) + "\n")
-    write_text(folder / MANIFEST, json.dumps(campaign.manifest(base.rig), indent=1) + "\n")
+        write_json(path, wanted)
+    write_json(folder / MANIFEST, campaign.manifest(base.rig))
     write_rig(folder, base)
 
 
-def _check_rig(path: Path, begun_with: dict[str, Any]) -> None:
+def _differ(one: Json, other: Json) -> list[str]:
+    """Keys whose values differ."""
+    return sorted(key for key in {*one, *other} if one.get(key) != other.get(key))
+
+
+def _check_rig(path: Path, begun_with: Json) -> None:
     """A rig that was edited meanwhile isn't overwritten; one that is gone is made again."""
     if not path.is_file():
         return
-    there = json.loads(json.dumps(rig_facts(Rig.load(path))))
-    differ = sorted(k for k in {*there, *begun_with} if there.get(k) != begun_with.get(k))
-    if differ:
+    if differ := _differ(json.loads(json.dumps(rig_facts(Rig.load(path)))), begun_with):
         raise InputError(
             f"{path} with another [{'], ['.join(differ)}] than the campaign was begun with",
             "the same rig",

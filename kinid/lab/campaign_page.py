@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from kinid.data.rig import Rig
 from kinid.errors import KinidError
 from kinid.lab.places import Grid
-from kinid.reports.plots import BLUE, finish, page
+from kinid.reports.plots import BLUE, finish, note, page, table
 from kinid.robotics.robot import Robot
 from kinid.writers import write_text
 
@@ -91,38 +90,26 @@ class Overview:
 def campaign_page(title: str, grid: Grid, seen: dict[int, Seen], unreadable: Sequence[str] = ()) -> str:
     """Progress, places and forces as one self-contained HTML page; with the names of logs that can't be read."""
     done = len(seen) + len(unreadable)
-    head = (
-        f"<p class=facts>{done} of {grid.count} {grid.done_there}s are done ({100 * done / grid.count:.0f} %): "
-        f"{grid.rows} × "
-        f"{grid.columns} places, {1e3 * grid.spacing:g} mm apart.</p>"
-        f"<progress max={grid.count} value={done} style='width:100%'></progress>"
+    head = note(
+        f"{done} of {grid.count} {grid.done_there}s are done ({100 * done / grid.count:.0f} %): {grid.rows} × "
+        f"{grid.columns} places, {1e3 * grid.spacing:g} mm apart."
     )
+    head += f"<progress max={grid.count} value={done} style='width:100%'></progress>"
     if unreadable:
-        head += (
-            f"<p class=facts>Not readable: {html.escape(', '.join(unreadable))}. Run the same command again: they are "
-            f"made "
-            "again.</p>"
-        )
+        head += note(f"Not readable: {', '.join(unreadable)}. Run the same command again: they are made again.")
     if not seen:
-        return page(title, head + "<p class=facts>No place has been touched yet.</p>", [])
+        return page(title, head + note("No place has been touched yet."), [])
     values = np.array([[s.greatest, s.held, 1e3 * s.deepest] for s in seen.values()])
-    rows = "".join(
-        f"<tr><td>{label}</td><td>{low:.3g}</td><td>{middle:.3g}</td><td>{high:.3g}</td></tr>"
-        for label, (low, middle, high) in zip(
-            ("greatest normal force [N]", "normal force held [N]", "greatest depth [mm]"),
-            np.nanquantile(values, [0.0, 0.5, 1.0], axis=0).T,
-        )
-    )
-    head += (
-        "<div class=scroll><table><tr><th>over the places</th><th>least</th><th>median</th><th>most</th></tr>"
-        f"{rows}</table></div>"
-    )
+    names = ("greatest normal force [N]", "normal force held [N]", "greatest depth [mm]")
+    spans = np.nanquantile(values, [0.0, 0.5, 1.0], axis=0).T
+    rows = [(name, *(f"{value:.3g}" for value in span)) for name, span in zip(names, spans)]
+    head += table(("over the places", "least", "median", "most"), rows)
     if done < grid.count:
         missing = [
             name for i in range(grid.count) if i not in seen and f"{(name := grid.name(i))}.parquet" not in unreadable
         ]
         shown = ", ".join(missing[:8]) + (", …" if len(missing) > 8 else "")
-        head += f"<p class=facts>Not done: {html.escape(shown)}. Run the same command again to go on.</p>"
+        head += note(f"Not done: {shown}. Run the same command again to go on.")
     return page(
         title,
         head,

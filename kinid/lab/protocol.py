@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +24,7 @@ class Poke:
 
     name = "poke"
 
-    def path(self, t: NDArray[Any]) -> Array:
+    def path(self, t: NDArray[np.floating]) -> Array:
         """Along tangent1, tangent2, and depth [m], (n, 3), for times from its beginning [s]."""
         out = np.zeros((len(t), 3))
         fade = minimum_jerk(np.minimum(t, self.duration - t) / 0.3)
@@ -49,7 +48,7 @@ class Slide:
         """[s]"""
         return 4.0 * self.length / self.speed * len(self.directions)
 
-    def path(self, t: NDArray[Any]) -> Array:
+    def path(self, t: NDArray[np.floating]) -> Array:
         """Along tangent1, tangent2, and depth [m], (n, 3), for times from its beginning [s]."""
         leg = 4.0 * self.length / self.speed
         out = np.zeros((len(t), 3))
@@ -132,51 +131,60 @@ def five_phases(
     for motion in motions:
         if not (np.isfinite(motion.duration) and motion.duration > 0):
             raise InputError(f"a {motion.name} that takes {motion.duration} s", "a positive duration", "correct it")
-    parts: list[tuple[str, Array, Array]] = []
-    here: Array = np.array([0.0, 0.0, -height])
-
-    def add(name: str, path: Array, tilts: Array | None = None) -> None:
-        nonlocal here
-        parts.append((name, path, np.zeros((len(path), 2)) if tilts is None else tilts))
-        here = path[-1]
-
-    def still(name: str, seconds: float) -> None:
-        add(name, np.tile(here, (max(1, round(seconds / period)), 1)))
-
-    def go(name: str, target: Array, seconds: float) -> None:
-        s = minimum_jerk((np.arange(round(seconds / period)) + 1) * period / seconds)[:, None]
-        add(name, here + s * (target - here))
-
+    way = _Way(np.array([0.0, 0.0, -height]), period)
     if free > 0:
-        u = np.arange(round(free / period)) * period
-        fade = np.sin(np.pi * u / free) ** 2
-        wave = (
-            tilt
-            * fade[:, None]
-            * np.column_stack([np.sin(2 * np.pi * u / free * 1.5), np.cos(2 * np.pi * u / free * 1.5)])
-        )
-        add("free", np.tile(here, (len(u), 1)), wave)
+        way.turn("free", free, tilt)
     for motion in motions:
-        t = (np.arange(round(motion.duration / period)) + 1) * period
-        path = motion.path(t)
-        go("approach", np.array([0.0, 0.0, motion.depth]), approach)
-        still("hold", hold)
-        add(motion.name, path)
-        go("retract", np.array([here[0], here[1], -height]), approach)
-        go("rest", np.array([0.0, 0.0, -height]), 0.5 * approach)
-    phase = np.concatenate([np.full(len(path), name) for name, path, _ in parts])
-    places: Array = np.concatenate([path for _, path, _ in parts])
-    places[:, :2] += place
-    times: Array = np.arange(len(phase), dtype=np.float64) * period
-    tilted: Array = np.concatenate([tilts for *_, tilts in parts])
-    return Script(times, phase, places, tilted)
+        way.go("approach", np.array([0.0, 0.0, motion.depth]), approach)
+        way.stand("hold", hold)
+        way.add(motion.name, motion.path((np.arange(round(motion.duration / period)) + 1) * period))
+        way.go("retract", np.array([*way.here[:2], -height]), approach)
+        way.go("rest", np.array([0.0, 0.0, -height]), 0.5 * approach)
+    return way.script(place)
 
 
-def minimum_jerk(s: NDArray[Any]) -> Array:
+class _Way:
+    """Parts of a script, each of which begins where the one before ends; from a place, at a control period [s]."""
+
+    def __init__(self, here: Array, period: float) -> None:
+        self.here, self.period = here, period
+        self.parts: list[tuple[str, Array, Array]] = []
+
+    def add(self, name: str, path: Array, tilts: Array | None = None) -> None:
+        """A path, (n, 3), and the tool's tilts along it, (n, 2)."""
+        self.parts.append((name, path, np.zeros((len(path), 2)) if tilts is None else tilts))
+        self.here = path[-1]
+
+    def stand(self, name: str, seconds: float) -> None:
+        """Stay there for so long."""
+        self.add(name, np.tile(self.here, (max(1, round(seconds / self.period)), 1)))
+
+    def go(self, name: str, target: Array, seconds: float) -> None:
+        """To a place in so long."""
+        s = minimum_jerk((np.arange(round(seconds / self.period)) + 1) * self.period / seconds)[:, None]
+        self.add(name, self.here + s * (target - self.here))
+
+    def turn(self, name: str, seconds: float, tilt: float) -> None:
+        """Tilt about both tangents in a circle, and stay there."""
+        u = np.arange(round(seconds / self.period)) * self.period
+        angle, size = 2 * np.pi * u / seconds * 1.5, tilt * np.sin(np.pi * u / seconds) ** 2
+        wave = size[:, None] * np.column_stack([np.sin(angle), np.cos(angle)])
+        self.add(name, np.tile(self.here, (len(u), 1)), wave)
+
+    def script(self, place: tuple[float, float]) -> Script:
+        """All of it, displaced along both tangents [m]."""
+        names, paths, tilts = zip(*self.parts)
+        phase = np.repeat(names, [len(path) for path in paths])
+        places: Array = np.concatenate(paths)
+        places[:, :2] += place
+        times: Array = np.arange(len(phase), dtype=np.float64) * self.period
+        return Script(times, phase, places, np.concatenate(tilts))
+
+
+def minimum_jerk(s: NDArray[np.floating]) -> Array:
     """Rest to rest on [0, 1] with continuous acceleration (Flash & Hogan 1985)."""
     s = np.clip(s, 0.0, 1.0)
-    out: Array = s**3 * (10 - 15 * s + 6 * s**2)
-    return out
+    return np.asarray(s**3 * (10 - 15 * s + 6 * s**2), dtype=np.float64)
 
 
 def _turn(angle: Array, axis: Array) -> Array:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
+from scipy.spatial.transform import Rotation
 
 from kinid.data.rig import ToolSpec
 from kinid.lab.loop import Motion
@@ -74,7 +75,7 @@ class Sensor:
     def read(self, load: Array, t: Array, rng: np.random.Generator) -> Array:
         """The reading for loads on the tool in sensor axes, at even times, (n, 6)."""
         dt = float(t[1] - t[0]) if len(t) > 1 else 1e-3
-        turn = _exp(self.rotation).T
+        turn = Rotation.from_rotvec(self.rotation).as_matrix().T
         y = np.concatenate([load[:, :3] @ turn.T, load[:, 3:] @ turn.T], axis=1)
         y = (1.0 + self.gain) * (y @ (np.eye(6) + self.crosstalk).T) + self.bias + np.outer(t / 60.0, self.drift)
         steps = rng.normal(size=y.shape) * np.sqrt(dt / 60.0)
@@ -206,12 +207,3 @@ def _directions(q: Array) -> Array:
     for i in range(len(steps)):
         out[i + 1] = sign[i] + (out[i] - sign[i]) * gone[i]
     return out
-
-
-def _exp(v: Array) -> Array:
-    """exp([v]×), (3, 3)."""
-    angle = float(np.linalg.norm(v))
-    k = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-    if angle < 1e-12:
-        return np.asarray(np.eye(3) + k)
-    return np.asarray(np.eye(3) + np.sin(angle) / angle * k + (1 - np.cos(angle)) / angle**2 * (k @ k))

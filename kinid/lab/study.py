@@ -4,7 +4,6 @@ says.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,7 +15,7 @@ from kinid.identification.fit import FittedParameter, fit_model
 from kinid.lab.experiments import prepare
 from kinid.modeling.model import Model
 from kinid.signal.derivative import Differentiator
-from kinid.writers import make_folder, write_text
+from kinid.writers import make_folder, write_json
 
 #: stiffness [N/m], damping [N·s/m], friction [1]
 PUBLISHED = {"sponge": (280.0, 8.1, 0.27), "ecoflex-50": (732.0, 9.9, 0.82), "dragon-skin-10": (994.0, 14.5, 0.77)}
@@ -83,5 +82,5 @@ def write(folder: Path, rows: list[Row]) -> Path:
     """Write `study.json` into a folder; its path."""
     make_folder(folder)
     path = folder / "study.json"
-    write_text(path, json.dumps([row._asdict() for row in rows], indent=1, ensure_ascii=False) + "\n")
+    write_json(path, [row._asdict() for row in rows])
     return path

@@ -8,8 +8,6 @@ side by side: `kinid.controllers.teleoperator` has the equations.
 from __future__ import annotations
 
 import dataclasses
-import html
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,8 +23,8 @@ from kinid.lab import materials
 from kinid.lab.experiments import SILICONE_POKE, prepare
 from kinid.lab.materials import Material
 from kinid.lab.protocol import five_phases
-from kinid.reports.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, page
-from kinid.writers import make_folder, write_text
+from kinid.reports.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, note, page, table
+from kinid.writers import make_folder, write_json, write_text
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -168,31 +166,33 @@ def compare(
 def write(folder: Path, comparison: Comparison) -> Path:
     """Write `teleoperation.json` and the page `teleoperation.html` into a folder; the page's path."""
     make_folder(folder)
-    write_text(folder / "teleoperation.json", json.dumps(comparison.to_dict(), indent=1) + "\n")
+    write_json(folder / "teleoperation.json", comparison.to_dict())
     write_text(folder / "teleoperation.html", comparison_page(comparison))
     return folder / "teleoperation.html"
 
 
 def comparison_page(c: Comparison) -> str:
     """Transparency and stability as one self-contained HTML page."""
-    rows = "".join(
-        f"<tr><td>{1e3 * row.delay:.0f} ms, {_LOOK[row.method][0]}</td><td>{'yes' if row.stable else 'no'}</td>"
-        f"<td>{'–' if row.nyquist is None else 'yes' if row.nyquist else 'no'}</td><td>{row.error:.3f}</td></tr>"
+    words = {True: "yes", False: "no", None: "–"}
+    rows = [
+        (
+            f"{1e3 * row.delay:.0f} ms, {_LOOK[row.method][0]}",
+            words[row.stable],
+            words[row.nyquist],
+            f"{row.error:.3f}",
+        )
         for row in c.study.rows
+    ]
+    head = note(
+        f"{c.material} at ({1e3 * c.place[0]:g}, {1e3 * c.place[1]:g}) mm: true {c.truth.stiffness:.4g} N/m and "
+        f"{c.truth.damping:.3g} N·s/m, on the map {c.believed.stiffness:.4g} N/m and {c.believed.damping:.3g} N·s/m, "
+        f"as {c.told} says. Delays are one-way: direct reflection comes back after twice as long. A map {MISTAKEN:g} "
+        f"times too hard would cost a transparency error of {c.mistaken:.2f}, and no stability."
     )
-    head = (
-        f"<p class=facts>{c.material} at ({1e3 * c.place[0]:g}, {1e3 * c.place[1]:g}) mm: true {c.truth.stiffness:.4g} "
-        f"N/m and "
-        f"{c.truth.damping:.3g} N·s/m, on the map "
-        f"{c.believed.stiffness:.4g} N/m and {c.believed.damping:.3g} N·s/m, as {html.escape(c.told)} says. Delays are "
-        f"one-way: direct reflection comes back after twice as long. A map {MISTAKEN:g} times too hard would cost a "
-        f"transparency error of {c.mistaken:.2f}, and no stability.</p>"
-    )
-    tail = (
-        "<h2>All cases</h2><div class=scroll><table><tr><th>one-way delay, method</th><th>at rest in the end</th>"
-        f"<th>stable by Nyquist</th><th>transparency error</th></tr>{rows}</table></div>"
-        "<p class=facts>Transparency error: root mean square of |Z transmitted − Z environment| / |Z environment| over "
-        f"{c.study.frequency[0]:g}–{c.study.frequency[-1]:g} Hz; 0 is transparent, 1 is nothing transmitted.</p>"
+    heads = ("one-way delay, method", "at rest in the end", "stable by Nyquist", "transparency error")
+    tail = f"<h2>All cases</h2>{table(heads, rows)}" + note(
+        "Transparency error: root mean square of |Z transmitted − Z environment| / |Z environment| over "
+        f"{c.study.frequency[0]:g}–{c.study.frequency[-1]:g} Hz; 0 is transparent, 1 is nothing transmitted."
     )
     return page(
         "Teleoperation with delay",
@@ -236,33 +236,22 @@ def stability_figure(c: Comparison) -> Figure:
             motion = c.study.motions[delay, method]
             rows = slice(0, None, 4)
             for row, values in ((1, 1e3 * motion.master), (2, motion.force)):
-                figure.add_scatter(
-                    x=motion.t[rows],
-                    y=np.round(values[rows], 3),
-                    name=name,
-                    legendgroup=name,
-                    mode="lines",
-                    showlegend=column == 1 and row == 1,
-                    line={"color": colour, "width": 1.3},
-                    row=row,
-                    col=column,
-                )
-        figure.add_scatter(
-            x=motion.t[::100],
-            y=1e3 * motion.intended[::100],
-            name="intended",
-            legendgroup="intended",
-            mode="lines",
-            showlegend=column == 1,
-            line={"color": GREY, "width": 1.2, "dash": "dot"},
-            row=1,
-            col=column,
-        )
+                drawn = {"x": motion.t[rows], "y": np.round(values[rows], 3), "line": {"color": colour, "width": 1.3}}
+                _line(figure, name, row, column, drawn, legend=row == 1)
+        look = {"color": GREY, "width": 1.2, "dash": "dot"}
+        drawn = {"x": motion.t[::100], "y": 1e3 * motion.intended[::100], "line": look}
+        _line(figure, "intended", 1, column, drawn, legend=True)
     figure.update_xaxes(title_text="time [s]", row=2)
     figure.update_xaxes(range=[0, 8])
     figure.update_yaxes(range=[-8, 16], row=1)
     figure.update_yaxes(range=[-0.5, 16], row=2)
     return figure
+
+
+def _line(figure: Figure, name: str, row: int, column: int, drawn: dict[str, object], legend: bool) -> None:
+    """Drawn in one place of a figure; in its legend once for all columns."""
+    shown = legend and column == 1
+    figure.add_scatter(**{"mode": "lines", **drawn}, name=name, legendgroup=name, showlegend=shown, row=row, col=column)
 
 
 def _columns(c: Comparison, labels: tuple[str, ...], height: int) -> tuple[Figure, list[float]]:
@@ -305,15 +294,6 @@ def _impedance(
     if line:  # a phase that wraps is no line from bottom to top
         phase = np.where(np.abs(np.diff(phase, prepend=phase[0])) > 180, np.nan, phase)
     for row, values in ((1, np.abs(z)), (2, phase), (3, np.abs(z / true - 1.0))):
-        figure.add_scatter(
-            x=frequency,
-            y=values,
-            name=name,
-            legendgroup=name,
-            mode="lines" if line else "markers",
-            showlegend=line and column == 1 and row == 1,
-            line={"color": colour, "width": width or 1.0},
-            marker={"color": colour, "size": 6},
-            row=row,
-            col=column,
-        )
+        drawn = {"x": frequency, "y": values, "line": {"color": colour, "width": width or 1.0}}
+        drawn |= {"mode": "lines" if line else "markers", "marker": {"color": colour, "size": 6}}
+        _line(figure, name, row, column, drawn, legend=line and row == 1)

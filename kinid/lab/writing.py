@@ -6,10 +6,9 @@ from __future__ import annotations
 
 import functools
 import importlib.util
-import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,10 @@ from kinid.data.rig import WRENCH
 from kinid.errors import MissingDependencyError
 from kinid.lab.folder import digest, digests
 from kinid.lab.setup import LOG_EVERY, Result, Setup
-from kinid.writers import make_folder, replacing, write_table, write_text
+from kinid.writers import Column, make_folder, replacing, write_json, write_table, write_text
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
 
 Array = NDArray[np.float64]
 
@@ -40,7 +42,7 @@ EPOCH = 1_700_000_000_000_000_000
 
 
 def write_experiment(
-    folder: Path, result: Result, truth: dict[str, Any], *, name: str = "log", mcap: bool = True
+    folder: Path, result: Result, truth: dict[str, object], *, name: str = "log", mcap: bool = True
 ) -> Path:
     """Write rig, streams, truth and, last of all, the log; each file whole or not at all. The log's path.
 
@@ -69,37 +71,27 @@ def write_experiment(
         write_log(temporary, result.log, targets(result, np.arange(0, len(result.q), LOG_EVERY)))
         known = {**digests(folder, files), path.name: digest(temporary)}
         told = as_truth(result, truth) | {"files": known}
-        write_text(folder / "truth" / f"{name}.json", json.dumps(told, indent=1, default=_plain) + "\n")
+        write_json(folder / "truth" / f"{name}.json", told)
     return path
 
 
 def write_rig(folder: Path, setup: Setup) -> None:
     """`rig.toml`: what the experimenter believes."""
-    lines = [
-        "[robot]",
-        f'model = "{setup.model}"',
-        "",
-        "[tool]",
-        f"mass = {setup.tool.mass}",
-        f"com = {list(setup.tool.com)}",
-    ]
-    if any(setup.tool.inertia):
-        lines.append(f"inertia = {list(setup.tool.inertia)}")
-    lines += [
-        "",
-        "[surface]",
-        f"point = {list(setup.point)}",
-        f"normal = {list(setup.normal)}",
-        f"tangent = {list(setup.tangent)}",
-        "",
-        "[sensor]",
-    ]
-    sensor = setup.rig.sensor
-    lines += [f"range = {list(sensor.range or ())}", f"noise = {list(sensor.noise or ())}"]
-    lines += [f"bias = {[float(v) for v in sensor.bias or ()]}"]
+    tool, sensor = setup.tool, setup.rig.sensor
+    inertia = [f"inertia = {list(tool.inertia)}"] if any(tool.inertia) else []
+    crosstalk = []
     if sensor.crosstalk is not None:
-        lines += ["crosstalk = [", *(f"  {[float(v) for v in row]}," for row in sensor.crosstalk), "]"]
-    lines += ["", "[streams]", f"wrench_clock_offset = {setup.rig.streams.wrench_clock_offset}"]
+        crosstalk = ["crosstalk = [", *(f"  {[float(v) for v in row]}," for row in sensor.crosstalk), "]"]
+    lines = [
+        f'[robot]\nmodel = "{setup.model}"\n',
+        f"[tool]\nmass = {tool.mass}\ncom = {list(tool.com)}",
+        *inertia,
+        f"\n[surface]\npoint = {list(setup.point)}\nnormal = {list(setup.normal)}\ntangent = {list(setup.tangent)}\n",
+        f"[sensor]\nrange = {list(sensor.range or ())}\nnoise = {list(sensor.noise or ())}",
+        f"bias = {[float(v) for v in sensor.bias or ()]}",
+        *crosstalk,
+        f"\n[streams]\nwrench_clock_offset = {setup.rig.streams.wrench_clock_offset}",
+    ]
     write_text(folder / "rig.toml", "\n".join(lines) + "\n")
 
 
@@ -113,10 +105,10 @@ def targets(result: Result, rows: NDArray[np.int64]) -> dict[str, Array]:
 
 def write_log(path: Path, log: Log, more: dict[str, Array] | None = None) -> None:
     """A log as Parquet, with the columns of the log format, and more that readers pass over."""
-    columns: dict[str, NDArray[Any]] = {"t": log.t}
+    columns: dict[str, Column] = {"t": log.t}
     for name, values in (("q", log.q), ("tau", log.tau)):
         if values is not None:
-            columns |= {f"{name}{j + 1}": values[:, j] for j in range(values.shape[1])}
+            columns |= numbered(name, values)
     if log.wrench is not None:
         columns |= {name: log.wrench[:, i] for i, name in enumerate(WRENCH)}
     if log.phase is not None:
@@ -124,7 +116,12 @@ def write_log(path: Path, log: Log, more: dict[str, Array] | None = None) -> Non
     write_table(path, columns | (more or {}), log.provenance.to_dict())
 
 
-def as_truth(result: Result, more: dict[str, Any]) -> dict[str, Any]:
+def numbered(name: str, values: Array) -> dict[str, Column]:
+    """Columns of a table, (n, N), as name1 … nameN."""
+    return {f"{name}{j + 1}": values[:, j] for j in range(values.shape[1])}
+
+
+def as_truth(result: Result, more: dict[str, object]) -> dict[str, object]:
     """What no estimator may see."""
     setup, force = result.setup, result.motion.force
     wrench, joints = setup.wrench_stream, setup.joint_stream
@@ -176,9 +173,8 @@ def write_streams(folder: Path, name: str, result: Result, streams: Streams) -> 
     """Each stream as a table of its own, as it was logged: NAME_joints.parquet and NAME_wrench.parquet."""
     make_folder(folder)
     (joints, joint_stamps), (wrench, wrench_stamps) = streams
-    columns: dict[str, NDArray[Any]] = {"t": joint_stamps}
-    for quantity, values in (("q", result.q), ("tau", result.tau)):
-        columns |= {f"{quantity}{j + 1}": values[joints, j] for j in range(values.shape[1])}
+    columns: dict[str, Column] = {"t": joint_stamps}
+    columns |= numbered("q", result.q[joints]) | numbered("tau", result.tau[joints])
     provenance = result.log.provenance.to_dict()
     paths = folder / f"{name}_joints.parquet", folder / f"{name}_wrench.parquet"
     write_table(paths[0], columns, provenance)
@@ -221,7 +217,7 @@ class _Message(NamedTuple):
 
 
 @functools.cache
-def _store() -> Any:
+def _store() -> Typestore:
     """Definitions of ROS messages."""
     from rosbags.typesys import Stores, get_typestore
 
@@ -236,10 +232,10 @@ def _messages(result: Result, streams: Streams) -> Iterator[_Message]:
     vector, quaternion = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Quaternion"]
     names, nothing = list(setup.robot.joint_names), np.zeros(0)
 
-    def head(at: int, frame: str) -> Any:
+    def head(at: int, frame: str) -> object:
         return header(stamp=time(sec=at // 10**9, nanosec=at % 10**9), frame_id=frame)
 
-    def pack(kind: str, **fields: Any) -> bytes:
+    def pack(kind: str, **fields: object) -> bytes:
         return bytes(store.serialize_cdr(types[kind](**fields), kind))
 
     (joints, joint_stamps), (wrench, wrench_stamps) = streams
@@ -277,12 +273,3 @@ def _nanoseconds(stamps: Array) -> list[int]:
     """Of stamps [s] since the experiment began: since 1970."""
     out: list[int] = (EPOCH + np.round((stamps + 1.0) * 1e9).astype(np.int64)).tolist()
     return out
-
-
-def _plain(value: Any) -> Any:
-    """NumPy and other values as JSON knows them."""
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, np.generic):
-        return value.item()
-    return str(value)

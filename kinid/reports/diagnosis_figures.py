@@ -9,13 +9,13 @@ from __future__ import annotations
 import html
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinid.diagnosis.result import Diagnosis
-from kinid.reports.plots import BLUE, INK, VERMILION
+from kinid.reports.plots import BLUE, INK, VERMILION, decimate, finish
 from kinid.residuals.parts import phase_words, phases
 from kinid.residuals.view import View
 from kinid.residuals.words import channel_words, sentence
@@ -133,7 +133,7 @@ def ladder(result: Diagnosis) -> Figure:
         figure.add_vrect(
             x0=result.noise_floor, x1=min(allowed, top), fillcolor=NOISE, opacity=0.25, line_width=0, layer="below"
         )
-    style(figure, 110 + 46 * len(names))
+    finish(figure, 110 + 46 * len(names), small=True)
     figure.update_xaxes(title_text=f"error [{result.unit} rms]", range=[0, top])
     figure.update_yaxes(autorange="reversed", automargin=True, showgrid=False)
     figure.update_layout(showlegend=False, hovermode="closest", margin={"t": 34})
@@ -167,7 +167,7 @@ def readings(shown: Shown) -> Iterator[Titled]:
         figure.update_yaxes(title_text=f"[{shown.before.units[row]}]", row=1, col=1)
         figure.update_yaxes(title_text=f"left [{shown.before.units[row]}]", row=2, col=1)
         figure.update_xaxes(title_text="time [s]", row=2, col=1)
-        style(figure, 330)
+        finish(figure, 330, small=True)
         yield sentence(channel_words(shown.before, row)), figure
 
 
@@ -228,7 +228,7 @@ def _loop(shown: Shown, row: int, x: Array, inside: Mask, label: str, over: str)
         )
         figure.update_xaxes(title_text=label)
         figure.update_yaxes(title_text=f"[{view.units[row]}]", range=[low - room, high + room])
-        style(figure, 290)
+        finish(figure, 290, small=True)
         figure.update_layout(showlegend=False, hovermode="closest")
         yield f"{sentence(channel_words(view, row))} over {over}: {name}", figure
 
@@ -302,32 +302,15 @@ def rms(view: View, row: int, mask: Mask) -> float:
     return float(np.sqrt(view.squares[row][mask].sum() / count)) if count else float("nan")
 
 
-def _noise(figure: Any, shown: Shown, row: int) -> None:
+def _noise(figure: Figure, shown: Shown, row: int) -> None:
     figure.add_hline(y=float(shown.before.sigma[row]), line={"color": INK, "width": 1, "dash": "dot"})
 
 
-def _multiple(figure: Any, shown: Shown, row: int, heading: str) -> Titled:
-    style(figure, 230)
+def _multiple(figure: Figure, shown: Shown, row: int, heading: str) -> Titled:
+    finish(figure, 230, small=True)
     figure.update_layout(showlegend=False, barmode="group", hovermode="closest")
     figure.update_yaxes(title_text=f"rms [{shown.before.units[row]}]", rangemode="tozero")
     return heading, figure
-
-
-def decimate(most: int, *series: Array) -> NDArray[np.int64]:
-    """Rows to draw of series of one length: all of them, or the extremes of each stretch, so that no peak gets lost."""
-    n = len(series[0])
-    if n <= most:
-        return np.arange(n)
-    wide = -(-n // max(1, (most - 2) // (2 * len(series))))
-    kept = [np.array([0, n - 1])]
-    for x in series:
-        padded = np.full(-(-n // wide) * wide, np.nan)
-        padded[:n] = x
-        table = padded.reshape(-1, wide)
-        some = np.isfinite(table).any(axis=1)
-        start = np.flatnonzero(some) * wide
-        kept += [start + np.nanargmin(table[some], axis=1), start + np.nanargmax(table[some], axis=1)]
-    return np.unique(np.concatenate(kept))
 
 
 def compact(values: Array) -> NDArray[np.float32]:
@@ -335,31 +318,6 @@ def compact(values: Array) -> NDArray[np.float32]:
     return np.asarray(values, dtype=np.float32)
 
 
-def _line(figure: Any, x: Array, y: Array, name: str, colour: str, dash: str, row: int, *, legend: bool) -> None:
-    shape = {"color": colour, "width": 1.3, "dash": dash}
-    figure.add_scatter(
-        x=compact(x),
-        y=compact(y),
-        name=name,
-        legendgroup=name,
-        showlegend=legend,
-        mode="lines",
-        line=shape,
-        row=row,
-        col=1,
-    )
-
-
-def style(figure: Any, height: int) -> None:
-    """House style for figures that share a page with text, down to the width of a phone."""
-    figure.update_layout(
-        template="plotly_white",
-        height=height,
-        margin={"l": 58, "r": 12, "t": 24, "b": 44},
-        autosize=True,
-        font={"size": 12, "color": "#1f2937"},
-        hovermode="x unified",
-        legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0},
-    )
-    figure.update_xaxes(title_standoff=6)
-    figure.update_yaxes(title_standoff=4)
+def _line(figure: Figure, x: Array, y: Array, name: str, colour: str, dash: str, row: int, *, legend: bool) -> None:
+    look = {"mode": "lines", "line": {"color": colour, "width": 1.3, "dash": dash}, "showlegend": legend}
+    figure.add_scatter(x=compact(x), y=compact(y), name=name, legendgroup=name, row=row, col=1, **look)

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.reports.diagnosis_figures import Shown, Titled, bars, compact, phase_bars, profile, rms, style
-from kinid.reports.plots import INK
+from kinid.reports.diagnosis_figures import Shown, Titled, bars, compact, phase_bars, profile, rms
+from kinid.reports.plots import INK, finish
 from kinid.residuals.localization import spectrum
 from kinid.residuals.parts import LEAST_SPREAD, STANDING, moving
 
@@ -97,7 +97,7 @@ def _spectra(shown: Shown, row: int) -> Titled | None:
     )
     if level > 0.03 * lowest:  # a noise far below would squeeze the picture
         figure.add_hline(y=level, line={"color": INK, "width": 1, "dash": "dot"})
-    style(figure, 230)
+    finish(figure, 230, small=True)
     figure.update_xaxes(type="log", exponentformat="none", dtick=1)
     figure.update_yaxes(type="log", title_text=f"[{shown.before.units[row]}/√Hz]", exponentformat="power", dtick=1)
     figure.update_layout(showlegend=False, hovermode="closest")
@@ -146,7 +146,7 @@ def _places(shown: Shown, row: int) -> Titled | None:
             colorbar={"thickness": 8, "title": {"text": f"[{view.units[row]}]"}},
             hovertemplate="%{x:.3g}, %{y:.3g} mm: %{z:.3g} " + view.units[row] + "<extra></extra>",
         )
-    style(figure, 230)
+    finish(figure, 230, small=True)
     figure.update_layout(hovermode="closest", margin={"t": 30, "r": 4})
     figure.update_annotations(font={"size": 12})
     low, high = edges[0][0], edges[0][-1]

@@ -26,7 +26,7 @@ from kinid.reports.diagnosis_words import (
     rivalries,
     verdict_words,
 )
-from kinid.reports.plots import BLUE, INK, VERMILION, drawing, grid, key, page
+from kinid.reports.plots import INK, asset, drawing, grid, key, page
 from kinid.residuals import Cell
 from kinid.residuals.words import channel_words, number, percent, sentence
 
@@ -57,36 +57,6 @@ NUMBERS = (
 FLAT = 5
 #: channels whose residual is divided every way, at most
 MOST_DIVIDED = 3
-
-STYLE = f"""
-*{{box-sizing:border-box}}
-body{{max-width:1180px;overflow-wrap:break-word}}
-h2{{margin-top:2.2rem;border-bottom:2px solid #e5e7eb;padding-bottom:.2rem}}
-h3{{font-size:1rem;margin:1rem 0 .2rem}}
-.verdict{{font-size:1.15rem;border-left:6px solid {BLUE};background:#f3f6fa;padding:.6rem .9rem;margin:.8rem 0}}
-.verdict.unexplained{{border-color:{VERMILION};background:#fdf3ec}}
-.cards{{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,9.5rem),1fr));gap:.6rem;margin:.8rem 0}}
-.card{{border:1px solid #e5e7eb;border-radius:.4rem;padding:.5rem .7rem}}
-.card b{{display:block;font-size:1.25rem;white-space:nowrap;font-variant-numeric:tabular-nums}}
-.card span{{color:#4b5563;font-size:.85rem}}
-.bar{{background:{BLUE};height:.5rem;border-radius:.2rem}}
-ol.where{{list-style:none;padding:0}}ol.where li{{margin:.5rem 0}}
-.track{{background:#e5e7eb;border-radius:.2rem;max-width:24rem;margin-top:.15rem}}
-table{{line-height:1.35}}th{{white-space:nowrap}}td,th{{vertical-align:top}}td.text,th.text{{text-align:left}}
-td.text{{min-width:12rem;max-width:24rem}}
-td.text:first-child,td.text:nth-child(2){{min-width:8rem}}
-td.text:nth-child(5){{min-width:18rem}}
-td.num{{white-space:nowrap}}details summary{{cursor:pointer}}section>details{{margin:.8rem 0}}
-@media (max-width:600px){{th{{white-space:normal}}td.text:nth-child(n){{min-width:0}}
-table:not(.cards_of) :is(td,th){{padding-right:.4rem;font-size:.8rem}}
-table:not(.cards_of) td:first-child{{overflow-wrap:anywhere}}
-.cards_of,.cards_of tbody,.cards_of tr,.cards_of td{{display:block}}.cards_of thead{{display:none}}
-.cards_of tr{{border:1px solid #e5e7eb;border-radius:.4rem;padding:.4rem .6rem;margin:.5rem 0}}
-.cards_of td,.cards_of td.num{{border:0;text-align:left;max-width:none;white-space:normal;padding:.1rem 0}}
-.cards_of td:not(:first-child)::before{{content:attr(data-of) ": ";color:#4b5563}}.cards_of td:empty{{display:none}}}}
-@media print{{.card,.verdict{{break-inside:avoid}}
-td,th,td.text,td.text:nth-child(n){{white-space:normal;min-width:0}}}}
-"""
 
 
 def diagnosis_page(result: Diagnosis, title: str, provenance: Provenance | None = None) -> str:
@@ -123,7 +93,7 @@ def diagnosis_page(result: Diagnosis, title: str, provenance: Provenance | None 
             _section("Quality of the data", _quality(result)),
         )
     )
-    return page(title, head, [], _provenance(result, provenance), STYLE)
+    return page(title, head, [], _provenance(result, provenance), asset("diagnosis.css"))
 
 
 def _headline(result: Diagnosis) -> str:

@@ -28,7 +28,9 @@ from kinid.reports.plots import (
     grid,
     key,
     line,
+    note,
     page,
+    table,
     thin,
 )
 
@@ -46,20 +48,16 @@ COLOURS = (VERMILION, BLUE, GREEN, ORANGE, "#CC79A7", "#000000")
 
 def fit_page(fit: Fit, title: str) -> str:
     """One fit: equation and estimates, force over depth, readings over time."""
-    rows = "".join(
-        f"<tr><td>{html.escape(p.name)}</td><td>{p.value:.5g}</td><td>{p.low:.5g}</td><td>{p.high:.5g}</td>"
-        f"<td>{html.escape(p.unit)}</td></tr>"
-        for p in fit.parameters.values()
-    )
+    rows = [(p.name, f"{p.value:.5g}", f"{p.low:.5g}", f"{p.high:.5g}", p.unit) for p in fit.parameters.values()]
     error = fit.error
     head = (
-        f"<pre>{html.escape(fit.equation())}</pre>"
-        f"<div class=scroll><table><tr><th>parameter</th><th>estimate</th><th>95 % "
-        f"from</th><th>to</th><th>unit</th></tr>{rows}"
-        f"</table></div><p class=facts>error {error.train:.4g} {error.unit} rms on samples seen, {error.held_out:.4g} "
-        f"on "
-        f"samples held out; the noise is {error.noise_floor:.4g}.</p>"
-        + "".join(f"<p class=facts>doubt: {html.escape(warning)}</p>" for warning in fit.warnings)
+        f"<pre>{html.escape(fit.equation())}</pre>",
+        table(("parameter", "estimate", "95 % from", "to", "unit"), rows),
+        note(
+            f"error {error.train:.4g} {error.unit} rms on samples seen, {error.held_out:.4g} on samples held out; "
+            f"the noise is {error.noise_floor:.4g}."
+        ),
+        *(note(f"doubt: {warning}") for warning in fit.warnings),
     )
     figures = _pictures({str(fit.model): fit})
     tracks = recursive_tracks(fit)
@@ -67,7 +65,7 @@ def fit_page(fit: Fit, title: str) -> str:
         figures.append(
             ("Estimates over time, recursively (band: 95 %; where the log excites them)", _track_figure(fit, tracks))
         )
-    return page(title, head, figures)
+    return page(title, "".join(head), figures)
 
 
 def recursive_tracks(fit: Fit) -> dict[str, Track]:
@@ -125,28 +123,17 @@ def _track_figure(fit: Fit, tracks: dict[str, Track]) -> Figure:
 
 def comparison_page(result: Comparison, title: str) -> str:
     """Models side by side: the table, force over depth, readings over time."""
-    rows = "".join(
-        f"<tr><td>{row.rank}. {html.escape(str(row.fit.model))}</td><td>{row.held_out:.4g}</td>"
-        + (
-            "<td>reference</td><td></td>"
-            if str(row.fit.model) == result.reference
-            else f"<td>{row.difference:+.3g}</td><td>{row.standard_error:.2g}</td>"
-        )
-        + "</tr>"
-        for row in result.rows
-    )
+    rows = []
+    for row in result.rows:
+        same = str(row.fit.model) == result.reference
+        apart = ("reference", "") if same else (f"{row.difference:+.3g}", f"{row.standard_error:.2g}")
+        rows.append((f"{row.rank}. {row.fit.model}", f"{row.held_out:.4g}", *apart))
     head = (
-        f"<div class=scroll><table><tr><th>model</th><th>held-out error [{result.unit}]</th><th>difference</th>"
-        f"<th>± standard error</th></tr>{rows}</table></div>"
-        f"<p class=facts>differences are to {html.escape(result.reference)}; "
-        f"the noise is {result.noise_floor:.4g} {result.unit}.</p>"
-        + "".join(
-            f"<p class=facts>doubt: {html.escape(f'{row.fit.model}: {warning}')}</p>"
-            for row in result.rows
-            for warning in row.fit.warnings
-        )
+        table(("model", f"held-out error [{result.unit}]", "difference", "± standard error"), rows),
+        note(f"differences are to {result.reference}; the noise is {result.noise_floor:.4g} {result.unit}."),
+        *(note(f"doubt: {row.fit.model}: {warning}") for row in result.rows for warning in row.fit.warnings),
     )
-    return page(title, head, _pictures({str(row.fit.model): row.fit for row in result.rows}))
+    return page(title, "".join(head), _pictures({str(row.fit.model): row.fit for row in result.rows}))
 
 
 def _pictures(fits: dict[str, Fit]) -> list[tuple[str, Figure | str]]:
@@ -246,19 +233,9 @@ def _panel(depth: Array, force: Array, found: list[Loop], drawn: list[int], span
             hovertemplate=f"{1e3 * loop.lost:.4g} mJ lost of {1e3 * loop.put_in:.4g}<extra>cycle {i + 1}</extra>",
         )
     energies = [f"{i + 1}: {_millijoules(found[i].lost, found[i].put_in)} mJ" for i in drawn if i < len(found)]
-    figure.add_annotation(
-        text="<br>".join(energies),
-        x=0.03,
-        y=0.97,
-        xref="paper",
-        yref="paper",
-        showarrow=False,
-        align="left",
-        xanchor="left",
-        yanchor="top",
-        font={"size": 12},
-        bgcolor="rgba(255,255,255,0.7)",
-    )
+    corner = {"x": 0.03, "y": 0.97, "xref": "paper", "yref": "paper", "xanchor": "left", "yanchor": "top"}
+    look = {"showarrow": False, "align": "left", "font": {"size": 12}, "bgcolor": "rgba(255,255,255,0.7)"}
+    figure.add_annotation(text="<br>".join(energies), **corner, **look)
     figure.update_xaxes(title_text="depth [mm]")
     figure.update_yaxes(title_text="normal force [N]", range=span)
     finish(figure, 330)

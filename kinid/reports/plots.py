@@ -8,7 +8,8 @@ from __future__ import annotations
 import hashlib
 import html
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,46 +34,6 @@ Entry = tuple[str, str, str]
 #: more points than this in a line can't be told apart on a screen
 MOST_POINTS = 6000
 
-_STYLE = """
-:root{color-scheme:light}
-body{font:16px/1.5 system-ui,sans-serif;color:#1f2937;background:#fff;margin:0 auto;max-width:1100px;padding:1rem}
-h1{font-size:1.5rem;margin:.2rem 0}h2{font-size:1.15rem;margin:1.6rem 0 .2rem}
-p.facts{color:#4b5563;margin:.2rem 0}
-table{border-collapse:collapse;margin:.6rem 0;font-variant-numeric:tabular-nums}
-td,th{padding:.2rem .8rem .2rem 0;text-align:right;border-bottom:1px solid #e5e7eb}
-td:first-child,th:first-child{text-align:left}
-.scroll{overflow-x:auto}
-details{margin:1.5rem 0;color:#4b5563}code{font-size:.85rem;overflow-wrap:anywhere}
-pre{white-space:pre-wrap;background:#f6f7f9;padding:.6rem .8rem;border-radius:.4rem;font-size:.9rem;margin:.4rem 0}
-figure{margin:.3rem 0;min-width:0;max-width:100%}
-figcaption{font-size:.9rem;font-weight:600;margin:.2rem 0}
-.grid{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,330px),1fr));gap:.4rem 1.2rem}
-.grid.wide{grid-template-columns:repeat(auto-fill,minmax(min(100%,480px),1fr))}
-.grid.wide>figure:only-child{grid-column:1/-1}
-.key{margin:.4rem 0}.key span{display:inline-block;margin-right:1.2rem}.key i{display:inline-block;width:1.6rem;
-height:0;border-top:3px solid;vertical-align:middle;margin-right:.35rem}
-@media (max-width:600px){body{padding:.6rem}td,th{padding-right:.55rem;font-size:.85rem}}
-@media print{@page{margin:12mm}body{max-width:none;padding:0;font-size:10.5pt}
-figure,li,tr{break-inside:avoid}h2,h3,.key,.facts{break-after:avoid}.scroll{overflow:visible}
-td,th{font-size:8pt;padding-right:.4rem}.grid,.grid.wide{grid-template-columns:1fr 1fr}
-*{print-color-adjust:exact;-webkit-print-color-adjust:exact}}
-"""
-
-#: figures are drawn while the page is read, before it has its final width; a finger that strokes one scrolls the page;
-#: and for printing each is fitted to its column, and what is folded away is shown
-_FIT = """<script>
-(function(){
-  var all=function(f){document.querySelectorAll('.js-plotly-plot').forEach(f)},
-    finger=matchMedia('(pointer:coarse)').matches;
-  addEventListener('load',function(){all(function(p){Plotly.Plots.resize(p);if(finger)Plotly.relayout(p,{dragmode:false})})});
-  addEventListener('beforeprint',function(){
-    document.querySelectorAll('details').forEach(function(d){d.open=true});
-    all(function(p){var half=p.closest('.grid');Plotly.relayout(p,{width:half?335:690,autosize:false})});
-  });
-  addEventListener('afterprint',function(){all(function(p){Plotly.relayout(p,{width:null,autosize:true})})});
-})();
-</script>"""
-
 
 def analysis_page(result: Analysis, title: str) -> str:
     """The contact frame or the tip's motion, and joint torques, as one HTML page."""
@@ -90,23 +51,40 @@ def analysis_page(result: Analysis, title: str) -> str:
     body = []
     if result.contact is not None:
         body.append(
-            f"<p class=facts>{facts['samples']} samples, {facts['invalid_samples']} invalid; in contact "
-            f"{100 * facts['in_contact']:.1f} % of the time, {facts['touches']} touches.</p>"
+            note(
+                f"{facts['samples']} samples, {facts['invalid_samples']} invalid; in contact "
+                f"{100 * facts['in_contact']:.1f} % of the time, {facts['touches']} touches."
+            )
         )
     if result.torques is not None:
-        rows = "".join(
-            f"<tr><td>{html.escape(name)}</td><td>{row['measured_rms']:.3f}</td><td>{row['residual_rms']:.3f}</td></tr>"
+        rows = [
+            (name, f"{row['measured_rms']:.3f}", f"{row['residual_rms']:.3f}")
             for name, row in facts["joint_torques"].items()
-        )
-        body.append(
-            "<div class=scroll><table><tr><th>joint</th><th>measured rms [N·m]</th><th>residual rms [N·m]</th></tr>"
-            f"{rows}</table></div>"
-        )
+        ]
+        body.append(table(("joint", "measured rms [N·m]", "residual rms [N·m]"), rows))
     steps = "".join(f"<li><code>{html.escape(str(step))}</code></li>" for step in result.provenance.steps)
     tail = (
         f"<details><summary>Provenance of {html.escape(result.provenance.source)}</summary><ol>{steps}</ol></details>"
     )
     return page(title, "".join(body), figures, tail)
+
+
+def asset(name: str) -> str:
+    """Text of a stylesheet or script that lies beside this file."""
+    return (Path(__file__).parent / name).read_text(encoding="utf-8")
+
+
+def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A table of texts; on a narrow screen it scrolls sideways, and only it."""
+    top = "".join(f"<th>{html.escape(head)}</th>" for head in heads)
+    cells = ("".join(f"<td>{html.escape(str(cell))}</td>" for cell in row) for row in rows)
+    body = "".join(f"<tr>{row}</tr>" for row in cells)
+    return f"<div class=scroll><table><tr>{top}</tr>{body}</table></div>"
+
+
+def note(text: str) -> str:
+    """A paragraph in small print."""
+    return f"<p class=facts>{html.escape(text)}</p>"
 
 
 def page(title: str, head: str, figures: Sequence[tuple[str, Figure | str]], tail: str = "", style: str = "") -> str:
@@ -123,9 +101,10 @@ def page(title: str, head: str, figures: Sequence[tuple[str, Figure | str]], tai
         "<!doctype html><html lang=en><head><meta charset=utf-8>"
         '<meta name=viewport content="width=device-width,initial-scale=1">'
         # an empty icon: the page asks nobody for one
-        f'<link rel=icon href="data:,"><title>{html.escape(title)} – kinid</title><style>{_STYLE}{style}</style>'
-        f"<script>{get_plotlyjs()}</script></head><body><h1>{html.escape(title)}</h1>{head}{''.join(parts)}{tail}{_FIT}"
-        "</body></html>\n"
+        f'<link rel=icon href="data:,"><title>{html.escape(title)} – kinid</title>'
+        f"<style>{asset('page.css')}{style}</style>"
+        f"<script>{get_plotlyjs()}</script></head><body><h1>{html.escape(title)}</h1>{head}{''.join(parts)}{tail}"
+        f"<script>{asset('page.js')}</script></body></html>\n"
     )
 
 
@@ -181,24 +160,10 @@ def contact_figures(touch: ContactSeries) -> list[tuple[str, Figure | str]]:
             line(time, t, values, name, colour, i, legend=False)
         time.update_yaxes(title_text=label, row=i, col=1)
     # one shape a touch over the whole height, added at once: adding them one by one takes seconds
-    time.update_layout(
-        shapes=[
-            {
-                "type": "rect",
-                "xref": "x",
-                "yref": "paper",
-                "x0": a,
-                "x1": b,
-                "y0": 0,
-                "y1": 1,
-                "fillcolor": ORANGE,
-                "opacity": 0.1,
-                "line": {"width": 0},
-                "layer": "below",
-            }
-            for a, b in _runs(touch.in_contact, touch.t - touch.t[0])
-        ]
-    )
+    shade = {"type": "rect", "xref": "x", "yref": "paper", "y0": 0, "y1": 1, "layer": "below"}
+    shade |= {"fillcolor": ORANGE, "opacity": 0.1, "line": {"width": 0}}
+    spans = _runs(touch.in_contact, touch.t - touch.t[0])
+    time.update_layout(shapes=[shade | {"x0": begin, "x1": end} for begin, end in spans])
     time.update_xaxes(title_text="time [s]", row=len(rows), col=1)
     finish(time, 170 * len(rows) + 60)
     pairs = any(len(lines) > 1 for _, lines in rows)
@@ -277,31 +242,31 @@ def torque_figure(torques: JointTorques) -> Figure:
 
 
 def thin(n: int, *shapes: Array) -> NDArray[np.int64]:
-    """Rows to draw of n: all, or the extremes of each stretch, so that no peak gets lost."""
-    if n <= MOST_POINTS:
+    """Rows to draw of n: all, or the extremes of each stretch of some series, so that no peak gets lost."""
+    return decimate(MOST_POINTS, *shapes) if n > MOST_POINTS else np.arange(n)
+
+
+def decimate(most: int, *series: Array) -> NDArray[np.int64]:
+    """So many rows to draw of series of one length, at most: all of them, or the extremes of each stretch."""
+    n = len(series[0])
+    if n <= most:
         return np.arange(n)
-    stretches = np.linspace(0, n, MOST_POINTS // (2 * len(shapes)) + 1).astype(np.int64)
-    rows = {0, n - 1}
-    for shape in shapes:
-        filled = np.where(np.isfinite(shape), shape, 0.0)
-        for a, b in zip(stretches[:-1], stretches[1:]):
-            rows |= {int(a + filled[a:b].argmin()), int(a + filled[a:b].argmax())}
-    return np.array(sorted(rows))
+    wide = -(-n // max(1, (most - 2) // (2 * len(series))))
+    kept = [np.array([0, n - 1])]
+    for x in series:
+        padded = np.full(-(-n // wide) * wide, np.nan)
+        padded[:n] = x
+        stretches = padded.reshape(-1, wide)
+        some = np.isfinite(stretches).any(axis=1)
+        start = np.flatnonzero(some) * wide
+        kept += [start + np.nanargmin(stretches[some], axis=1), start + np.nanargmax(stretches[some], axis=1)]
+    return np.unique(np.concatenate(kept))
 
 
 def line(figure: Figure, x: Array, y: Array, name: str, colour: str, row: int, legend: bool = True) -> None:
     """A line over time in one row of a figure."""
-    figure.add_scatter(
-        x=x,
-        y=y,
-        name=name,
-        legendgroup=name,
-        showlegend=legend,
-        mode="lines",
-        line={"color": colour, "width": 1.4},
-        row=row,
-        col=1,
-    )
+    look = {"mode": "lines", "line": {"color": colour, "width": 1.4}}
+    figure.add_scatter(x=x, y=y, name=name, legendgroup=name, showlegend=legend, row=row, col=1, **look)
 
 
 def _runs(flag: NDArray[np.bool_], t: Array, most: int = 60) -> list[tuple[float, float]]:
@@ -311,8 +276,8 @@ def _runs(flag: NDArray[np.bool_], t: Array, most: int = 60) -> list[tuple[float
     return sorted(spans, key=lambda span: span[0] - span[1])[:most]
 
 
-def finish(figure: Any, height: int) -> None:
-    """House style of a figure, of this height [px]."""
+def finish(figure: Figure, height: int, *, small: bool = False) -> None:
+    """House style of a figure, of this height [px]; small ones share a page with text, down to a phone's width."""
     figure.update_layout(
         template="plotly_white",
         height=height,
@@ -320,3 +285,8 @@ def finish(figure: Any, height: int) -> None:
         legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0},
         hovermode="x unified",
     )
+    if small:
+        font, margin = {"size": 12, "color": "#1f2937"}, {"l": 58, "r": 12, "t": 24, "b": 44}
+        figure.update_layout(margin=margin, autosize=True, font=font)
+        figure.update_xaxes(title_standoff=6)
+        figure.update_yaxes(title_standoff=4)

@@ -8,15 +8,15 @@ import html
 import importlib.util
 import json
 from pathlib import Path
-from typing import Any
 
 from kinid.errors import InputError
+from kinid.writers import Json
 
 #: of the forces of a log
 LEGEND = '<i style="background:#D55E00"></i>measured force <i style="background:#0072B2"></i>predicted'
 
 
-def page(scene: dict[str, Any], legend: str = LEGEND) -> str:
+def page(scene: Json, legend: str = LEGEND) -> str:
     """The viewer showing a scene (`kinid.viewer.scene`), with a legend (HTML) for its forces.
 
     Raises:
@@ -27,16 +27,16 @@ def page(scene: dict[str, Any], legend: str = LEGEND) -> str:
     data = json.dumps(scene, allow_nan=False).replace("<", "\\u003c")
     out = template.replace("__TITLE__", html.escape(str(scene.get("title", "view"))))
     out = out.replace("__LEGEND__", legend, 1).replace("__SCENE__", data, 1)
-    return out.replace("__MESHCAT__", _renderer(), 1)
+    file = renderer()
+    if file is None:
+        raise InputError("no renderer of meshcat", "the package meshcat with its viewer", "pip install meshcat")
+    # no tag is closed inside a script
+    return out.replace("__MESHCAT__", file.read_text(encoding="utf-8").replace("</script", "<\\/script"), 1)
 
 
-def _renderer() -> str:
-    """Source of meshcat's renderer; found without importing meshcat, whose server isn't used and takes a second to
-    load.
-    """
+def renderer() -> Path | None:
+    """Meshcat's renderer, if it is there; found without its server, which isn't used and takes a second to load."""
     spec = importlib.util.find_spec("meshcat")
-    for place in (spec.submodule_search_locations or ()) if spec is not None else ():
-        file = Path(place) / "viewer" / "dist" / "main.min.js"
-        if file.is_file():
-            return file.read_text(encoding="utf-8").replace("</script", "<\\/script")
-    raise InputError("no renderer of meshcat", "the package meshcat with its viewer", "pip install meshcat")
+    places = (spec.submodule_search_locations or ()) if spec is not None else ()
+    files = (Path(place) / "viewer" / "dist" / "main.min.js" for place in places)
+    return next((file for file in files if file.is_file()), None)

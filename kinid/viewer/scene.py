@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import base64
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
@@ -20,6 +19,7 @@ from kinid.modeling.model import Model
 from kinid.robotics.robot import Robot
 from kinid.robotics.surface import Plane
 from kinid.robotics.surface import load as load_surface
+from kinid.writers import Json
 
 Array = NDArray[np.float64]
 
@@ -37,13 +37,19 @@ INFERNO = np.array(
 UNKNOWN = (214, 217, 222, 255)
 #: layer that shows where the model fails
 FAILS = "model fails"
+#: sizes of the shapes that are drawn, of Pinocchio's geometries by their names [m]
+SIZES: dict[str, Callable[..., list[float]]] = {
+    "box": lambda box: (2 * np.asarray(box.halfSide)).tolist(),
+    "cylinder": lambda cylinder: [cylinder.radius, 2 * cylinder.halfLength],
+    "sphere": lambda sphere: [sphere.radius],
+}
 #: opacity where a value is sure, and where its deviation is as large as the values' spread
 SURE, UNSURE = 1.0, 0.25
 
 
 def map_scene(
     grown: PropertyMap, *, shown: str | None = None, method: str = "gp", cells: int = 100, shape: bool = True
-) -> dict[str, Any]:
+) -> Json:
     """A map's colours by property; with `shape` its vertices and faces too.
 
     Args:
@@ -53,8 +59,9 @@ def map_scene(
     if isinstance(grown.surface, Plane):
         ticks = grown.grid(cells)
         x, y = np.meshgrid(*ticks, indexing="ij")
-        queries: NDArray[Any] = np.column_stack([x.ravel(), y.ravel()])
-        vertices = grown.raised(queries)
+        flat = np.column_stack([x.ravel(), y.ravel()])
+        queries: Array | NDArray[np.int64] = flat
+        vertices = grown.raised(flat)
         faces = _quads(*x.shape)
         size = 0.05 * float(np.hypot(*np.ptp(queries, axis=0))) / max(3.0, np.sqrt(len(grown)))
     else:
@@ -84,7 +91,7 @@ def map_scene(
         field = np.where(known, np.log10(np.maximum(misfit[told][near], 1.0)), np.nan)
         layer = _layer(FAILS, "residual / noise", field, 0.0, 1.5, INFERNO, np.zeros(len(field)), False)
         layers.append(layer | {"low": "1", "high": "30"})
-    out: dict[str, Any] = {
+    out: Json = {
         "vertices": len(vertices),
         "layers": layers,
         "shown": shown or layers[0]["name"],
@@ -103,62 +110,47 @@ def layers_of(grown: PropertyMap) -> list[str]:
     return [*told, FAILS] if np.isfinite(grown.misfit).any() else told
 
 
-def robot_scene(rig: Rig, robot: Robot) -> dict[str, Any]:
+def robot_scene(rig: Rig, robot: Robot) -> Json:
     """The robot's shapes by joint, each with its place in the joint's frame; sticks where a URDF holds meshes only."""
     assert rig.robot is not None
     path = kinid.urdf.path(rig.robot.model, rig.folder)
-    joints: list[list[dict[str, Any]]] = [[] for _ in range(robot.model.njoints)]
-    kinds = {"Cylinder": "cylinder", "Sphere": "sphere", "Box": "box"}
+    joints: list[list[Json]] = [[] for _ in range(robot.model.njoints)]
     try:
         shapes = pin.buildGeomFromUrdf(robot.model, str(path), pin.GeometryType.VISUAL).geometryObjects
     except (ValueError, RuntimeError):  # meshes that aren't where the URDF says
         shapes = []
     for item in shapes:
-        kind = kinds.get(type(item.geometry).__name__)
-        if kind is None:
-            continue
-        g = item.geometry
-        if kind == "box":
-            size = (2 * np.asarray(g.halfSide)).tolist()
-        else:
-            size = [g.radius, 2 * g.halfLength] if kind == "cylinder" else [g.radius]
-        joints[item.parentJoint].append(
-            {
-                "kind": kind,
-                "size": size,
-                "color": np.asarray(item.meshColor).tolist(),
-                "matrix": item.placement.homogeneous.T.ravel().tolist(),
-            }
-        )
+        kind = type(item.geometry).__name__.lower()
+        if kind in SIZES:
+            color = np.asarray(item.meshColor).tolist()
+            joints[item.parentJoint].append(_shape(kind, SIZES[kind](item.geometry), color, item.placement.homogeneous))
     if not any(joints[1:]):
         for j in range(1, robot.model.njoints):
             joints[robot.model.parents[j]].append(_stick(np.asarray(robot.model.jointPlacements[j].translation)))
-            joints[j].append(
-                {"kind": "sphere", "size": [0.04], "color": [0.2, 0.21, 0.23, 1], "matrix": np.eye(4).ravel().tolist()}
-            )
+            joints[j].append(_shape("sphere", [0.04], [0.2, 0.21, 0.23, 1], np.eye(4)))
     if robot.tip_frame is not None:
         tip = robot.frame(robot.tip_frame)
         if not shapes or robot.sensor_frame is None:
             joints[tip.parentJoint].append(_stick(np.asarray(tip.placement.translation)))
+    return {"joints": joints, "zero": packed(_joint_poses(robot, pin.neutral(robot.model)), "<f4")}
+
+
+def _joint_poses(robot: Robot, configuration: Array) -> Array:
+    """Places [m] and quaternions of all joints in the base frame, (N + 1, 7)."""
     data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, pin.neutral(robot.model))
-    return {"joints": joints, "zero": packed(np.array([pin.SE3ToXYZQUAT(pose) for pose in data.oMi]), "<f4")}
+    pin.forwardKinematics(robot.model, data, configuration)
+    return np.array([pin.SE3ToXYZQUAT(pose) for pose in data.oMi])
 
 
-def motion_scene(log: Log, rig: Rig, robot: Robot, model: str | None = None) -> dict[str, Any]:
+def motion_scene(log: Log, rig: Rig, robot: Robot, model: str | None = None) -> Json:
     """The arm's motion through a log at some 50 frames a second, and the forces at its tip, measured and predicted."""
     assert log.q is not None
     keep = np.flatnonzero(np.isfinite(log.q).all(axis=1))
     step = max(1, round(1.0 / (FRAMES * log.period))) if log.period > 0 else 1
     keep = keep[::step]
     configuration = robot.configuration(log.q[keep])
-    data = robot.model.createData()
-    poses = np.empty((len(keep), robot.model.njoints, 7))
-    for i, row in enumerate(configuration):
-        pin.forwardKinematics(robot.model, data, row)
-        for j in range(robot.model.njoints):
-            poses[i, j] = pin.SE3ToXYZQUAT(data.oMi[j])
-    out: dict[str, Any] = {
+    poses = np.array([_joint_poses(robot, row) for row in configuration]).reshape(len(keep), robot.model.njoints, 7)
+    out: Json = {
         "t": packed(log.t[keep] - log.t[keep[0]], "<f4"),
         "poses": packed(poses, "<f4"),
         "n": len(keep),
@@ -211,7 +203,7 @@ def _predicted(touch: ContactSeries, model: str | None) -> Array:
     return out
 
 
-def patch_scene(rig: Rig, side: float = 0.12) -> dict[str, Any] | None:
+def patch_scene(rig: Rig, side: float = 0.12) -> Json | None:
     """A block under the surface's point; None for a mesh or without a surface."""
     surface = load_surface(rig)
     if not isinstance(surface, Plane):
@@ -219,7 +211,7 @@ def patch_scene(rig: Rig, side: float = 0.12) -> dict[str, Any] | None:
     return _block(surface, np.full(2, -0.5 * side), np.full(2, 0.5 * side), 0.0)
 
 
-def map_patch(grown: PropertyMap, ground: float) -> dict[str, Any] | None:
+def map_patch(grown: PropertyMap, ground: float) -> Json | None:
     """A block under all of a map on a plane, that stands on a ground at this height [m]; None on a mesh."""
     if not isinstance(grown.surface, Plane):
         return None
@@ -228,7 +220,7 @@ def map_patch(grown: PropertyMap, ground: float) -> dict[str, Any] | None:
     return _block(grown.surface, low - edge, high + edge, ground)
 
 
-def _block(surface: Plane, low: Array, high: Array, ground: float) -> dict[str, Any]:
+def _block(surface: Plane, low: Array, high: Array, ground: float) -> Json:
     """From corner to corner along both tangents [m]; down to the ground where that is not far and the surface lies
     level.
     """
@@ -241,7 +233,7 @@ def _block(surface: Plane, low: Array, high: Array, ground: float) -> dict[str, 
     return {"size": [*(high - low).tolist(), thick], "matrix": matrix.T.ravel().tolist()}
 
 
-def axes_scene(grown: PropertyMap) -> dict[str, Any] | None:
+def axes_scene(grown: PropertyMap) -> Json | None:
     """Where the axes of a map on a plane run: its point, its axes, and its extent along both tangents [m]; None on a
     mesh.
     """
@@ -252,7 +244,7 @@ def axes_scene(grown: PropertyMap) -> dict[str, Any] | None:
     return {name: values.tolist() for name, values in facts.items()}
 
 
-def ground_scene(grown: PropertyMap) -> dict[str, Any]:
+def ground_scene(grown: PropertyMap) -> Json:
     """A level ground under a map that is seen without a robot: its middle [m], and the size of what stands on it
     [m].
     """
@@ -273,7 +265,7 @@ def _extent(grown: PropertyMap) -> tuple[Array, Array]:
     return np.array([t[0] for t in ticks]), np.array([t[-1] for t in ticks])
 
 
-def views(grown: PropertyMap | None, arm: bool, moves: bool) -> list[dict[str, Any]]:
+def views(grown: PropertyMap | None, arm: bool, moves: bool) -> list[Json]:
     """Cameras to choose from, the first one first: what each frames, its direction, and whether the arm is shown.
 
     Args:
@@ -295,7 +287,6 @@ def views(grown: PropertyMap | None, arm: bool, moves: bool) -> list[dict[str, A
         out.append(seen)
         # a trace to the side decides which way is up in the picture: the second tangent
         above = normal - 1e-3 * (np.array([0.0, 1.0, 0.0]) if plane is None else plane.axes[1])
-        of = ["surface"] if plane is None else ["surface", "axes"]
         out.append(seen | {"name": "above", "says": "the surface from above", "of": of, "away": above.tolist()})
     return out
 
@@ -309,24 +300,19 @@ def _aside(plane: Plane | None) -> list[float]:
     return (away + [0.0, 0.0, 0.25 if abs(normal[2]) < 0.5 else 0.0]).tolist()  # type: ignore[no-any-return]
 
 
-def camera(target: Array, normal: Array, distance: float) -> dict[str, Any]:
+def camera(target: Array, normal: Array, distance: float) -> Json:
     """From the front, above and a little to the side of what is looked at."""
     side = np.cross(normal, [0.0, 0.0, 1.0] if abs(normal[2]) < 0.9 else [1.0, 0.0, 0.0])
     away = np.array([0.72, -0.62, 0.55]) if abs(normal[2]) > 0.9 else normal + 0.4 * side + np.array([0, 0, 0.4])
     return {"position": (target + distance * away / np.linalg.norm(away)).tolist(), "target": target.tolist()}
 
 
-def title_of(path: Path) -> str:
-    """Of a file or folder."""
-    return path.resolve().name
-
-
-def packed(values: NDArray[Any], kind: str) -> str:
+def packed(values: NDArray[np.generic], kind: str) -> str:
     """Numbers as base64 of their bytes."""
     return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")
 
 
-def colours(field: Array, low: float, high: float, scale: NDArray[Any], doubt: Array) -> NDArray[np.uint8]:
+def colours(field: Array, low: float, high: float, scale: NDArray[np.generic], doubt: Array) -> NDArray[np.uint8]:
     """RGBA of values, (n, 4); unknown ones in grey; the larger the doubt (deviation over spread), the more
     transparent.
     """
@@ -341,8 +327,8 @@ def colours(field: Array, low: float, high: float, scale: NDArray[Any], doubt: A
 
 
 def _layer(
-    name: str, unit: str, field: Array, low: float, high: float, scale: NDArray[Any], doubt: Array, fades: bool
-) -> dict[str, Any]:
+    name: str, unit: str, field: Array, low: float, high: float, scale: NDArray[np.generic], doubt: Array, fades: bool
+) -> Json:
     stops = [f"rgb({r},{g},{b})" for r, g, b in scale.tolist()]
     return {
         "name": name,
@@ -362,7 +348,7 @@ def _quads(rows: int, columns: int) -> NDArray[np.int64]:
     return np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
 
 
-def _stick(end: Array) -> dict[str, Any]:
+def _stick(end: Array) -> Json:
     """A cylinder from the origin to a point."""
     length = float(np.linalg.norm(end))
     matrix = np.eye(4)
@@ -372,9 +358,9 @@ def _stick(end: Array) -> dict[str, Any]:
         x /= np.linalg.norm(x)
         matrix[:3, :3] = np.column_stack([x, np.cross(z, x), z])
     matrix[:3, 3] = end / 2
-    return {
-        "kind": "cylinder",
-        "size": [0.025, max(length, 1e-3)],
-        "color": [0.8, 0.81, 0.83, 1],
-        "matrix": matrix.T.ravel().tolist(),
-    }
+    return _shape("cylinder", [0.025, max(length, 1e-3)], [0.8, 0.81, 0.83, 1], matrix)
+
+
+def _shape(kind: str, size: list[float], color: list[float], matrix: Array) -> Json:
+    """A shape of one colour, where a homogeneous matrix (4, 4) puts it."""
+    return {"kind": kind, "size": size, "color": color, "matrix": matrix.T.ravel().tolist()}

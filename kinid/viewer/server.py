@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import queue
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import Any
 
 from kinid.errors import InputError
+from kinid.writers import Json
 
 LOOPBACK = "127.0.0.1"
 #: a comment goes down a quiet stream so often [s], so that a browser that went away is noticed
@@ -39,7 +39,7 @@ class ViewServer:
                 """The page, or the stream."""
                 owner._answer(self)
 
-            def log_message(self, format: str, *args: Any) -> None:
+            def log_message(self, format: str, *args: object) -> None:
                 """Say nothing."""
 
         try:
@@ -61,7 +61,7 @@ class ViewServer:
         """Pages that are listening."""
         return len(self._listeners)
 
-    def send(self, message: dict[str, Any]) -> None:
+    def send(self, message: Json) -> None:
         """To all pages that are open."""
         text = json.dumps(message, allow_nan=False)
         with self._lock:
@@ -84,12 +84,8 @@ class ViewServer:
         path = request.path.split("?")[0]
         if path == "/":
             body = self._page().encode()
-            request.send_response(200)
-            request.send_header("Content-Type", "text/html; charset=utf-8")
-            request.send_header("Content-Length", str(len(body)))
-            request.send_header("Cache-Control", "no-store")
-            request.send_header("Cross-Origin-Resource-Policy", "same-origin")
-            request.end_headers()
+            size = {"Content-Length": str(len(body)), "Cross-Origin-Resource-Policy": "same-origin"}
+            _begin(request, "text/html; charset=utf-8", size)
             request.wfile.write(body)
         elif path == "/live":
             self._stream(request)
@@ -97,11 +93,7 @@ class ViewServer:
             request.send_error(404)
 
     def _stream(self, request: BaseHTTPRequestHandler) -> None:
-        request.send_response(200)
-        request.send_header("Content-Type", "text/event-stream")
-        request.send_header("Cache-Control", "no-store")
-        request.send_header("Connection", "close")
-        request.end_headers()
+        _begin(request, "text/event-stream", {"Connection": "close"})
         request.close_connection = True
         listener: queue.Queue[str | None] = queue.Queue()
         with self._lock:
@@ -123,3 +115,11 @@ class ViewServer:
         finally:
             with self._lock:
                 self._listeners.remove(listener)
+
+
+def _begin(request: BaseHTTPRequestHandler, kind: str, headers: Mapping[str, str]) -> None:
+    """A good answer, which no cache keeps, up to its body."""
+    request.send_response(200)
+    for name, value in {"Content-Type": kind, "Cache-Control": "no-store", **headers}.items():
+        request.send_header(name, value)
+    request.end_headers()

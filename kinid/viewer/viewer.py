@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
-from typing import Any
 
 from kinid.data.rig import Rig
 from kinid.errors import InputError, KinidError, near
 from kinid.mapping.probes import Prober, build, logs_in, same_surface
-from kinid.mapping.property_map import PropertyMap, is_map
+from kinid.mapping.property_map import Probe, PropertyMap, is_map
 from kinid.modeling.model import Model
 from kinid.robotics.reading import read
 from kinid.robotics.robot import Robot
@@ -17,6 +17,23 @@ from kinid.robotics.surface import Mesh, Plane
 from kinid.robotics.surface import load as load_surface
 from kinid.viewer import scene as scenes
 from kinid.viewer.page import page
+from kinid.writers import Json
+
+#: logs of a folder that are read before the picture is drawn anew
+AT_ONCE = 25
+
+
+class Kind(StrEnum):
+    """Of what is looked at."""
+
+    MAP = "map"
+    LOG = "log"
+    FOLDER = "folder"
+
+    @classmethod
+    def of(cls, target: Path) -> Kind:
+        """What stands there."""
+        return cls.FOLDER if target.is_dir() else cls.MAP if is_map(target) else cls.LOG
 
 
 @dataclass(eq=False)
@@ -42,13 +59,13 @@ class View:
         self._stamp: tuple[int, int] | None = None
         self._shown_log: Path | None = None
         self._bad: set[str] = set()
-        self._kind = "folder" if self.target.is_dir() else "map" if is_map(self.target) else "log"
+        self.kind = Kind.of(self.target)
         self._check_options()
         self._rig: Rig | None = None
         self._robot: Robot | None = None
         self._prober: Prober | None = None
-        rig = self.rig or (self.target if self._kind == "folder" else self.target.parent) / "rig.toml"
-        if self._kind != "map" or self.rig is not None:
+        rig = self.rig or (self.target if self.kind is Kind.FOLDER else self.target.parent) / "rig.toml"
+        if self.kind is not Kind.MAP or self.rig is not None:
             self._rig = Rig.load(rig)
             if self._rig.robot is None:
                 raise InputError(
@@ -57,7 +74,7 @@ class View:
             self._robot = Robot.load(self._rig)
         else:
             self._find_arm()
-        if self._kind == "folder":
+        if self.kind is Kind.FOLDER:
             assert self._rig is not None
             self._prober = Prober.of(self._rig, self._effects)
         self._update()
@@ -90,13 +107,13 @@ class View:
 
     def _check_options(self) -> None:
         """Refuse what says nothing about the target, and effects that nobody knows."""
-        if self._kind == "map" and self.model is not None:
+        if self.kind is Kind.MAP and self.model is not None:
             raise InputError(
                 f"--model {self.model} for a map, which is fitted already",
                 "a log or a folder of logs",
                 "leave --model out, or map the logs anew with kinid map --model",
             )
-        if self._kind == "log" and self.shown is not None:
+        if self.kind is Kind.LOG and self.shown is not None:
             raise InputError(
                 f"--property {self.shown} for a log, which has no properties",
                 "a map or a folder of logs",
@@ -118,14 +135,9 @@ class View:
         if self.shown not in layers:
             raise InputError(f"property '{self.shown}'", f"one of {', '.join(layers)}", near(self.shown, layers))
 
-    @property
-    def live(self) -> bool:
-        """Whether it may change: a map and a campaign grow, and so does a log that is still being written."""
-        return True
-
-    def scene(self) -> dict[str, Any]:
+    def scene(self) -> Json:
         """Everything."""
-        out: dict[str, Any] = {"title": scenes.title_of(self.target), "play": self._kind == "log"}
+        out: Json = {"title": self.target.resolve().name, "play": self.kind is Kind.LOG}
         log = None
         if self._rig is not None and self._robot is not None:
             log = self._log()
@@ -134,16 +146,16 @@ class View:
             if log is not None:
                 out |= self._moving(log)
         out |= self._mapped()
-        if self._kind == "map":
+        if self.kind is Kind.MAP:
             # what is looked at is the map: the arm is a view beside it
             out["views"] = [*out["views"][1:], *out["views"][:1]] if "robot" in out else out["views"]
             out["play"] = False
         return {name: part for name, part in out.items() if part is not None}
 
-    def _mapped(self) -> dict[str, Any]:
+    def _mapped(self) -> Json:
         """The map with what stands around it, and the views of all that is shown."""
         grown = self._map if self._map is not None and len(self._map) else None
-        out: dict[str, Any] = {"views": scenes.views(grown, self._robot is not None, self._shown_log is not None)}
+        out: Json = {"views": scenes.views(grown, self._robot is not None, self._shown_log is not None)}
         if grown is None:
             return out
         out["map"] = scenes.map_scene(grown, shown=self.shown, method=self.method)
@@ -153,13 +165,13 @@ class View:
         patch = scenes.map_patch(grown, out["ground"]["centre"][2] if self._robot is None else 0.0)
         return out if patch is None else out | {"patch": patch}
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Json:
         """What is shown, in the words of JSON: the kind of target, the map's model, probes and colours, the log that
         moves.
         """
-        out: dict[str, Any] = {
+        out: Json = {
             "target": str(self.target),
-            "kind": self._kind,
+            "kind": self.kind,
             "method": self.method,
             "log": None if self._shown_log is None else str(self._shown_log),
         }
@@ -173,26 +185,26 @@ class View:
             }
         return out
 
-    def changed(self) -> dict[str, Any] | None:
+    def changed(self) -> Json | None:
         """What is new; None when nothing is."""
         had = (None if self._map is None else len(self._map), self._shown_log)
         if not self._update():
             return None
-        if self._kind == "log":
+        if self.kind is Kind.LOG:
             try:
                 return self._moving(self.target) | {"follow": True}
             except KinidError:  # in the middle of being written: the next look finds it whole
                 self._stamp = None
                 return None
-        out: dict[str, Any] = {}
-        if self._map is not None and len(self._map) and (len(self._map) != had[0] or self._kind == "map"):
+        out: Json = {}
+        if self._map is not None and len(self._map) and (len(self._map) != had[0] or self.kind is Kind.MAP):
             out |= self._mapped()
         log = self._log() if self._robot is not None else None
         if log is not None and log != had[1]:
             out |= self._moving(log) | {"play": True}
         return {name: part for name, part in out.items() if part is not None} or None
 
-    def _moving(self, path: Path) -> dict[str, Any]:
+    def _moving(self, path: Path) -> Json:
         assert self._rig is not None
         assert self._robot is not None
         log = read(path, self._rig, robot=self._robot)
@@ -205,49 +217,54 @@ class View:
         return {"motion": motion, "facts": f"{path.name}: {len(log)} samples, {log.t[-1] - log.t[0]:.1f} s"}
 
     def _log(self) -> Path | None:
-        if self._kind == "log":
+        """The log that moves the arm: of a map that of its last probe, of a folder the last one."""
+        if self.kind is Kind.LOG:
             return self.target
-        if self._kind == "map":
-            sources = (
-                [Path(probe.source.split("#")[0]) for probe in self._map.probes[-1:]] if self._map is not None else []
-            )
-            return next((path for path in sources if path.is_file()), None)
-        found = (
-            [path for path in logs_in([self.target]) if str(path) not in self._bad] if self._kind == "folder" else []
-        )
-        return found[-1] if found else None
+        if self.kind is Kind.FOLDER:
+            return next(reversed(self._good_logs()), None)
+        probes = [] if self._map is None else self._map.probes[-1:]
+        return next((path for path in map(_log_of, probes) if path.is_file()), None)
+
+    def _good_logs(self) -> list[Path]:
+        """Of a folder, but for those that can't be used."""
+        return [path for path in logs_in([self.target]) if str(path) not in self._bad]
 
     def _update(self) -> bool:
         """Read what has changed on disk; whether anything has."""
-        if self._kind in ("map", "log"):
-            try:
-                state = self.target.stat()
-            except OSError:  # between being removed and being written anew
-                return False
-            stamp = (state.st_mtime_ns, state.st_size)
-            if stamp == self._stamp:
-                return False
-            self._stamp = stamp
-            if self._kind == "map":
-                self._map = PropertyMap.read(self.target)
-                self._check_shown()
-            return True
-        if self._kind == "folder":
-            assert self._prober is not None
-            before = 0 if self._map is None else len(self._map)
-            todo = [path for path in logs_in([self.target]) if str(path) not in self._bad]
-            # a few at a time, so that the picture grows while a long campaign is read
-            known = set() if self._map is None else {p.source.split("#")[0] for p in self._map.probes}
-            fresh = [path for path in todo if str(path) not in known][:25]
-            for grown in build(fresh, self._prober, self._map, lambda path, _: self._bad.add(str(path))):
-                self._map = grown
+        if self.kind is Kind.FOLDER:
+            return self._grow()
+        try:
+            state = self.target.stat()
+        except OSError:  # between being removed and being written anew
+            return False
+        stamp = (state.st_mtime_ns, state.st_size)
+        if stamp == self._stamp:
+            return False
+        self._stamp = stamp
+        if self.kind is Kind.MAP:
+            self._map = PropertyMap.read(self.target)
             self._check_shown()
-            return (0 if self._map is None else len(self._map)) > before
-        return False
+        return True
+
+    def _grow(self) -> bool:
+        """Probe a folder's new logs, a few at a time, so that the picture grows while a long campaign is read."""
+        assert self._prober is not None
+        known = set() if self._map is None else {_log_of(probe) for probe in self._map.probes}
+        before = 0 if self._map is None else len(self._map)
+        fresh = [path for path in self._good_logs() if path not in known][:AT_ONCE]
+        for grown in build(fresh, self._prober, self._map, lambda path, _: self._bad.add(str(path))):
+            self._map = grown
+        self._check_shown()
+        return (0 if self._map is None else len(self._map)) > before
+
+
+def _log_of(probe: Probe) -> Path:
+    """The log in which a probe was measured; behind `#` its source names the place within it."""
+    return Path(probe.source.split("#")[0])
 
 
 def record(view: View) -> str:
     """The view as one self-contained HTML text, all of a folder's logs in it."""
-    while view.live and view._kind == "folder" and view._update():
+    while view.kind is Kind.FOLDER and view._update():
         pass
     return page(view.scene())

@@ -10,6 +10,7 @@ import time
 
 import numpy as np
 import pytest
+from scripted import RIG, scripted_poke
 
 from kinid.contact.online import OnlineContact, OnlineEstimator
 from kinid.data.rig import Rig
@@ -22,7 +23,6 @@ from kinid.estimators import (
     SingleStage,
     TwoStage,
 )
-from kinid.lab.scripted import RIG, scripted_poke
 
 N = 100_000
 TRUTH = np.array([1.0, 2.0, 3.0, 4.0])

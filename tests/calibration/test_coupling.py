@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from scripted import RIG, Material, Scripted, scripted_poke
 
 from kinid.calibration.coupling import compensate, load_fit, told_apart
 from kinid.contact.series import contact_series
@@ -15,7 +16,6 @@ from kinid.data.log import Log
 from kinid.data.rig import Rig
 from kinid.errors import InputError
 from kinid.identification.fit import Fit, fit_model
-from kinid.lab.scripted import RIG, Material, Scripted, scripted_poke
 from kinid.modeling.model import Model
 
 RIG_READ = Rig.parse_text(RIG)

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from scripted import Scripted, scripted_poke
 
 from kinid.cli import main
-from kinid.lab.scripted import Scripted, scripted_poke
 
 Run = Callable[..., tuple[int, str, str]]
 

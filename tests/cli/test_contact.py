@@ -12,9 +12,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from scripted import RIG, Scripted
 
 from kinid.data.rig import CONTACT
-from kinid.lab.scripted import RIG, Scripted
 
 Run = Callable[..., tuple[int, str, str]]
 Refused = Callable[..., None]

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scripted import RIG, Scripted, scripted_poke
 
 from kinid.contact.online import OnlineContact, OnlineEstimator
 from kinid.contact.series import contact_series
@@ -23,7 +24,6 @@ from kinid.estimators import (
     TwoStage,
 )
 from kinid.kernels import causal
-from kinid.lab.scripted import RIG, Scripted, scripted_poke
 from kinid.signal.derivative import Differentiator
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scripted import follow
 
 from kinid.contact.registration import find_surface
 from kinid.data.log import Log
 from kinid.data.rig import Rig, surface_axes
 from kinid.errors import InputError
-from kinid.lab.scripted import follow
 from kinid.robotics.robot import Robot
 from kinid.robotics.wrench import tool_load
 

@@ -21,10 +21,11 @@ from kinid.identification.lack_of_fit import lack_of_fit
 from kinid.identification.whole import held_out_residual
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
-from kinid.reports.diagnosis_figures import MOST_POINTS, Shown, decimate, loops, readings
+from kinid.reports.diagnosis_figures import MOST_POINTS, Shown, loops, readings
 from kinid.reports.diagnosis_multiples import multiples
 from kinid.reports.diagnosis_page import diagnosis_page
 from kinid.reports.diagnosis_words import headline, leftover, one_sided
+from kinid.reports.plots import decimate
 from kinid.residuals.localization import where
 
 NOISE = 0.02

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from scripted import RIG, Scripted, scripted_poke
 
 import kinid
 from kinid.contact.series import ContactSeries, contact_series
@@ -18,7 +19,6 @@ from kinid.effects import catalogue
 from kinid.errors import InputError
 from kinid.identification.compare import compare
 from kinid.identification.fit import fit_model
-from kinid.lab.scripted import RIG, Scripted, scripted_poke
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.from_logs import from_joint_torques
 from kinid.modeling.model import Model

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scripted import RIG, scripted_poke
 from typer.testing import CliRunner
 
 import kinid
 from kinid.cli import app
 from kinid.identification.compare import compare
 from kinid.identification.fit import Fit, fit_model
-from kinid.lab.scripted import RIG, scripted_poke
 from kinid.writers import write_table
 
 Case = tuple[kinid.Log, kinid.Rig, kinid.Model]

@@ -13,7 +13,7 @@ from numba.core.registry import CPUDispatcher
 
 from kinid.controllers import _line
 from kinid.kernels.cached import stamp
-from kinid.lab import loop
+from kinid.lab import closed_loop
 
 INNER = "from numba import njit\n@njit(cache=True)\ndef inner(x):\n    return x + {}\n"
 OUTER = """
@@ -44,21 +44,21 @@ def test_an_edit_of_what_is_called_reaches_the_caller(tmp_path: Path) -> None:
     assert len(list((tmp_path / "__pycache__").glob("outer*.nbi"))) == 2
 
 
-@pytest.mark.parametrize("module", [loop, _line])
+@pytest.mark.parametrize("module", [closed_loop, _line])
 def test_all_that_a_loop_calls_is_in_its_stamp(module) -> None:
     """Compiled functions of other files among its globals: each file's source must be in the name of the cache."""
     function = module.run.py_func
     assert isinstance(function, FunctionType)
-    called = {
-        value.py_func.__module__
-        for name, value in vars(module).items()
-        if isinstance(value, CPUDispatcher) and name in function.__code__.co_names
-    }
+    compiled = {name: value for name, value in vars(module).items() if isinstance(value, CPUDispatcher)}
+    # those of its own file are compiled into it
+    own = [value.py_func for value in compiled.values() if value.py_func.__module__ == module.__name__]
+    names = {name for each in own for name in each.__code__.co_names}
+    called = {value.py_func.__module__ for name, value in compiled.items() if name in names}
     others = sorted(called - {module.__name__})
     assert others
     modules = {name: sys.modules[name] for name in others}
     expected = {
-        "kinid.lab.loop": ["kinid.kernels.dynamics", "kinid.lab._law", "kinid.controllers.impedance"],
+        "kinid.lab.closed_loop": ["kinid.kernels.dynamics", "kinid.lab._law", "kinid.controllers.impedance"],
         "kinid.controllers._line": ["kinid.controllers.passivity"],
     }[module.__name__]
     assert sorted(expected) == others

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scripted import RIG, Scripted, scripted_poke
 
 from kinid.data.rig import Rig
-from kinid.lab.scripted import RIG, Scripted, scripted_poke
 from kinid.live.messages import Item, Joints, Wrench
 
 

@@ -8,9 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from scripted import Scripted
 
 from kinid.cli import main
-from kinid.lab.scripted import Scripted
 
 Run = Callable[..., tuple[int, str, str]]
 

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 from live.prepared import NAMES, Prepared
+from scripted import Scripted
 
 from kinid.contact.online import OnlineContact, OnlineEstimator
 from kinid.data.rig import Rig
 from kinid.errors import InputError
 from kinid.estimators import Friction, KelvinVoigt, SingleStage
-from kinid.lab.scripted import Scripted
 from kinid.live import Event, Pipeline, Session
 from kinid.live.messages import Item, Joints, Notice, Wrench
 from kinid.live.pipeline import Watch

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scripted import Scripted
 
 from kinid.data.rig import Rig
 from kinid.errors import InputError
-from kinid.lab.scripted import Scripted
 from kinid.live import open_source
 from kinid.live.messages import Item, Joints, Notice, Source, Wrench
 from kinid.live.sources import Asked, kinds

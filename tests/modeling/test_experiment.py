@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scripted import RIG, Scripted, scripted_poke
 
 from kinid.contact.series import contact_series
 from kinid.data.log import Log
 from kinid.data.rig import WRENCH, Rig, ToolSpec
 from kinid.effects import Layout
 from kinid.errors import InputError
-from kinid.lab.scripted import RIG, Scripted, scripted_poke
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.from_logs import FAR, from_contact, from_wrench
 from kinid.modeling.model import Model

@@ -1,7 +1,6 @@
 """A scripted experiment: the LWR4+ follows a tip path exactly, and the sensors see it with their faults.
 
-No controller and no joint elasticity act here; the material is a Kelvin-Voigt half-space with Coulomb friction. It
-gives a first log to whoever has none.
+No controller and no joint elasticity act here; the material is a Kelvin-Voigt half-space with Coulomb friction.
 """
 
 from __future__ import annotations
@@ -17,6 +16,8 @@ from numpy.typing import NDArray
 from kinid.data.log import Log
 from kinid.data.rig import Rig
 from kinid.errors import KinidError
+from kinid.lab.protocol import minimum_jerk
+from kinid.lab.sensors import RESOLUTION
 from kinid.robotics.inverse_dynamics import inverse_dynamics
 from kinid.robotics.robot import Robot
 from kinid.robotics.wrench import tool_load
@@ -42,8 +43,6 @@ tangent = [1, 0, 0]
 range = [40, 40, 120, 2, 2, 2]
 noise = [0.015, 0.015, 0.029, 0.0005, 0.0006, 0.0003]
 """
-#: steps of the Mini40's output [N, N·m]
-RESOLUTION = np.array([1 / 100, 1 / 100, 1 / 50, 1 / 4000, 1 / 4000, 1 / 4000])
 #: steps of the joint encoders on the link side [rad]
 ENCODER = 2e-6
 #: shear stiffness of the contact until it slides [N/m]
@@ -104,7 +103,7 @@ def scripted_poke(seed: int = 0, material: Material | None = None) -> Scripted:
     rig = Rig.parse_text(RIG)
     robot = Robot.load(rig)
     if rig.tool is None or rig.axes is None or rig.surface is None or rig.surface.point is None:
-        raise KinidError("the laboratory's own rig lacks a table")
+        raise KinidError("the experiment's own rig lacks a table")
     t, phase, offset, tilt = _script()
     axes = rig.axes  # rows tangent1, tangent2, normal
     targets = np.asarray(rig.surface.point) + offset @ axes
@@ -154,7 +153,7 @@ def _script() -> tuple[Array, NDArray[np.str_], Array, Array]:
     for name, length in parts:
         rows = (t >= start - 1e-9) & (t < start + length - 1e-9)
         u = t[rows] - start
-        s = _minimum_jerk(u / length)
+        s = minimum_jerk(u / length)
         phase[rows] = name
         z, x = np.full(u.shape, height), np.full(u.shape, along)
         if name == "free":  # turns the tool, so that gravity shows weight and bias apart
@@ -189,12 +188,6 @@ def _stick_and_slip(speed: Array, normal: Array, coefficient: float) -> Array:
     return out
 
 
-def _minimum_jerk(s: Array) -> Array:
-    """Rest to rest on [0, 1] with continuous acceleration (Flash & Hogan 1985)."""
-    out: Array = s**3 * (10 - 15 * s + 6 * s**2)
-    return out
-
-
 def follow(robot: Robot, targets: Array, tilt: Array) -> Array:
     """Joints that put the tip at each target with the tool pointing down, tilted about x and y; Newton's method."""
     model, data = robot.model, robot.model.createData()
@@ -212,6 +205,6 @@ def follow(robot: Robot, targets: Array, tilt: Array) -> Array:
                 break
             q = q + np.linalg.lstsq(jacobian, error, rcond=None)[0]
         else:
-            raise KinidError("the laboratory's script leaves the arm's reach")
+            raise KinidError("the script leaves the arm's reach")
         out[i] = q
     return out

@@ -1,0 +1,95 @@
+"""A map on a terminal and in JSON: ranges of its properties, errors of probes left out, logs that couldn't be used."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from rich.markup import escape
+
+from kinid.cli.show import console, plain_table, right, say
+
+if TYPE_CHECKING:
+    from kinid.mapping.interpolation.uniform import Uniform
+    from kinid.mapping.property_map import PropertyMap
+
+#: times the noise from which a model fails at a place
+FAILING = 3
+#: logs that were left out are named, so many
+MOST_LEFT_OUT = 5
+
+
+class Known(NamedTuple):
+    """Of a property: how many probes tell it; its range, the median standard error, errors of probes left out, and the
+    one value that it has everywhere, None where it differs from place to place.
+    """
+
+    name: str
+    unit: str
+    probes: int
+    numbers: tuple[float, float, float]
+    held_out: dict[str, float | None]
+    uniform: Uniform | None = None
+
+
+def in_map(grown: PropertyMap) -> list[Known]:
+    """What a map holds of each property."""
+    out = []
+    for item in grown.properties:
+        values, errors = grown.values(item.name), grown.deviations(item.name)
+        known = np.isfinite(values)
+        if not known.any():
+            out.append(Known(item.name, item.unit, 0, (np.nan, np.nan, np.nan), {}))
+            continue
+        numbers = (float(values[known].min()), float(values[known].max()), float(np.median(errors[known])))
+        held = {name: error if np.isfinite(error) else None for name, error in grown.held_out(item.name).items()}
+        out.append(Known(item.name, item.unit, int(known.sum()), numbers, held, grown.uniform(item.name)))
+    return out
+
+
+def map_facts(grown: PropertyMap, known: Sequence[Known], new: int, left_out: Mapping[str, str]) -> dict[str, object]:
+    """In the words of JSON; a property that no probe tells has no numbers."""
+    properties: dict[str, dict[str, object]] = {p.name: {"unit": p.unit, "probes": p.probes} for p in known}
+    for p in known:
+        if p.probes:
+            numbers = dict(zip(("lowest", "highest", "standard_error"), p.numbers))
+            uniform = None if p.uniform is None else dataclasses.asdict(p.uniform)
+            properties[p.name] |= {**numbers, "held_out": p.held_out, "uniform": uniform}
+    return {
+        "model": grown.model,
+        "probes": len(grown),
+        "new": new,
+        "properties": properties,
+        "failing": int(np.nansum(grown.misfit > FAILING)),
+        "left_out_logs": dict(left_out),
+    }
+
+
+def show_map(grown: PropertyMap, known: Sequence[Known], new: int, left_out: Mapping[str, str]) -> None:
+    """Two tables: together they are wider than a terminal."""
+    out, probes = console(), len(grown)
+    old = f", {probes - new} of them there already" if new < probes else ""
+    out.print(f"{probes} probes with {grown.model}{old}", soft_wrap=True)
+    table = plain_table("property", "unit", *right("lowest", "highest", "standard error"))
+    for p in known:
+        low, high, error = p.numbers
+        numbers = (f"{low:.5g}", f"{high:.5g}", f"{error:.3g}") if p.probes else ("unknown", "unknown", "–")
+        table.add_row(escape(p.name), p.unit, *numbers)
+    out.print(table)
+    if told := [p for p in known if p.probes]:
+        table = plain_table("error of probes left out", *right(*told[0].held_out))
+        for p in told:
+            table.add_row(escape(p.name), *("–" if e is None else f"{e:.3g}" for e in p.held_out.values()))
+        out.print(table)
+    say(out, *(f"{p.name}: {p.uniform.words(p.unit)}" for p in known if p.uniform is not None))
+    if failing := int(np.nansum(grown.misfit > FAILING)):
+        say(
+            out,
+            f"doubt: at {failing} of {probes} places the model leaves more than {FAILING} times the noise; kinid "
+            "diagnose says what may be missing there",
+        )
+    say(out, *(f"left out: {path}: {why}" for path, why in list(left_out.items())[:MOST_LEFT_OUT]))
+    if len(left_out) > MOST_LEFT_OUT:
+        out.print(f"left out: {len(left_out) - MOST_LEFT_OUT} more")
