@@ -92,7 +92,19 @@ def quick(words: list[str]) -> list[str]:
     return [word for word in words if word != "--open"]
 
 
+@pytest.fixture
+def own_catalogue(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Folders of effects that commands are given don't outlast them."""
+    from kinid.effects import catalogue
+
+    monkeypatch.setenv("KINID_EFFECTS", "")
+    yield
+    monkeypatch.undo()
+    catalogue.cache_clear()
+
+
 @named
+@pytest.mark.usefixtures("own_catalogue")
 def test_commands_run(
     page: Path, desk: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -145,7 +157,7 @@ def test_an_effect_is_one_file(tmp_path: Path) -> None:
     folder = tmp_path / "effects"
     folder.mkdir()
     # under a name of its own, so that a tree may hold that of the page
-    text = next(iter(fences(ROOT / "CONTRIBUTING.md", "python"))).replace("law-of-a-page", "law-of-a-page")
+    text = next(iter(fences(ROOT / "CONTRIBUTING.md", "python"))).replace("quadratic-damping", "law-of-a-page")
     (folder / "law_of_a_page.py").write_text(text)
     # a log of a material tester from equations of its own: 900 N/m, and 260 N s2/m2 that the model asked about doesn't
     # have
