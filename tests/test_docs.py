@@ -91,7 +91,19 @@ def quick(words: list[str]) -> list[str]:
     return [word for word in words if word != "--open"]
 
 
+@pytest.fixture
+def own_catalogue(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Folders of effects that commands are given don't outlast them."""
+    from kinid.effects import catalogue
+
+    monkeypatch.setenv("KINID_EFFECTS", "")
+    yield
+    monkeypatch.undo()
+    catalogue.cache_clear()
+
+
 @named
+@pytest.mark.usefixtures("own_catalogue")
 def test_commands_run(
     page: Path, desk: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -143,7 +155,9 @@ def test_an_effect_is_one_file(tmp_path: Path) -> None:
     """The effect in CONTRIBUTING.md, written to a file: explained, fitted, and found where a log hides it."""
     folder = tmp_path / "effects"
     folder.mkdir()
-    (folder / "quadratic_damping.py").write_text(next(iter(fences(ROOT / "CONTRIBUTING.md", "python"))))
+    # under a name of its own, so that a tree may hold that of the page
+    text = next(iter(fences(ROOT / "CONTRIBUTING.md", "python"))).replace("quadratic-damping", "law-of-a-page")
+    (folder / "law_of_a_page.py").write_text(text)
     # a log of a material tester from equations of its own: 900 N/m, and 260 N s2/m2 that the model asked about doesn't
     # have
     t = np.arange(0, 30, 0.004)
@@ -171,21 +185,21 @@ def test_an_effect_is_one_file(tmp_path: Path) -> None:
         assert done.returncode == 0, done.stderr
         return done.stdout
 
-    assert "Forchheimer" in ask("diagnose", "--explain", "quadratic-damping")
-    assert "quadratic-damping" in ask("fit", "tester.npz", "--model", "hooke,quadratic-damping", "--json", "fit.json")
+    assert "Forchheimer" in ask("diagnose", "--explain", "law-of-a-page")
+    assert "law-of-a-page" in ask("fit", "tester.npz", "--model", "hooke,law-of-a-page", "--json", "fit.json")
     import json
 
-    estimate = json.loads((tmp_path / "fit.json").read_text())["parameters"]["quadratic-damping.damping"]
+    estimate = json.loads((tmp_path / "fit.json").read_text())["parameters"]["law-of-a-page.damping"]
     assert estimate["low"] < 260.0 < estimate["high"]
     assert estimate["value"] == pytest.approx(260.0, rel=0.05)
     ask("diagnose", "tester.npz", "--model", "hooke", "--json", "found.json")
     found = json.loads((tmp_path / "found.json").read_text())
     assert found["verdict"] == "missing"
-    assert found["added"] == ["quadratic-damping"]
+    assert found["added"] == ["law-of-a-page"]
     # nothing of it stays behind: this process's catalogue doesn't know it
     from kinid.effects import catalogue
 
-    assert "quadratic-damping" not in catalogue()
+    assert "law-of-a-page" not in catalogue()
 
 
 def test_commands_have_their_line() -> None:

@@ -48,6 +48,8 @@ def _root(
 ) -> None:
     if effects:  # processes that are begun inherit it
         os.environ[VARIABLE] = os.pathsep.join([str(folder.absolute()) for folder in effects])
+        if "kinid.effects" in sys.modules:  # a program that calls this one may have read the catalogue before
+            sys.modules["kinid.effects"].catalogue.cache_clear()
 
 
 #: each command with the line that the list of commands shows of it

@@ -54,7 +54,8 @@ def new(
         ),
     ],
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", help="File or folder to write to; default: the name, here.")
+        Path | None,
+        typer.Option("-o", "--out", help="File to write, or a folder that is there; default: the name, here."),
     ] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="What was written, as JSON.")] = None,
 ) -> None:
@@ -66,7 +67,8 @@ def new(
     chosen = _stage(stage)
     _check_name(name)
     path = _path(name, out)
-    check_outputs((path, json_file), ())
+    check_outputs((json_file,), (path,))
+    path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path, effect_file(name, chosen))
     if json_file is not None:
         write_text(json_file, json.dumps({"effect": name, "stage": chosen.value, "file": str(path)}, indent=2) + "\n")

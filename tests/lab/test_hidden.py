@@ -46,8 +46,8 @@ def inject(setup, rng):
 def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """The file of an effect of one's own, in a folder that the catalogue reads; nothing of it stays behind."""
     monkeypatch.setenv("KINID_EFFECTS", str(tmp_path))
-    file = tmp_path / "quadratic_damping.py"
-    file.write_text(effect_file("quadratic-damping", Stage.NORMAL))
+    file = tmp_path / "law_of_mine.py"
+    file.write_text(effect_file("law-of-mine", Stage.NORMAL))
     catalogue.cache_clear()
     yield file
     monkeypatch.undo()
@@ -57,7 +57,7 @@ def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 def test_an_effect_brings_its_own_injector(own: Path) -> None:
     own.write_text(own.read_text().replace("import final\n", "import final\n\nimport numpy as np\n") + OWN)
     setup = prepare("poke", seed=1)
-    injected, truth = hide(setup, "quadratic-damping", 7)
+    injected, truth = hide(setup, "law-of-mine", 7)
     parameters = truth["parameters"]
     assert isinstance(parameters, dict)
     clean, other = setup.run(), injected.run()
@@ -72,7 +72,7 @@ def test_an_effect_brings_its_own_injector(own: Path) -> None:
 
 def test_an_effect_without_an_injector_is_refused_with_a_line(own: Path) -> None:
     with pytest.raises(InputError, match="give its file a function inject"):
-        hide(prepare("poke"), "quadratic-damping", 0)
+        hide(prepare("poke"), "law-of-mine", 0)
 
 
 def test_an_effect_has_one_injector(own: Path) -> None:

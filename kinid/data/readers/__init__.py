@@ -1,7 +1,8 @@
 """Logs from files: one module a format, found by scanning this folder.
 
 A module of this package whose name has no leading underscore is a format. It declares `SUFFIXES`, where a
-folder is the log `MARKER`, the file that tells such a folder, and `read(path, rig, joints) -> Log`.
+folder is the log `MARKER`, the file that tells such a folder, and `read(path, rig, joints) -> Log`. With
+`write_example(path, columns)` the tests of all formats write a log of it, and read it back.
 """
 
 from __future__ import annotations

@@ -80,6 +80,15 @@ WRITERS: dict[str, tuple[str, Callable[[Path], Any]]] = {
     "text, white space": ("a.txt", lambda p: write_text(p, "   ", "")),
     "text, header in a comment": ("a.dat", lambda p: write_text(p, " ", "# ")),
 }
+#: formats that bring a writer of their own for these tests
+OWN = {suffix: module for suffix, module in formats().items() if hasattr(module, "write_example")}
+WRITERS |= {
+    f"{suffix}, as it writes itself": (
+        f"own{suffix}",
+        lambda p, write=module.write_example: write(p, columns(truth())),
+    )
+    for suffix, module in OWN.items()
+}
 
 
 @pytest.mark.parametrize("how", WRITERS)
@@ -164,7 +173,7 @@ def test_an_empty_file_is_refused(suffix: str, tmp_path: Path) -> None:
     one_line(error, path)
 
 
-@pytest.mark.parametrize("suffix", [".parquet", ".npz", ".mat", ".bag", ".db3", ".mcap"])
+@pytest.mark.parametrize("suffix", [".parquet", ".npz", ".mat", ".bag", ".db3", ".mcap", *OWN])
 def test_garbage_is_refused(suffix: str, tmp_path: Path) -> None:
     pytest.importorskip("rosbags")
     pytest.importorskip("mcap")
