@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from kinid.diagnosis.pooling.screening import columns_of, points_of
 from kinid.effects import Stage, get
-from kinid.identification.nuisance import nuisances
 from kinid.identification.pooling.result import PooledFit
 from kinid.identification.problem import Problem
 from kinid.identification.solver import first_error_model, search
@@ -71,8 +70,9 @@ def _as_others_say(fit: PooledFit, whole: Experiment) -> State:
         others = [log.parameters[name].value for log in fit.logs if name in log.parameters and log.name not in fit.odd]
         known = fit.parameters.get(name)
         values.append(known.value if known is not None else float(np.median(others)) if others else p.nominal)
-    shift = np.zeros(len(nuisances(model, problem.experiment.signals)))
-    return search(problem, model, np.array(values), first_error_model(problem), shift=shift, max_steps=0)
+    held = np.array(values)
+    # its sensor's zero, and whatever else calibration leaves open, is its own
+    return search(problem, model, held, first_error_model(problem), bounds=(held, held), max_steps=3)
 
 
 def _axes(state: State) -> str:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from functools import cache
 
 import numpy as np
+import pytest
 from campaign.testers import poked, several
 
 import kinid
 from kinid.campaign.diagnosis import CampaignDiagnosis
+from kinid.campaign.oddness import reasons
+from kinid.data.rig import Rig
+from kinid.lab.scripted import RIG, scripted_poke
 
 MODEL = kinid.Model("kelvin-voigt", "sensor-bias")
 #: laws that bend a spring over depth, which a small one can't be told by
@@ -61,10 +66,21 @@ def test_odd_logs_are_named() -> None:
         assert list(fit.odd) == ["log 6"]
         # and left out of what is shared
         assert abs(fit["stiffness"].value - 800.0) < 4.0
-        from kinid.campaign.oddness import reasons
-
         assert words in f"log 6: {reasons(fit, campaign, 'log 6', fit.odd['log 6'])}"
     assert kinid.Campaign(several(6)).fit(kinid.Model("kelvin-voigt", "surface-offset", "sensor-bias")).odd == {}
+
+
+def test_a_sensor_with_swapped_axes_is_named_with_them() -> None:
+    logs = [scripted_poke(seed=seed).log for seed in range(4)]
+    wrench = logs[3].wrench
+    assert wrench is not None
+    logs[3] = dataclasses.replace(logs[3], wrench=wrench[:, [1, 0, 2, 4, 3, 5]])
+    campaign = kinid.Campaign(logs, Rig.parse_text(RIG))
+    fit = campaign.fit(kinid.Model("kelvin-voigt", "coulomb-friction"))
+    assert list(fit.odd) == ["log 4"]
+    assert "axes x, y, z read y, x, z of the others'" in reasons(fit, campaign, "log 4", "")
+    # the rest tells what it would have told without it
+    assert fit["stiffness"].value == pytest.approx(732.0, rel=0.005)
 
 
 def test_groups_that_differ_are_told() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +29,18 @@ from kinid.modeling.model import Model
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
-#: errors of a log, that held out by log, what is left of it, and how many readings count
-Errors = tuple[FitError, float, LackOfFit, int]
+
+
+class _Errors(NamedTuple):
+    """Errors of a log: seen and held out by block; by log, and that in means beside its own zero; what is left of it,
+    and how many readings count.
+    """
+
+    error: FitError
+    by_log: float
+    misfit: float
+    left: LackOfFit
+    samples: int
 
 
 def fit_logs(
@@ -98,18 +109,17 @@ def fit_of_pool(pool: Pool, aside: Mapping[str, str] | None = None) -> PooledFit
         made.append(_errors_of(pool, held_out, number, state))
     found = scores.covariance()
     logs = []
-    for number, (error, by_log, left, samples) in enumerate(made):
-        own = scores.own_covariance(number, found.matrix)
-        logs.append(_log_result(pool, held_out, number, own, error, by_log, left, samples))
-    counts = np.array([samples for *_, samples in made], float)
-    left = _together([left for _, _, left, _ in made], counts)
+    for number, one in enumerate(made):
+        logs.append(_log_result(pool, held_out, number, scores.own_covariance(number, found.matrix), one))
+    counts = np.array([one.samples for one in made], float)
+    left = _together([one.left for one in made], counts)
     error = FitError(
-        _mean([e.train for e, *_ in made], counts),
-        _mean([e.held_out for e, *_ in made], counts),
+        _mean([one.error.train for one in made], counts),
+        _mean([one.error.held_out for one in made], counts),
         left.noise,
         left.unit,
     )
-    by_log = _mean([b for _, b, *_ in made], counts) if len(pool) > 1 else float("nan")
+    by_log = _mean([one.by_log for one in made], counts) if len(pool) > 1 else float("nan")
     parameters, spread = _shared(pool, found)
     warnings = _warnings(pool, found, left) + [f"{name} is put aside: {why}" for name, why in (aside or {}).items()]
     scales = {name: p.scale for one in pool.alone for name, p in one.model.parameters(one.layout).items()}
@@ -131,7 +141,7 @@ def fit_of_pool(pool: Pool, aside: Mapping[str, str] | None = None) -> PooledFit
     )
 
 
-def _errors_of(pool: Pool, held_out: HeldOut, number: int, state: State) -> Errors:
+def _errors_of(pool: Pool, held_out: HeldOut, number: int, state: State) -> _Errors:
     """Errors of one log, seen, held out by blocks and by log, what is left of it, and its samples."""
     whole = state.problem.whole
     rows = error_rows(whole)
@@ -139,24 +149,15 @@ def _errors_of(pool: Pool, held_out: HeldOut, number: int, state: State) -> Erro
     blocks = LogState.made(state, held_out.by_block(number))
     left = lack_of_fit(blocks, seen)
     unseen = rms(held_out_residual(blocks)[rows][:, whole.valid])
-    by_log = float("nan")
+    by_log = misfit = float("nan")
     if len(pool) > 1:
         apart = LogState.made(state, held_out.by_log(number))
-        by_log = rms(held_out_residual(apart)[rows][:, whole.valid])
+        by_log, misfit = rms(held_out_residual(apart)[rows][:, whole.valid]), rms(apart.held_out[rows])
     error = FitError(rms(seen[rows][:, whole.valid]), unseen, left.noise, error_unit(whole))
-    return error, by_log, left, int(whole.valid.sum()) * int(rows.sum())
+    return _Errors(error, by_log, misfit, left, int(whole.valid.sum()) * int(rows.sum()))
 
 
-def _log_result(
-    pool: Pool,
-    held_out: HeldOut,
-    number: int,
-    covariance: Array,
-    error: FitError,
-    by_log: float,
-    left: LackOfFit,
-    samples: int,
-) -> LogResult:
+def _log_result(pool: Pool, held_out: HeldOut, number: int, covariance: Array, made: _Errors) -> LogResult:
     alone, log = pool.alone[number], pool.problems.logs[number]
     place, half = pool.coordinates(number), Z95 * np.sqrt(np.diag(covariance))
     own, every = {}, {}
@@ -166,18 +167,20 @@ def _log_result(
         every[name] = _fitted(name, alone.values[i], Z95 * alone.errors[i], p.low, p.high, p.unit)
         if pool.sharing[name] in (PER_LOG, POPULATION):
             own[name] = _fitted(name, place[i] * p.scale, half[i] * p.scale, p.low, p.high, p.unit)
-    found, expected = held_out.disagreement(number) if len(pool) > 1 else (0.0, 1.0)
+    found, freedom = held_out.disagreement(number) if len(pool) > 1 else (0.0, 1.0)
     return LogResult(
         log.name,
         log.groups,
-        samples,
+        made.samples,
         own,
         every,
-        error,
-        by_log,
+        made.error,
+        made.by_log,
         alone.held_out,
-        left,
-        found / max(expected, 1.0),
+        made.left,
+        made.misfit,
+        found / max(freedom, 1.0),
+        freedom,
     )
 
 

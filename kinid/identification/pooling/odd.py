@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from kinid.identification.pooling.result import LogResult
 
@@ -20,8 +21,8 @@ Array = NDArray[np.float64]
 FEWEST, MOST = 4, 0.34
 #: deviations from the median beyond which a log is odd: of ten thousand normal ones none is expected
 BEYOND = 6.0
-#: an error is odd where it is so many times the usual, a disagreement where it is so many times chance's
-TIMES, CHANCE = 1.5, 6.0
+#: an error is odd where it is so many times the usual, a disagreement where chance makes it so rarely
+TIMES, CHANCE = 1.5, 1e-5
 #: spread of the logarithm of an error that any logs have
 USUAL = 0.1
 
@@ -35,18 +36,20 @@ def odd_logs(logs: Sequence[LogResult], scales: Mapping[str, float]) -> dict[str
     if len(logs) < FEWEST:
         return {}
     found: list[tuple[float, str, str]] = []
-    error = np.log(np.maximum([log.by_log for log in logs], 1e-12))
+    error = np.log(np.maximum([log.misfit for log in logs], 1e-12))
     usual = float(np.exp(np.median(error)))
     for log, away in zip(logs, _deviations(error, USUAL)):
-        if away > BEYOND and log.by_log > TIMES * usual:
-            words = f"what the other logs say leaves {log.by_log:.3g} {log.error.unit}, {usual:.2g} is usual"
+        if away > BEYOND and log.misfit > TIMES * usual:
+            words = f"what the other logs say leaves {log.misfit:.3g} {log.error.unit}, {usual:.2g} is usual"
             found.append((away, log.name, words))
-    disagreement = np.log(np.maximum([log.disagreement for log in logs], 1e-3))
-    typical = float(np.exp(np.median(disagreement)))
-    for log, away in zip(logs, _deviations(disagreement, 0.5)):
-        if away > BEYOND and log.disagreement > CHANCE * max(1.0, typical):
-            words = f"its own values disagree with the others' {log.disagreement / typical:.0f} times as much as usual"
-            found.append((away, log.name, words))
+    # half of all logs disagree by less than the median of χ², where nothing but chance makes them
+    middle = [log.disagreement * log.freedom / float(chi2.median(max(1.0, log.freedom))) for log in logs]
+    typical = max(1.0, float(np.median(middle)))
+    for log in logs:
+        times = log.disagreement / typical
+        if chi2.sf(times * log.freedom, max(1.0, log.freedom)) < CHANCE:
+            words = f"its own values are {np.sqrt(times):.2g} times as far from the others' as chance makes them"
+            found.append((times, log.name, words))
     for name in {name for log in logs for name in log.parameters}:
         having = [log for log in logs if name in log.parameters and np.isfinite(log.parameters[name].high)]
         if len(having) < FEWEST:

@@ -26,7 +26,8 @@ class LogResult:
         error: seen, held out by blocks, noise. by_log: error where nothing of what is shared came from this log; its
             own parameters come from its other fold. alone_error: held-out error of the fit of this log alone.
         left: what is left beside noise and tolerance.
-        disagreement: of its shared parameters with those of the other logs, χ² over its expectation.
+        misfit: by_log in means of neighbours, beside whatever zero its sensor has.
+        disagreement: of its shared parameters with those of the other logs, χ² over its expectation `freedom`.
     """
 
     name: str
@@ -38,7 +39,9 @@ class LogResult:
     by_log: float
     alone_error: float
     left: LackOfFit
+    misfit: float
     disagreement: float
+    freedom: float
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON; None where there is no figure."""

@@ -1,0 +1,79 @@
+"""Figures of pooled fits and diagnoses over many draws: coverage, spread against logs, weak effects, odd logs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from campaign.testers import poked
+from numpy.typing import NDArray
+
+import kinid
+
+Array = NDArray[np.float64]
+
+#: of a power law: stiffness [N/mⁿ], damping [N·s/mⁿ⁺¹], exponent
+TRUTH = {"stiffness": 6000.0, "damping": 600.0, "exponent": 1.3}
+HUNT_CROSSLEY = kinid.Model("hunt-crossley", "sensor-bias")
+KELVIN_VOIGT = kinid.Model("kelvin-voigt", "sensor-bias")
+
+
+@dataclass(frozen=True)
+class Draws:
+    """Estimates and whether their 95 % intervals hold the truth, each (draws, parameters)."""
+
+    estimates: Array
+    covered: NDArray[np.bool_]
+
+    @property
+    def spread(self) -> Array:
+        """Standard deviation of the estimates over draws, (parameters,)."""
+        return self.estimates.std(axis=0, ddof=1)
+
+
+def power_law(seed: int, bias: float) -> kinid.Log:
+    """A log of a Hunt-Crossley material, with a bias of its own."""
+    log = poked(seed)
+    depth, rate = np.maximum(log.contact["depth"], 0.0), log.contact["depth_rate"]
+    noise = np.random.default_rng([seed, 7]).standard_normal(len(depth))
+    power = depth ** TRUTH["exponent"]
+    force = np.maximum(power * (TRUTH["stiffness"] + TRUTH["damping"] * rate), 0.0) + bias + 0.02 * noise
+    return kinid.Log(t=log.t, contact={**log.contact, "normal_force": force})
+
+
+def recovered(draws: int, logs: int, seed: int = 0) -> Draws:
+    """Pooled fits of so many campaigns of so many logs."""
+    estimates, covered = [], []
+    for draw in range(draws):
+        first = 10_000 * (seed + draw)
+        biases = 0.05 * np.random.default_rng([first, 9]).standard_normal(logs)
+        fit = kinid.Campaign([power_law(first + i, float(bias)) for i, bias in enumerate(biases)]).fit(HUNT_CROSSLEY)
+        found = [fit[name] for name in TRUTH]
+        estimates.append([p.value for p in found])
+        covered.append([p.low <= truth <= p.high for p, truth in zip(found, TRUTH.values())])
+    return Draws(np.array(estimates), np.array(covered))
+
+
+def found_effects(draws: int, logs: int, stiffening: float, seed: int = 0) -> list[tuple[str, ...]]:
+    """What diagnoses of so many campaigns add, where springs stiffen so much [N/m²]."""
+    out = []
+    for draw in range(draws):
+        first = 10_000 * (seed + draw) + 5000
+        campaign = kinid.Campaign([poked(first + i, stiffening=stiffening) for i in range(logs)])
+        out.append(campaign.diagnose(KELVIN_VOIGT, max_effects=1).added)
+    return out
+
+
+def named(draws: int, logs: int, kind: str, seed: int = 0) -> list[list[str]]:
+    """Which logs are called odd in so many campaigns whose last log is of another kind."""
+    out = []
+    for draw in range(draws):
+        first = 10_000 * (seed + draw) + 7000
+        odd = {
+            "tool": {"stiffness": 900.0, "damping": 9.0},
+            "surface": {"offset": 3e-4},
+            "none": {},
+        }[kind]
+        some = [poked(first + i) for i in range(logs - 1)]
+        out.append(list(kinid.Campaign([*some, poked(first + logs, **odd)]).fit(KELVIN_VOIGT).odd))
+    return out
