@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 import kinid
-from kinid.cli import compare, contact, demo, diagnose, doctor, fit, lab, picture, plan, view
+from kinid.cli import changes, compare, contact, demo, diagnose, doctor, fit, lab, picture, plan, view
 from kinid.cli import map as map_command
 from kinid.cli.once import Once
 from kinid.errors import KinidError
@@ -61,6 +61,7 @@ for name, function, examples, short in (
     ("compare", compare.compare, compare.EXAMPLES, "Models side by side on samples held out."),
     ("diagnose", diagnose.diagnose, diagnose.EXAMPLES, "Where a model fails, and what it lacks."),
     ("lab", lab.lab, lab.EXAMPLES, "Virtual experiments whose truth is known."),
+    ("changes", changes.changes, changes.EXAMPLES, "Borders and jumps along slides."),
     ("map", map_command.map_, map_command.EXAMPLES, "Touches to a map of properties."),
     ("picture", picture.picture, picture.EXAMPLES, "What a picture says of a mapped property."),
     ("view", view.view, view.EXAMPLES, "A log or a map in three dimensions."),
