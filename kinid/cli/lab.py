@@ -190,7 +190,9 @@ def lab(
         }
         if given := [name for name, value in others.items() if value is not None]:
             raise InputError(f"study with {', '.join(given)}", "--seed alone", "leave the others out")
-        summary = _study(out, seed)
+        from kinid.cli.lab_study import study
+
+        summary = study(out, seed)
     elif campaign is not None and experiment is not None:
         summary = _campaign(_task(experiment, asked, campaign, 0.01 if spacing is None else spacing, bool(mcap)), out)
     else:
@@ -326,29 +328,6 @@ def _teleoperation(out: Path, asked: Asked, measured_map: Path | None, place: tu
     written([out / "teleoperation.json", page])
     facts: dict[str, Any] = json.loads((out / "teleoperation.json").read_text(encoding="utf-8"))
     return {"experiment": "teleoperation", "seed": asked.seed, "page": str(page)} | facts
-
-
-def _study(out: Path, seed: int) -> dict[str, Any]:
-    from rich.table import Table
-
-    from kinid.cli.show import console, written
-    from kinid.lab import study
-    from kinid.lab.folder import at_work, check_free
-
-    check_free(out)
-    with console().status("three materials, poked and slid on …"):
-        rows = study.study(seed)
-    with at_work(out):
-        check_free(out)
-        path = study.write(out, rows)
-    table = Table()
-    for title in ("material", "parameter", "published", "true", "estimated", "95 % from", "to", "unit"):
-        table.add_column(title, justify="left" if title in ("material", "parameter", "unit") else "right")
-    for row in rows:
-        table.add_row(row.material, row.parameter, *(f"{value:.4g}" for value in row[2:7]), row.unit)
-    console().print(table)
-    written([path])
-    return {"experiment": "study", "seed": seed, "parameters": [row._asdict() for row in rows], "table": str(path)}
 
 
 def _task(experiment: str, asked: Asked, grid: str, spacing: float, mcap: bool) -> Campaign:
