@@ -47,12 +47,15 @@ class Constant(Forgetting):
 class Scheduled(Forgetting):
     """β(t) = 1 − drop · exp(−rate · (t − start)), quick at first and then ever slower (Haddadi & Hashtrudi-Zaad 2012).
 
-    Before `start` the formula would fall below 0; there β is 1 − drop.
+    Before `start` the formula would fall below 0; there β is 1 − drop. Two seconds later it is 1 to four digits and the
+    estimate stands still: right for a constant material, and wrong for one that goes on changing. `memory` ends that: β
+    never passes 1 − 1/memory. A parameter that drifts by r in a second is late by r times the memory's time.
 
     Args:
         rate: c [1/s], ≥ 0.
         start: t₀ [s], when contact began or the environment changed.
         drop: 1 − β at the start, 0 ≤ drop < 1.
+        memory: longest [samples], > 1; without end as published.
 
     Raises:
         InputError: a number outside its range.
@@ -61,8 +64,11 @@ class Scheduled(Forgetting):
     rate: float = 5.0
     start: float = 0.0
     drop: float = 0.01
+    memory: float = math.inf
 
     def __post_init__(self) -> None:
+        if not self.memory > 1.0:
+            raise InputError(f"a memory of {self.memory} samples", "more than 1", "use 50 … 1000, or inf for no end")
         if not (math.isfinite(self.rate) and self.rate >= 0 and math.isfinite(self.start) and 0 <= self.drop < 1):
             raise InputError(str(self), "rate ≥ 0, a finite start, 0 ≤ drop < 1", "use the numbers of the docstring")
 
@@ -70,13 +76,14 @@ class Scheduled(Forgetting):
         """β at each time, (n,)."""
         if t is None:
             raise _timeless()
-        return np.asarray(1.0 - self.drop * np.exp(-self.rate * np.maximum(t - self.start, 0.0)))
+        drop = self.drop * np.exp(-self.rate * np.maximum(t - self.start, 0.0))
+        return np.asarray(1.0 - np.maximum(drop, 1.0 / self.memory))
 
     def at(self, t: float | None) -> float:
         """See `Forgetting`; NumPy's exponential here too, since that of `math` may differ in the last bit."""
         if t is None:
             raise _timeless()
-        return 1.0 - self.drop * float(np.exp(-self.rate * max(t - self.start, 0.0)))
+        return 1.0 - max(self.drop * float(np.exp(-self.rate * max(t - self.start, 0.0))), 1.0 / self.memory)
 
 
 def _timeless() -> InputError:

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 import kinid
-from kinid.cli import compare, contact, demo, diagnose, doctor, effect, fit, lab, live, picture, plan, view
+from kinid.cli import changes, compare, contact, demo, diagnose, doctor, effect, fit, lab, live, picture, plan, view
 from kinid.cli import map as map_command
 from kinid.cli.ending import ended
 from kinid.cli.once import Once
@@ -62,6 +62,7 @@ for name, function, examples, short in (
     ("diagnose", diagnose.diagnose, diagnose.EXAMPLES, "Where a model fails, and what it lacks."),
     ("lab", lab.lab, lab.EXAMPLES, "Virtual experiments whose truth is known."),
     ("live", live.live, live.EXAMPLES, "A robot's stream as it comes: contact frame, estimates, events."),
+    ("changes", changes.changes, changes.EXAMPLES, "Borders and jumps along slides."),
     ("map", map_command.map_, map_command.EXAMPLES, "Touches to a map of properties."),
     ("picture", picture.picture, picture.EXAMPLES, "What a picture says of a mapped property."),
     ("view", view.view, view.EXAMPLES, "A log or a map in three dimensions."),

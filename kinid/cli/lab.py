@@ -163,7 +163,9 @@ def lab(
         x, y = (0.0, 0.0) if at is None else _numbers(at, 2, "--at", "0.02,0.02")
         summary = runs.teleoperation(out, asked, measured_map, (x, y))
     elif experiment == STUDY:
-        summary = runs.study(out, seed)
+        from kinid.cli.lab_study import study
+
+        summary = study(out, seed)
     elif campaign is not None and experiment is not None:
         places = grid(campaign, "--campaign")
         summary = runs.campaign(experiment, asked, places, 0.01 if spacing is None else spacing, bool(mcap), out)

@@ -175,27 +175,6 @@ def teleoperation(out: Path, asked: Asked, measured_map: Path | None, place: tup
     return {"experiment": "teleoperation", "seed": asked.seed, "page": str(page), **known}
 
 
-def study(out: Path, seed: int) -> dict[str, object]:
-    """The published materials, found again."""
-    from rich.table import Table
-
-    from kinid.lab import study as lab
-    from kinid.lab.folder import check_free
-
-    check_free(out)
-    with console().status("three materials, poked and slid on …"):
-        rows = lab.study(seed)
-    with _writing(out):
-        path = lab.write(out, rows)
-    numbers = right("published", "true", "estimated", "95 % from", "to")
-    table = Table("material", "parameter", *numbers, "unit")
-    for row in rows:
-        table.add_row(row.material, row.parameter, *(f"{value:.4g}" for value in row[2:7]), row.unit)
-    console().print(table)
-    written((path,))
-    return {"experiment": "study", "seed": seed, "parameters": [row._asdict() for row in rows], "table": str(path)}
-
-
 def campaign(
     experiment: str, asked: Asked, places: tuple[int, int], spacing: float, mcap: bool, out: Path
 ) -> dict[str, object]:

@@ -1,0 +1,46 @@
+"""`kinid changes` as a user meets it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kinid.lab.experiments import prepare
+from kinid.lab.materials import ECOFLEX, SPONGE, Patch
+from kinid.lab.protocol import Slide, five_phases
+from kinid.lab.writing import write_experiment
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture(scope="module")
+def crossed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A log of a slide over a border at 2.25 mm."""
+    folder = tmp_path_factory.mktemp("slide")
+    material = ECOFLEX.replace(patches=(Patch((2.25e-3, -0.1), (0.1, 0.1), SPONGE),))
+    script = five_phases(Slide(speed=5e-3, length=8e-3, directions=(0.0,)))
+    return write_experiment(folder, prepare("slide", seed=3).replace(material=material, script=script).run(), {})
+
+
+def test_borders_are_printed_and_written(run: Run, crossed: Path, tmp_path: Path) -> None:
+    out = tmp_path / "borders.json"
+    code, said, _ = run("changes", crossed, "--json", out)
+    assert code == 0
+    found = json.loads(out.read_text())
+    assert len(found) == 2
+    for border in found:
+        assert {"t", "slip1", "slip2", "sd", "before", "after"} <= set(border)
+        assert abs(border["slip1"] - 2.25e-3) < 0.5e-3
+        assert 0 < border["sd"] < 0.5e-3
+    assert np.sign(np.cos(found[0]["direction"])) == 1.0
+    assert found[0]["before"]["stiffness"] > found[0]["after"]["stiffness"]
+    assert "2.2" in said or "2.3" in said
+
+
+def test_wrong_questions_are_refused(run: Run, refused: Callable[..., None], crossed: Path) -> None:
+    refused(run("changes", crossed, "--false-alarms", "2"), "false-alarm")
+    refused(run("changes", crossed.parent / "none.parquet", "--rig", crossed.parent / "rig.toml"), "none.parquet")
