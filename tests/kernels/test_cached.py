@@ -46,20 +46,21 @@ def test_an_edit_of_what_is_called_reaches_the_caller(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("module", [loop, _line])
 def test_all_that_a_loop_calls_is_in_its_stamp(module) -> None:
-    """Compiled functions of other files among its globals: each file's source must be in the name of the cache."""
+    """Compiled functions of other files that it or its own file's functions call: each file's source must be in the
+    name of the cache.
+    """
     function = module.run.py_func
     assert isinstance(function, FunctionType)
-    called = {
-        value.py_func.__module__
-        for name, value in vars(module).items()
-        if isinstance(value, CPUDispatcher) and name in function.__code__.co_names
-    }
+    compiled = {name: value.py_func for name, value in vars(module).items() if isinstance(value, CPUDispatcher)}
+    own = [part for part in compiled.values() if part.__module__ == module.__name__]
+    names = {name for part in own for name in part.__code__.co_names}
+    called = {part.__module__ for name, part in compiled.items() if name in names}
     others = sorted(called - {module.__name__})
     assert others
     modules = {name: sys.modules[name] for name in others}
     expected = {
         "kinid.lab.loop": ["kinid.kernels.dynamics", "kinid.lab._law", "kinid.controllers.impedance"],
-        "kinid.controllers._line": ["kinid.controllers.passivity"],
+        "kinid.controllers._line": ["kinid.controllers.passivity", "kinid.kernels.contact_laws"],
     }[module.__name__]
     assert sorted(expected) == others
     assert function.__qualname__ == f"run_{stamp(*(modules[name] for name in expected))}"
