@@ -46,7 +46,7 @@ class Line(NamedTuple):
     period: float
 
 
-@njit(cache=True)
+@njit  # not kept on disk: its own cache would not see a change of the law in another file
 def _material(depth: float, rate: float, stiffness: float, damping: float, lasting: bool) -> float:
     """Force of a Kelvin-Voigt material [N], which doesn't pull unless contact lasts whatever happens."""
     force = _kelvin_voigt(depth, rate, stiffness, damping)

@@ -46,7 +46,9 @@ def test_an_edit_of_what_is_called_reaches_the_caller(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("module", [closed_loop, _line])
 def test_all_that_a_loop_calls_is_in_its_stamp(module) -> None:
-    """Compiled functions of other files among its globals: each file's source must be in the name of the cache."""
+    """Compiled functions of other files that it or its own file's functions call: each file's source must be in the
+    name of the cache.
+    """
     function = module.run.py_func
     assert isinstance(function, FunctionType)
     compiled = {name: value for name, value in vars(module).items() if isinstance(value, CPUDispatcher)}
@@ -59,7 +61,7 @@ def test_all_that_a_loop_calls_is_in_its_stamp(module) -> None:
     modules = {name: sys.modules[name] for name in others}
     expected = {
         "kinid.lab.closed_loop": ["kinid.kernels.dynamics", "kinid.lab._law", "kinid.controllers.impedance"],
-        "kinid.controllers._line": ["kinid.controllers.passivity"],
+        "kinid.controllers._line": ["kinid.controllers.passivity", "kinid.kernels.contact_laws"],
     }[module.__name__]
     assert sorted(expected) == others
     assert function.__qualname__ == f"run_{stamp(*(modules[name] for name in expected))}"
