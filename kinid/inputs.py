@@ -13,11 +13,12 @@ from kinid.errors import InputError
 MOST_BYTES = 2_000_000
 
 
-def read_text(path: Path, what: str, mend: str, most: int = MOST_BYTES) -> str:
+def read_text(path: Path, noun: str, what: str, mend: str, most: int = MOST_BYTES) -> str:
     """A text file in UTF-8.
 
     Args:
-        path: of the file. what: it should be, as "a rig.toml". mend: what a user can do where it isn't. most: bytes.
+        path: of the file. noun: what it is called, as "rig". what: it should be, as "a rig.toml". mend: what a user can
+            do where it isn't. most: bytes.
 
     Raises:
         InputError: no file, none that has an end (a device or a pipe), one that is too large, or no text.
@@ -25,23 +26,25 @@ def read_text(path: Path, what: str, mend: str, most: int = MOST_BYTES) -> str:
     try:
         found = path.stat()
         if not stat.S_ISREG(found.st_mode):
-            raise InputError(f"{path}, which is no regular file", what, mend)
-        if found.st_size > most:
-            raise InputError(f"{path} of {found.st_size / 1e6:.3g} MB", f"{what}, {most / 1e6:.3g} MB at most", mend)
-        return path.read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:  # a name that holds a zero byte is a ValueError, as is text in no UTF-8
-        reason = (
-            "not UTF-8" if isinstance(error, UnicodeDecodeError) else getattr(error, "strerror", None) or str(error)
-        )
-        raise InputError(f"no readable file at {str(path)[:200]!r} ({reason})", f"{what} in UTF-8", mend) from None
+            reason = "no regular file"
+        elif found.st_size > most:
+            reason = f"{found.st_size / 1e6:.3g} MB, {most / 1e6:.3g} MB at most"
+        else:
+            return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        reason = "not UTF-8"
+    except (OSError, ValueError) as error:  # a name that holds a zero byte is a ValueError
+        reason = getattr(error, "strerror", None) or str(error)
+    raise InputError(f"no readable {noun} at {str(path)[:200]} ({reason})", f"{what} in UTF-8", mend)
 
 
-def read_json(path: Path, what: str, mend: str, most: int = MOST_BYTES) -> Any:
+def read_json(path: Path, noun: str, what: str, mend: str, most: int = MOST_BYTES) -> Any:
     """What a JSON file holds; arguments and errors as of `read_text`, and InputError for what is no JSON."""
-    text = read_text(path, what, mend, most)
+    text = read_text(path, noun, what, mend, most)
     try:
         return json.loads(text)
     except RecursionError:
-        raise InputError(f"{path}, nested too deeply to be read", what, mend) from None
+        reason = "nested too deeply to be read"
     except ValueError as error:
-        raise InputError(f"{path}, which is no JSON ({str(error)[:80]})", what, mend) from None
+        reason = f"no JSON: {str(error)[:80]}"
+    raise InputError(f"no {noun} in {path} ({reason})", what, mend)

@@ -86,7 +86,7 @@ def load_fit(path: Path) -> tuple[Model, dict[str, float]]:
         InputError: no such file, or not a fit.
     """
     try:
-        facts = read_json(path, "what kinid fit --json wrote", "run kinid fit LOG --model … --json FIT.json")
+        facts = read_json(path, "fit", "what kinid fit --json wrote", "run kinid fit LOG --model … --json FIT.json")
         model = Model(*facts["model"])
         values = {str(name): float(p["value"]) for name, p in facts["parameters"].items()}
     except (ValueError, KeyError, TypeError, AttributeError) as error:

@@ -10,7 +10,22 @@ from typing import Annotated, Any
 import typer
 
 import kinid
-from kinid.cli import changes, compare, contact, demo, diagnose, doctor, effect, fit, lab, live, picture, plan, view
+from kinid.cli import (
+    changes,
+    compare,
+    contact,
+    demo,
+    diagnose,
+    doctor,
+    effect,
+    fit,
+    init,
+    lab,
+    live,
+    picture,
+    plan,
+    view,
+)
 from kinid.cli import map as map_command
 from kinid.cli.ending import ended
 from kinid.cli.once import Once
@@ -56,6 +71,7 @@ def _root(
 for name, function, examples, short in (
     ("demo", demo.demo, demo.EXAMPLES, "See it all: a virtual arm finds out what its model lacks."),
     ("doctor", doctor.doctor, doctor.EXAMPLES, "Is everything here that kinid needs?"),
+    ("init", init.init, init.EXAMPLES, "A log's columns to a rig.toml."),
     ("contact", contact.contact, contact.EXAMPLES, "Raw log to contact-frame quantities."),
     ("fit", fit.fit, fit.EXAMPLES, "Parameters of a model, with intervals."),
     ("compare", compare.compare, compare.EXAMPLES, "Models side by side on samples held out."),

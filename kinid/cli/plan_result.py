@@ -53,7 +53,7 @@ def _doubted(o: Options) -> list[str]:
     """What a fit says of itself that its intervals don't hold."""
     if o.fit is None:
         return []
-    warnings = read_json(o.fit, "what kinid fit --json wrote", "fit anew with --json").get("warnings") or ()
+    warnings = read_json(o.fit, "fit", "what kinid fit --json wrote", "fit anew with --json").get("warnings") or ()
     return [
         f"the fit says: {warning}; its intervals promise too much" for warning in warnings if "rejected" in str(warning)
     ]

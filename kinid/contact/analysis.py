@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.contact.doubts import contact_doubts
 from kinid.contact.series import ContactSeries, contact_series, tip_motion
 from kinid.data.log import Log, Provenance
 from kinid.data.rig import CONTACT, Rig
@@ -107,6 +108,9 @@ def analyse(
     provenance = made.provenance if made else log.provenance
     if made is None and tip is not None:
         provenance = provenance.after(*tip.steps)
+    doubts = contact_doubts(log, rig, robot, contact)
+    if doubts:
+        provenance = provenance.then("doubts", warnings=doubts)
     return Analysis(contact, tip, torques, provenance)
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
+from kinid.data import plausible
 from kinid.errors import InputError, near
 from kinid.inputs import read_text
 from kinid.units import FACTORS, factor
@@ -43,8 +44,8 @@ def _not_negative(values: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _direction(values: tuple[float, float, float]) -> tuple[float, float, float]:
-    if math.hypot(*values) < 1e-9:
-        raise PydanticCustomError("direction", "a direction, a vector that is not of zero length")
+    if not 1e-9 <= math.hypot(*values) <= 1e9:
+        raise PydanticCustomError("direction", "a direction, a vector that is not of zero length, nor beyond 1e9")
     return values
 
 
@@ -74,6 +75,11 @@ Matrix6 = Annotated[tuple[Vec6, Vec6, Vec6, Vec6, Vec6, Vec6], AfterValidator(_i
 class _Table(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=False)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _numbers(cls, value: object) -> object:
+        return plausible.no_truth_values(value)
+
 
 class RobotSpec(_Table):
     """The arm: a shipped name, an example-robot-data name, or a URDF path relative to the rig's file."""
@@ -81,15 +87,17 @@ class RobotSpec(_Table):
     model: str
     sensor_frame: str | None = None  # frame whose axes the wrench is expressed in
     tip_frame: str | None = None  # the contact point
-    gravity: Vec3 = (0.0, 0.0, -9.81)  # [m/s²], base frame
+    gravity: Annotated[Vec3, AfterValidator(plausible.gravity)] = (0.0, 0.0, -9.81)  # [m/s²], base frame
     joints: tuple[str, ...] | None = None  # order of q1..qN in the log
-    compliance: Matrix3 | None = None  # [m/N], base frame: where the tip goes under a force, beyond the joints
+    compliance: Annotated[Matrix3, AfterValidator(plausible.compliance)] | None = (
+        None  # [m/N], base frame: where the tip goes under a force, beyond the joints
+    )
 
 
 class ToolSpec(_Table):
     """Everything beyond the sensor's measuring plane."""
 
-    mass: Annotated[float, Field(ge=0, allow_inf_nan=False)]
+    mass: Annotated[float, Field(ge=0, le=plausible.HEAVIEST, allow_inf_nan=False)]
     com: Vec3 = (0.0, 0.0, 0.0)  # [m], sensor frame
     inertia: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # [kg·m²] ixx iyy izz ixy ixz iyz about the com, sensor axes
 
@@ -116,7 +124,7 @@ class ToolSpec(_Table):
 class SurfaceSpec(_Table):
     """A plane in the base frame, or a triangle mesh; the normal points out of the material."""
 
-    point: Vec3 | None = None
+    point: Annotated[Vec3, AfterValidator(plausible.within(plausible.FARTHEST, "a point"))] | None = None
     normal: Direction | None = None
     tangent: Direction | None = None
     mesh: str | None = None
@@ -138,7 +146,9 @@ class SensorSpec(_Table):
 
     range: Annotated[Vec6, AfterValidator(_positive)] | None = None
     noise: Annotated[Vec6, AfterValidator(_not_negative)] | None = None  # standard deviation at the log's rate
-    bias: Vec6 | None = None  # reading without any load
+    bias: Annotated[Vec6, AfterValidator(plausible.within(plausible.MOST_BIAS, "a bias"))] | None = (
+        None  # reading without any load
+    )
     crosstalk: Matrix6 | None = None  # measured = crosstalk · true
     wrench_frame: Literal["sensor", "base"] = "sensor"  # axes that the log's wrench is expressed in
 
@@ -159,8 +169,8 @@ class ColumnSpec(_Table):
     column: str | int | None = None
     columns: tuple[str | int, ...] | None = None  # for q, dq, ddq, tau, q_cmd, wrench: all their columns at once
     unit: Unit | None = None
-    scale: Finite = 1.0
-    offset: Finite = 0.0
+    scale: Annotated[Finite, AfterValidator(plausible.within(plausible.MOST_SCALE, "a scale"))] = 1.0
+    offset: Annotated[Finite, AfterValidator(plausible.within(plausible.MOST_OFFSET, "an offset"))] = 0.0
     rate: Positive | None = None  # [Hz], for t alone: rows come evenly, and no column holds the time
 
     @property
@@ -232,6 +242,7 @@ class Rig(_Table):
                     "quantities of the log format in [columns], '{name}' is none ({near})",
                     {"name": name, "near": near(name, valid)},
                 )
+            plausible.kind_of_unit(name, spec.unit)
         return self
 
     @classmethod
@@ -242,7 +253,7 @@ class Rig(_Table):
             InputError: the file is absent, is not TOML, or holds something that can't be a rig.
         """
         path = Path(path)
-        text = read_text(path, "a rig.toml", "name it with --rig, or put rig.toml beside the log")
+        text = read_text(path, "rig", "a rig.toml", "name it with --rig, or put rig.toml beside the log")
         return cls.parse_text(text, folder=path.parent, where=str(path))
 
     @classmethod
@@ -288,10 +299,6 @@ def surface_axes(normal: Sequence[float], tangent: Sequence[float] | None = None
     t1 = t1 - (t1 @ n) * n
     t1 /= np.linalg.norm(t1)
     return np.stack([t1, np.cross(n, t1), n])
-
-
-def _reason(error: Exception) -> str:
-    return getattr(error, "strerror", None) or error.__class__.__name__
 
 
 def _as_input_error(error: ValidationError, where: str, rig: type[Rig]) -> InputError:

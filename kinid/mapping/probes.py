@@ -66,7 +66,7 @@ def expected(paths: Sequence[Path]) -> int | None:
         manifest = path / "campaign.json"
         if manifest.is_file():
             try:
-                facts = read_json(manifest, "the manifest of a campaign", "make the campaign anew")
+                facts = read_json(manifest, "manifest", "the manifest of a campaign", "make the campaign anew")
                 total += int(facts["rows"]) * int(facts["columns"])
             except (KinidError, ValueError, KeyError, TypeError):
                 return None

@@ -14,13 +14,19 @@ from kinid.writers import Json
 LOOPBACK = "127.0.0.1"
 #: a comment goes down a quiet stream so often [s], so that a browser that went away is noticed
 HEARTBEAT = 5.0
+#: all that a page needs is in it; it listens to this server alone, and nobody frames it
+POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline' blob: data:; style-src 'unsafe-inline'; "
+    "img-src data: blob:; font-src data:; connect-src 'self' data: blob:; worker-src blob: data:; base-uri 'none'; "
+    "form-action 'none'; frame-ancestors 'none'"
+)
 
 
 class ViewServer:
     """A page and a stream of what changes in it (server-sent events).
 
     Args:
-        page: makes the page anew for each visitor. port: 0 chooses a free one.
+        page: makes the page; asked once, and again after a message was sent. port: 0 chooses a free one.
 
     Raises:
         InputError: the port is taken.
@@ -30,10 +36,17 @@ class ViewServer:
         self._page = page
         self._listeners: list[queue.Queue[str | None]] = []
         self._lock = threading.Lock()
+        self._built: bytes | None = None
+        self._building = threading.Lock()
         owner = self
 
         class Handler(BaseHTTPRequestHandler):
             protocol_version = "HTTP/1.1"
+
+            def end_headers(self) -> None:
+                """No guessing of kinds, whatever is answered."""
+                self.send_header("X-Content-Type-Options", "nosniff")
+                super().end_headers()
 
             def do_GET(self) -> None:
                 """The page, or the stream."""
@@ -64,6 +77,8 @@ class ViewServer:
     def send(self, message: Json) -> None:
         """To all pages that are open."""
         text = json.dumps(message, allow_nan=False)
+        with self._building:
+            self._built = None
         with self._lock:
             for listener in self._listeners:
                 listener.put(text)
@@ -81,16 +96,33 @@ class ViewServer:
         if request.headers.get("Host") not in {f"{LOOPBACK}:{self.port}", f"localhost:{self.port}"}:
             request.send_error(403, "this server is for its own machine")
             return
+        try:
+            self._serve(request)
+        except OSError:  # the browser has gone while it was answered
+            request.close_connection = True
+
+    def _serve(self, request: BaseHTTPRequestHandler) -> None:
         path = request.path.split("?")[0]
         if path == "/":
-            body = self._page().encode()
-            size = {"Content-Length": str(len(body)), "Cross-Origin-Resource-Policy": "same-origin"}
+            body = self._body()
+            size = {
+                "Content-Length": str(len(body)),
+                "Cross-Origin-Resource-Policy": "same-origin",
+                "Content-Security-Policy": POLICY,
+            }
             _begin(request, "text/html; charset=utf-8", size)
             request.wfile.write(body)
         elif path == "/live":
             self._stream(request)
         else:
             request.send_error(404)
+
+    def _body(self) -> bytes:
+        """The page: built for the first visitor, and anew only after something in it has changed."""
+        with self._building:
+            if self._built is None:
+                self._built = self._page().encode()
+            return self._built
 
     def _stream(self, request: BaseHTTPRequestHandler) -> None:
         _begin(request, "text/event-stream", {"Connection": "close"})

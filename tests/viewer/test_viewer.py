@@ -64,6 +64,49 @@ def test_it_listens_on_loopback_alone(grown):
         server.close()
 
 
+def test_a_page_is_built_once_until_something_changes_and_is_told_what_it_may():
+    built = []
+
+    def page():
+        built.append(len(built))
+        return f"<p>{len(built)}</p>"
+
+    server = ViewServer(page)
+    try:
+        for _ in range(3):
+            with urllib.request.urlopen(server.url) as answer:
+                assert answer.read() == b"<p>1</p>"
+                policy = answer.headers["Content-Security-Policy"]
+        assert "default-src 'none'" in policy
+        assert "unsafe-eval" not in policy
+        assert "http" not in policy
+        assert answer.headers["X-Content-Type-Options"] == "nosniff"
+        server.send({"facts": "new"})
+        with urllib.request.urlopen(server.url) as answer:
+            assert answer.read() == b"<p>2</p>"
+        with pytest.raises(urllib.error.HTTPError) as refused:
+            urllib.request.urlopen(server.url + "elsewhere")
+        assert refused.value.headers["X-Content-Type-Options"] == "nosniff"
+        refused.value.close()
+    finally:
+        server.close()
+
+
+def test_a_browser_that_leaves_says_nothing(capfd):
+    """It closes while a large page is on its way to it."""
+    server = ViewServer(lambda: "x" * 30_000_000)
+    try:
+        with socket.create_connection(("127.0.0.1", server.port)) as visitor:
+            visitor.sendall(f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\n\r\n".encode())
+            visitor.recv(1000)
+            visitor.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\x01\x00\x00\x00\x00\x00\x00\x00")
+        with urllib.request.urlopen(server.url) as answer:  # it goes on
+            assert len(answer.read()) == 30_000_000
+    finally:
+        server.close()
+    assert capfd.readouterr().err == ""
+
+
 def test_changes_reach_those_who_listen():
     server = ViewServer(lambda: "")
     try:

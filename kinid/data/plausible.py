@@ -1,0 +1,100 @@
+"""What a number in a rig can be at all: bounds far beyond any robot, so that what breaks them is a slip of the pen."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from pydantic_core import PydanticCustomError
+
+#: heaviest tool [kg], largest bias [N, N·m], largest factor of a column
+HEAVIEST, MOST_BIAS, MOST_SCALE = 1000.0, 1e5, 1e9
+#: largest coordinate of a point [m] and largest offset of a column, in SI
+FARTHEST, MOST_OFFSET = 1e3, 1e9
+#: of gravity, from the Moon's to beyond Jupiter's [m/s²]
+GRAVITY = (1.0, 30.0)
+#: softest structure [m/N]: an arm that yields by a centimetre under a newton is none
+SOFTEST = 0.01
+#: kinds of units by quantity of the log format; a drive's current or voltage stands for a torque
+ANGLE = ("rad", "deg", "mrad", "rev")
+ANGLE_RATE = ("rad/s", "deg/s", "rpm")
+ANGLE_ACCELERATION = ("rad/s^2", "deg/s^2")
+LENGTH = ("m", "dm", "cm", "mm", "um", "µm", "in")
+SPEED = ("m/s", "cm/s", "mm/s", "um/s", "µm/s")
+ACCELERATION = ("m/s^2", "mm/s^2", "g")
+TIME = ("s", "ms", "us", "µs", "ns", "min", "h")
+FORCE = ("N", "mN", "kN", "kgf", "gf", "lbf")
+TORQUE = ("Nm", "N·m", "N.m", "N*m", "mNm", "Nmm", "N·mm", "kNm", "lbf·in", "lbf-in", "lbf·ft", "lbf-ft")
+ELECTRIC = ("A", "mA", "V", "mV")
+KINDS: dict[str, tuple[str, ...]] = {
+    "t": TIME,
+    "q": ANGLE + LENGTH,
+    "q_cmd": ANGLE + LENGTH,
+    "dq": ANGLE_RATE + SPEED,
+    "ddq": ANGLE_ACCELERATION + ACCELERATION,
+    "tau": TORQUE + FORCE + ELECTRIC,
+    "wrench": FORCE + TORQUE + ELECTRIC,
+    **dict.fromkeys(("fx", "fy", "fz", "normal_force", "tangential_force1", "tangential_force2"), FORCE + ELECTRIC),
+    **dict.fromkeys(("tx", "ty", "tz"), TORQUE + ELECTRIC),
+    **dict.fromkeys(("depth", "slip1", "slip2"), LENGTH),
+    **dict.fromkeys(("depth_rate", "slip_rate1", "slip_rate2"), SPEED),
+}
+
+
+def no_truth_values(value: Any) -> Any:
+    """Refuse true and false where a number belongs: pydantic would read them as 1 and 0."""
+    if isinstance(value, dict):
+        for name, part in value.items():
+            if _holds_truth(part):
+                raise PydanticCustomError("number", "no true or false in '{name}'", {"name": str(name)})
+    return value
+
+
+def _holds_truth(value: Any) -> bool:
+    return isinstance(value, bool) or (isinstance(value, list | tuple) and any(_holds_truth(part) for part in value))
+
+
+def gravity(values: tuple[float, ...]) -> tuple[float, ...]:
+    """Gravity of a length that a robot lives in."""
+    if not GRAVITY[0] <= math.hypot(*values) <= GRAVITY[1]:
+        raise PydanticCustomError(
+            "gravity", "a gravity of about 9.81 m/s², in the base frame: [0, 0, -9.81] for an upright arm"
+        )
+    return values
+
+
+def compliance(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
+    """A structure that yields along the force and no further than any arm does."""
+    matrix = np.asarray(rows)
+    moments = np.linalg.eigvalsh(0.5 * (matrix + matrix.T))
+    if moments[0] < -1e-3 * max(abs(moments[-1]), 1e-12) or moments[-1] > SOFTEST:
+        raise PydanticCustomError(
+            "compliance",
+            "a compliance in m/N, not negative and below {most}: 1 / stiffness, 1e-5 for 100 kN/m",
+            {"most": SOFTEST},
+        )
+    return rows
+
+
+def within(most: float, words: str) -> Any:
+    """A validator of numbers or tuples of them that none is beyond a size."""
+
+    def check(value: Any) -> Any:
+        numbers = value if isinstance(value, tuple) else (value,)
+        if not all(abs(number) <= most for number in numbers):
+            raise PydanticCustomError("size", "{words} within ±{most}", {"words": words, "most": f"{most:g}"})
+        return value
+
+    return check
+
+
+def kind_of_unit(quantity: str, unit: str | None) -> None:
+    """Refuse a unit of another kind than its quantity's; "1" goes with anything."""
+    stem = quantity if quantity in KINDS else quantity.rstrip("0123456789")
+    if unit is not None and unit != "1" and stem in KINDS and unit not in KINDS[stem]:
+        raise PydanticCustomError(
+            "kind",
+            "a unit of {quantity}, as {known}; '{unit}' is one of another quantity",
+            {"quantity": quantity, "known": ", ".join(KINDS[stem][:4]), "unit": unit},
+        )

@@ -1,0 +1,81 @@
+"""`kinid init`: from a foreign log to a rig that runs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from kinid.data.rig import Rig
+from kinid.robotics.reading import read
+
+
+@pytest.fixture
+def foreign(log, tmp_path_factory):
+    """The same log in another's words: German-style separators, degrees, milliseconds, other names."""
+    table = pq.read_table(log)
+    folder = tmp_path_factory.mktemp("foreign")
+    heads, rows = [], []
+    for name in table.column_names:
+        values = table[name].to_numpy()
+        if name == "t":
+            heads.append("Time [ms]")
+            rows.append(1e3 * values)
+        elif name.startswith("q") and name[1:].isdigit():
+            heads.append(f"Joint_{int(name[1:]) - 1}_deg")
+            rows.append(np.rad2deg(values))
+        elif name in ("fx", "fy", "fz"):
+            heads.append(f"tcp_force_{name[1]}")
+            rows.append(values)
+        elif name in ("tx", "ty", "tz"):
+            heads.append(f"Moment {name[1].upper()} (Nmm)")
+            rows.append(1e3 * values)
+    path = folder / "theirs.csv"
+    lines = [";".join(heads), *(";".join(f"{v:.9g}" for v in row) for row in zip(*rows))]
+    path.write_text("\n".join([*lines[:1], *lines[1:]]) + "\n", encoding="utf-8")
+    return path, table
+
+
+def test_a_foreign_log_is_read_with_the_rig_that_it_wrote(run, foreign):
+    path, table = foreign
+    code, out, err = run("init", path, "--robot", "lwr4plus")
+    assert code == 0, err
+    assert "fx: column 'tcp_force_x'" in out
+    made = read(path, Rig.load(path.parent / "rig.toml"))
+    assert made.q is not None
+    assert made.wrench is not None
+    # nine digits were written; 1e-7 of a radian, a newton or a second is below them
+    assert np.allclose(made.t - made.t[0], table["t"].to_numpy() - table["t"].to_numpy()[0], atol=1e-6)
+    assert np.allclose(made.q, np.column_stack([table[f"q{i}"].to_numpy() for i in range(1, 8)]), atol=1e-7)
+    names = ("fx", "fy", "fz", "tx", "ty", "tz")
+    assert np.allclose(made.wrench, np.column_stack([table[n].to_numpy() for n in names]), atol=1e-6)
+    code, _, err = run("contact", path)
+    assert code == 0, err
+
+
+def test_degrees_and_milliseconds_without_a_word_in_the_names_are_guessed(run, tmp_path):
+    t = np.arange(500) * 2.0
+    table = np.column_stack([t, *(100.0 + 10 * np.sin(t / 100 + i) for i in range(6))])
+    head = "timestamp," + ",".join(f"joint{i}" for i in range(1, 7))
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header=head, comments="")
+    code, _, err = run("init", tmp_path / "a.csv", "--robot", "ur5")
+    assert code == 0, err
+    rig = Rig.load(tmp_path / "rig.toml")
+    assert rig.columns["q1"].unit == "deg"
+    assert rig.columns["t"].unit == "ms"
+
+
+def test_what_it_cannot_know_is_asked_or_refused(run, log, tmp_path):
+    code, _, err = run("init", log)
+    assert code == 2
+    assert "already" in err
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b/b.csv").write_text("time,joint1\n0,1\n1,2\n", encoding="utf-8")
+    code, _, err = run("init", tmp_path / "b/b.csv")
+    assert code == 2
+    assert "--robot" in err
+    (tmp_path / "b/c.csv").write_text("x,y\n0,1\n", encoding="utf-8")
+    code, _, err = run("init", tmp_path / "b/c.csv")
+    assert code == 2
+    assert "is its time" in err
+    assert not (tmp_path / "b/rig.toml").exists()

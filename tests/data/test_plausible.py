@@ -1,0 +1,57 @@
+"""Rigs whose numbers no robot has: refused in one line, with what was expected."""
+
+from __future__ import annotations
+
+import pytest
+
+from kinid.data.rig import Rig
+from kinid.errors import InputError
+
+ROBOT = '[robot]\nmodel = "ur5"\n'
+TOOL = "[tool]\nmass = 0.24\n"
+SURFACE = "[surface]\nnormal = [0, 0, 1]\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("[tool]\nmass = true", "no true or false in 'mass'"),
+        ("[tool]\nmass = 1e300", "less than or equal to 1000"),
+        (TOOL + "com = [0, 0, true]", "no true or false in 'com'"),
+        ("[sensor]\nbias = [1e300, 0, 0, 0, 0, 0]", "a bias within"),
+        ("[columns]\nfx = { scale = 1e300 }", "a scale within"),
+        ("[columns]\nq1 = { offset = 1e300 }", "an offset within"),
+        ("[columns]\nq1 = { scale = true }", "no true or false in 'scale'"),
+        (SURFACE + "point = [0, 0, 1e300]", "a point within"),
+        ("[surface]\npoint = [0, 0, 0]\nnormal = [0, 0, 1e200]", "a direction"),
+        (ROBOT + "gravity = [0, 0, 0]", "a gravity of about 9.81"),
+        (ROBOT + "gravity = [0, 0, -9810]", "a gravity of about 9.81"),
+        (ROBOT + "compliance = [[-1e-5, 0, 0], [0, 1e-5, 0], [0, 0, 1e-5]]", "a compliance in m/N, not negative"),
+        (ROBOT + "compliance = [[1e5, 0, 0], [0, 1e5, 0], [0, 0, 1e5]]", "1 / stiffness"),
+        ('[columns]\nq = { unit = "N" }', "a unit of q, as rad"),
+        ('[columns]\nq3 = { unit = "Nm" }', "a unit of q3, as rad"),
+        ('[columns]\nfx = { unit = "mm" }', "a unit of fx, as N"),
+        ('[columns]\nt = { unit = "deg" }', "a unit of t, as s"),
+        ('[columns]\ndepth = { unit = "m/s" }', "a unit of depth, as m"),
+    ],
+)
+def test_what_no_robot_has_is_refused(text: str, expected: str) -> None:
+    with pytest.raises(InputError) as refused:
+        Rig.parse_text(text)
+    assert expected in refused.value.expected
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        ROBOT + "gravity = [0, 0, -1.62]",  # on the Moon
+        ROBOT + "gravity = [9.81, 0, 0]",  # from a wall
+        ROBOT + "compliance = [[1e-5, 0, 0], [0, 1e-5, 0], [0, 0, 2e-5]]",
+        '[columns]\nq = { unit = "deg" }\ntau = { unit = "A", scale = 0.12 }\nfx = { unit = "1", scale = 0.001 }',
+        '[columns]\nq1 = { unit = "mm" }',  # a linear axis
+        "[tool]\nmass = 0",
+    ],
+)
+def test_what_a_robot_may_have_is_taken(text: str) -> None:
+    Rig.parse_text(text)
