@@ -11,11 +11,13 @@ import numpy as np
 from numba import njit
 
 #: places of a clock (int64): the last stamp that was accepted, when it came; the smallest delay between stamp and
-#: reception; what is added to stamps; median step; steps seen; samples behind the last one, in a row, and the last of
-#: them; whether samples are delayed; what is said of the last sample: a step of time; then a ring of steps
-LAST, RECEIVED, LAG, SHIFT, PERIOD, COUNT, BEHIND, BEHIND_LAST, DELAYED, STEP, RING = range(11)
-#: steps that the median is of; places of a clock
-STEPS = 15
+#: reception; what is added to stamps; usual step; steps seen; samples behind the last one, in a row, and the last of
+#: them; whether samples are delayed; what is said of the last sample: a step of time; mean of the steps; then a ring of
+#: steps
+LAST, RECEIVED, LAG, SHIFT, PERIOD, COUNT, BEHIND, BEHIND_LAST, DELAYED, STEP, MEAN, RING = range(12)
+#: steps that the median is of; share by which the mean follows, and how many times itself a step counts for at most
+STEPS, SLOW, OUTLIER = 15, 64, 8
+#: places of a clock
 PLACES = RING + 2 * STEPS
 
 #: what became of a sample: accepted; accepted behind a gap, behind a jump of its clock, or late but in order; left out
@@ -95,7 +97,7 @@ def admit(clock: Any, stamp: int, received: int) -> int:
 
 @njit(cache=True, error_model="numpy")
 def _remember(clock: Any, step: int) -> None:
-    """One more step of time: the median of the last ones is the period."""
+    """One more step of time: the median of the last ones is the period, or their mean where that is longer."""
     at = clock[COUNT] % STEPS
     clock[RING + at] = step
     clock[COUNT] += 1
@@ -107,7 +109,9 @@ def _remember(clock: Any, step: int) -> None:
             ordered[j] = ordered[j - 1]
             j -= 1
         ordered[j] = value
-    clock[PERIOD] = ordered[n // 2]
+    # a sender that catches up in bursts has a small median, and a mean as ever
+    clock[MEAN] = step if n == 1 else clock[MEAN] + (min(step, OUTLIER * clock[MEAN] + 1) - clock[MEAN]) // SLOW
+    clock[PERIOD] = max(ordered[n // 2], clock[MEAN])
 
 
 @njit(cache=True, error_model="numpy")

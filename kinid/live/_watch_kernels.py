@@ -7,6 +7,7 @@ Its bits are those of `kinid.live.events`.
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType
@@ -23,9 +24,10 @@ Array = NDArray[np.float64]
 
 #: settings: normal force from which the tool touches, and below which it has left [N]; standard deviation of a force
 #: [N]; drift and threshold of the cumulated sums, in standard deviations; time [s] that an estimate has to stand before
-#: changes are looked for; share of the reading that a model may leave unexplained; share by which a force may be above
-ON, OFF, NOISE, DRIFT, THRESHOLD, SETTLED, UNEXPLAINED, ABOVE_SHARE = range(8)
-SETTINGS = 8
+#: changes are looked for; share of the reading that a model may leave unexplained; share by which a force may be above;
+#: share by which force over depth may change on the way
+ON, OFF, NOISE, DRIFT, THRESHOLD, SETTLED, UNEXPLAINED, ABOVE_SHARE, SECANT_SHARE = range(9)
+SETTINGS = 9
 RANGE = SETTINGS
 #: state: whether the tool touches; samples towards the other; time since which the normal law's estimate, and that of
 #: friction, stand [s]; sums upwards and downwards of the normal force and of friction; mean squares of innovation and
@@ -38,21 +40,42 @@ TOLD = SINCE + 4
 EXCITED = TOLD + 4
 MEAN_SQUARES = EXCITED + 1
 LAST_TIME = MEAN_SQUARES + 2
-PLACES = LAST_TIME + 1
+#: logarithm of force over depth on the way so far, and just now; time on that way, and since it has changed [s]
+#: and the way's velocity along both tangents [m/s]
+FAR_SECANT, NEAR_SECANT, ON_WAY, CHANGED, ALONG1, ALONG2 = range(LAST_TIME + 1, LAST_TIME + 7)
+PLACES = LAST_TIME + 7
 
-#: samples in a row that make or end a touch; time constant of the mean squares [s]
-ROW, MEMORY = 3, 0.1
+#: samples in a row that make or end a touch; time constants of the mean squares that tell a divergence, and of the
+#: usual size of innovations [s]
+ROW, MEMORY, USUAL = 3, 0.1, 0.3
 #: what lasts so long is told: divergence, no excitation, saturation, a force above [s]
 LASTING = (0.1, 0.25, 0.0, 0.005)
 #: a channel is at the end of its range from this share of it on
 FULL = 0.98
 #: contact isn't sought further outside the material than this [m]
 REACH = 5e-3
+#: on the way is who slides at least so fast [m/s], so deep [m], and with so much of it down or up at most
+SLIDING, DEEP, STEEP = 5e-4, 3e-4, 0.5
+#: time constants of what force over depth was on the way, and is now; how long the way has to be before, and the change
+#: has to last [s]
+FAR_TIME, NEAR_TIME, WAY, LASTS = 1.0, 0.02, 0.4, 0.02
+#: the way turns where it leaves its direction by 20°, or its speed by this share; both follow it so slowly [s]
+TURNED, BRAKED, FOLLOWS = 0.94, 0.3, 0.05
 #: an innovation counts for so many standard deviations at most, so that no single sample raises an alarm
 CLIP = 6.0
+#: whatever was usual, no law is trusted to less than this share of the normal force
+ALWAYS = 0.1
 VALID, NOT_EXCITED, NO_CONTACT, NOT_SLIDING, NOT_FINITE = 0, 2, 3, 7, 6
 
 _INNOVATION, _NOISE, _STATUS = -6, -5, -3
+
+
+@njit(error_model="numpy", forceinline=True)
+def _begin(w: Any) -> None:
+    """Look for changes anew, once the estimates have settled."""
+    w[SUMS : SUMS + 4] = 0.0
+    w[NORMAL_SINCE] = w[FRICTION_SINCE] = np.inf
+    w[ON_WAY] = w[CHANGED] = 0.0
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -66,15 +89,14 @@ def _touch(quantities: Any, w: Any) -> int:
         return 0
     w[TOWARDS] = 0.0
     w[TOUCHING] = 1.0 - w[TOUCHING]
-    w[SUMS : SUMS + 4] = 0.0
-    w[NORMAL_SINCE] = w[FRICTION_SINCE] = np.inf
+    _begin(w)
     w[MEAN_INNOVATION] = w[MEAN_FORCE] = w[EXCITED] = 0.0
     w[MEAN_SQUARES : MEAN_SQUARES + 2] = 0.0
     return TOUCH if w[TOUCHING] > 0.0 else LEAVE
 
 
 @njit(error_model="numpy", forceinline=True)
-def _cumulate(t: float, share: float, record: Any, w: Any, since: int, sums: int, squares: int) -> bool:
+def _cumulate(t: float, share: float, load: float, record: Any, w: Any, since: int, sums: int, squares: int) -> bool:
     """Cumulated sums of one estimator's innovations (E. S. Page, Biometrika 41, 1954), each over its usual size.
 
     The usual size follows slowly what is left of the innovations: a law that doesn't quite fit is no border.
@@ -92,17 +114,49 @@ def _cumulate(t: float, share: float, record: Any, w: Any, since: int, sums: int
     if t - w[since] < w[SETTLED]:
         w[squares] += share * (innovation * innovation - w[squares])
         return False
-    size = np.sqrt(max(w[squares], record[len(record) + _NOISE], w[NOISE] * w[NOISE]))
+    size = max(np.sqrt(w[squares]), w[NOISE], ALWAYS * abs(load))
     z = min(max(innovation / size, -CLIP), CLIP)
     # with the clipped one: what is being told mustn't hide itself
     w[squares] += share * (size * size * z * z - w[squares])
     w[sums] = max(0.0, w[sums] + z - w[DRIFT])
     w[sums + 1] = max(0.0, w[sums + 1] - z - w[DRIFT])
-    if max(w[sums], w[sums + 1]) < w[THRESHOLD]:
+    return bool(max(w[sums], w[sums + 1]) >= w[THRESHOLD])
+
+
+@njit(error_model="numpy", forceinline=True)
+def _turn(dt: float, quantities: Any, w: Any) -> None:
+    """Begin anew where the way turns: friction, and what the material remembers, are others for a while."""
+    v1, v2 = quantities[chain.SLIP_RATE1], quantities[chain.SLIP_RATE2]
+    before, speed = math.hypot(w[ALONG1], w[ALONG2]), math.hypot(v1, v2)
+    share = dt / (dt + FOLLOWS)
+    straight = v1 * w[ALONG1] + v2 * w[ALONG2] >= TURNED * speed * before
+    w[ALONG1] += share * (v1 - w[ALONG1])
+    w[ALONG2] += share * (v2 - w[ALONG2])
+    if max(speed, before) > SLIDING and not (straight and abs(speed - before) < BRAKED * max(speed, before)):
+        _begin(w)
+
+
+@njit(error_model="numpy", forceinline=True)
+def _passes(dt: float, quantities: Any, w: Any) -> bool:
+    """Whether force over depth has changed on the way: a border that is as wide as the tip follows no single sample."""
+    depth, force = quantities[chain.DEPTH], quantities[chain.NORMAL]
+    speed = math.hypot(quantities[chain.SLIP_RATE1], quantities[chain.SLIP_RATE2])
+    if w[TOUCHING] <= 0.0:
+        w[ON_WAY] = w[CHANGED] = 0.0
         return False
-    w[sums] = w[sums + 1] = 0.0
-    w[since] = np.inf
-    return True
+    if speed < SLIDING or depth < DEEP or force < w[ON] or abs(quantities[chain.DEPTH_RATE]) > STEEP * speed:
+        return False
+    secant = math.log(force / depth)
+    if w[ON_WAY] == 0.0:
+        w[FAR_SECANT] = w[NEAR_SECANT] = secant
+    w[ON_WAY] += dt
+    w[NEAR_SECANT] += dt / (NEAR_TIME + dt) * (secant - w[NEAR_SECANT])
+    w[FAR_SECANT] += dt / (min(FAR_TIME, w[ON_WAY]) + dt) * (secant - w[FAR_SECANT])
+    if abs(w[NEAR_SECANT] - w[FAR_SECANT]) < w[SECANT_SHARE]:
+        w[CHANGED] = 0.0
+        return False
+    w[CHANGED] += dt
+    return bool(w[CHANGED] >= LASTS and w[ON_WAY] >= WAY)
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -137,10 +191,15 @@ def _watch(t: float, wrench: Any, quantities: Any, normal: Any, friction: Any, w
     told |= _touch(quantities, w)
     touching = w[TOUCHING] > 0.0
     share = dt / (dt + MEMORY)
-    changed = _cumulate(t, share, normal, w, NORMAL_SINCE, SUMS, MEAN_SQUARES)
-    changed |= _cumulate(t, share, friction, w, FRICTION_SINCE, SUMS + 2, MEAN_SQUARES + 1)
-    if changed and touching:
-        told |= CHANGE
+    _turn(dt, quantities, w)
+    usual = dt / (dt + USUAL)
+    changed = _cumulate(t, usual, force, normal, w, NORMAL_SINCE, SUMS, MEAN_SQUARES)
+    changed |= _cumulate(t, usual, force, friction, w, FRICTION_SINCE, SUMS + 2, MEAN_SQUARES + 1)
+    changed |= _passes(dt, quantities, w)
+    if changed:
+        _begin(w)
+        if touching:
+            told |= CHANGE
     status = int(normal[len(normal) + _STATUS])
     innovation = normal[len(normal) + _INNOVATION]
     settled = touching and status == VALID and t - w[NORMAL_SINCE] > w[SETTLED]

@@ -69,7 +69,7 @@ class Clock:
 
     @property
     def period(self) -> int:
-        """Median step of time [ns]; 0 before the first."""
+        """Usual step of time [ns]; 0 before the first."""
         return int(self.state[kernels.PERIOD])
 
     @property

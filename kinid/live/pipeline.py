@@ -49,14 +49,16 @@ class Watch:
         settled: time that an estimate has to stand before changes are looked for [s].
         unexplained: rms of the innovations over that of the force from which the model has lost it.
         above: share by which a force may be above its prediction.
+        secant: share by which force over depth may change on the way before it is called a border.
         reopen: whether a change opens the estimators' covariance.
     """
 
-    drift: float = 2.0
-    threshold: float = 25.0
+    drift: float = 1.5
+    threshold: float = 15.0
     settled: float = 0.1
     unexplained: float = 0.25
     above: float = 0.3
+    secant: float = 0.15
     reopen: bool = True
 
 
@@ -176,6 +178,7 @@ class Pipeline:
         w, told = self.watch, self._told
         told[kernels.ON], told[kernels.OFF], told[kernels.NOISE] = on, 0.5 * on, noise
         told[kernels.DRIFT], told[kernels.THRESHOLD], told[kernels.SETTLED] = w.drift, w.threshold, w.settled
+        told[kernels.SECANT_SHARE] = w.secant
         told[kernels.UNEXPLAINED], told[kernels.ABOVE_SHARE] = w.unexplained, w.above
         told[kernels.RANGE : kernels.RANGE + 6] = np.inf if rig.sensor.range is None else rig.sensor.range
         told[kernels.NORMAL_SINCE] = told[kernels.FRICTION_SINCE] = np.inf
