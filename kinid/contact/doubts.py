@@ -184,7 +184,8 @@ def _order(force: Array, load: Array, mass: float) -> str | None:
 
 def _not_read(log: Log) -> list[str]:
     """Columns that nothing was read from, where the log lacks the wrench that they may be."""
-    ignored = [str(name) for step in log.provenance.steps for name in step.facts.get("ignored", ())]
+    facts = [step.facts.get("ignored") for step in log.provenance.steps]
+    ignored = [str(name) for names in facts if isinstance(names, list | tuple) for name in names]
     if not ignored or log.wrench is not None:
         return []
     shown = ", ".join(f"'{name}'" for name in ignored[:6]) + (", …" if len(ignored) > 6 else "")
