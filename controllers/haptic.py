@@ -68,11 +68,10 @@ class Rendered(NamedTuple):
     """One period of rendering, base axes.
 
     force: on the device and the hand, (3,) [N]. proxy: (3,) [m]. depth: of the device below the surface [m], ≥ 0.
-    sliding: whether the proxy follows on the friction cone. Of the passivity controllers, along the normal and along
-        the
-    surface: added_damping [N·s/m], share of the law's force that is rendered, and energy [J]. An observer's energy is
-    what the material took up in this touch; negative is a debt, older ones included, that is being paid. A tank's is
-    what it holds.
+    sliding: whether the proxy follows on the friction cone. added_damping [N·s/m], share of the law's force that is
+    rendered, and energy [J] are of the passivity controllers, along the normal and along the surface. An observer's
+    energy is what the material took up in this touch; negative is a debt, older ones included, that is being paid. A
+    tank's is what it holds.
     limited: whether the law asked for more than the device's mass bears at this period, and was softened.
     """
 

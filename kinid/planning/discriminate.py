@@ -262,12 +262,11 @@ def criterion(verdict: Verdict, kept: Mapping[Pair, NDArray[np.bool_]]) -> float
 
 
 def counting(verdicts: Sequence[Verdict]) -> dict[Pair, NDArray[np.bool_]]:
-    """Which forms count: those that some experiment tells; where none tells any of a pair, those that come nearest to
-    it.
+    """Which forms count: those that some experiment tells; where none does for a pair, those that come nearest to it.
 
     An effect that its rival can imitate, such as a special case of it, is told from it by no experiment, and needn't
     be: of two that explain a log equally well the one with fewer parameters is named. What counts then are the rival's
-        own forms.
+    own forms.
     """
     best = {pair: np.max([verdict.distances[pair] for verdict in verdicts], axis=0) for pair in verdicts[0].distances}
     told = {pair: float(each.max()) >= HOPELESS for pair, each in best.items()}
