@@ -107,6 +107,7 @@ def contact(
                 "effects": compensated.effects,
                 "lateral_rms_before": compensated.before,
                 "lateral_rms_after": compensated.after,
+                "lateral_rms_of_coupling": compensated.coupling,
             }
         write_text(json_file, json.dumps(facts, indent=2, default=str) + "\n")
     from kinid.cli.show import show_analysis, show_surface, written
