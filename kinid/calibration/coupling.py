@@ -62,20 +62,26 @@ def alike(fit: Fit) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class Compensated:
-    """Contact quantities with the estimated coupling taken out, and lateral force before and after [N rms in
-    contact].
+    """Contact quantities with the estimated coupling taken out, and lateral forces in contact [N rms].
+
+    Attributes:
+        touch: without coupling. effects: that were taken out.
+        before, after: the whole lateral force, friction and all: while sliding friction is most of it, and coupling may
+            have hidden a part.
+        coupling: the lateral force that coupling made.
     """
 
     touch: ContactSeries
     effects: tuple[str, ...]
     before: float
     after: float
+    coupling: float
 
     def line(self) -> str:
-        """What a reader wants to know of it."""
+        """What a reader wants to know of it: what coupling did, not what friction does."""
         return (
-            f"coupling taken out ({', '.join(self.effects)}): lateral force in contact {self.before:.4g} N rms before, "
-            f"{self.after:.4g} N after"
+            f"coupling taken out ({', '.join(self.effects)}): it made {self.coupling:.4g} N rms of lateral force in "
+            f"contact; what is left, friction and all, is {self.after:.4g} N rms"
         )
 
 
@@ -131,7 +137,9 @@ def compensate(touch: ContactSeries, log: Log, rig: Rig, model: Model, values: M
             changed[name][experiment.rows] -= force[axis]
         provenance = touch.provenance.then("coupling taken out", **done)
         out = dataclasses.replace(touch, provenance=provenance, **changed)
-    return Compensated(out, there, _lateral(touch, touch), _lateral(out, touch))
+    before, after = _pair(touch), _pair(out)
+    made = before[0] - after[0], before[1] - after[1]
+    return Compensated(out, there, *(_lateral(pair, touch) for pair in (before, after, made)))
 
 
 def _contribution(model: Model, values: Mapping[str, float], signals: Any) -> Array:
@@ -149,9 +157,14 @@ def _contribution(model: Model, values: Mapping[str, float], signals: Any) -> Ar
     return difference
 
 
-def _lateral(touch: ContactSeries, reference: ContactSeries) -> float:
-    """Root mean square of the tangential force where the reference is in contact [N]."""
-    inside = reference.in_contact & np.isfinite(touch.tangential_force1)
+def _pair(touch: ContactSeries) -> tuple[Array, Array]:
+    """Both tangential forces [N], (n,) each."""
+    return touch.tangential_force1, touch.tangential_force2
+
+
+def _lateral(forces: tuple[Array, Array], reference: ContactSeries) -> float:
+    """Root mean square of a lateral force where the reference is in contact [N]."""
+    inside = reference.in_contact & np.isfinite(forces[0])
     if not inside.any():
         return 0.0
-    return float(np.sqrt(np.mean(touch.tangential_force1[inside] ** 2 + touch.tangential_force2[inside] ** 2)))
+    return float(np.sqrt(np.mean(forces[0][inside] ** 2 + forces[1][inside] ** 2)))

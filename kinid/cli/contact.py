@@ -124,6 +124,7 @@ def _facts(result: Analysis, found: FoundSurface | None, compensated: Compensate
             "effects": compensated.effects,
             "lateral_rms_before": compensated.before,
             "lateral_rms_after": compensated.after,
+            "lateral_rms_of_coupling": compensated.coupling,
         }
     return facts
 

@@ -77,6 +77,26 @@ def test_a_material_that_pulls_sideways_loses_it_too(slippery: Scripted) -> None
     np.testing.assert_array_equal(out.touch.depth, touch.depth)
 
 
+def test_what_is_said_is_what_coupling_did() -> None:
+    """Beside friction the whole force hardly changes, up or down; the coupling's part is told by itself."""
+    turn = Rotation.from_rotvec([0.05, -0.03, 0.0]).as_matrix()
+    rubbing = scripted_poke(seed=4, material=Material(friction=0.8))
+    raw = rubbing.log.wrench
+    assert raw is not None
+    log = with_wrench(rubbing.log, np.hstack([raw[:, :3] @ turn.T, raw[:, 3:] @ turn.T]))
+    model = Model("kelvin-voigt", "coulomb-friction", "sensor-misalignment", "sensor-bias")
+    fit = fit_model(model, log, RIG_READ, held_out=False)
+    straight = contact_series(rubbing.log, RIG_READ)
+    touch = contact_series(log, RIG_READ)
+    out = compensate(touch, log, RIG_READ, model, values(fit))
+    false = np.hypot(
+        touch.tangential_force1 - straight.tangential_force1, touch.tangential_force2 - straight.tangential_force2
+    )[touch.in_contact]
+    print(out.line())
+    assert out.coupling == pytest.approx(np.sqrt(np.mean(false**2)), rel=0.1)
+    assert f"{out.coupling:.4g} N rms of lateral force" in out.line()
+
+
 def test_what_one_log_can_not_tell_apart_is_said(slippery: Scripted) -> None:
     """One slide along the first tangent: across it, a tilt and a material that pulls sideways look the same."""
     said = told_apart(
