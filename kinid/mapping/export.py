@@ -22,7 +22,6 @@ import json
 import struct
 import warnings
 import xml.etree.ElementTree as ET
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -31,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError
+from kinid.mapping.png import to_png
 from kinid.mapping.property_map import PropertyMap
 from kinid.robotics.surface import Mesh
 from kinid.writers import make_folder, replacing, write_text
@@ -311,18 +311,6 @@ def to_gltf(made: Patches, role: str = "stiffness") -> bytes:
     binary = b"".join(blobs)
     body = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(binary), 0x004E4942) + binary
     return struct.pack("<III", 0x46546C67, 2, 12 + len(body)) + body
-
-
-def to_png(field: Array, low: float, high: float) -> bytes:
-    """A field (rows, columns) as 16-bit grey PNG: 0 is unknown, 1…65535 spans low…high."""
-    share = np.clip((np.nan_to_num(field) - low) / (high - low if high > low else 1.0), 0.0, 1.0)
-    grey = np.where(np.isfinite(field), 1 + np.round(share * 65534), 0).astype(">u2")
-    rows = b"".join(b"\x00" + row.tobytes() for row in grey)
-    head = struct.pack(">IIBBBBB", grey.shape[1], grey.shape[0], 16, 0, 0, 0, 0)
-    chunks = ((b"IHDR", head), (b"IDAT", zlib.compress(rows, 9)), (b"IEND", b""))
-    return b"\x89PNG\r\n\x1a\n" + b"".join(
-        struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in chunks
-    )
 
 
 def export(grown: PropertyMap, folder: Path, cells: int = CELLS, method: str = "gp") -> list[Path]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.effects import Layout, Signals
+from kinid.effects import Layout, Signals, catalogue
 from kinid.errors import InputError
 from kinid.modeling.model import Model
 from kinid.modeling.parameter_names import full_name
@@ -96,3 +96,28 @@ class Law:
     def to_dict(self) -> dict[str, Any]:
         """For provenance."""
         return {"model": list(self.model.names), "values": dict(self.values)}
+
+
+def expected_law(model: Model, values: dict[str, float]) -> Law | None:
+    """The part of a model that says what force to expect of the material, or None where it holds no contact law.
+
+    Effects of tool, sensor and joints have no part in it.
+    """
+    if model.contact_law is None:
+        return None
+    known = catalogue()
+    kept: list[str] = []
+    for effect in model.effects:
+        stages = {stage.value for stage in effect.stages()}
+        if (
+            effect.id in known
+            and not stages & {"tool", "sensor", "acquisition", "joint"}
+            and "wrench" not in effect.needs
+        ):
+            try:
+                part = Model(*kept, effect)
+            except InputError:  # it acts on one that was left out
+                continue
+            if not part.needs_log:
+                kept.append(effect.id)
+    return Law(Model(*kept), {name: v for name, v in values.items() if name.split(".", 1)[0] in kept})

@@ -16,13 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.data.log import Log, Provenance
-from kinid.effects import catalogue
 from kinid.errors import InputError
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.from_logs import from_joint_torques, from_wrench
 from kinid.modeling.model import Model
 from kinid.planning.check import check
-from kinid.planning.expected import Law
 from kinid.planning.free_motion import Design, Swing, posture, scene_of, swing_drawn
 from kinid.planning.planner import Planner
 from kinid.planning.poke_design import Bounds
@@ -375,29 +373,4 @@ class Bench:
         return dataclasses.replace(motion, provenance=facts)
 
 
-def expected_law(model: Model, values: dict[str, float]) -> Law | None:
-    """The part of a model that says what force to expect of the material, or None where it holds no contact law.
-
-    Effects of tool, sensor and joints have no part in it.
-    """
-    if model.contact_law is None:
-        return None
-    known = catalogue()
-    kept: list[str] = []
-    for effect in model.effects:
-        stages = {stage.value for stage in effect.stages()}
-        if (
-            effect.id in known
-            and not stages & {"tool", "sensor", "acquisition", "joint"}
-            and "wrench" not in effect.needs
-        ):
-            try:
-                part = Model(*kept, effect)
-            except InputError:  # it acts on one that was left out
-                continue
-            if not part.needs_log:
-                kept.append(effect.id)
-    return Law(Model(*kept), {name: v for name, v in values.items() if name.split(".", 1)[0] in kept})
-
-
-__all__ = ["Bench", "Proposal", "drawn_at_random", "expected_law", "proposals"]
+__all__ = ["Bench", "Proposal", "drawn_at_random", "proposals"]

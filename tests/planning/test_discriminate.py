@@ -13,7 +13,8 @@ from scipy.optimize import least_squares
 import kinid
 from kinid.errors import InputError
 from kinid.planning import Guard, Planner, Protocol, read_trajectory
-from kinid.planning.discriminate import DESIGN_RATE, SURE, criterion, discriminate, rank
+from kinid.planning.discriminate import DESIGN_RATE, criterion, discriminate, rank
+from kinid.planning.discrimination import SURE
 from kinid.planning.experiments import drawn_at_random, proposals
 from tests.planning.test_plan_command import run  # noqa: F401
 
