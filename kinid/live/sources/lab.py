@@ -10,6 +10,7 @@ from collections.abc import Iterator
 
 from kinid.errors import InputError
 from kinid.lab.experiments import prepare
+from kinid.lab.setup import Setup
 from kinid.lab.writing import stamped
 from kinid.live.messages import Item, Joints, Source, Wrench
 from kinid.live.sources import Asked, Pace
@@ -27,22 +28,22 @@ def open_source(address: str, asked: Asked) -> Source:
     name, _, seed = address.partition(":")
     if seed and not seed.isdigit():
         raise InputError(f"seed '{seed}' in lab:{address}", "a whole number, 0 or more", "name it as lab:mould:7")
-    return Laboratory(name or "ecoflex-50", int(seed or 0), asked.speed)
+    setup = prepare(name or "ecoflex-50", seed=int(seed or 0))
+    return Laboratory(address, setup, asked.speed)
 
 
 class Laboratory:
     """An experiment that ran, as streams.
 
     Args:
-        name: of the experiment. seed: of its sensors. speed: of the streams.
+        name: for people. setup: of the experiment. speed: of the streams.
 
     Attributes:
         rig: of the laboratory.
     """
 
-    def __init__(self, name: str, seed: int, speed: float) -> None:
-        self.name, self.live = f"lab:{name}:{seed}", speed > 0.0
-        setup = prepare(name, seed=seed)
+    def __init__(self, name: str, setup: Setup, speed: float) -> None:
+        self.name, self.live = f"lab:{name}", speed > 0.0
         self.rig, self._result = setup.rig, setup.run()
         self._speed = speed
 
