@@ -26,11 +26,11 @@ def kelvin_voigt(depth: T, rate: T, stiffness: float, damping: float) -> T:
 
 
 def hunt_crossley(power: T, rate: T, stiffness: float, damping: float) -> T:
-    """(K + B ẋ) xⁿ [N] of the depth's power xⁿ [mⁿ], 0 outside, and its rate ẋ [m/s]: K [N/mⁿ], B [N·s/mⁿ⁺¹].
+    """K xⁿ + B xⁿ ẋ [N] of the depth's power xⁿ [mⁿ], 0 outside, and its rate ẋ [m/s]: K [N/mⁿ], B [N·s/mⁿ⁺¹].
 
     K. H. Hunt, F. R. E. Crossley, J. Appl. Mech. 42, 1975, eq. 8.
     """
-    return (stiffness + damping * rate) * power
+    return stiffness * power + damping * power * rate
 
 
 #: the same for compiled loops, which look at one sample at a time
