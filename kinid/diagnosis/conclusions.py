@@ -18,6 +18,7 @@ from kinid.identification.lack_of_fit import LackOfFit, error_rows, error_unit, 
 from kinid.identification.solver import search
 from kinid.identification.state import State
 from kinid.identification.whole import held_out_residual, train_residual
+from kinid.modeling.model import Model
 from kinid.modeling.applicability import base_of
 from kinid.residuals.localization import where
 
@@ -109,9 +110,8 @@ class Conclusions:
 
     def _partial(self, start: State, last: State, names: list[str]) -> State:
         """The model with some of the additions, from the values of all."""
-        model = last.model
-        for name in [name for name in last.model.names if name not in start.model and name not in names]:
-            model = model - name
+        kept = {*start.model.names, *names}
+        model = Model(*(effect for effect in last.model.effects if effect.id in kept))
         full = last.model.parameters(last.problem.layout)
         values = np.array([v for key, v in zip(full, last.values) if key.split(".", 1)[0] in model])
         return search(last.problem, model, values, start.error)
