@@ -14,6 +14,15 @@ RATE, SPAN, NOISE = 200.0, 8.0, 0.02
 STIFFNESS, DAMPING = 800.0, 6.0
 
 
+def swing(seed: int, t: Array) -> tuple[Array, Array]:
+    """Depth [m] and its rate [m/s] of a slow swing with a fast one on it, in and out of the material, (n,) each."""
+    rng = np.random.default_rng([seed, 2])
+    slow, fast, when = rng.uniform(0.4, 0.8), rng.uniform(2.0, 2.6), rng.uniform(0.0, 6.0)
+    a, b = 2 * np.pi * slow, 2 * np.pi * fast
+    depth = 2e-3 * np.sin(a * t + when) + 0.7e-3 * np.sin(b * t)
+    return depth, 2e-3 * a * np.cos(a * t + when) + 0.7e-3 * b * np.cos(b * t)
+
+
 def poked(
     seed: int,
     *,
@@ -31,12 +40,8 @@ def poked(
             than recorded [m]. bias: of the force [N]. stiffening: force that grows with the square of depth [N/m²].
     """
     noise = np.random.default_rng([seed, 1])
-    swing = np.random.default_rng([seed if motion is None else motion, 2])
-    slow, fast, when = swing.uniform(0.4, 0.8), swing.uniform(2.0, 2.6), swing.uniform(0.0, 6.0)
     t = np.arange(int(SPAN * RATE)) / RATE
-    a, b = 2 * np.pi * slow, 2 * np.pi * fast
-    recorded = 2e-3 * np.sin(a * t + when) + 0.7e-3 * np.sin(b * t)
-    rate = 2e-3 * a * np.cos(a * t + when) + 0.7e-3 * b * np.cos(b * t)
+    recorded, rate = swing(seed if motion is None else motion, t)
     depth = recorded + offset
     force = np.where(depth > 0, stiffness * depth + damping * rate + stiffening * depth**2, 0.0)
     force = np.maximum(force, 0.0) + bias + NOISE * noise.standard_normal(len(t))

@@ -183,7 +183,7 @@ def acceptable(tried: PooledRefit, settings: DiagnosisSettings) -> bool:
     return (
         e.significance > needed
         and e.by_log > DOUBT
-        and e.share > settings.min_share
+        and e.share > settings.min_share / np.sqrt(len(tried.pool))  # what chance makes of a share falls with logs
         and e.change > settings.min_reading_share
         and not implausible(tried)
         and _remarkable(tried, settings)

@@ -126,7 +126,9 @@ def _prune(found: PooledSelection, settings: DiagnosisSettings) -> None:
             continue
         less = reduced_by(pool, name)
         evidence = found.evidence[name] = compare_pools(less, pool)
-        if evidence.significance < settings.min_significance or evidence.share < settings.min_share:
+        if evidence.significance < settings.min_significance or evidence.share < settings.min_share / np.sqrt(
+            len(pool)
+        ):
             found.added.remove(name)
             found.alternatives.pop(name, None)
             found.fits[-1] = fit_of_pool(settled(less))
