@@ -158,13 +158,18 @@ def sines_of(text: str) -> tuple[tuple[float, float], ...]:
 
 def place_of(text: str, option: str) -> tuple[float, ...]:
     """x,y along both tangents, or x,y,z in the base frame [m]."""
-    return numbers(text, option, "x,y along both tangents, or x,y,z in the base frame [m]", counts=(2, 3))
+    values = numbers(text, option)
+    if len(values) not in (2, 3):
+        raise InputError(f"{option} {text}", "x,y along both tangents, or x,y,z in the base frame [m]", "correct it")
+    return values
 
 
 def angles_of(text: str, option: str) -> tuple[float, float]:
     """Two angles [rad]."""
-    first, second = numbers(text, option, "two angles a,b in rad", counts=(2,))
-    return first, second
+    values = numbers(text, option)
+    if len(values) != 2:
+        raise InputError(f"{option} {text}", "two angles a,b in rad", "correct it")
+    return values[0], values[1]
 
 
 def corners_of(text: str, option: str) -> list[tuple[float, ...]]:
