@@ -18,8 +18,8 @@ from kinid.identification.lack_of_fit import LackOfFit, error_rows, error_unit, 
 from kinid.identification.solver import search
 from kinid.identification.state import State
 from kinid.identification.whole import held_out_residual, train_residual
-from kinid.modeling.model import Model
 from kinid.modeling.applicability import base_of
+from kinid.modeling.model import Model
 from kinid.residuals.localization import where
 
 Array = NDArray[np.float64]
