@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from kinid.data.log import Log
+from kinid.data.plausible import KINDS
 from kinid.data.readers import read
 from kinid.data.readers._columns import Table, to_log
 from kinid.data.rig import CONTACT, WRENCH, Rig
@@ -37,7 +38,7 @@ def log_of(
 T = np.arange(4) * 0.5
 A, B, C, D = np.random.default_rng(7).normal(size=(4, 4)).T
 
-units = st.sampled_from(sorted(FACTORS))
+units = st.sampled_from(sorted({*KINDS["depth"], "1"}))
 values = st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=5)
 
 

@@ -106,7 +106,7 @@ def test_tables_without_a_time_are_refused(real_data: Path) -> None:
     for path in ("silicone-indentation/two_cycles.csv", "panda-motion/exciting_traj_positions.txt"):
         with pytest.raises(InputError, match=r"no time in .* no header"):
             read(real_data / path, Rig())
-    depth = rig(t={"column": 0, "unit": "mm"}, depth={"column": 2, "unit": "mm"}, normal_force={"column": 4})
+    depth = rig(t={"column": 0, "unit": "ms"}, depth={"column": 2, "unit": "mm"}, normal_force={"column": 4})
     with pytest.raises(InputError, match=r"runs backwards|repeats"):  # z is no time either
         read(real_data / "silicone-indentation" / "two_cycles.csv", depth)
 
