@@ -7,7 +7,6 @@ ln x ≈ −4 hides behind the constant. `law` = noise ε [N], ln r, limit of |�
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from kinid.estimators._jit import inlined, jit
 from kinid.estimators._kernels import (
@@ -27,6 +26,7 @@ from kinid.estimators._kernels import (
     scaled,
     spread,
 )
+from kinid.kernels.types import Compiled
 
 #: a depth [m or reference depths], a speed [m/s] or a force [N] beyond it is a fault of the log
 FAR = 1e7
@@ -52,7 +52,9 @@ def first_check(x: float, v: float, f: float, contact: bool, ratio: float, noise
 
 
 @inlined
-def enter(p: int, k: int, x: float, v: float, f: float, contact: bool, law: Any, phi: Any, out: Any) -> Any:
+def enter(
+    p: int, k: int, x: float, v: float, f: float, contact: bool, law: Compiled, phi: Compiled, out: Compiled
+) -> Compiled:
     """How sample k begins: its status, and ln(x/r) where there is one; what is said of it is reset."""
     conditions = out[6]
     out[2][k] = 0.0
@@ -65,7 +67,16 @@ def enter(p: int, k: int, x: float, v: float, f: float, contact: bool, law: Any,
 
 @inlined
 def write_law(
-    p: int, u: Any, d: Any, a: float, b: float, n: float, log_r: float, factor: float, values: Any, variances: Any
+    p: int,
+    u: Compiled,
+    d: Compiled,
+    a: float,
+    b: float,
+    n: float,
+    log_r: float,
+    factor: float,
+    values: Compiled,
+    variances: Compiled,
 ) -> None:
     """K, B, n and their variances from ln(K rⁿ), B/K, n, to first order; `factor` scales the covariance."""
     k = exp(a - n * log_r)
@@ -80,20 +91,20 @@ def write_law(
 
 @jit
 def single_stage(
-    shape: Any,
-    state: Any,
-    depth: Any,
-    rate: Any,
-    force: Any,
-    contact: Any,
-    factors: Any,
-    law: Any,
-    limit: Any,
-    window: Any,
+    shape: Compiled,
+    state: Compiled,
+    depth: Compiled,
+    rate: Compiled,
+    force: Compiled,
+    contact: Compiled,
+    factors: Compiled,
+    law: Compiled,
+    limit: Compiled,
+    window: Compiled,
     length: int,
     threshold: float,
-    scratch: Any,
-    out: Any,
+    scratch: Compiled,
+    out: Compiled,
 ) -> None:
     """One regression, ln f = ln(K rⁿ) + (B/K) ẋ + n ln(x/r) (Haddadi & Hashtrudi-Zaad 2008, 2012)."""
     p = len(shape)
@@ -131,20 +142,20 @@ def single_stage(
 
 @jit
 def two_stage(
-    shape: Any,
-    state: Any,
-    depth: Any,
-    rate: Any,
-    force: Any,
-    contact: Any,
-    factors: Any,
-    law: Any,
-    limit: Any,
-    window: Any,
+    shape: Compiled,
+    state: Compiled,
+    depth: Compiled,
+    rate: Compiled,
+    force: Compiled,
+    contact: Compiled,
+    factors: Compiled,
+    law: Compiled,
+    limit: Compiled,
+    window: Compiled,
     length: int,
     threshold: float,
-    scratch: Any,
-    out: Any,
+    scratch: Compiled,
+    out: Compiled,
 ) -> None:
     """Fit f = K xⁿ + B xⁿ ẋ with the last n, then ln f − ln(K + B ẋ) = n ln x with the last K, B (Diolaiti et al.
     2005).
@@ -188,7 +199,7 @@ def two_stage(
 
 
 @jit
-def single_stage_once(t: float, shape: Any, store: Any) -> None:
+def single_stage_once(t: float, shape: Compiled, store: Compiled) -> None:
     """One contact: depth, rate, force, flag."""
     room = carve(shape, store)
     x = room.inputs
@@ -212,7 +223,7 @@ def single_stage_once(t: float, shape: Any, store: Any) -> None:
 
 
 @jit
-def two_stage_once(t: float, shape: Any, store: Any) -> None:
+def two_stage_once(t: float, shape: Compiled, store: Compiled) -> None:
     """One contact: depth, rate, force, flag."""
     room = carve(shape, store)
     x = room.inputs

@@ -9,7 +9,6 @@ of tangential and normal force, accuracy, sample time.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -30,6 +29,7 @@ from kinid.estimators._kernels import (
     quadratic,
     rank_one,
 )
+from kinid.kernels.types import Compiled
 
 #: states of the filter
 STATES = 5
@@ -65,7 +65,7 @@ NORMAL_95 = 1.959963984540054
 
 
 @inlined
-def views(state: Any) -> Any:
+def views(state: Compiled) -> Compiled:
     """Values, d, U, φ, work, gain and the filter's numbers."""
     m = 2 * STATES + STATES * STATES
     return (
@@ -80,7 +80,9 @@ def views(state: Any) -> Any:
 
 
 @inlined
-def correct(theta: Any, d: Any, u: Any, phi: Any, gain: Any, error: float, variance: float) -> None:
+def correct(
+    theta: Compiled, d: Compiled, u: Compiled, phi: Compiled, gain: Compiled, error: float, variance: float
+) -> None:
     """A measurement with an innovation and a noise variance; φ its instrument."""
     total = rank_one(STATES, u, d, phi, 1.0 / variance, gain) * variance
     for j in range(STATES):
@@ -88,7 +90,7 @@ def correct(theta: Any, d: Any, u: Any, phi: Any, gain: Any, error: float, varia
 
 
 @inlined
-def bend(at: Any, step1: float, step2: float, length: float) -> None:
+def bend(at: Compiled, step1: float, step2: float, length: float) -> None:
     """Bristles follow a step of slip [m]: Dahl's, behind an element that is elastic over a small share of ℓ."""
     at[AHEAD1] += step1
     at[AHEAD2] += step2
@@ -103,14 +105,14 @@ def bend(at: Any, step1: float, step2: float, length: float) -> None:
 
 
 @inlined
-def lift(at: Any) -> None:
+def lift(at: Compiled) -> None:
     """What a touch begins with: bristles straight, no instruments yet."""
     for place in (TOUCHED, AHEAD1, AHEAD2, BENT1, BENT2):
         at[place] = 0.0
 
 
 @inlined
-def average(at: Any, load: float, v1: float, v2: float) -> None:
+def average(at: Compiled, load: float, v1: float, v2: float) -> None:
     """Take a sample into the means that are the next one's instruments."""
     share = 1.0 / min(at[TOUCHED] + 1.0, INSTRUMENT)
     at[LOAD] += share * (load - at[LOAD])
@@ -121,7 +123,15 @@ def average(at: Any, load: float, v1: float, v2: float) -> None:
 
 @inlined
 def rest_zeros(
-    theta: Any, d: Any, u: Any, phi: Any, gain: Any, axes: int, load: float, force: Any, noise: float
+    theta: Compiled,
+    d: Compiled,
+    u: Compiled,
+    phi: Compiled,
+    gain: Compiled,
+    axes: int,
+    load: float,
+    force: Compiled,
+    noise: float,
 ) -> None:
     """What the sensor reads in the air are its zeros."""
     for i in range(3):
@@ -135,7 +145,16 @@ def rest_zeros(
 
 
 @inlined
-def along(theta: Any, d: Any, u: Any, phi: Any, gain: Any, at: Any, told: Any, sample: Any) -> None:
+def along(
+    theta: Compiled,
+    d: Compiled,
+    u: Compiled,
+    phi: Compiled,
+    gain: Compiled,
+    at: Compiled,
+    told: Compiled,
+    sample: Compiled,
+) -> None:
     """The force against the slip: T = μ |u| (N − N₀) + c v − zero; `sample` = direction (2), |u|, load, v, T."""
     a, b, bent, load, speed, resisting = sample
     slow = a * at[RATE1] + b * at[RATE2]
@@ -168,7 +187,16 @@ def along(theta: Any, d: Any, u: Any, phi: Any, gain: Any, at: Any, told: Any, s
 
 
 @inlined
-def learn(theta: Any, d: Any, u: Any, phi: Any, gain: Any, at: Any, told: Any, sample: Any) -> int:
+def learn(
+    theta: Compiled,
+    d: Compiled,
+    u: Compiled,
+    phi: Compiled,
+    gain: Compiled,
+    at: Compiled,
+    told: Compiled,
+    sample: Compiled,
+) -> int:
     """One sample in contact; `sample` = normal force, slip rates (2), tangential forces (2)."""
     load, v1, v2, f1, f2 = sample
     bent1 = (1.0 - ELASTIC) * at[BENT1] + at[AHEAD1] / told[2] if told[2] > 0.0 else v1
@@ -185,7 +213,7 @@ def learn(theta: Any, d: Any, u: Any, phi: Any, gain: Any, at: Any, told: Any, s
 
 
 @inlined
-def judge(theta: Any, own1: float, own2: float, at: Any, accuracy: float, used: float) -> int:
+def judge(theta: Compiled, own1: float, own2: float, at: Compiled, accuracy: float, used: float) -> int:
     """Whether both values are as accurate as asked, and the innovations are noise."""
     if used <= RIPE:
         return STARTING
@@ -202,7 +230,7 @@ def judge(theta: Any, own1: float, own2: float, at: Any, accuracy: float, used: 
 
 
 @inlined
-def pass_time(d: Any, u: Any, work: Any, at: Any, told: Any, now: float) -> float:
+def pass_time(d: Compiled, u: Compiled, work: Compiled, at: Compiled, told: Compiled, now: float) -> float:
     """Values and zeros walk until now, NaN where no time is known; returns the time since the last sample [s]."""
     step = told[10]
     if not math.isnan(now):
@@ -216,19 +244,19 @@ def pass_time(d: Any, u: Any, work: Any, at: Any, told: Any, now: float) -> floa
 
 @jit
 def friction(
-    shape: Any,
-    state: Any,
-    load: Any,
-    slip: Any,
-    force: Any,
-    contact: Any,
-    times: Any,
-    told: Any,
-    window: Any,
+    shape: Compiled,
+    state: Compiled,
+    load: Compiled,
+    slip: Compiled,
+    force: Compiled,
+    contact: Compiled,
+    times: Compiled,
+    told: Compiled,
+    window: Compiled,
     length: int,
     threshold: float,
-    scratch: Any,
-    out: Any,
+    scratch: Compiled,
+    out: Compiled,
 ) -> None:
     """All samples; `times` holds the time of each, or one NaN where none is known."""
     theta, d, u, phi, work, gain, at = views(state)
@@ -274,7 +302,7 @@ def friction(
 
 
 @jit
-def friction_once(t: float, shape: Any, store: Any) -> None:
+def friction_once(t: float, shape: Compiled, store: Compiled) -> None:
     """One slip: load, slip rate and tangential force along each axis, flag of contact."""
     room = carve(shape, store)
     axes = (len(room.inputs) - 2) // 2

@@ -9,7 +9,6 @@ of weights, time of the last sample, number of samples used.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -34,6 +33,7 @@ from kinid.estimators._kernels import (
     quadratic,
     rank_one,
 )
+from kinid.kernels.types import Compiled
 
 #: logarithm of a probability below which a member of the bank is given up
 IMPOSSIBLE = -50.0
@@ -49,7 +49,7 @@ LASTING = 0.5
 
 
 @inlined
-def bank(p: int, state: Any) -> Any:
+def bank(p: int, state: Compiled) -> Compiled:
     """Views of the members' states (m, …), the logarithms of their probabilities (m,) and the watch."""
     size = 3 * p + p * p + 4
     members = (len(state) - 6) // (size + 1)
@@ -58,7 +58,7 @@ def bank(p: int, state: Any) -> Any:
 
 
 @inlined
-def notice(watch: Any, innovation: float, keep: float) -> None:
+def notice(watch: Compiled, innovation: float, keep: float) -> None:
     """Take in one innovation over its standard deviation; beyond 10⁶ of them all are alike."""
     innovation = min(max(innovation, -1e6), 1e6)
     watch[TOGETHER] = keep * watch[TOGETHER] + innovation * watch[LAST]
@@ -69,7 +69,7 @@ def notice(watch: Any, innovation: float, keep: float) -> None:
 
 
 @inlined
-def lost(watch: Any, patience: float) -> bool:
+def lost(watch: Compiled, patience: float) -> bool:
     """Whether the innovations lie far outside their covariance, and to one side for sample after sample."""
     limit = max(PERSISTENT * watch[WEIGHTS], LASTING * watch[SQUARES])
     return bool(watch[USED] > patience and watch[TOGETHER] > limit)
@@ -82,7 +82,7 @@ def probability(weight: float) -> float:
 
 
 @inlined
-def confine(p: int, s: Any, u: Any, d: Any, i: int, low: float, high: float) -> None:
+def confine(p: int, s: Compiled, u: Compiled, d: Compiled, i: int, low: float, high: float) -> None:
     """State i into its bounds, the others along with it as their covariance says (Simon 2010, IET CTA 4(8))."""
     move = min(max(s[i], low), high) - s[i]
     variance = covariance(p, u, d, i, i)
@@ -95,20 +95,20 @@ def confine(p: int, s: Any, u: Any, d: Any, i: int, low: float, high: float) -> 
 
 @jit
 def kalman(
-    shape: Any,
-    state: Any,
-    depth: Any,
-    rate: Any,
-    force: Any,
-    contact: Any,
-    times: Any,
-    settings: Any,
-    limit: Any,
-    window: Any,
+    shape: Compiled,
+    state: Compiled,
+    depth: Compiled,
+    rate: Compiled,
+    force: Compiled,
+    contact: Compiled,
+    times: Compiled,
+    settings: Compiled,
+    limit: Compiled,
+    window: Compiled,
     length: int,
     threshold: float,
-    scratch: Any,
-    out: Any,
+    scratch: Compiled,
+    out: Compiled,
 ) -> None:
     """A bank of extended Kalman filters of x = r c (f/(1 + b ẋ))^m − r z, one for each range of m.
 
@@ -235,7 +235,7 @@ def kalman(
 
 
 @jit
-def kalman_once(t: float, shape: Any, store: Any) -> None:
+def kalman_once(t: float, shape: Compiled, store: Compiled) -> None:
     """One contact: depth, rate, force, flag."""
     room = carve(shape, store)
     x = room.inputs

@@ -15,12 +15,12 @@ scale.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from kinid.estimators import _store
 from kinid.estimators._jit import inlined, jit
+from kinid.kernels.types import Compiled
 
 #: the numbers of `kinid.estimators.estimate.Status`
 VALID, STARTING, NOT_EXCITED, NO_CONTACT, BELOW_NOISE, TOO_FAST, NOT_FINITE, NOT_SLIDING, MISFIT, DIVERGED = range(10)
@@ -41,7 +41,7 @@ carve = inlined(_store.carve)
 
 
 @inlined
-def rank_one(p: int, u: Any, d: Any, phi: Any, eps: float, gain: Any) -> float:
+def rank_one(p: int, u: Compiled, d: Compiled, phi: Compiled, eps: float, gain: Compiled) -> float:
     """P ← P − ε Pφφᵀ P / (1 + ε φᵀPφ); `gain` becomes Pφ of the old P; returns 1 + ε φᵀPφ, which must be > 0.
 
     Bierman's measurement update, scaled by ε so that ε ≤ 0 (information taken away) works too.
@@ -66,7 +66,7 @@ def rank_one(p: int, u: Any, d: Any, phi: Any, eps: float, gain: Any) -> float:
 
 
 @inlined
-def add_noise(p: int, u: Any, d: Any, i: int, q: float, work: Any) -> None:
+def add_noise(p: int, u: Compiled, d: Compiled, i: int, q: float, work: Compiled) -> None:
     """P ← P + q e_i e_iᵀ with q ≥ 0 (Agee & Turner 1972)."""
     for j in range(p):
         work[j] = 0.0
@@ -85,7 +85,7 @@ def add_noise(p: int, u: Any, d: Any, i: int, q: float, work: Any) -> None:
 
 
 @inlined
-def covariance(p: int, u: Any, d: Any, i: int, j: int) -> float:
+def covariance(p: int, u: Compiled, d: Compiled, i: int, j: int) -> float:
     """Element (i, j) of U·diag(d)·Uᵀ."""
     total = 0.0
     for k in range(max(i, j), p):
@@ -94,7 +94,7 @@ def covariance(p: int, u: Any, d: Any, i: int, j: int) -> float:
 
 
 @inlined
-def quadratic(p: int, u: Any, d: Any, phi: Any) -> float:
+def quadratic(p: int, u: Compiled, d: Compiled, phi: Compiled) -> float:
     """φᵀPφ."""
     total = 0.0
     for j in range(p):
@@ -106,7 +106,7 @@ def quadratic(p: int, u: Any, d: Any, phi: Any) -> float:
 
 
 @inlined
-def hold(p: int, u: Any, d: Any, limit: Any, work: Any, gain: Any) -> None:
+def hold(p: int, u: Compiled, d: Compiled, limit: Compiled, work: Compiled, gain: Compiled) -> None:
     """A virtual measurement along each axis whose variance passed its limit, so that it equals the limit.
 
     It reads what is believed already, so the parameters stay; other directions go on forgetting.
@@ -128,7 +128,7 @@ def hold(p: int, u: Any, d: Any, limit: Any, work: Any, gain: Any) -> None:
 
 
 @inlined
-def parts(p: int, state: Any) -> Any:
+def parts(p: int, state: Compiled) -> Compiled:
     """Views of theta, d, U, diagonal of P and tally."""
     m = 2 * p + p * p
     return state[:p], state[p : 2 * p], state[2 * p : m].reshape(p, p), state[m : m + p], state[m + p :]
@@ -137,18 +137,18 @@ def parts(p: int, state: Any) -> Any:
 @inlined
 def learn(
     p: int,
-    theta: Any,
-    d: Any,
-    u: Any,
-    own: Any,
-    tally: Any,
-    phi: Any,
+    theta: Compiled,
+    d: Compiled,
+    u: Compiled,
+    own: Compiled,
+    tally: Compiled,
+    phi: Compiled,
     y: float,
     factor: float,
-    limit: Any,
+    limit: Compiled,
     directional: bool,
-    work: Any,
-    gain: Any,
+    work: Compiled,
+    gain: Compiled,
 ) -> float:
     """One sample of recursive least squares; returns the innovation y − φᵀθ.
 
@@ -191,13 +191,13 @@ def learn(
 
 
 @inlined
-def noise_variance(tally: Any) -> float:
+def noise_variance(tally: Compiled) -> float:
     """Weighted mean of squared residuals; inf before there is one."""
     return float(tally[0] / tally[1]) if tally[1] > 0.0 else math.inf
 
 
 @inlined
-def spread(tally: Any) -> float:
+def spread(tally: Compiled) -> float:
     """What turns P into a covariance: noise variance times Σw²/Σw, exact for white noise and steady excitation."""
     return tally[0] * tally[2] / (tally[1] * tally[1]) if tally[1] > 0.0 else np.inf
 
@@ -212,7 +212,7 @@ def scaled(variance: float, factor: float) -> float:
 
 
 @inlined
-def rotate(p: int, a: Any, i: int, j: int) -> None:
+def rotate(p: int, a: Compiled, i: int, j: int) -> None:
     """The Jacobi rotation that zeroes a[i, j] of a symmetric matrix."""
     theta = (a[j, j] - a[i, i]) / (2.0 * a[i, j])
     t = math.copysign(1.0, theta) / (abs(theta) + math.sqrt(theta * theta + 1.0))
@@ -227,7 +227,7 @@ def rotate(p: int, a: Any, i: int, j: int) -> None:
 
 
 @jit
-def smallest_eigenvalue(shape: Any, a: Any) -> float:
+def smallest_eigenvalue(shape: Compiled, a: Compiled) -> float:
     """Smallest eigenvalue of a symmetric matrix (p, p), which is overwritten: cyclic Jacobi rotations."""
     p = len(shape)
     for _ in range(30):
@@ -247,7 +247,14 @@ def smallest_eigenvalue(shape: Any, a: Any) -> float:
 
 @jit
 def window_value(
-    shape: Any, gram: Any, scale: Any, fixed: bool, full: bool, samples: float, size: Any, a: Any
+    shape: Compiled,
+    gram: Compiled,
+    scale: Compiled,
+    fixed: bool,
+    full: bool,
+    samples: float,
+    size: Compiled,
+    a: Compiled,
 ) -> float:
     """Smallest singular value of the window's rows, each column over its scale, divided by √samples."""
     blocks, p = gram.shape[0], len(shape)
@@ -269,7 +276,17 @@ def window_value(
 
 
 @inlined
-def excite(p: int, shape: Any, gram: Any, scale: Any, cursor: Any, length: int, phi: Any, size: Any, a: Any) -> None:
+def excite(
+    p: int,
+    shape: Compiled,
+    gram: Compiled,
+    scale: Compiled,
+    cursor: Compiled,
+    length: int,
+    phi: Compiled,
+    size: Compiled,
+    a: Compiled,
+) -> None:
     """One row more in the window. The value is renewed when a block is full, and at 2, 4, 8 … samples of the first."""
     block = int(cursor[0])
     for i in range(p):
@@ -292,7 +309,9 @@ def excite(p: int, shape: Any, gram: Any, scale: Any, cursor: Any, length: int, 
 
 
 @jit
-def excitation(shape: Any, rows: Any, window: Any, length: int, scratch: Any, values: Any) -> None:
+def excitation(
+    shape: Compiled, rows: Compiled, window: Compiled, length: int, scratch: Compiled, values: Compiled
+) -> None:
     """The window's value after each row."""
     gram, scale, cursor = window
     for k in range(rows.shape[0]):
@@ -318,18 +337,18 @@ def judge(updates: float, least: int, excitation: float, threshold: float, slow:
 
 @inlined
 def conclude(
-    shape: Any,
+    shape: Compiled,
     k: int,
     code: int,
-    tally: Any,
+    tally: Compiled,
     slow: bool,
     loud: bool,
-    phi: Any,
-    window: Any,
+    phi: Compiled,
+    window: Compiled,
     length: int,
     threshold: float,
-    scratch: Any,
-    out: Any,
+    scratch: Compiled,
+    out: Compiled,
 ) -> None:
     """Excitation with the row φ of sample k, which is 0 where it was not used, and the status that follows."""
     p = len(shape)
@@ -342,7 +361,7 @@ def conclude(
 
 
 @inlined
-def close(record: Any, updates: float) -> None:
+def close(record: Compiled, updates: float) -> None:
     """Count the one sample that a store took in."""
     record[_store.UPDATES] = updates
     if record[_store.STATUS] == NOT_FINITE:
@@ -354,19 +373,19 @@ def close(record: Any, updates: float) -> None:
 
 @jit
 def least_squares(
-    shape: Any,
-    state: Any,
-    rows: Any,
-    outputs: Any,
-    factors: Any,
-    codes: Any,
-    limit: Any,
+    shape: Compiled,
+    state: Compiled,
+    rows: Compiled,
+    outputs: Compiled,
+    factors: Compiled,
+    codes: Compiled,
+    limit: Compiled,
     directional: bool,
-    window: Any,
+    window: Compiled,
     length: int,
     threshold: float,
-    scratch: Any,
-    out: Any,
+    scratch: Compiled,
+    out: Compiled,
 ) -> None:
     """All samples; `shape` is any tuple of p floats; `factors` and `codes` hold n values or one for all."""
     p = len(shape)
@@ -402,7 +421,15 @@ def least_squares(
 
 
 @jit
-def kelvin_voigt_rows(depth: Any, rate: Any, force: Any, contact: Any, rows: Any, outputs: Any, codes: Any) -> None:
+def kelvin_voigt_rows(
+    depth: Compiled,
+    rate: Compiled,
+    force: Compiled,
+    contact: Compiled,
+    rows: Compiled,
+    outputs: Compiled,
+    codes: Compiled,
+) -> None:
     """Regressors [x, ẋ] of f = K x + B ẋ."""
     for k in range(len(depth)):
         rows[k, 0], rows[k, 1], outputs[k] = depth[k], rate[k], force[k]
@@ -410,7 +437,7 @@ def kelvin_voigt_rows(depth: Any, rate: Any, force: Any, contact: Any, rows: Any
 
 
 @inlined
-def row_once(shape: Any, room: Any) -> None:
+def row_once(shape: Compiled, room: Compiled) -> None:
     """Least squares of the row, output and code that are the last inputs; settings begin with `directional`."""
     p = len(shape)
     own = room.inputs[len(room.inputs) - p - 2 :]
@@ -433,13 +460,13 @@ def row_once(shape: Any, room: Any) -> None:
 
 
 @jit
-def least_squares_once(t: float, shape: Any, store: Any) -> None:
+def least_squares_once(t: float, shape: Compiled, store: Compiled) -> None:
     """One row and its output."""
     row_once(shape, carve(shape, store))
 
 
 @jit
-def kelvin_voigt_once(t: float, shape: Any, store: Any) -> None:
+def kelvin_voigt_once(t: float, shape: Compiled, store: Compiled) -> None:
     """One contact: depth, rate, force, flag; then room for a row."""
     room = carve(shape, store)
     x, own = room.inputs, room.inputs[4:]

@@ -10,10 +10,12 @@ skipped. Record and state are what an `Estimate` is made of, and so stand first.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from kinid.kernels.types import Compiled
 
 Array = NDArray[np.float64]
 
@@ -28,17 +30,17 @@ LENGTH, THRESHOLD, FACTOR, STATES, CONDITIONS, INPUTS, SETTINGS, BLOCKS = range(
 class Store(NamedTuple):
     """Views of the parts, as the kernels take them; `out` is that of one sample."""
 
-    record: Any  # (2 p + 6,)
-    state: Any
-    inputs: Any  # of one sample
-    settings: Any
-    limit: Any  # (p,)
-    factor: Any  # (1,), of forgetting
-    window: Any  # gram (blocks, p, p), scale (p,), cursor (5,)
-    length: Any  # samples of a block; 0 measures no excitation
-    threshold: Any
-    scratch: Any  # (p + 3, p)
-    out: Any
+    record: Compiled  # (2 p + 6,)
+    state: Compiled
+    inputs: Compiled  # of one sample
+    settings: Compiled
+    limit: Compiled  # (p,)
+    factor: Compiled  # (1,), of forgetting
+    window: Compiled  # gram (blocks, p, p), scale (p,), cursor (5,)
+    length: Compiled  # samples of a block; 0 measures no excitation
+    threshold: Compiled
+    scratch: Compiled  # (p + 3, p)
+    out: Compiled
 
 
 def build(
@@ -70,7 +72,7 @@ def build(
     )
 
 
-def carve(shape: Any, store: Any) -> Store:
+def carve(shape: Compiled, store: Compiled) -> Store:
     """The parts of a store; `shape` is any tuple of p floats. Python and compiled code both cut with this."""
     p = len(shape)
     blocks, conditions = int(store[BLOCKS]), int(store[CONDITIONS])

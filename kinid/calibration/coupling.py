@@ -25,6 +25,7 @@ from kinid.inputs import read_json
 from kinid.modeling.from_logs import from_contact, from_wrench
 from kinid.modeling.model import Model
 from kinid.parameter import ParameterId
+from kinid.writers import Json
 
 Array = NDArray[np.float64]
 
@@ -132,7 +133,7 @@ def compensate(touch: ContactSeries, log: Log, rig: Rig, model: Model, values: M
     else:
         experiment = from_contact(touch, FORCES)
         force = _contribution(model, values, experiment.signals)
-        changed: dict[str, Any] = {name: np.array(getattr(touch, name)) for name in FORCES}
+        changed: Json = {name: np.array(getattr(touch, name)) for name in FORCES}
         for axis, name in enumerate(FORCES):
             changed[name][experiment.rows] -= force[axis]
         provenance = touch.provenance.then("coupling taken out", **done)

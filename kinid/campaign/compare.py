@@ -12,6 +12,7 @@ from kinid.errors import InputError
 from kinid.identification.pooling.fit import fit_logs
 from kinid.identification.pooling.result import PooledFit
 from kinid.modeling.model import Model
+from kinid.writers import Json
 
 if TYPE_CHECKING:
     from kinid.campaign.campaign import Campaign
@@ -44,7 +45,7 @@ class CampaignComparison:
     unit: str
     noise_floor: float
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """For JSON; None where there is no figure."""
 
         def figure(value: float) -> float | None:

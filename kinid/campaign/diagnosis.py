@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -25,6 +25,7 @@ from kinid.identification.whole import held_out_residual
 from kinid.modeling.model import Model
 from kinid.residuals import Cell
 from kinid.residuals.localization import where
+from kinid.writers import Json
 
 if TYPE_CHECKING:
     from kinid.campaign.campaign import Campaign
@@ -77,7 +78,7 @@ class CampaignDiagnosis:
         odd = "".join(f"\nodd: {name}: {why}" for name, why in self.odd.items())
         return f"{self.verdict}: {self.says}{odd}\n{self.fit}"
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """The facts as `kinid diagnose --json` writes them for many logs."""
         fit = self.fit.to_dict()
         kept = ("logs", "per_log", "error_by_log", "put_aside", "groups", "sharing", "parameters")

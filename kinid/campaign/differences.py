@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.stats import f as f_distribution
 
 from kinid.identification.pooling.result import PooledFit
+from kinid.writers import Json
 
 #: probability of such a difference by chance below which it is told, over all that are looked at
 CHANCE = 0.01
@@ -35,7 +35,7 @@ class Difference:
         )
         return f"{self.parameter} differs by {self.column}: {told}"
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """For JSON."""
         return {
             "column": self.column,

@@ -6,11 +6,12 @@ import json
 import re
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from kinid.errors import InputError, near
+from kinid.writers import Json
 
 if TYPE_CHECKING:
     from kinid.effects import Effect, Stage
@@ -206,7 +207,7 @@ def _show_page(case: Case, alike: dict[str, float]) -> None:
         out.print(line, soft_wrap=True, markup=False)
 
 
-def _facts(kind: type[Effect], outcomes: tuple[Outcome, ...], alike: dict[str, float]) -> dict[str, Any]:
+def _facts(kind: type[Effect], outcomes: tuple[Outcome, ...], alike: dict[str, float]) -> Json:
     """What was found, for JSON."""
     checks = [
         {"check": o.rule, "passed": o.passed, "found": o.found, "expected": o.expected, "mend": o.mend}

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from math import isnan
 from pathlib import Path
-from typing import Any
+
+from kinid.writers import Json
 
 
-def study(out: Path, seed: int) -> dict[str, Any]:
+def study(out: Path, seed: int) -> Json:
     """Find the published materials again, follow a drifting contact, print both, and write them into a folder."""
     from rich.table import Table
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from kinid.cli import complete
 from kinid.errors import InputError
+from kinid.writers import Json
 
 if TYPE_CHECKING:
     from kinid.data.rig import Rig
@@ -173,7 +174,7 @@ def _run(
         session.run(limit)
     show(session, out)
     if json_file is not None:
-        facts: dict[str, Any] = {**session.summary(), "list": [event.to_dict() for event in kept]}
+        facts: Json = {**session.summary(), "list": [event.to_dict() for event in kept]}
         write_text(json_file, json.dumps(facts, indent=1) + "\n")
     written([path for path in (record, json_file) if path is not None])
 

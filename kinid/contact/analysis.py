@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from kinid.robotics.motion import TipMotion
 from kinid.robotics.robot import Robot
 from kinid.robotics.wrench import Bias
 from kinid.signal.derivative import Differentiator
+from kinid.writers import Json
 
 #: unit of each contact quantity
 UNITS = dict(zip(CONTACT, ("m", "m/s", "m", "m", "m/s", "m/s", "N", "N", "N")))
@@ -47,10 +47,10 @@ class Analysis:
             out |= {f"tau{j + 1}_model": self.torques.predicted[:, j] for j in range(self.torques.predicted.shape[1])}
         return out
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> Json:
         """Figures for a terminal or JSON: ranges, contact, joint torques, provenance."""
         columns = {k: v.astype(np.float64) for k, v in self.columns().items() if v.dtype.kind == "f" and k != "t"}
-        out: dict[str, Any] = {"ranges": {k: _range(v) for k, v in columns.items()}}
+        out: Json = {"ranges": {k: _range(v) for k, v in columns.items()}}
         if self.contact is not None:
             touch = self.contact
             # an invalid sample within a touch doesn't end it

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +15,7 @@ from kinid.identification.lack_of_fit import LackOfFit
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
 from kinid.residuals import Cell
+from kinid.writers import Json
 
 Array = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ class EffectVerdict:
         """Its name, with how far its absence reaches."""
         return f"{self.id} ({self.within})" if self.within else self.id
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """For JSON."""
         return {
             "id": self.id,
@@ -119,7 +119,7 @@ class Step:
     held_out: float
     explained: float = 0.0
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """For JSON."""
         return {
             "added": self.added,
@@ -184,7 +184,7 @@ class Diagnosis:
                 return effect
         raise InputError(f"effect '{name}'", "one that was looked at", near(name, [e.id for e in self.effects]))
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """The facts as `kinid diagnose --json` writes them."""
         return {
             "model": list(self.model.names),

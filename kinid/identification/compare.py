@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +19,7 @@ from kinid.identification.whole import held_out_residual
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
 from kinid.modeling.readings import experiment_for
+from kinid.writers import Json
 
 Array = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ class Comparison:
     unit: str
     noise_floor: float
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """For JSON; None where there is no figure."""
         return {
             "reference": self.reference,

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinid.effects import Signals
 from kinid.modeling.experiment import Experiment
+from kinid.writers import Json
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -56,7 +56,7 @@ def averaged_signals(signals: Signals, begin: NDArray[np.int64], end: NDArray[np
             load=mean(sensor.load),
         )
     if joints is not None:
-        arrays: dict[str, Any] = {
+        arrays: Json = {
             field.name: mean(getattr(joints, field.name))
             for field in dataclasses.fields(joints)
             if isinstance(getattr(joints, field.name), np.ndarray)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +26,7 @@ from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
 from kinid.modeling.parameter_names import full_name, starting_values
 from kinid.modeling.readings import check_excitation, experiment_for, refuse_inactive_effects
+from kinid.writers import Json
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -48,7 +48,7 @@ class FittedParameter:
     def __str__(self) -> str:
         return f"{self.name} = {self.value:.5g} [{self.low:.5g}, {self.high:.5g}] {self.unit}"
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """For JSON, which has no infinity: an open end is null."""
         low, high = (end if np.isfinite(end) else None for end in (self.low, self.high))
         return {"value": self.value, "low": low, "high": high, "unit": self.unit}
@@ -63,7 +63,7 @@ class FitError:
     noise_floor: float
     unit: str
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """For JSON; None where there is no figure."""
         figures = {"train": self.train, "held_out": self.held_out, "noise_floor": self.noise_floor}
         return {"unit": self.unit} | {name: value if np.isfinite(value) else None for name, value in figures.items()}
@@ -129,7 +129,7 @@ class Fit:
             lines.append(f"{effect.id}: {effect.equation}" + (f"   with {numbers}" if numbers else ""))
         return "\n".join(lines)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """The facts as `kinid fit --json` writes them."""
         return {
             "model": list(self.model.names),

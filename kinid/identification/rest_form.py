@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from kinid.effects._signals import RestForm
 from kinid.identification.solver import ROUGH_GAIN, relearn, search
 from kinid.identification.state import State
+from kinid.writers import Json
 
 Array = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ def _rest(state: State) -> RestForm:
 
 
 def _with(rest: RestForm, fields: list[str], values: Array) -> RestForm:
-    changed: dict[str, Any] = dict(zip(fields, map(float, values)))
+    changed: Json = dict(zip(fields, map(float, values)))
     return dataclasses.replace(rest, **changed)
 
 

@@ -5,10 +5,10 @@ Times are whole nanoseconds: stamps since 1970 have no room for them in a float6
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import njit
+
+from kinid.kernels.types import Compiled
 
 #: places of a clock (int64): the last stamp that was accepted, when it came; the smallest delay between stamp and
 #: reception; what is added to stamps; usual step; steps seen; samples behind the last one, in a row, and the last of
@@ -45,7 +45,7 @@ WAITING, UNPAIRED = 1, 2
 
 
 @njit(cache=True, error_model="numpy")
-def admit(clock: Any, stamp: int, received: int) -> int:
+def admit(clock: Compiled, stamp: int, received: int) -> int:
     """What becomes of a sample by its time; where it is accepted, `clock[LAST]` is its stamp on the continuous clock.
 
     Args:
@@ -96,7 +96,7 @@ def admit(clock: Any, stamp: int, received: int) -> int:
 
 
 @njit(cache=True, error_model="numpy")
-def _remember(clock: Any, step: int) -> None:
+def _remember(clock: Compiled, step: int) -> None:
     """One more step of time: the median of the last ones is the period, or their mean where that is longer."""
     at = clock[COUNT] % STEPS
     clock[RING + at] = step
@@ -115,7 +115,17 @@ def _remember(clock: Any, step: int) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def put(clock: Any, counts: Any, slot: int, stamps: Any, rows: Any, stamp: int, received: int, row: Any, n: int) -> int:
+def put(
+    clock: Compiled,
+    counts: Compiled,
+    slot: int,
+    stamps: Compiled,
+    rows: Compiled,
+    stamp: int,
+    received: int,
+    row: Compiled,
+    n: int,
+) -> int:
     """Ask the clock for a sample, and keep it where it is accepted.
 
     Args:
@@ -140,15 +150,15 @@ def put(clock: Any, counts: Any, slot: int, stamps: Any, rows: Any, stamp: int, 
 
 @njit(cache=True, error_model="numpy")
 def take_pair(
-    clock: Any,
-    counts: Any,
-    joint_stamps: Any,
-    joint_rows: Any,
-    wrench_stamps: Any,
-    wrench_rows: Any,
+    clock: Compiled,
+    counts: Compiled,
+    joint_stamps: Compiled,
+    joint_rows: Compiled,
+    wrench_stamps: Compiled,
+    wrench_rows: Compiled,
     longest: int,
     offset: int,
-    out: Any,
+    out: Compiled,
 ) -> int:
     """The oldest wrench that waits, with joints between their neighbours in time.
 

@@ -11,13 +11,13 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType
-from typing import Any
 
 import numpy as np
 from numba import float64, int64, njit, types
 from numpy.typing import NDArray
 
 from kinid.kernels import causal, chain
+from kinid.kernels.types import Compiled
 from kinid.live.events import ABOVE, CHANGE, DIVERGENCE, EXCITATION, LEAVE, SATURATED, TOUCH
 
 Array = NDArray[np.float64]
@@ -71,7 +71,7 @@ _INNOVATION, _NOISE, _STATUS = -6, -5, -3
 
 
 @njit(error_model="numpy", forceinline=True)
-def _begin(w: Any) -> None:
+def _begin(w: Compiled) -> None:
     """Look for changes anew, once the estimates have settled."""
     w[SUMS : SUMS + 4] = 0.0
     w[NORMAL_SINCE] = w[FRICTION_SINCE] = np.inf
@@ -79,7 +79,7 @@ def _begin(w: Any) -> None:
 
 
 @njit(error_model="numpy", forceinline=True)
-def _touch(quantities: Any, w: Any) -> int:
+def _touch(quantities: Compiled, w: Compiled) -> int:
     """Touch and leave, each after some samples in a row."""
     force, depth = quantities[chain.NORMAL], quantities[chain.DEPTH]
     gone = force < w[OFF] or depth < -REACH
@@ -96,7 +96,9 @@ def _touch(quantities: Any, w: Any) -> int:
 
 
 @njit(error_model="numpy", forceinline=True)
-def _cumulate(t: float, share: float, load: float, record: Any, w: Any, since: int, sums: int, squares: int) -> bool:
+def _cumulate(
+    t: float, share: float, load: float, record: Compiled, w: Compiled, since: int, sums: int, squares: int
+) -> bool:
     """Cumulated sums of one estimator's innovations (E. S. Page, Biometrika 41, 1954), each over its usual size.
 
     The usual size follows slowly what is left of the innovations: a law that doesn't quite fit is no border.
@@ -124,7 +126,7 @@ def _cumulate(t: float, share: float, load: float, record: Any, w: Any, since: i
 
 
 @njit(error_model="numpy", forceinline=True)
-def _turn(dt: float, quantities: Any, w: Any) -> None:
+def _turn(dt: float, quantities: Compiled, w: Compiled) -> None:
     """Begin anew where the way turns: friction, and what the material remembers, are others for a while."""
     v1, v2 = quantities[chain.SLIP_RATE1], quantities[chain.SLIP_RATE2]
     before, speed = math.hypot(w[ALONG1], w[ALONG2]), math.hypot(v1, v2)
@@ -137,7 +139,7 @@ def _turn(dt: float, quantities: Any, w: Any) -> None:
 
 
 @njit(error_model="numpy", forceinline=True)
-def _passes(dt: float, quantities: Any, w: Any) -> bool:
+def _passes(dt: float, quantities: Compiled, w: Compiled) -> bool:
     """Whether force over depth has changed on the way: a border that is as wide as the tip follows no single sample."""
     depth, force = quantities[chain.DEPTH], quantities[chain.NORMAL]
     speed = math.hypot(quantities[chain.SLIP_RATE1], quantities[chain.SLIP_RATE2])
@@ -160,7 +162,7 @@ def _passes(dt: float, quantities: Any, w: Any) -> bool:
 
 
 @njit(error_model="numpy", forceinline=True)
-def _lasts(t: float, which: int, is_so: bool, longest: float, w: Any) -> bool:
+def _lasts(t: float, which: int, is_so: bool, longest: float, w: Compiled) -> bool:
     """Whether something has been so for its time, and hasn't been told since."""
     if not is_so:
         w[SINCE + which] = np.inf
@@ -175,7 +177,9 @@ def _lasts(t: float, which: int, is_so: bool, longest: float, w: Any) -> bool:
 
 
 @njit(error_model="numpy", forceinline=True)
-def _watch(t: float, wrench: Any, quantities: Any, normal: Any, friction: Any, w: Any) -> Any:
+def _watch(
+    t: float, wrench: Compiled, quantities: Compiled, normal: Compiled, friction: Compiled, w: Compiled
+) -> Compiled:
     """What is to be told of this sample, as bits."""
     told = 0
     full = False
@@ -228,13 +232,13 @@ def _learn(
     t: float,
     wrench: Array,
     contact: Array,
-    rows: Any,
+    rows: Compiled,
     start: int,
-    shape: Any,
+    shape: Compiled,
     memory: Array,
-    friction_rows: Any,
+    friction_rows: Compiled,
     friction_start: int,
-    friction_shape: Any,
+    friction_shape: Compiled,
     friction_memory: Array,
     watch: Array,
 ) -> int:
@@ -254,7 +258,7 @@ _SOURCES = hashlib.sha256(
 ).hexdigest()[:12]
 
 
-def compile_learn(once: Any, parameters: int, friction_once: Any) -> Callable[..., int]:
+def compile_learn(once: Compiled, parameters: int, friction_once: Compiled) -> Callable[..., int]:
     """Both estimators and the watch as one compiled call, which allocates nothing.
 
     Args:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
+
+from kinid.writers import Json
 
 #: kinds of event, and what each means
 KINDS = {
@@ -59,7 +61,7 @@ class Event(NamedTuple):
             where = f" at ({x:.1f}, {y:.1f}) mm, {z:.2f} mm deep"
         return f"{self.t:9.3f} s  {self.kind}{where}: {self.says}"
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Plain types, for JSON; None where something isn't known."""
         numbers = {"slip1": self.place[0], "slip2": self.place[1], "depth": self.place[2], "normal_force": self.force}
         known = {name: value if math.isfinite(value) else None for name, value in numbers.items()}

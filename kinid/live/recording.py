@@ -19,6 +19,7 @@ from typing import Any
 from kinid.errors import InputError, MissingDependencyError
 from kinid.live.events import Event
 from kinid.live.messages import Joints, Wrench
+from kinid.writers import Json
 
 #: topics of joints, wrench, contact quantities, estimates and events
 JOINTS, WRENCH, CONTACT, ESTIMATES, EVENTS = (
@@ -171,7 +172,7 @@ class Recorder:
 
 
 #: topic, name of the schema, fields
-_OWN: tuple[tuple[str, str, dict[str, Any]], ...] = (
+_OWN: tuple[tuple[str, str, Json], ...] = (
     (
         CONTACT,
         "kinid.Contact",

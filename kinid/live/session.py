@@ -7,7 +7,6 @@ import math
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from kinid.data.rig import CONTACT as QUANTITIES
 from kinid.live import recording
@@ -17,6 +16,7 @@ from kinid.live.latency import Latencies
 from kinid.live.messages import Notice, Source
 from kinid.live.pipeline import Pipeline
 from kinid.live.recording import Recorder
+from kinid.writers import Json
 
 #: a stream is lost after so long, or so many of its samples, without one [ns]; looked at so often [ns]
 SILENCE_NS, SILENCE_SAMPLES, LOOK_NS = 100_000_000, 20, 20_000_000
@@ -79,7 +79,7 @@ class Session:
             if self.recorder is not None:
                 self.recorder.close()
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> Json:
         """What went through, as plain types."""
         clocks = self.aligner.clocks.items()
         return {

@@ -33,7 +33,7 @@ from kinid.errors import InputError
 from kinid.mapping.png import to_png
 from kinid.mapping.property_map import PropertyMap
 from kinid.robotics.surface import Mesh
-from kinid.writers import make_folder, replacing, write_text
+from kinid.writers import Json, make_folder, replacing, write_text
 
 Array = NDArray[np.float64]
 
@@ -327,7 +327,7 @@ def export(grown: PropertyMap, folder: Path, cells: int = CELLS, method: str = "
     write_text(out[0], to_mujoco(made))
     write_text(out[1], to_sdf(made))
     _write_bytes(out[2], to_gltf(made))
-    about: dict[str, Any] = {"assumed": {role: FRICTION if role == "friction" else 0.0 for role in made.assumed}}
+    about: Json = {"assumed": {role: FRICTION if role == "friction" else 0.0 for role in made.assumed}}
     about["alone"] = {
         "tip_radius": float(made.half.min()),
         "unit": "m",

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from kinid.mapping.property_map import PropertyMap
 from kinid.reports.plots import page
 from kinid.robotics.surface import Plane
+from kinid.writers import Json
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure, Scatter
@@ -28,7 +29,7 @@ UNIFORM_SHARE, UNIFORM_SCATTERS = 0.1, 5.0
 SPREAD = "standard deviation"
 
 
-def map_page(grown: PropertyMap, title: str, method: str = "gp", truth: dict[str, Any] | None = None) -> str:
+def map_page(grown: PropertyMap, title: str, method: str = "gp", truth: Json | None = None) -> str:
     """All properties of a map; `truth` gives, by property, a function of places along both tangents (m,) [m]."""
     figures, rows = [], ""
     for item in grown.properties:

@@ -32,6 +32,7 @@ from kinid.mapping.vision import (
     zones_of,
 )
 from kinid.robotics.surface import Plane
+from kinid.writers import Json
 
 Array = NDArray[np.float64]
 
@@ -127,7 +128,7 @@ class Sighted:
             (float(gain.mean()), error_of_mean(gain, blocks)),
         )
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Classes and figures, in the words of JSON."""
         seen, (random, spatial) = self.figures, self.errors
         classes = [

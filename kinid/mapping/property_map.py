@@ -21,7 +21,7 @@ from kinid.mapping.interpolation import MESH_METHODS, METHODS, Guess, Interpolat
 from kinid.mapping.interpolation.gaussian_process import interpolator
 from kinid.mapping.interpolation.uniform import Uniform
 from kinid.robotics.surface import Mesh, Plane
-from kinid.writers import replacing
+from kinid.writers import Json, replacing
 
 Array = NDArray[np.float64]
 
@@ -234,7 +234,7 @@ class PropertyMap:
         from pyarrow import parquet
 
         names = [p.name for p in self.properties]
-        columns: dict[str, Any] = {"source": pa.array([p.source for p in self.probes], pa.string())}
+        columns: Json = {"source": pa.array([p.source for p in self.probes], pa.string())}
         places = self.places
         columns |= {axis: places[:, i] for i, axis in enumerate("xyz")}
         if isinstance(self.surface, Plane) and len(self.probes):
@@ -358,7 +358,7 @@ def is_map(path: Path) -> bool:
         return False
 
 
-def _surface_to_dict(surface: Plane | Mesh) -> dict[str, Any]:
+def _surface_to_dict(surface: Plane | Mesh) -> Json:
     if isinstance(surface, Plane):
         return {"point": surface.point.tolist(), "axes": surface.axes.tolist()}
     tangent = None if surface.tangent is None else surface.tangent.tolist()
@@ -371,7 +371,7 @@ def _surface_to_dict(surface: Plane | Mesh) -> dict[str, Any]:
     }
 
 
-def _surface_from_dict(facts: dict[str, Any]) -> Plane | Mesh:
+def _surface_from_dict(facts: Json) -> Plane | Mesh:
     if "axes" in facts:
         return Plane(np.array(facts["point"], dtype=float), np.array(facts["axes"], dtype=float))
     vertices = np.frombuffer(base64.b64decode(facts["vertices"]), "<f8").reshape(-1, 3)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from kinid.errors import InputError
 from kinid.planning.limits import Limits
 from kinid.planning.trajectory import Trajectory
+from kinid.writers import Json
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ class Usage:
         unit = _UNITS[self.quantity]
         return f"{self.quantity} of {self.joint}: {self.value:.4g} of {self.limit:.4g} {unit} at {self.t:.3f} s"
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """For JSON."""
         return {
             "quantity": self.quantity,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +13,7 @@ from kinid.effects import Effect
 from kinid.planning.experiments import Proposal
 from kinid.planning.forms import Form
 from kinid.planning.trajectory import Trajectory
+from kinid.writers import Json
 
 Array = NDArray[np.float64]
 Pair = tuple[str, str]
@@ -64,7 +64,7 @@ class Discrimination:
         """Whether a diagnosis can be expected to decide."""
         return self.distance >= SURE
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """For provenance and JSON."""
         return {
             "effects": list(self.effects),

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +25,7 @@ from kinid.planning.expected import Law
 from kinid.planning.information import CRITERIA, Interval, intervals, sizes
 from kinid.planning.poke_design import Bounds, Design, Joints, candidates, search
 from kinid.planning.signals import Multisine
+from kinid.writers import Json
 
 Array = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ class Excitation:
     binding: tuple[str, ...]
     information: Array
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """For provenance and JSON."""
         return {
             "criterion": self.criterion,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,7 @@ from kinid.effects import Layout, Signals, catalogue
 from kinid.errors import InputError
 from kinid.modeling.model import Model
 from kinid.modeling.parameter_names import full_name
+from kinid.writers import Json
 
 Array = NDArray[np.float64]
 
@@ -93,7 +93,7 @@ class Law:
         force = self(self.signals(t, depth, np.full(41, depth[1])))[2]
         return float(np.max(np.diff(force) / np.diff(depth)))
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """For provenance."""
         return {"model": list(self.model.names), "values": dict(self.values)}
 

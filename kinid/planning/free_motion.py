@@ -9,7 +9,6 @@ climbing).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +30,7 @@ from kinid.planning.signals import fading
 from kinid.planning.trajectory import Trajectory
 from kinid.robotics.robot import Robot
 from kinid.signal.derivative import Differentiator
+from kinid.writers import Json
 
 Array = NDArray[np.float64]
 
@@ -75,7 +75,7 @@ class Swing:
             f[3] * u[0] + 3 * f[2] * u[1] + 3 * f[1] * u[2] + f[0] * u[3],
         )
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """For provenance."""
         return {name: getattr(self, name).tolist() for name in ("base", "amplitudes", "frequencies", "phases")} | {
             "duration": self.duration,

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from kinid.errors import InputError
 from kinid.identification.fit import Z95
 from kinid.parameter import Parameter
+from kinid.writers import Json
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ class Interval:
     half: float
     unit: str
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """For JSON."""
         return {"value": self.value, "half": self.half if np.isfinite(self.half) else None, "unit": self.unit}
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +26,7 @@ from kinid.planning.trajectory import Trajectory
 from kinid.robotics.robot import Robot
 from kinid.robotics.surface import Plane, Surface
 from kinid.robotics.surface import load as load_surface
+from kinid.writers import Json
 
 Array = NDArray[np.float64]
 
@@ -339,7 +339,7 @@ class Planner:
                 "a force within the limit",
                 "press less deep, or allow more",
             )
-        asked: dict[str, Any] = {
+        asked: Json = {
             "touches": len(touches),
             "first": touches[0].to_dict(),
             "corners": [[list(map(float, c)) for c in touch.corners] for touch in touches],
@@ -364,9 +364,7 @@ class Planner:
         used = check(motion, self.limits, self.reach.torques(q, dq, ddq, assumed), "a motion")
         return _with(motion, self._facts(used, asked, gap, checked, scene))
 
-    def _facts(
-        self, used: tuple[Usage, ...], asked: dict[str, Any], gap: float, checked: int, scene: Scene | None
-    ) -> dict[str, Any]:
+    def _facts(self, used: tuple[Usage, ...], asked: Json, gap: float, checked: int, scene: Scene | None) -> Json:
         import kinid as package
 
         limits = self.limits
@@ -390,7 +388,7 @@ class Planner:
         }
 
 
-def _with(motion: Trajectory, facts: dict[str, Any]) -> Trajectory:
+def _with(motion: Trajectory, facts: Json) -> Trajectory:
     import dataclasses
 
     return dataclasses.replace(motion, provenance=facts)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-from typing import Any
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from kinid.planning.trajectory import Trajectory
 from kinid.robotics.robot import Robot
 from kinid.viewer import scene as scenes
 from kinid.viewer.page import page
+from kinid.writers import Json
 
 #: a plan has forces to expect, and none that were measured
 LEGEND = '<i style="background:#0072B2"></i>expected force'
@@ -35,7 +35,7 @@ def preview_page(motion: Trajectory, rig: Rig, robot: Robot | None = None, title
             f"a trajectory of {', '.join(motion.joint_names)}", f"the joints of {robot.name}", "name its rig"
         )
     log = Log(motion.t, motion.q, phase=motion.phase, provenance=Provenance(title))
-    shown: dict[str, Any] = {
+    shown: Json = {
         "title": title,
         "play": True,
         "robot": scenes.robot_scene(rig, robot),

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError
+from kinid.writers import Json
 
 Array = NDArray[np.float64]
 
@@ -95,7 +96,7 @@ class Multisine(Signal):
             out += sine * np.array([[1.0], [0.0], [-(w**2)], [0.0]]) + cosine * np.array([[0.0], [w], [0.0], [-(w**3)]])
         return out
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """For provenance."""
         return {
             "kind": "multisine",
@@ -158,7 +159,7 @@ class Sampled(Signal):
         out[0] -= self.base
         return out
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """For provenance."""
         return {"kind": "samples", "count": len(self.t), "duration": self.duration, "fade": self.fade}
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from kinid.errors import InputError
 from kinid.planning.signals import Multisine, Sampled
+from kinid.writers import Json
 
 Array = NDArray[np.float64]
 Place = tuple[float, ...]
@@ -65,7 +66,7 @@ class Poke:
         """Where its motion begins [m]."""
         return self.signal.base
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """For provenance."""
         return {
             "kind": self.name,
@@ -104,7 +105,7 @@ class Slide:
             if not (np.isfinite(value) and value > 0):
                 raise InputError(f"a {what} of a slide of {value}", "a positive number", "correct it")
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """For provenance."""
         return {
             "kind": self.name,

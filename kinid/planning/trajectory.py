@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from kinid.data.log import frozen
 from kinid.errors import InputError
-from kinid.writers import write_table
+from kinid.writers import Json, write_table
 
 Array = NDArray[np.float64]
 
@@ -185,7 +185,7 @@ def read_columns(path: Path) -> dict[str, NDArray[Any]]:
     return _table(path)[0]
 
 
-def _table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+def _table(path: Path) -> tuple[dict[str, NDArray[Any]], Json]:
     """Columns of a file, and its provenance."""
     if not path.is_file():
         raise InputError(f"no file {path}", "a table as Parquet, CSV or NPZ", "check its name")

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from kinid.residuals.parts import Moving, Part, moving, other_parts, phase_parts
 from kinid.residuals.shapes import MAINS, NEAR, held_still, shape
 from kinid.residuals.view import View
 from kinid.residuals.words import channel_words, number, percent
+from kinid.writers import Json
 
 Array = NDArray[np.float64]
 
@@ -60,7 +60,7 @@ class Cell:
     unit: str
     says: str
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """For JSON."""
         return {
             "channel": self.channel,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from kinid.identification.pooling.held_out import HeldOut
 from kinid.identification.pooling.pool import Pool
 from kinid.modeling.model import Model
 from kinid.modeling.parameter_names import full_name
+from kinid.writers import Json
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class LogResult:
     disagreement: float
     freedom: float
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """For JSON; None where there is no figure."""
         figures = {
             "train": self.error.train,
@@ -101,7 +101,7 @@ class PooledFit:
         """Each log's own parameters."""
         return {log.name: log.parameters for log in self.logs}
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """The facts as `kinid fit --json` writes them for many logs."""
         by_log = self.by_log if np.isfinite(self.by_log) else None
         return {

@@ -15,6 +15,7 @@ from kinid.modeling.contract._case import Case, Rule, demand, true_values
 from kinid.modeling.forward import Route
 from kinid.modeling.model import Model
 from kinid.modeling.reference_motions import arrays
+from kinid.writers import Json
 
 Array = NDArray[np.float64]
 
@@ -154,7 +155,7 @@ def gap(case: Case) -> str:
 def tail(signals: Signals, k: int) -> Signals:
     """Signals from sample k on."""
 
-    def cut(thing: Any, first: tuple[str, ...] = (), whole: tuple[str, ...] = ()) -> dict[str, Any]:
+    def cut(thing: Any, first: tuple[str, ...] = (), whole: tuple[str, ...] = ()) -> Json:
         out = {}
         for field in dataclasses.fields(thing):
             value = getattr(thing, field.name)
@@ -162,7 +163,7 @@ def tail(signals: Signals, k: int) -> Signals:
                 out[field.name] = value[k:] if field.name in first else np.ascontiguousarray(value[..., k:])
         return out
 
-    parts: dict[str, Any] = cut(signals)
+    parts: Json = cut(signals)
     if signals.sensor is not None:
         parts["sensor"] = dataclasses.replace(signals.sensor, **cut(signals.sensor, ("to_contact",), ("tip", "com")))
     if signals.joints is not None:
