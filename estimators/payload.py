@@ -103,8 +103,7 @@ class Payload:
     remedy: str
 
     def __getitem__(self, name: str) -> Value:
-        inertia = np.empty(0) if self.inertia is None else self.inertia
-        values = np.concatenate([[self.mass], self.com, self.bias, inertia])
+        values = np.concatenate([[self.mass], self.com, self.bias, [] if self.inertia is None else self.inertia])
         if name not in NAMES[: len(values)]:
             raise KeyError(f"'{name}' is none of {', '.join(NAMES[: len(values)])}")
         i = NAMES.index(name)
@@ -118,12 +117,9 @@ class Payload:
         """
         missing = [name for name in NAMES[:4] if name in self.unidentified]
         if missing or self.mass < 0:
-            found = f"a payload of {self.mass:.4g} kg"
-            if missing:
-                found = f"poses that can't tell {', '.join(missing)}"
+            found = f"poses that can't tell {', '.join(missing)}" if missing else f"a payload of {self.mass:.4g} kg"
             raise InputError(found, "mass and centre of mass of the tool", self.remedy or "add poses")
-        known = self.inertia is not None and np.isfinite(self.inertia).all()
-        inertia = np.asarray(self.inertia) if known else np.zeros(6)
+        inertia = np.zeros(6) if self.inertia is None or not np.isfinite(self.inertia).all() else self.inertia
         table = {"mass": self.mass, "com": self.com.tolist(), "inertia": inertia.tolist()}
         return ToolSpec.model_validate(table)
 
