@@ -16,7 +16,8 @@ Array = NDArray[np.float64]
 
 #: integration steps within a control period
 FINE = 10
-_kelvin_voigt = contact_laws.kelvin_voigt_sample
+#: for one sample at a time
+_kelvin_voigt = njit(cache=True)(contact_laws.kelvin_voigt)
 _pay, _afford, _ease, _refill = passivity.pay, passivity.afford, passivity.ease, passivity.refill
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -33,17 +34,20 @@ def init(
     out: Annotated[
         Path | None, typer.Option("-o", "--out", help="The rig to write; default: rig.toml beside the log.")
     ] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Columns and what they were taken for, as JSON.")
+    ] = None,
 ) -> None:
     """Read a log's columns, guess names and units, ask what is missing, and write a rig.toml to go on with."""
     from kinid.data.guess import columns_of, guesses
     from kinid.data.rig import Rig
     from kinid.robotics.reading import read
-    from kinid.writers import check_outputs, write_text
+    from kinid.writers import check_outputs, write_json, write_text
 
     target = out or log.parent / "rig.toml"
     if target.exists():
         raise InputError(f"a rig at {target} already", "a name that is free", "name another with -o, or remove it")
-    check_outputs((target,), (log,))
+    check_outputs((target, json_file), (log,))
     columns = columns_of(log)
     found = guesses(columns)
     if not any(guess.quantity == "t" for guess in found):
@@ -74,6 +78,9 @@ def init(
         if guess.unit or guess.column != guess.quantity:
             typer.echo(f"{guess.quantity}: column '{guess.column}'" + (f" in {guess.unit}" if guess.unit else ""))
     typer.echo(f"{len(made)} samples over {made.t[-1] - made.t[0]:.4g} s read with it")
+    if json_file is not None:
+        facts = [dataclasses.asdict(guess) for guess in found]
+        write_json(json_file, {"rig": str(target), "samples": len(made), "columns": facts})
     typer.echo(f"wrote {target}; look at it, then: kinid contact {log} --rig {target}")
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import TypeVar
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 #: a number, or numbers over time (n,)
@@ -31,7 +30,3 @@ def hunt_crossley(power: T, rate: T, stiffness: float, damping: float) -> T:
     K. H. Hunt, F. R. E. Crossley, J. Appl. Mech. 42, 1975, eq. 8.
     """
     return stiffness * power + damping * power * rate
-
-
-#: the same for compiled loops, which look at one sample at a time
-kelvin_voigt_sample = njit(cache=True)(kelvin_voigt)

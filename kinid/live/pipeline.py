@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid import effects
 from kinid.contact.online import OnlineContact
 from kinid.data.rig import CONTACT, Rig
 from kinid.errors import InputError
@@ -26,8 +27,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: normal laws that are estimated live, and effects of friction that come with its estimator
-LAWS, FRICTION = ("kelvin-voigt", "hunt-crossley", "hooke"), ("coulomb-friction", "viscous-friction")
+#: recursive estimators of normal laws that run live, by their names (`Effect.recursive`)
+LAWS = {"KelvinVoigt": KelvinVoigt, "SingleStage": SingleStage}
 #: normal force from which the tool touches, in standard deviations of the sensor's noise, and at least [N]
 TOUCHES, LEAST_FORCE = 6.0, 0.1
 #: noise of a force where the rig states none [N]
@@ -67,7 +68,7 @@ class Pipeline:
 
     Args:
         rig: with a robot, a plane, and what is known of tool and sensor.
-        model: names of effects: a law out of `LAWS`, `FRICTION`.
+        model: names of effects that a recursive estimator follows: a contact law, friction.
         bandwidth: of the velocities that the stream lacks [Hz], as in `OnlineContact`.
         watch: when something is told.
         contact_force: normal force from which the tool touches [N]; None: six standard deviations of the rig's noise.
@@ -94,7 +95,9 @@ class Pipeline:
         on = max(LEAST_FORCE, TOUCHES * noise) if contact_force is None else contact_force
         self.model, self.watch = tuple(model), watch or Watch()
         self.contact = OnlineContact(rig, robot=robot, bandwidth=bandwidth, contact_force=on)
-        self.normal: Machine = (SingleStage(noise=noise) if law == "hunt-crossley" else KelvinVoigt()).online().machine
+        self.normal: Machine = (
+            (SingleStage(noise=noise) if law == SingleStage.__name__ else KelvinVoigt()).online().machine
+        )
         self.friction: Machine = Friction().online().machine
         self._told = np.full(kernels.PLACES, 0.0)
         self._set_up(rig, on, noise)
@@ -116,8 +119,9 @@ class Pipeline:
     @property
     def estimates(self) -> dict[str, Estimate]:
         """What is known now of the model's parts: "normal" and "friction"."""
-        parts = {"normal": self.normal} if any(name in LAWS for name in self.model) else {}
-        if any(name in FRICTION for name in self.model):
+        followed = {effects.get(name).recursive for name in self.model}
+        parts = {"normal": self.normal} if followed & set(LAWS) else {}
+        if Friction.__name__ in followed:
             parts["friction"] = self.friction
         return {name: machine.estimate() for name, machine in parts.items()}
 
@@ -203,20 +207,22 @@ def reopen(machine: Machine) -> None:
 
 
 def _law(model: Sequence[str]) -> str | None:
-    """The normal law out of a model."""
-    unknown = [name for name in model if name not in (*LAWS, *FRICTION)]
+    """Name of the recursive estimator of a model's contact law, None without one."""
+    followed = {name: effects.get(name).recursive for name in model}
+    unknown = [name for name, estimator in followed.items() if estimator not in (*LAWS, Friction.__name__)]
     if unknown:
+        known = [name for name, kind in effects.catalogue().items() if kind.recursive in (*LAWS, Friction.__name__)]
         raise InputError(
             f"effect '{unknown[0]}' in a live model",
-            f"one of {', '.join((*LAWS, *FRICTION))}",
+            f"one of {', '.join(known)}",
             "leave it out: kinid diagnose finds it in the recording",
         )
-    laws = [name for name in model if name in LAWS]
+    laws = [name for name in model if followed[name] in LAWS]
     if len(laws) > 1:
         raise InputError(f"{len(laws)} contact laws, {' and '.join(laws)}", "one at most", "choose one")
     if not model:
         raise InputError("a live model without effects", "a contact law, friction, or both", "name one with --model")
-    return laws[0] if laws else None
+    return followed[laws[0]] if laws else None
 
 
 def _inputs(machine: Machine, takes: Sequence[str]) -> tuple[Any, ...]:

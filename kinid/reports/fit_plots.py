@@ -80,12 +80,14 @@ def recursive_tracks(fit: Fit) -> dict[str, Track]:
     for effect in fit.model.effects:
         if not effect.recursive or not (effect.base or "tangential_force2" in channels):
             continue
-        run = getattr(estimators, effect.recursive)(forgetting=forgetting).run
+        estimator = getattr(estimators, effect.recursive)
+        touching = experiment.in_contact & (signals.depth > 0)
         if effect.base:
-            touching = experiment.in_contact & (signals.depth > 0)
+            run = estimator(forgetting=forgetting).run
             out[effect.id] = run(signals.depth, signals.depth_rate, force, in_contact=touching)
         else:
-            out["friction"] = run(force, signals.slip_rate.T, experiment.measured[-2:].T)
+            tangential = experiment.measured[-2:].T
+            out["friction"] = estimator().run(force, signals.slip_rate.T, tangential, signals.t, touching)
     return out
 
 

@@ -158,7 +158,7 @@ def test_frequencies_are_those_of_the_piece_that_holds_the_error() -> None:
     residual[0, :begins] += 0.3 * np.sin(2 * np.pi * 8.0 * e.signals.t[:begins])
     cells = of(where(e, residual, e.noise), "frequency")
     assert cells
-    assert all("from 5 to 15 Hz" in cell.says for cell in cells)
+    assert all("between 5 and 15 Hz" in cell.says for cell in cells)
 
 
 def test_a_bias_is_the_same_at_all_times() -> None:
@@ -176,7 +176,7 @@ def test_an_error_faster_than_the_reading() -> None:
     r = noise(e)
     r[0] += 0.1 * np.sin(2 * np.pi * 8.0 * e.signals.t)
     cells = of(where(e, r, e.noise), "frequency")
-    assert ["from 5 to 15 Hz" in cell.says for cell in cells] == [True]
+    assert ["between 5 and 15 Hz" in cell.says for cell in cells] == [True]
     assert not any("a line at" in cell.says for cell in cells)
 
 
