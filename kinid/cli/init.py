@@ -34,9 +34,7 @@ def init(
     out: Annotated[
         Path | None, typer.Option("-o", "--out", help="The rig to write; default: rig.toml beside the log.")
     ] = None,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", help="Columns and what they were taken for, as JSON.")
-    ] = None,
+    json_file: Annotated[Path | None, typer.Option("--json", help="What columns were taken for, as JSON.")] = None,
 ) -> None:
     """Read a log's columns, guess names and units, ask what is missing, and write a rig.toml to go on with."""
     from kinid.data.guess import columns_of, guesses
