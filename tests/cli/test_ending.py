@@ -15,6 +15,8 @@ import pytest
 
 import kinid.cli
 
+#: a shell that starts jobs in the background makes them ignore Ctrl-C
+WITH_SIGINT = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
 SHIM = "from kinid.cli import main; main()"
 
 
@@ -107,7 +109,10 @@ def test_a_signal_stops_it_in_one_line(number, log):
         out,
     ]
     child = subprocess.Popen(
-        [sys.executable, "-c", SHIM, *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-c", WITH_SIGINT + SHIM, *map(str, words)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
     assert child.stdout is not None
     child.stdout.readline()  # it says that it begins
