@@ -104,9 +104,8 @@ class Pipeline:
         self._take = compile_step()
         self._learn = kernels.compile_learn(self.normal.once, len(self.normal.shape), self.friction.once)
         self._normal = _inputs(self.normal, ("depth", "depth_rate", "normal_force", "in_contact"))
-        self._friction = _inputs(
-            self.friction, ("normal_force", "slip_rate1", "slip_rate2", "tangential_force1", "tangential_force2")
-        )
+        rubbing = ("normal_force", "slip_rate1", "slip_rate2", "tangential_force1", "tangential_force2", "in_contact")
+        self._friction = _inputs(self.friction, rubbing)
         self._rest = (self.contact.store, *self._normal, *self._friction, self._told)
         self._none = np.empty(0)
         self.quantities = self.contact.quantities

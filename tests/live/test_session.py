@@ -35,9 +35,9 @@ def test_estimates_are_those_of_the_loop(law: str, scripted: Scripted, rig: Rig,
     estimator = SingleStage(noise=noise) if law == "hunt-crossley" else KelvinVoigt()
     normal = OnlineEstimator(contact, estimator.online())
     friction = OnlineEstimator(
-        OnlineContact(rig),
+        OnlineContact(rig, contact_force=max(0.1, 6 * noise)),
         Friction().online(),
-        ("normal_force", ("slip_rate1", "slip_rate2"), ("tangential_force1", "tangential_force2")),
+        ("normal_force", ("slip_rate1", "slip_rate2"), ("tangential_force1", "tangential_force2"), "in_contact"),
     )
     for joints, wrench in zip(rows[::2], rows[1::2]):
         assert isinstance(joints, Joints)
