@@ -154,7 +154,12 @@ def show_intervals(intervals: Iterable[Interval]) -> None:
 def bound_words(name: str, motion: Trajectory) -> str:
     """A bound that the optimum reaches; of the joints, which limit and whose."""
     if name != "joints":
-        return name
+        return {
+            "deepest": "the greatest depth",
+            "speed": "the speed",
+            "force": "the force",
+            "bandwidth": "the bandwidth",
+        }.get(name, name)
     nearest = max(
         (use for use in motion.provenance["used"] if use["quantity"] in ("velocity", "acceleration", "jerk")),
         key=lambda use: use["share"],

@@ -115,9 +115,7 @@ def test_configuration_and_tangent_follow_the_names() -> None:
         np.testing.assert_allclose(found.position[0], place.translation, atol=1e-14)  # rounding of some 0.1 m
 
 
-@pytest.mark.parametrize(
-    "tilt", [(0.0, 0.0, -9.81), (9.81, 0.0, 0.0), (0.0, 0.0, 9.81), (3.0, -4.0, 8.0), (0.0, 0.0, 0.0)]
-)
+@pytest.mark.parametrize("tilt", [(0.0, 0.0, -9.81), (9.81, 0.0, 0.0), (0.0, 0.0, 9.81), (3.0, -4.0, 8.0)])
 def test_a_tilted_or_hung_base(tilt: tuple[float, float, float]) -> None:
     """Gravity torque is the potential energy's gradient, with gravity as the rig gives it."""
     hung = robot(gravity=tilt)
