@@ -26,7 +26,6 @@ NOT_REACHED = {
     "underrated",
     "friction_that_turns_at_once_is_within_the_catalogue[500.0-1e-06": "noise of the motion at sharp reversals is "
     "underrated",
-    "test_stiffness_and_damping_come_back": "rounding by half a newton is taken up by surface and bias",
     "test_measured.py::test_payload_and_bias_from_poses": "24 poses: cross-talk takes what a first moment does",
     "test_measured.py::test_the_arm_lacks_friction_and_offsets": "figures were of logged velocities and a band of 25 "
     "Hz",

@@ -13,9 +13,9 @@ import threading
 import time
 
 import numpy as np
+from scripted import RIG, scripted_poke
 
 from kinid.data.rig import Rig
-from kinid.lab.scripted import RIG, scripted_poke
 from kinid.live import Aligner, Pipeline, Session
 from kinid.live.messages import Joints, Wrench
 from kinid.live.sources.udp import Socket

@@ -9,12 +9,12 @@ from functools import cache
 import numpy as np
 import pytest
 from campaign.testers import poked, several
+from scripted import RIG, scripted_poke
 
 import kinid
 from kinid.campaign.diagnosis import CampaignDiagnosis
 from kinid.campaign.oddness import reasons
 from kinid.data.rig import Rig
-from kinid.lab.scripted import RIG, scripted_poke
 
 MODEL = kinid.Model("kelvin-voigt", "sensor-bias")
 #: laws that bend a spring over depth, which a small one can't be told by

@@ -6,11 +6,11 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scripted import scripted_poke
 
 from kinid.contact.analysis import analyse
 from kinid.data.log import Log
 from kinid.data.rig import Rig
-from kinid.lab.scripted import scripted_poke
 from kinid.robotics.reading import read
 from kinid.robotics.robot import Robot
 from kinid.robotics.wrench import tool_load

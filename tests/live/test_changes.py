@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from live.prepared import NAMES, Prepared
+from scripted import RIG, follow
 
 from kinid.data.rig import Rig
-from kinid.lab.scripted import RIG, follow
 from kinid.live import Pipeline, Session
 from kinid.live.messages import Item, Joints, Wrench
 from kinid.live.pipeline import Watch
