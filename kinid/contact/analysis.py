@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from kinid.contact.doubts import contact_doubts
 from kinid.contact.series import ContactSeries, contact_series, tip_motion
-from kinid.data.log import Log, Provenance
+from kinid.data.log import Log, Provenance, Step
 from kinid.data.rig import CONTACT, Rig
 from kinid.errors import InputError
 from kinid.robotics.inverse_dynamics import JointTorques, joint_torques
@@ -110,7 +110,7 @@ def analyse(
         provenance = provenance.after(*tip.steps)
     doubts = contact_doubts(log, rig, robot, contact)
     if doubts:
-        provenance = provenance.then("doubts", warnings=doubts)
+        provenance = provenance.after(Step("doubts", {}, tuple(doubts)))
     return Analysis(contact, tip, torques, provenance)
 
 
