@@ -57,6 +57,9 @@ NOISE_MEMORY, FIRM = 2000.0, 200.0
 #: follow a law of their own; and the share of all samples that may have done so, since a filter forgets nothing
 PATIENCE, CORRELATED, LASTING = 1000.0, 0.5, 0.2
 
+#: least μ, and c [N·s/m], that an opened filter takes for the size of its values
+REOPENED_FRICTION, REOPENED_VISCOUS = 0.1, 1.0
+
 #: samples after which that can be said
 RIPE = 250.0
 
@@ -77,6 +80,20 @@ def views(state: Compiled) -> Compiled:
         state[m + 2 * STATES : m + 3 * STATES],
         state[m + 3 * STATES : m + 3 * STATES + NUMBERS],
     )
+
+
+def reopen(state: Compiled, spread: float) -> None:
+    """Give μ and c, in parts of their values, a standard deviation as if nothing else were known; zeros stay known.
+
+    The covariance is U D Uᵀ with U upper triangular, so that the zeros' part of it stands in their own rows.
+    """
+    m = 2 * STATES + STATES * STATES
+    theta, d, u = state[:STATES], state[STATES : 2 * STATES], state[2 * STATES : m].reshape(STATES, STATES)
+    u[: VISCOUS + 1] = np.eye(STATES)[: VISCOUS + 1]
+    d[FRICTION] = (spread * max(abs(theta[FRICTION]), REOPENED_FRICTION)) ** 2
+    d[VISCOUS] = (spread * max(abs(theta[VISCOUS]), REOPENED_VISCOUS)) ** 2
+    numbers = state[m + 3 * STATES :]
+    numbers[TOGETHER] = numbers[SQUARES] = numbers[COLOURED] = 0.0
 
 
 @inlined

@@ -108,9 +108,9 @@ def _cumulate(
         w[since] = np.inf
         w[sums] = w[sums + 1] = w[squares] = 0.0
         return False
-    if status not in (VALID, NOT_EXCITED):
-        return False
     innovation = record[len(record) + _INNOVATION]
+    if innovation == 0.0:  # nothing was learnt from this sample
+        return False
     if w[since] == np.inf:
         w[since] = t
     if t - w[since] < w[SETTLED]:

@@ -15,6 +15,7 @@ from kinid.contact.online import OnlineContact
 from kinid.data.rig import CONTACT, Rig
 from kinid.errors import InputError
 from kinid.estimators import Friction, KelvinVoigt, SingleStage
+from kinid.estimators._friction_kernels import reopen as reopen_friction
 from kinid.estimators._machine import Machine, Online
 from kinid.estimators.estimate import Estimate, Status
 from kinid.kernels.causal import FLAG, NOT_FINITE, compile_step
@@ -168,8 +169,8 @@ class Pipeline:
 
     def reopen(self) -> None:
         """Open both estimators' covariance: what was learnt stays as a start, which the next samples may overrule."""
-        for machine in (self.normal, self.friction):
-            reopen(machine)
+        reopen(self.normal)
+        reopen_friction(self.friction.room.state, SPREAD)
 
     def restart(self) -> None:
         """A new log begins, whose time may start anew; what was learnt stays."""
