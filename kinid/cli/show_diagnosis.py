@@ -126,9 +126,9 @@ def _numbers(effect: EffectVerdict) -> str:
 
 def _next(out: Console, result: Diagnosis) -> None:
     """How to separate rivals first, then how to see what this log doesn't show."""
-    from kinid.reports.diagnosis_words import rivalries
+    from kinid.reports.diagnosis_words import indistinguishable_classes
 
-    rivals = rivalries(result)
+    rivals = indistinguishable_classes(result)
     hints = [f"{e.id} or {' or '.join(e.equivalent_to)}: {e.separate_by}" for e in rivals]
     hidden = [
         f"{e.id}: {e.separate_by}" for e in result.effects if e.verdict == "not-excited" and e.acts and e.separate_by

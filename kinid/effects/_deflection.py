@@ -34,7 +34,7 @@ LEAST = 1e-12
 SETTLED, NEARBY = 1e-10, 3e-5
 
 
-def press_through(s: Signals, compliance: float, press: Callable[[Signals], None]) -> None:
+def solve_series_compliance(s: Signals, compliance: float, press: Callable[[Signals], None]) -> None:
     """Replace depth, rate and normal force by those behind a compliance C: N = L(x, ẋ), x = δ − C N, ẋ = δ̇ − C Ṅ.
 
     A Newton search for all samples at once. A law's slope over depth and rate at one sample, its memory of the others

@@ -98,12 +98,12 @@ def _released(experiment: Experiment) -> Array:
     are one.
     """
     s, normal = experiment.signals, experiment.normal_force
-    if normal is None or not experiment.let_go.any():
+    if normal is None or not experiment.separated.any():
         return np.zeros_like(experiment.measured)
     arm = 1.0 if s.sensor is None else float(np.linalg.norm(s.sensor.tip))
     lever = np.array([1.0 if unit == "N" else arm for unit in s.layout.units])
     usual = float(np.nanpercentile(normal[s.depth > 0], 95))
-    out: Array = lever[:, None] * (SEPARATION_FORCE_SHARE * usual * experiment.let_go)
+    out: Array = lever[:, None] * (SEPARATION_FORCE_SHARE * usual * experiment.separated)
     return out
 
 

@@ -66,7 +66,7 @@ def lack_of_fit(state: State, residual: Array, tolerance: float | None = None) -
     counted = np.isfinite(residual).all(axis=0)
     error = rms(residual[rows][:, counted])
     # where a material has let go of a tool that retracts, what a law says isn't held against it
-    firm = rms(residual[rows][:, counted & ~experiment.let_go])
+    firm = rms(residual[rows][:, counted & ~experiment.separated])
     motion = float(np.mean(state.error.motion[rows])) if state.error.motion.size else 0.0
     single = np.mean(reading_noise(state.problem)[rows] ** 2)
     # a residual that is smaller than its noise proves the noise wrong
@@ -87,7 +87,7 @@ def _slow(state: State, rows: Mask) -> float:
     """Mean square of what is left beside noise in means of neighbours, which fits are made to: the rest is faster."""
     problem = state.problem
     gone = (
-        problem.means(np.broadcast_to(problem.experiment.let_go, problem.experiment.measured.shape).astype(float))[0]
+        problem.means(np.broadcast_to(problem.experiment.separated, problem.experiment.measured.shape).astype(float))[0]
         > 0.0
     )
     return 0.0 if gone.all() else float(np.mean((state.held_out**2 - state.error.noise**2)[rows][:, ~gone]))

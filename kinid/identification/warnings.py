@@ -83,7 +83,7 @@ def of_fit(
         p = named[name]
         if began in (p.low, p.high) and p.low != p.nominal != p.high:
             out.append(f"{name} started at its bound {began:.4g}: start inside")
-    alike = stand_ins(names, trade)
+    alike = collinear_groups(names, trade)
     if solution.condition > MAX_CONDITION and alike:
         how = "ill-conditioned" if solution.condition > ILL_CONDITIONED else "nearly ill-conditioned"
         out += [
@@ -105,7 +105,7 @@ def of_fit(
     return out
 
 
-def stand_ins(names: Sequence[str], covariance: Array) -> list[list[str]]:
+def collinear_groups(names: Sequence[str], covariance: Array) -> list[list[str]]:
     """Groups of parameters whose estimates hang on each other.
 
     From the information with its diagonal brought to one (Belsley, Kuh & Welsch 1980, ch. 3): a direction whose

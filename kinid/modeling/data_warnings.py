@@ -41,7 +41,7 @@ BEYOND, USUAL = 1e3, 0.999
 SLIPPING, DRIVES = 1e-3, 0.5
 
 
-def doubts_of(experiment: Experiment) -> list[str]:
+def warnings_of(experiment: Experiment) -> list[str]:
     """Units and signs of depth and normal force that nature doesn't have; and whether there is free motion."""
     return [*_units(experiment), *_channels(experiment), *_signs(experiment), *_sampling(experiment)]
 

@@ -82,7 +82,7 @@ class Experiment:
         return force
 
     @cached_property
-    def let_go(self) -> NDArray[np.bool_]:
+    def separated(self) -> NDArray[np.bool_]:
         """Samples in which a tool retracts inside a material, and no more force is left than outside, (n,)."""
         force = self.normal_force
         if force is None:

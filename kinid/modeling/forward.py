@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from kinid.effects import Effect, Signals, Stage
-from kinid.effects._deflection import press_through
+from kinid.effects._deflection import solve_series_compliance
 from kinid.effects._derived import derived
 from kinid.kernels.frames import contact_wrench
 from kinid.kernels.memory import bristles
@@ -96,7 +96,7 @@ class Route:
             before = s.copy() if found is not None else s
             if at == self.law.start and s.compliance > 0.0:
                 many = len(self.law)
-                press_through(s, s.compliance, lambda bent: self._press(bent, parts))
+                solve_series_compliance(s, s.compliance, lambda bent: self._press(bent, parts))
             else:
                 step.act(s, parts[step.effect])
             if found is not None:

@@ -11,7 +11,7 @@ from kinid.data.log import Log
 from kinid.data.rig import Rig
 from kinid.effects import Stage
 from kinid.errors import InputError, near
-from kinid.modeling.data_warnings import DEEPEST, DEPTH_UNIT, doubts_of
+from kinid.modeling.data_warnings import DEEPEST, DEPTH_UNIT, warnings_of
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.from_logs import from_contact, from_joint_torques, from_wrench
 from kinid.modeling.model import Model
@@ -177,7 +177,7 @@ def check_excitation(model: Model, experiment: Experiment) -> list[str]:
                 "a force that the depth changes",
                 "check the sensor, and which column the force is read from",
             )
-    return doubts_of(experiment)
+    return warnings_of(experiment)
 
 
 def refuse_inactive_effects(model: Model, experiment: Experiment) -> None:

@@ -31,7 +31,7 @@ from kinid.planning.discrimination import SURE, Discrimination, Pair, Verdict, w
 from kinid.planning.distances import cells, even, left, rest, where
 from kinid.planning.expected import expected_law
 from kinid.planning.experiments import Bench, Proposal, proposals
-from kinid.planning.forms import Form, candidates, forms, imitations
+from kinid.planning.forms import Form, candidates, forms, refit_directions
 from kinid.planning.free_motion import TORQUE_NOISE, WRENCH_NOISE
 from kinid.planning.information import sensitivities
 from kinid.planning.planner import Planner
@@ -131,7 +131,7 @@ class Judge:
             columns += [change(effect, form.values) for form in self.forms[effect.id]]
             places[effect.id] = list(range(first, len(columns)))
             rivals[effect.id] = []
-            for group in imitations(effect, s, base_of(model)):
+            for group in refit_directions(effect, s, base_of(model)):
                 first = len(columns)
                 columns += [change(effect, a) - change(effect, b) for a, b in group]
                 rivals[effect.id].append(list(range(first, len(columns))))

@@ -140,7 +140,7 @@ def forms(effect: Effect, signals: Sequence[Signals], base: str | None) -> list[
     return list(out.values())
 
 
-def imitations(effect: Effect, s: Signals, base: str | None) -> list[list[tuple[Array, Array]]]:
+def refit_directions(effect: Effect, s: Signals, base: str | None) -> list[list[tuple[Array, Array]]]:
     """For each point of a rival's shapes: pairs of its values whose difference of readings a refit can use."""
     parameters, amplitude = effect.parameters(s.layout), amplitudes(effect, s.layout, base)
     size = sizes(np.zeros(len(parameters)), {p.name: p for p in parameters})

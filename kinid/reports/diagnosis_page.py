@@ -21,9 +21,9 @@ from kinid.reports.diagnosis_words import (
     by_verdict,
     doubts,
     headline,
+    indistinguishable_classes,
     leftover,
     one_sided,
-    rivalries,
     verdict_words,
 )
 from kinid.reports.plots import INK, asset, drawing, grid, key, page
@@ -167,7 +167,7 @@ def _left(result: Diagnosis) -> str:
 
 def _next(result: Diagnosis) -> str:
     """How to separate rivals, and where it stands how to see what this log doesn't show."""
-    rivals = rivalries(result)
+    rivals = indistinguishable_classes(result)
     hidden = sum(e.verdict == EffectStatus.NOT_EXCITED and e.acts for e in result.effects)
     out = "".join(
         f"<li><b>{_e(e.id)}</b> or {_e(' or '.join(e.equivalent_to))}: {_e(e.separate_by)}</li>" for e in rivals

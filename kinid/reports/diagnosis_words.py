@@ -49,9 +49,9 @@ def headline(result: Diagnosis) -> str:
     unknown = "Something is missing that the catalogue does not hold"
     if not result.added:
         return f"{unknown}: {error}; {noise}."
-    stand_ins = {effect.id for effect in result.effects if effect.stand_in}
-    follow = [name for name in real if name in stand_ins]
-    help_ = with_alternatives([name for name in real if name not in stand_ins], result.effects)
+    stand_in_ids = {effect.id for effect in result.effects if effect.stand_in}
+    follow = [name for name in real if name in stand_in_ids]
+    help_ = with_alternatives([name for name in real if name not in stand_in_ids], result.effects)
     said = []
     if help_:
         alone = len(help_) == 1
@@ -116,7 +116,7 @@ def by_verdict(result: Diagnosis) -> list[EffectVerdict]:
     )
 
 
-def rivalries(result: Diagnosis) -> list[EffectVerdict]:
+def indistinguishable_classes(result: Diagnosis) -> list[EffectVerdict]:
     """Of effects that this log can't tell apart, the first of each class: how to separate them is the same for all."""
     open_ = [e for e in result.effects if e.equivalent_to and e.separate_by]
     return list({frozenset([e.id, *e.equivalent_to]): e for e in reversed(open_)}.values())[::-1]
