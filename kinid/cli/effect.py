@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kinid.errors import InputError, near
-from kinid.writers import Json
 
 if TYPE_CHECKING:
     from kinid.effects import Effect, Stage
     from kinid.modeling.contract import Case, Outcome
+    from kinid.writers import Json
 
 NEW_EXAMPLES = """Examples:
 

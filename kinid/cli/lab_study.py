@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from math import isnan
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from kinid.writers import Json
+if TYPE_CHECKING:
+    from kinid.writers import Json
 
 
 def study(out: Path, seed: int) -> Json:

@@ -11,13 +11,13 @@ import typer
 
 from kinid.cli import complete
 from kinid.errors import InputError
-from kinid.writers import Json
 
 if TYPE_CHECKING:
     from kinid.data.rig import Rig
     from kinid.live.messages import Source
     from kinid.live.recording import Recorder
     from kinid.robotics.robot import Robot
+    from kinid.writers import Json
 
 EXAMPLES = """Examples:
 
