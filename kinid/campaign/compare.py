@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kinid.errors import InputError
+from kinid.identification.compare import PairedDifference, finite, paired, reference_place
 from kinid.identification.pooling.fit import fit_logs
 from kinid.identification.pooling.result import PooledFit
 from kinid.modeling.model import Model
@@ -18,22 +19,12 @@ if TYPE_CHECKING:
     from kinid.campaign.campaign import Campaign
 
 
-@dataclass(frozen=True, eq=False)
-class CampaignRow:
-    """One model: its fit, and how its errors on logs held out differ from the reference's.
-
-    `difference` is the mean over logs of the error less the reference's, with the standard error of this mean.
-    """
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CampaignRow(PairedDifference):
+    """One model: its fit, and how its errors on logs held out differ from the reference's."""
 
     rank: int
     fit: PooledFit
-    difference: float
-    standard_error: float
-
-    @property
-    def differs(self) -> bool:
-        """Whether the difference is more than two standard errors."""
-        return abs(self.difference) > 2 * self.standard_error
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,10 +38,6 @@ class CampaignComparison:
 
     def to_dict(self) -> Json:
         """For JSON; None where there is no figure."""
-
-        def figure(value: float) -> float | None:
-            return value if np.isfinite(value) else None
-
         return {
             "reference": self.reference,
             "unit": self.unit,
@@ -58,10 +45,10 @@ class CampaignComparison:
             "models": [
                 {
                     "rank": row.rank,
-                    "held_out": figure(row.fit.error.held_out),
-                    "held_out_by_log": figure(row.fit.by_log),
-                    "difference": figure(row.difference),
-                    "standard_error": figure(row.standard_error),
+                    "held_out": finite(row.fit.error.held_out),
+                    "held_out_by_log": finite(row.fit.by_log),
+                    "difference": finite(row.difference),
+                    "standard_error": finite(row.standard_error),
                     **row.fit.to_dict(),
                 }
                 for row in self.rows
@@ -92,15 +79,12 @@ def compare(
     fits = [fit_logs(model, logs, campaign.sharing_for(model), progress=progress) for model in models]
     fits.sort(key=lambda fit: fit.by_log if np.isfinite(fit.by_log) else fit.error.held_out)
     names = [str(fit.model) for fit in fits]
-    if reference is not None and reference not in names:
-        raise InputError(f"reference '{reference}'", f"one of {'; '.join(names)}", "name it as it is compared")
-    against = fits[names.index(reference) if reference is not None else 0]
-    rows = []
-    for rank, fit in enumerate(fits, start=1):
-        gap = _errors(fit, against) - _errors(against, fit)
-        spread = float(gap.std(ddof=1) / np.sqrt(len(gap))) if len(gap) > 1 else float("nan")
-        rows.append(CampaignRow(rank, fit, float(gap.mean()) if len(gap) else float("nan"), spread))
-    return CampaignComparison(tuple(rows), str(against.model), against.error.unit, fits[0].error.noise_floor)
+    against = fits[reference_place(names, reference)]
+    rows = tuple(
+        CampaignRow(rank=rank, fit=fit, **paired(_errors(fit, against) - _errors(against, fit)))
+        for rank, fit in enumerate(fits, start=1)
+    )
+    return CampaignComparison(rows, str(against.model), against.error.unit, fits[0].error.noise_floor)
 
 
 def _errors(fit: PooledFit, other: PooledFit) -> np.ndarray[Any, np.dtype[np.float64]]:

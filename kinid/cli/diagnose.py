@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kinid.cli import complete
-from kinid.cli.options import ModelText, RigFile
+from kinid.cli.options import LogFilesOrNone, ModelText, RigFile
 
 if TYPE_CHECKING:
     from kinid.data.log import Log
@@ -31,14 +31,7 @@ kinid diagnose --explain relaxation
 
 # as long as its options and their help
 def diagnose(
-    logs: Annotated[
-        list[Path] | None,
-        typer.Argument(
-            metavar="LOG…",
-            help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP; or many, a folder of them, or a campaign.toml.",
-            show_default=False,
-        ),
-    ] = None,
+    logs: LogFilesOrNone = None,
     model: ModelText = "",
     rig: RigFile = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="The diagnosis to write as JSON.")] = None,

@@ -13,14 +13,13 @@ from kinid.errors import InputError
 LogFile = Annotated[
     Path, typer.Argument(help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP.", show_default=False)
 ]
-LogFiles = Annotated[
-    list[Path],
-    typer.Argument(
-        metavar="LOG…",
-        help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP; or many, a folder of them, or a campaign.toml.",
-        show_default=False,
-    ),
-]
+_LOGS = typer.Argument(
+    metavar="LOG…",
+    help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP; or many, a folder of them, or a campaign.toml.",
+    show_default=False,
+)
+LogFiles = Annotated[list[Path], _LOGS]
+LogFilesOrNone = Annotated[list[Path] | None, _LOGS]
 RigFile = Annotated[Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the log.")]
 ModelText = Annotated[
     str,

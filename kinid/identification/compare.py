@@ -24,16 +24,10 @@ from kinid.writers import Json
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class Row:
-    """One model of a comparison: its fit, its held-out error, and how that differs from the reference's.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PairedDifference:
+    """Mean over blocks, or over logs, of an error less the reference's, with the standard error of this mean."""
 
-    `difference` is the mean over blocks of the error less the reference's, with the standard error of this mean.
-    """
-
-    rank: int
-    fit: Fit
-    held_out: float
     difference: float
     standard_error: float
 
@@ -41,6 +35,15 @@ class Row:
     def differs(self) -> bool:
         """Whether the difference is more than two standard errors."""
         return abs(self.difference) > 2 * self.standard_error
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Row(PairedDifference):
+    """One model of a comparison: its fit, its held-out error, and how that differs from the reference's by block."""
+
+    rank: int
+    fit: Fit
+    held_out: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +64,7 @@ class Comparison:
             "models": [
                 {
                     "rank": row.rank,
-                    **{name: _finite(getattr(row, name)) for name in ("held_out", "difference", "standard_error")},
+                    **{name: finite(getattr(row, name)) for name in ("held_out", "difference", "standard_error")},
                     **row.fit.to_dict(),
                 }
                 for row in self.rows
@@ -69,8 +72,28 @@ class Comparison:
         }
 
 
-def _finite(value: float) -> float | None:
+def finite(value: float) -> float | None:
+    """For JSON; None where there is no figure."""
     return value if np.isfinite(value) else None
+
+
+def paired(gap: Array) -> dict[str, float]:
+    """Fields of a `PairedDifference` from errors less the reference's, (n,); NaN where there are too few."""
+    spread = float(gap.std(ddof=1) / np.sqrt(len(gap))) if len(gap) > 1 else float("nan")
+    return {"difference": float(gap.mean()) if len(gap) else float("nan"), "standard_error": spread}
+
+
+def reference_place(names: Sequence[str], reference: str | None) -> int:
+    """Which of the models, the best first, is the one that differences are taken to; the best by default.
+
+    Raises:
+        InputError: a reference that is none of them.
+    """
+    if reference is None:
+        return 0
+    if reference not in names:
+        raise InputError(f"reference '{reference}'", f"one of {'; '.join(names)}", "name it as it is compared")
+    return names.index(reference)
 
 
 def compare(
@@ -105,12 +128,9 @@ def compare(
         results.append((fit.error.held_out, np.sqrt(squares[np.bincount(number) > 0]), fit))
     results.sort(key=lambda result: (not np.isfinite(result[0]), result[0]))
     names = [str(fit.model) for _, _, fit in results]
-    if reference is not None and reference not in names:
-        raise InputError(f"reference '{reference}'", f"one of {'; '.join(names)}", "name it as it is compared")
-    chosen = names.index(reference) if reference is not None else 0
-    rows = []
-    for rank, (error, per_block, fit) in enumerate(results, start=1):
-        gap = per_block - results[chosen][1]
-        spread = float(gap.std(ddof=1) / np.sqrt(len(gap))) if len(gap) > 1 else float("nan")
-        rows.append(Row(rank, fit, error, float(gap.mean()), spread))
+    chosen = reference_place(names, reference)
+    rows = [
+        Row(rank=rank, fit=fit, held_out=error, **paired(per_block - results[chosen][1]))
+        for rank, (error, per_block, fit) in enumerate(results, start=1)
+    ]
     return Comparison(tuple(rows), names[chosen], error_unit(experiment), results[0][2].error.noise_floor)

@@ -193,8 +193,6 @@ class Pipeline:
 def reopen(machine: Machine) -> None:
     """Give an estimator its values with the standard deviation `SPREAD` of each, as if nothing else were known."""
     state, p = machine.room.state, len(machine.names)
-    if len(state) != 2 * p + p * p + p + 4:  # two regressions of their own
-        return
     noise = max(float(machine.room.record[2 * p + 1]), 1e-12)
     unit = np.minimum(np.maximum((SPREAD * state[:p]) ** 2, 1e-12) / noise, machine.room.limit)
     state[p : 2 * p] = unit

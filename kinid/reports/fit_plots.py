@@ -76,12 +76,12 @@ def recursive_tracks(fit: Fit) -> dict[str, Track]:
     if "normal_force" not in channels:
         return out
     force = experiment.measured[channels.index("normal_force")]
+    touching = experiment.in_contact & (signals.depth > 0)
     forgetting = Constant(1.0 - min(0.02, float(np.median(np.diff(signals.t))) / MEMORY))
     for effect in fit.model.effects:
         if not effect.recursive or not (effect.base or "tangential_force2" in channels):
             continue
         estimator = getattr(estimators, effect.recursive)
-        touching = experiment.in_contact & (signals.depth > 0)
         if effect.base:
             run = estimator(forgetting=forgetting).run
             out[effect.id] = run(signals.depth, signals.depth_rate, force, in_contact=touching)
