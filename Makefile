@@ -56,14 +56,14 @@ docs: $(TEST)/.ready
 $(DEMO)/.ready: requirements/demo.lock pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "kinid needs Python 3.11 or newer, found " + sys.version.split()[0])'
 	$(PYTHON) -m venv --clear $(DEMO)
-	$(DEMO)/bin/python -m pip install --quiet --require-hashes -r requirements/demo.lock
+	$(DEMO)/bin/python -m pip install --quiet --no-compile --require-hashes -r requirements/demo.lock
 	$(DEMO)/bin/python -m pip install --quiet --no-deps --no-build-isolation --editable .
 	touch $@
 
 $(TEST)/.ready: requirements/test.lock pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "kinid needs Python 3.11 or newer, found " + sys.version.split()[0])'
 	$(PYTHON) -m venv --clear $(TEST)
-	$(TEST)/bin/python -m pip install --quiet --require-hashes -r requirements/test.lock
+	$(TEST)/bin/python -m pip install --quiet --no-compile --require-hashes -r requirements/test.lock
 	$(TEST)/bin/python -m pip install --quiet --no-deps --no-build-isolation --editable .
 	touch $@
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from kinid.estimators.hunt_crossley import SingleStage, TwoStage, restitution
     from kinid.estimators.kalman import HuntCrossleyKalman
     from kinid.estimators.kelvin_voigt import KelvinVoigt
+    from kinid.estimators.offset import Offset
     from kinid.estimators.payload import Payload, fit_payload
     from kinid.estimators.plane import PlaneEstimate, fit_plane
     from kinid.estimators.power_law import PowerLaw, fit_power_law
@@ -31,6 +32,7 @@ __all__ = [
     "Friction",
     "HuntCrossleyKalman",
     "KelvinVoigt",
+    "Offset",
     "Payload",
     "PlaneEstimate",
     "PowerLaw",
@@ -59,6 +61,7 @@ _HOMES = {
     "hunt_crossley": ("SingleStage", "TwoStage", "restitution"),
     "kalman": ("HuntCrossleyKalman",),
     "kelvin_voigt": ("KelvinVoigt",),
+    "offset": ("Offset",),
     "payload": ("Payload", "fit_payload"),
     "plane": ("PlaneEstimate", "fit_plane"),
     "power_law": ("PowerLaw", "fit_power_law"),

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from kinid.errors import InputError
-from kinid.estimators._machine import Columns, Machine, Online, Out, vectors
+from kinid.estimators._machine import UNKNOWN_TIME, Columns, Machine, Online, Out, vectors
 from kinid.estimators.estimate import Array, Mask, Track
 
 #: shapes of depth, depth rate, normal force and the flag of contact, for a `Machine`
@@ -64,10 +64,6 @@ class ContactMachine(Machine):
     def kernels(self) -> tuple[Callable[..., None], Callable[..., None]]:
         """The kernel for logs, and that of one sample."""
 
-    def pace(self, t: Array | None) -> Array:
-        """What the kernel for logs is told of time, (n,) or (1,): how fast to forget."""
-        return self.forgetting.factors(t)
-
     def advance(self, columns: Columns, t: Array | None, out: Out) -> None:
         """See `Machine`."""
         room = self.room
@@ -75,7 +71,8 @@ class ContactMachine(Machine):
             self.shape,
             room.state,
             *columns,
-            self.pace(t),
+            self.forgetting.factors(t),
+            UNKNOWN_TIME if t is None else t,
             room.settings,
             room.limit,
             room.window,

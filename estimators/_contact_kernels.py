@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 
+from kinid.estimators._factored_kernels import covariance
 from kinid.estimators._jit import inlined, jit
 from kinid.estimators._kernels import (
     BELOW_NOISE,
@@ -19,12 +20,14 @@ from kinid.estimators._kernels import (
     carve,
     close,
     conclude,
-    covariance,
     learn,
     noise_variance,
+    offset_place,
     parts,
     scaled,
+    shared_variance,
     spread,
+    wait,
 )
 from kinid.kernels.types import Compiled
 
@@ -66,6 +69,15 @@ def enter(
 
 
 @inlined
+def law_variances(
+    k: float, b: float, log_r: float, aa: float, ab: float, an: float, bb: float, bn: float, nn: float
+) -> Compiled:
+    """Variances of K, B, n from the covariances of ln(K rⁿ), B/K and n, to first order."""
+    log_k = aa - 2.0 * log_r * an + log_r * log_r * nn
+    return k * k * log_k, k * k * (bb + b * b * log_k + 2.0 * b * (ab - log_r * bn)), nn
+
+
+@inlined
 def write_law(
     p: int,
     u: Compiled,
@@ -75,18 +87,37 @@ def write_law(
     n: float,
     log_r: float,
     factor: float,
+    offset: Compiled,
     values: Compiled,
     variances: Compiled,
 ) -> None:
-    """K, B, n and their variances from ln(K rⁿ), B/K, n, to first order; `factor` scales the covariance."""
+    """K, B, n and their variances from ln(K rⁿ), B/K, n, to first order; `factor` scales the covariance P."""
     k = exp(a - n * log_r)
     values[0], values[1], values[2] = k, b * k, n
-    paa, pan, pnn = covariance(p, u, d, 0, 0), covariance(p, u, d, 0, 2), covariance(p, u, d, 2, 2)
-    pab, pbn, pbb = covariance(p, u, d, 0, 1), covariance(p, u, d, 1, 2), covariance(p, u, d, 1, 1)
-    log_k = paa - 2.0 * log_r * pan + log_r * log_r * pnn
-    variances[0] = scaled(k * k * log_k, factor)
-    variances[1] = scaled(k * k * (pbb + b * b * log_k + 2.0 * b * (pab - log_r * pbn)), factor)
-    variances[2] = scaled(pnn, factor)
+    noise = law_variances(
+        k,
+        b,
+        log_r,
+        covariance(p, u, d, 0, 0),
+        covariance(p, u, d, 0, 1),
+        covariance(p, u, d, 0, 2),
+        covariance(p, u, d, 1, 1),
+        covariance(p, u, d, 1, 2),
+        covariance(p, u, d, 2, 2),
+    )
+    shared = law_variances(
+        k,
+        b,
+        log_r,
+        shared_variance(p, offset, 0, 0),
+        shared_variance(p, offset, 0, 1),
+        shared_variance(p, offset, 0, 2),
+        shared_variance(p, offset, 1, 1),
+        shared_variance(p, offset, 1, 2),
+        shared_variance(p, offset, 2, 2),
+    )
+    for i in range(p):
+        variances[i] = scaled(noise[i], factor) + shared[i]
 
 
 @jit
@@ -98,6 +129,7 @@ def single_stage(
     force: Compiled,
     contact: Compiled,
     factors: Compiled,
+    times: Compiled,
     law: Compiled,
     limit: Compiled,
     window: Compiled,
@@ -113,7 +145,9 @@ def single_stage(
     thetas, variances, innovations, noises, _, _, conditions = out
     noise, log_r, fastest, ratio = law[0], law[1], law[2], law[3]
     weighted = law[4] > 0.0
+    offset = state[offset_place(p) : len(state) - 4]
     for k in range(len(depth)):
+        wait(offset, times[k if len(times) > 1 else 0])
         x, v, f = depth[k], rate[k], force[k]
         code, position = enter(p, k, x, v, f, contact[k], law, phi, out)
         if code == VALID:
@@ -128,7 +162,8 @@ def single_stage(
             weight = min(max(predicted, 0.5 * f), 2.0 * f) if weighted else 1.0
             phi[0], phi[1], phi[2] = weight, weight * v, weight * position
             factor = factors[k if len(factors) > 1 else 0]
-            learn(p, theta, d, u, own, tally, phi, weight * math.log(f), factor, limit, False, work, gain)
+            y = weight * math.log(f)
+            learn(p, theta, d, u, own, tally, phi, y, factor, limit, False, work, gain, offset, weight / f)
             phi[0], phi[1], phi[2] = 1.0, v, position
         slow, loud = False, False
         if code in (VALID, BELOW_NOISE, TOO_FAST):
@@ -137,7 +172,7 @@ def single_stage(
             conditions[k, 0], conditions[k, 1] = slow, loud
         conclude(shape, k, code, tally, slow, loud, phi, window, length, threshold, scratch, out)
         noises[k] = noise_variance(tally)
-        write_law(p, u, d, theta[0], theta[1], theta[2], log_r, spread(tally), thetas[k], variances[k])
+        write_law(p, u, d, theta[0], theta[1], theta[2], log_r, spread(tally), offset, thetas[k], variances[k])
 
 
 @jit
@@ -149,6 +184,7 @@ def two_stage(
     force: Compiled,
     contact: Compiled,
     factors: Compiled,
+    times: Compiled,
     law: Compiled,
     limit: Compiled,
     window: Compiled,
@@ -167,6 +203,7 @@ def two_stage(
     split = 3 * q + q * q + 4
     theta, d, u, own, tally = parts(q, state[:split])
     exponent, d2, u2, own2, tally2 = parts(1, state[split:])
+    none = state[:0]  # no offset is considered
     phi, work, gain = scratch[0], scratch[1], scratch[2]
     thetas, variances, innovations, noises, _, _, conditions = out
     noise, log_r, fastest, ratio = law[0], law[1], law[2], law[3]
@@ -177,11 +214,12 @@ def two_stage(
             factor = factors[k if len(factors) > 1 else 0]
             power = exp(exponent[0] * position)
             phi[0], phi[1] = power, power * v
-            innovations[k] = learn(q, theta, d, u, own, tally, phi, f, factor, limit, False, work, gain)
+            innovations[k] = learn(q, theta, d, u, own, tally, phi, f, factor, limit, False, work, gain, none, 1.0)
             stiff = theta[0] + theta[1] * v
             if stiff > 0.0 and tally[3] > q:
                 phi[0] = position
-                learn(1, exponent, d2, u2, own2, tally2, phi, math.log(f / stiff), factor, limit[q:], False, work, gain)
+                y, last = math.log(f / stiff), limit[q:]
+                learn(1, exponent, d2, u2, own2, tally2, phi, y, factor, last, False, work, gain, none, 0.0)
             phi[0], phi[1], phi[2] = 1.0, v, position
         loud = False
         if code in (VALID, BELOW_NOISE):
@@ -202,6 +240,7 @@ def two_stage(
 def single_stage_once(t: float, shape: Compiled, store: Compiled) -> None:
     """One contact: depth, rate, force, flag."""
     room = carve(shape, store)
+    room.time[0] = t
     x = room.inputs
     single_stage(
         shape,
@@ -211,6 +250,7 @@ def single_stage_once(t: float, shape: Compiled, store: Compiled) -> None:
         x[2:3],
         x[3:],
         room.factor,
+        room.time,
         room.settings,
         room.limit,
         room.window,
@@ -226,6 +266,7 @@ def single_stage_once(t: float, shape: Compiled, store: Compiled) -> None:
 def two_stage_once(t: float, shape: Compiled, store: Compiled) -> None:
     """One contact: depth, rate, force, flag."""
     room = carve(shape, store)
+    room.time[0] = t
     x = room.inputs
     two_stage(
         shape,
@@ -235,6 +276,7 @@ def two_stage_once(t: float, shape: Compiled, store: Compiled) -> None:
         x[2:3],
         x[3:],
         room.factor,
+        room.time,
         room.settings,
         room.limit,
         room.window,

@@ -12,6 +12,8 @@ import math
 
 import numpy as np
 
+from kinid.estimators._excitation_kernels import excite
+from kinid.estimators._factored_kernels import add_noise, quadratic, rank_one
 from kinid.estimators._jit import inlined, jit
 from kinid.estimators._kernels import (
     HUGE,
@@ -22,12 +24,8 @@ from kinid.estimators._kernels import (
     NOT_SLIDING,
     STARTING,
     VALID,
-    add_noise,
     carve,
     close,
-    excite,
-    quadratic,
-    rank_one,
 )
 from kinid.kernels.types import Compiled
 
@@ -323,7 +321,7 @@ def friction_once(t: float, shape: Compiled, store: Compiled) -> None:
     """One slip: load, slip rate and tangential force along each axis, flag of contact."""
     room = carve(shape, store)
     axes = (len(room.inputs) - 2) // 2
-    room.factor[0] = t
+    room.time[0] = t
     friction(
         shape,
         room.state,
@@ -331,7 +329,7 @@ def friction_once(t: float, shape: Compiled, store: Compiled) -> None:
         room.inputs[1 : 1 + axes].reshape(1, axes),
         room.inputs[1 + axes : 1 + 2 * axes].reshape(1, axes),
         room.inputs[1 + 2 * axes :],
-        room.factor,
+        room.time,
         room.settings,
         room.window,
         room.length,

@@ -12,7 +12,16 @@ from numba import njit
 F = TypeVar("F", bound=Callable[..., Any])
 
 #: the cache of compiled code is named after this: on its own it would miss a change in what a kernel inlines
-_NAMES = ("_jit", "_store", "_kernels", "_contact_kernels", "_kalman_kernels", "_friction_kernels")
+_NAMES = (
+    "_jit",
+    "_store",
+    "_factored_kernels",
+    "_excitation_kernels",
+    "_kernels",
+    "_contact_kernels",
+    "_kalman_kernels",
+    "_friction_kernels",
+)
 _SOURCES = hashlib.sha256(b"".join(Path(__file__).with_name(f"{name}.py").read_bytes() for name in _NAMES)).hexdigest()[
     :12
 ]

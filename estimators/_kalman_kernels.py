@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from kinid.estimators._contact_kernels import FAR, exp
+from kinid.estimators._factored_kernels import add_noise, covariance, hold, quadratic, rank_one
 from kinid.estimators._jit import inlined, jit
 from kinid.estimators._kernels import (
     BELOW_NOISE,
@@ -22,16 +23,11 @@ from kinid.estimators._kernels import (
     NO_CONTACT,
     NOT_FINITE,
     VALID,
-    add_noise,
     carve,
     close,
     conclude,
-    covariance,
-    hold,
     noise_variance,
     parts,
-    quadratic,
-    rank_one,
 )
 from kinid.kernels.types import Compiled
 
@@ -101,6 +97,7 @@ def kalman(
     rate: Compiled,
     force: Compiled,
     contact: Compiled,
+    factors: Compiled,
     times: Compiled,
     settings: Compiled,
     limit: Compiled,
@@ -239,7 +236,7 @@ def kalman_once(t: float, shape: Compiled, store: Compiled) -> None:
     """One contact: depth, rate, force, flag."""
     room = carve(shape, store)
     x = room.inputs
-    room.factor[0] = t
+    room.time[0] = t
     kalman(
         shape,
         room.state,
@@ -248,6 +245,7 @@ def kalman_once(t: float, shape: Compiled, store: Compiled) -> None:
         x[2:3],
         x[3:],
         room.factor,
+        room.time,
         room.settings,
         room.limit,
         room.window,

@@ -6,10 +6,9 @@ parameters `p` is a constant wherever it is the length of a tuple; LLVM then unr
 parameters costs about 100 cycles. A single sample online is a batch of one: there is no second implementation. What
 ends in `_once` is that batch of one, with all it needs in one array (see `_store`).
 
-`state` of p parameters, one float64 array: theta (p) | d (p) | U (p·p) | diagonal of P (p) | tally (4) = weighted sum
-of squared residuals, sum of weights, sum of squared weights, number of updates.
-`window` of excitation: gram (blocks, p, p), scale (p), cursor (5) = block, samples in it, full blocks, value, fixed
-scale.
+`state` of p parameters, one float64 array: theta (p) | d (p) | U (p·p) | diagonal of P (p) | offset, empty where none
+is considered (see `consider`) | tally (4) = weighted sum of squared residuals, sum of weights, sum of squared weights,
+number of updates. `window` of excitation: see `_excitation_kernels`.
 """
 
 from __future__ import annotations
@@ -19,6 +18,8 @@ import math
 import numpy as np
 
 from kinid.estimators import _store
+from kinid.estimators._excitation_kernels import excite
+from kinid.estimators._factored_kernels import TINY, covariance, hold, quadratic, rank_one
 from kinid.estimators._jit import inlined, jit
 from kinid.kernels.types import Compiled
 
@@ -28,100 +29,10 @@ VALID, STARTING, NOT_EXCITED, NO_CONTACT, BELOW_NOISE, TOO_FAST, NOT_FINITE, NOT
 #: an estimate is called one after p + EARLY samples: before, its noise is guessed from too few residuals
 EARLY = 8
 
-#: keeps what fades from becoming denormal, which is fifty times slower
-TINY = 1e-150
-
 #: beyond this a number is a fault of the log, as inf is: its powers would soon overflow
 HUGE = 1e50
 
 carve = inlined(_store.carve)
-
-
-# --- covariance in factored form -------------------------------------------------------------------------------------
-
-
-@inlined
-def rank_one(p: int, u: Compiled, d: Compiled, phi: Compiled, eps: float, gain: Compiled) -> float:
-    """P ← P − ε Pφφᵀ P / (1 + ε φᵀPφ); `gain` becomes Pφ of the old P; returns 1 + ε φᵀPφ, which must be > 0.
-
-    Bierman's measurement update, scaled by ε so that ε ≤ 0 (information taken away) works too.
-    """
-    alpha, inverse = 1.0, 1.0
-    for j in range(p):
-        f = phi[j]
-        for i in range(j):
-            f += u[i, j] * phi[i]
-        v = d[j] * f
-        slope = -eps * f * inverse
-        before = alpha
-        alpha += eps * f * v
-        inverse = 1.0 / alpha
-        d[j] *= before * inverse
-        for i in range(j):
-            old = u[i, j]
-            u[i, j] = old + gain[i] * slope
-            gain[i] += old * v
-        gain[j] = v
-    return alpha
-
-
-@inlined
-def add_noise(p: int, u: Compiled, d: Compiled, i: int, q: float, work: Compiled) -> None:
-    """P ← P + q e_i e_iᵀ with q ≥ 0 (Agee & Turner 1972)."""
-    for j in range(p):
-        work[j] = 0.0
-    work[i] = 1.0
-    c = q
-    for j in range(i, -1, -1):
-        s = work[j]
-        fresh = d[j] + c * s * s
-        if fresh > 0.0:
-            beta = c * s / fresh
-            c *= d[j] / fresh
-            d[j] = fresh
-            for k in range(j):
-                work[k] -= s * u[k, j]
-                u[k, j] += beta * work[k]
-
-
-@inlined
-def covariance(p: int, u: Compiled, d: Compiled, i: int, j: int) -> float:
-    """Element (i, j) of U·diag(d)·Uᵀ."""
-    total = 0.0
-    for k in range(max(i, j), p):
-        total += u[i, k] * d[k] * u[j, k]
-    return total
-
-
-@inlined
-def quadratic(p: int, u: Compiled, d: Compiled, phi: Compiled) -> float:
-    """φᵀPφ."""
-    total = 0.0
-    for j in range(p):
-        f = phi[j]
-        for i in range(j):
-            f += u[i, j] * phi[i]
-        total += d[j] * f * f
-    return total
-
-
-@inlined
-def hold(p: int, u: Compiled, d: Compiled, limit: Compiled, work: Compiled, gain: Compiled) -> None:
-    """A virtual measurement along each axis whose variance passed its limit, so that it equals the limit.
-
-    It reads what is believed already, so the parameters stay; other directions go on forgetting.
-    """
-    for i in range(p):
-        variance = covariance(p, u, d, i, i)
-        if variance > limit[i]:
-            for j in range(p):
-                work[j] = 0.0
-            work[i] = 1.0
-            rank_one(p, u, d, work, 1.0 / limit[i] - 1.0 / variance, gain)
-    for j in range(p):
-        for i in range(j):
-            if abs(u[i, j]) < TINY:  # correlations that fade
-                u[i, j] = 0.0
 
 
 # --- least squares ---------------------------------------------------------------------------------------------------
@@ -131,7 +42,59 @@ def hold(p: int, u: Compiled, d: Compiled, limit: Compiled, work: Compiled, gain
 def parts(p: int, state: Compiled) -> Compiled:
     """Views of theta, d, U, diagonal of P and tally."""
     m = 2 * p + p * p
-    return state[:p], state[p : 2 * p], state[2 * p : m].reshape(p, p), state[m : m + p], state[m + p :]
+    return state[:p], state[p : 2 * p], state[2 * p : m].reshape(p, p), state[m : m + p], state[len(state) - 4 :]
+
+
+#: places of the offset: its variance, what that gains in a second, time between samples [s], time of the last; after
+#: them the covariances of the estimates' errors with it (p) and those errors' part of it (p·p)
+VARIANCE, GAIN, PERIOD, TIME, SHARED = range(5)
+
+
+@inlined
+def offset_place(p: int) -> int:
+    """Where a state's part of the offset begins; it ends before the tally."""
+    return 3 * p + p * p
+
+
+@inlined
+def wait(offset: Compiled, now: float) -> None:
+    """Time goes on until `now` [s], or by a period where that is NaN: the offset wanders."""
+    if len(offset) > 0:
+        step = offset[PERIOD]
+        if not math.isnan(now):
+            step = max(now - offset[TIME], 0.0) if not math.isnan(offset[TIME]) else 0.0
+            offset[TIME] = now
+        offset[VARIANCE] += offset[GAIN] * step
+
+
+@inlined
+def consider(
+    p: int, phi: Compiled, gain: Compiled, inverse: float, slope: float, offset: Compiled, w: Compiled
+) -> None:
+    """What an offset b of the output does to the error e of the estimates, which a gain K has just changed.
+
+    e ← (I − Kφᵀ) e + K (h b + v), with h = `slope` and K = `gain`·`inverse`: the estimates stay those of least squares,
+    and their covariance grows by Z = cov(e) of b alone, through C = cov(e, b) (a consider covariance: S. F. Schmidt,
+    Advances in Control Systems 3, 1966). `w` is scratch.
+    """
+    shared = offset[SHARED : SHARED + p]
+    own = offset[SHARED + p :].reshape(p, p)
+    cross, twice = 0.0, 0.0
+    for i in range(p):
+        cross += phi[i] * shared[i]
+        w[i] = slope * shared[i]
+        for j in range(p):
+            w[i] -= own[i, j] * phi[j]
+            twice += phi[i] * own[i, j] * phi[j]
+    both = slope * offset[VARIANCE] - cross
+    power = slope * (both - cross) + twice
+    for i in range(p):
+        k = gain[i] * inverse
+        shared[i] += k * both
+        for j in range(i + 1):
+            q = gain[j] * inverse
+            own[i, j] += w[i] * q + k * w[j] + power * k * q
+            own[j, i] = own[i, j]
 
 
 @inlined
@@ -149,8 +112,12 @@ def learn(
     directional: bool,
     work: Compiled,
     gain: Compiled,
+    offset: Compiled,
+    slope: float,
 ) -> float:
     """One sample of recursive least squares; returns the innovation y − φᵀθ.
+
+    The output is off by `slope` times the offset, if one is considered.
 
     Exponential: P⁻¹ ← β P⁻¹ + φφᵀ. Directional (Kulhavý 1987, Automatica 23(5):589-600): P⁻¹ ← P⁻¹ + ε φφᵀ with
     ε = β − (1 − β)/(φᵀPφ): only what φ informs is forgotten.
@@ -177,6 +144,8 @@ def learn(
     step = innovation / alpha
     for j in range(p):
         theta[j] += gain[j] * step
+    if len(offset) > 0:
+        consider(p, phi, gain, 1.0 / alpha, slope, offset, work)
     if directional:
         hold(p, u, d, limit, work, gain)
     for j in range(p):
@@ -203,120 +172,15 @@ def spread(tally: Compiled) -> float:
 
 
 @inlined
+def shared_variance(p: int, offset: Compiled, i: int, j: int) -> float:
+    """Element (i, j) of the errors' covariance that is the offset's."""
+    return float(offset[SHARED + p + i * p + j]) if len(offset) > 0 else 0.0
+
+
+@inlined
 def scaled(variance: float, factor: float) -> float:
     """Their product, where 0·inf is 0: what is known for sure stays so."""
     return variance * factor if variance > 0.0 else 0.0
-
-
-# --- excitation ------------------------------------------------------------------------------------------------------
-
-
-@inlined
-def rotate(p: int, a: Compiled, i: int, j: int) -> None:
-    """The Jacobi rotation that zeroes a[i, j] of a symmetric matrix."""
-    theta = (a[j, j] - a[i, i]) / (2.0 * a[i, j])
-    t = math.copysign(1.0, theta) / (abs(theta) + math.sqrt(theta * theta + 1.0))
-    c = 1.0 / math.sqrt(t * t + 1.0)
-    s = t * c
-    for k in range(p):
-        aki, akj = a[k, i], a[k, j]
-        a[k, i], a[k, j] = c * aki - s * akj, s * aki + c * akj
-    for k in range(p):
-        aik, ajk = a[i, k], a[j, k]
-        a[i, k], a[j, k] = c * aik - s * ajk, s * aik + c * ajk
-
-
-@jit
-def smallest_eigenvalue(shape: Compiled, a: Compiled) -> float:
-    """Smallest eigenvalue of a symmetric matrix (p, p), which is overwritten: cyclic Jacobi rotations."""
-    p = len(shape)
-    for _ in range(30):
-        settled = True
-        for i in range(p):
-            for j in range(i + 1, p):
-                if a[i, j] * a[i, j] > 1e-20 * abs(a[i, i] * a[j, j]) + 1e-40:  # converges quadratically: 1e-20 left
-                    settled = False
-                    rotate(p, a, i, j)
-        if settled:
-            break
-    least = math.inf
-    for i in range(p):
-        least = min(least, float(a[i, i]))
-    return least
-
-
-@jit
-def window_value(
-    shape: Compiled,
-    gram: Compiled,
-    scale: Compiled,
-    fixed: bool,
-    full: bool,
-    samples: float,
-    size: Compiled,
-    a: Compiled,
-) -> float:
-    """Smallest singular value of the window's rows, each column over its scale, divided by √samples."""
-    blocks, p = gram.shape[0], len(shape)
-    for i in range(p):
-        for j in range(i, p):
-            total = 0.0
-            for b in range(blocks):
-                total += gram[b, i, j]
-            a[i, j] = a[j, i] = total / samples
-    for i in range(p):
-        size[i] = scale[i] if fixed else max(scale[i], math.sqrt(a[i, i]))
-        if full:
-            scale[i] = size[i]
-    for i in range(p):
-        for j in range(p):
-            both = size[i] * size[j]
-            a[i, j] = a[i, j] / both if both > 0.0 else 0.0
-    return math.sqrt(max(smallest_eigenvalue(shape, a), 0.0))
-
-
-@inlined
-def excite(
-    p: int,
-    shape: Compiled,
-    gram: Compiled,
-    scale: Compiled,
-    cursor: Compiled,
-    length: int,
-    phi: Compiled,
-    size: Compiled,
-    a: Compiled,
-) -> None:
-    """One row more in the window. The value is renewed when a block is full, and at 2, 4, 8 … samples of the first."""
-    block = int(cursor[0])
-    for i in range(p):
-        for j in range(i, p):
-            gram[block, i, j] += phi[i] * phi[j]
-    cursor[1] += 1.0
-    count = int(cursor[1])
-    if count == length:
-        blocks = gram.shape[0]
-        cursor[2] = min(cursor[2] + 1.0, float(blocks))
-        full = cursor[2] == blocks
-        cursor[3] = window_value(shape, gram, scale, cursor[4] > 0.0, full, cursor[2] * length, size, a)
-        block = (block + 1) % blocks
-        cursor[0], cursor[1] = float(block), 0.0
-        for i in range(p):
-            for j in range(i, p):
-                gram[block, i, j] = 0.0
-    elif cursor[2] == 0.0 and count >= p and count & (count - 1) == 0:
-        cursor[3] = window_value(shape, gram, scale, cursor[4] > 0.0, False, float(count), size, a)
-
-
-@jit
-def excitation(
-    shape: Compiled, rows: Compiled, window: Compiled, length: int, scratch: Compiled, values: Compiled
-) -> None:
-    """The window's value after each row."""
-    gram, scale, cursor = window
-    for k in range(rows.shape[0]):
-        excite(len(shape), shape, gram, scale, cursor, length, rows[k], scratch[0], scratch[1:])
-        values[k] = cursor[3]
 
 
 # --- what every kernel says of a sample
@@ -378,6 +242,7 @@ def least_squares(
     rows: Compiled,
     outputs: Compiled,
     factors: Compiled,
+    times: Compiled,
     codes: Compiled,
     limit: Compiled,
     directional: bool,
@@ -387,13 +252,15 @@ def least_squares(
     scratch: Compiled,
     out: Compiled,
 ) -> None:
-    """All samples; `shape` is any tuple of p floats; `factors` and `codes` hold n values or one for all."""
+    """All samples; `shape` is any tuple of p floats; `factors`, `times` and `codes` hold n values or one for all."""
     p = len(shape)
     theta, d, u, own, tally = parts(p, state)
     phi, work, gain = scratch[0], scratch[1], scratch[2]
     thetas, variances, innovations, noises, _, _, _ = out
     varying, coded = len(factors) > 1, len(codes) > 1
+    offset = state[offset_place(p) : len(state) - 4]
     for k in range(rows.shape[0]):
+        wait(offset, times[k if len(times) > 1 else 0])
         y, code = outputs[k], codes[k if coded else 0]
         fine = abs(y) < HUGE
         for j in range(p):
@@ -404,7 +271,9 @@ def least_squares(
         innovations[k] = 0.0
         if code == VALID:
             factor = factors[k if varying else 0]
-            innovations[k] = learn(p, theta, d, u, own, tally, phi, y, factor, limit, directional, work, gain)
+            innovations[k] = learn(
+                p, theta, d, u, own, tally, phi, y, factor, limit, directional, work, gain, offset, 1.0
+            )
         else:
             for j in range(p):
                 phi[j] = 0.0
@@ -417,7 +286,7 @@ def least_squares(
         noises[k] = noise
         for j in range(p):
             thetas[k, j] = theta[j]
-            variances[k, j] = scaled(own[j], factor)
+            variances[k, j] = scaled(own[j], factor) + shared_variance(p, offset, j, j)
 
 
 @jit
@@ -437,9 +306,10 @@ def kelvin_voigt_rows(
 
 
 @inlined
-def row_once(shape: Compiled, room: Compiled) -> None:
+def row_once(t: float, shape: Compiled, room: Compiled) -> None:
     """Least squares of the row, output and code that are the last inputs; settings begin with `directional`."""
     p = len(shape)
+    room.time[0] = t
     own = room.inputs[len(room.inputs) - p - 2 :]
     least_squares(
         shape,
@@ -447,6 +317,7 @@ def row_once(shape: Compiled, room: Compiled) -> None:
         own[:p].reshape(1, p),
         own[p : p + 1],
         room.factor,
+        room.time,
         own[p + 1 :],
         room.limit,
         room.settings[0] > 0.0,
@@ -462,7 +333,7 @@ def row_once(shape: Compiled, room: Compiled) -> None:
 @jit
 def least_squares_once(t: float, shape: Compiled, store: Compiled) -> None:
     """One row and its output."""
-    row_once(shape, carve(shape, store))
+    row_once(t, shape, carve(shape, store))
 
 
 @jit
@@ -471,4 +342,4 @@ def kelvin_voigt_once(t: float, shape: Compiled, store: Compiled) -> None:
     room = carve(shape, store)
     x, own = room.inputs, room.inputs[4:]
     kelvin_voigt_rows(x[:1], x[1:2], x[2:3], x[3:4], own[:2].reshape(1, 2), own[2:3], own[3:])
-    row_once(shape, room)
+    row_once(t, shape, room)

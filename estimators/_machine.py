@@ -15,8 +15,12 @@ from kinid.estimators import _store
 from kinid.estimators.estimate import Array, Estimate, Mask, Prior, Status, Track
 from kinid.estimators.excitation import Excitation
 from kinid.estimators.forgetting import Constant, Forgetting
+from kinid.estimators.offset import TIME, Offset
 
 Columns = tuple[NDArray[Any], ...]
+
+#: what kernels for logs are told where no time is known
+UNKNOWN_TIME = np.array([math.nan])
 
 
 class Out(NamedTuple):
@@ -53,19 +57,21 @@ class Memory(NamedTuple):
     limit: Array  # (p,)
 
     @classmethod
-    def of(cls, prior: Prior, limit: float | None) -> Memory:
+    def of(cls, prior: Prior, limit: float | None, offset: Offset | None = None) -> Memory:
         """What a prior says.
 
         Args:
             prior: values and covariance at the start.
             limit: largest variance, in parts of the prior's; None for no limit.
+            offset: of the outputs, where one is considered.
         """
         p = len(prior.values)
         if limit is not None and not limit > 0.0:
             raise InputError(f"a covariance limit of {limit}", "a positive number or None", "use 1 for the prior's")
         unit = prior.covariance / prior.noise**2
         u, d = factor(unit)
-        state = np.concatenate([prior.values, d, u.ravel(), np.diagonal(unit), np.zeros(4)])
+        considered = offset.memory(p) if offset else np.empty(0)
+        state = np.concatenate([prior.values, d, u.ravel(), np.diagonal(unit), considered, np.zeros(4)])
         return cls(state, np.full(p, np.inf) if limit is None else np.maximum(limit * np.diagonal(unit), 1e-300))
 
 
@@ -76,12 +82,23 @@ def unit_covariance(state: Array, p: int) -> Array:
 
 
 def covariance(state: Array, p: int) -> Array:
-    """Covariance of the values' error, (p, p): P times the residual's variance, times Σw²/Σw of the weights."""
+    """Covariance of the values' error, (p, p): P times the residual's variance, times Σw²/Σw of the weights, and what
+    an offset adds.
+    """
     squares, weights, weights2, _ = state[-4:]
     unit = unit_covariance(state, p)
     if weights <= 0.0:
         return np.where(unit == 0.0, 0.0, np.inf)
-    return np.asarray(unit * (squares * weights2 / weights**2))
+    shared = state[2 * p + p * p + p : -4]
+    of_offset = shared[len(shared) - p * p :].reshape(p, p) if len(shared) else 0.0
+    return np.asarray(unit * (squares * weights2 / weights**2) + of_offset)
+
+
+def stop_clock(state: Array, p: int) -> None:
+    """An offset's walk goes on from the time of the next sample."""
+    place = 3 * p + p * p + TIME
+    if place < len(state) - 4:
+        state[place] = math.nan
 
 
 class Machine(ABC):

@@ -10,6 +10,7 @@ skipped. Record and state are what an `Estimate` is made of, and so stand first.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ INNOVATION, NOISE, EXCITATION, STATUS, UPDATES, SKIPPED = range(-6, 0)
 PLACES = 6
 
 #: places of the head, counted from the end of the store
-LENGTH, THRESHOLD, FACTOR, STATES, CONDITIONS, INPUTS, SETTINGS, BLOCKS = range(-8, 0)
+LENGTH, THRESHOLD, FACTOR, TIME, STATES, CONDITIONS, INPUTS, SETTINGS, BLOCKS = range(-9, 0)
 
 
 class Store(NamedTuple):
@@ -36,6 +37,7 @@ class Store(NamedTuple):
     settings: Compiled
     limit: Compiled  # (p,)
     factor: Compiled  # (1,), of forgetting
+    time: Compiled  # (1,) of the sample [s], NaN where none is known
     window: Compiled  # gram (blocks, p, p), scale (p,), cursor (5,)
     length: Compiled  # samples of a block; 0 measures no excitation
     threshold: Compiled
@@ -57,7 +59,7 @@ def build(
 ) -> Array:
     """A store with its parts filled in."""
     blocks = len(window[0])
-    head = (length, threshold, factor, len(state), conditions, inputs, len(settings), blocks)
+    head = (length, threshold, factor, math.nan, len(state), conditions, inputs, len(settings), blocks)
     return np.concatenate(
         [
             np.zeros(2 * p + PLACES),
@@ -109,6 +111,7 @@ def carve(shape: Compiled, store: Compiled) -> Store:
         store[end_inputs:end_settings],
         store[end_settings:end_limit],
         store[factor : factor + 1],
+        store[factor + 1 : factor + 2],
         window,
         int(store[LENGTH]),
         store[THRESHOLD],

@@ -71,12 +71,12 @@ class Excitation:
 
     def track(self, regressors: Array) -> Array:
         """σ after each row of regressors (n, p), all of which count, (n,)."""
-        from kinid.estimators import _kernels
+        from kinid.estimators._excitation_kernels import excitation
 
         rows = np.ascontiguousarray(regressors, dtype=np.float64)
         if rows.ndim != 2 or not np.isfinite(rows).all():
             raise InputError(f"regressors of shape {rows.shape}", "finite numbers, (n, p)", "remove gaps first")
         n, p = rows.shape
         values = np.empty(n)
-        _kernels.excitation((0.0,) * p, rows, self.memory(p), self.length, np.empty((p + 1, p)), values)
+        excitation((0.0,) * p, rows, self.memory(p), self.length, np.empty((p + 1, p)), values)
         return values

@@ -13,6 +13,7 @@ from kinid.estimators._machine import Columns, Machine, Memory, Online, Out, vec
 from kinid.estimators.estimate import Array, Mask, Prior, Track
 from kinid.estimators.excitation import Excitation
 from kinid.estimators.forgetting import Constant
+from kinid.estimators.offset import ZERO_AT_START, ZERO_DRIFT
 
 NAMES = ("friction", "viscous")  # μ [1], c [N·s/m]
 
@@ -20,8 +21,6 @@ NAMES = ("friction", "viscous")  # μ [1], c [N·s/m]
 _STATES, _NUMBERS, _TIME, _NOISE = 5, 20, 10, 11
 #: without a prior: standard deviations of μ and c
 COLD = (2.0, 100.0)
-#: standard deviation of the sensor's zeros at the start [N]: the rig's bias was just taken off
-ZEROS = 1e-3
 
 
 @dataclass(frozen=True)
@@ -68,7 +67,7 @@ class Friction:
     reversal: float = 0.05
     noise: float = 0.02
     walk: tuple[float, float] = (0.0, 0.0)
-    drift: tuple[float, float] = (6e-4, 8e-4)
+    drift: tuple[float, float] = (6e-4, ZERO_DRIFT)
     accuracy: float = 0.05
     period: float = 1e-3
     excitation: Excitation | None = None
@@ -133,7 +132,7 @@ class _FrictionMachine(Machine):
 
     def __init__(self, settings: Friction, axes: int) -> None:
         prior = settings.prior or Prior(np.zeros(2), np.square(COLD))
-        whole = np.diag([0.0, 0.0, *[ZEROS**2] * 3])
+        whole = np.diag([0.0, 0.0, *[ZERO_AT_START**2] * 3])
         whole[:2, :2] = prior.covariance
         start = Memory.of(Prior(np.append(prior.values, np.zeros(3)), whole), None)
         numbers = np.zeros(_NUMBERS)

@@ -11,10 +11,11 @@ import numpy as np
 
 from kinid.errors import InputError
 from kinid.estimators._contact import COLUMNS, ContactEstimator, ContactMachine
-from kinid.estimators._machine import Machine, Memory, covariance
+from kinid.estimators._machine import Machine, Memory, covariance, stop_clock
 from kinid.estimators.estimate import Array, Prior
 from kinid.estimators.excitation import Excitation
 from kinid.estimators.forgetting import Constant, Forgetting
+from kinid.estimators.offset import Offset
 from kinid.kernels import contact_laws
 
 NAMES = ("stiffness", "damping", "exponent")  # K [N/mⁿ], B [N·s/mⁿ⁺¹], n [1]
@@ -74,9 +75,11 @@ class SingleStage(HuntCrossley):
     Args:
         weighted: weigh each sample with its predicted force, since the logarithm makes noise of small forces large;
             `noise` of the estimate is then in newtons, else relative. The literature doesn't weigh.
+        offset: the sensor's zero [N], of which intervals know; None for one that is exact.
     """
 
     weighted: bool = True
+    offset: Offset | None = field(default_factory=Offset)
 
     def _machine(self) -> Machine:
         return _SingleStageMachine(self)
@@ -119,7 +122,7 @@ class _SingleStageMachine(_HuntCrossleyMachine):
         # prior variances are weighed against the noise of a row: newtons where weighted, else of the logarithm
         noise = max(settings.noise, 1e-6) if settings.weighted else 0.01
         prior = logarithmic(settings.prior, math.log(settings.reference_depth), noise)
-        super().__init__(settings, Memory.of(prior, settings.covariance_limit), settings.weighted)
+        super().__init__(settings, Memory.of(prior, settings.covariance_limit, settings.offset), settings.weighted)
 
     @property
     def kernels(self) -> tuple[Callable[..., None], Callable[..., None]]:
@@ -129,6 +132,9 @@ class _SingleStageMachine(_HuntCrossleyMachine):
 
     def covariance(self, state: Array) -> Array:
         return _of_one(state, self._log_r)
+
+    def restart(self) -> None:
+        stop_clock(self.room.state, len(NAMES))
 
 
 class _TwoStageMachine(_HuntCrossleyMachine):

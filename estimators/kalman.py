@@ -126,10 +126,6 @@ class _KalmanMachine(ContactMachine):
 
         return kalman, kalman_once
 
-    def pace(self, t: Array | None) -> Array:
-        """The times themselves, or one NaN."""
-        return np.array([math.nan]) if t is None else t
-
     def restart(self) -> None:
         """The next sample is `period` after the last."""
         self.room.state[-2] = math.nan

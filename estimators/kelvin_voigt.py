@@ -13,6 +13,7 @@ from kinid.estimators._machine import Columns, Out
 from kinid.estimators.estimate import Array, Prior
 from kinid.estimators.excitation import Excitation
 from kinid.estimators.forgetting import Constant, Forgetting
+from kinid.estimators.offset import Offset
 from kinid.estimators.rls import LeastSquaresMachine, RecursiveLeastSquares
 from kinid.kernels import contact_laws
 
@@ -27,6 +28,7 @@ class KelvinVoigt(ContactEstimator):
 
     Args:
         forgetting, prior, directional, covariance_limit, excitation: as in `RecursiveLeastSquares`.
+        offset: the sensor's zero [N], of which intervals know; None for one that is exact.
     """
 
     forgetting: Forgetting = field(default_factory=lambda: Constant(0.98))
@@ -34,11 +36,18 @@ class KelvinVoigt(ContactEstimator):
     directional: bool = False
     covariance_limit: float | None = 1.0
     excitation: Excitation | None = field(default_factory=Excitation)
+    offset: Offset | None = field(default_factory=Offset)
 
     def _machine(self) -> _KelvinVoigtMachine:
         return _KelvinVoigtMachine(
             RecursiveLeastSquares(
-                NAMES, self.forgetting, self.prior, self.directional, self.covariance_limit, self.excitation
+                NAMES,
+                self.forgetting,
+                self.prior,
+                self.directional,
+                self.covariance_limit,
+                self.excitation,
+                self.offset,
             )
         )
 

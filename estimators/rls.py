@@ -9,10 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError
-from kinid.estimators._machine import Columns, Machine, Memory, Online, Out, covariance, vectors
+from kinid.estimators._machine import (
+    UNKNOWN_TIME,
+    Columns,
+    Machine,
+    Memory,
+    Online,
+    Out,
+    covariance,
+    stop_clock,
+    vectors,
+)
 from kinid.estimators.estimate import Array, Prior, Track
 from kinid.estimators.excitation import Excitation
 from kinid.estimators.forgetting import Constant, Forgetting
+from kinid.estimators.offset import Offset
 
 #: variance of a parameter of which nothing is known, over the noise variance
 DIFFUSE = 1e12
@@ -30,8 +41,9 @@ class RecursiveLeastSquares:
     no new value; other directions go on forgetting), and `directional` forgetting, which forgets only what the sample
     informs (Kulhavý 1987).
 
-    Intervals hold for white noise and constant parameters; noise that is correlated in time or a parameter that moves
-    within the memory makes them too narrow. With directional forgetting they are up to √2 too wide.
+    Intervals hold for white noise, an offset of the stated size, and constant parameters; other noise that is
+    correlated in time or a parameter that moves within the memory makes them too narrow. With directional forgetting
+    they are up to √2 too wide.
 
     Args:
         names: of the p parameters.
@@ -40,6 +52,7 @@ class RecursiveLeastSquares:
         directional: forget along the regressor only.
         covariance_limit: largest variance, in parts of the prior's; None for no limit.
         excitation: window and threshold; None measures none.
+        offset: error that the outputs share, of which intervals should know; None for none.
 
     Raises:
         InputError: no names or twice the same, a prior of another size.
@@ -51,6 +64,7 @@ class RecursiveLeastSquares:
     directional: bool = False
     covariance_limit: float | None = 1.0
     excitation: Excitation | None = field(default_factory=Excitation)
+    offset: Offset | None = None
 
     def __post_init__(self) -> None:
         if not self.names or len(set(self.names)) < len(self.names):
@@ -112,7 +126,9 @@ class LeastSquaresMachine(Machine):
         self.directional = settings.directional
         super().__init__(
             settings.names,
-            Memory.of(settings.prior or Prior(np.zeros(p), np.full(p, DIFFUSE)), settings.covariance_limit),
+            Memory.of(
+                settings.prior or Prior(np.zeros(p), np.full(p, DIFFUSE)), settings.covariance_limit, settings.offset
+            ),
             settings.forgetting,
             settings.excitation,
             columns or ((p,), ()),
@@ -136,6 +152,7 @@ class LeastSquaresMachine(Machine):
             rows,
             y,
             self.forgetting.factors(t),
+            UNKNOWN_TIME if t is None else t,
             codes,
             room.limit,
             self.directional,
@@ -152,6 +169,10 @@ class LeastSquaresMachine(Machine):
         from kinid.estimators._kernels import least_squares_once
 
         return least_squares_once
+
+    def restart(self) -> None:
+        """See `Machine`."""
+        stop_clock(self.room.state, len(self.names))
 
     def rows(self, n: int) -> tuple[Array, Array, NDArray[np.int8]]:
         """Regressors, outputs and codes for n samples, to be written; the same arrays as long as n stays."""

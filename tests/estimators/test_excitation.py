@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from kinid.errors import InputError
 from kinid.estimators import Excitation
-from kinid.estimators._kernels import smallest_eigenvalue
+from kinid.estimators._excitation_kernels import smallest_eigenvalue
 
 
 def test_is_the_smallest_singular_value_of_the_window():
