@@ -14,7 +14,7 @@ demo: $(DEMO)/.ready
 	$(DEMO)/bin/kinid demo -o $(OUT)
 
 test: $(TEST)/.ready lint types
-	$(TEST)/bin/pytest -n $(WORKERS) -m "not slow" $(PYTEST_ARGS)
+	$(TEST)/bin/pytest -n $(WORKERS) --dist worksteal -m "not slow" $(PYTEST_ARGS)
 
 # the long studies
 slow: $(TEST)/.ready
