@@ -236,7 +236,7 @@ def test_what_is_not_finite_is_marked_and_poisons_nothing(scripted: Scripted, ri
         part, value = faults[skipped % len(faults)]
         broken = raw[part].copy()
         broken[skipped % (len(broken) if part != "wrench" else 3)] = value
-        before = machine.room.state.copy(), motion.copy(), estimate.values
+        before = machine.room.state.copy(), motion.copy(), estimate.values, estimate.variance
         estimate = loop.update(t, **{**raw, part: broken})
         skipped += 1
         assert estimate.status is Status.NOT_FINITE
@@ -244,7 +244,10 @@ def test_what_is_not_finite_is_marked_and_poisons_nothing(scripted: Scripted, ri
         assert estimate.skipped == skipped
         assert not loop.contact.touching
         if "kalman" not in kind:  # its covariance grows with time, as it would in the air
-            np.testing.assert_array_equal(machine.room.state, before[0])
+            # nothing is learnt; the sensor's zero wanders on: its variance and its clock
+            learnt = machine.room.state != before[0]
+            assert np.count_nonzero(learnt) <= (2 if "stage" in kind or "kelvin-voigt" in kind else 0)
+            np.testing.assert_array_equal(estimate.variance, before[3])
         np.testing.assert_array_equal(estimate.values, before[2])
         if part == "wrench":
             assert np.isfinite(loop.contact.quantities[CONTACT.index("depth")])
