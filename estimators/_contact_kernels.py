@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from kinid.estimators._factored_kernels import covariance
+from kinid.estimators._factored_kernels import covariance, quadratic
 from kinid.estimators._jit import inlined, jit
 from kinid.estimators._kernels import (
     BELOW_NOISE,
@@ -29,6 +29,7 @@ from kinid.estimators._kernels import (
     spread,
     wait,
 )
+from kinid.estimators._store import TALLY
 from kinid.kernels.types import Compiled
 
 #: a depth [m or reference depths], a speed [m/s] or a force [N] beyond it is a fault of the log
@@ -69,15 +70,6 @@ def enter(
 
 
 @inlined
-def law_variances(
-    k: float, b: float, log_r: float, aa: float, ab: float, an: float, bb: float, bn: float, nn: float
-) -> Compiled:
-    """Variances of K, B, n from the covariances of ln(K rⁿ), B/K and n, to first order."""
-    log_k = aa - 2.0 * log_r * an + log_r * log_r * nn
-    return k * k * log_k, k * k * (bb + b * b * log_k + 2.0 * b * (ab - log_r * bn)), nn
-
-
-@inlined
 def write_law(
     p: int,
     u: Compiled,
@@ -88,36 +80,24 @@ def write_law(
     log_r: float,
     factor: float,
     offset: Compiled,
+    row: Compiled,
     values: Compiled,
     variances: Compiled,
 ) -> None:
-    """K, B, n and their variances from ln(K rⁿ), B/K, n, to first order; `factor` scales the covariance P."""
+    """K, B, n and their variances from ln(K rⁿ), B/K, n, to first order; `factor` scales the covariance P.
+
+    `row` is scratch, for the Jacobian's rows.
+    """
     k = exp(a - n * log_r)
     values[0], values[1], values[2] = k, b * k, n
-    noise = law_variances(
-        k,
-        b,
-        log_r,
-        covariance(p, u, d, 0, 0),
-        covariance(p, u, d, 0, 1),
-        covariance(p, u, d, 0, 2),
-        covariance(p, u, d, 1, 1),
-        covariance(p, u, d, 1, 2),
-        covariance(p, u, d, 2, 2),
-    )
-    shared = law_variances(
-        k,
-        b,
-        log_r,
-        shared_variance(p, offset, 0, 0),
-        shared_variance(p, offset, 0, 1),
-        shared_variance(p, offset, 0, 2),
-        shared_variance(p, offset, 1, 1),
-        shared_variance(p, offset, 1, 2),
-        shared_variance(p, offset, 2, 2),
-    )
     for i in range(p):
-        variances[i] = scaled(noise[i], factor) + shared[i]
+        if i == 0:
+            row[0], row[1], row[2] = k, 0.0, -k * log_r
+        elif i == 1:
+            row[0], row[1], row[2] = b * k, k, -b * k * log_r
+        else:
+            row[0], row[1], row[2] = 0.0, 0.0, 1.0
+        variances[i] = scaled(quadratic(p, u, d, row), factor) + shared_variance(p, offset, row)
 
 
 @jit
@@ -145,7 +125,7 @@ def single_stage(
     thetas, variances, innovations, noises, _, _, conditions = out
     noise, log_r, fastest, ratio = law[0], law[1], law[2], law[3]
     weighted = law[4] > 0.0
-    offset = state[offset_place(p) : len(state) - 4]
+    offset = state[offset_place(p) : len(state) - TALLY]
     for k in range(len(depth)):
         wait(offset, times[k if len(times) > 1 else 0])
         x, v, f = depth[k], rate[k], force[k]
@@ -172,7 +152,7 @@ def single_stage(
             conditions[k, 0], conditions[k, 1] = slow, loud
         conclude(shape, k, code, tally, slow, loud, phi, window, length, threshold, scratch, out)
         noises[k] = noise_variance(tally)
-        write_law(p, u, d, theta[0], theta[1], theta[2], log_r, spread(tally), offset, thetas[k], variances[k])
+        write_law(p, u, d, theta[0], theta[1], theta[2], log_r, spread(tally), offset, phi, thetas[k], variances[k])
 
 
 @jit

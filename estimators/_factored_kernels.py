@@ -78,7 +78,7 @@ def quadratic(p: int, u: Compiled, d: Compiled, phi: Compiled) -> float:
 def hold(p: int, u: Compiled, d: Compiled, limit: Compiled, work: Compiled, gain: Compiled) -> None:
     """A virtual measurement along each axis whose variance passed its limit, so that it equals the limit.
 
-    It reads what is believed already, so the parameters stay; other directions go on forgetting.
+    It reads the present values, so the parameters stay; other directions go on forgetting.
     """
     for i in range(p):
         variance = covariance(p, u, d, i, i)

@@ -21,6 +21,7 @@ from kinid.estimators import _store
 from kinid.estimators._excitation_kernels import excite
 from kinid.estimators._factored_kernels import TINY, covariance, hold, quadratic, rank_one
 from kinid.estimators._jit import inlined, jit
+from kinid.estimators._store import CLOCK, GAIN, PERIOD, SHARED, TALLY, VARIANCE
 from kinid.kernels.types import Compiled
 
 #: the numbers of `kinid.estimators.estimate.Status`
@@ -33,6 +34,7 @@ EARLY = 8
 HUGE = 1e50
 
 carve = inlined(_store.carve)
+offset_place = inlined(_store.offset_place)
 
 
 # --- least squares ---------------------------------------------------------------------------------------------------
@@ -42,18 +44,7 @@ carve = inlined(_store.carve)
 def parts(p: int, state: Compiled) -> Compiled:
     """Views of theta, d, U, diagonal of P and tally."""
     m = 2 * p + p * p
-    return state[:p], state[p : 2 * p], state[2 * p : m].reshape(p, p), state[m : m + p], state[len(state) - 4 :]
-
-
-#: places of the offset: its variance, what that gains in a second, time between samples [s], time of the last; after
-#: them the covariances of the estimates' errors with it (p) and those errors' part of it (p·p)
-VARIANCE, GAIN, PERIOD, TIME, SHARED = range(5)
-
-
-@inlined
-def offset_place(p: int) -> int:
-    """Where a state's part of the offset begins; it ends before the tally."""
-    return 3 * p + p * p
+    return state[:p], state[p : 2 * p], state[2 * p : m].reshape(p, p), state[m : m + p], state[len(state) - TALLY :]
 
 
 @inlined
@@ -62,8 +53,8 @@ def wait(offset: Compiled, now: float) -> None:
     if len(offset) > 0:
         step = offset[PERIOD]
         if not math.isnan(now):
-            step = max(now - offset[TIME], 0.0) if not math.isnan(offset[TIME]) else 0.0
-            offset[TIME] = now
+            step = max(now - offset[CLOCK], 0.0) if not math.isnan(offset[CLOCK]) else 0.0
+            offset[CLOCK] = now
         offset[VARIANCE] += offset[GAIN] * step
 
 
@@ -172,9 +163,15 @@ def spread(tally: Compiled) -> float:
 
 
 @inlined
-def shared_variance(p: int, offset: Compiled, i: int, j: int) -> float:
-    """Element (i, j) of the errors' covariance that is the offset's."""
-    return float(offset[SHARED + p + i * p + j]) if len(offset) > 0 else 0.0
+def shared_variance(p: int, offset: Compiled, row: Compiled) -> float:
+    """Variance of a linear combination of the errors that is the offset's; 0 where none is considered."""
+    total = 0.0
+    if len(offset) > 0:
+        own = offset[SHARED + p :].reshape(p, p)
+        for i in range(p):
+            for j in range(p):
+                total += row[i] * own[i, j] * row[j]
+    return total
 
 
 @inlined
@@ -258,7 +255,7 @@ def least_squares(
     phi, work, gain = scratch[0], scratch[1], scratch[2]
     thetas, variances, innovations, noises, _, _, _ = out
     varying, coded = len(factors) > 1, len(codes) > 1
-    offset = state[offset_place(p) : len(state) - 4]
+    offset = state[offset_place(p) : len(state) - TALLY]
     for k in range(rows.shape[0]):
         wait(offset, times[k if len(times) > 1 else 0])
         y, code = outputs[k], codes[k if coded else 0]
@@ -286,7 +283,9 @@ def least_squares(
         noises[k] = noise
         for j in range(p):
             thetas[k, j] = theta[j]
-            variances[k, j] = scaled(own[j], factor) + shared_variance(p, offset, j, j)
+            variances[k, j] = scaled(own[j], factor)
+            if len(offset) > 0:
+                variances[k, j] += offset[SHARED + p + j * (p + 1)]
 
 
 @jit

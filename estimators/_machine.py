@@ -15,11 +15,11 @@ from kinid.estimators import _store
 from kinid.estimators.estimate import Array, Estimate, Mask, Prior, Status, Track
 from kinid.estimators.excitation import Excitation
 from kinid.estimators.forgetting import Constant, Forgetting
-from kinid.estimators.offset import TIME, Offset
+from kinid.estimators.offset import Offset
 
 Columns = tuple[NDArray[Any], ...]
 
-#: what kernels for logs are told where no time is known
+#: the times that a kernel for logs gets where none are known
 UNKNOWN_TIME = np.array([math.nan])
 
 
@@ -71,7 +71,7 @@ class Memory(NamedTuple):
         unit = prior.covariance / prior.noise**2
         u, d = factor(unit)
         considered = offset.memory(p) if offset else np.empty(0)
-        state = np.concatenate([prior.values, d, u.ravel(), np.diagonal(unit), considered, np.zeros(4)])
+        state = np.concatenate([prior.values, d, u.ravel(), np.diagonal(unit), considered, np.zeros(_store.TALLY)])
         return cls(state, np.full(p, np.inf) if limit is None else np.maximum(limit * np.diagonal(unit), 1e-300))
 
 
@@ -85,20 +85,20 @@ def covariance(state: Array, p: int) -> Array:
     """Covariance of the values' error, (p, p): P times the residual's variance, times Σw²/Σw of the weights, and what
     an offset adds.
     """
-    squares, weights, weights2, _ = state[-4:]
+    squares, weights, weights2, _ = state[-_store.TALLY :]
     unit = unit_covariance(state, p)
     if weights <= 0.0:
         return np.where(unit == 0.0, 0.0, np.inf)
-    shared = state[2 * p + p * p + p : -4]
-    of_offset = shared[len(shared) - p * p :].reshape(p, p) if len(shared) else 0.0
-    return np.asarray(unit * (squares * weights2 / weights**2) + of_offset)
+    offset = state[_store.offset_place(p) : -_store.TALLY]
+    shared = offset[_store.SHARED + p :].reshape(p, p) if len(offset) else 0.0
+    return np.asarray(unit * (squares * weights2 / weights**2) + shared)
 
 
 def stop_clock(state: Array, p: int) -> None:
     """An offset's walk goes on from the time of the next sample."""
-    place = 3 * p + p * p + TIME
-    if place < len(state) - 4:
-        state[place] = math.nan
+    offset = state[_store.offset_place(p) : -_store.TALLY]
+    if len(offset):
+        offset[_store.CLOCK] = math.nan
 
 
 class Machine(ABC):

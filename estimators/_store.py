@@ -27,6 +27,18 @@ PLACES = 6
 #: places of the head, counted from the end of the store
 LENGTH, THRESHOLD, FACTOR, TIME, STATES, CONDITIONS, INPUTS, SETTINGS, BLOCKS = range(-9, 0)
 
+#: places of a considered offset in a state: its variance, what that gains in a second, time between samples [s], time
+#: of the last; then the covariances of the estimates' errors with it (p), and those errors' part of it (p·p)
+VARIANCE, GAIN, PERIOD, CLOCK, SHARED = range(5)
+
+#: numbers of the tally, with which a state ends
+TALLY = 4
+
+
+def offset_place(p: int) -> int:
+    """Where the offset begins in a state of p parameters, which has no such part where it considers none."""
+    return 3 * p + p * p
+
 
 class Store(NamedTuple):
     """Views of the parts, as the kernels take them; `out` is that of one sample."""

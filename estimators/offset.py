@@ -14,8 +14,6 @@ from kinid.estimators.estimate import Array
 ZERO_AT_START = 1e-3
 #: the same of what the zero of the normal force gains in a second [N/√s]: millinewtons
 ZERO_DRIFT = 8e-4
-#: place of the last sample's time in the offset's part of a state
-TIME = 3
 
 
 @dataclass(frozen=True)
@@ -44,5 +42,5 @@ class Offset:
             raise InputError(f"period = {self.period} s", "a positive number", "give the sample time")
 
     def memory(self, p: int) -> Array:
-        """Its part of the state of p parameters, see `_kernels.consider`."""
+        """Its part of the state of p parameters, as `_store` lays it out."""
         return np.concatenate([[self.start**2, self.drift**2, self.period, math.nan], np.zeros(p + p * p)])

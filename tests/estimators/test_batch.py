@@ -64,19 +64,16 @@ def test_variable_projection_finds_what_a_full_search_finds() -> None:
 
 
 @pytest.mark.parametrize("colour", [0.0, 0.9])
-@pytest.mark.parametrize("logs", [150, pytest.param(500, marks=pytest.mark.slow)])
-def test_intervals_cover_the_truth(colour: float, logs: int) -> None:
+def test_intervals_cover_the_truth_in_500_logs(colour: float) -> None:
     rng = np.random.default_rng(20)
     hits = np.zeros(3)
-    for _ in range(logs):
+    for _ in range(500):
         measured = predict(TRUTH) + coloured(rng, len(SIGNALS), colour, 0.05)
         found = solve(predict, measured, PARAMETERS)
         hits += np.abs(found.values - TRUTH) < 1.959963984540054 * found.standard_errors
-    share = 100 * hits / logs
-    print(f"noise AR(1) {colour}: 95 % intervals of K, B, n cover the truth in {share} % of {logs} logs")
-    # two standard errors of a share of 95 %
-    allowed = 200.0 * np.sqrt(0.95 * 0.05 / logs)
-    assert (np.abs(share - 95.0) <= allowed).all()
+    share = 100 * hits / 500
+    print(f"noise AR(1) {colour}: 95 % intervals of K, B, n cover the truth in {share} % of 500 logs")
+    assert ((share >= 93) & (share <= 97)).all()
 
 
 def test_white_noise_intervals_would_be_wrong_for_coloured_noise() -> None:
