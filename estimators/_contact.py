@@ -6,9 +6,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kinid.errors import InputError
 from kinid.estimators._machine import UNKNOWN_TIME, Columns, Machine, Online, Out, vectors
@@ -89,7 +89,7 @@ class ContactMachine(Machine):
 
 
 def contact_columns(
-    t: Any, depth: Any, depth_rate: Any, normal_force: Any, in_contact: Any
+    t: ArrayLike | None, depth: ArrayLike, depth_rate: ArrayLike, normal_force: ArrayLike, in_contact: ArrayLike | None
 ) -> tuple[Array | None, Columns]:
     """Checked contact quantities, each (n,), with the mask of contact as the last column; errors as `vectors`."""
     columns = {"depth": depth, "depth_rate": depth_rate, "normal_force": normal_force}

@@ -27,6 +27,7 @@ from kinid.estimators._kernels import (
     carve,
     close,
 )
+from kinid.estimators.estimate import NORMAL_95
 from kinid.kernels.types import Compiled
 
 #: states of the filter
@@ -60,9 +61,6 @@ REOPENED_FRICTION, REOPENED_VISCOUS = 0.1, 1.0
 
 #: samples after which that can be said
 RIPE = 250.0
-
-#: half width of a 95 % interval
-NORMAL_95 = 1.959963984540054
 
 
 @inlined

@@ -3,7 +3,8 @@
 `state` of a bank of m filters: theta, d, U, diagonal of P and tally of each (see `_kernels`) | logarithms of the
 members' probabilities (m) | watch (6) = last normalised innovation ν, weighted sums of ν νʹ (νʹ the one before), of ν²,
 of weights, time of the last sample, number of samples used.
-`settings` = noise ε [N], ln r, limit of f/ε, sample time, memory of the watch in samples, walk (4), fading (2).
+`settings` = noise ε [N], ln r, limit of f/ε, sample time, memory of the watch in samples, walk (4), fading (2),
+accuracy of n.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from kinid.estimators._kernels import (
     EARLY,
     MISFIT,
     NO_CONTACT,
+    NOT_EXCITED,
     NOT_FINITE,
     VALID,
     carve,
@@ -29,6 +31,7 @@ from kinid.estimators._kernels import (
     noise_variance,
     parts,
 )
+from kinid.estimators.estimate import NORMAL_95
 from kinid.kernels.types import Compiled
 
 #: logarithm of a probability below which a member of the bank is given up
@@ -87,6 +90,18 @@ def confine(p: int, s: Compiled, u: Compiled, d: Compiled, i: int, low: float, h
             s[j] += move * (
                 covariance(p, u, d, i, j) / variance if j != i and variance > 0.0 else 1.0 if j == i else 0.0
             )
+
+
+@inlined
+def along(p: int, member: Compiled, exponent: float, out: Compiled) -> None:
+    """The values that a member expects where 1/n is `exponent`."""
+    s, d, u, _, _ = parts(p, member)
+    variance = covariance(p, u, d, 2, 2)
+    for j in range(p):
+        share = covariance(p, u, d, j, 2) / variance if variance > 0.0 else 0.0
+        out[j] = s[j] + share * (exponent - s[2])
+    out[0] = min(max(out[0], 1e-3), 1e3)
+    out[2] = exponent
 
 
 @jit
@@ -173,7 +188,7 @@ def kalman(
                 confine(p, s, u, d, 0, 1e-3, 1e3)
                 confine(p, s, u, d, 2, 0.2, 2.0)
                 s[0] = min(max(s[0], 1e-3), 1e3)  # the second may have moved the first
-                weights[i] -= 0.5 * (error * error / total + math.log(total))
+                weights[i] -= 0.5 * (error * error / total + math.log(total / (sigma * sigma)))
                 tally[0] = 0.99 * tally[0] + error * error / total
                 tally[1] = 0.99 * tally[1] + 1.0
                 tally[3] += 1.0
@@ -201,11 +216,12 @@ def kalman(
             elif out[5][k] == VALID and noise_variance(tally) > 9.0:
                 out[5][k] = MISFIT
         noises[k] = noise * noise * noise_variance(tally)
-        # moments of the mixture; `work` is its mean, each row of the Jacobian of K, B, n, z goes into `phi`
-        for j in range(p):
-            work[j] = 0.0
-            for i in range(members):
-                work[j] += probability(weights[i]) / mass * states[i, j]
+        # `work` is where the likeliest member says that the mixture's mean exponent lies: what fits alike is a valley
+        # that bends, off which the mean of all values would lie. Each row of the Jacobian of K, B, n, z goes into `phi`
+        mean = 0.0
+        for i in range(members):
+            mean += probability(weights[i]) / mass * states[i, 2]
+        along(p, states[best], mean, work)
         n = 1.0 / work[2]
         log_c = log_r + math.log(work[0])
         stiffness = exp(-n * log_c)
@@ -229,6 +245,8 @@ def kalman(
                         apart += phi[j] * (s[j] - work[j])
                     total += probability(weights[i]) / mass * (quadratic(p, u, d, phi) + apart * apart)
             variances[k, row] = total
+        if out[5][k] == VALID and NORMAL_95 * math.sqrt(variances[k, 2]) > settings[11] * n:
+            out[5][k] = NOT_EXCITED
 
 
 @jit

@@ -22,6 +22,7 @@ from kinid.estimators._excitation_kernels import excite
 from kinid.estimators._factored_kernels import TINY, covariance, hold, quadratic, rank_one
 from kinid.estimators._jit import inlined, jit
 from kinid.estimators._store import CLOCK, GAIN, PERIOD, SHARED, TALLY, VARIANCE
+from kinid.estimators.estimate import NORMAL_95
 from kinid.kernels.types import Compiled
 
 #: the numbers of `kinid.estimators.estimate.Status`
@@ -229,6 +230,16 @@ def close(record: Compiled, updates: float) -> None:
         record[_store.SKIPPED] += 1.0
 
 
+@inlined
+def accurate(p: int, theta: Compiled, variances: Compiled, accuracy: Compiled) -> bool:
+    """Whether half of each 95 % interval is within a share of its value, or within another of the first value."""
+    good = True
+    for j in range(p):
+        allowed = max(accuracy[j] * abs(theta[j]), accuracy[p + j] * abs(theta[0]))
+        good &= accuracy[j] == math.inf or NORMAL_95 * NORMAL_95 * variances[j] <= allowed * allowed
+    return bool(good)
+
+
 # --- linear regression -----------------------------------------------------------------------------------------------
 
 
@@ -243,6 +254,7 @@ def least_squares(
     codes: Compiled,
     limit: Compiled,
     directional: bool,
+    accuracy: Compiled,
     window: Compiled,
     length: int,
     threshold: float,
@@ -253,7 +265,7 @@ def least_squares(
     p = len(shape)
     theta, d, u, own, tally = parts(p, state)
     phi, work, gain = scratch[0], scratch[1], scratch[2]
-    thetas, variances, innovations, noises, _, _, _ = out
+    thetas, variances, innovations, noises, _, statuses, _ = out
     varying, coded = len(factors) > 1, len(codes) > 1
     offset = state[offset_place(p) : len(state) - TALLY]
     for k in range(rows.shape[0]):
@@ -286,6 +298,8 @@ def least_squares(
             variances[k, j] = scaled(own[j], factor)
             if len(offset) > 0:
                 variances[k, j] += offset[SHARED + p + j * (p + 1)]
+        if statuses[k] == VALID and not accurate(p, theta, variances[k], accuracy):
+            statuses[k] = NOT_EXCITED
 
 
 @jit
@@ -306,7 +320,7 @@ def kelvin_voigt_rows(
 
 @inlined
 def row_once(t: float, shape: Compiled, room: Compiled) -> None:
-    """Least squares of the row, output and code that are the last inputs; settings begin with `directional`."""
+    """Least squares of the row, output and code that are the last inputs; settings: `directional`, accuracies."""
     p = len(shape)
     room.time[0] = t
     own = room.inputs[len(room.inputs) - p - 2 :]
@@ -320,6 +334,7 @@ def row_once(t: float, shape: Compiled, room: Compiled) -> None:
         own[p + 1 :],
         room.limit,
         room.settings[0] > 0.0,
+        room.settings[1:],
         room.window,
         room.length,
         room.threshold,

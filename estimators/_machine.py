@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from kinid.errors import InputError
 from kinid.estimators import _store
@@ -231,7 +231,7 @@ class Online:
         self._last = -math.inf
         self.machine.restart()
 
-    def step(self, *sample: Any, t: float | None = None) -> Status:
+    def step(self, *sample: ArrayLike, t: float | None = None) -> Status:
         """Learn one sample.
 
         Args:
@@ -246,12 +246,12 @@ class Online:
         self._learn(sample, t)
         return Status(int(self.machine.room.record[_store.STATUS]))
 
-    def update(self, *sample: Any, t: float | None = None) -> Estimate:
+    def update(self, *sample: ArrayLike, t: float | None = None) -> Estimate:
         """Learn one sample and say what is known now; arguments as `step`."""
         self._learn(sample, t)
         return self.machine.estimate()
 
-    def _learn(self, sample: tuple[Any, ...], t: float | None) -> None:
+    def _learn(self, sample: tuple[ArrayLike, ...], t: float | None) -> None:
         """See `step`."""
         now = math.nan if t is None else self._checked(t)
         try:
@@ -272,7 +272,7 @@ class Online:
             self._last = now
         self._once(now, machine.shape, machine.store)
 
-    def _checked(self, t: Any) -> float:
+    def _checked(self, t: float) -> float:
         """A time that may follow the last one."""
         try:
             now = float(t)
@@ -282,7 +282,7 @@ class Online:
             raise late(t, self._last)
         return now
 
-    def chunk(self, *columns: Any, t: Any = None) -> Track:
+    def chunk(self, *columns: ArrayLike, t: ArrayLike | None = None) -> Track:
         """Learn several samples at once, as they come from a buffer; arguments as `step`, with one row a sample.
 
         Raises:
@@ -325,7 +325,7 @@ def ready(machine: Machine) -> Callable[[float, tuple[float, ...], Array], None]
     return kernel  # type: ignore[no-any-return]
 
 
-def late(t: Any, last: float) -> InputError:
+def late(t: float, last: float) -> InputError:
     """What to say of a time that can't follow the last one."""
     found = f"a sample at t = {t} s" + (f" after one at t = {last} s" if math.isfinite(last) else "")
     return InputError(
@@ -345,7 +345,7 @@ def factor(covariance: Array) -> tuple[Array, Array]:
     return u, d
 
 
-def vectors(t: Any, **columns: Any) -> tuple[Array | None, list[Array]]:
+def vectors(t: ArrayLike | None, **columns: ArrayLike) -> tuple[Array | None, list[Array]]:
     """Checked columns of one length, and the time that goes with them.
 
     Raises:

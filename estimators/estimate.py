@@ -21,6 +21,9 @@ Mask = NDArray[np.bool_]
 #: half width of a 95 % interval, in standard deviations of a normal distribution
 NORMAL_95 = 1.959963984540054
 
+#: a delay that nobody notices at 1 kHz [s]: damping of K times it can't be told from one
+SAMPLE = 1e-3
+
 
 class Status(enum.IntEnum):
     """Why an estimate is, or is not, to be trusted at a sample. Its numbers are those of the kernels."""

@@ -54,6 +54,7 @@ class HuntCrossleyKalman(ContactEstimator):
         members: filters in the bank; 1 is a plain extended Kalman filter.
         patience: memory of the watch over the innovations [samples used], > 1; nothing is marked as diverged before.
         fading: first samples weigh 1 − fading[0]·exp(−i/fading[1]) less with each later one.
+        accuracy: half width of n's 95 % interval, as a share of n, in a valid estimate; inf asks for excitation alone.
         excitation: measured on [p, p ẋ, p ln f, 1] with p = f^m.
 
     Raises:
@@ -70,12 +71,13 @@ class HuntCrossleyKalman(ContactEstimator):
     members: int = 5
     patience: int = 200
     fading: tuple[float, float] = (0.02, 1000.0)
+    accuracy: float = 0.05
     excitation: Excitation | None = field(default_factory=lambda: Excitation(window=500, threshold=0.005))
 
     def __post_init__(self) -> None:
-        for name in ("noise", "surface", "period", "reference_depth", "loudest", "members"):
+        for name in ("noise", "surface", "period", "reference_depth", "loudest", "members", "accuracy"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
+            if not (value > 0.0 and (math.isfinite(value) or name == "accuracy")):
                 raise InputError(f"{name} = {value}", "a positive number", "use the default or the sensor's data")
         if not self.patience > 1:
             raise InputError(f"patience = {self.patience}", "a number of samples > 1", "use the default")
@@ -117,7 +119,7 @@ class _KalmanMachine(ContactMachine):
             settings.excitation,
             COLUMNS,
             flags=1,
-            settings=(*told, *settings.walk, *settings.fading),
+            settings=(*told, *settings.walk, *settings.fading, settings.accuracy),
         )
 
     @property
@@ -137,8 +139,10 @@ class _KalmanMachine(ContactMachine):
         weights = state[self._members * size : -WATCH]
         share = np.where(weights > -50.0, np.exp(weights), 0.0)
         share /= share.sum()
-        theta = states[:, :4]
-        mean = share @ theta
+        theta, best = states[:, :4], states[np.argmax(weights)]
+        own = unit_covariance(best, 4)
+        mean = best[:4] + (own[2] / own[2, 2] if own[2, 2] > 0.0 else 0.0) * (share @ theta[:, 2] - best[2])
+        mean[0], mean[2] = min(max(mean[0], 1e-3), 1e3), share @ theta[:, 2]
         total = np.einsum("i,ij,ik->jk", share, theta - mean, theta - mean)
         for part, member in zip(share, states):
             total += part * unit_covariance(member, 4)

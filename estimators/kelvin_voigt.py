@@ -10,7 +10,7 @@ import numpy as np
 
 from kinid.estimators._contact import COLUMNS, ContactEstimator
 from kinid.estimators._machine import Columns, Out
-from kinid.estimators.estimate import Array, Prior
+from kinid.estimators.estimate import SAMPLE, Array, Prior
 from kinid.estimators.excitation import Excitation
 from kinid.estimators.forgetting import Constant, Forgetting
 from kinid.estimators.offset import Offset
@@ -29,6 +29,8 @@ class KelvinVoigt(ContactEstimator):
     Args:
         forgetting, prior, directional, covariance_limit, excitation: as in `RecursiveLeastSquares`.
         offset: the sensor's zero [N], of which intervals know; None for one that is exact.
+        accuracy: half width of the 95 % intervals of a valid estimate, as shares of K and B; None asks for excitation
+            alone. A B that is known to K·1 ms is known well enough, too: it acts like a delay of one sample.
     """
 
     forgetting: Forgetting = field(default_factory=lambda: Constant(0.98))
@@ -37,6 +39,7 @@ class KelvinVoigt(ContactEstimator):
     covariance_limit: float | None = 1.0
     excitation: Excitation | None = field(default_factory=Excitation)
     offset: Offset | None = field(default_factory=Offset)
+    accuracy: tuple[float, float] | None = (0.05, 0.15)
 
     def _machine(self) -> _KelvinVoigtMachine:
         return _KelvinVoigtMachine(
@@ -48,6 +51,8 @@ class KelvinVoigt(ContactEstimator):
                 self.covariance_limit,
                 self.excitation,
                 self.offset,
+                self.accuracy,
+                (0.0, SAMPLE),
             )
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -53,9 +54,13 @@ class RecursiveLeastSquares:
         covariance_limit: largest variance, in parts of the prior's; None for no limit.
         excitation: window and threshold; None measures none.
         offset: error that the outputs share, of which intervals should know; None for none.
+        accuracy: an estimate is valid where half of each 95 % interval is within this share of its value, (p,); None
+            asks for excitation alone.
+        beside: … or within this share of the first value, (p,), in units of the one over the other: for parameters
+            that may be none at all.
 
     Raises:
-        InputError: no names or twice the same, a prior of another size.
+        InputError: no names or twice the same, a prior or accuracies of another size.
     """
 
     names: tuple[str, ...]
@@ -65,6 +70,8 @@ class RecursiveLeastSquares:
     covariance_limit: float | None = 1.0
     excitation: Excitation | None = field(default_factory=Excitation)
     offset: Offset | None = None
+    accuracy: tuple[float, ...] | None = None
+    beside: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         if not self.names or len(set(self.names)) < len(self.names):
@@ -75,6 +82,14 @@ class RecursiveLeastSquares:
                 f"{len(self.names)}: {', '.join(self.names)}",
                 "give a value for each parameter",
             )
+        for name in ("accuracy", "beside"):
+            shares = getattr(self, name)
+            if shares is not None and not (len(shares) == len(self.names) and all(share >= 0.0 for share in shares)):
+                raise InputError(
+                    f"{name} = {shares}",
+                    f"{len(self.names)} numbers ≥ 0: {', '.join(self.names)}",
+                    "give a share for each parameter",
+                )
 
     def run(self, regressors: Array, outputs: Array, t: Array | None = None) -> Track:
         """All samples of a log.
@@ -123,6 +138,8 @@ class LeastSquaresMachine(Machine):
         told: tuple[float, ...] = (),
     ) -> None:
         p = len(settings.names)
+        nothing = (0.0,) * p
+        accuracy = (settings.accuracy or (math.inf,) * p) + (settings.beside or nothing)
         self.directional = settings.directional
         super().__init__(
             settings.names,
@@ -134,7 +151,7 @@ class LeastSquaresMachine(Machine):
             columns or ((p,), ()),
             flags=flags,
             spare=p + 2 if columns else 1,  # a row is regressor, output, code
-            settings=(float(self.directional), *told),
+            settings=(float(self.directional), *accuracy, *told),
         )
         self._all_used = np.zeros(1, np.int8)
         self._rows = (np.empty((0, p)), np.empty(0), np.empty(0, np.int8))
@@ -156,6 +173,7 @@ class LeastSquaresMachine(Machine):
             codes,
             room.limit,
             self.directional,
+            room.settings[1:],
             room.window,
             room.length,
             room.threshold,

@@ -10,7 +10,6 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from kinid.contact.series import ContactSeries, contact_series
 from kinid.data.log import Log
 from kinid.data.rig import Rig
-from kinid.effects import catalogue
+from kinid.effects import Signals, catalogue
 from kinid.errors import InputError
 from kinid.identification.fit import Fit
 from kinid.inputs import read_json
@@ -143,7 +142,7 @@ def compensate(touch: ContactSeries, log: Log, rig: Rig, model: Model, values: M
     return Compensated(out, there, *(_lateral(pair, touch) for pair in (before, after, made)))
 
 
-def _contribution(model: Model, values: Mapping[str, float], signals: Any) -> Array:
+def _contribution(model: Model, values: Mapping[str, float], signals: Signals) -> Array:
     """Readings with the coupling less readings without it."""
     named = model.parameters(signals.layout)
     base = next((effect.id for effect in model.effects if effect.base), None)

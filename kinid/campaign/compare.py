@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinid.errors import InputError
 from kinid.identification.compare import PairedDifference, finite, paired, reference_place
@@ -87,7 +88,7 @@ def compare(
     return CampaignComparison(rows, str(against.model), against.error.unit, fits[0].error.noise_floor)
 
 
-def _errors(fit: PooledFit, other: PooledFit) -> np.ndarray[Any, np.dtype[np.float64]]:
+def _errors(fit: PooledFit, other: PooledFit) -> NDArray[np.float64]:
     """Error of each log that belongs to both fits, where nothing of what is shared came from it."""
     belongs = {log.name for log in other.logs} - {*fit.odd, *other.odd}
     several = len(fit.logs) > 1

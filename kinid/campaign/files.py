@@ -22,7 +22,6 @@ import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from kinid.errors import InputError, near
 
@@ -127,7 +126,7 @@ def _from_file(path: Path, rig: Path | None) -> tuple[list[Source], dict[str, st
     return list(out.values()), dict(sharing)
 
 
-def _of_table(table: Any, rig: Path | None, path: Path) -> Source:
+def _of_table(table: object, rig: Path | None, path: Path) -> Source:
     """A log of its own table."""
     if not isinstance(table, dict) or "file" not in table:
         raise InputError(f"a [[log]] without a file in {path}", 'file = "a.parquet"', "add that line")
@@ -138,13 +137,13 @@ def _of_table(table: Any, rig: Path | None, path: Path) -> Source:
     return Source(file, own, {key: str(value) for key, value in table.items() if key not in ("file", "rig")})
 
 
-def _text(value: Any, key: str, path: Path) -> str:
+def _text(value: object, key: str, path: Path) -> str:
     if not isinstance(value, str):
         raise InputError(f"{key} = {value!r} in {path}", "a name in quotes", "correct that line")
     return value
 
 
-def _listed(value: Any, key: str, path: Path) -> list[Any]:
+def _listed(value: object, key: str, path: Path) -> list[object]:
     if not isinstance(value, list):
         raise InputError(f"{key} = {value!r} in {path}", "a list", "correct that line")
     return value

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -116,7 +116,8 @@ def main() -> None:
     """Run the command line; whatever goes wrong ends in one line on stderr and an exit code that says which way."""
     words = sys.argv[1:]
 
-    def command() -> Any:
-        return app(_folders_first(words), prog_name="kinid", standalone_mode=False)
+    def command() -> int | None:
+        code: int | None = app(_folders_first(words), prog_name="kinid", standalone_mode=False)
+        return code
 
     sys.exit(ended(command, words, kinid.__version__))

@@ -22,7 +22,7 @@ TOO_LARGE = "found input that needs more memory than there is; expected what fit
 TOO_DEEP = "found text nested too deeply to be read; expected a rig, a fit or a log; to mend it, name another file"
 
 
-def ended(command: Callable[[], Any], words: Sequence[str], version: str) -> int:
+def ended(command: Callable[[], int | None], words: Sequence[str], version: str) -> int:
     """Run a command, and say in one line what stopped it; its exit code.
 
     Args:

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from kinid.data.rig import CONTACT, Rig
 from kinid.errors import InputError, near
@@ -38,7 +38,7 @@ Raw = tuple[float, Numbers, Numbers, Numbers | None, Numbers | None]
 class Stepper(Protocol):
     """A recursive estimator that takes one sample at a time: `online()` of those in `kinid.estimators`."""
 
-    def update(self, *sample: Any, t: float | None = None) -> Estimate:
+    def update(self, *sample: ArrayLike, t: float | None = None) -> Estimate:
         """Learn one sample and say what is known now."""
 
 

@@ -42,7 +42,7 @@ KINDS: dict[str, tuple[str, ...]] = {
 }
 
 
-def no_truth_values(value: Any) -> Any:
+def no_truth_values(value: object) -> object:
     """Refuse true and false where a number belongs: pydantic would read them as 1 and 0."""
     if isinstance(value, dict):
         for name, part in value.items():
@@ -51,7 +51,7 @@ def no_truth_values(value: Any) -> Any:
     return value
 
 
-def _holds_truth(value: Any) -> bool:
+def _holds_truth(value: object) -> bool:
     return isinstance(value, bool) or (isinstance(value, list | tuple) and any(_holds_truth(part) for part in value))
 
 

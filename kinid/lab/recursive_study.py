@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from kinid.contact.series import ContactSeries, contact_series
 from kinid.errors import InputError
-from kinid.estimators import Friction, HuntCrossleyKalman, KelvinVoigt, SingleStage, Track, TwoStage
+from kinid.estimators import Friction, HuntCrossleyKalman, KelvinVoigt, Offset, SingleStage, Track, TwoStage
 from kinid.estimators.forgetting import Constant
 from kinid.lab.experiments import prepare
 from kinid.lab.materials import Material
@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 
 #: a power law with losses that grow with force, as the estimators of Hunt-Crossley suppose it
 POWER_LAW = Material("power-law", stiffness=4000.0, exponent=1.3, loss=2.0, friction=0.3)
+#: the laboratory's rig states the sensor's bias to so many newtons; from there the zero wanders
+ZERO = Offset(start=1e-5)
 #: a value within this share of the truth is right; one of losses and of viscous friction within the second
 RIGHT, RIGHT_LOSSES = 0.05, 0.15
 #: the share of c is that of the friction force at this speed, which is that of the slides [m/s]
@@ -75,17 +77,17 @@ def _friction(touch: ContactSeries) -> Track:
 
 
 def _kelvin_voigt(touch: ContactSeries) -> Track:
-    estimator = KelvinVoigt(forgetting=Constant(1.0))
+    estimator = KelvinVoigt(forgetting=Constant(1.0), offset=ZERO)
     return estimator.run(touch.depth, touch.depth_rate, touch.normal_force, touch.t, _poke(touch))
 
 
 def _single_stage(touch: ContactSeries) -> Track:
-    estimator = SingleStage(noise=0.03, forgetting=Constant(1.0), reference_depth=3e-3)
+    estimator = SingleStage(noise=0.03, forgetting=Constant(1.0), reference_depth=3e-3, offset=ZERO)
     return estimator.run(touch.depth, touch.depth_rate, touch.normal_force, touch.t, _poke(touch))
 
 
 def _two_stage(touch: ContactSeries) -> Track:
-    estimator = TwoStage(noise=0.03, forgetting=Constant(1.0), reference_depth=3e-3)
+    estimator = TwoStage(noise=0.03, reference_depth=3e-3)
     return estimator.run(touch.depth, touch.depth_rate, touch.normal_force, touch.t, _poke(touch))
 
 

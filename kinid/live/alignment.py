@@ -46,7 +46,7 @@ class Clock:
         self.rows = np.full((slots, width), np.nan)
         self.row = np.full(width, np.nan)
 
-    def put(self, counts: Any, stamp: int | None, received: int, needed: int) -> int | None:
+    def put(self, counts: NDArray[np.int64], stamp: int | None, received: int, needed: int) -> int | None:
         """Keep the sample that lies in `row`: its stamp on the continuous clock [ns]; None where it is left out.
 
         Args:

@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,7 +81,7 @@ class Guard:
         if sample is None:
             return self.OK
         self._last = now
-        x: Any = sample.tolist()  # of Python numbers, which are compared ten times faster
+        x: list[float] = sample.tolist()  # of Python numbers, which are compared ten times faster
         normal, depth, rate = x[_NORMAL], x[_DEPTH], x[_RATE]
         if (
             abs(normal) <= self._force
@@ -104,7 +103,7 @@ class Guard:
         """Start anew; the dead man's time begins now."""
         self._reason, self._last = self.OK, self._clock()
 
-    def _why(self, x: Any) -> str:
+    def _why(self, x: list[float]) -> str:
         """The limit that a sample is beyond."""
         if not all(math.isfinite(x[i]) for i in (_NORMAL, _DEPTH, _RATE, _TANGENT1, _TANGENT2)):
             return "a sample that is no finite number"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -223,7 +223,7 @@ def _law(model: Sequence[str]) -> str | None:
     return followed[laws[0]] if laws else None
 
 
-def _inputs(machine: Machine, takes: Sequence[str]) -> tuple[Any, ...]:
+def _inputs(machine: Machine, takes: Sequence[str]) -> tuple[NDArray[np.int64], int, tuple[float, ...], Array]:
     """What the compiled step needs of an estimator: rows of quantities, place of the inputs, shape and store."""
     Online(machine)  # compiles its kernel
     rows = np.array([FLAG if name == "in_contact" else CONTACT.index(name) for name in takes], dtype=np.int64)

@@ -89,7 +89,7 @@ class Recorder:
         MissingDependencyError: no library for MCAP. InputError: a file that can't be written.
     """
 
-    def __init__(self, path: Path, joints: Sequence[str], sensor: str, provenance: Mapping[str, Any]) -> None:
+    def __init__(self, path: Path, joints: Sequence[str], sensor: str, provenance: Mapping[str, object]) -> None:
         try:
             from mcap.writer import IndexType, Writer
             from rosbags.typesys import Stores, get_typestore
@@ -106,7 +106,7 @@ class Recorder:
         stream: Any = self._file
         self._writer = Writer(stream, use_chunking=False, index_types=IndexType.METADATA)
         self._writer.start(profile="ros2", library="kinid")
-        store: Any = get_typestore(Stores.ROS2_HUMBLE)
+        store = get_typestore(Stores.ROS2_HUMBLE)
         self._channels = {}
         for topic, kind in ((JOINTS, "sensor_msgs/msg/JointState"), (WRENCH, "geometry_msgs/msg/WrenchStamped")):
             text, _ = store.generate_msgdef(kind, ros_version=2)
@@ -118,7 +118,7 @@ class Recorder:
             self._channels[topic] = self._writer.register_channel(topic, "json", schema)
         self._writer.add_metadata("kinid", {key: _plain(value) for key, value in provenance.items()})
         self._file.commit(_TAIL)
-        self._queue: deque[tuple[str, int, int, Any]] = deque()
+        self._queue: deque[tuple[str, int, int, Joints | Wrench | Json]] = deque()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._work, name="kinid recorder", daemon=True)
         self._thread.start()
@@ -131,7 +131,7 @@ class Recorder:
         """Keep an event."""
         self._queue.append((EVENTS, received, stamp, event.to_dict()))
 
-    def state(self, topic: str, received: int, stamp: int, values: Mapping[str, Any]) -> None:
+    def state(self, topic: str, received: int, stamp: int, values: Json) -> None:
         """Keep contact quantities or estimates."""
         self._queue.append((topic, received, stamp, values))
 
@@ -158,10 +158,10 @@ class Recorder:
             if last:
                 return
 
-    def _write(self, topic: str, received: int, stamp: int, what: Any) -> None:
-        if topic == JOINTS:
+    def _write(self, topic: str, received: int, stamp: int, what: Joints | Wrench | Json) -> None:
+        if isinstance(what, Joints):
             data = self._joints(stamp, what)
-        elif topic == WRENCH:
+        elif isinstance(what, Wrench):
             data = self._head + struct.pack("<6d", *what.wrench)
             data = data[:4] + struct.pack("<iI", *divmod(stamp, 1_000_000_000)) + data[12:]
         else:
@@ -243,5 +243,5 @@ def _wrench_head(frame: str) -> bytes:
     return b"\x00\x01\x00\x00" + body + bytes(-len(body) % 8)
 
 
-def _plain(value: Any) -> str:
+def _plain(value: object) -> str:
     return value if isinstance(value, str) else json.dumps(value, default=str)

@@ -22,9 +22,9 @@ import json
 import struct
 import warnings
 import xml.etree.ElementTree as ET
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -378,7 +378,7 @@ def _write_bytes(path: Path, data: bytes) -> None:
         temporary.write_bytes(data)
 
 
-def _text(values: Any) -> str:
+def _text(values: Iterable[float]) -> str:
     return " ".join(f"{float(v):.9g}" for v in values)
 
 

@@ -5,7 +5,7 @@ fails.
 from __future__ import annotations
 
 import html
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,8 @@ from kinid.robotics.surface import Plane
 from kinid.writers import Json
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from plotly.graph_objects import Figure, Scatter
 
 Array = NDArray[np.float64]
@@ -54,7 +56,9 @@ def map_page(grown: PropertyMap, title: str, method: str = "gp", truth: Json | N
     return page(title, head, figures)
 
 
-def plane_figure(grown: PropertyMap, name: str, method: str = "gp", truth: Any = None) -> Figure:
+def plane_figure(
+    grown: PropertyMap, name: str, method: str = "gp", truth: Callable[[Array, Array], Array] | None = None
+) -> Figure:
     """A property over a plane, its standard deviation (or, where it is given, the truth) beside it."""
     from plotly.graph_objects import Heatmap
     from plotly.subplots import make_subplots

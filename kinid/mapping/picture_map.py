@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,10 @@ from kinid.mapping.vision import (
 )
 from kinid.robotics.surface import Plane
 from kinid.writers import Json
+
+if TYPE_CHECKING:
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import Kernel
 
 Array = NDArray[np.float64]
 
@@ -63,7 +67,7 @@ class Sighted:
     figures: HeldOut
     levels: Array
     counts: NDArray[np.int64]
-    regression: Any
+    regression: GaussianProcessRegressor
     centre: Array
     scale: Array
     errors: tuple[float, float]
@@ -184,7 +188,7 @@ class Sighted:
         return empty.added(*probes), int((~told).sum())
 
 
-def _regression() -> Any:
+def _regression() -> GaussianProcessRegressor:
     """A Gaussian process over features, each with its own length, with what no feature explains as noise."""
     kernels, process = sklearn("gaussian_process.kernels"), sklearn("gaussian_process")
     kernel = kernels.ConstantKernel(1.0) * kernels.Matern(np.full(len(FEATURES), 3.0), (0.3, 1e3), nu=1.5)
@@ -193,7 +197,7 @@ def _regression() -> Any:
     )
 
 
-def _left_out(z: Array, log: Array, fold: NDArray[np.int64], kernel: Any = None) -> Array:
+def _left_out(z: Array, log: Array, fold: NDArray[np.int64], kernel: Kernel | None = None) -> Array:
     """Error of the logarithm of what was left out fold by fold, (n,), with a given kernel, else one learnt without the
     fold.
     """

@@ -11,7 +11,6 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -380,5 +379,5 @@ def _surface_from_dict(facts: Json) -> Plane | Mesh:
     return Mesh(vertices, faces, float(facts["edge_radius"]), tangent, str(facts["source"]))
 
 
-def _packed(values: NDArray[Any], kind: str) -> str:
+def _packed(values: NDArray[np.generic], kind: str) -> str:
     return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")

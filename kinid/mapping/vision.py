@@ -13,12 +13,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError, MissingDependencyError
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from sklearn.base import ClassifierMixin
 
 Array = NDArray[np.float64]
 
@@ -141,7 +146,7 @@ class MaterialClassifier:
     classes: tuple[str, ...]
     centre: Array
     scale: Array
-    machine: Any
+    machine: ClassifierMixin
     samples: Array
     usual: Array
     strange: float
@@ -301,7 +306,7 @@ def error_of_mean(values: Array, fold: NDArray[np.int64]) -> float:
     return float(np.sqrt(np.sum(sums**2) * count / max(count - 1, 1))) / len(values)
 
 
-def _machine(count: int, calibrated: bool) -> Any:
+def _machine(count: int, calibrated: bool) -> ClassifierMixin:
     """The study's: exp(−|x − x'|²/s²) with s = √P/4, which scikit-learn writes as γ = 1/s²; and the calibrated
     alternative.
     """
@@ -323,7 +328,7 @@ def _apart(z: Array, samples: Array, own: bool = False) -> Array:
     return np.asarray(distance[:, int(own) :].mean(axis=1))
 
 
-def sklearn(module: str) -> Any:
+def sklearn(module: str) -> ModuleType:
     """One of scikit-learn's modules.
 
     Raises:

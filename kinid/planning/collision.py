@@ -10,7 +10,7 @@ import contextlib
 import io
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -20,6 +20,9 @@ import kinid.urdf
 from kinid.errors import InputError
 from kinid.robotics.robot import Robot
 from kinid.robotics.surface import Mesh, Plane, Surface
+
+if TYPE_CHECKING:
+    import coal
 
 Array = NDArray[np.float64]
 
@@ -40,8 +43,8 @@ class Scene:
     """
 
     robot: Robot
-    model: Any
-    geometry: Any
+    model: pin.Model
+    geometry: pin.GeometryModel
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -166,7 +169,7 @@ def representatives(q: Array, spread: float) -> NDArray[np.int64]:
     return np.sort(np.concatenate(kept)) if kept else np.zeros(0, dtype=np.int64)
 
 
-def _shapes(robot: Robot, path: Path) -> tuple[Any, Any]:
+def _shapes(robot: Robot, path: Path) -> tuple[pin.Model, pin.GeometryModel]:
     """Pinocchio's model and collision shapes of a URDF, its joints those of the robot."""
     full = pin.buildModelFromUrdf(str(path))
     folders = [str(parent) for parent in (path.parent, *path.parents[:5])]
@@ -185,12 +188,12 @@ def _shapes(robot: Robot, path: Path) -> tuple[Any, Any]:
     return full, geometry
 
 
-def _neighbours(model: Any, a: int, b: int) -> bool:
+def _neighbours(model: pin.Model, a: int, b: int) -> bool:
     """Whether two joints carry the same link or links that a joint holds together."""
     return bool(a == b or model.parents[a] == b or model.parents[b] == a)
 
 
-def _block(surface: Surface, places: Array | None) -> tuple[Any, Any]:
+def _block(surface: Surface, places: Array | None) -> tuple[coal.CollisionGeometry, pin.SE3]:
     """The surface as a shape of coal, and where it stands."""
     import coal
 
@@ -209,7 +212,7 @@ def _block(surface: Surface, places: Array | None) -> tuple[Any, Any]:
     return coal.Box(*map(float, high - low), BLOCK[1]), pin.SE3(np.ascontiguousarray(surface.axes.T), centre)
 
 
-def _touching(robot: Robot, model: Any, geometry: Any, deepest: float) -> set[int]:
+def _touching(robot: Robot, model: pin.Model, geometry: pin.GeometryModel, deepest: float) -> set[int]:
     """Shapes beside the tip, none of what it is mounted on, that are below the surface when the tip is deepest."""
     import coal
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from kinid.planning.limits import Limits
 from kinid.planning.reach import Reach
 from kinid.planning.setpoint import Pace
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 Array = NDArray[np.float64]
 
@@ -51,14 +54,14 @@ class Course:
 
     def __call__(self, s: Array, ds: Array, dds: Array) -> tuple[Array, Array, Array]:
         """Joints, velocities and accelerations where the length and its derivatives are these, each (n, N)."""
-        splines: list[Any] = self.__dict__["_splines"]
+        splines: list[PPoly] = self.__dict__["_splines"]
         s = np.clip(s, 0.0, self.length)
         bend, curl = splines[1](s), splines[2](s)
         return splines[0](s), bend * ds[:, None], bend * dds[:, None] + curl * (ds**2)[:, None]
 
     def jerk(self, s: Array, ds: Array, dds: Array, ddds: Array) -> Array:
         """Jerks of the joints, (n, N)."""
-        splines: list[Any] = self.__dict__["_splines"]
+        splines: list[PPoly] = self.__dict__["_splines"]
         s = np.clip(s, 0.0, self.length)
         out: Array = (
             splines[1](s) * ddds[:, None] + 3.0 * splines[2](s) * (ds * dds)[:, None] + splines[3](s) * (ds**3)[:, None]

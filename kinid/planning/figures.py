@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import html
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,7 +122,7 @@ def places_figure(motion: Trajectory) -> Figure:
     return figure
 
 
-def _phases(figure: Any, motion: Trajectory) -> None:
+def _phases(figure: Figure, motion: Trajectory) -> None:
     """Names of the phases above the first row, where there are few enough to read."""
     starts = np.flatnonzero(np.append(True, motion.phase[1:] != motion.phase[:-1]))
     if len(starts) > 12:

@@ -7,7 +7,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from kinid.parameter import Parameter
 from kinid.planning.information import sizes
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 #: points of an effect's shapes that are looked at
 POINTS = 10
@@ -116,7 +117,7 @@ def _points(effect: Effect, s: Signals, amplitude: dict[int, float]) -> list[tup
     return _thinned(list(shape_points(effect, s, amplitude)))
 
 
-def _thinned(points: list[Any]) -> list[Any]:
+def _thinned(points: list[T]) -> list[T]:
     return points if len(points) <= POINTS else [points[int(k)] for k in np.linspace(0, len(points) - 1, POINTS)]
 
 

@@ -6,10 +6,10 @@ Variables of the search are the offset and the amplitudes by the room's size, fr
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,10 @@ from kinid.parameter import Parameter
 from kinid.planning.expected import Law
 from kinid.planning.information import OPEN, cost, information, sensitivities
 from kinid.planning.signals import FADE, Multisine
+from kinid.writers import Json
+
+if TYPE_CHECKING:
+    import casadi
 
 Array = NDArray[np.float64]
 
@@ -246,7 +250,7 @@ def search(design: Design, begin: Multisine) -> Multisine:
     told = _told_to_casadi(design, count)
     x = casadi.MX.sym("x", 1 + 3 * sines)
     value, kept = told(x)
-    options: Any = {
+    options: Json = {
         "ipopt.hessian_approximation": "limited-memory",
         "ipopt.max_iter": STEPS,
         "ipopt.tol": 1e-4,
@@ -256,7 +260,7 @@ def search(design: Design, begin: Multisine) -> Multisine:
         "ipopt.sb": "yes",
         "print_time": False,
     }
-    problem: Any = {"x": x, "f": value, "g": kept}
+    problem: dict[str, casadi.MX] = {"x": x, "f": value, "g": kept}
     solver = casadi.nlpsol("search", "ipopt", problem, options)
     top, slow = (bounds.deepest - low) / (high - low), 1.0 / bounds.duration
     found = solver(
@@ -269,7 +273,7 @@ def search(design: Design, begin: Multisine) -> Multisine:
     return design.signal(np.array(found["x"]).ravel())
 
 
-def _told_to_casadi(design: Design, count: int) -> Any:
+def _told_to_casadi(design: Design, count: int) -> casadi.Callback:
     """Criterion, then depth, speed, force and joints at every other sample, each by its bound, as casadi asks it."""
     import casadi
 
@@ -288,13 +292,13 @@ def _told_to_casadi(design: Design, count: int) -> Any:
         def get_n_out(self) -> int:
             return 2
 
-        def get_sparsity_in(self, _: int) -> Any:
+        def get_sparsity_in(self, _: int) -> casadi.Sparsity:
             return casadi.Sparsity.dense(1 + 3 * design.sines, 1)
 
-        def get_sparsity_out(self, i: int) -> Any:
+        def get_sparsity_out(self, i: int) -> casadi.Sparsity:
             return casadi.Sparsity.dense(1 if i == 0 else 4 * count, 1)
 
-        def eval(self, arguments: Any) -> Any:
+        def eval(self, arguments: Sequence[casadi.DM]) -> list[casadi.DM]:
             signal = design.signal(np.array(arguments[0]).ravel())
             motion = signal(t)
             used = np.zeros(count) if design.joints is None else design.joints(motion) / JOINTS

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +49,7 @@ class Reach:
             )
 
     @cached_property
-    def packed(self) -> tuple[NDArray[Any], ...]:
+    def packed(self) -> tuple[NDArray[np.generic], ...]:
         """Chain and inertias as the kernels take them; every joint acts along its own z axis there."""
         robot, tool, tip = self.robot, self.tool, self.robot.tip_frame or ""
         chain = robot.chain(tip)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 from kinid.errors import MissingDependencyError
 from kinid.planning.trajectory import Trajectory
@@ -29,7 +28,7 @@ def write_joint_trajectory(motion: Trajectory, path: Path, topic: str = TOPIC) -
         raise MissingDependencyError("mcap and rosbags", "bags") from None
     import numpy as np
 
-    store: Any = get_typestore(Stores.ROS2_HUMBLE)
+    store = get_typestore(Stores.ROS2_HUMBLE)
     types, none = store.types, np.zeros(0)
     if TYPE not in types:
         store.register(get_types_from_msg(_TRAJECTORY, TYPE) | get_types_from_msg(_POINT, TYPE + "Point"))

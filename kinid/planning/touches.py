@@ -189,7 +189,7 @@ def shortest_tour(places: Sequence[Place]) -> list[int]:
         return list(range(n))
     distance = np.linalg.norm(points[:, None] - points[None], axis=2) if n <= 3000 else None
 
-    def gap(a: Any, b: Any) -> Array:
+    def gap(a: int | NDArray[np.int64], b: int | NDArray[np.int64]) -> Array:
         return np.asarray(distance[a, b] if distance is not None else np.linalg.norm(points[a] - points[b], axis=-1))
 
     left = np.ones(n, dtype=np.bool_)

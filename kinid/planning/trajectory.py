@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +14,7 @@ from kinid.errors import InputError
 from kinid.writers import Json, write_table
 
 Array = NDArray[np.float64]
+Columns = dict[str, NDArray[np.generic]]
 
 KIND, VERSION = "trajectory", 1
 
@@ -48,7 +47,7 @@ class Trajectory:
     normal_force: Array | None = None
     force_limit: Array | None = None
     touch: NDArray[np.int64] | None = None
-    provenance: Mapping[str, Any] = field(default_factory=dict)
+    provenance: Json = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n, joints = len(self.t), len(self.joint_names)
@@ -88,9 +87,9 @@ class Trajectory:
         """[s]"""
         return float(self.t[-1] - self.t[0])
 
-    def columns(self) -> dict[str, NDArray[Any]]:
+    def columns(self) -> Columns:
         """The table: t, phase, q1…, dq1…, ddq1…, tip_x tip_y tip_z, and what else is known."""
-        out: dict[str, NDArray[Any]] = {"t": self.t, "phase": self.phase}
+        out: Columns = {"t": self.t, "phase": self.phase}
         for name in ("q", "dq", "ddq"):
             out |= {f"{name}{j + 1}": getattr(self, name)[:, j] for j in range(len(self.joint_names))}
         out |= {f"tip_{axis}": self.tip[:, i] for i, axis in enumerate("xyz")}
@@ -180,12 +179,12 @@ def read_trajectory(path: Path, joint_names: tuple[str, ...] | None = None) -> T
     )
 
 
-def read_columns(path: Path) -> dict[str, NDArray[Any]]:
+def read_columns(path: Path) -> Columns:
     """The columns of a Parquet, CSV or NPZ table."""
     return _table(path)[0]
 
 
-def _table(path: Path) -> tuple[dict[str, NDArray[Any]], Json]:
+def _table(path: Path) -> tuple[Columns, Json]:
     """Columns of a file, and its provenance."""
     if not path.is_file():
         raise InputError(f"no file {path}", "a table as Parquet, CSV or NPZ", "check its name")

@@ -120,7 +120,7 @@ class Mesh(Surface):
 
     The first tangent is `tangent` projected on the local tangent plane; where the normal is parallel to it
     (within 2.5°), the base axis furthest from it. Without a tangent it is the base x axis, or y where the
-    normal is within 26° of x, as on a plane. Any field of tangents on a closed surface jumps somewhere.
+    normal is within 26° of x, as on a plane. A field of tangents on a closed surface always jumps somewhere.
 
     Attributes:
         vertices: [m], (k, 3), after merging.

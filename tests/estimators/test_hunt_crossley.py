@@ -197,7 +197,8 @@ def test_recovers_without_noise(method):
     x = 0.006 + 0.004 * np.sin(2 * np.pi * 1.3 * t) + 0.001 * np.sin(2 * np.pi * 4.1 * t + rng.random())
     v = np.gradient(x, 1e-3)
     y = force(x, v, 2000.0, 50.0, 1.4)  # B/K = 0.025 s/m: B ẋ/K < 0.1 %, so ln(1 + e) = e to 1e-6
-    track = method(noise=1e-6, forgetting=Constant(0.99)).run(x, v, y)
+    exact = {"offset": None} if method is SingleStage else {}  # a zero that is right
+    track = method(noise=1e-6, forgetting=Constant(0.99), **exact).run(x, v, y)
     error = np.abs(track.theta[-1] / [2000.0, 50.0, 1.4] - 1.0)
     print(f"{method.__name__}: relative errors of K, B, n without noise {error}")
     # single stage: e²/2 of the logarithm, below 1e-6 of the force; damping is 1e-3 of it, so up to 1e-3 of B. Two
@@ -316,6 +317,24 @@ def test_samples_out_of_contact_do_not_update():
         assert (track.innovation[800:1200] == 0.0).all()
         assert track.excitation[1199] == 0.0  # the window is empty
         assert track.final.updates <= 1100
+
+
+@pytest.mark.parametrize("law", [KelvinVoigt, SingleStage, TwoStage])
+def test_a_valid_estimate_is_as_accurate_as_is_asked(law):
+    x, v, k, b = study()
+    y, sigma = noisy(force(x, v, k, b, EXPONENT), 100.0, 0)
+    asked = (lambda share: (share, share)) if law is KelvinVoigt else (lambda share: share)
+    told = {"forgetting": Constant(0.998), "offset": None} if law is not TwoStage else {"forgetting": Constant(0.998)}
+    told |= {} if law is KelvinVoigt else {"noise": sigma}
+    free, strict = (law(**told, accuracy=asked(share)).run(x, v, y, T) for share in (np.inf, 0.02))
+    assert not (strict.valid & ~free.valid).any()
+    assert strict.valid.sum() < free.valid.sum()
+    sure = strict.valid
+    half = 1.96 * strict.std[:, :2]
+    assert (half[sure, 0] <= 0.02001 * strict["stiffness"][sure]).all()
+    # a B that is known to K·1 ms is known well enough
+    floor = np.maximum(0.02001 * np.abs(strict["damping"]), 1.001e-3 * strict["stiffness"])
+    assert (half[sure, 1] <= floor[sure]).all()
 
 
 def test_online_is_the_batch():

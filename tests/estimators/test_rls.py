@@ -297,3 +297,9 @@ def test_scheduled_forgetting_is_the_formula_and_stays_in_range():
     t = np.array([0.0, 1.0, 2.0, 2.3, 4.0])
     np.testing.assert_allclose(schedule.factors(t)[2:], 1.0 - 0.01 * np.exp(-5.0 * (t[2:] - 2.0)), rtol=1e-15)
     np.testing.assert_array_equal(schedule.factors(t)[:2], 0.99)  # the bare formula says −219 at t = 0
+
+
+def test_accuracies_are_one_for_each_parameter():
+    for bad in ({"accuracy": (0.1,)}, {"beside": (0.1, -1.0)}):
+        with pytest.raises(InputError, match="a share for each"):
+            RecursiveLeastSquares(NAMES[:2], **bad)

@@ -15,12 +15,12 @@ import json
 import select
 import socket
 import time
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterable, Iterator
 
 from kinid.errors import InputError
 from kinid.live.messages import Item, Joints, Notice, Source, Wrench
 from kinid.live.sources import IDLE, Asked
+from kinid.writers import Json
 
 SCHEME = "udp"
 HELP = "udp://127.0.0.1:5005 takes lines of JSON"
@@ -90,7 +90,7 @@ class Socket:
 def parse(line: bytes, received: int) -> Iterator[Item]:
     """Samples of one line; a notice of what isn't one."""
     try:
-        told: Any = json.loads(line)
+        told: Json = json.loads(line)
         stamp = int(told["t_ns"]) if "t_ns" in told else round(1e9 * told["t"]) if "t" in told else None
         wrench, q = told.get("wrench"), told.get("q")
         if q is None and wrench is None:
@@ -108,6 +108,6 @@ def parse(line: bytes, received: int) -> Iterator[Item]:
     yield from out
 
 
-def _numbers(values: Any) -> list[float]:
+def _numbers(values: Iterable[float | None] | None) -> list[float]:
     """A list of numbers, as sent; null is no number, and so not finite."""
     return [float("nan") if value is None else float(value) for value in values or ()]

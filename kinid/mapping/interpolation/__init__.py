@@ -12,13 +12,16 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from kinid.errors import InputError
 from kinid.mapping.interpolation.uniform import Uniform
+
+if TYPE_CHECKING:
+    from scipy.spatial import ConvexHull
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -57,7 +60,7 @@ class Interpolator(ABC):
     uniform: Uniform | None = None
 
     @abstractmethod
-    def at(self, queries: NDArray[Any], sd: bool = True) -> Guess:
+    def at(self, queries: ArrayLike, sd: bool = True) -> Guess:
         """What is expected at places: (m, 2) on a plane [m], vertex numbers (m,) on a mesh.
 
         Raises:
@@ -111,7 +114,7 @@ class PlaneGround:
         return float(max(np.quantile(nearest, 0.5), np.sqrt(self._hull.volume / n)))
 
     @cached_property
-    def _hull(self) -> Any:
+    def _hull(self) -> ConvexHull | None:
         """Convex hull of the places; None where they lie in one line."""
         from scipy.spatial import ConvexHull, QhullError
 
@@ -140,7 +143,7 @@ class Nearest(Interpolator):
     ground: PlaneGround
     values: Array
 
-    def at(self, queries: NDArray[Any], sd: bool = True) -> Guess:
+    def at(self, queries: ArrayLike, sd: bool = True) -> Guess:
         """As the nearest probe."""
         from scipy.spatial import cKDTree
 
@@ -211,7 +214,7 @@ class Biharmonic(Interpolator):
         object.__setattr__(self, "_solution", best[1])
         object.__setattr__(self, "_left_out", best[2] if n > k + 1 else np.full(n, np.nan))
 
-    def at(self, queries: NDArray[Any], sd: bool = True) -> Guess:
+    def at(self, queries: ArrayLike, sd: bool = True) -> Guess:
         """The spline; no uncertainty is stated."""
         q = on_plane(queries)
         centre, scale = self._frame  # type: ignore[attr-defined]
@@ -232,7 +235,7 @@ class Biharmonic(Interpolator):
         return out
 
 
-def on_plane(queries: NDArray[Any]) -> Array:
+def on_plane(queries: ArrayLike) -> Array:
     """Places that a map on a plane can be asked about, (m, 2) [m]; one place alone may be (2,).
 
     Raises:

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, final
+from typing import final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from kinid.errors import InputError, near
 from kinid.mapping.interpolation import METHODS, Biharmonic, Guess, Interpolator, Nearest, PlaneGround, on_plane
@@ -171,7 +171,7 @@ class GaussianProcess(Interpolator):
         step = np.abs(values[near] - values[-1])
         return int(self.zones[near[step.argmin()]]) if step.min() <= self.step else int(self.zones.max()) + 1
 
-    def at(self, queries: NDArray[Any], sd: bool = True) -> Guess:
+    def at(self, queries: ArrayLike, sd: bool = True) -> Guess:
         """Mean and standard deviation of the property itself (no probe's noise), (m,) each.
 
         Where probes side by side deviate from the mean to one side by more than chance, that is in the standard

@@ -11,16 +11,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from kinid.errors import InputError, near
 from kinid.mapping.interpolation import MESH_METHODS, REACH, Guess, Interpolator, Mask, less_the_nearest
 from kinid.mapping.interpolation.local_bias import misfit, spread_over
 from kinid.mapping.interpolation.uniform import Uniform, uniform_value
 from kinid.robotics.surface import Mesh
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+    from scipy.sparse.linalg import SuperLU
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -48,7 +52,7 @@ class MeshGround:
         if not np.isfinite(self.reach):
             object.__setattr__(self, "reach", REACH * self.spacing)
 
-    def vertices(self, queries: NDArray[Any]) -> Index:
+    def vertices(self, queries: ArrayLike) -> Index:
         """Vertex numbers that a map on this mesh can be asked about, (m,).
 
         Raises:
@@ -67,12 +71,12 @@ class MeshGround:
         return np.atleast_1d(q).astype(np.int64)
 
     @cached_property
-    def shares(self) -> Any:
+    def shares(self) -> csr_array:
         """How each place is made of vertices: sparse, (n, vertices)."""
         return shares(self.mesh, self.places)
 
     @cached_property
-    def elements(self) -> tuple[Any, Array]:
+    def elements(self) -> tuple[csr_array, Array]:
         """Stiffness matrix of the Laplacian (cotangents) and lumped masses [m²], per vertex."""
         from scipy.sparse import coo_array
 
@@ -136,7 +140,7 @@ class MeshGround:
         return np.where(source[:n] >= n, source[:n] - n, 0).astype(np.int64), distance[:n]
 
 
-def shares(mesh: Mesh, places: Array) -> Any:
+def shares(mesh: Mesh, places: Array) -> csr_array:
     """How places on a mesh, (m, 3), are made of its vertices: barycentric coordinates, sparse (m, vertices)."""
     from scipy.sparse import coo_array
 
@@ -164,7 +168,7 @@ class MeshNearest(Interpolator):
     ground: MeshGround
     values: Array
 
-    def at(self, queries: NDArray[Any], sd: bool = True) -> Guess:
+    def at(self, queries: ArrayLike, sd: bool = True) -> Guess:
         """At vertices, by their numbers (m,)."""
         probe, distance = self.ground.nearest
         q = self.ground.vertices(queries)
@@ -238,7 +242,7 @@ class MeshProcess(Interpolator):
         return cls(ground, values, held, far, 30.0 * spread, float(values.mean()), states=False)
 
     @cached_property
-    def _solver(self) -> Any:
+    def _solver(self) -> SuperLU:
         """Solves (κ² M + L) x = b."""
         from scipy.sparse import diags_array
         from scipy.sparse.linalg import splu
@@ -291,7 +295,7 @@ class MeshProcess(Interpolator):
         residual = self.noise**2 * (self._inverse @ (self.values - self.mean))
         return misfit(self.ground.places, residual, self.noise, self.ground.spacing)
 
-    def at(self, queries: NDArray[Any], sd: bool = True) -> Guess:
+    def at(self, queries: ArrayLike, sd: bool = True) -> Guess:
         """At vertices, by their numbers (m,)."""
         q = self.ground.vertices(queries)
         known: Mask = np.asarray(self.ground.nearest[1][q] <= self.ground.reach)

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, final
+from typing import final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from kinid.mapping.interpolation import RIM, Guess, Interpolator, PlaneGround, Prior, expected, on_plane
 from kinid.mapping.interpolation.segments import scaled
@@ -114,7 +114,7 @@ class Triangles(Interpolator):
         """Of the triangles over `framed` places, counterclockwise, (k, 3)."""
         return triangulate(*self.framed[:2])
 
-    def at(self, queries: NDArray[Any], sd: bool = True) -> Guess:
+    def at(self, queries: ArrayLike, sd: bool = True) -> Guess:
         """Linear in its triangle, on the scale that is interpolated."""
         q = on_plane(queries)
         mean, variance = self.between(q)

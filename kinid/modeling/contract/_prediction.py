@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from kinid.modeling.forward import Route
 from kinid.modeling.model import Model
 from kinid.modeling.reference_motions import arrays
 from kinid.writers import Json
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 Array = NDArray[np.float64]
 
@@ -155,7 +158,7 @@ def gap(case: Case) -> str:
 def tail(signals: Signals, k: int) -> Signals:
     """Signals from sample k on."""
 
-    def cut(thing: Any, first: tuple[str, ...] = (), whole: tuple[str, ...] = ()) -> Json:
+    def cut(thing: DataclassInstance, first: tuple[str, ...] = (), whole: tuple[str, ...] = ()) -> Json:
         out = {}
         for field in dataclasses.fields(thing):
             value = getattr(thing, field.name)
