@@ -149,6 +149,12 @@ class Refit:
         out.__dict__["relearnt"] = out
         return out
 
+    @cached_property
+    def weighed_by_its_own(self) -> Refit:
+        """The same with its own error model, by which its gain is weighed, too."""
+        out = self.relearnt
+        return replace(out, evidence=compare_states(self.before, out.state, out.state.error.sigma))
+
 
 def refit(before: State, candidates: list[Candidate]) -> Refit:
     """The best refit of an effect from its best points, with the error model of the state before.

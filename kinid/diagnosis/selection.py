@@ -36,6 +36,8 @@ Array = NDArray[np.float64]
 MAX_ERROR_RISE = 1.01
 #: refits whose form of friction at rest is chosen anew; alternatives to the best, and the share of its gain they need
 REST_FORM_REFITS, MAX_ALTERNATIVES, MIN_GAIN_SHARE = 2, 3, 0.5
+#: two refits that have less than this share of their changes in common explain different parts of the error
+MIN_OVERLAP = 0.5
 
 
 @dataclass(eq=False)
@@ -139,6 +141,11 @@ def choose(refits: Sequence[Refit], before: State, settings: DiagnosisSettings) 
     The best are compared with their own error models: what a channel weighs differs from model to model.
     """
     evident = [t for t in refits if _evident(t, before, settings)]
+    if not evident:
+        # weighed by what was left before, a channel that is right can lose more than one that is wrong can gain
+        left = compare_states(before, before, before.error.sigma).left - settings.min_significance**2
+        own = [t.weighed_by_its_own for t in refits[:REST_FORM_REFITS] if t.evidence.left < left]
+        evident = [t for t in own if _evident(t, before, settings)]
     usual = [t for t in evident if not _remarkable(t, settings)]
     # what a usual amount of another effect explains as well is no finding
     accepted = [
@@ -177,12 +184,19 @@ def best_end(candidate: Refit, fits: dict[tuple[str, ...], State]) -> Refit:
 
 
 def indistinguishable(one: Refit, other: Refit, sigma: Array, settings: DiagnosisSettings) -> bool:
-    """Whether the log can't tell two refits of one state apart, with errors weighed by σ (channels, g)."""
+    """Whether two refits of one state explain the same, as well, with errors weighed by σ (channels, g)."""
     between = compare_states(other.state, one.state, sigma)
-    return (
+    as_well = (
         abs(between.gain) <= settings.alternative_significance * between.error
         or abs(between.share) <= settings.alternative_share
     )
+    return as_well and _overlap(one, other, sigma) >= MIN_OVERLAP
+
+
+def _overlap(one: Refit, other: Refit, sigma: Array) -> float:
+    """Squared cosine between what two refits change, held out: 1 where they explain the same, 0 where other parts."""
+    a, b = (((t.before.held_out - t.state.held_out) / sigma).ravel() for t in (one, other))
+    return float((a @ b) ** 2 / max(1e-300, (a @ a) * (b @ b)))
 
 
 def select(
@@ -245,7 +259,7 @@ def _unsupported(evidence: Evidence, state: State, before: State, settings: Diag
 
 
 def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: bool = False) -> None:
-    """Take back additions that others made needless; last, inside the tolerance, doubtful ones that take little."""
+    """Take back additions that others made needless; last, usual ones and doubtful ones that take little, too."""
     for name in [n for n in found.added if n not in keep]:
         best = found.states[-1]
         if not removable(best.model, name):
@@ -257,7 +271,9 @@ def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: 
         needed = settings.min_significance
         if last and inside_tolerance(reduced):
             needed = max(needed, settings.beyond_doubt * (1.0 - evidence.beyond))
-        if evidence.significance < needed or evidence.share < settings.min_share:
+        # what seemed much beside a model that lacked others may be no more than every rig has
+        usual = last and not _remarkable(Refit(best.model[name], reduced, best, evidence), settings)
+        if usual or evidence.significance < needed or evidence.share < settings.min_share:
             found.alternatives.pop(name, None)
             found.pruned.add(name)
             found.added.remove(name)

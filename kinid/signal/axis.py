@@ -143,14 +143,14 @@ class Axis:
         self.jerk, self.single = single, True
 
     def sound(self) -> tuple[Array, Array, Array]:
-        """What `smoothed` gives, of positions alone, or of noisier ones, where it is not a number.
+        """What `smoothed` gives, of positions alone, or of noisier ones, where it isn't sound.
 
         No finite log shall end without an estimate: measurements that differ a billion times in size can lose all
         digits.
         """
         made = self.smoothed()
         for louder in (1.0, 1e6, 1e12):
-            if np.isfinite(made[0]).all() and np.isfinite(made[1]).all():
+            if self._sound(*made[:2]):
                 break
             self.value, self.variance = self.value[:, :1].copy(), louder * self.variance[:, :1]
             size = float(np.ptp(self.value))
@@ -159,6 +159,14 @@ class Axis:
             self.jerk = self._from_bank() if louder == 1.0 else np.full(len(self.tau), self.noise)
             made = self.smoothed()
         return made
+
+    def _sound(self, state: Array, sd: Array) -> bool:
+        """Whether an estimate is a number, and no further from a position than all positions are from each other."""
+        if not (np.isfinite(state).all() and np.isfinite(sd).all()):
+            return False
+        there = self.variance[:, 0] < np.inf
+        position = self.value[there, 0]
+        return bool(np.abs(state[there, 0] - position).max() <= np.ptp(position) + self.noise**0.5)
 
     def begin(self) -> tuple[Array, Array]:
         """State before the first sample, and its covariance."""

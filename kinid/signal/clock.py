@@ -108,8 +108,9 @@ def _late(x: Array, tau: Array, ask: bool = True) -> Array | None:
     Args:
         x: positions (n, k). tau: steps of time. ask: whether it must explain most of the noise.
     """
+    x = x[:, np.ptp(x, axis=0) > 0.0]  # axes that stand still know nothing of time
     n, k = x.shape
-    if n < FEWEST:
+    if n < FEWEST or not k:
         return None
     at, least = np.cumsum(tau), _least(x)
     noise = np.maximum([white(column, tau) for column in x.T], least)

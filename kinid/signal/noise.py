@@ -29,6 +29,8 @@ LOOKED_AT = 20_000
 WHOLE = 0.98
 #: a lattice has at least this number of values in use
 FEWEST = 3
+#: … or two, where so many samples have them
+RESTING = 50
 #: from so many gaps on a step is believed that no two neighbours are apart, found by so many descents
 MANY, DESCENTS = 12, 8
 #: an axis has moved on from a repeated position by so many times its noise, and so many times the steps before and
@@ -119,8 +121,8 @@ def lattice(x: Array) -> float:
     gaps = np.diff(values)
     size = float(np.abs(values).max(initial=0.0))
     gaps = gaps[gaps > 1e-13 * size]  # the same number, once more rounded
-    if len(gaps) < FEWEST - 1:
-        return 0.0
+    if len(gaps) < FEWEST - 1:  # of an axis at rest, a sensor shows the neighbouring value now and then
+        return float(gaps[0]) if len(gaps) and len(x) > RESTING else 0.0
     step = float(gaps.min())
     for _ in range(DESCENTS if len(gaps) >= MANY else 1):
         step = float(np.median(gaps[gaps < 1.5 * step])) if (gaps < 1.5 * step).any() else step
