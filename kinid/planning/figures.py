@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import html
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinid.planning.trajectory import Trajectory
-from kinid.reports.plots import AXES, BLUE, GREY, ORANGE, VERMILION, finish, line, page, thin
+from kinid.reports.plots import AXES, BLUE, GREY, ORANGE, VERMILION, finish, line, thin
+from kinid.reports.render import render
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -28,7 +28,15 @@ def plan_page(motion: Trajectory, title: str) -> str:
     if motion.touch is not None and int(motion.touch.max()) > 0 and motion.place is not None:
         figures.append(("Places, in the order of the touches", places_figure(motion)))
     figures.append(("Joints, shares of their limits", joints_figure(motion)))
-    return page(title, _facts(motion), figures)
+    return render(
+        "plan.html",
+        title,
+        motion=motion,
+        touches=0 if motion.touch is None else int(motion.touch.max()) + 1,
+        facts=motion.provenance,
+        why=str((motion.provenance.get("discrimination") or {}).get("words", "")),
+        figures=figures,
+    )
 
 
 def tip_figure(motion: Trajectory) -> Figure:
@@ -143,39 +151,3 @@ def _phases(figure: Any, motion: Trajectory) -> None:
             font={"size": 11, "color": GREY},
             textangle=-90 if x1 - x0 < 0.12 * motion.duration else 0,
         )
-
-
-def _facts(motion: Trajectory) -> str:
-    used = motion.provenance.get("used", ())
-    rows = "".join(
-        f"<tr><td>{html.escape(str(use['quantity']))}</td><td>{html.escape(str(use['joint']))}</td>"
-        f"<td>{100 * use['share']:.0f} "
-        f"%</td><td>{use['value']:.4g}</td><td>{use['limit']:.4g}</td><td>{use['t']:.2f}</td></tr>"
-        for use in used
-    )
-    head = "".join(
-        f"<th>{name}</th>" for name in ("quantity", "nearest to its limit", "used", "value", "limit", "at [s]")
-    )
-    table = f"<div class=scroll><table><tr>{head}</tr>{rows}</table></div>" if rows else ""
-    expected = motion.provenance.get("intervals") or {}
-    lines = "".join(
-        f"<tr><td>{html.escape(name)}</td><td>{each['value']:.5g}</td><td>"
-        + ("open" if each["half"] is None else f"± {each['half']:.2g}")
-        + f"</td><td>{html.escape(each['unit'])}</td></tr>"
-        for name, each in expected.items()
-    )
-    promised = (
-        (
-            "<h2>Expected 95 % intervals</h2><div "
-            "class=scroll><table><tr><th>parameter</th><th>assumed</th><th>interval</th>"
-            f"<th>unit</th></tr>{lines}</table></div>"
-        )
-        if lines
-        else ""
-    )
-    notes = "".join(f"<p class=facts>{html.escape(str(note))}</p>" for note in motion.provenance.get("notes", ()))
-    count = 0 if motion.touch is None else int(motion.touch.max()) + 1
-    touches = f", {count} touch{'es' if count > 1 else ''}" if count else ""
-    why = str((motion.provenance.get("discrimination") or {}).get("words", ""))
-    told = f"<h2>Why this experiment</h2><p>{html.escape(why)}.</p>" if why else ""
-    return f"<p class=facts>{len(motion)} samples, {motion.duration:.2f} s{touches}</p>{told}{notes}{table}{promised}"

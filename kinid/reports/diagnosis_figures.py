@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.diagnosis.result import Diagnosis
-from kinid.reports.plots import BLUE, INK, VERMILION, decimate, finish
+from kinid.reports.plots import BLUE, INK, MOST_POINTS, VERMILION, decimate, finish
 from kinid.residuals.parts import phase_words, phases
 from kinid.residuals.view import View
 from kinid.residuals.words import channel_words, sentence
@@ -28,10 +28,6 @@ Mask = NDArray[np.bool_]
 Titled = tuple[str, "Figure"]
 
 NOISE = "#9ca3af"
-#: points of a line, at most: more can't be told apart on a screen
-MOST_POINTS = 3000
-#: points of a loop, at most, and of measured samples in it
-MOST_LOOP = 3000
 #: lines of more samples are drawn solid: dashes of a dense line are mud
 DENSE = 400
 
@@ -205,7 +201,7 @@ def _loop(shown: Shown, row: int, x: Array, inside: Mask, label: str, over: str)
     use = np.flatnonzero(inside & np.isfinite(shown.measured[row]) & np.isfinite(x))
     if len(use) < 2:
         return
-    use = use[:: 1 + len(use) // MOST_LOOP]
+    use = use[:: 1 + len(use) // MOST_POINTS]
     step = int(np.median(np.diff(use))) if len(use) > 1 else 1
     pieces = np.flatnonzero(np.diff(use) > 2 * step) + 1  # a line between two touches was no motion
     values = [
@@ -216,12 +212,10 @@ def _loop(shown: Shown, row: int, x: Array, inside: Mask, label: str, over: str)
     room = 0.05 * (high - low) + 1e-12
     for (name, view, colour, _), predicted in zip(shown.lines, values[1:]):
         figure = go.Figure()
+        figure.add_scatter(x=x[use], y=values[0], mode="markers", name="measured", marker={"size": 3, "color": NOISE})
         figure.add_scatter(
-            x=compact(x[use]), y=compact(values[0]), mode="markers", name="measured", marker={"size": 3, "color": NOISE}
-        )
-        figure.add_scatter(
-            x=compact(np.insert(x[use], pieces, np.nan)),
-            y=compact(np.insert(predicted, pieces, np.nan)),
+            x=np.insert(x[use], pieces, np.nan),
+            y=np.insert(predicted, pieces, np.nan),
             mode="lines",
             name=name,
             line={"color": colour, "width": 1.2},
@@ -281,7 +275,7 @@ def profile(shown: Shown, row: int, x: Array, within: Mask, heading: str, count:
         return None
     index = np.clip(np.searchsorted(cuts, x, side="right") - 1, 0, len(cuts) - 2)
     masks = [within & (index == k) for k in range(len(cuts) - 1)]
-    at = compact(np.array([float(np.median(x[m])) if m.any() else np.nan for m in masks]))
+    at = np.array([float(np.median(x[m])) if m.any() else np.nan for m in masks])
     figure = go.Figure()
     for name, view, colour, dash in shown.lines:
         figure.add_scatter(
@@ -313,11 +307,6 @@ def _multiple(figure: Figure, shown: Shown, row: int, heading: str) -> Titled:
     return heading, figure
 
 
-def compact(values: Array) -> NDArray[np.float32]:
-    """Half the bytes; pictures show six digits at most."""
-    return np.asarray(values, dtype=np.float32)
-
-
 def _line(figure: Figure, x: Array, y: Array, name: str, colour: str, dash: str, row: int, *, legend: bool) -> None:
     look = {"mode": "lines", "line": {"color": colour, "width": 1.3, "dash": dash}, "showlegend": legend}
-    figure.add_scatter(x=compact(x), y=compact(y), name=name, legendgroup=name, row=row, col=1, **look)
+    figure.add_scatter(x=x, y=y, name=name, legendgroup=name, row=row, col=1, **look)

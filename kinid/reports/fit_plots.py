@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import html
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,28 +14,15 @@ from kinid.estimators.estimate import Track
 from kinid.estimators.forgetting import Constant
 from kinid.identification.compare import Comparison
 from kinid.identification.fit import Fit
+from kinid.identification.warnings import listed
 from kinid.modeling.experiment import Experiment
-from kinid.reports.plots import (
-    BLUE,
-    GREEN,
-    GREY,
-    INK,
-    MOST_POINTS,
-    ORANGE,
-    VERMILION,
-    drawing,
-    finish,
-    grid,
-    key,
-    line,
-    note,
-    page,
-    table,
-    thin,
-)
+from kinid.reports.plots import BLUE, GREEN, GREY, INK, MOST_POINTS, ORANGE, VERMILION, Entry, finish, line, thin
+from kinid.reports.render import render
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
+
+    from kinid.campaign.compare import CampaignComparison
 
 Array = NDArray[np.float64]
 
@@ -48,24 +35,8 @@ COLOURS = (VERMILION, BLUE, GREEN, ORANGE, "#CC79A7", "#000000")
 
 def fit_page(fit: Fit, title: str) -> str:
     """One fit: equation and estimates, force over depth, readings over time."""
-    rows = [(p.name, f"{p.value:.5g}", f"{p.low:.5g}", f"{p.high:.5g}", p.unit) for p in fit.parameters.values()]
-    error = fit.error
-    head = (
-        f"<pre>{html.escape(fit.equation())}</pre>",
-        table(("parameter", "estimate", "95 % from", "to", "unit"), rows),
-        note(
-            f"error {error.train:.4g} {error.unit} rms on samples seen, {error.held_out:.4g} on samples held out; "
-            f"the noise is {error.noise_floor:.4g}."
-        ),
-        *(note(f"doubt: {warning}") for warning in fit.warnings),
-    )
-    figures = _pictures({str(fit.model): fit})
     tracks = recursive_tracks(fit)
-    if tracks:
-        figures.append(
-            ("Estimates over time, recursively (band: 95 %; where the log excites them)", _track_figure(fit, tracks))
-        )
-    return page(title, "".join(head), figures)
+    return render("fit.html", title, fit=fit, tracks=_track_figure(fit, tracks) if tracks else None, **_pictures([fit]))
 
 
 def recursive_tracks(fit: Fit) -> dict[str, Track]:
@@ -124,27 +95,39 @@ def _track_figure(fit: Fit, tracks: dict[str, Track]) -> Figure:
 
 
 def comparison_page(result: Comparison, title: str) -> str:
-    """Models side by side: the table, force over depth, readings over time."""
-    rows = []
-    for row in result.rows:
-        same = str(row.fit.model) == result.reference
-        apart = ("reference", "") if same else (f"{row.difference:+.3g}", f"{row.standard_error:.2g}")
-        rows.append((f"{row.rank}. {row.fit.model}", f"{row.held_out:.4g}", *apart))
-    head = (
-        table(("model", f"held-out error [{result.unit}]", "difference", "± standard error"), rows),
-        note(f"differences are to {result.reference}; the noise is {result.noise_floor:.4g} {result.unit}."),
-        *(note(f"doubt: {row.fit.model}: {warning}") for row in result.rows for warning in row.fit.warnings),
-    )
-    return page(title, "".join(head), _pictures({str(row.fit.model): row.fit for row in result.rows}))
+    """Models side by side: which is best, their errors over the noise, force over depth, readings over time."""
+    return render("compare.html", title, c=result, winner=winner(result), **_pictures([row.fit for row in result.rows]))
 
 
-def _pictures(fits: dict[str, Fit]) -> list[tuple[str, Figure | str]]:
+def winner(result: Comparison | CampaignComparison) -> str:
+    """Which model has the least held-out error, and whether that is more than chance, in a sentence."""
+    best, *others = result.rows
+    name = str(best.fit.model)
+    if not others:
+        return f"{name} stands alone: there is no other model to hold it against."
+    if name != result.reference:
+        by = f"{abs(best.difference):.2g} ± {best.standard_error:.2g} {result.unit} below that of {result.reference}"
+        return f"{name} has the least held-out error, {by}{'' if best.differs else ', which may be chance'}."
+    alike = [str(row.fit.model) for row in others if not row.differs and np.isfinite(row.difference)]
+    if alike:
+        return (
+            f"No winner: {name} has the least held-out error, and this is too little to tell it from {listed(alike)}."
+        )
+    return f"{name} wins: each other model's held-out error is larger by more than twice the standard error."
+
+
+def _pictures(fits: Sequence[Fit]) -> dict[str, object]:
     """Force over depth with its loops where the log has them, and all readings over time."""
-    names = key([("measured", INK, "solid"), *((name, colour, "solid") for name, colour in zip(fits, COLOURS))])
-    figures: list[tuple[str, Figure | str]] = [("Readings over time", names + drawing(_time_figure(fits)))]
-    if next(iter(fits.values())).experiment.normal_force is None:
-        return figures
-    return [("Force over depth", names + drawing(_loop_figure(fits))), *_energies(fits), *figures]
+    named = {str(fit.model): fit for fit in fits}
+    pushed = fits[0].experiment.normal_force is not None
+    cycles, panels = _energies(named) if pushed else ([], [])
+    return {
+        "names": [("measured", INK, "solid"), *((name, colour, "solid") for name, colour in zip(named, COLOURS))],
+        "over_depth": _loop_figure(named) if pushed else None,
+        "cycles": cycles,
+        "panels": panels,
+        "over_time": _time_figure(named),
+    }
 
 
 def _loop_figure(fits: dict[str, Fit]) -> Figure:
@@ -188,8 +171,10 @@ def normal_of(experiment: Experiment, readings: Array) -> Array:
     return np.asarray(np.einsum("ni,in->n", sensor.to_contact[:, 2], readings[:3] - sensor.load[:3]))
 
 
-def _energies(fits: dict[str, Fit]) -> list[tuple[str, Figure | str]]:
-    """Loops of force over depth with the energy that each encloses, measured and by each model; none without a loop."""
+def _energies(fits: dict[str, Fit]) -> tuple[list[Entry], list[tuple[str, Figure]]]:
+    """Loops of force over depth with the energy that each encloses, measured and by each model: which colour is which
+    cycle, and a captioned picture each; none without a loop.
+    """
     experiment = next(iter(fits.values())).experiment
     s = experiment.signals
     readings = {"measured": np.where(experiment.valid, normal_of(experiment, experiment.measured), np.nan)}
@@ -197,7 +182,7 @@ def _energies(fits: dict[str, Fit]) -> list[tuple[str, Figure | str]]:
     found = {name: loops(s.depth, force, s.dt) for name, force in readings.items()}
     cycles = found["measured"]
     if not cycles:
-        return []
+        return [], []
     drawn = np.unique(np.linspace(0, len(cycles) - 1, len(COLOURS)).round().astype(int)).tolist()
     inside = np.concatenate([np.arange(cycles[i].begin, cycles[i].end) for i in drawn])
     spans = [(float(np.nanmin(force[inside])), float(np.nanmax(force[inside]))) for force in readings.values()]
@@ -207,8 +192,8 @@ def _energies(fits: dict[str, Fit]) -> list[tuple[str, Figure | str]]:
         (f"{name}: {energy_line(found[name])}", _panel(s.depth, force, found[name], drawn, (low - room, high + room)))
         for name, force in readings.items()
     ]
-    names = key((f"cycle {i + 1} ({s.t[cycles[i].begin]:.3g} s)", colour, "solid") for colour, i in zip(COLOURS, drawn))
-    return [("Energy lost in each way in and out (the area of its loop)", names + grid(panels))]
+    names = [(f"cycle {i + 1} ({s.t[cycles[i].begin]:.3g} s)", colour, "solid") for colour, i in zip(COLOURS, drawn)]
+    return names, panels
 
 
 def _panel(depth: Array, force: Array, found: list[Loop], drawn: list[int], span: tuple[float, float]) -> Figure:
@@ -236,7 +221,7 @@ def _panel(depth: Array, force: Array, found: list[Loop], drawn: list[int], span
         )
     energies = [f"{i + 1}: {_millijoules(found[i].lost, found[i].put_in)} mJ" for i in drawn if i < len(found)]
     corner = {"x": 0.03, "y": 0.97, "xref": "paper", "yref": "paper", "xanchor": "left", "yanchor": "top"}
-    look = {"showarrow": False, "align": "left", "font": {"size": 12}, "bgcolor": "rgba(255,255,255,0.7)"}
+    look = {"showarrow": False, "align": "left", "font": {"size": 12}, "bgcolor": "#ffffff"}
     figure.add_annotation(text="<br>".join(energies), **corner, **look)
     figure.update_xaxes(title_text="depth [mm]")
     figure.update_yaxes(title_text="normal force [N]", range=span)

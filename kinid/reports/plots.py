@@ -5,10 +5,7 @@ Colours are those of Okabe and Ito (2008), which colour-blind readers can tell a
 
 from __future__ import annotations
 
-import hashlib
 import html
-from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +13,7 @@ from numpy.typing import NDArray
 
 from kinid.contact.analysis import Analysis
 from kinid.contact.series import ContactSeries
+from kinid.reports.render import render
 from kinid.robotics.inverse_dynamics import JointTorques
 from kinid.robotics.motion import TipMotion
 
@@ -31,113 +29,32 @@ INK = "#4b5563"
 #: name, colour and dash ("solid" or "dashed") of a line, for a key
 Entry = tuple[str, str, str]
 
+#: lines of a picture of joint torques
+TORQUES = (("measured", INK), ("inverse dynamics", VERMILION), ("residual", BLUE))
 #: more points than this in a line can't be told apart on a screen
-MOST_POINTS = 6000
+MOST_POINTS = 3000
 
 
 def analysis_page(result: Analysis, title: str) -> str:
     """The contact frame or the tip's motion, and joint torques, as one HTML page."""
-    figures: list[tuple[str, Figure | str]] = []
-    if result.contact is not None:
-        figures += contact_figures(result.contact)
-    if result.tip is not None:
-        figures.append(("Motion of the tip, base frame", tip_figure(result.tip)))
-    if result.torques is not None:
-        names = key((("measured", INK, "solid"), ("inverse dynamics", VERMILION, "solid"), ("residual", BLUE, "solid")))
-        figures.append(
-            ("Joint torques: measured, and inverse dynamics", names + drawing(torque_figure(result.torques)))
-        )
-    facts = result.summary()
-    body = []
-    if result.contact is not None:
-        body.append(
-            note(
-                f"{facts['samples']} samples, {facts['invalid_samples']} invalid; in contact "
-                f"{100 * facts['in_contact']:.1f} % of the time, {facts['touches']} touches."
-            )
-        )
-    if result.torques is not None:
-        rows = [
-            (name, f"{row['measured_rms']:.3f}", f"{row['residual_rms']:.3f}")
-            for name, row in facts["joint_torques"].items()
-        ]
-        body.append(table(("joint", "measured rms [N·m]", "residual rms [N·m]"), rows))
-    steps = "".join(f"<li><code>{html.escape(str(step))}</code></li>" for step in result.provenance.steps)
-    tail = (
-        f"<details><summary>Provenance of {html.escape(result.provenance.source)}</summary><ol>{steps}</ol></details>"
-    )
-    return page(title, "".join(body), figures, tail)
-
-
-def asset(name: str) -> str:
-    """Text of a stylesheet or script that lies beside this file."""
-    return (Path(__file__).parent / name).read_text(encoding="utf-8")
-
-
-def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A table of texts; on a narrow screen it scrolls sideways, and only it."""
-    top = "".join(f"<th>{html.escape(head)}</th>" for head in heads)
-    cells = ("".join(f"<td>{html.escape(str(cell))}</td>" for cell in row) for row in rows)
-    body = "".join(f"<tr>{row}</tr>" for row in cells)
-    return f"<div class=scroll><table><tr>{top}</tr>{body}</table></div>"
-
-
-def note(text: str) -> str:
-    """A paragraph in small print."""
-    return f"<p class=facts>{html.escape(text)}</p>"
-
-
-def page(title: str, head: str, figures: Sequence[tuple[str, Figure | str]], tail: str = "", style: str = "") -> str:
-    """One self-contained HTML page of titled figures, or of HTML with figures in it; `style` is added to the
-    house's.
-    """
-    from plotly.offline import get_plotlyjs
-
-    parts = [
-        f"<section><h2>{html.escape(name)}</h2>{figure if isinstance(figure, str) else drawing(figure)}</section>"
-        for name, figure in figures
-    ]
-    return (
-        "<!doctype html><html lang=en><head><meta charset=utf-8>"
-        '<meta name=viewport content="width=device-width,initial-scale=1">'
-        # an empty icon: the page asks nobody for one
-        f'<link rel=icon href="data:,"><title>{html.escape(title)} – kinid</title>'
-        f"<style>{asset('page.css')}{style}</style>"
-        f"<script>{get_plotlyjs()}</script></head><body><h1>{html.escape(title)}</h1>{head}{''.join(parts)}{tail}"
-        f"<script>{asset('page.js')}</script></body></html>\n"
+    touch, torques = result.contact, result.torques
+    return render(
+        "contact.html",
+        title,
+        facts=result.summary(),
+        over_time=None if touch is None else time_figure(touch),
+        paired=touch is not None and any(np.isfinite(force).any() for force in (touch.slip2, touch.tangential_force2)),
+        over_depth=None if touch is None else depth_figure(touch),
+        tip=None if result.tip is None else tip_figure(result.tip),
+        torques=None if torques is None else torque_figure(torques),
+        pair=[(f"along tangent {i}", AXES[i - 1], "solid") for i in (1, 2)],
+        lines=[(name, colour, "solid") for name, colour in TORQUES],
+        provenance=result.provenance,
     )
 
 
-def drawing(figure: Figure, caption: str = "") -> str:
-    """A figure as part of a page, as wide as its place."""
-    # named by what it shows: the same page each time
-    name = hashlib.sha256(f"{caption}{figure.to_json()}".encode()).hexdigest()[:12]
-    drawn = figure.to_html(
-        full_html=False,
-        include_plotlyjs=False,
-        div_id=f"figure-{name}",
-        config={"displaylogo": False, "responsive": True, "displayModeBar": False},
-    )
-    return f"<figure>{f'<figcaption>{html.escape(caption)}</figcaption>' if caption else ''}{drawn}</figure>"
-
-
-def grid(figures: Iterable[tuple[str, Figure]], *, wide: bool = False) -> str:
-    """Captioned figures side by side, as many as the page is wide."""
-    inside = "".join(drawing(figure, caption) for caption, figure in figures)
-    return f'<div class="grid{" wide" if wide else ""}">{inside}</div>' if inside else ""
-
-
-def key(entries: Iterable[Entry]) -> str:
-    """Which colour is which, as text that wraps on a narrow screen; once for many pictures."""
-    spans = (
-        f'<span><i style="border-color:{colour};border-top-style:{dash}"></i>{html.escape(name)}</span>'
-        for name, colour, dash in entries
-    )
-    return f"<p class=key>{''.join(spans)}</p>"
-
-
-def contact_figures(touch: ContactSeries) -> list[tuple[str, Figure | str]]:
-    """Contact-frame quantities over time, each in a row with the axis that names it, and force over depth."""
+def time_figure(touch: ContactSeries) -> Figure:
+    """Contact-frame quantities over time, each in a row with the axis that names it."""
     from plotly.subplots import make_subplots
 
     keep = thin(len(touch.t), touch.depth, touch.normal_force)
@@ -166,16 +83,14 @@ def contact_figures(touch: ContactSeries) -> list[tuple[str, Figure | str]]:
     time.update_layout(shapes=[shade | {"x0": begin, "x1": end} for begin, end in spans])
     time.update_xaxes(title_text="time [s]", row=len(rows), col=1)
     finish(time, 170 * len(rows) + 60)
-    pairs = any(len(lines) > 1 for _, lines in rows)
-    names = key((f"along tangent {i}", AXES[i - 1], "solid") for i in (1, 2)) if pairs else ""
-    figures: list[tuple[str, Figure | str]] = [("Contact frame over time (shaded: in contact)", names + drawing(time))]
+    return time
+
+
+def depth_figure(touch: ContactSeries) -> Figure | None:
+    """Normal force over depth in contact, by phase; None where nothing is touched."""
     inside = touch.in_contact & np.isfinite(touch.normal_force)
-    if inside.any():
-        figures.append(("Force over depth, in contact", _loop(touch, inside)))
-    return figures
-
-
-def _loop(touch: ContactSeries, inside: NDArray[np.bool_]) -> Figure:
+    if not inside.any():
+        return None
     import plotly.graph_objects as go
 
     names = np.full(len(touch), "contact") if touch.phase is None else touch.phase
@@ -222,23 +137,33 @@ def torque_figure(torques: JointTorques) -> Figure:
     from plotly.subplots import make_subplots
 
     count = torques.measured.shape[1]
-    titles = [f"{html.escape(name)}: residual rms {rms:.2f} N·m" for name, rms in zip(torques.joint_names, torques.rms)]
+    titles = [f"{html.escape(name)}: residual {rms:.3f} N·m rms" for name, rms in zip(torques.joint_names, torques.rms)]
     figure = make_subplots(
         rows=count, cols=1, shared_xaxes=True, vertical_spacing=0.3 / (count + 4), subplot_titles=titles
     )
     keep = thin(len(torques.t), *torques.residual.T[:3])
     t = torques.t[keep] - torques.t[0]
     for j in range(count):
-        for values, name, colour in (
-            (torques.measured, "measured", INK),
-            (torques.predicted, "inverse dynamics", VERMILION),
-            (torques.residual, "residual", BLUE),
-        ):
+        for (name, colour), values in zip(TORQUES, (torques.measured, torques.predicted, torques.residual)):
             line(figure, t, values[keep, j], name, colour, j + 1, legend=False)
         figure.update_yaxes(title_text="[N·m]", row=j + 1, col=1)
     figure.update_xaxes(title_text="time [s]", row=count, col=1)
     finish(figure, 190 * count + 60)
     return figure
+
+
+def round_span(low: float, high: float) -> tuple[float, float]:
+    """The ends of a scale at round numbers, no more than a tenth of the span beyond its values."""
+    if not high > low:
+        return low, high
+    tenth = (high - low) / 10.0
+    decade = 10.0 ** np.floor(np.log10(tenth))
+    step = decade * (5.0 if tenth >= 5.0 * decade else 2.0 if tenth >= 2.0 * decade else 1.0)
+    # by its exponent, so that 3 · 0.1 is 0.3
+    digits = int(12 - np.floor(np.log10(max(abs(low), abs(high)))))
+    return round(float(np.floor(low / step + 1e-9) * step), digits), round(
+        float(np.ceil(high / step - 1e-9) * step), digits
+    )
 
 
 def thin(n: int, *shapes: Array) -> NDArray[np.int64]:

@@ -1,60 +1,3 @@
-<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width,initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; script-src 'unsafe-inline' 'self'; style-src 'unsafe-inline'; img-src data: blob:; connect-src 'self'">
-<link rel="icon" href="data:,">
-<title>__TITLE__ – kinid</title>
-<style>
-:root{color-scheme:light}
-body{margin:0;font:14px/1.4 system-ui,sans-serif;color:#1f2937;background:#f3f5f8;overflow:hidden}
-#pane{width:100vw;height:100vh;overflow:hidden}
-.card{position:absolute;background:rgba(255,255,255,.93);border-radius:10px;box-shadow:0 1px 6px rgba(0,0,0,.18);padding:.6rem .8rem}
-#about{left:12px;top:12px;max-width:min(340px,calc(100vw - 24px - 1.6rem))}
-#about h1{font-size:1.05rem;margin:0 0 .15rem;overflow-wrap:anywhere}#about p{margin:0;color:#4b5563}
-#views{display:flex;gap:.4rem;margin-top:.4rem}#views button[aria-pressed=true]{background:#1f2937;color:#fff;border-color:#1f2937}
-#low_cards{position:absolute;left:12px;right:12px;bottom:12px;display:flex;flex-direction:column;align-items:flex-start;gap:8px;pointer-events:none}
-#low_cards .card{position:static;pointer-events:auto}
-#legend{width:270px;max-width:calc(100% - 1.6rem)}
-#bar{height:14px;border-radius:4px;margin:.35rem 0 .15rem}
-#ticks{display:flex;justify-content:space-between;font-variant-numeric:tabular-nums}
-.key{display:flex;align-items:center;gap:.45rem;color:#374151}.key i{width:1rem;height:.7rem;border-radius:3px;display:inline-block;border:1px solid #9ca3af}
-#time{align-self:stretch;display:flex;gap:.4rem .7rem;align-items:center}
-#time input[type=range]{flex:1;min-width:0}
-button,select{font:inherit;padding:.15rem .5rem;border-radius:6px;border:1px solid #cbd5e1;background:#fff;color:inherit}
-#clock{font-variant-numeric:tabular-nums;min-width:11em;text-align:right;white-space:nowrap}
-@media (max-width:640px){
-body{font-size:13px}.card{padding:.4rem .6rem}#time{flex-wrap:wrap}#time input[type=range]{flex:1 0 70%}#clock{flex:1}
-#legend{width:auto;align-self:stretch;max-width:none}#keys{display:flex;flex-wrap:wrap;gap:0 .9rem}}
-.dg.main{display:none}[hidden]{display:none!important}
-</style>
-<script>__MESHCAT__</script>
-</head>
-<body>
-<div id="wrap"><div id="pane"></div></div>
-<div id="about" class="card"><h1 id="name"></h1><p id="facts"></p><div id="views" hidden></div></div>
-<div id="low_cards">
-<div id="legend" class="card" hidden>
-<div id="scale" hidden><label>shows <select id="property"></select></label>
-<div id="bar"></div><div id="ticks"><span id="low"></span><span id="unit"></span><span id="high"></span></div></div>
-<div id="keys">
-<div class="key" id="faint" hidden><i style="background:linear-gradient(90deg,rgba(33,145,140,.2),rgb(33,145,140))"></i>the fainter, the less sure</div>
-<div class="key" id="blank" hidden><i style="background:#d6d9de"></i>unknown: no probe is near</div>
-<div class="key" id="forces" hidden>__LEGEND__</div>
-<div class="key" id="newton" hidden><i style="border-width:0 0 2px;border-radius:0"></i><span></span></div>
-<div class="key" id="pitch" hidden><i style="background:#bdc9da;border-color:#7d8792"></i><span></span></div>
-</div>
-</div>
-<div id="time" class="card" hidden>
-<button id="play" title="space bar">▶</button>
-<input id="at" type="range" min="0" max="1" step="0.001" value="0" aria-label="time">
-<label>speed <select id="speed"><option value="0.1">0.1 ×</option><option value="0.25">0.25 ×</option><option value="0.5">0.5 ×</option><option value="1" selected>1 ×</option><option value="2">2 ×</option></select></label>
-<span id="clock"></span>
-</div>
-</div>
-<script type="application/json" id="scene">__SCENE__</script>
-<script>
 "use strict";
 const THREE = MeshCat.THREE, $ = id => document.getElementById(id);
 // without a graphics card, four samples a pixel cost more than half of the frames: there, only what stands still has them
@@ -468,6 +411,3 @@ if (scene.live) {
 }
 kinid.ready = true;
 requestAnimationFrame(tick);
-</script>
-</body>
-</html>
