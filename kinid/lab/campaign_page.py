@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from kinid.data.rig import Rig
 from kinid.errors import KinidError
 from kinid.lab.places import Grid
-from kinid.reports.plots import BLUE, finish
+from kinid.reports.plots import BLUE, finish, round_span
 from kinid.reports.render import render
 from kinid.robotics.robot import Robot
 from kinid.writers import write_text
@@ -119,8 +119,11 @@ def _map(grid: Grid, seen: dict[int, Seen]) -> Figure:
     for index, poke in seen.items():
         held[divmod(index, grid.columns)] = poke.held
     apart, (x, y) = 1e3 * grid.spacing, grid.place(0)
+    low, high = round_span(float(np.nanmin(held)), float(np.nanmax(held)))
     figure = go.Figure(
         go.Heatmap(
+            zmin=low,
+            zmax=high,
             x0=1e3 * x,
             dx=apart,
             y0=1e3 * y,
@@ -133,10 +136,10 @@ def _map(grid: Grid, seen: dict[int, Seen]) -> Figure:
             hovertemplate="(%{x:g}, %{y:g}) mm: %{z:.3g} N<extra></extra>",
         )
     )
-    finish(figure, 560)
+    finish(figure, 420)
     figure.update_layout(hovermode="closest", plot_bgcolor="#f3f4f6")
     figure.update_xaxes(title_text="along tangent 1 [mm]", constrain="domain", showgrid=False)
-    figure.update_yaxes(title_text="along tangent 2 [mm]", scaleanchor="x", showgrid=False)
+    figure.update_yaxes(title_text="along tangent 2 [mm]", scaleanchor="x", constrain="domain", showgrid=False)
     return figure
 
 
@@ -159,7 +162,7 @@ def _forces(grid: Grid, seen: dict[int, Seen]) -> Figure:
             hovertemplate="%{text}: %{y:.3g} N<extra></extra>",
         )
     )
-    finish(figure, 380)
+    finish(figure, 420)
     figure.update_layout(hovermode="closest")
     figure.update_xaxes(title_text="time [s]")
     figure.update_yaxes(title_text="normal force [N]")

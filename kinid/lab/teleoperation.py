@@ -178,7 +178,7 @@ def comparison_page(c: Comparison) -> str:
         c=c,
         mistaken=MISTAKEN,
         words={True: "yes", False: "no", None: "–"},
-        looks=_LOOK,
+        shown_as=_LOOK,
         figures=[
             ("Transparency: impedance that the operator feels, and the environment's", transparency_figure(c)),
             ("Stability: a push of 10 mm, held", stability_figure(c)),

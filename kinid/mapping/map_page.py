@@ -68,7 +68,7 @@ def _figures(grown: PropertyMap, name: str, method: str) -> list[tuple[str, Figu
 def plane_figure(grown: PropertyMap, name: str, method: str = "gp") -> Figure:
     """A property over a plane, and its probes."""
     ticks = grown.grid(CELLS)
-    figure = _field(grown, name, ticks, grown.over_grid(name, ticks, method).mean, _colour_range(grown, name), SCALE)
+    figure = _field(grown, name, ticks, grown.over_grid(name, ticks, method).mean, colour_range(grown, name), SCALE)
     figure.add_trace(_probes(grown, name))
     return figure
 
@@ -107,7 +107,7 @@ def _field(
     return figure
 
 
-def _colour_range(grown: PropertyMap, name: str) -> tuple[float, float]:
+def colour_range(grown: PropertyMap, name: str) -> tuple[float, float]:
     """Values of the first and the last colour; of a uniform property they lie far beyond what is chance."""
     uniform = grown.uniform(name)
     if uniform is None:

@@ -17,6 +17,9 @@ function bytes(text) {
   for (let i = 0; i < raw.length; i++) out[i] = raw.charCodeAt(i);
   return out;
 }
+const dark = matchMedia("(prefers-color-scheme: dark)"), css = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+// a colour of the light page in the colours of this one
+const tone = hex => css("--c" + hex.slice(1)) || hex;
 const floats = text => new Float32Array(bytes(text).buffer);
 const kinid = window.kinid = {viewer, errors: [], frame: 0, playing: false, shown: 0, updates: 0};
 window.addEventListener("error", e => kinid.errors.push(String(e.message)));
@@ -42,8 +45,8 @@ function place(path, object) { viewer.set_object(["kinid", ...path], object); vi
 const eye = (x, y, z) => new THREE.Vector3(x, z, -y);
 
 function dress() {
-  viewer.set_property(["Background"], "top_color", [0.93, 0.95, 0.98]);
-  viewer.set_property(["Background"], "bottom_color", [0.80, 0.84, 0.89]);
+  viewer.set_property(["Background"], "top_color", dark.matches ? [0.10, 0.12, 0.16] : [0.93, 0.95, 0.98]);
+  viewer.set_property(["Background"], "bottom_color", dark.matches ? [0.22, 0.25, 0.30] : [0.80, 0.84, 0.89]);
   for (const name of ["Axes", "Grid"]) viewer.set_property([name], "visible", false);
   // shadows are drawn anew only when the arm has moved
   Object.assign(viewer.renderer.shadowMap, {autoUpdate: false, type: THREE.PCFShadowMap});
@@ -64,7 +67,7 @@ function shaded(geometry, material, size, strength) {
 // a floor with lines a round number of millimetres apart, and a sun whose shadows are as sharp as the scene is small
 function setGround(g) {
   const disc = new THREE.RingGeometry(0, FAR * g.size, 48, 12), pitch = nice(g.size / 6), lines = [], reach = Math.ceil(FAR * g.size / pitch);
-  const ground = new THREE.Mesh(disc, shaded(disc, new THREE.MeshLambertMaterial({color: 0x949da9}), g.size, 1));
+  const ground = new THREE.Mesh(disc, shaded(disc, new THREE.MeshLambertMaterial({color: dark.matches ? 0x3a424e : 0x949da9}), g.size, 1));
   ground.position.set(...g.centre); ground.receiveShadow = true; ground.renderOrder = -2;
   place(["ground"], ground);
   for (let i = -reach; i <= reach; i++) for (let j = -FAR; j < FAR; j++) {
@@ -142,6 +145,7 @@ function shape(s) {
   return m;
 }
 
+const FORCES = [["measured", "#D55E00"], ["predicted", "#0072B2"]];
 let joints = [], motion = null, arrows = {};
 function setRobot(robot) {
   joints = robot.joints.map((shapes, i) => {
@@ -156,11 +160,11 @@ function setRobot(robot) {
 function setMotion(m) {
   motion = {t: floats(m.t), poses: floats(m.poses), n: m.n, joints: m.joints, tip: m.tip ? floats(m.tip) : null, forces: {}, scale: m.scale,
             phase: m.phase || []};
-  for (const [name, color] of [["measured", 0xD55E00], ["predicted", 0x0072B2]]) {
+  for (const [name, color] of FORCES) {
     if (!m[name]) continue;
     motion.forces[name] = floats(m[name]);
     const thick = name === "measured" ? 1 : 0.75;
-    const group = new THREE.Group(), skin = new THREE.MeshPhongMaterial({color, depthTest: false, transparent: true, opacity: 0.95});
+    const group = new THREE.Group(), skin = new THREE.MeshPhongMaterial({color: tone(color), depthTest: false, transparent: true, opacity: 0.95});
     const shaft = new THREE.Mesh(new THREE.CylinderGeometry(0.004 * thick, 0.004 * thick, 1, 16), skin);
     const head = new THREE.Mesh(new THREE.ConeGeometry(0.010 * thick, 0.024, 20), skin);
     shaft.renderOrder = head.renderOrder = 10;
@@ -171,10 +175,47 @@ function setMotion(m) {
   }
   if (motion.scale) $("newton").lastChild.textContent = "an arrow of 10 mm: " + (0.01 / motion.scale).toPrecision(2) + " N";
   $("time").hidden = false;
+  $("strip").hidden = !Object.keys(motion.forces).length;
+  drawStrip();
   if (Object.keys(motion.forces).length) $("legend").hidden = false;
   $("at").max = motion.n - 1; $("at").step = 1;
   show(Math.min(kinid.frame, motion.n - 1));
 }
+
+// the sizes of the forces over the whole time, and where one is
+const HEAD = 14;  // pixels, for what is written
+let strip = null;
+function drawStrip() {
+  const canvas = $("strip"), w = canvas.clientWidth, h = canvas.clientHeight, fine = window.devicePixelRatio || 1;
+  strip = null;
+  if (!w || !motion) return;
+  canvas.width = w * fine; canvas.height = h * fine;
+  const sizes = FORCES.filter(([name]) => motion.forces[name]).map(([name, color]) =>
+    [color, Float32Array.from({length: motion.n}, (_, i) => Math.hypot(...motion.forces[name].subarray(3 * i, 3 * i + 3)))]);
+  const top = 1.05 * sizes.reduce((most, [, f]) => f.reduce((a, b) => Math.max(a, b), most), 1e-9), end = motion.t[motion.n - 1] || 1;
+  const pen = canvas.getContext("2d", {willReadFrequently: true});
+  pen.scale(fine, fine); pen.lineWidth = 1.2;
+  for (const [color, f] of sizes) {
+    pen.beginPath(); pen.strokeStyle = tone(color);
+    f.forEach((size, i) => pen.lineTo(w * motion.t[i] / end, h - (h - HEAD) * size / top));
+    pen.stroke();
+  }
+  pen.fillStyle = css("--soft"); pen.font = "11px system-ui, sans-serif";
+  pen.fillText("size of the force, up to " + (top / 1.05).toPrecision(3) * 1 + " N", 4, 11);
+  strip = {canvas, w, h, end, base: pen.getImageData(0, 0, canvas.width, canvas.height)};
+}
+function markStrip() {
+  if (!strip) return;
+  const pen = strip.canvas.getContext("2d");
+  pen.putImageData(strip.base, 0, 0);
+  pen.fillStyle = css("--ink");
+  pen.fillRect(strip.w * motion.t[kinid.frame] / strip.end - 0.5, 0, 1.5, strip.h);
+}
+$("strip").onclick = e => {
+  const t = motion.t[motion.n - 1] * e.offsetX / $("strip").clientWidth;
+  play(false);
+  show(Math.max(0, motion.t.findIndex(at => at >= t)));
+};
 
 function pose(p, frame) {
   joints.forEach((joint, j) => {
@@ -203,6 +244,7 @@ function show(frame) {
   }
   viewer.renderer.shadowMap.needsUpdate = true;
   $("at").value = frame;
+  markStrip();
   $("clock").textContent = motion.t[frame].toFixed(2) + " s" + (motion.phase.length ? "  " + motion.phase[frame] : "") + newtons;
   viewer.set_dirty();
 }
@@ -254,6 +296,7 @@ function setMap(map) {
   $("legend").hidden = $("scale").hidden = $("blank").hidden = false;
   $("facts").textContent = map.facts;
   if (map.probes !== surface.probes) { setProbes(floats(map.probes), map.size); surface.probes = map.probes; }
+  words = map.probe_words || [];
   paint();
 }
 
@@ -278,7 +321,30 @@ function setProbes(places, size) {
   dots.count = n;
   place(["probes"], dots);
   kinid.shown = n;
+  probes = {places, size};
 }
+
+// a click beside a probe shows what it measured; a click elsewhere hides it
+const REACH = 16;  // pixels
+let words = [], probes = null, pressed = null;
+function choose(x, y) {
+  let best = -1, near = REACH;
+  for (let i = 0; probes && i < probes.places.length / 3; i++) {
+    const p = eye(...probes.places.subarray(3 * i, 3 * i + 3)).project(viewer.camera);
+    const off = Math.hypot((p.x + 1) * innerWidth / 2 - x, (1 - p.y) * innerHeight / 2 - y);
+    if (Math.abs(p.z) < 1 && off < near) { best = i; near = off; }
+  }
+  $("probe").hidden = best < 0;
+  $("probe").textContent = best < 0 ? "" : words[best] || "";
+  const ring = new THREE.Mesh(new THREE.SphereGeometry(probes ? 1.6 * probes.size : 1, 16, 12), new THREE.MeshLambertMaterial({color: 0xE69F00}));
+  ring.visible = best >= 0;
+  if (ring.visible) ring.position.set(...probes.places.subarray(3 * best, 3 * best + 3));
+  place(["chosen"], ring);
+}
+$("pane").addEventListener("pointerdown", e => { pressed = [e.clientX, e.clientY]; });
+$("pane").addEventListener("pointerup", e => {
+  if (pressed && Math.hypot(e.clientX - pressed[0], e.clientY - pressed[1]) < 5) choose(e.clientX, e.clientY);
+});
 
 function setPatch(patch) {
   const mesh = new THREE.Mesh(new THREE.BoxGeometry(...patch.size), new THREE.MeshLambertMaterial({color: 0xb3aea5}));
@@ -338,6 +404,7 @@ function look(v) {
   for (const name of ["robot", "force"]) viewer.set_property(["kinid", name], "visible", v.arm);
   viewer.renderer.shadowMap.needsUpdate = true;
   $("time").hidden = !v.arm || !motion;
+  if (!strip) { drawStrip(); markStrip(); }
   $("forces").hidden = $("newton").hidden = !v.arm || !motion || !motion.scale;
   [...$("views").children].forEach(b => b.setAttribute("aria-pressed", b.textContent === v.name));
   const points = everything(v.of);
@@ -376,7 +443,8 @@ function setViews(list) {
 }
 viewer.controls.addEventListener("start", () => { kinid.moved = true; });
 viewer.controls.addEventListener("change", sized);
-window.addEventListener("resize", () => { if (view && !kinid.moved) look(view); });
+window.addEventListener("resize", () => { drawStrip(); markStrip(); if (view && !kinid.moved) look(view); });
+dark.addEventListener("change", () => { dress(); drawStrip(); markStrip(); });
 
 kinid.apply = message => {
   if (message.title) { $("name").textContent = message.title; }
