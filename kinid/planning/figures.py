@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.planning.trajectory import Trajectory
-from kinid.reports.plots import AXES, BLUE, GREY, ORANGE, VERMILION, finish, line, thin
+from kinid.reports.plots import AXES, BLUE, GREY, ORANGE, VERMILION, finish, stacked, thin
 from kinid.reports.render import render
 
 if TYPE_CHECKING:
@@ -41,8 +41,6 @@ def plan_page(motion: Trajectory, title: str) -> str:
 
 def tip_figure(motion: Trajectory) -> Figure:
     """Depth, normal force and its guard over time; position where there is no surface."""
-    from plotly.subplots import make_subplots
-
     lead = motion.tip[:, 2] if motion.place is None else motion.place[:, 2]
     rows: list[tuple[str, list[tuple[str, Array, str]]]] = []
     if motion.place is not None:
@@ -64,41 +62,27 @@ def tip_figure(motion: Trajectory) -> Figure:
         if motion.force_limit is not None and np.isfinite(motion.force_limit).any():
             force.append(("limit", np.where(np.isfinite(motion.force_limit), motion.force_limit, np.nan), GREY))
         rows.append(("force [N]", force))
-    keep = thin(len(motion), lead)
-    t = motion.t[keep]
-    figure = make_subplots(rows=len(rows), cols=1, shared_xaxes=True, vertical_spacing=0.04)
-    for i, (label, lines) in enumerate(rows, start=1):
-        for name, values, colour in lines:
-            line(figure, t, values[keep], name, colour, i)
-        figure.update_yaxes(title_text=label, row=i, col=1)
+    figure = stacked(motion.t, rows, (lead,), height=200, legend=True)
     _phases(figure, motion)
-    figure.update_xaxes(title_text="time [s]", row=len(rows), col=1)
-    finish(figure, 200 * len(rows) + 80)
     return figure
 
 
 def joints_figure(motion: Trajectory) -> Figure:
     """Position, velocity, acceleration of every joint as shares of its limits; in rad where the limits aren't known."""
-    from plotly.subplots import make_subplots
-
     limits = motion.provenance.get("limits")
-    rows = [("position", motion.q), ("velocity", motion.dq), ("acceleration", motion.ddq)]
-    figure = make_subplots(rows=3, cols=1, shared_xaxes=True, vertical_spacing=0.04)
-    keep = thin(len(motion), motion.dq[:, int(np.abs(motion.dq).max(axis=0).argmax())])
-    for i, (name, values) in enumerate(rows, start=1):
-        shown = values
-        if limits:
-            if name == "position":
-                low, high = (np.asarray(limits[side]) for side in ("lower", "upper"))
-                shown = (values - 0.5 * (low + high)) / (0.5 * (high - low))
-            else:
-                shown = values / np.asarray(limits[name])
-        for j, joint in enumerate(motion.joint_names):
-            line(figure, motion.t[keep], shown[keep, j], joint, COLOURS[j % len(COLOURS)], i, legend=i == 1)
-        figure.update_yaxes(title_text=f"{name} [{'of limit' if limits else 'rad, s'}]", row=i, col=1)
-    figure.update_xaxes(title_text="time [s]", row=3, col=1)
-    finish(figure, 640)
-    return figure
+    each = [("position", motion.q), ("velocity", motion.dq), ("acceleration", motion.ddq)]
+    if limits:
+        low, high = (np.asarray(limits[side]) for side in ("lower", "upper"))
+        shares = [(motion.q - 0.5 * (low + high)) / (0.5 * (high - low))]
+        shares += [values / np.asarray(limits[name]) for name, values in each[1:]]
+        each = [(name, share) for (name, _), share in zip(each, shares)]
+    colours = [COLOURS[j % len(COLOURS)] for j in range(len(motion.joint_names))]
+    rows = [
+        (f"{name} [{'of limit' if limits else 'rad, s'}]", list(zip(motion.joint_names, values.T, colours)))
+        for name, values in each
+    ]
+    fastest = int(np.abs(motion.dq).max(axis=0).argmax())
+    return stacked(motion.t, rows, (motion.dq[:, fastest],), legend=True)
 
 
 def places_figure(motion: Trajectory) -> Figure:

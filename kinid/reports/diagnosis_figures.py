@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.diagnosis.result import Diagnosis
-from kinid.reports.plots import BLUE, INK, MOST_POINTS, VERMILION, decimate, finish
+from kinid.reports.plots import BLUE, INK, MOST_POINTS, VERMILION, finish, line, thin
 from kinid.residuals.parts import phase_words, phases
 from kinid.residuals.view import View
 from kinid.residuals.words import channel_words, sentence
@@ -148,14 +148,15 @@ def readings(shown: Shown) -> Iterator[Titled]:
     from plotly.subplots import make_subplots
 
     t = shown.before.experiment.signals.t
+    lines = (1 + 2 * len(shown.lines)) * len(shown.before.channels)
     for row in range(len(shown.before.channels)):
-        rows = decimate(MOST_POINTS, shown.measured[row], *(view.residual[row] for _, view, _, _ in shown.lines))
+        rows = thin(len(t), shown.measured[row], *(view.residual[row] for _, view, _, _ in shown.lines), lines=lines)
         figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.06, row_heights=[0.62, 0.38])
-        _line(figure, t[rows], shown.measured[row][rows], "measured", INK, "solid", 1, legend=True)
+        line(figure, t[rows], shown.measured[row][rows], "measured", INK, 1)
         for name, view, colour, dash in shown.lines:
             predicted = shown.measured[row][rows] - view.residual[row][rows]
-            _line(figure, t[rows], predicted, name, colour, "solid" if shown.dense else dash, 1, legend=True)
-            _line(figure, t[rows], view.residual[row][rows], name, colour, "solid", 2, legend=False)
+            line(figure, t[rows], predicted, name, colour, 1, dash="solid" if shown.dense else dash)
+            line(figure, t[rows], view.residual[row][rows], name, colour, 2, legend=False)
         for sign in (-2, 2):
             figure.add_hline(
                 y=sign * shown.before.sigma[row], line={"color": INK, "width": 1, "dash": "dot"}, row=2, col=1
@@ -305,8 +306,3 @@ def _multiple(figure: Figure, shown: Shown, row: int, heading: str) -> Titled:
     figure.update_layout(showlegend=False, barmode="group", hovermode="closest")
     figure.update_yaxes(title_text=f"rms [{shown.before.units[row]}]", rangemode="tozero")
     return heading, figure
-
-
-def _line(figure: Figure, x: Array, y: Array, name: str, colour: str, dash: str, row: int, *, legend: bool) -> None:
-    look = {"mode": "lines", "line": {"color": colour, "width": 1.3, "dash": dash}, "showlegend": legend}
-    figure.add_scatter(x=x, y=y, name=name, legendgroup=name, row=row, col=1, **look)

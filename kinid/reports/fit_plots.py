@@ -16,7 +16,7 @@ from kinid.identification.compare import Comparison
 from kinid.identification.fit import Fit
 from kinid.identification.warnings import listed
 from kinid.modeling.experiment import Experiment
-from kinid.reports.plots import BLUE, GREEN, GREY, INK, MOST_POINTS, ORANGE, VERMILION, Entry, finish, line, thin
+from kinid.reports.plots import BLUE, GREEN, GREY, INK, MOST_POINTS, ORANGE, VERMILION, Entry, finish, stacked
 from kinid.reports.render import render
 
 if TYPE_CHECKING:
@@ -64,33 +64,23 @@ def recursive_tracks(fit: Fit) -> dict[str, Track]:
 
 def _track_figure(fit: Fit, tracks: dict[str, Track]) -> Figure:
     """One row a parameter: value and 95 % band, where the estimate is valid."""
-    from plotly.subplots import make_subplots
-
-    rows = [(track, i, f"{law}: {name}") for law, track in tracks.items() for i, name in enumerate(track.names)]
-    figure = make_subplots(
-        rows=len(rows),
-        cols=1,
-        shared_xaxes=True,
-        vertical_spacing=0.3 / len(rows),
-        subplot_titles=[title for _, _, title in rows],
-    )
+    rows, titles, spans = [], [], []
+    for law, track in tracks.items():
+        for i, name in enumerate(track.names):
+            value, half = track.theta[:, i], 1.96 * track.std[:, i]
+            good = track.valid & (half < 10 * np.abs(value) + 1e-12)
+            value, half = np.where(good, value, np.nan), np.where(good, half, np.nan)
+            band = [("95 %", value + side * half, "#b9d3ea") for side in (-1, 1)]
+            rows.append(("", [*band, ("estimate", value, BLUE)]))
+            titles.append(f"{law}: {name}")
+            # the first samples know next to nothing: they don't set the scale
+            spans.append(np.nanquantile(value, [0.05, 0.95]) if good.any() else None)
     t = fit.experiment.signals.t
-    keep = np.arange(0, len(t), 1 + len(t) // MOST_POINTS)
-    for row, (track, i, _) in enumerate(rows, start=1):
-        value, half = track.theta[:, i], 1.96 * track.std[:, i]
-        good = track.valid & (half < 10 * np.abs(value) + 1e-12)
-        value, half = np.where(good, value, np.nan)[keep], np.where(good, half, np.nan)[keep]
-        line(figure, t[keep], value - half, "95 %", "#b9d3ea", row, legend=False)
-        line(figure, t[keep], value + half, "95 %", "#b9d3ea", row, legend=False)
-        line(figure, t[keep], value, "estimate", BLUE, row, legend=False)
-        held = value[np.isfinite(value)]
-        if len(held):  # the first samples know next to nothing: they don't set the scale
-            low, high = np.quantile(held, [0.05, 0.95])
-            figure.update_yaxes(
-                range=[low - 0.5 * (high - low) - 1e-9, high + 0.5 * (high - low) + 1e-9], row=row, col=1
-            )
-    figure.update_xaxes(title_text="time [s]", row=len(rows), col=1)
-    finish(figure, 190 * len(rows) + 60)
+    figure = stacked(t, rows, (rows[0][1][-1][1],), titles=titles)
+    for row, span in enumerate(spans, start=1):
+        if span is not None:
+            room = 0.5 * (span[1] - span[0]) + 1e-9
+            figure.update_yaxes(range=[span[0] - room, span[1] + room], row=row, col=1)
     return figure
 
 
@@ -137,7 +127,7 @@ def _loop_figure(fits: dict[str, Fit]) -> Figure:
     experiment = next(iter(fits.values())).experiment
     depth = experiment.signals.depth
     near = np.flatnonzero(experiment.valid & (depth > -1e-3))
-    near = near[:: 1 + len(near) // MOST_POINTS]
+    near = near[:: 1 + len(near) // (2 * MOST_POINTS)]
     figure = go.Figure()
     figure.add_scatter(
         x=1e3 * depth[near],
@@ -249,21 +239,13 @@ def energy_line(found: list[Loop]) -> str:
 
 def _time_figure(fits: dict[str, Fit]) -> Figure:
     """Each channel over time: measured, and what each model expects."""
-    from plotly.subplots import make_subplots
-
     experiment = next(iter(fits.values())).experiment
-    layout = experiment.layout
-    figure = make_subplots(
-        rows=len(layout.channels), cols=1, shared_xaxes=True, vertical_spacing=0.15 / len(layout.channels)
-    )
-    keep = thin(len(experiment.signals), *experiment.measured[:3])
-    t = experiment.signals.t[keep]
-    predictions = {name: fit.predict() for name, fit in fits.items()}
-    for i, (channel, unit) in enumerate(zip(layout.channels, layout.units)):
-        line(figure, t, experiment.measured[i][keep], "measured", INK, i + 1, legend=False)
-        for (name, predicted), colour in zip(predictions.items(), COLOURS):
-            line(figure, t, predicted[i][keep], name, colour, i + 1, legend=False)
-        figure.update_yaxes(title_text=f"{channel.replace('_', ' ')} [{unit}]", row=i + 1, col=1)
-    figure.update_xaxes(title_text="time [s]", row=len(layout.channels), col=1)
-    finish(figure, max(320, 200 * len(layout.channels)) + 60)
-    return figure
+    predictions = [(name, fit.predict(), colour) for (name, fit), colour in zip(fits.items(), COLOURS)]
+    rows = [
+        (
+            f"{channel.replace('_', ' ')} [{unit}]",
+            [("measured", experiment.measured[i], INK), *((name, of[i], colour) for name, of, colour in predictions)],
+        )
+        for i, (channel, unit) in enumerate(zip(experiment.layout.channels, experiment.layout.units))
+    ]
+    return stacked(experiment.signals.t, rows, experiment.measured[:3], height=320 if len(rows) == 1 else 200)

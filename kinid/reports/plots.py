@@ -6,6 +6,7 @@ Colours are those of Okabe and Ito (2008), which colour-blind readers can tell a
 from __future__ import annotations
 
 import html
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,6 +34,10 @@ Entry = tuple[str, str, str]
 TORQUES = (("measured", INK), ("inverse dynamics", VERMILION), ("residual", BLUE))
 #: more points than this in a line can't be told apart on a screen
 MOST_POINTS = 3000
+#: points of all lines of a picture: a page of more is slow to send and to open
+MOST_DRAWN = 35 * MOST_POINTS
+#: rows of a picture over time: the label of an axis, and its lines: name, values (n,), colour
+Rows = Sequence[tuple[str, Sequence[tuple[str, Array, str]]]]
 
 
 def analysis_page(result: Analysis, title: str) -> str:
@@ -55,35 +60,25 @@ def analysis_page(result: Analysis, title: str) -> str:
 
 def time_figure(touch: ContactSeries) -> Figure:
     """Contact-frame quantities over time, each in a row with the axis that names it."""
-    from plotly.subplots import make_subplots
-
-    keep = thin(len(touch.t), touch.depth, touch.normal_force)
-    t = touch.t[keep] - touch.t[0]
-    rows: list[tuple[str, list[tuple[str, Array]]]] = [
-        ("depth [mm]", [("depth", 1e3 * touch.depth[keep])]),
-        ("depth rate [mm/s]", [("depth rate", 1e3 * touch.depth_rate[keep])]),
-        ("slip [mm]", [("along tangent 1", 1e3 * touch.slip1[keep]), ("along tangent 2", 1e3 * touch.slip2[keep])]),
-        ("normal force [N]", [("normal", touch.normal_force[keep])]),
-        (
-            "tangential force [N]",
-            [("tangent 1", touch.tangential_force1[keep]), ("tangent 2", touch.tangential_force2[keep])],
-        ),
+    pair = ("along tangent 1", "along tangent 2")
+    each: list[tuple[str, tuple[str, ...], tuple[Array, ...]]] = [
+        ("depth [mm]", ("depth",), (1e3 * touch.depth,)),
+        ("depth rate [mm/s]", ("depth rate",), (1e3 * touch.depth_rate,)),
+        ("slip [mm]", pair, (1e3 * touch.slip1, 1e3 * touch.slip2)),
+        ("normal force [N]", ("normal",), (touch.normal_force,)),
+        ("tangential force [N]", pair, (touch.tangential_force1, touch.tangential_force2)),
     ]
-    rows = [(label, [line for line in lines if np.isfinite(line[1]).any()]) for label, lines in rows]
+    rows = [
+        (label, [one for one in zip(names, values, AXES) if np.isfinite(one[1]).any()]) for label, names, values in each
+    ]
     rows = [row for row in rows if row[1]]
-    time = make_subplots(rows=len(rows), cols=1, shared_xaxes=True, vertical_spacing=0.025)
-    for i, (label, lines) in enumerate(rows, start=1):
-        for (name, values), colour in zip(lines, AXES):
-            line(time, t, values, name, colour, i, legend=False)
-        time.update_yaxes(title_text=label, row=i, col=1)
+    figure = stacked(touch.t - touch.t[0], rows, (touch.depth, touch.normal_force), height=170)
     # one shape a touch over the whole height, added at once: adding them one by one takes seconds
     shade = {"type": "rect", "xref": "x", "yref": "paper", "y0": 0, "y1": 1, "layer": "below"}
     shade |= {"fillcolor": ORANGE, "opacity": 0.1, "line": {"width": 0}}
     spans = _runs(touch.in_contact, touch.t - touch.t[0])
-    time.update_layout(shapes=[shade | {"x0": begin, "x1": end} for begin, end in spans])
-    time.update_xaxes(title_text="time [s]", row=len(rows), col=1)
-    finish(time, 170 * len(rows) + 60)
-    return time
+    figure.update_layout(shapes=[shade | {"x0": begin, "x1": end} for begin, end in spans])
+    return figure
 
 
 def depth_figure(touch: ContactSeries) -> Figure | None:
@@ -116,39 +111,53 @@ def depth_figure(touch: ContactSeries) -> Figure | None:
 
 def tip_figure(tip: TipMotion) -> Figure:
     """Position, velocity and force of the tip in base axes."""
-    from plotly.subplots import make_subplots
-
-    rows = [("position [m]", tip.position), ("velocity [m/s]", tip.velocity)]
+    each = [("position [m]", tip.position), ("velocity [m/s]", tip.velocity)]
     if tip.force is not None:
-        rows.append(("force [N]", tip.force))
-    keep = thin(len(tip.t), tip.position[:, 0], tip.velocity[:, 2])
-    figure = make_subplots(rows=len(rows), cols=1, shared_xaxes=True, vertical_spacing=0.04)
-    for i, (label, values) in enumerate(rows, start=1):
-        for axis in range(3):
-            line(figure, tip.t[keep] - tip.t[0], values[keep, axis], "xyz"[axis], AXES[axis], i, legend=i == 1)
-        figure.update_yaxes(title_text=label, row=i, col=1)
-    figure.update_xaxes(title_text="time [s]", row=len(rows), col=1)
-    finish(figure, 230 * len(rows) + 60)
-    return figure
+        each.append(("force [N]", tip.force))
+    rows = [(label, list(zip("xyz", values.T, AXES))) for label, values in each]
+    return stacked(tip.t - tip.t[0], rows, (tip.position[:, 0], tip.velocity[:, 2]), height=230, legend=True)
 
 
 def torque_figure(torques: JointTorques) -> Figure:
     """Measured and predicted torque of each joint, and what is left."""
+    of = (torques.measured.T, torques.predicted.T, torques.residual.T)
+    rows = [
+        ("[N·m]", [(name, values[j], colour) for (name, colour), values in zip(TORQUES, of)])
+        for j in range(len(torques.joint_names))
+    ]
+    titles = [f"{html.escape(name)}: residual {rms:.3f} N·m rms" for name, rms in zip(torques.joint_names, torques.rms)]
+    return stacked(torques.t - torques.t[0], rows, torques.residual.T[:3], titles=titles)
+
+
+def stacked(
+    t: Array,
+    rows: Rows,
+    peaks: Iterable[Array],
+    *,
+    height: int = 190,
+    legend: bool = False,
+    titles: Sequence[str] | None = None,
+) -> Figure:
+    """Rows of lines over one time axis.
+
+    Args:
+        t: time [s], (n,). rows: label of each axis, with its lines. peaks: series whose extremes are drawn in any case,
+            each (n,). height: of a row [px]. legend: whether the names of the lines stand above. titles: of the rows.
+    """
     from plotly.subplots import make_subplots
 
-    count = torques.measured.shape[1]
-    titles = [f"{html.escape(name)}: residual {rms:.3f} N·m rms" for name, rms in zip(torques.joint_names, torques.rms)]
-    figure = make_subplots(
-        rows=count, cols=1, shared_xaxes=True, vertical_spacing=0.3 / (count + 4), subplot_titles=titles
-    )
-    keep = thin(len(torques.t), *torques.residual.T[:3])
-    t = torques.t[keep] - torques.t[0]
-    for j in range(count):
-        for (name, colour), values in zip(TORQUES, (torques.measured, torques.predicted, torques.residual)):
-            line(figure, t, values[keep, j], name, colour, j + 1, legend=False)
-        figure.update_yaxes(title_text="[N·m]", row=j + 1, col=1)
+    count = len(rows)
+    gap = 0.3 / (count + 4) if titles else 0.12 / count
+    figure = make_subplots(rows=count, cols=1, shared_xaxes=True, vertical_spacing=gap, subplot_titles=titles)
+    keep = thin(len(t), *peaks, lines=sum(len(lines) for _, lines in rows))
+    named: set[str] = set()
+    for i, (label, lines) in enumerate(rows, start=1):
+        for name, values, colour in lines:
+            line(figure, t[keep], values[keep], name, colour, i, legend=legend and name not in named)
+            named.add(name)
+        figure.update_yaxes(title_text=label, row=i, col=1)
     figure.update_xaxes(title_text="time [s]", row=count, col=1)
-    finish(figure, 190 * count + 60)
+    finish(figure, height * count + 60)
     return figure
 
 
@@ -166,9 +175,12 @@ def round_span(low: float, high: float) -> tuple[float, float]:
     )
 
 
-def thin(n: int, *shapes: Array) -> NDArray[np.int64]:
-    """Rows to draw of n: all, or the extremes of each stretch of some series, so that no peak gets lost."""
-    return decimate(MOST_POINTS, *shapes) if n > MOST_POINTS else np.arange(n)
+def thin(n: int, *shapes: Array, lines: int = 1) -> NDArray[np.int64]:
+    """Rows to draw of n, in so many lines: all, or the extremes of each stretch of some series, so that no peak gets
+    lost.
+    """
+    most = min(MOST_POINTS, MOST_DRAWN // lines)
+    return decimate(most, *shapes) if n > most else np.arange(n)
 
 
 def decimate(most: int, *series: Array) -> NDArray[np.int64]:
@@ -188,9 +200,11 @@ def decimate(most: int, *series: Array) -> NDArray[np.int64]:
     return np.unique(np.concatenate(kept))
 
 
-def line(figure: Figure, x: Array, y: Array, name: str, colour: str, row: int, legend: bool = True) -> None:
+def line(
+    figure: Figure, x: Array, y: Array, name: str, colour: str, row: int, *, legend: bool = True, dash: str = "solid"
+) -> None:
     """A line over time in one row of a figure."""
-    look = {"mode": "lines", "line": {"color": colour, "width": 1.4}}
+    look = {"mode": "lines", "line": {"color": colour, "width": 1.4, "dash": dash}}
     figure.add_scatter(x=x, y=y, name=name, legendgroup=name, showlegend=legend, row=row, col=1, **look)
 
 
