@@ -163,6 +163,7 @@ def misfit_figure(grown: PropertyMap) -> Figure:
             hoverinfo="text",
             marker={
                 "size": 13,
+                "line": {"width": 1, "color": "#9ca3af"},
                 "color": np.log10(np.maximum(misfit, 0.1)),
                 "colorscale": "Inferno",
                 "cmin": 0.0,

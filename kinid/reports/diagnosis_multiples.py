@@ -149,6 +149,6 @@ def _places(shown: Shown, row: int) -> Titled | None:
     finish(figure, 230, small=True)
     figure.update_layout(hovermode="closest", margin={"t": 30, "r": 4})
     figure.update_annotations(font={"size": 12})
-    figure.update_xaxes(title_text="slip 1 [mm]", nticks=4, tickangle=0)
+    figure.update_xaxes(title_text="slip 1 [mm]", nticks=6, tickangle=0)
     figure.update_yaxes(title_text="slip 2 [mm]", col=1)
     return "place on the surface", figure

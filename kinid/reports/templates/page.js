@@ -31,7 +31,8 @@
       },
     };
     const {data, layout} = JSON.parse(text), size = plot.closest(".grid") ? 335 : 690;
-    Object.assign(layout, {template}, finger ? {dragmode: false} : {}, paper ? {width: size, autosize: false} : {});
+    const section = plot.closest("section"), keyed = section && section.querySelector(".key");  // which says it for all
+    Object.assign(layout, {template}, keyed ? {showlegend: false} : {}, finger ? {dragmode: false} : {}, paper ? {width: size, autosize: false} : {});
     return Plotly.react(plot, data, layout, config);
   }
   const all = paper => Promise.all(plots.map(plot => draw(plot, paper)));
