@@ -31,7 +31,7 @@ class Step:
     warnings: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        """In words: no name of a field, no list or table as Python writes it."""
+        """In words: no name of a field, no table as Python writes it."""
         return f"{self.name}: " + ", ".join(_fact(k, v) for k, v in self.to_dict().items() if k != "name")
 
     def to_dict(self) -> dict[str, object]:
@@ -233,10 +233,10 @@ def _short(value: object) -> str:
         return "(" + "; ".join(f"{str(k).replace('_', ' ')}: {_short(v)}" for k, v in value.items()) + ")"
     if isinstance(value, list | tuple):
         said = [_short(v) for v in value]
-        if len(said) > 1 and len(set(said)) == 1:
-            return f"{said[0]} each"
+        if said and len(set(said)) == 1:
+            return f"{said[0]} each" if len(said) > 1 else said[0]
         stems = {text.rstrip("0123456789") for text in said}
         if len(said) > _SAID and len(stems) == 1 and all(isinstance(v, str) for v in value):
             return f"{said[0]} … {said[-1]}"
-        return ", ".join(said) or "none"
+        return f"[{', '.join(said)}]" if said else "none"
     return str(value)

@@ -129,7 +129,7 @@ def test_who_wins(compared: Comparison, reference: int, difference: float, begin
 
 
 def test_steps_are_told_in_words() -> None:
-    """No dictionary, no list and no name of a field as Python writes them."""
+    """No dictionary and no name of a field as Python writes them."""
     facts: dict[str, Any] = {
         "columns": {"t": ["t"], "q": ["q1", "q2", "q3", "q4"], "wrench": ["fx", "fy"]},
         "bandwidth_hz": 20.0,
@@ -140,7 +140,7 @@ def test_steps_are_told_in_words() -> None:
     }
     said = str(Step("read", facts))
     assert said == (
-        "read: columns (t: t; q: q1 … q4; wrench: fx, fy), bandwidth 20 Hz, within 0.005 m, noise 0.001 each, "
+        "read: columns (t: t; q: q1 … q4; wrench: [fx, fy]), bandwidth 20 Hz, within 0.005 m, noise 0.001 each, "
         "invalid rows 0, ignored none"
     )
 
