@@ -51,6 +51,7 @@ def map_page(grown: PropertyMap, title: str, method: str = "gp") -> str:
         title,
         grown=grown,
         properties=properties,
+        flat=flat,
         method=METHOD_WORDS[method],
         methods=[f"#{METHOD_WORDS[one]}" for one in grown.methods],
         misfit=misfit_figure(grown) if flat and np.isfinite(grown.misfit).any() else None,
@@ -188,12 +189,13 @@ def mesh_figure(grown: PropertyMap, name: str, method: str = "gp") -> Figure:
     told = guess.known[faces].all(axis=1)
     unit = grown.properties[grown.index(name)].unit
     x, y, z = vertices.T
-    figure = NewFigure()
+    figure, (low, high) = NewFigure(), colour_range(grown, name)
+    scale = {"colorscale": SCALE, "cmin": low, "cmax": high, "colorbar": {"title": {"text": unit}}}
     for part, options in (
         (faces[~told], {"color": UNKNOWN}),
         (
             faces[told],
-            {"intensity": np.nan_to_num(guess.mean), "colorscale": SCALE, "colorbar": {"title": {"text": unit}}},
+            {"intensity": np.nan_to_num(guess.mean), **scale},
         ),
     ):
         if len(part):
