@@ -41,6 +41,7 @@ NEEDED = (
     "meshcat",
     "threadpoolctl",
     "ruckig",
+    "jinja2",
     "casadi",
 )
 EXTRAS = {"bags": ("rosbags", "mcap"), "vision": ("sklearn", "PIL")}

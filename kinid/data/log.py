@@ -31,7 +31,8 @@ class Step:
     warnings: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        return f"{self.name}: " + ", ".join(f"{k} {_short(v)}" for k, v in self.to_dict().items() if k != "name")
+        """In words: no name of a field, no table as Python writes it."""
+        return f"{self.name}: " + ", ".join(_fact(k, v) for k, v in self.to_dict().items() if k != "name")
 
     def to_dict(self) -> dict[str, object]:
         """Plain types, for JSON."""
@@ -211,9 +212,31 @@ def _check_time(t: Array, where: str) -> None:
         )
 
 
+#: what a fact's name ends in, where that is its unit
+_UNITS = {"hz": "Hz", "s": "s", "m": "m", "n": "N"}
+#: names of columns that are all said; of more in a row, the first and the last
+_SAID = 3
+
+
+def _fact(name: str, value: object) -> str:
+    """One fact of a step in words, as "bandwidth 20 Hz"."""
+    stem, _, unit = name.rpartition("_")
+    if stem and unit in _UNITS and isinstance(value, int | float):
+        return f"{stem.replace('_', ' ')} {_short(value)} {_UNITS[unit]}"
+    return f"{name.replace('_', ' ')} {_short(value)}"
+
+
 def _short(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.4g}"
+    if isinstance(value, Mapping):
+        return "(" + "; ".join(f"{str(k).replace('_', ' ')}: {_short(v)}" for k, v in value.items()) + ")"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(_short(v) for v in value) + "]"
+        said = [_short(v) for v in value]
+        if said and len(set(said)) == 1:
+            return f"{said[0]} each" if len(said) > 1 else said[0]
+        stems = {text.rstrip("0123456789") for text in said}
+        if len(said) > _SAID and len(stems) == 1 and all(isinstance(v, str) for v in value):
+            return f"{said[0]} … {said[-1]}"
+        return f"[{', '.join(said)}]" if said else "none"
     return str(value)

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from kinid.data.rig import Rig
 from kinid.errors import KinidError
 from kinid.lab.places import Grid
-from kinid.reports.plots import BLUE, finish, note, page, table
+from kinid.reports.plots import BLUE, finish, round_span
+from kinid.reports.render import render
 from kinid.robotics.robot import Robot
 from kinid.writers import write_text
 
@@ -89,34 +90,24 @@ class Overview:
 
 def campaign_page(title: str, grid: Grid, seen: dict[int, Seen], unreadable: Sequence[str] = ()) -> str:
     """Progress, places and forces as one self-contained HTML page; with the names of logs that can't be read."""
-    done = len(seen) + len(unreadable)
-    head = note(
-        f"{done} of {grid.count} {grid.done_there}s are done ({100 * done / grid.count:.0f} %): {grid.rows} × "
-        f"{grid.columns} places, {1e3 * grid.spacing:g} mm apart."
-    )
-    head += f"<progress max={grid.count} value={done} style='width:100%'></progress>"
-    if unreadable:
-        head += note(f"Not readable: {', '.join(unreadable)}. Run the same command again: they are made again.")
-    if not seen:
-        return page(title, head + note("No place has been touched yet."), [])
-    values = np.array([[s.greatest, s.held, 1e3 * s.deepest] for s in seen.values()])
+    values = np.array([[s.greatest, s.held, 1e3 * s.deepest] for s in seen.values()]).reshape(-1, 3)
     names = ("greatest normal force [N]", "normal force held [N]", "greatest depth [mm]")
-    spans = np.nanquantile(values, [0.0, 0.5, 1.0], axis=0).T
-    rows = [(name, *(f"{value:.3g}" for value in span)) for name, span in zip(names, spans)]
-    head += table(("over the places", "least", "median", "most"), rows)
-    if done < grid.count:
-        missing = [
-            name for i in range(grid.count) if i not in seen and f"{(name := grid.name(i))}.parquet" not in unreadable
-        ]
-        shown = ", ".join(missing[:8]) + (", …" if len(missing) > 8 else "")
-        head += note(f"Not done: {shown}. Run the same command again to go on.")
-    return page(
+    spans = np.nanquantile(values, [0.0, 0.5, 1.0], axis=0).T if seen else []
+    left = [grid.name(i) for i in range(grid.count) if i not in seen]
+    return render(
+        "overview.html",
         title,
-        head,
-        [
+        grid=grid,
+        done=len(seen) + len(unreadable),
+        unreadable=unreadable,
+        spans=[(name, *(f"{value:.3g}" for value in span)) for name, span in zip(names, spans)],
+        missing=[name for name in left if f"{name}.parquet" not in unreadable],
+        figures=[
             ("Normal force held at each place", _map(grid, seen)),
             ("Normal force over time, all places", _forces(grid, seen)),
-        ],
+        ]
+        if seen
+        else [],
     )
 
 
@@ -128,8 +119,11 @@ def _map(grid: Grid, seen: dict[int, Seen]) -> Figure:
     for index, poke in seen.items():
         held[divmod(index, grid.columns)] = poke.held
     apart, (x, y) = 1e3 * grid.spacing, grid.place(0)
+    low, high = round_span(float(np.nanmin(held)), float(np.nanmax(held)))
     figure = go.Figure(
         go.Heatmap(
+            zmin=low,
+            zmax=high,
             x0=1e3 * x,
             dx=apart,
             y0=1e3 * y,
@@ -142,10 +136,10 @@ def _map(grid: Grid, seen: dict[int, Seen]) -> Figure:
             hovertemplate="(%{x:g}, %{y:g}) mm: %{z:.3g} N<extra></extra>",
         )
     )
-    finish(figure, 560)
+    finish(figure, 420)
     figure.update_layout(hovermode="closest", plot_bgcolor="#f3f4f6")
     figure.update_xaxes(title_text="along tangent 1 [mm]", constrain="domain", showgrid=False)
-    figure.update_yaxes(title_text="along tangent 2 [mm]", scaleanchor="x", showgrid=False)
+    figure.update_yaxes(title_text="along tangent 2 [mm]", scaleanchor="x", constrain="domain", showgrid=False)
     return figure
 
 
@@ -168,7 +162,7 @@ def _forces(grid: Grid, seen: dict[int, Seen]) -> Figure:
             hovertemplate="%{text}: %{y:.3g} N<extra></extra>",
         )
     )
-    finish(figure, 380)
+    finish(figure, 420)
     figure.update_layout(hovermode="closest")
     figure.update_xaxes(title_text="time [s]")
     figure.update_yaxes(title_text="normal force [N]")

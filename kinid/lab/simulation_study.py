@@ -135,21 +135,20 @@ def figure(runs: list[Run]) -> Figure:
         assert t is not None
         out.add_scatter(x=t[rows], y=run.track["stiffness"][rows], name=run.method, mode="lines")
     assert t is not None
-    out.add_scatter(x=t[rows], y=100.0 + 10.0 * t[rows], name="true", mode="lines", line={"color": "black"})
+    out.add_scatter(x=t[rows], y=100.0 + 10.0 * t[rows], name="true", mode="lines", line={"color": "#000000"})
     out.update_layout(height=460, xaxis_title="time [s]", yaxis_title="stiffness [N/m, N/mⁿ]")
     return out
 
 
 def write(folder: Path, runs: list[Run], rows: list[Row]) -> tuple[Path, Path]:
     """Write `simulation.json` and `simulation.html` into a folder; their paths."""
-    from kinid.reports.plots import page
+    from kinid.reports.render import render
 
     make_folder(folder)
     facts, drawn = folder / "simulation.json", folder / "simulation.html"
     whole = [{k: v if isinstance(v, str) or np.isfinite(v) else None for k, v in row._asdict().items()} for row in rows]
     write_text(facts, json.dumps(whole, indent=1, ensure_ascii=False) + "\n")
-    head = (
-        "<p class=facts>K = 100 + 10 t N/m, B = 10 + t N·s/m; noise 40 dB below the force of the first two seconds.</p>"
-    )
-    write_text(drawn, page("Forgetting on a drifting contact", head, [("Stiffness as it was followed", figure(runs))]))
+    said = "K = 100 + 10 t N/m, B = 10 + t N·s/m; noise 40 dB below the force of the first two seconds."
+    shown = [("Stiffness as it was followed", figure(runs))]
+    write_text(drawn, render("figures.html", "Forgetting on a drifting contact", facts=said, figures=shown))
     return facts, drawn

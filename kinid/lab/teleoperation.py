@@ -23,7 +23,8 @@ from kinid.lab import materials
 from kinid.lab.experiments import SILICONE_POKE, prepare
 from kinid.lab.materials import Material
 from kinid.lab.protocol import five_phases
-from kinid.reports.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, note, page, table
+from kinid.reports.plots import BLUE, GREEN, GREY, ORANGE, VERMILION
+from kinid.reports.render import render
 from kinid.writers import make_folder, write_json, write_text
 
 if TYPE_CHECKING:
@@ -38,8 +39,6 @@ CHECKED = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 POINTS = 80
 #: how wrong a map is whose cost is shown, beside the one that was measured
 MISTAKEN = 1.2
-#: four columns need so much room: a narrow screen scrolls them sideways
-WIDE = "h2+div{overflow-x:auto}h2+div>.plotly-graph-div{min-width:760px}"
 _LOOK = {
     "direct": ("direct force reflection", VERMILION),
     "impedance": ("impedance reflection from the map", BLUE),
@@ -173,36 +172,17 @@ def write(folder: Path, comparison: Comparison) -> Path:
 
 def comparison_page(c: Comparison) -> str:
     """Transparency and stability as one self-contained HTML page."""
-    words = {True: "yes", False: "no", None: "–"}
-    rows = [
-        (
-            f"{1e3 * row.delay:.0f} ms, {_LOOK[row.method][0]}",
-            words[row.stable],
-            words[row.nyquist],
-            f"{row.error:.3f}",
-        )
-        for row in c.study.rows
-    ]
-    head = note(
-        f"{c.material} at ({1e3 * c.place[0]:g}, {1e3 * c.place[1]:g}) mm: true {c.truth.stiffness:.4g} N/m and "
-        f"{c.truth.damping:.3g} N·s/m, on the map {c.believed.stiffness:.4g} N/m and {c.believed.damping:.3g} N·s/m, "
-        f"as {c.told} says. Delays are one-way: direct reflection comes back after twice as long. A map {MISTAKEN:g} "
-        f"times too hard would cost a transparency error of {c.mistaken:.2f}, and no stability."
-    )
-    heads = ("one-way delay, method", "at rest in the end", "stable by Nyquist", "transparency error")
-    tail = f"<h2>All cases</h2>{table(heads, rows)}" + note(
-        "Transparency error: root mean square of |Z transmitted − Z environment| / |Z environment| over "
-        f"{c.study.frequency[0]:g}–{c.study.frequency[-1]:g} Hz; 0 is transparent, 1 is nothing transmitted."
-    )
-    return page(
+    return render(
+        "teleoperation.html",
         "Teleoperation with delay",
-        head,
-        [
+        c=c,
+        mistaken=MISTAKEN,
+        words={True: "yes", False: "no", None: "–"},
+        shown_as=_LOOK,
+        figures=[
             ("Transparency: impedance that the operator feels, and the environment's", transparency_figure(c)),
             ("Stability: a push of 10 mm, held", stability_figure(c)),
         ],
-        tail,
-        WIDE,
     )
 
 

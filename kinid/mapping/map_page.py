@@ -4,20 +4,18 @@ fails.
 
 from __future__ import annotations
 
-import html
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.mapping.interpolation import METHOD_WORDS
 from kinid.mapping.property_map import PropertyMap
-from kinid.reports.plots import page
+from kinid.reports.plots import round_span
+from kinid.reports.render import render
 from kinid.robotics.surface import Plane
-from kinid.writers import Json
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from plotly.graph_objects import Figure, Scatter
 
 Array = NDArray[np.float64]
@@ -27,95 +25,105 @@ SCALE = "Viridis"
 UNKNOWN = "#e5e7eb"
 #: colours of a uniform property span this share of its value to either side, or so many times its probes' scatter
 UNIFORM_SHARE, UNIFORM_SCATTERS = 0.1, 5.0
-#: title of the panel of standard deviations
-SPREAD = "standard deviation"
+#: cells along the longer side of a plane
+CELLS = 120
+MARGIN = {"l": 50, "r": 10, "t": 20, "b": 45}
 
 
-def map_page(grown: PropertyMap, title: str, method: str = "gp", truth: Json | None = None) -> str:
-    """All properties of a map; `truth` gives, by property, a function of places along both tangents (m,) [m]."""
-    figures, rows = [], ""
+def map_page(grown: PropertyMap, title: str, method: str = "gp") -> str:
+    """All properties of a map: each between the probes, with its standard deviation beside it."""
+    properties = []
     for item in grown.properties:
         if not np.isfinite(grown.values(item.name)).any():
             continue
-        if isinstance(grown.surface, Plane):
-            figure = plane_figure(grown, item.name, method, (truth or {}).get(item.name))
-        else:
-            figure = mesh_figure(grown, item.name, method)
-        name, uniform = f"{item.name} [{item.unit}]", grown.uniform(item.name)
-        figures.append((name + (f": {uniform.words(item.unit)}" if uniform is not None else ""), figure))
-        errors = "".join(f"<td>{error:.4g}</td>" for error in grown.held_out(item.name).values())
-        rows += f"<tr><td>{html.escape(name)}</td>{errors}</tr>"
-    if np.isfinite(grown.misfit).any() and isinstance(grown.surface, Plane):
-        figures.append(("Where the model fails: residual over noise", misfit_figure(grown)))
-    head = (
-        f"<p class=facts>{len(grown)} probes with {html.escape(grown.model)}. Grey is unknown. Error where each probe "
-        "is left out in turn:</p><div class=scroll><table><tr><th>property</th>"
-        + "".join(f"<th>{m}</th>" for m in grown.methods)
-        + f"</tr>{rows}</table></div>"
-    )
-    return page(title, head, figures)
-
-
-def plane_figure(
-    grown: PropertyMap, name: str, method: str = "gp", truth: Callable[[Array, Array], Array] | None = None
-) -> Figure:
-    """A property over a plane, its standard deviation (or, where it is given, the truth) beside it."""
-    from plotly.graph_objects import Heatmap
-    from plotly.subplots import make_subplots
-
-    ticks = grown.grid(140)
-    guess = grown.over_grid(name, ticks, method)
-    unit = grown.properties[grown.index(name)].unit
-    low, high = _colour_range(grown, name)
-    panels: list[tuple[str, Array, float, float]] = [(f"map ({len(grown)} probes)", guess.mean, low, high)]
-    if truth is not None:
-        x, y = np.meshgrid(*ticks, indexing="ij")
-        panels.append(("truth", np.asarray(truth(x.ravel(), y.ravel())).reshape(x.shape), low, high))
-    if np.isfinite(guess.sd).any():
-        panels.append((SPREAD, guess.sd, 0.0, float(np.nanmax(guess.sd))))
-    figure = make_subplots(1, len(panels), subplot_titles=[p[0] for p in panels], horizontal_spacing=0.13)
-    for k, (title, field, bottom, top) in enumerate(panels, start=1):
-        bar = {
-            "title": {"text": unit, "side": "right"},
-            "x": figure.layout["xaxis" if k == 1 else f"xaxis{k}"].domain[1] + 0.01,
-            "thickness": 12,
-            "len": 0.9,
-        }
-        heat = Heatmap(
-            x=1e3 * ticks[0],
-            y=1e3 * ticks[1],
-            z=field.T,
-            zmin=bottom,
-            zmax=top,
-            colorscale="Greys" if title == SPREAD else SCALE,
-            colorbar=bar,
-            showscale=title == SPREAD or k == (1 if truth is None else 2),
-            hoverongaps=False,
-            name=title,
-            hovertemplate="%{x:.1f}, %{y:.1f} mm: %{z:.4g} " + unit + "<extra></extra>",
+        uniform = grown.uniform(item.name)
+        properties.append(
+            {
+                "name": f"{item.name} [{item.unit}]",
+                "uniform": "" if uniform is None else uniform.words(item.unit),
+                "errors": list(grown.held_out(item.name).values()),
+                "figures": _figures(grown, item.name, method),
+            }
         )
-        figure.add_trace(heat, 1, k)
-        _lay_axes(figure, row=1, col=k, anchor="x" if k == 1 else f"x{k}")
-    figure.add_trace(_probes(grown, name), 1, 1)
-    figure.update_layout(height=380, margin={"l": 60, "r": 20, "t": 40, "b": 50}, plot_bgcolor=UNKNOWN)
+    flat = isinstance(grown.surface, Plane)
+    return render(
+        "map.html",
+        title,
+        grown=grown,
+        properties=properties,
+        flat=flat,
+        method=METHOD_WORDS[method],
+        methods=[f"#{METHOD_WORDS[one]}" for one in grown.methods],
+        misfit=misfit_figure(grown) if flat and np.isfinite(grown.misfit).any() else None,
+    )
+
+
+def _figures(grown: PropertyMap, name: str, method: str) -> list[tuple[str, Figure]]:
+    """A property, and over a plane its standard deviation where the method knows one."""
+    if not isinstance(grown.surface, Plane):
+        return [("map", mesh_figure(grown, name, method))]
+    spread = spread_figure(grown, name, method)
+    return [("map", plane_figure(grown, name, method)), *([("standard deviation", spread)] if spread else [])]
+
+
+def plane_figure(grown: PropertyMap, name: str, method: str = "gp") -> Figure:
+    """A property over a plane, and its probes."""
+    ticks = grown.grid(CELLS)
+    figure = _field(grown, name, ticks, grown.over_grid(name, ticks, method).mean, colour_range(grown, name), SCALE)
+    figure.add_trace(_probes(grown, name))
     return figure
 
 
-def _colour_range(grown: PropertyMap, name: str) -> tuple[float, float]:
+def spread_figure(grown: PropertyMap, name: str, method: str = "gp") -> Figure | None:
+    """The standard deviation of a property over a plane; None where the method knows none."""
+    ticks = grown.grid(CELLS)
+    spread = grown.over_grid(name, ticks, method).sd
+    if not np.isfinite(spread).any():
+        return None
+    return _field(grown, name, ticks, spread, (0.0, round_span(0.0, float(np.nanmax(spread)))[1]), "Greys")
+
+
+def _field(
+    grown: PropertyMap, name: str, ticks: tuple[Array, Array], field: Array, span: tuple[float, float], scale: str
+) -> Figure:
+    """Values over the grid of a plane, (x, y); what is unknown is grey."""
+    from plotly.graph_objects import Figure as NewFigure
+    from plotly.graph_objects import Heatmap
+
+    unit = grown.properties[grown.index(name)].unit
+    heat = Heatmap(
+        x=1e3 * ticks[0],
+        y=1e3 * ticks[1],
+        z=field.T,
+        zmin=span[0],
+        zmax=span[1],
+        colorscale=scale,
+        colorbar={"title": {"text": unit}, "thickness": 12},
+        hoverongaps=False,
+        hovertemplate="%{x:.1f}, %{y:.1f} mm: %{z:.4g} " + unit + "<extra></extra>",
+    )
+    figure = NewFigure(heat)
+    _lay_axes(figure)
+    figure.update_layout(height=380, margin=MARGIN, plot_bgcolor=UNKNOWN)
+    return figure
+
+
+def colour_range(grown: PropertyMap, name: str) -> tuple[float, float]:
     """Values of the first and the last colour; of a uniform property they lie far beyond what is chance."""
     uniform = grown.uniform(name)
     if uniform is None:
         values = grown.values(name)
-        return float(np.nanmin(values)), float(np.nanmax(values))
+        return round_span(float(np.nanmin(values)), float(np.nanmax(values)))
     half = max(UNIFORM_SHARE * abs(uniform.value), UNIFORM_SCATTERS * uniform.scatter, 1e-12)
-    return uniform.value - half, uniform.value + half
+    return round_span(uniform.value - half, uniform.value + half)
 
 
-def _lay_axes(figure: Figure, anchor: str = "x", **place: int) -> None:
+def _lay_axes(figure: Figure) -> None:
     """Millimetres along both tangents, of one scale."""
-    figure.update_xaxes(title_text="along tangent 1 [mm]", constrain="domain", **place)
-    title = "along tangent 2 [mm]" if place.get("col", 1) == 1 else None
-    figure.update_yaxes(title_text=title, scaleanchor=anchor, constrain="domain", **place)
+    figure.update_xaxes(title_text="along tangent 1 [mm]", constrain="domain", showgrid=False, zeroline=False)
+    figure.update_yaxes(
+        title_text="along tangent 2 [mm]", scaleanchor="x", constrain="domain", showgrid=False, zeroline=False
+    )
 
 
 def _probes(grown: PropertyMap, name: str) -> Scatter:
@@ -142,7 +150,8 @@ def misfit_figure(grown: PropertyMap) -> Figure:
     flat = 1e3 * grown.flat(grown.places)
     misfit = grown.misfit
     bar = {
-        "title": {"text": "residual / noise"},
+        "title": {"text": "residual / noise", "side": "right"},
+        "thickness": 12,
         "tickvals": [0, 0.5, 1, 1.5],
         "ticktext": ["1", "3", "10", "30"],
     }
@@ -155,6 +164,7 @@ def misfit_figure(grown: PropertyMap) -> Figure:
             hoverinfo="text",
             marker={
                 "size": 13,
+                "line": {"width": 1, "color": "#9ca3af"},
                 "color": np.log10(np.maximum(misfit, 0.1)),
                 "colorscale": "Inferno",
                 "cmin": 0.0,
@@ -164,7 +174,7 @@ def misfit_figure(grown: PropertyMap) -> Figure:
         )
     )
     _lay_axes(figure)
-    figure.update_layout(height=420, margin={"l": 60, "r": 20, "t": 20, "b": 50})
+    figure.update_layout(height=420, margin=MARGIN)
     return figure
 
 
@@ -179,12 +189,13 @@ def mesh_figure(grown: PropertyMap, name: str, method: str = "gp") -> Figure:
     told = guess.known[faces].all(axis=1)
     unit = grown.properties[grown.index(name)].unit
     x, y, z = vertices.T
-    figure = NewFigure()
+    figure, (low, high) = NewFigure(), colour_range(grown, name)
+    scale = {"colorscale": SCALE, "cmin": low, "cmax": high, "colorbar": {"title": {"text": unit}}}
     for part, options in (
         (faces[~told], {"color": UNKNOWN}),
         (
             faces[told],
-            {"intensity": np.nan_to_num(guess.mean), "colorscale": SCALE, "colorbar": {"title": {"text": unit}}},
+            {"intensity": np.nan_to_num(guess.mean), **scale},
         ),
     ):
         if len(part):
@@ -197,7 +208,7 @@ def mesh_figure(grown: PropertyMap, name: str, method: str = "gp") -> Figure:
             z=places[:, 2],
             mode="markers",
             showlegend=False,
-            marker={"size": 2, "color": "black"},
+            marker={"size": 2, "color": "#000000"},
         )
     )
     figure.update_layout(height=520, margin={"l": 0, "r": 0, "t": 20, "b": 0}, scene={"aspectmode": "data"})

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import html
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinid.planning.trajectory import Trajectory
-from kinid.reports.plots import AXES, BLUE, GREY, ORANGE, VERMILION, finish, line, page, thin
+from kinid.reports.plots import AXES, BLUE, GREY, ORANGE, VERMILION, finish, stacked, thin
+from kinid.reports.render import render
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -28,13 +28,19 @@ def plan_page(motion: Trajectory, title: str) -> str:
     if motion.touch is not None and int(motion.touch.max()) > 0 and motion.place is not None:
         figures.append(("Places, in the order of the touches", places_figure(motion)))
     figures.append(("Joints, shares of their limits", joints_figure(motion)))
-    return page(title, _facts(motion), figures)
+    return render(
+        "plan.html",
+        title,
+        motion=motion,
+        touches=0 if motion.touch is None else int(motion.touch.max()) + 1,
+        facts=motion.provenance,
+        why=str((motion.provenance.get("discrimination") or {}).get("words", "")),
+        figures=figures,
+    )
 
 
 def tip_figure(motion: Trajectory) -> Figure:
     """Depth, normal force and its guard over time; position where there is no surface."""
-    from plotly.subplots import make_subplots
-
     lead = motion.tip[:, 2] if motion.place is None else motion.place[:, 2]
     rows: list[tuple[str, list[tuple[str, Array, str]]]] = []
     if motion.place is not None:
@@ -56,41 +62,27 @@ def tip_figure(motion: Trajectory) -> Figure:
         if motion.force_limit is not None and np.isfinite(motion.force_limit).any():
             force.append(("limit", np.where(np.isfinite(motion.force_limit), motion.force_limit, np.nan), GREY))
         rows.append(("force [N]", force))
-    keep = thin(len(motion), lead)
-    t = motion.t[keep]
-    figure = make_subplots(rows=len(rows), cols=1, shared_xaxes=True, vertical_spacing=0.04)
-    for i, (label, lines) in enumerate(rows, start=1):
-        for name, values, colour in lines:
-            line(figure, t, values[keep], name, colour, i)
-        figure.update_yaxes(title_text=label, row=i, col=1)
+    figure = stacked(motion.t, rows, (lead,), height=200, legend=True)
     _phases(figure, motion)
-    figure.update_xaxes(title_text="time [s]", row=len(rows), col=1)
-    finish(figure, 200 * len(rows) + 80)
     return figure
 
 
 def joints_figure(motion: Trajectory) -> Figure:
     """Position, velocity, acceleration of every joint as shares of its limits; in rad where the limits aren't known."""
-    from plotly.subplots import make_subplots
-
     limits = motion.provenance.get("limits")
-    rows = [("position", motion.q), ("velocity", motion.dq), ("acceleration", motion.ddq)]
-    figure = make_subplots(rows=3, cols=1, shared_xaxes=True, vertical_spacing=0.04)
-    keep = thin(len(motion), motion.dq[:, int(np.abs(motion.dq).max(axis=0).argmax())])
-    for i, (name, values) in enumerate(rows, start=1):
-        shown = values
-        if limits:
-            if name == "position":
-                low, high = (np.asarray(limits[side]) for side in ("lower", "upper"))
-                shown = (values - 0.5 * (low + high)) / (0.5 * (high - low))
-            else:
-                shown = values / np.asarray(limits[name])
-        for j, joint in enumerate(motion.joint_names):
-            line(figure, motion.t[keep], shown[keep, j], joint, COLOURS[j % len(COLOURS)], i, legend=i == 1)
-        figure.update_yaxes(title_text=f"{name} [{'of limit' if limits else 'rad, s'}]", row=i, col=1)
-    figure.update_xaxes(title_text="time [s]", row=3, col=1)
-    finish(figure, 640)
-    return figure
+    each = [("position", motion.q), ("velocity", motion.dq), ("acceleration", motion.ddq)]
+    if limits:
+        low, high = (np.asarray(limits[side]) for side in ("lower", "upper"))
+        shares = [(motion.q - 0.5 * (low + high)) / (0.5 * (high - low))]
+        shares += [values / np.asarray(limits[name]) for name, values in each[1:]]
+        each = [(name, share) for (name, _), share in zip(each, shares)]
+    colours = [COLOURS[j % len(COLOURS)] for j in range(len(motion.joint_names))]
+    rows = [
+        (f"{name} [{'of limit' if limits else 'rad, s'}]", list(zip(motion.joint_names, values.T, colours)))
+        for name, values in each
+    ]
+    fastest = int(np.abs(motion.dq).max(axis=0).argmax())
+    return stacked(motion.t, rows, (motion.dq[:, fastest],), legend=True)
 
 
 def places_figure(motion: Trajectory) -> Figure:
@@ -122,7 +114,7 @@ def places_figure(motion: Trajectory) -> Figure:
     return figure
 
 
-def _phases(figure: Figure, motion: Trajectory) -> None:
+def _phases(figure: Any, motion: Trajectory) -> None:
     """Names of the phases above the first row, where there are few enough to read."""
     starts = np.flatnonzero(np.append(True, motion.phase[1:] != motion.phase[:-1]))
     if len(starts) > 12:
@@ -143,39 +135,3 @@ def _phases(figure: Figure, motion: Trajectory) -> None:
             font={"size": 11, "color": GREY},
             textangle=-90 if x1 - x0 < 0.12 * motion.duration else 0,
         )
-
-
-def _facts(motion: Trajectory) -> str:
-    used = motion.provenance.get("used", ())
-    rows = "".join(
-        f"<tr><td>{html.escape(str(use['quantity']))}</td><td>{html.escape(str(use['joint']))}</td>"
-        f"<td>{100 * use['share']:.0f} "
-        f"%</td><td>{use['value']:.4g}</td><td>{use['limit']:.4g}</td><td>{use['t']:.2f}</td></tr>"
-        for use in used
-    )
-    head = "".join(
-        f"<th>{name}</th>" for name in ("quantity", "nearest to its limit", "used", "value", "limit", "at [s]")
-    )
-    table = f"<div class=scroll><table><tr>{head}</tr>{rows}</table></div>" if rows else ""
-    expected = motion.provenance.get("intervals") or {}
-    lines = "".join(
-        f"<tr><td>{html.escape(name)}</td><td>{each['value']:.5g}</td><td>"
-        + ("open" if each["half"] is None else f"± {each['half']:.2g}")
-        + f"</td><td>{html.escape(each['unit'])}</td></tr>"
-        for name, each in expected.items()
-    )
-    promised = (
-        (
-            "<h2>Expected 95 % intervals</h2><div "
-            "class=scroll><table><tr><th>parameter</th><th>assumed</th><th>interval</th>"
-            f"<th>unit</th></tr>{lines}</table></div>"
-        )
-        if lines
-        else ""
-    )
-    notes = "".join(f"<p class=facts>{html.escape(str(note))}</p>" for note in motion.provenance.get("notes", ()))
-    count = 0 if motion.touch is None else int(motion.touch.max()) + 1
-    touches = f", {count} touch{'es' if count > 1 else ''}" if count else ""
-    why = str((motion.provenance.get("discrimination") or {}).get("words", ""))
-    told = f"<h2>Why this experiment</h2><p>{html.escape(why)}.</p>" if why else ""
-    return f"<p class=facts>{len(motion)} samples, {motion.duration:.2f} s{touches}</p>{told}{notes}{table}{promised}"

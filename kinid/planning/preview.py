@@ -10,13 +10,14 @@ from kinid.data.log import Log, Provenance
 from kinid.data.rig import Rig
 from kinid.errors import InputError
 from kinid.planning.trajectory import Trajectory
+from kinid.reports.plots import BLUE
 from kinid.robotics.robot import Robot
 from kinid.viewer import scene as scenes
 from kinid.viewer.page import page
 from kinid.writers import Json
 
 #: a plan has forces to expect, and none that were measured
-LEGEND = '<i style="background:#0072B2"></i>expected force'
+LEGEND = ((BLUE, "expected force"),)
 
 
 def preview_page(motion: Trajectory, rig: Rig, robot: Robot | None = None, title: str = "plan") -> str:

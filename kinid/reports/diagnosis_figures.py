@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.diagnosis.result import Diagnosis
-from kinid.reports.plots import BLUE, INK, VERMILION, decimate, finish
+from kinid.reports.plots import BLUE, INK, MOST_POINTS, VERMILION, finish, line, thin
 from kinid.residuals.parts import phase_words, phases
 from kinid.residuals.view import View
 from kinid.residuals.words import channel_words, sentence
@@ -28,10 +28,6 @@ Mask = NDArray[np.bool_]
 Titled = tuple[str, "Figure"]
 
 NOISE = "#9ca3af"
-#: points of a line, at most: more can't be told apart on a screen
-MOST_POINTS = 3000
-#: points of a loop, at most, and of measured samples in it
-MOST_LOOP = 3000
 #: lines of more samples are drawn solid: dashes of a dense line are mud
 DENSE = 400
 
@@ -152,14 +148,15 @@ def readings(shown: Shown) -> Iterator[Titled]:
     from plotly.subplots import make_subplots
 
     t = shown.before.experiment.signals.t
+    lines = (1 + 2 * len(shown.lines)) * len(shown.before.channels)
     for row in range(len(shown.before.channels)):
-        rows = decimate(MOST_POINTS, shown.measured[row], *(view.residual[row] for _, view, _, _ in shown.lines))
+        rows = thin(len(t), shown.measured[row], *(view.residual[row] for _, view, _, _ in shown.lines), lines=lines)
         figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.06, row_heights=[0.62, 0.38])
-        _line(figure, t[rows], shown.measured[row][rows], "measured", INK, "solid", 1, legend=True)
+        line(figure, t[rows], shown.measured[row][rows], "measured", INK, 1)
         for name, view, colour, dash in shown.lines:
             predicted = shown.measured[row][rows] - view.residual[row][rows]
-            _line(figure, t[rows], predicted, name, colour, "solid" if shown.dense else dash, 1, legend=True)
-            _line(figure, t[rows], view.residual[row][rows], name, colour, "solid", 2, legend=False)
+            line(figure, t[rows], predicted, name, colour, 1, dash="solid" if shown.dense else dash)
+            line(figure, t[rows], view.residual[row][rows], name, colour, 2, legend=False)
         for sign in (-2, 2):
             figure.add_hline(
                 y=sign * shown.before.sigma[row], line={"color": INK, "width": 1, "dash": "dot"}, row=2, col=1
@@ -205,7 +202,7 @@ def _loop(shown: Shown, row: int, x: Array, inside: Mask, label: str, over: str)
     use = np.flatnonzero(inside & np.isfinite(shown.measured[row]) & np.isfinite(x))
     if len(use) < 2:
         return
-    use = use[:: 1 + len(use) // MOST_LOOP]
+    use = use[:: 1 + len(use) // MOST_POINTS]
     step = int(np.median(np.diff(use))) if len(use) > 1 else 1
     pieces = np.flatnonzero(np.diff(use) > 2 * step) + 1  # a line between two touches was no motion
     values = [
@@ -216,12 +213,10 @@ def _loop(shown: Shown, row: int, x: Array, inside: Mask, label: str, over: str)
     room = 0.05 * (high - low) + 1e-12
     for (name, view, colour, _), predicted in zip(shown.lines, values[1:]):
         figure = go.Figure()
+        figure.add_scatter(x=x[use], y=values[0], mode="markers", name="measured", marker={"size": 3, "color": NOISE})
         figure.add_scatter(
-            x=compact(x[use]), y=compact(values[0]), mode="markers", name="measured", marker={"size": 3, "color": NOISE}
-        )
-        figure.add_scatter(
-            x=compact(np.insert(x[use], pieces, np.nan)),
-            y=compact(np.insert(predicted, pieces, np.nan)),
+            x=np.insert(x[use], pieces, np.nan),
+            y=np.insert(predicted, pieces, np.nan),
             mode="lines",
             name=name,
             line={"color": colour, "width": 1.2},
@@ -281,7 +276,7 @@ def profile(shown: Shown, row: int, x: Array, within: Mask, heading: str, count:
         return None
     index = np.clip(np.searchsorted(cuts, x, side="right") - 1, 0, len(cuts) - 2)
     masks = [within & (index == k) for k in range(len(cuts) - 1)]
-    at = compact(np.array([float(np.median(x[m])) if m.any() else np.nan for m in masks]))
+    at = np.array([float(np.median(x[m])) if m.any() else np.nan for m in masks])
     figure = go.Figure()
     for name, view, colour, dash in shown.lines:
         figure.add_scatter(
@@ -311,13 +306,3 @@ def _multiple(figure: Figure, shown: Shown, row: int, heading: str) -> Titled:
     figure.update_layout(showlegend=False, barmode="group", hovermode="closest")
     figure.update_yaxes(title_text=f"rms [{shown.before.units[row]}]", rangemode="tozero")
     return heading, figure
-
-
-def compact(values: Array) -> NDArray[np.float32]:
-    """Half the bytes; pictures show six digits at most."""
-    return np.asarray(values, dtype=np.float32)
-
-
-def _line(figure: Figure, x: Array, y: Array, name: str, colour: str, dash: str, row: int, *, legend: bool) -> None:
-    look = {"mode": "lines", "line": {"color": colour, "width": 1.3, "dash": dash}, "showlegend": legend}
-    figure.add_scatter(x=compact(x), y=compact(y), name=name, legendgroup=name, row=row, col=1, **look)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.reports.diagnosis_figures import Shown, Titled, bars, compact, phase_bars, profile, rms
+from kinid.reports.diagnosis_figures import Shown, Titled, bars, phase_bars, profile, rms
 from kinid.reports.plots import INK, finish
 from kinid.residuals.localization import spectrum
 from kinid.residuals.parts import LEAST_SPREAD, STANDING, moving
@@ -85,8 +85,8 @@ def _spectra(shown: Shown, row: int) -> Titled | None:
             / (width * max(float(view.samples[row].sum()), 1.0))
         )
         figure.add_scatter(
-            x=compact(middle),
-            y=compact(density),
+            x=middle,
+            y=density,
             name=name,
             mode="lines",
             line={"color": colour, "dash": dash, "width": 1.6},
@@ -149,9 +149,6 @@ def _places(shown: Shown, row: int) -> Titled | None:
     finish(figure, 230, small=True)
     figure.update_layout(hovermode="closest", margin={"t": 30, "r": 4})
     figure.update_annotations(font={"size": 12})
-    low, high = edges[0][0], edges[0][-1]
-    figure.update_xaxes(
-        title_text="slip 1 [mm]", tickvals=[low, 0.5 * (low + high), high], tickformat=".2~g", tickangle=0
-    )
+    figure.update_xaxes(title_text="slip 1 [mm]", nticks=6, tickangle=0)
     figure.update_yaxes(title_text="slip 2 [mm]", col=1)
     return "place on the surface", figure

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import html
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,28 +14,15 @@ from kinid.estimators.estimate import Track
 from kinid.estimators.forgetting import Constant
 from kinid.identification.compare import Comparison
 from kinid.identification.fit import Fit
+from kinid.identification.warnings import listed
 from kinid.modeling.experiment import Experiment
-from kinid.reports.plots import (
-    BLUE,
-    GREEN,
-    GREY,
-    INK,
-    MOST_POINTS,
-    ORANGE,
-    VERMILION,
-    drawing,
-    finish,
-    grid,
-    key,
-    line,
-    note,
-    page,
-    table,
-    thin,
-)
+from kinid.reports.plots import BLUE, GREEN, GREY, INK, MOST_POINTS, ORANGE, VERMILION, Entry, finish, stacked
+from kinid.reports.render import render
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
+
+    from kinid.campaign.compare import CampaignComparison
 
 Array = NDArray[np.float64]
 
@@ -48,24 +35,8 @@ COLOURS = (VERMILION, BLUE, GREEN, ORANGE, "#CC79A7", "#000000")
 
 def fit_page(fit: Fit, title: str) -> str:
     """One fit: equation and estimates, force over depth, readings over time."""
-    rows = [(p.name, f"{p.value:.5g}", f"{p.low:.5g}", f"{p.high:.5g}", p.unit) for p in fit.parameters.values()]
-    error = fit.error
-    head = (
-        f"<pre>{html.escape(fit.equation())}</pre>",
-        table(("parameter", "estimate", "95 % from", "to", "unit"), rows),
-        note(
-            f"error {error.train:.4g} {error.unit} rms on samples seen, {error.held_out:.4g} on samples held out; "
-            f"the noise is {error.noise_floor:.4g}."
-        ),
-        *(note(f"doubt: {warning}") for warning in fit.warnings),
-    )
-    figures = _pictures({str(fit.model): fit})
     tracks = recursive_tracks(fit)
-    if tracks:
-        figures.append(
-            ("Estimates over time, recursively (band: 95 %; where the log excites them)", _track_figure(fit, tracks))
-        )
-    return page(title, "".join(head), figures)
+    return render("fit.html", title, fit=fit, tracks=_track_figure(fit, tracks) if tracks else None, **_pictures([fit]))
 
 
 def recursive_tracks(fit: Fit) -> dict[str, Track]:
@@ -93,58 +64,60 @@ def recursive_tracks(fit: Fit) -> dict[str, Track]:
 
 def _track_figure(fit: Fit, tracks: dict[str, Track]) -> Figure:
     """One row a parameter: value and 95 % band, where the estimate is valid."""
-    from plotly.subplots import make_subplots
-
-    rows = [(track, i, f"{law}: {name}") for law, track in tracks.items() for i, name in enumerate(track.names)]
-    figure = make_subplots(
-        rows=len(rows),
-        cols=1,
-        shared_xaxes=True,
-        vertical_spacing=0.3 / len(rows),
-        subplot_titles=[title for _, _, title in rows],
-    )
+    rows, titles, spans = [], [], []
+    for law, track in tracks.items():
+        for i, name in enumerate(track.names):
+            value, half = track.theta[:, i], 1.96 * track.std[:, i]
+            good = track.valid & (half < 10 * np.abs(value) + 1e-12)
+            value, half = np.where(good, value, np.nan), np.where(good, half, np.nan)
+            band = [("95 %", value + side * half, "#b9d3ea") for side in (-1, 1)]
+            rows.append(("", [*band, ("estimate", value, BLUE)]))
+            titles.append(f"{law}: {name}")
+            # the first samples know next to nothing: they don't set the scale
+            spans.append(np.nanquantile(value, [0.05, 0.95]) if good.any() else None)
     t = fit.experiment.signals.t
-    keep = np.arange(0, len(t), 1 + len(t) // MOST_POINTS)
-    for row, (track, i, _) in enumerate(rows, start=1):
-        value, half = track.theta[:, i], 1.96 * track.std[:, i]
-        good = track.valid & (half < 10 * np.abs(value) + 1e-12)
-        value, half = np.where(good, value, np.nan)[keep], np.where(good, half, np.nan)[keep]
-        line(figure, t[keep], value - half, "95 %", "#b9d3ea", row, legend=False)
-        line(figure, t[keep], value + half, "95 %", "#b9d3ea", row, legend=False)
-        line(figure, t[keep], value, "estimate", BLUE, row, legend=False)
-        held = value[np.isfinite(value)]
-        if len(held):  # the first samples know next to nothing: they don't set the scale
-            low, high = np.quantile(held, [0.05, 0.95])
-            figure.update_yaxes(
-                range=[low - 0.5 * (high - low) - 1e-9, high + 0.5 * (high - low) + 1e-9], row=row, col=1
-            )
-    figure.update_xaxes(title_text="time [s]", row=len(rows), col=1)
-    finish(figure, 190 * len(rows) + 60)
+    figure = stacked(t, rows, (rows[0][1][-1][1],), titles=titles)
+    for row, span in enumerate(spans, start=1):
+        if span is not None:
+            room = 0.5 * (span[1] - span[0]) + 1e-9
+            figure.update_yaxes(range=[span[0] - room, span[1] + room], row=row, col=1)
     return figure
 
 
 def comparison_page(result: Comparison, title: str) -> str:
-    """Models side by side: the table, force over depth, readings over time."""
-    rows = []
-    for row in result.rows:
-        same = str(row.fit.model) == result.reference
-        apart = ("reference", "") if same else (f"{row.difference:+.3g}", f"{row.standard_error:.2g}")
-        rows.append((f"{row.rank}. {row.fit.model}", f"{row.held_out:.4g}", *apart))
-    head = (
-        table(("model", f"held-out error [{result.unit}]", "difference", "± standard error"), rows),
-        note(f"differences are to {result.reference}; the noise is {result.noise_floor:.4g} {result.unit}."),
-        *(note(f"doubt: {row.fit.model}: {warning}") for row in result.rows for warning in row.fit.warnings),
-    )
-    return page(title, "".join(head), _pictures({str(row.fit.model): row.fit for row in result.rows}))
+    """Models side by side: which is best, their errors over the noise, force over depth, readings over time."""
+    return render("compare.html", title, c=result, winner=winner(result), **_pictures([row.fit for row in result.rows]))
 
 
-def _pictures(fits: dict[str, Fit]) -> list[tuple[str, Figure | str]]:
+def winner(result: Comparison | CampaignComparison) -> str:
+    """Which model has the least held-out error, and whether that is more than chance, in a sentence."""
+    best, *others = result.rows
+    name = str(best.fit.model)
+    if not others:
+        return f"{name} stands alone: there is no other model to hold it against."
+    if name != result.reference:
+        by = f"{abs(best.difference):.2g} ± {best.standard_error:.2g} {result.unit} below that of {result.reference}"
+        return f"{name} has the least held-out error, {by}{'' if best.differs else ', which may be chance'}."
+    alike = [str(row.fit.model) for row in others if not row.differs and np.isfinite(row.difference)]
+    if alike:
+        return (
+            f"No winner: {name} has the least held-out error, and this is too little to tell it from {listed(alike)}."
+        )
+    return f"{name} wins: each other model's held-out error is larger by more than twice the standard error."
+
+
+def _pictures(fits: Sequence[Fit]) -> dict[str, object]:
     """Force over depth with its loops where the log has them, and all readings over time."""
-    names = key([("measured", INK, "solid"), *((name, colour, "solid") for name, colour in zip(fits, COLOURS))])
-    figures: list[tuple[str, Figure | str]] = [("Readings over time", names + drawing(_time_figure(fits)))]
-    if next(iter(fits.values())).experiment.normal_force is None:
-        return figures
-    return [("Force over depth", names + drawing(_loop_figure(fits))), *_energies(fits), *figures]
+    named = {str(fit.model): fit for fit in fits}
+    pushed = fits[0].experiment.normal_force is not None
+    cycles, panels = _energies(named) if pushed else ([], [])
+    return {
+        "names": [("measured", INK, "solid"), *((name, colour, "solid") for name, colour in zip(named, COLOURS))],
+        "over_depth": _loop_figure(named) if pushed else None,
+        "cycles": cycles,
+        "panels": panels,
+        "over_time": _time_figure(named),
+    }
 
 
 def _loop_figure(fits: dict[str, Fit]) -> Figure:
@@ -154,7 +127,7 @@ def _loop_figure(fits: dict[str, Fit]) -> Figure:
     experiment = next(iter(fits.values())).experiment
     depth = experiment.signals.depth
     near = np.flatnonzero(experiment.valid & (depth > -1e-3))
-    near = near[:: 1 + len(near) // MOST_POINTS]
+    near = near[:: 1 + len(near) // (2 * MOST_POINTS)]
     figure = go.Figure()
     figure.add_scatter(
         x=1e3 * depth[near],
@@ -188,8 +161,10 @@ def normal_of(experiment: Experiment, readings: Array) -> Array:
     return np.asarray(np.einsum("ni,in->n", sensor.to_contact[:, 2], readings[:3] - sensor.load[:3]))
 
 
-def _energies(fits: dict[str, Fit]) -> list[tuple[str, Figure | str]]:
-    """Loops of force over depth with the energy that each encloses, measured and by each model; none without a loop."""
+def _energies(fits: dict[str, Fit]) -> tuple[list[Entry], list[tuple[str, Figure]]]:
+    """Loops of force over depth with the energy that each encloses, measured and by each model: which colour is which
+    cycle, and a captioned picture each; none without a loop.
+    """
     experiment = next(iter(fits.values())).experiment
     s = experiment.signals
     readings = {"measured": np.where(experiment.valid, normal_of(experiment, experiment.measured), np.nan)}
@@ -197,7 +172,7 @@ def _energies(fits: dict[str, Fit]) -> list[tuple[str, Figure | str]]:
     found = {name: loops(s.depth, force, s.dt) for name, force in readings.items()}
     cycles = found["measured"]
     if not cycles:
-        return []
+        return [], []
     drawn = np.unique(np.linspace(0, len(cycles) - 1, len(COLOURS)).round().astype(int)).tolist()
     inside = np.concatenate([np.arange(cycles[i].begin, cycles[i].end) for i in drawn])
     spans = [(float(np.nanmin(force[inside])), float(np.nanmax(force[inside]))) for force in readings.values()]
@@ -207,8 +182,8 @@ def _energies(fits: dict[str, Fit]) -> list[tuple[str, Figure | str]]:
         (f"{name}: {energy_line(found[name])}", _panel(s.depth, force, found[name], drawn, (low - room, high + room)))
         for name, force in readings.items()
     ]
-    names = key((f"cycle {i + 1} ({s.t[cycles[i].begin]:.3g} s)", colour, "solid") for colour, i in zip(COLOURS, drawn))
-    return [("Energy lost in each way in and out (the area of its loop)", names + grid(panels))]
+    names = [(f"cycle {i + 1} ({s.t[cycles[i].begin]:.3g} s)", colour, "solid") for colour, i in zip(COLOURS, drawn)]
+    return names, panels
 
 
 def _panel(depth: Array, force: Array, found: list[Loop], drawn: list[int], span: tuple[float, float]) -> Figure:
@@ -236,7 +211,7 @@ def _panel(depth: Array, force: Array, found: list[Loop], drawn: list[int], span
         )
     energies = [f"{i + 1}: {_millijoules(found[i].lost, found[i].put_in)} mJ" for i in drawn if i < len(found)]
     corner = {"x": 0.03, "y": 0.97, "xref": "paper", "yref": "paper", "xanchor": "left", "yanchor": "top"}
-    look = {"showarrow": False, "align": "left", "font": {"size": 12}, "bgcolor": "rgba(255,255,255,0.7)"}
+    look = {"showarrow": False, "align": "left", "font": {"size": 12}, "bgcolor": "#ffffff"}
     figure.add_annotation(text="<br>".join(energies), **corner, **look)
     figure.update_xaxes(title_text="depth [mm]")
     figure.update_yaxes(title_text="normal force [N]", range=span)
@@ -264,21 +239,13 @@ def energy_line(found: list[Loop]) -> str:
 
 def _time_figure(fits: dict[str, Fit]) -> Figure:
     """Each channel over time: measured, and what each model expects."""
-    from plotly.subplots import make_subplots
-
     experiment = next(iter(fits.values())).experiment
-    layout = experiment.layout
-    figure = make_subplots(
-        rows=len(layout.channels), cols=1, shared_xaxes=True, vertical_spacing=0.15 / len(layout.channels)
-    )
-    keep = thin(len(experiment.signals), *experiment.measured[:3])
-    t = experiment.signals.t[keep]
-    predictions = {name: fit.predict() for name, fit in fits.items()}
-    for i, (channel, unit) in enumerate(zip(layout.channels, layout.units)):
-        line(figure, t, experiment.measured[i][keep], "measured", INK, i + 1, legend=False)
-        for (name, predicted), colour in zip(predictions.items(), COLOURS):
-            line(figure, t, predicted[i][keep], name, colour, i + 1, legend=False)
-        figure.update_yaxes(title_text=f"{channel.replace('_', ' ')} [{unit}]", row=i + 1, col=1)
-    figure.update_xaxes(title_text="time [s]", row=len(layout.channels), col=1)
-    finish(figure, max(320, 200 * len(layout.channels)) + 60)
-    return figure
+    predictions = [(name, fit.predict(), colour) for (name, fit), colour in zip(fits.items(), COLOURS)]
+    rows = [
+        (
+            f"{channel.replace('_', ' ')} [{unit}]",
+            [("measured", experiment.measured[i], INK), *((name, of[i], colour) for name, of, colour in predictions)],
+        )
+        for i, (channel, unit) in enumerate(zip(experiment.layout.channels, experiment.layout.units))
+    ]
+    return stacked(experiment.signals.t, rows, experiment.measured[:3], height=320 if len(rows) == 1 else 200)

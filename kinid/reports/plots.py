@@ -5,10 +5,8 @@ Colours are those of Okabe and Ito (2008), which colour-blind readers can tell a
 
 from __future__ import annotations
 
-import hashlib
 import html
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +14,7 @@ from numpy.typing import NDArray
 
 from kinid.contact.analysis import Analysis
 from kinid.contact.series import ContactSeries
+from kinid.reports.render import render
 from kinid.robotics.inverse_dynamics import JointTorques
 from kinid.robotics.motion import TipMotion
 
@@ -31,151 +30,62 @@ INK = "#4b5563"
 #: name, colour and dash ("solid" or "dashed") of a line, for a key
 Entry = tuple[str, str, str]
 
+#: lines of a picture of joint torques
+TORQUES = (("measured", INK), ("inverse dynamics", VERMILION), ("residual", BLUE))
 #: more points than this in a line can't be told apart on a screen
-MOST_POINTS = 6000
+MOST_POINTS = 3000
+#: points of all lines of a picture: a page of more is slow to send and to open
+MOST_DRAWN = 35 * MOST_POINTS
+#: rows of a picture over time: the label of an axis, and its lines: name, values (n,), colour
+Rows = Sequence[tuple[str, Sequence[tuple[str, Array, str]]]]
 
 
 def analysis_page(result: Analysis, title: str) -> str:
     """The contact frame or the tip's motion, and joint torques, as one HTML page."""
-    figures: list[tuple[str, Figure | str]] = []
-    if result.contact is not None:
-        figures += contact_figures(result.contact)
-    if result.tip is not None:
-        figures.append(("Motion of the tip, base frame", tip_figure(result.tip)))
-    if result.torques is not None:
-        names = key((("measured", INK, "solid"), ("inverse dynamics", VERMILION, "solid"), ("residual", BLUE, "solid")))
-        figures.append(
-            ("Joint torques: measured, and inverse dynamics", names + drawing(torque_figure(result.torques)))
-        )
-    facts = result.summary()
-    body = []
-    if result.contact is not None:
-        body.append(
-            note(
-                f"{facts['samples']} samples, {facts['invalid_samples']} invalid; in contact "
-                f"{100 * facts['in_contact']:.1f} % of the time, {facts['touches']} touches."
-            )
-        )
-    if result.torques is not None:
-        rows = [
-            (name, f"{row['measured_rms']:.3f}", f"{row['residual_rms']:.3f}")
-            for name, row in facts["joint_torques"].items()
-        ]
-        body.append(table(("joint", "measured rms [N·m]", "residual rms [N·m]"), rows))
-    steps = "".join(f"<li><code>{html.escape(str(step))}</code></li>" for step in result.provenance.steps)
-    tail = (
-        f"<details><summary>Provenance of {html.escape(result.provenance.source)}</summary><ol>{steps}</ol></details>"
+    touch, torques = result.contact, result.torques
+    return render(
+        "contact.html",
+        title,
+        facts=result.summary(),
+        over_time=None if touch is None else time_figure(touch),
+        paired=touch is not None and any(np.isfinite(force).any() for force in (touch.slip2, touch.tangential_force2)),
+        over_depth=None if touch is None else depth_figure(touch),
+        tip=None if result.tip is None else tip_figure(result.tip),
+        torques=None if torques is None else torque_figure(torques),
+        pair=[(f"along tangent {i}", AXES[i - 1], "solid") for i in (1, 2)],
+        lines=[(name, colour, "solid") for name, colour in TORQUES],
+        provenance=result.provenance,
     )
-    return page(title, "".join(body), figures, tail)
 
 
-def asset(name: str) -> str:
-    """Text of a stylesheet or script that lies beside this file."""
-    return (Path(__file__).parent / name).read_text(encoding="utf-8")
-
-
-def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A table of texts; on a narrow screen it scrolls sideways, and only it."""
-    top = "".join(f"<th>{html.escape(head)}</th>" for head in heads)
-    cells = ("".join(f"<td>{html.escape(str(cell))}</td>" for cell in row) for row in rows)
-    body = "".join(f"<tr>{row}</tr>" for row in cells)
-    return f"<div class=scroll><table><tr>{top}</tr>{body}</table></div>"
-
-
-def note(text: str) -> str:
-    """A paragraph in small print."""
-    return f"<p class=facts>{html.escape(text)}</p>"
-
-
-def page(title: str, head: str, figures: Sequence[tuple[str, Figure | str]], tail: str = "", style: str = "") -> str:
-    """One self-contained HTML page of titled figures, or of HTML with figures in it; `style` is added to the
-    house's.
-    """
-    from plotly.offline import get_plotlyjs
-
-    parts = [
-        f"<section><h2>{html.escape(name)}</h2>{figure if isinstance(figure, str) else drawing(figure)}</section>"
-        for name, figure in figures
+def time_figure(touch: ContactSeries) -> Figure:
+    """Contact-frame quantities over time, each in a row with the axis that names it."""
+    pair = ("along tangent 1", "along tangent 2")
+    each: list[tuple[str, tuple[str, ...], tuple[Array, ...]]] = [
+        ("depth [mm]", ("depth",), (1e3 * touch.depth,)),
+        ("depth rate [mm/s]", ("depth rate",), (1e3 * touch.depth_rate,)),
+        ("slip [mm]", pair, (1e3 * touch.slip1, 1e3 * touch.slip2)),
+        ("normal force [N]", ("normal",), (touch.normal_force,)),
+        ("tangential force [N]", pair, (touch.tangential_force1, touch.tangential_force2)),
     ]
-    return (
-        "<!doctype html><html lang=en><head><meta charset=utf-8>"
-        '<meta name=viewport content="width=device-width,initial-scale=1">'
-        # an empty icon: the page asks nobody for one
-        f'<link rel=icon href="data:,"><title>{html.escape(title)} – kinid</title>'
-        f"<style>{asset('page.css')}{style}</style>"
-        f"<script>{get_plotlyjs()}</script></head><body><h1>{html.escape(title)}</h1>{head}{''.join(parts)}{tail}"
-        f"<script>{asset('page.js')}</script></body></html>\n"
-    )
-
-
-def drawing(figure: Figure, caption: str = "") -> str:
-    """A figure as part of a page, as wide as its place."""
-    # named by what it shows: the same page each time
-    name = hashlib.sha256(f"{caption}{figure.to_json()}".encode()).hexdigest()[:12]
-    drawn = figure.to_html(
-        full_html=False,
-        include_plotlyjs=False,
-        div_id=f"figure-{name}",
-        config={"displaylogo": False, "responsive": True, "displayModeBar": False},
-    )
-    return f"<figure>{f'<figcaption>{html.escape(caption)}</figcaption>' if caption else ''}{drawn}</figure>"
-
-
-def grid(figures: Iterable[tuple[str, Figure]], *, wide: bool = False) -> str:
-    """Captioned figures side by side, as many as the page is wide."""
-    inside = "".join(drawing(figure, caption) for caption, figure in figures)
-    return f'<div class="grid{" wide" if wide else ""}">{inside}</div>' if inside else ""
-
-
-def key(entries: Iterable[Entry]) -> str:
-    """Which colour is which, as text that wraps on a narrow screen; once for many pictures."""
-    spans = (
-        f'<span><i style="border-color:{colour};border-top-style:{dash}"></i>{html.escape(name)}</span>'
-        for name, colour, dash in entries
-    )
-    return f"<p class=key>{''.join(spans)}</p>"
-
-
-def contact_figures(touch: ContactSeries) -> list[tuple[str, Figure | str]]:
-    """Contact-frame quantities over time, each in a row with the axis that names it, and force over depth."""
-    from plotly.subplots import make_subplots
-
-    keep = thin(len(touch.t), touch.depth, touch.normal_force)
-    t = touch.t[keep] - touch.t[0]
-    rows: list[tuple[str, list[tuple[str, Array]]]] = [
-        ("depth [mm]", [("depth", 1e3 * touch.depth[keep])]),
-        ("depth rate [mm/s]", [("depth rate", 1e3 * touch.depth_rate[keep])]),
-        ("slip [mm]", [("along tangent 1", 1e3 * touch.slip1[keep]), ("along tangent 2", 1e3 * touch.slip2[keep])]),
-        ("normal force [N]", [("normal", touch.normal_force[keep])]),
-        (
-            "tangential force [N]",
-            [("tangent 1", touch.tangential_force1[keep]), ("tangent 2", touch.tangential_force2[keep])],
-        ),
+    rows = [
+        (label, [one for one in zip(names, values, AXES) if np.isfinite(one[1]).any()]) for label, names, values in each
     ]
-    rows = [(label, [line for line in lines if np.isfinite(line[1]).any()]) for label, lines in rows]
     rows = [row for row in rows if row[1]]
-    time = make_subplots(rows=len(rows), cols=1, shared_xaxes=True, vertical_spacing=0.025)
-    for i, (label, lines) in enumerate(rows, start=1):
-        for (name, values), colour in zip(lines, AXES):
-            line(time, t, values, name, colour, i, legend=False)
-        time.update_yaxes(title_text=label, row=i, col=1)
+    figure = stacked(touch.t - touch.t[0], rows, (touch.depth, touch.normal_force), height=170)
     # one shape a touch over the whole height, added at once: adding them one by one takes seconds
     shade = {"type": "rect", "xref": "x", "yref": "paper", "y0": 0, "y1": 1, "layer": "below"}
     shade |= {"fillcolor": ORANGE, "opacity": 0.1, "line": {"width": 0}}
     spans = _runs(touch.in_contact, touch.t - touch.t[0])
-    time.update_layout(shapes=[shade | {"x0": begin, "x1": end} for begin, end in spans])
-    time.update_xaxes(title_text="time [s]", row=len(rows), col=1)
-    finish(time, 170 * len(rows) + 60)
-    pairs = any(len(lines) > 1 for _, lines in rows)
-    names = key((f"along tangent {i}", AXES[i - 1], "solid") for i in (1, 2)) if pairs else ""
-    figures: list[tuple[str, Figure | str]] = [("Contact frame over time (shaded: in contact)", names + drawing(time))]
+    figure.update_layout(shapes=[shade | {"x0": begin, "x1": end} for begin, end in spans])
+    return figure
+
+
+def depth_figure(touch: ContactSeries) -> Figure | None:
+    """Normal force over depth in contact, by phase; None where nothing is touched."""
     inside = touch.in_contact & np.isfinite(touch.normal_force)
-    if inside.any():
-        figures.append(("Force over depth, in contact", _loop(touch, inside)))
-    return figures
-
-
-def _loop(touch: ContactSeries, inside: NDArray[np.bool_]) -> Figure:
+    if not inside.any():
+        return None
     import plotly.graph_objects as go
 
     names = np.full(len(touch), "contact") if touch.phase is None else touch.phase
@@ -201,49 +111,76 @@ def _loop(touch: ContactSeries, inside: NDArray[np.bool_]) -> Figure:
 
 def tip_figure(tip: TipMotion) -> Figure:
     """Position, velocity and force of the tip in base axes."""
-    from plotly.subplots import make_subplots
-
-    rows = [("position [m]", tip.position), ("velocity [m/s]", tip.velocity)]
+    each = [("position [m]", tip.position), ("velocity [m/s]", tip.velocity)]
     if tip.force is not None:
-        rows.append(("force [N]", tip.force))
-    keep = thin(len(tip.t), tip.position[:, 0], tip.velocity[:, 2])
-    figure = make_subplots(rows=len(rows), cols=1, shared_xaxes=True, vertical_spacing=0.04)
-    for i, (label, values) in enumerate(rows, start=1):
-        for axis in range(3):
-            line(figure, tip.t[keep] - tip.t[0], values[keep, axis], "xyz"[axis], AXES[axis], i, legend=i == 1)
-        figure.update_yaxes(title_text=label, row=i, col=1)
-    figure.update_xaxes(title_text="time [s]", row=len(rows), col=1)
-    finish(figure, 230 * len(rows) + 60)
-    return figure
+        each.append(("force [N]", tip.force))
+    rows = [(label, list(zip("xyz", values.T, AXES))) for label, values in each]
+    return stacked(tip.t - tip.t[0], rows, (tip.position[:, 0], tip.velocity[:, 2]), height=230, legend=True)
 
 
 def torque_figure(torques: JointTorques) -> Figure:
     """Measured and predicted torque of each joint, and what is left."""
+    of = (torques.measured.T, torques.predicted.T, torques.residual.T)
+    rows = [
+        ("[N·m]", [(name, values[j], colour) for (name, colour), values in zip(TORQUES, of)])
+        for j in range(len(torques.joint_names))
+    ]
+    titles = [f"{html.escape(name)}: residual {rms:.3f} N·m rms" for name, rms in zip(torques.joint_names, torques.rms)]
+    return stacked(torques.t - torques.t[0], rows, torques.residual.T[:3], titles=titles)
+
+
+def stacked(
+    t: Array,
+    rows: Rows,
+    peaks: Iterable[Array],
+    *,
+    height: int = 190,
+    legend: bool = False,
+    titles: Sequence[str] | None = None,
+) -> Figure:
+    """Rows of lines over one time axis.
+
+    Args:
+        t: time [s], (n,). rows: label of each axis, with its lines. peaks: series whose extremes are drawn in any case,
+            each (n,). height: of a row [px]. legend: whether the names of the lines stand above. titles: of the rows.
+    """
     from plotly.subplots import make_subplots
 
-    count = torques.measured.shape[1]
-    titles = [f"{html.escape(name)}: residual rms {rms:.2f} N·m" for name, rms in zip(torques.joint_names, torques.rms)]
-    figure = make_subplots(
-        rows=count, cols=1, shared_xaxes=True, vertical_spacing=0.3 / (count + 4), subplot_titles=titles
-    )
-    keep = thin(len(torques.t), *torques.residual.T[:3])
-    t = torques.t[keep] - torques.t[0]
-    for j in range(count):
-        for values, name, colour in (
-            (torques.measured, "measured", INK),
-            (torques.predicted, "inverse dynamics", VERMILION),
-            (torques.residual, "residual", BLUE),
-        ):
-            line(figure, t, values[keep, j], name, colour, j + 1, legend=False)
-        figure.update_yaxes(title_text="[N·m]", row=j + 1, col=1)
+    count = len(rows)
+    gap = 0.3 / (count + 4) if titles else 0.12 / count
+    figure = make_subplots(rows=count, cols=1, shared_xaxes=True, vertical_spacing=gap, subplot_titles=titles)
+    keep = thin(len(t), *peaks, lines=sum(len(lines) for _, lines in rows))
+    named: set[str] = set()
+    for i, (label, lines) in enumerate(rows, start=1):
+        for name, values, colour in lines:
+            line(figure, t[keep], values[keep], name, colour, i, legend=legend and name not in named)
+            named.add(name)
+        figure.update_yaxes(title_text=label, row=i, col=1)
     figure.update_xaxes(title_text="time [s]", row=count, col=1)
-    finish(figure, 190 * count + 60)
+    finish(figure, height * count + 60)
     return figure
 
 
-def thin(n: int, *shapes: Array) -> NDArray[np.int64]:
-    """Rows to draw of n: all, or the extremes of each stretch of some series, so that no peak gets lost."""
-    return decimate(MOST_POINTS, *shapes) if n > MOST_POINTS else np.arange(n)
+def round_span(low: float, high: float) -> tuple[float, float]:
+    """The ends of a scale at round numbers, no more than a tenth of the span beyond its values."""
+    if not high > low:
+        return low, high
+    tenth = (high - low) / 10.0
+    decade = 10.0 ** np.floor(np.log10(tenth))
+    step = decade * (5.0 if tenth >= 5.0 * decade else 2.0 if tenth >= 2.0 * decade else 1.0)
+    # by its exponent, so that 3 · 0.1 is 0.3
+    digits = int(12 - np.floor(np.log10(max(abs(low), abs(high)))))
+    return round(float(np.floor(low / step + 1e-9) * step), digits), round(
+        float(np.ceil(high / step - 1e-9) * step), digits
+    )
+
+
+def thin(n: int, *shapes: Array, lines: int = 1) -> NDArray[np.int64]:
+    """Rows to draw of n, in so many lines: all, or the extremes of each stretch of some series, so that no peak gets
+    lost.
+    """
+    most = min(MOST_POINTS, MOST_DRAWN // lines)
+    return decimate(most, *shapes) if n > most else np.arange(n)
 
 
 def decimate(most: int, *series: Array) -> NDArray[np.int64]:
@@ -263,9 +200,11 @@ def decimate(most: int, *series: Array) -> NDArray[np.int64]:
     return np.unique(np.concatenate(kept))
 
 
-def line(figure: Figure, x: Array, y: Array, name: str, colour: str, row: int, legend: bool = True) -> None:
+def line(
+    figure: Figure, x: Array, y: Array, name: str, colour: str, row: int, *, legend: bool = True, dash: str = "solid"
+) -> None:
     """A line over time in one row of a figure."""
-    look = {"mode": "lines", "line": {"color": colour, "width": 1.4}}
+    look = {"mode": "lines", "line": {"color": colour, "width": 1.4, "dash": dash}}
     figure.add_scatter(x=x, y=y, name=name, legendgroup=name, showlegend=legend, row=row, col=1, **look)
 
 

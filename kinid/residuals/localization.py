@@ -279,7 +279,7 @@ def _band_cell(view: View, row: int, run: slice, f: Array, power: Array, passed_
         rms = float(np.sqrt(max(float(rest[band].sum()), 0.0) / n))
         says = (
             f"{percent(share)} of the error is in {channel_words(view, row)} {span} ({number(rms)} {unit} rms); of "
-            f"the reading's own changes only {percent(usual)} are in this range"
+            f"the reading's own changes {'only ' if usual >= 0.01 else ''}{percent(usual)} are in this range"
         )
         best = Cell(view.channels[row], "frequency", "", share, rms, unit, says)
     return best

@@ -4,34 +4,33 @@ anything.
 
 from __future__ import annotations
 
-import html
 import importlib.util
-import json
+from collections.abc import Sequence
 from pathlib import Path
 
+from markupsafe import Markup
+
 from kinid.errors import InputError
+from kinid.reports.plots import BLUE, VERMILION
+from kinid.reports.render import render
 from kinid.writers import Json
 
 #: of the forces of a log
-LEGEND = '<i style="background:#D55E00"></i>measured force <i style="background:#0072B2"></i>predicted'
+LEGEND = ((VERMILION, "measured force"), (BLUE, "predicted"))
 
 
-def page(scene: Json, legend: str = LEGEND) -> str:
-    """The viewer showing a scene (`kinid.viewer.scene`), with a legend (HTML) for its forces.
+def page(scene: Json, legend: Sequence[tuple[str, str]] = LEGEND) -> str:
+    """The viewer showing a scene (`kinid.viewer.scene`), with the colours of its forces and their names.
 
     Raises:
         InputError: meshcat's renderer isn't installed.
     """
-    template = (Path(__file__).parent / "viewer.html").read_text(encoding="utf-8")
-    # "<" opens no tag inside JSON text, whatever a file's name holds
-    data = json.dumps(scene, allow_nan=False).replace("<", "\\u003c")
-    out = template.replace("__TITLE__", html.escape(str(scene.get("title", "view"))))
-    out = out.replace("__LEGEND__", legend, 1).replace("__SCENE__", data, 1)
     file = renderer()
     if file is None:
         raise InputError("no renderer of meshcat", "the package meshcat with its viewer", "pip install meshcat")
     # no tag is closed inside a script
-    return out.replace("__MESHCAT__", file.read_text(encoding="utf-8").replace("</script", "<\\/script"), 1)
+    script = Markup(file.read_text(encoding="utf-8").replace("</script", "<\\/script"))
+    return render("viewer.html", str(scene.get("title", "view")), scene=scene, legend=legend, renderer=script)
 
 
 def renderer() -> Path | None:

@@ -14,8 +14,11 @@ from kinid.contact.series import ContactSeries, contact_series, tip_motion
 from kinid.data.log import Log
 from kinid.data.rig import Rig
 from kinid.errors import KinidError
+from kinid.mapping.interpolation import METHOD_WORDS
+from kinid.mapping.map_page import colour_range
 from kinid.mapping.property_map import PropertyMap
 from kinid.modeling.model import Model
+from kinid.residuals.words import number
 from kinid.robotics.robot import Robot
 from kinid.robotics.surface import Plane
 from kinid.robotics.surface import load as load_surface
@@ -74,7 +77,7 @@ def map_scene(
         if not np.isfinite(values).any():
             continue
         guess = grown.interpolator(item.name, method).at(queries)
-        low, high = float(np.nanmin(values)), float(np.nanmax(values))
+        low, high = colour_range(grown, item.name)
         spread = float(np.nanstd(values)) or abs(high) or 1.0
         doubt = np.nan_to_num(guess.sd / spread, nan=0.0)
         layers.append(
@@ -97,10 +100,28 @@ def map_scene(
         "shown": shown or layers[0]["name"],
         "probes": packed(grown.places, "<f4"),
         "size": size,
-        "facts": f"{len(grown)} probes with {grown.model}; between them: {method}",
+        "probe_words": _probe_words(grown),
+        "facts": f"{len(grown)} probes with {grown.model}; between them: {METHOD_WORDS[method]}",
     }
     if shape:
         out |= {"positions": packed(vertices, "<f4"), "faces": packed(faces, "<u4")}
+    return out
+
+
+def _probe_words(grown: PropertyMap) -> list[str]:
+    """What each probe measured, in words."""
+    flat = 1e3 * grown.flat(grown.places) if isinstance(grown.surface, Plane) else None
+    known = [item for item in grown.properties if np.isfinite(grown.values(item.name)).any()]
+    columns = [(item, grown.values(item.name), grown.deviations(item.name)) for item in known]
+    out = []
+    for i, misfit in enumerate(grown.misfit):
+        said = [
+            f"{item.name} " + (f"{values[i]:.4g} ± {sd[i]:.2g} {item.unit}" if np.isfinite(values[i]) else "unknown")
+            for item, values, sd in columns
+        ]
+        said += [f"residual {misfit:.3g} times the noise"] if np.isfinite(misfit) else []
+        place = "" if flat is None else f" at ({number(flat[i, 0])}, {number(flat[i, 1])}) mm"
+        out.append(f"Probe{place}: {', '.join(said)}")
     return out
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from kinid.data.rig import Rig
 from kinid.errors import InputError, KinidError, near
-from kinid.mapping.probes import Prober, build, logs_in, same_surface
+from kinid.mapping.probes import Prober, build, expected, logs_in, same_surface
 from kinid.mapping.property_map import Probe, PropertyMap, is_map
 from kinid.modeling.model import Model
 from kinid.robotics.reading import read
@@ -159,6 +159,9 @@ class View:
         if grown is None:
             return out
         out["map"] = scenes.map_scene(grown, shown=self.shown, method=self.method)
+        count = expected([self.target]) if self.kind is Kind.FOLDER else None
+        if count is not None:
+            out["map"]["facts"] += f"; {len(self._good_logs())} of {count} logs are there"
         out["axes"] = scenes.axes_scene(grown)
         if self._robot is None:
             out["ground"] = scenes.ground_scene(grown)

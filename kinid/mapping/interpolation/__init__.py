@@ -29,6 +29,13 @@ Mask = NDArray[np.bool_]
 METHODS = ("gp", "triangles", "biharmonic", "nearest")
 #: on a mesh
 MESH_METHODS = ("gp", "biharmonic", "nearest")
+#: the same in words
+METHOD_WORDS = {
+    "gp": "Gaussian process",
+    "triangles": "flat triangles",
+    "biharmonic": "biharmonic spline",
+    "nearest": "nearest probe",
+}
 #: what is expected of places (m, 2) before they are touched: mean (NaN where nothing is) and standard deviation, (m,)
 #: both
 Prior = Callable[[Array], tuple[Array, Array]]

@@ -1,60 +1,3 @@
-<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width,initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; script-src 'unsafe-inline' 'self'; style-src 'unsafe-inline'; img-src data: blob:; connect-src 'self'">
-<link rel="icon" href="data:,">
-<title>__TITLE__ – kinid</title>
-<style>
-:root{color-scheme:light}
-body{margin:0;font:14px/1.4 system-ui,sans-serif;color:#1f2937;background:#f3f5f8;overflow:hidden}
-#pane{width:100vw;height:100vh;overflow:hidden}
-.card{position:absolute;background:rgba(255,255,255,.93);border-radius:10px;box-shadow:0 1px 6px rgba(0,0,0,.18);padding:.6rem .8rem}
-#about{left:12px;top:12px;max-width:min(340px,calc(100vw - 24px - 1.6rem))}
-#about h1{font-size:1.05rem;margin:0 0 .15rem;overflow-wrap:anywhere}#about p{margin:0;color:#4b5563}
-#views{display:flex;gap:.4rem;margin-top:.4rem}#views button[aria-pressed=true]{background:#1f2937;color:#fff;border-color:#1f2937}
-#low_cards{position:absolute;left:12px;right:12px;bottom:12px;display:flex;flex-direction:column;align-items:flex-start;gap:8px;pointer-events:none}
-#low_cards .card{position:static;pointer-events:auto}
-#legend{width:270px;max-width:calc(100% - 1.6rem)}
-#bar{height:14px;border-radius:4px;margin:.35rem 0 .15rem}
-#ticks{display:flex;justify-content:space-between;font-variant-numeric:tabular-nums}
-.key{display:flex;align-items:center;gap:.45rem;color:#374151}.key i{width:1rem;height:.7rem;border-radius:3px;display:inline-block;border:1px solid #9ca3af}
-#time{align-self:stretch;display:flex;gap:.4rem .7rem;align-items:center}
-#time input[type=range]{flex:1;min-width:0}
-button,select{font:inherit;padding:.15rem .5rem;border-radius:6px;border:1px solid #cbd5e1;background:#fff;color:inherit}
-#clock{font-variant-numeric:tabular-nums;min-width:11em;text-align:right;white-space:nowrap}
-@media (max-width:640px){
-body{font-size:13px}.card{padding:.4rem .6rem}#time{flex-wrap:wrap}#time input[type=range]{flex:1 0 70%}#clock{flex:1}
-#legend{width:auto;align-self:stretch;max-width:none}#keys{display:flex;flex-wrap:wrap;gap:0 .9rem}}
-.dg.main{display:none}[hidden]{display:none!important}
-</style>
-<script>__MESHCAT__</script>
-</head>
-<body>
-<div id="wrap"><div id="pane"></div></div>
-<div id="about" class="card"><h1 id="name"></h1><p id="facts"></p><div id="views" hidden></div></div>
-<div id="low_cards">
-<div id="legend" class="card" hidden>
-<div id="scale" hidden><label>shows <select id="property"></select></label>
-<div id="bar"></div><div id="ticks"><span id="low"></span><span id="unit"></span><span id="high"></span></div></div>
-<div id="keys">
-<div class="key" id="faint" hidden><i style="background:linear-gradient(90deg,rgba(33,145,140,.2),rgb(33,145,140))"></i>the fainter, the less sure</div>
-<div class="key" id="blank" hidden><i style="background:#d6d9de"></i>unknown: no probe is near</div>
-<div class="key" id="forces" hidden>__LEGEND__</div>
-<div class="key" id="newton" hidden><i style="border-width:0 0 2px;border-radius:0"></i><span></span></div>
-<div class="key" id="pitch" hidden><i style="background:#bdc9da;border-color:#7d8792"></i><span></span></div>
-</div>
-</div>
-<div id="time" class="card" hidden>
-<button id="play" title="space bar">▶</button>
-<input id="at" type="range" min="0" max="1" step="0.001" value="0" aria-label="time">
-<label>speed <select id="speed"><option value="0.1">0.1 ×</option><option value="0.25">0.25 ×</option><option value="0.5">0.5 ×</option><option value="1" selected>1 ×</option><option value="2">2 ×</option></select></label>
-<span id="clock"></span>
-</div>
-</div>
-<script type="application/json" id="scene">__SCENE__</script>
-<script>
 "use strict";
 const THREE = MeshCat.THREE, $ = id => document.getElementById(id);
 // without a graphics card, four samples a pixel cost more than half of the frames: there, only what stands still has them
@@ -74,6 +17,9 @@ function bytes(text) {
   for (let i = 0; i < raw.length; i++) out[i] = raw.charCodeAt(i);
   return out;
 }
+const dark = matchMedia("(prefers-color-scheme: dark)"), css = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+// a colour of the light page in the colours of this one
+const tone = hex => css("--c" + hex.slice(1)) || hex;
 const floats = text => new Float32Array(bytes(text).buffer);
 const kinid = window.kinid = {viewer, errors: [], frame: 0, playing: false, shown: 0, updates: 0};
 window.addEventListener("error", e => kinid.errors.push(String(e.message)));
@@ -99,8 +45,8 @@ function place(path, object) { viewer.set_object(["kinid", ...path], object); vi
 const eye = (x, y, z) => new THREE.Vector3(x, z, -y);
 
 function dress() {
-  viewer.set_property(["Background"], "top_color", [0.93, 0.95, 0.98]);
-  viewer.set_property(["Background"], "bottom_color", [0.80, 0.84, 0.89]);
+  viewer.set_property(["Background"], "top_color", dark.matches ? [0.10, 0.12, 0.16] : [0.93, 0.95, 0.98]);
+  viewer.set_property(["Background"], "bottom_color", dark.matches ? [0.22, 0.25, 0.30] : [0.80, 0.84, 0.89]);
   for (const name of ["Axes", "Grid"]) viewer.set_property([name], "visible", false);
   // shadows are drawn anew only when the arm has moved
   Object.assign(viewer.renderer.shadowMap, {autoUpdate: false, type: THREE.PCFShadowMap});
@@ -121,7 +67,7 @@ function shaded(geometry, material, size, strength) {
 // a floor with lines a round number of millimetres apart, and a sun whose shadows are as sharp as the scene is small
 function setGround(g) {
   const disc = new THREE.RingGeometry(0, FAR * g.size, 48, 12), pitch = nice(g.size / 6), lines = [], reach = Math.ceil(FAR * g.size / pitch);
-  const ground = new THREE.Mesh(disc, shaded(disc, new THREE.MeshLambertMaterial({color: 0x949da9}), g.size, 1));
+  const ground = new THREE.Mesh(disc, shaded(disc, new THREE.MeshLambertMaterial({color: dark.matches ? 0x3a424e : 0x949da9}), g.size, 1));
   ground.position.set(...g.centre); ground.receiveShadow = true; ground.renderOrder = -2;
   place(["ground"], ground);
   for (let i = -reach; i <= reach; i++) for (let j = -FAR; j < FAR; j++) {
@@ -199,6 +145,7 @@ function shape(s) {
   return m;
 }
 
+const FORCES = [["measured", "#D55E00"], ["predicted", "#0072B2"]];
 let joints = [], motion = null, arrows = {};
 function setRobot(robot) {
   joints = robot.joints.map((shapes, i) => {
@@ -213,11 +160,11 @@ function setRobot(robot) {
 function setMotion(m) {
   motion = {t: floats(m.t), poses: floats(m.poses), n: m.n, joints: m.joints, tip: m.tip ? floats(m.tip) : null, forces: {}, scale: m.scale,
             phase: m.phase || []};
-  for (const [name, color] of [["measured", 0xD55E00], ["predicted", 0x0072B2]]) {
+  for (const [name, color] of FORCES) {
     if (!m[name]) continue;
     motion.forces[name] = floats(m[name]);
     const thick = name === "measured" ? 1 : 0.75;
-    const group = new THREE.Group(), skin = new THREE.MeshPhongMaterial({color, depthTest: false, transparent: true, opacity: 0.95});
+    const group = new THREE.Group(), skin = new THREE.MeshPhongMaterial({color: tone(color), depthTest: false, transparent: true, opacity: 0.95});
     const shaft = new THREE.Mesh(new THREE.CylinderGeometry(0.004 * thick, 0.004 * thick, 1, 16), skin);
     const head = new THREE.Mesh(new THREE.ConeGeometry(0.010 * thick, 0.024, 20), skin);
     shaft.renderOrder = head.renderOrder = 10;
@@ -228,10 +175,47 @@ function setMotion(m) {
   }
   if (motion.scale) $("newton").lastChild.textContent = "an arrow of 10 mm: " + (0.01 / motion.scale).toPrecision(2) + " N";
   $("time").hidden = false;
+  $("strip").hidden = !Object.keys(motion.forces).length;
+  drawStrip();
   if (Object.keys(motion.forces).length) $("legend").hidden = false;
   $("at").max = motion.n - 1; $("at").step = 1;
   show(Math.min(kinid.frame, motion.n - 1));
 }
+
+// the sizes of the forces over the whole time, and where one is
+const HEAD = 14;  // pixels, for what is written
+let strip = null;
+function drawStrip() {
+  const canvas = $("strip"), w = canvas.clientWidth, h = canvas.clientHeight, fine = window.devicePixelRatio || 1;
+  strip = null;
+  if (!w || !motion) return;
+  canvas.width = w * fine; canvas.height = h * fine;
+  const sizes = FORCES.filter(([name]) => motion.forces[name]).map(([name, color]) =>
+    [color, Float32Array.from({length: motion.n}, (_, i) => Math.hypot(...motion.forces[name].subarray(3 * i, 3 * i + 3)))]);
+  const top = 1.05 * sizes.reduce((most, [, f]) => f.reduce((a, b) => Math.max(a, b), most), 1e-9), end = motion.t[motion.n - 1] || 1;
+  const pen = canvas.getContext("2d", {willReadFrequently: true});
+  pen.scale(fine, fine); pen.lineWidth = 1.2;
+  for (const [color, f] of sizes) {
+    pen.beginPath(); pen.strokeStyle = tone(color);
+    f.forEach((size, i) => pen.lineTo(w * motion.t[i] / end, h - (h - HEAD) * size / top));
+    pen.stroke();
+  }
+  pen.fillStyle = css("--soft"); pen.font = "11px system-ui, sans-serif";
+  pen.fillText("size of the force, up to " + (top / 1.05).toPrecision(3) * 1 + " N", 4, 11);
+  strip = {canvas, w, h, end, base: pen.getImageData(0, 0, canvas.width, canvas.height)};
+}
+function markStrip() {
+  if (!strip) return;
+  const pen = strip.canvas.getContext("2d");
+  pen.putImageData(strip.base, 0, 0);
+  pen.fillStyle = css("--ink");
+  pen.fillRect(strip.w * motion.t[kinid.frame] / strip.end - 0.5, 0, 1.5, strip.h);
+}
+$("strip").onclick = e => {
+  const t = motion.t[motion.n - 1] * e.offsetX / $("strip").clientWidth;
+  play(false);
+  show(Math.max(0, motion.t.findIndex(at => at >= t)));
+};
 
 function pose(p, frame) {
   joints.forEach((joint, j) => {
@@ -260,6 +244,7 @@ function show(frame) {
   }
   viewer.renderer.shadowMap.needsUpdate = true;
   $("at").value = frame;
+  markStrip();
   $("clock").textContent = motion.t[frame].toFixed(2) + " s" + (motion.phase.length ? "  " + motion.phase[frame] : "") + newtons;
   viewer.set_dirty();
 }
@@ -311,6 +296,7 @@ function setMap(map) {
   $("legend").hidden = $("scale").hidden = $("blank").hidden = false;
   $("facts").textContent = map.facts;
   if (map.probes !== surface.probes) { setProbes(floats(map.probes), map.size); surface.probes = map.probes; }
+  words = map.probe_words || [];
   paint();
 }
 
@@ -335,7 +321,30 @@ function setProbes(places, size) {
   dots.count = n;
   place(["probes"], dots);
   kinid.shown = n;
+  probes = {places, size};
 }
+
+// a click beside a probe shows what it measured; a click elsewhere hides it
+const REACH = 16;  // pixels
+let words = [], probes = null, pressed = null;
+function choose(x, y) {
+  let best = -1, near = REACH;
+  for (let i = 0; probes && i < probes.places.length / 3; i++) {
+    const p = eye(...probes.places.subarray(3 * i, 3 * i + 3)).project(viewer.camera);
+    const off = Math.hypot((p.x + 1) * innerWidth / 2 - x, (1 - p.y) * innerHeight / 2 - y);
+    if (Math.abs(p.z) < 1 && off < near) { best = i; near = off; }
+  }
+  $("probe").hidden = best < 0;
+  $("probe").textContent = best < 0 ? "" : words[best] || "";
+  const ring = new THREE.Mesh(new THREE.SphereGeometry(probes ? 1.6 * probes.size : 1, 16, 12), new THREE.MeshLambertMaterial({color: 0xE69F00}));
+  ring.visible = best >= 0;
+  if (ring.visible) ring.position.set(...probes.places.subarray(3 * best, 3 * best + 3));
+  place(["chosen"], ring);
+}
+$("pane").addEventListener("pointerdown", e => { pressed = [e.clientX, e.clientY]; });
+$("pane").addEventListener("pointerup", e => {
+  if (pressed && Math.hypot(e.clientX - pressed[0], e.clientY - pressed[1]) < 5) choose(e.clientX, e.clientY);
+});
 
 function setPatch(patch) {
   const mesh = new THREE.Mesh(new THREE.BoxGeometry(...patch.size), new THREE.MeshLambertMaterial({color: 0xb3aea5}));
@@ -395,6 +404,7 @@ function look(v) {
   for (const name of ["robot", "force"]) viewer.set_property(["kinid", name], "visible", v.arm);
   viewer.renderer.shadowMap.needsUpdate = true;
   $("time").hidden = !v.arm || !motion;
+  if (!strip) { drawStrip(); markStrip(); }
   $("forces").hidden = $("newton").hidden = !v.arm || !motion || !motion.scale;
   [...$("views").children].forEach(b => b.setAttribute("aria-pressed", b.textContent === v.name));
   const points = everything(v.of);
@@ -433,7 +443,8 @@ function setViews(list) {
 }
 viewer.controls.addEventListener("start", () => { kinid.moved = true; });
 viewer.controls.addEventListener("change", sized);
-window.addEventListener("resize", () => { if (view && !kinid.moved) look(view); });
+window.addEventListener("resize", () => { drawStrip(); markStrip(); if (view && !kinid.moved) look(view); });
+dark.addEventListener("change", () => { dress(); drawStrip(); markStrip(); });
 
 kinid.apply = message => {
   if (message.title) { $("name").textContent = message.title; }
@@ -468,6 +479,3 @@ if (scene.live) {
 }
 kinid.ready = true;
 requestAnimationFrame(tick);
-</script>
-</body>
-</html>
