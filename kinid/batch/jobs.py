@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,8 +47,22 @@ def work(job: Job, store: Store, item: Item) -> int:
     Raises:
         InputError: a log that can't be read, or can't carry the model.
     """
-    columns, facts = KINDS[job.kind](job, *item(), item)
-    data = parquet(columns, facts)
+    return _put(job, store, item, *item())
+
+
+def take_in(jobs: Sequence[Job], store: Store, item: Item) -> None:
+    """The same of several jobs; the log is read once.
+
+    Raises:
+        InputError: as of `work`.
+    """
+    log, rig = item()
+    for job in jobs:
+        _put(job, store, item, log, rig)
+
+
+def _put(job: Job, store: Store, item: Item, log: Log, rig: Rig) -> int:
+    data = parquet(*KINDS[job.kind](job, log, rig, item))
     store.write(item.part(job.kind), data)
     return len(data)
 
@@ -92,12 +106,8 @@ def _contact(job: Job, log: Log, rig: Rig, item: Item) -> Made:
 def _fit(job: Job, log: Log, rig: Rig, item: Item) -> Made:
     fit = fit_model(Model(*job.model), log, rig)
     facts = fit.to_dict()
-    columns: dict[str, object] = {
-        "log": item.name,
-        **item.columns,
-        **_numbers(fit.parameters),
-        **_flat("error", facts["error"]),
-    }
+    columns: Json = {"log": item.name, **item.columns}
+    columns |= _numbers(fit.parameters) | _flat("error", facts["error"])
     columns |= {"excess": fit.left.excess, "warnings": "\n".join(fit.warnings)}
     return _row(columns), {"name": item.name, "fit": facts}
 
@@ -107,25 +117,20 @@ def _diagnose(job: Job, log: Log, rig: Rig, item: Item) -> Made:
 
     found = diagnose(log, rig, model=Model(*job.model), max_effects=job.max_effects)
     facts = found.to_dict()
-    columns: dict[str, object] = {
-        "log": item.name,
-        **item.columns,
-        "verdict": str(found.verdict),
-        "added": ",".join(found.added),
-    }
+    columns: Json = {"log": item.name, **item.columns, "verdict": str(found.verdict), "added": ",".join(found.added)}
     columns |= _flat("error", facts["error"]) | _numbers(found.fit.parameters)
     return _row(columns), {"name": item.name, "diagnosis": facts}
 
 
-def _numbers(parameters: Mapping[str, FittedParameter]) -> dict[str, object]:
+def _numbers(parameters: Mapping[str, FittedParameter]) -> Json:
     """Each estimate and its interval, in columns of their own."""
-    out: dict[str, object] = {}
+    out: Json = {}
     for name, p in parameters.items():
         out |= {name: p.value, f"{name}.low": p.low, f"{name}.high": p.high}
     return out
 
 
-def _flat(name: str, facts: Json) -> dict[str, object]:
+def _flat(name: str, facts: Json) -> Json:
     return {f"{name}.{key}": np.nan if value is None else value for key, value in facts.items()}
 
 

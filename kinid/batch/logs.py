@@ -11,7 +11,7 @@ from typing import Any
 
 from kinid.batch.store import Store, address_of, fetched, is_remote
 from kinid.campaign.campaign import Campaign, Member
-from kinid.campaign.files import NO_LOGS, SUFFIXES, Source, is_campaign, names_of, sources
+from kinid.campaign.files import NO_LOGS, SUFFIXES, NoLogs, Source, is_campaign, names_of, sources
 from kinid.data.log import Log, Provenance
 from kinid.data.rig import Rig
 from kinid.errors import InputError
@@ -112,7 +112,7 @@ def _far(address: str) -> list[tuple[str, Source, tuple[Any, ...]]]:
             stamp = facts.get("ETag") or facts.get("md5Hash") or facts.get("mtime") or facts.get("created")
             out.append((f"{folder}/{name}", Source(Path(f"{folder}/{name}")), (facts.get("size"), str(stamp))))
     if not out:
-        raise InputError(f"no logs at {address}", f"files ending in {', '.join(SUFFIXES)}", "correct the address")
+        raise NoLogs(f"no logs at {address}", f"files ending in {', '.join(SUFFIXES)}", "correct the address")
     return out
 
 

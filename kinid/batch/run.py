@@ -49,7 +49,7 @@ def run(job: Job, items: Sequence[Item], store: Store, runner: Runner, progress:
     claim(job.to_dict(), store, runner)
     files = store.files(job.kind)
     parts = {item.name: item.part(job.kind).removeprefix(f"{job.kind}/") for item in items}
-    _sweep(job, items, store, set(files))
+    sweep(job.kind, items, store)
     todo = [item for item in items if parts[item.name] not in files]
     done, aside = {}, dict[str, str]()
     for count, (place, result) in enumerate(
@@ -102,14 +102,15 @@ def claim(job: Json, store: Store, runner: Runner) -> None:
         )
 
 
-def _sweep(job: Job, items: Sequence[Item], store: Store, files: set[str]) -> None:
+def sweep(kind: str, items: Sequence[Item], store: Store) -> None:
     """Take away tables of logs that have changed since: a log's own name ends its key."""
-    there = {name.rpartition(".")[0].rpartition("-")[2]: name for name in files}
+    there: dict[str, list[str]] = {}
+    for name in store.files(kind):
+        there.setdefault(name.rpartition(".")[0].rpartition("-")[2], []).append(f"{kind}/{name}")
     for item in items:
-        own = item.part(job.kind).removeprefix(f"{job.kind}/")
-        old = there.get(item.key.rpartition("-")[2])
-        if old is not None and old != own and own not in files:
-            store.remove(f"{job.kind}/{old}")
+        for name in there.get(item.key.rpartition("-")[2], []):
+            if name != item.part(kind):
+                store.remove(name)
 
 
 def _write_manifest(job: Job, items: Sequence[Item], store: Store, outcome: Outcome) -> None:

@@ -91,6 +91,7 @@ def each_log(
     check_outputs((json_file,), ())
     if out.is_file():
         raise InputError(f"a file at {out}", "a folder for the tables of many logs", "name another -o")
+    refuse_inside(out, logs)
     items, _ = items_of(logs, rig)
     with running(on, workers) as runner, counted(job.kind) as progress:
         outcome = run(job, items, Store(address_of(out)), runner, progress)
@@ -99,6 +100,17 @@ def each_log(
         write_json(json_file, facts)
     show_outcome(outcome)
     written([path for path in (json_file, out) if path is not None])
+
+
+def refuse_inside(out: Path, logs: Sequence[Path]) -> None:
+    """Refuse a folder of results where logs are looked for: its tables would be taken for logs."""
+    from kinid.batch.store import is_remote
+
+    for log in logs:
+        if not is_remote(log) and not is_remote(out) and log.is_dir() and out.resolve().is_relative_to(log.resolve()):
+            if any(part.startswith(".") for part in out.resolve().relative_to(log.resolve()).parts):
+                continue  # hidden ones aren't looked into
+            raise InputError(f"-o {out} inside of {log}", "a folder beside the logs", "name another -o")
 
 
 def show_outcome(outcome: Outcome) -> None:
@@ -121,6 +133,8 @@ def campaign_on(
     from kinid.batch.run import claim
     from kinid.batch.store import Store, address_of
 
+    if out is not None:
+        refuse_inside(out, logs)
     items, sharing = items_of(logs, rig)
     with running(on, workers) as runner:
         store = None

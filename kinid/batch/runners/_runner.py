@@ -23,6 +23,8 @@ Out = TypeVar("Out")
 TRIES = 3
 #: pause before another try, which grows with each [s]: a server that is busy is so for a while
 PAUSE = 0.2
+#: names folders of effects, as kinid.effects reads it
+VARIABLE = "KINID_EFFECTS"
 
 
 @dataclass(frozen=True)
@@ -86,9 +88,10 @@ def packed(do: Callable[[In], Out], item: In) -> bytes:
 
 def unpacked(task: bytes) -> Any:
     """What `attempt` says of a task that this program has packed; effects of a user's own are known to it before."""
-    from kinid.effects import catalogue
+    if os.environ.get(VARIABLE):
+        from kinid.effects import catalogue
 
-    catalogue()
+        catalogue()
     do, item = pickle.loads(task)  # from this program's own pipe or scheduler, never from a file
     with in_turn():
         return attempt(do, item)

@@ -55,7 +55,10 @@ class Dask(Runner):
                 suspects.append(place)
             else:
                 yield place, result
-        # by itself each: one that shared a worker with a poisoned one is none
+        if len(suspects) == 1:
+            yield suspects[0], _DIED
+            return
+        # each by itself: one that shared a worker with a poisoned one is none
         yield from self._windowed(do, items, suspects, 1)
 
     def _windowed(

@@ -231,7 +231,7 @@ def _believable(tried: PooledRefit, settings: DiagnosisSettings) -> bool:
     """
     pool, name = tried.pool, tried.effect.id
     held_out = HeldOut(pool)
-    inverse: Array = np.linalg.pinv(held_out.squares, hermitian=True)
+    inverse = np.asarray(np.linalg.pinv(held_out.squares, hermitian=True), np.float64)
     # what all logs share is the same in each
     numbers = range(len(pool)) if tried.effect.per_log else range(1)
     given = [(pool.alone[i], name, _values(pool, i), _errors_of(pool, held_out, inverse, i), settings) for i in numbers]
