@@ -17,6 +17,7 @@ from kinid.data.log import Log
 from kinid.data.rig import Rig
 from kinid.errors import InputError
 from kinid.identification.fit import FittedParameter, fit_model
+from kinid.memory import give_back
 from kinid.modeling.model import Model
 from kinid.writers import Column, Json
 
@@ -47,7 +48,10 @@ def work(job: Job, store: Store, item: Item) -> int:
     Raises:
         InputError: a log that can't be read, or can't carry the model.
     """
-    return _put(job, store, item, *item())
+    try:
+        return _put(job, store, item, *item())
+    finally:
+        give_back()  # or a worker grows from log to log
 
 
 def take_in(jobs: Sequence[Job], store: Store, item: Item) -> None:
@@ -59,6 +63,7 @@ def take_in(jobs: Sequence[Job], store: Store, item: Item) -> None:
     log, rig = item()
     for job in jobs:
         _put(job, store, item, log, rig)
+    give_back()
 
 
 def _put(job: Job, store: Store, item: Item, log: Log, rig: Rig) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from importlib.util import find_spec
 from typing import Any, final
@@ -11,6 +12,8 @@ from kinid.errors import InputError
 
 #: tasks on their way for each worker: the scheduler sees no more of a folder than that
 WINDOW = 4
+#: of another's scheduler no fewer: it may begin workers for what it sees
+FEWEST = 256
 #: how long a scheduler is waited for [s]
 PATIENCE = 20
 
@@ -45,12 +48,19 @@ class Dask(Runner):
             ) from None
         self.dashboard = self._client.dashboard_link
         if address:
-            self.workers = max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]))
+            self._count()
+
+    def _count(self) -> int:
+        """Tasks to have on their way, for as many workers as there are now."""
+        if self._cluster is not None:
+            return WINDOW * self.workers
+        self.workers = len(self._client.nthreads())
+        return max(FEWEST, WINDOW * self.workers)
 
     def run(self, do: Callable[[In], Out], items: Sequence[In]) -> Iterator[tuple[int, Out | Lost]]:
         """See `Runner`; the scheduler is given a few tasks at a time, however many there are."""
         suspects: list[int] = []
-        for place, result in self._windowed(do, items, range(len(items)), WINDOW * self.workers):
+        for place, result in self._windowed(do, items, range(len(items))):
             if isinstance(result, Lost) and result.why == _DIED.why:
                 suspects.append(place)
             else:
@@ -59,10 +69,10 @@ class Dask(Runner):
             yield suspects[0], _DIED
             return
         # each by itself: one that shared a worker with a poisoned one is none
-        yield from self._windowed(do, items, suspects, 1)
+        yield from self._windowed(do, items, suspects, one_by_one=True)
 
     def _windowed(
-        self, do: Callable[[In], Out], items: Sequence[In], places: Sequence[int], window: int
+        self, do: Callable[[In], Out], items: Sequence[In], places: Sequence[int], one_by_one: bool = False
     ) -> Iterator[tuple[int, Out | Lost]]:
         from distributed import as_completed
 
@@ -77,12 +87,16 @@ class Dask(Runner):
                 return
 
         try:
+            window, counted = 1 if one_by_one else self._count(), time.monotonic()
             for _ in range(window):
                 submit()
             for future in done:
                 place = under_way.pop(future)
                 yield place, _result(future)
-                submit()
+                if not one_by_one and time.monotonic() - counted > 1.0:
+                    window, counted = self._count(), time.monotonic()
+                for _ in range(window - len(under_way)):
+                    submit()
         finally:
             self._client.cancel(list(under_way))
 

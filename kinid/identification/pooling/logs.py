@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import secrets
-from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
@@ -87,22 +86,28 @@ class Problems:
 
 
 class _Kept:
-    """Problems that are kept, those of `MOST_SAMPLES` at most."""
+    """Problems that are kept, those of `MOST_SAMPLES` at most: the first ones and the last one.
+
+    Logs are visited in turn, again and again: were it the last ones, each would be gone when it is wanted.
+    """
 
     def __init__(self) -> None:
-        self._problems: OrderedDict[object, Problem] = OrderedDict()
+        self._problems: dict[int, Problem] = {}
+        self._owner = ""
 
-    def of(self, key: object, log: PooledLog, rest: RestForm | None) -> Problem:
-        problem = self._problems.pop(key, None)
+    def of(self, number: int, log: PooledLog, rest: RestForm | None, owner: str = "") -> Problem:
+        if owner != self._owner:
+            self._problems, self._owner = {}, owner
+        problem = self._problems.get(number)
         if problem is None:
             problem = Problem.build(log.load())
             # the draws that count are the problem's own, in means
             problem.whole.__dict__.pop("motion_draws", None)
         if rest is not None and rest != problem.whole.signals.rest:
             problem = problem.with_rest(rest)
-        self._problems[key] = problem
+        self._problems[number] = problem
         while len(self._problems) > 1 and sum(len(p.whole.signals) for p in self._problems.values()) > MOST_SAMPLES:
-            self._problems.popitem(last=False)
+            del self._problems[next(key for key in reversed(self._problems) if key != number)]
         return problem
 
 
@@ -110,7 +115,7 @@ class _Kept:
 _HERE = _Kept()
 
 
-def _there(task: tuple[object, PooledLog, RestForm, Callable[..., Out], tuple[Any, ...]]) -> Out:
+def _there(task: tuple[tuple[str, int], PooledLog, RestForm, Callable[..., Out], tuple[Any, ...]]) -> Out:
     """What one log says, worked out where its problem may still be kept."""
-    key, log, rest, do, more = task
-    return do(_HERE.of(key, log, rest), *more)
+    (owner, number), log, rest, do, more = task
+    return do(_HERE.of(number, log, rest, owner), *more)
