@@ -21,7 +21,7 @@ from kinid.errors import InputError, KinidError
 from kinid.identification.error_model import ErrorModel
 from kinid.identification.pooling.logs import PooledLog
 from kinid.identification.pooling.pool import Alone, Visit
-from kinid.identification.pooling.search import Begun, begin_one
+from kinid.identification.pooling.search import Begun, Progress, begin_one
 from kinid.identification.problem import Problem
 from kinid.modeling.model import Model
 
@@ -35,17 +35,16 @@ class ByRunner:
 
     Attributes:
         runner: who does it. store: where each log's own fit is kept, so that it isn't made twice; None for nowhere.
-        parts: name of each log → of its file there. progress: called with how many of how many logs were fitted.
+        parts: name of each log → of its file there.
     """
 
     runner: Runner
     store: Store | None = None
     parts: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    progress: Callable[[int, int, str], None] = lambda *_: None
 
     @classmethod
-    def of(cls, runner: Runner, store: Store | None, items: Sequence[Item], model: Model) -> ByRunner:
-        """For these logs and a model; a store serves one model."""
+    def of(cls, runner: Runner, store: Store | None, items: Sequence[Item]) -> ByRunner:
+        """For these logs; a store serves one model."""
         return cls(runner, store, {item.name: item.part(OWN, "npz") for item in items})
 
     def run(self, do: Callable[[In], Out], items: Sequence[In]) -> list[Out]:
@@ -60,14 +59,14 @@ class ByRunner:
             raise InputError(f"a log that was lost on the way ({lost.why})", "logs that stay", "start again")
         return [one for one in found if not isinstance(one, Lost)]
 
-    def begun(self, model: Model, logs: Sequence[PooledLog]) -> list[Begun | str]:
+    def begun(self, model: Model, logs: Sequence[PooledLog], progress: Progress) -> list[Begun | str]:
         """Each log fitted by itself, or why it can't be."""
         out: list[Begun | str] = [""] * len(logs)
         do = partial(_begun, model, self.store)
         tasks = [(log, self.parts.get(log.name, "")) for log in logs]
         for count, (place, one) in enumerate(self.runner.run(do, tasks), start=1):
             out[place] = one.why if isinstance(one, Lost) else dataclasses.replace(one, log=logs[place])
-            self.progress(count, len(logs), logs[place].name)
+            progress(f"fitting each log by itself, {count} of {len(logs)} done")
         return out
 
 
@@ -77,7 +76,7 @@ def _begun(model: Model, store: Store | None, task: tuple[PooledLog, str]) -> Be
     problem = Problem.build(log.load())
     if store is None:
         return begin_one(model, log, problem)
-    data = _found(store, part)
+    data = store.found(part)
     if data is not None:
         rest, visit, errors, held_out = _unpacked(data, model, problem)
         one = Begun.of(log, visit.state(problem.with_rest(rest)))
@@ -85,11 +84,6 @@ def _begun(model: Model, store: Store | None, task: tuple[PooledLog, str]) -> Be
     one = begin_one(model, log, problem)
     store.write(part, _packed(one.alone))
     return one
-
-
-def _found(store: Store, part: str) -> bytes | None:
-    folder, _, name = part.rpartition("/")
-    return store.read(part) if name in store.files(folder) else None
 
 
 def _packed(alone: Alone) -> bytes:

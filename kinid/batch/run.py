@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 import kinid
-from kinid.batch.jobs import Job, parquet, unparquet, work
+from kinid.batch.jobs import Job, parquet, work
 from kinid.batch.logs import Item
 from kinid.batch.runners import Lost, Runner
 from kinid.batch.store import Store
@@ -49,7 +49,7 @@ def run(job: Job, items: Sequence[Item], store: Store, runner: Runner, progress:
     claim(job.to_dict(), store, runner)
     files = store.files(job.kind)
     parts = {item.name: item.part(job.kind).removeprefix(f"{job.kind}/") for item in items}
-    sweep(job.kind, items, store)
+    sweep(job.kind, items, store, files)
     todo = [item for item in items if parts[item.name] not in files]
     done, aside = {}, dict[str, str]()
     for count, (place, result) in enumerate(
@@ -69,14 +69,6 @@ def run(job: Job, items: Sequence[Item], store: Store, runner: Runner, progress:
     return whole
 
 
-def tables(job: Job, items: Sequence[Item], store: Store) -> Iterator[tuple[Item, Json]]:
-    """Facts of each log that is done, in order, one in memory at a time."""
-    files = store.files(job.kind)
-    for item in items:
-        if item.part(job.kind).removeprefix(f"{job.kind}/") in files:
-            yield item, unparquet(store.read(item.part(job.kind)))[1]
-
-
 def claim(job: Json, store: Store, runner: Runner) -> None:
     """Make a store that of a job, or see that it is.
 
@@ -87,8 +79,8 @@ def claim(job: Json, store: Store, runner: Runner) -> None:
         raise InputError(
             f"{store.address} for workers in other processes", "a folder that they see", "use --on serial, or a folder"
         )
-    before = store.read_json(MANIFEST)
-    if before is None:
+    data = store.found(MANIFEST)
+    if data is None:
         if store.files():
             raise InputError(
                 f"files in {store.address}, and no {MANIFEST}",
@@ -96,16 +88,21 @@ def claim(job: Json, store: Store, runner: Runner) -> None:
                 "name another -o",
             )
         store.write(MANIFEST, _text({"job": job, "kinid": kinid.__version__}))
-    elif before.get("job") != job:
+        return
+    try:
+        before = json.loads(data)["job"]
+    except (ValueError, KeyError, TypeError, RecursionError):
+        before = f"no {MANIFEST} of kinid"
+    if before != job:
         raise InputError(
-            f"{store.address}, which holds {before.get('job')}", f"an empty folder, or one of {job}", "name another -o"
+            f"{store.address}, which holds {before}", f"an empty folder, or one of {job}", "name another -o"
         )
 
 
-def sweep(kind: str, items: Sequence[Item], store: Store) -> None:
+def sweep(kind: str, items: Sequence[Item], store: Store, files: Iterable[str]) -> None:
     """Take away tables of logs that have changed since: a log's own name ends its key."""
     there: dict[str, list[str]] = {}
-    for name in store.files(kind):
+    for name in files:
         there.setdefault(name.rpartition(".")[0].rpartition("-")[2], []).append(f"{kind}/{name}")
     for item in items:
         for name in there.get(item.key.rpartition("-")[2], []):

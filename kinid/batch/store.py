@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from kinid.errors import InputError
-from kinid.inputs import MOST_BYTES
 from kinid.writers import Json
 
 #: a file is there at once, or not at all: nothing is renamed there
@@ -57,21 +55,12 @@ class Store:
             out: bytes = system.cat_file(f"{root}/{name}")
             return out
 
-    def read_json(self, name: str) -> Json | None:
-        """What a file of JSON holds; None where there is none.
-
-        Raises:
-            InputError: no JSON in it.
-        """
-        if name not in self.files():
-            return None
-        try:
-            found = json.loads(self.read(name)[:MOST_BYTES])
-        except (ValueError, RecursionError):
-            found = None
-        if not isinstance(found, dict):
-            raise InputError(f"no JSON in {self.address}/{name}", "what kinid wrote there", "choose another -o")
-        return found
+    def found(self, name: str) -> bytes | None:
+        """The same; None where there is no such file."""
+        with _told(f"no way to read {self.address}/{name}", "a place that can be read"):
+            system, root = _system(self.address)
+            system.invalidate_cache()
+            return self.read(name) if system.exists(f"{root}/{name}") else None
 
     def files(self, folder: str = "") -> dict[str, Json]:
         """Files in a folder and below, by their names in it: size [bytes] and what else is known; hidden ones aren't

@@ -75,12 +75,12 @@ class Watch:
         whole = [item for item in new if now - self._since[item.key] >= SETTLED]
         jobs = Job("contact"), Job("fit", self.model)
         for job in jobs if whole else ():
-            sweep(job.kind, whole, self.store)
+            sweep(job.kind, whole, self.store, self.store.files(job.kind))
         for place, result in self.runner.run(partial(take_in, jobs, self.store), whole):
             item = whole[place]
             self._told[item.key] = result.why if isinstance(result, Lost) else self._facts(item)
             self.progress(item.name, self.said(item))
-        if whole or PAGE not in self.store.files():
+        if whole or self.store.found(PAGE) is None:
             told = [(item.name, self._told[item.key]) for item in self._there if item.key in self._told]
             self.store.write(PAGE, watch_page(self.folder, self.model, told, self.odd).encode())
         return len(whole)

@@ -141,4 +141,4 @@ def campaign_on(
         if out is not None:
             store = Store(address_of(out))
             claim({"kind": "pooled", "model": list(model.names)}, store, runner)
-        yield campaign_of(items, sharing, ByRunner.of(runner, store, items, model))
+        yield campaign_of(items, sharing, ByRunner.of(runner, store, items))

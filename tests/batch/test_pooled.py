@@ -36,7 +36,7 @@ def expected(logs: Path) -> kinid.CampaignDiagnosis:
 
 def by(made: Runner, logs: Path, store: Store | None = None) -> kinid.Campaign:
     items, sharing = items_of([logs])
-    return campaign_of(items, sharing, ByRunner.of(made, store, items, ASKED))
+    return campaign_of(items, sharing, ByRunner.of(made, store, items))
 
 
 def test_a_diagnosis_by_processes_is_the_same(logs: Path, processes: Runner, expected: kinid.CampaignDiagnosis) -> None:

@@ -12,9 +12,9 @@ import pytest
 from batch.tasks import MODEL, contents, write_logs
 
 import kinid
-from kinid.batch.jobs import Job
+from kinid.batch.jobs import Job, unparquet
 from kinid.batch.logs import items_of
-from kinid.batch.run import run, tables
+from kinid.batch.run import run
 from kinid.batch.runners import Runner, runner
 from kinid.batch.store import Store
 from kinid.errors import InputError
@@ -49,7 +49,8 @@ def test_other_workers_write_the_same_bytes(logs: Path, tmp_path: Path, processe
 def test_a_row_is_what_a_fit_of_that_log_says(logs: Path, tmp_path: Path) -> None:
     done_in(logs, tmp_path / "out", runner("serial"))
     items, _ = items_of([logs])
-    found = {item.name: facts["fit"] for item, facts in tables(FIT, items, Store(str(tmp_path / "out")))}
+    store = Store(str(tmp_path / "out"))
+    found = {item.name: unparquet(store.read(item.part("fit")))[1]["fit"] for item in items}
     log = kinid.read(logs / "poke_0_3.parquet")
     assert found["poke_0_3.parquet"] == kinid.Model(*MODEL).fit(log).to_dict()
     # one table for whoever reads the folder

@@ -19,7 +19,7 @@ def store(request: pytest.FixtureRequest, tmp_path: Path) -> Store:
 
 def test_what_is_written_is_read(store: Store) -> None:
     assert store.files() == {}
-    assert store.read_json("manifest.json") is None
+    assert store.found("manifest.json") is None
     store.write("a/shard=0/x.parquet", b"one")
     store.write("a/shard=0/x.parquet", b"other")
     store.write("manifest.json", b'{"job": 1}')
@@ -28,7 +28,7 @@ def test_what_is_written_is_read(store: Store) -> None:
     assert list(store.files("a")) == ["shard=0/x.parquet"]
     assert store.files("a")["shard=0/x.parquet"]["size"] == 5
     assert store.read("a/shard=0/x.parquet") == b"other"
-    assert store.read_json("manifest.json") == {"job": 1}
+    assert store.found("manifest.json") == b'{"job": 1}'
     with fetched(f"{store.address}/manifest.json") as path:
         assert path.read_bytes() == b'{"job": 1}'
     assert path.exists() != is_remote(store.address)

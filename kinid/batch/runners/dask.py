@@ -39,6 +39,7 @@ class Dask(Runner):
                 dashboard_address="127.0.0.1:0",
                 silence_logs=50,
                 security=_secret(),
+                preload=["kinid.batch.runners._quiet"],
             )
         try:
             self._client = Client(self._cluster or address, timeout=PATIENCE)

@@ -44,8 +44,8 @@ class Elsewhere(Protocol):
     def run(self, do: Callable[[In], Out], items: Sequence[In]) -> list[Out]:
         """Results for all items, in their order; `do` is a function of a module."""
 
-    def begun(self, model: Model, logs: Sequence[PooledLog]) -> list[Begun | str]:
-        """Each log fitted by itself, or why it can't be (`search.begin_one`)."""
+    def begun(self, model: Model, logs: Sequence[PooledLog], progress: Callable[[str], None]) -> list[Begun | str]:
+        """Each log fitted by itself, or why it can't be (`search.begin_one`); progress is told in words."""
 
 
 class Problems:

@@ -68,9 +68,7 @@ def begin(
         InputError: no log can carry it, or the only one can't.
     """
     out, aside, problems = [], dict[str, str](), Problems(logs)
-    if elsewhere is not None:
-        progress(f"fitting {len(logs)} logs, each by itself")
-    there = None if elsewhere is None else elsewhere.begun(model, logs)
+    there = None if elsewhere is None else elsewhere.begun(model, logs, progress)
     for number, log in enumerate(logs):
         if there is None:
             progress(f"fitting {log.name} by itself ({number + 1} of {len(logs)})")
