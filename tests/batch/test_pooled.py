@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import threading
 from pathlib import Path
 
 import pytest
@@ -39,22 +38,33 @@ def by(made: Runner, logs: Path, store: Store | None = None) -> kinid.Campaign:
     return campaign_of(items, sharing, ByRunner.of(made, store, items))
 
 
-def test_a_diagnosis_by_processes_is_the_same(logs: Path, processes: Runner, expected: kinid.CampaignDiagnosis) -> None:
-    found = by(processes, logs).diagnose(ASKED, max_effects=0)
+def test_a_diagnosis_by_processes_one_of_which_is_killed_is_the_same(
+    logs: Path, processes: Runner, expected: kinid.CampaignDiagnosis
+) -> None:
+    found = by(processes, logs).diagnose(ASKED, max_effects=0, progress=Kills(processes))
     # all sums are made in one order: not to 1e-12 but to the last digit
     assert json.dumps(found.to_dict()) == json.dumps(expected.to_dict())
     assert list(found.before.put_aside) == ["cut_off.parquet"]
 
 
+@pytest.mark.slow
 def test_a_fit_by_a_cluster_whose_worker_is_killed_is_the_same(
     logs: Path, cluster: Runner, expected: kinid.CampaignDiagnosis, tmp_path: Path
 ) -> None:
-    first = cluster.pids()[0]  # type: ignore[attr-defined]
-    timer = threading.Timer(0.5, os.kill, (first, signal.SIGKILL))
-    timer.start()
-    found = by(cluster, logs, Store(str(tmp_path))).fit(ASKED)
-    timer.join()
+    found = by(cluster, logs, Store(str(tmp_path))).fit(ASKED, progress=Kills(cluster))
     assert json.dumps(found.to_dict()) == json.dumps(expected.before.to_dict())
+
+
+class Kills:
+    """Kills a worker once, when the first log is fitted."""
+
+    def __init__(self, runner: Runner) -> None:
+        self.runner, self.done = runner, False
+
+    def __call__(self, words: str) -> None:
+        if not self.done:
+            self.done = True
+            os.kill(self.runner.pids()[0], signal.SIGKILL)  # type: ignore[attr-defined]
 
 
 def test_it_goes_on_from_fits_that_are_kept(

@@ -34,16 +34,20 @@ def done_in(logs: Path, out: Path, by: Runner, job: Job = FIT) -> dict[str, byte
     return contents(out)
 
 
-def test_other_workers_write_the_same_bytes(logs: Path, tmp_path: Path, processes: Runner, cluster: Runner) -> None:
+def test_other_workers_write_the_same_bytes(logs: Path, tmp_path: Path, processes: Runner) -> None:
     (logs / "cut_off.parquet").write_bytes((logs / "poke_0_0.parquet").read_bytes()[:900])
     whole = done_in(logs, tmp_path / "a", runner("serial"))
     assert done_in(logs, tmp_path / "b", processes) == whole
-    assert done_in(logs, tmp_path / "c", cluster) == whole
     manifest = json.loads(whole["manifest.json"])
     assert (manifest["logs"], manifest["done"], list(manifest["put_aside"])) == (6, 5, ["cut_off.parquet"])
     told = pq.read_table(tmp_path / "a" / "manifest.parquet").to_pylist()
     assert sum(bool(row["part"]) for row in told) == 5
     assert all((tmp_path / "a" / row["part"]).stat().st_size == row["bytes"] for row in told if row["part"])
+
+
+@pytest.mark.slow
+def test_a_cluster_writes_the_same_bytes(logs: Path, tmp_path: Path, cluster: Runner) -> None:
+    assert done_in(logs, tmp_path / "a", cluster) == done_in(logs, tmp_path / "b", runner("serial"))
 
 
 def test_a_row_is_what_a_fit_of_that_log_says(logs: Path, tmp_path: Path) -> None:

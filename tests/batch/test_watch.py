@@ -87,6 +87,7 @@ def test_it_goes_on_where_it_was(tmp_path: Path, clock: Clock) -> None:
         Watch(str(tmp_path / "logs"), None, ("hooke",), w.store, runner("serial")).begin()
 
 
+@pytest.mark.slow
 def test_a_kill_loses_nothing(tmp_path: Path, clock: Clock) -> None:
     write_logs(tmp_path / "logs", 3)
     words = ["watch", tmp_path / "logs", "--model", ",".join(MODEL), "--every", 0.05]
