@@ -28,7 +28,11 @@ On = Annotated[
     ),
 ]
 Workers = Annotated[
-    int | None, typer.Option(help="So many workers; default: as many as there are cores.", show_default=False)
+    int | None,
+    typer.Option(
+        help="So many workers, processes unless --on says otherwise; default: as many as there are cores.",
+        show_default=False,
+    ),
 ]
 Each = Annotated[
     bool, typer.Option("--each", help="Each log by itself, a row of a table each, into the folder -o; not one model.")
@@ -42,7 +46,7 @@ def running(on: str | None, workers: int | None) -> Iterator[Runner]:
     """A runner, its dashboard's address told."""
     from kinid.batch.runners import runner
 
-    with runner(on or "serial", workers) as made:
+    with runner(on or ("serial" if workers is None else "processes"), workers) as made:
         if made.dashboard:
             typer.echo(f"{made.workers} workers; dashboard at {made.dashboard}", err=True)
         yield made

@@ -70,10 +70,10 @@ class Dask(Runner):
             yield suspects[0], _DIED
             return
         # each by itself: one that shared a worker with a poisoned one is none
-        yield from self._windowed(do, items, suspects, one_by_one=True)
+        yield from self._windowed(do, items, suspects, single=True)
 
     def _windowed(
-        self, do: Callable[[In], Out], items: Sequence[In], places: Sequence[int], one_by_one: bool = False
+        self, do: Callable[[In], Out], items: Sequence[In], places: Sequence[int], single: bool = False
     ) -> Iterator[tuple[int, Out | Lost]]:
         from distributed import as_completed
 
@@ -88,13 +88,13 @@ class Dask(Runner):
                 return
 
         try:
-            window, counted = 1 if one_by_one else self._count(), time.monotonic()
+            window, counted = 1 if single else self._count(), time.monotonic()
             for _ in range(window):
                 submit()
             for future in done:
                 place = under_way.pop(future)
                 yield place, _result(future)
-                if not one_by_one and time.monotonic() - counted > 1.0:
+                if not single and time.monotonic() - counted > 1.0:
                     window, counted = self._count(), time.monotonic()
                 for _ in range(window - len(under_way)):
                     submit()
