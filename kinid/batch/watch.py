@@ -91,6 +91,16 @@ class Watch:
         found = {item.name: self._told.get(item.key) for item in self._there}
         return odd_values({name: _figures(facts) for name, facts in found.items() if isinstance(facts, dict)})
 
+    def to_dict(self) -> Json:
+        """What is known of all logs, for JSON."""
+        told = {item.name: self._told[item.key] for item in self._there if item.key in self._told}
+        return {
+            "model": list(self.model),
+            "logs": {name: facts for name, facts in told.items() if not isinstance(facts, str)},
+            "put_aside": {name: why for name, why in told.items() if isinstance(why, str)},
+            "odd": self.odd,
+        }
+
     def said(self, item: Item) -> str:
         """What there is to say of a log, in a line."""
         facts = self._told[item.key]

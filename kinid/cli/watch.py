@@ -32,6 +32,9 @@ def watch(
             "-o", "--out", help="Folder of tables and of the page; default: .kinid in the folder.", show_default=False
         ),
     ] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Fits of all logs, odd ones and why, written anew as logs come.")
+    ] = None,
     every: Annotated[float, typer.Option(help="Look for new logs so often [s].")] = 2.0,
     idle: Annotated[
         float | None, typer.Option(help="End when none has come for so long [s]; default: never.", show_default=False)
@@ -49,7 +52,9 @@ def watch(
     from kinid.batch.watch import PAGE, SETTLED, Watch
     from kinid.cli.batch import refuse_inside, running
     from kinid.cli.fit import parse_model
+    from kinid.writers import check_outputs, write_json
 
+    check_outputs((json_file,), ())
     chosen = parse_model(model)
     if not is_remote(folder) and not folder.is_dir():
         raise InputError(f"no folder {folder}", "a folder in which logs appear", "make it first, or correct the name")
@@ -63,10 +68,12 @@ def watch(
         made = Watch(address_of(folder), where, chosen.names, store, runner, _say)
         before = made.begin()
         typer.echo(f"watching {address_of(folder)}, {before} logs known; page {store.address}/{PAGE}")
-        last = time.monotonic()
+        last, fresh = time.monotonic(), True
         while True:
-            if made.look():
-                last = time.monotonic()
+            if made.look() or fresh:
+                last, fresh = time.monotonic(), False
+                if json_file is not None:
+                    write_json(json_file, made.to_dict())
             if idle is not None and time.monotonic() - last >= max(idle, SETTLED + every):
                 return
             time.sleep(every)

@@ -71,11 +71,15 @@ def test_a_map_is_the_same_far_away(run: Run, tmp_path: Path, bucket: str) -> No
 
 
 def test_a_watch_ends_when_nothing_comes(run: Run, logs: Path) -> None:
-    code, said, err = run("watch", logs, *WITH, "--every", 0.05, "--idle", 0)
+    facts = logs.parent / "watch.json"
+    code, said, err = run("watch", logs, *WITH, "--every", 0.05, "--idle", 0, "--json", facts)
     assert code == 0, err
     assert "0 logs known" in said
     assert said.count("the noise is 0.0") == 2
     assert (logs / ".kinid" / "watch.html").is_file()
+    found = json.loads(facts.read_text())
+    assert list(found["logs"]) == ["poke_0_0.parquet", "poke_0_1.parquet"]
+    assert (found["odd"], found["put_aside"]) == ({}, {})
 
 
 @pytest.mark.parametrize(
