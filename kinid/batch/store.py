@@ -117,7 +117,9 @@ def fetched(address: str) -> Iterator[Path]:
 def _system(address: str) -> tuple[Any, str]:
     """The system of files of an address, and the path in it."""
     if find_spec("fsspec") is None:
-        raise InputError(f"{address} without fsspec", "the library of remote folders", "pip install 'kinid[batch]'")
+        raise InputError(
+            f"{address} without fsspec", "the library that writes such folders", "pip install 'kinid[batch]'"
+        )
     from fsspec.core import url_to_fs
 
     try:
