@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import TypeVar
 
 import numpy as np
@@ -35,3 +36,14 @@ def parallel_map(do: Callable[[In], Out], items: Sequence[In]) -> list[Out]:
         return [quietly(item) for item in items]
     with ThreadPoolExecutor(min(cores, len(items)), initializer=lambda: setattr(_here, "busy", True)) as pool:
         return list(pool.map(quietly, items))
+
+
+@contextmanager
+def in_turn() -> Iterator[None]:
+    """Work inside of it is one of many things that go on at once: it makes no threads of its own."""
+    before = getattr(_here, "busy", False)
+    _here.busy = True
+    try:
+        yield
+    finally:
+        _here.busy = before

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,7 @@ from kinid.data.rig import Rig
 from kinid.errors import InputError
 from kinid.identification.fit import checked_experiment
 from kinid.identification.pooling.fit import fit_logs
-from kinid.identification.pooling.logs import PooledLog
+from kinid.identification.pooling.logs import Elsewhere, PooledLog
 from kinid.identification.pooling.result import PooledFit
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
@@ -29,13 +30,22 @@ Data = Log | ContactSeries
 
 
 @dataclass(frozen=True, eq=False)
-class _Member:
-    """One log: its name, columns, the name of its rig, and how it is read."""
+class Member:
+    """One log: its name, columns, the name of its rig, and how it is read, wherever that is done."""
 
     name: str
-    columns: Mapping[str, str]
+    columns: dict[str, str]
     rig: str
     data: Callable[[], tuple[Data, Rig | None]] = field(repr=False)
+
+    @classmethod
+    def of(cls, name: str, columns: Mapping[str, str], rig: Rig, data: Callable[[], tuple[Data, Rig | None]]) -> Member:
+        """A log of this rig; what that says is in its columns too."""
+        return cls(name, {**_columns(rig), **columns}, _key(rig), data)
+
+    def experiment(self, model: Model) -> Experiment:
+        """The log as a fit of a model takes it."""
+        return checked_experiment(model, *self.data())[0]
 
 
 class Campaign:
@@ -81,8 +91,20 @@ class Campaign:
                     f"{len(values)} values of column '{column}'", f"one for each of {len(self)} logs", "count them"
                 )
         added = [{column: str(values[i]) for column, values in (columns or {}).items()} for i in range(len(self))]
-        self._members = [_Member(m.name, {**m.columns, **more}, m.rig, m.data) for m, more in zip(self._members, added)]
+        self._members = [Member(m.name, {**m.columns, **more}, m.rig, m.data) for m, more in zip(self._members, added)]
         self.sharing = ways | dict(sharing or {})
+        self.elsewhere: Elsewhere | None = None
+
+    @classmethod
+    def of(cls, members: Sequence[Member], sharing: Mapping[str, str], elsewhere: Elsewhere | None = None) -> Campaign:
+        """Of logs that are named and read in a way of their own.
+
+        Args:
+            members, sharing: the logs, and how parameters are shared. elsewhere: where their visits are worked out.
+        """
+        out = object.__new__(cls)
+        out._members, out.sharing, out.elsewhere = list(members), dict(sharing), elsewhere
+        return out
 
     def __len__(self) -> int:
         return len(self._members)
@@ -101,7 +123,7 @@ class Campaign:
         Raises:
             InputError: no log that can carry the model.
         """
-        return fit_logs(model, self.logs(model), self.sharing_for(model), progress=progress)
+        return fit_logs(model, self.logs(model), self.sharing_for(model), progress=progress, elsewhere=self.elsewhere)
 
     def compare(
         self, models: Sequence[Model], *, reference: str | None = None, progress: Progress = lambda _: None
@@ -119,11 +141,7 @@ class Campaign:
 
     def logs(self, model: Model) -> list[PooledLog]:
         """The logs as a fit of this model takes them."""
-
-        def loader(member: _Member) -> Callable[[], Experiment]:
-            return lambda: checked_experiment(model, *member.data())[0]
-
-        return [PooledLog(m.name, loader(m), m.rig, m.columns) for m in self._members]
+        return [PooledLog(m.name, partial(m.experiment, model), m.rig, m.columns) for m in self._members]
 
     def sharing_for(self, model: Model) -> dict[str, str]:
         """What was asked of parameters that this model has; of others, other models of a comparison may have them."""
@@ -138,7 +156,7 @@ class Campaign:
         return named
 
 
-def _of_files(found: Sequence[Source], rig: Rig | None) -> list[_Member]:
+def _of_files(found: Sequence[Source], rig: Rig | None) -> list[Member]:
     rigs: dict[Path, Rig] = {}
     out = []
     for name, source in zip(names_of([source.path for source in found]), found):
@@ -148,14 +166,11 @@ def _of_files(found: Sequence[Source], rig: Rig | None) -> list[_Member]:
             rigs[file] = Rig.load(file) if source.rig is not None or file.is_file() else Rig()
         own = rig or rigs[file]
 
-        def data(path: Path = source.path, own: Rig = own) -> tuple[Data, Rig | None]:
-            return read(path, own), own
-
-        out.append(_Member(name, {**_columns(own), **source.columns}, _key(own), data))
+        out.append(Member.of(name, source.columns, own, partial(_read, source.path, own)))
     return out
 
 
-def _of_data(logs: Sequence[Data], rig: Rig | None) -> list[_Member]:
+def _of_data(logs: Sequence[Data], rig: Rig | None) -> list[Member]:
     out = []
     for i, log in enumerate(logs):
         if not isinstance(log, Log | ContactSeries):
@@ -164,12 +179,16 @@ def _of_data(logs: Sequence[Data], rig: Rig | None) -> list[_Member]:
             )
         own = rig if isinstance(log, Log) or log.source is None else log.source[1]
 
-        def data(log: Data = log, own: Rig | None = own) -> tuple[Data, Rig | None]:
-            return log, own if isinstance(log, Log) else None
-
-        known = own or Rig()
-        out.append(_Member(f"log {i + 1}", _columns(known), _key(known), data))
+        out.append(Member.of(f"log {i + 1}", {}, own or Rig(), partial(_given, log, own)))
     return out
+
+
+def _read(path: Path, rig: Rig) -> tuple[Data, Rig | None]:
+    return read(path, rig), rig
+
+
+def _given(log: Data, rig: Rig | None) -> tuple[Data, Rig | None]:
+    return log, rig if isinstance(log, Log) else None
 
 
 def _columns(rig: Rig) -> dict[str, str]:

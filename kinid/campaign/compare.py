@@ -77,7 +77,10 @@ def compare(
         raise InputError("no model to compare", "at least one", "name them with --model")
     widest = max(models, key=lambda model: (len(model.needs), "slip" in model.needs))
     logs = campaign.logs(widest)
-    fits = [fit_logs(model, logs, campaign.sharing_for(model), progress=progress) for model in models]
+    fits = [
+        fit_logs(model, logs, campaign.sharing_for(model), progress=progress, elsewhere=campaign.elsewhere)
+        for model in models
+    ]
     fits.sort(key=lambda fit: fit.by_log if np.isfinite(fit.by_log) else fit.error.held_out)
     names = [str(fit.model) for fit in fits]
     against = fits[reference_place(names, reference)]

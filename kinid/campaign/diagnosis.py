@@ -18,9 +18,9 @@ from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.effects import get
 from kinid.identification.fit import FittedParameter
 from kinid.identification.lack_of_fit import error_rows
-from kinid.identification.pooling.fit import fit_logs
-from kinid.identification.pooling.held_out import LogState
+from kinid.identification.pooling.held_out import LogState, Steps
 from kinid.identification.pooling.result import PooledFit
+from kinid.identification.state import State
 from kinid.identification.whole import held_out_residual
 from kinid.modeling.model import Model
 from kinid.residuals import Cell
@@ -128,7 +128,7 @@ def diagnose(
         InputError: no log that can carry the model.
     """
     settings = dataclasses.replace(settings or DiagnosisSettings(), max_effects=max_effects)
-    before = fit_logs(model, campaign.logs(model), campaign.sharing_for(model), progress=progress)
+    before = campaign.fit(model, progress=progress)
     with threadpool_limits(1, user_api="blas"):
         found = select(before, settings, progress)
         progress("what each log shows")
@@ -257,14 +257,16 @@ def _where(fit: PooledFit) -> tuple[Cell, ...]:
     """Parts of logs that hold most of the error, each a share of that of all logs."""
     found: list[tuple[float, Cell]] = []
     total = 0.0
-    for number, log in enumerate(fit.pool.problems.logs):
-        state = fit.pool.state(number)
-        whole = state.problem.whole
-        residual = held_out_residual(LogState.made(state, fit.held_out.by_block(number)))
-        squares = float(np.nansum(residual[error_rows(whole)] ** 2))
+    given = [(fit.held_out.by_block(number),) for number in range(len(fit.pool))]
+    for log, (squares, cells) in zip(fit.pool.problems.logs, fit.pool.visits(_cells, given)):
         total += squares
-        for cell in where(whole, residual, whole.noise):
-            named = dataclasses.replace(cell, says=f"{log.name}: {cell.says}")
-            found.append((squares, named))
+        found += [(squares, dataclasses.replace(cell, says=f"{log.name}: {cell.says}")) for cell in cells]
     told = [dataclasses.replace(cell, share=cell.share * squares / max(total, 1e-300)) for squares, cell in found]
     return tuple(sorted(told, key=lambda cell: -cell.share)[:MOST_CELLS])
+
+
+def _cells(state: State, by_block: Steps) -> tuple[float, list[Cell]]:
+    """Squares of the error of a log, and its parts."""
+    whole = state.problem.whole
+    residual = held_out_residual(LogState.made(state, by_block))
+    return float(np.nansum(residual[error_rows(whole)] ** 2)), list(where(whole, residual, whole.noise))

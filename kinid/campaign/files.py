@@ -41,6 +41,10 @@ class Source:
     columns: dict[str, str] = field(default_factory=dict)
 
 
+class NoLogs(InputError):
+    """A folder without logs: they may still come."""
+
+
 def is_campaign(paths: Sequence[Path]) -> bool:
     """Whether paths name many logs, or one place that holds them, and not just one log."""
     if len(paths) != 1:
@@ -92,7 +96,7 @@ def _in_folder(folder: Path) -> list[Path]:
         and not any(part.startswith(".") or part in NO_LOGS for part in path.relative_to(folder).parts)
     )
     if not found:
-        raise InputError(f"no logs in {folder}", f"files ending in {', '.join(SUFFIXES)}", "name another folder")
+        raise NoLogs(f"no logs in {folder}", f"files ending in {', '.join(SUFFIXES)}", "name another folder")
     return found
 
 

@@ -25,6 +25,7 @@ from kinid.cli import (
     picture,
     plan,
     view,
+    watch,
 )
 from kinid.cli import map as map_command
 from kinid.cli.ending import ended
@@ -77,6 +78,7 @@ for name, function, examples, short in (
     ("compare", compare.compare, compare.EXAMPLES, "Models side by side on samples held out."),
     ("diagnose", diagnose.diagnose, diagnose.EXAMPLES, "Where a model fails, and what it lacks."),
     ("lab", lab.lab, lab.EXAMPLES, "Virtual experiments whose truth is known."),
+    ("watch", watch.watch, watch.EXAMPLES, "Logs taken in as they appear in a folder."),
     ("live", live.live, live.EXAMPLES, "A robot's stream as it comes: contact frame, estimates, events."),
     ("changes", changes.changes, changes.EXAMPLES, "Borders and jumps along slides."),
     ("map", map_command.map_, map_command.EXAMPLES, "Touches to a map of properties."),

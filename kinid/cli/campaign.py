@@ -15,6 +15,7 @@ from kinid.cli.show import console, written
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
+    from kinid.campaign import Campaign
     from kinid.campaign.compare import CampaignComparison
     from kinid.campaign.diagnosis import CampaignDiagnosis
     from kinid.identification.pooling.result import PooledFit
@@ -25,11 +26,30 @@ Progress = Callable[[str], None]
 MOST_ROWS, MOST_NUMBERS = 40, 4
 
 
-def is_campaign(logs: Sequence[Path]) -> bool:
-    """Whether paths name many logs."""
-    from kinid.campaign.files import is_campaign as several
+def is_many(logs: Sequence[Path]) -> bool:
+    """Whether paths and addresses name many logs."""
+    from kinid.batch.logs import is_many as several
 
     return several(logs)
+
+
+@contextmanager
+def _campaign(
+    logs: Sequence[Path], rig: Path | None, out: Path | None, on: str | None, workers: int | None, model: Model
+) -> Iterator[Campaign]:
+    """The logs as one; by a runner where one is named, or they are far away."""
+    from kinid.batch.store import is_remote
+
+    if on is None and workers is None and not any(map(is_remote, logs)):
+        from kinid.campaign import Campaign
+
+        refuse_table(out)
+        yield Campaign(list(logs), rig)
+        return
+    from kinid.cli.batch import campaign_on
+
+    with campaign_on(logs, rig, out, on, workers, model) as campaign:
+        yield campaign
 
 
 @contextmanager
@@ -46,16 +66,21 @@ def watched() -> Iterator[Progress]:
 
 
 def fit_campaign(
-    logs: Sequence[Path], model: Model, rig: Path | None, json_file: Path | None, plot: Path | None, out: Path | None
+    logs: Sequence[Path],
+    model: Model,
+    rig: Path | None,
+    json_file: Path | None,
+    plot: Path | None,
+    out: Path | None,
+    on: str | None = None,
+    workers: int | None = None,
 ) -> None:
     """`kinid fit` of many logs."""
-    from kinid.campaign import Campaign
     from kinid.writers import check_outputs, write_text
 
-    refuse_table(out)
     check_outputs((plot, json_file), (*[log for log in logs if log.is_file()], rig))
-    with watched() as progress:
-        result = Campaign(list(logs), rig).fit(model, progress=progress)
+    with _campaign(logs, rig, out, on, workers, model) as campaign, watched() as progress:
+        result = campaign.fit(model, progress=progress)
     if json_file is not None:
         write_text(json_file, json.dumps(result.to_dict(), indent=2, allow_nan=False) + "\n")
     if plot is not None:
@@ -128,15 +153,15 @@ def diagnose_campaign(
     report: Path | None,
     out: Path | None,
     max_effects: int,
+    on: str | None = None,
+    workers: int | None = None,
 ) -> None:
     """`kinid diagnose` of many logs."""
-    from kinid.campaign import Campaign
     from kinid.writers import check_outputs, write_text
 
-    refuse_table(out)
     check_outputs((report, json_file), (*[log for log in logs if log.is_file()], rig))
-    with watched() as progress:
-        result = Campaign(list(logs), rig).diagnose(model, max_effects=max_effects, progress=progress)
+    with _campaign(logs, rig, out, on, workers, model) as campaign, watched() as progress:
+        result = campaign.diagnose(model, max_effects=max_effects, progress=progress)
     if json_file is not None:
         write_text(json_file, json.dumps(result.to_dict(), indent=2, allow_nan=False) + "\n")
     if report is not None:
@@ -177,7 +202,7 @@ def refuse_table(out: Path | None) -> None:
     """Refuse a table of readings, which is of one log."""
     if out is not None:
         raise InputError(
-            f"-o {out} for many logs", "a table of one log's readings", "fit that log alone, or use --json"
+            f"-o {out} for many logs", "a table of one log's readings", "fit that log alone, use --json, or --on"
         )
 
 

@@ -37,7 +37,8 @@ def compare(
     plot: PlotFile = None,
 ) -> None:
     """Models by their error on samples that their fits have not seen, with paired differences."""
-    from kinid.cli.campaign import compare_campaign, is_campaign
+    from kinid.campaign.files import is_campaign
+    from kinid.cli.campaign import compare_campaign
     from kinid.cli.contact import rig_path
     from kinid.cli.fit import data_for, parse_model
     from kinid.writers import check_outputs, write_json, write_text

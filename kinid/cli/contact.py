@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from kinid.cli.options import LogFile, PlotFile, RigFile
+from kinid.cli.batch import On, Workers
+from kinid.cli.options import LogFiles, PlotFile, RigFile
 from kinid.errors import InputError, near
 
 if TYPE_CHECKING:
@@ -25,14 +26,19 @@ kinid contact poke.parquet --rig rig.toml -o contact.parquet
 kinid contact poke.csv --plot poke.html
 
 kinid contact touches.bag --rig rig.toml --find-surface
+
+kinid contact tuesday -o frames --on dask             (a folder of logs, a folder of tables)
 """
 
 
 # as long as its options and their help
 def contact(
-    log: LogFile,
+    logs: LogFiles,
     rig: RigFile = None,
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="Table to write: .parquet, .csv or .npz.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("-o", "--out", help="Table to write: .parquet, .csv or .npz; of many logs a folder of tables."),
+    ] = None,
     plot: PlotFile = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Summary and provenance to write as JSON.")] = None,
     bias: Annotated[str, typer.Option(help="Sensor bias: auto (the rig's, else free motion) or none.")] = "auto",
@@ -52,6 +58,8 @@ def contact(
     trust_wrench: Annotated[
         bool, typer.Option("--trust-wrench", help="Don't ask whether gravity contradicts the wrench.")
     ] = False,
+    on: On = None,
+    workers: Workers = None,
 ) -> None:
     """Raw log to contact-frame quantities: depth, slip and forces in the frame of the surface.
 
@@ -60,6 +68,13 @@ def contact(
     """
     if bias not in ("auto", "none"):
         raise InputError(f"--bias {bias}", "auto or none", near(bias, ("auto", "none")))
+    from kinid.cli.campaign import is_many
+
+    if on is not None or workers is not None or is_many(logs):
+        given = plot or find_surface or compensate or trust_wrench or bias != "auto" or bandwidth is not None
+        many_contacts(logs, rig, out, json_file, on, workers, bool(given))
+        return
+    (log,) = logs
     from kinid.signal.derivative import Differentiator
     from kinid.writers import check_outputs, check_table_name, write_json, write_table, write_text
 
@@ -103,6 +118,26 @@ def contact(
     if compensated is not None:
         typer.echo(compensated.line())
     written((out, plot, json_file))
+
+
+def many_contacts(
+    logs: list[Path],
+    rig: Path | None,
+    out: Path | None,
+    json_file: Path | None,
+    on: str | None,
+    workers: int | None,
+    given: bool,
+) -> None:
+    """Contact-frame quantities of many logs."""
+    from kinid.batch.jobs import Job
+    from kinid.cli.batch import each_log
+
+    if given:
+        raise InputError(
+            "options of one log for many", "--rig, -o, --json, --on and --workers", "leave them out, or name one log"
+        )
+    each_log(Job("contact"), logs, rig, out, on, workers, json_file)
 
 
 def _compensated(result: Analysis, log: Log, rig: Rig, fit: Path) -> Compensated:

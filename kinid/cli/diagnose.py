@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kinid.cli import complete
+from kinid.cli.batch import Each, On, Workers
 from kinid.cli.options import LogFilesOrNone, ModelText, RigFile
 
 if TYPE_CHECKING:
@@ -36,7 +37,12 @@ def diagnose(
     rig: RigFile = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="The diagnosis to write as JSON.")] = None,
     report: Annotated[Path | None, typer.Option(help="Report to write: one offline HTML file.")] = None,
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="Table of readings, measured and predicted.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--out", help="Table of readings, measured and predicted; of many logs a folder that keeps fits."
+        ),
+    ] = None,
     add: Annotated[
         list[str] | None,
         typer.Option(
@@ -59,6 +65,9 @@ def diagnose(
             autocompletion=complete.effect,
         ),
     ] = None,
+    each: Each = False,
+    on: On = None,
+    workers: Workers = None,
 ) -> None:
     """Compare a model with the measurement: where it fails, what is missing, the error with it, and what to measure
     next.
@@ -66,7 +75,7 @@ def diagnose(
     if explain is not None:
         explained(explain)
         return
-    from kinid.cli.campaign import diagnose_campaign, is_campaign
+    from kinid.cli.campaign import diagnose_campaign, is_many
     from kinid.cli.contact import load, rig_path
     from kinid.cli.fit import parse_model
     from kinid.errors import InputError
@@ -81,12 +90,20 @@ def diagnose(
         )
     chosen = parse_model(model)
     refuse_names(expand_names(add or [], chosen), chosen, max_effects)
-    if is_campaign(logs):
+    if each or on is not None or workers is not None or is_many(logs):
         if add or tolerance is not None:
             raise InputError(
                 "--add or --tolerance for many logs", "neither", "put the effect into --model, or leave it"
             )
-        diagnose_campaign(logs, chosen, rig, json_file, report, out, max_effects)
+        if each:
+            from kinid.batch.jobs import Job
+            from kinid.cli.batch import each_log
+            from kinid.cli.fit import refuse_page
+
+            refuse_page(report)
+            each_log(Job("diagnose", chosen.names, max_effects), logs, rig, out, on, workers, json_file)
+        else:
+            diagnose_campaign(logs, chosen, rig, json_file, report, out, max_effects, on, workers)
         return
     (log,) = logs
     if out is not None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from kinid.cli.batch import Each, On, Workers
 from kinid.cli.options import LogFiles, ModelText, PlotFile, RigFile, names
 from kinid.errors import InputError
 
@@ -30,6 +31,8 @@ kinid fit motion.npz --model rigid-body,joint-torque-offset,joint-coulomb-fricti
 kinid fit tester.csv --model hunt-crossley          (t, depth, normal_force: needs no rig)
 
 kinid fit tuesday/*.parquet --model kelvin-voigt,surface-offset --json shared.json
+
+kinid fit s3://lab/tuesday --model kelvin-voigt --each -o fits --on dask
 """
 
 
@@ -39,16 +42,31 @@ def fit(
     rig: RigFile = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Estimates to write as JSON.")] = None,
     plot: PlotFile = None,
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="Table of measured and predicted readings.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--out", help="Table of measured and predicted readings; of many logs a folder that keeps fits."
+        ),
+    ] = None,
+    each: Each = False,
+    on: On = None,
+    workers: Workers = None,
 ) -> None:
     """Estimates with 95 % intervals, the error on samples seen and unseen, and what to doubt."""
-    from kinid.cli.campaign import fit_campaign, is_campaign
+    from kinid.cli.campaign import fit_campaign, is_many
     from kinid.cli.contact import rig_path
     from kinid.writers import check_outputs, check_table_name, write_json, write_table, write_text
 
     chosen = parse_model(model)
-    if is_campaign(logs):
-        fit_campaign(logs, chosen, rig, json_file, plot, out)
+    if each:
+        from kinid.batch.jobs import Job
+        from kinid.cli.batch import each_log
+
+        refuse_page(plot)
+        each_log(Job("fit", chosen.names), logs, rig, out, on, workers, json_file)
+        return
+    if on is not None or workers is not None or is_many(logs):
+        fit_campaign(logs, chosen, rig, json_file, plot, out, on, workers)
         return
     (log,) = logs
     if out is not None:
@@ -73,6 +91,12 @@ def fit(
     for line in alike(result):  # what is open stands among the fit's own doubts
         typer.echo(f"doubt: {line}")
     written((out, plot, json_file))
+
+
+def refuse_page(page: Path | None) -> None:
+    """Refuse a page, which is of one log or of one model."""
+    if page is not None:
+        raise InputError(f"{page} with --each", "no page: there is one model for each log", "leave it out")
 
 
 def parse_model(text: str) -> Model:

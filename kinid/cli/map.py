@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kinid.cli import complete
+from kinid.cli.batch import On, Workers, running
 from kinid.cli.options import check_map_name, check_method, names
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
+    from kinid.batch.runners import Runner
     from kinid.mapping.probes import Prober
     from kinid.mapping.property_map import PropertyMap
 
@@ -70,22 +72,28 @@ def map_(
         Path | None, typer.Option("--json", help="Probes, ranges and left-out errors to write as JSON.")
     ] = None,
     anew: Annotated[bool, typer.Option("--anew", help="Don't go on with a map that is there.")] = False,
+    on: On = None,
+    workers: Workers = None,
 ) -> None:
     """Logs of touches to a map of stiffness, damping … over the surface, with covariance; started again, it goes on."""
+    from kinid.batch.probing import found_in
+    from kinid.batch.store import address_of, is_remote
     from kinid.cli.show import written
     from kinid.cli.show_map import in_map, map_facts, show_map
-    from kinid.mapping.probes import logs_in
     from kinid.mapping.property_map import PropertyMap
     from kinid.writers import check_outputs, write_json, write_text
 
     check_method(method)
     _check(out, follow, cell, export)
-    found = logs_in(logs)
-    rig_file = rig or (logs[0] if logs[0].is_dir() else logs[0].parent) / "rig.toml"
-    check_outputs((out, plot, json_file), (rig_file, *found))
+    given = [address_of(log) for log in logs]
+    found = found_in(given)
+    folder = logs[0] if logs[0].is_dir() or (is_remote(logs[0]) and found[0] != given[0]) else logs[0].parent
+    rig_file = rig or folder / "rig.toml"
+    check_outputs((out, plot, json_file), [rig_file, *map(Path, found)])
     prober = _prober(rig_file, model, along, cell)
     start = PropertyMap.read(out) if out.is_file() and not anew else None
-    grown, skipped = _grow(logs, found, prober, start, out, follow)
+    with running(on, workers) as runner:
+        grown, skipped = _grow(given, found, prober, start, out, follow, runner)
     if plot is not None:
         from kinid.mapping.map_page import map_page
 
@@ -122,11 +130,12 @@ def _check(out: Path, follow: float, cell: float | None, export: Path | None) ->
 
 def _prober(rig: Path, model: str, along: float, cell: float | None) -> Prober:
     """What fits the model to each touch on the rig's surface."""
-    from kinid.data.rig import Rig
+    from kinid.batch.logs import rig_of
+    from kinid.batch.store import address_of
     from kinid.mapping.probes import Prober
     from kinid.robotics.surface import Mesh
 
-    prober = Prober.of(Rig.load(rig), names(model), along)
+    prober = Prober.of(rig_of(address_of(rig), needed=True), names(model), along)
     if cell is not None and isinstance(prober.surface, Mesh):
         raise InputError(
             f"--cell {cell} for a mesh", "a plane; a mesh has a patch for each of its faces", "leave --cell out"
@@ -135,22 +144,32 @@ def _prober(rig: Path, model: str, along: float, cell: float | None) -> Prober:
 
 
 def _grow(
-    logs: list[Path], found: list[Path], prober: Prober, start: PropertyMap | None, out: Path, follow: float
+    logs: list[str],
+    found: list[str],
+    prober: Prober,
+    start: PropertyMap | None,
+    out: Path,
+    follow: float,
+    runner: Runner,
 ) -> tuple[PropertyMap, dict[str, str]]:
     """The map with all probes that come while it is waited, written as it grows; and logs left out, with the reason.
 
     Args:
         logs: files and folders. found: logs in them at first. start: a map to go on with. out: file of the map.
-        follow: how long to wait for a log that is still to come [s].
+        follow: how long to wait for a log that is still to come [s]. runner: who makes the probes.
     """
-    from kinid.mapping.probes import build, expected, logs_in
+    from functools import partial
+
+    from kinid.batch.probing import found_in, probed
+    from kinid.mapping.probes import build, expected
 
     grown, skipped, last = start, dict[str, str](), 0.0
     quiet_since = time.monotonic()
     while True:
         before = len(grown) if grown is not None else 0
-        todo = [path for path in found if str(path) not in skipped]
-        for latest in build(todo, prober, grown, lambda path, why: skipped.update({str(path): why})):
+        todo = [path for path in found if path not in skipped]
+        told = partial(probed, runner, prober)
+        for latest in build(todo, prober, grown, lambda path, why: skipped.update({path: why}), told):
             grown = latest
             if time.monotonic() - last > EVERY:
                 grown.write(out)
@@ -158,11 +177,11 @@ def _grow(
         if grown is not None and (len(grown) > before or not out.is_file()):
             grown.write(out)
             quiet_since = time.monotonic()
-        total = expected(logs)
+        total = expected([Path(log) for log in logs])
         if (total is not None and len(found) >= total) or time.monotonic() - quiet_since >= follow:
             break
         time.sleep(min(0.5, follow))
-        found = logs_in(logs)
+        found = found_in(logs)
     if grown is None or not len(grown):
         why = next(iter(skipped.values()), "no log yet")
         raise InputError(

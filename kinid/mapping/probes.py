@@ -24,6 +24,8 @@ from kinid.robotics.surface import Mesh, Plane
 from kinid.robotics.surface import load as load_surface
 
 Array = NDArray[np.float64]
+#: properties of a log, and a probe for each touch
+Found = tuple[tuple[Property, ...], list[Probe]]
 
 #: a touch that is interrupted for less is one touch; a shorter one is a knock [s]
 JOINED, SHORTEST = 0.1, 0.2
@@ -129,7 +131,7 @@ class Prober:
         """Of the model."""
         return str(self.model)
 
-    def probes(self, path: Path) -> tuple[tuple[Property, ...], list[Probe]]:
+    def probes(self, path: Path) -> Found:
         """Of a log in a file: its properties, and a probe for each touch.
 
         Raises:
@@ -138,7 +140,15 @@ class Prober:
         log = read(path, self.rig, robot=self.robot)
         return self.of_log(log, str(path))
 
-    def of_log(self, log: Log, source: str) -> tuple[tuple[Property, ...], list[Probe]]:
+    def each(self, sources: Sequence[str]) -> Iterator[tuple[str, Found | str]]:
+        """The same of many files, or why one has none."""
+        for source in sources:
+            try:
+                yield source, self.probes(Path(source))
+            except KinidError as error:
+                yield source, str(error)
+
+    def of_log(self, log: Log, source: str) -> Found:
         """The same of a log in memory."""
         touch = contact_series(log, self.rig, robot=self.robot)
         spans = touches(touch)
@@ -220,16 +230,18 @@ class Prober:
 
 
 def build(
-    paths: Sequence[Path],
+    paths: Sequence[Path | str],
     prober: Prober,
     start: PropertyMap | None = None,
-    skipped: Callable[[Path, str], None] | None = None,
+    skipped: Callable[[str, str], None] | None = None,
+    elsewhere: Callable[[Sequence[str]], Iterator[tuple[str, Found | str]]] | None = None,
 ) -> Iterator[PropertyMap]:
     """The map as it grows, log by log; logs that `start` holds already are passed over.
 
     Args:
         paths: of logs. prober: fits them. start: a map to go on with. skipped: told of logs that can't be used, and
-            why; without it, such a log ends it.
+            why; without it, such a log ends it. elsewhere: gives the probes of each log in order, or why it has none;
+            default: they are made here.
 
     Raises:
         InputError: as `Prober.probes`; or a start that has another surface, model or properties.
@@ -242,17 +254,18 @@ def build(
         )
     grown = start
     there = set() if start is None else {p.source.split("#")[0] for p in start.probes}
-    for path in paths:
-        if str(path) in there:
-            continue
+    todo = [str(path) for path in paths if str(path) not in there]
+    for source, found in (elsewhere or prober.each)(todo):
         try:
-            properties, probes = prober.probes(path)
+            if isinstance(found, str):
+                raise KinidError(found)
+            properties, probes = found
             empty = PropertyMap(prober.surface, properties, (), prober.name) if grown is None else grown
             grown = empty.added(*probes)
         except KinidError as error:
             if skipped is None:
                 raise
-            skipped(path, str(error))
+            skipped(source, str(error))
             continue
         yield grown
 

@@ -14,15 +14,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.diagnosis.acceptance import compare_states
+from kinid.diagnosis.acceptance import Evidence, compare_states
 from kinid.diagnosis.pooling.screening import PooledCandidate
 from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.effects import Effect
-from kinid.identification.nuisance import nuisances
-from kinid.identification.pooling.held_out import HeldOut, LogState
+from kinid.identification.nuisance import Nuisance, nuisances
+from kinid.identification.pooling.held_out import HeldOut, LogState, Steps
 from kinid.identification.pooling.normals import Normals
-from kinid.identification.pooling.pool import Alone, Pool
+from kinid.identification.pooling.pool import Alone, Pool, Visit
 from kinid.identification.pooling.search import Begun, assemble, descend
+from kinid.identification.problem import Problem
 from kinid.identification.solver import ROUGH_GAIN
 from kinid.identification.state import fixed_parameters, prior_precision
 from kinid.modeling.applicability import amplitudes, base_of
@@ -76,52 +77,57 @@ def enlarged(pool: Pool, effect: Effect, starts: Sequence[Array]) -> Pool:
     """The pool's model with one more effect, begun at these values of its parameters in each log, and not yet
     searched.
     """
-    begun = []
+    models, values = [], []
     for number, alone in enumerate(pool.alone):
         larger = alone.model + effect
         begin = larger.place(effect.id, alone.layout).start
         names = list(larger.parameters(alone.layout))
-        place = pool.coordinates(number)
-        values = place[: len(alone.values)] * pool.at[number].scale[: len(alone.values)]
-        own = dict(zip(names, np.insert(values, begin, starts[number])))
-        begun.append(_begun(pool, number, larger, own))
-    return _searched_from(pool, pool.model + effect, begun)
+        own = dict(zip(names, np.insert(_values(pool, number), begin, starts[number])))
+        models.append(larger)
+        values.append(own)
+    return _searched_from(pool, pool.model + effect, _begun(pool, models, values))
 
 
 def reduced_by(pool: Pool, name: str) -> Pool:
     """The pool's model without an effect, searched from where it is."""
-    begun = []
-    for number, alone in enumerate(pool.alone):
-        place = pool.coordinates(number)
-        own = dict(zip(alone.names, place[: len(alone.values)] * pool.at[number].scale[: len(alone.values)]))
-        begun.append(_begun(pool, number, alone.model - name, own))
-    return descend(_searched_from(pool, pool.model - name, begun), ROUGH_GAIN)
+    models = [alone.model - name for alone in pool.alone]
+    values = [dict(zip(alone.names, _values(pool, number))) for number, alone in enumerate(pool.alone)]
+    return descend(_searched_from(pool, pool.model - name, _begun(pool, models, values)), ROUGH_GAIN)
 
 
-def _begun(pool: Pool, number: int, model: Model, own: Mapping[str, float]) -> Begun:
-    """A log with another model, at these values of its parameters."""
-    alone, log = pool.alone[number], pool.problems.logs[number]
-    problem = pool.problems.of(number, alone.rest)
+def _values(pool: Pool, number: int) -> Array:
+    """A log's parameters, (p,)."""
+    p = len(pool.alone[number].values)
+    return pool.coordinates(number)[:p] * pool.at[number].scale[:p]
+
+
+def _opened(problem: Problem, model: Model) -> tuple[tuple[Nuisance, ...], Array, Array]:
+    """What calibration leaves open of a log beside a model, precision of all directions, and values that it shows."""
     open_ = nuisances(model, problem.experiment.signals)
-    known = dict(zip([(n.effect.id, n.index) for n in alone.open_], pool.coordinates(number)[len(alone.values) :]))
-    shift = np.array([known.get((n.effect.id, n.index), 0.0) for n in open_])
-    values = np.array([own[name] for name in model.parameters(alone.layout)])
-    here = Alone(
-        model,
-        alone.layout,
-        values,
-        np.full(len(values), np.inf),
-        open_,
-        shift,
-        pool.error[number],
-        alone.rest,
-        alone.held_out,
-    )
-    prior = prior_precision(model, problem, len(open_))
-    # squares that weigh all logs alike: what they share has one value already
-    d = len(values) + len(open_)
-    flat = Normals(np.eye(d), np.zeros(d), 0.0, (np.eye(d), np.eye(d)), (np.zeros(d), np.zeros(d)), 1.0)
-    return Begun(log, here, flat, prior, fixed_parameters(model, problem))
+    return open_, prior_precision(model, problem, len(open_)), fixed_parameters(model, problem)
+
+
+def _begun(pool: Pool, models: Sequence[Model], values: Sequence[Mapping[str, float]]) -> list[Begun]:
+    """The logs with other models, at these values of their parameters."""
+    found = pool.problems.each(_opened, [(model,) for model in models], [alone.rest for alone in pool.alone])
+    out = []
+    for number, (alone, model, (open_, prior, held)) in enumerate(zip(pool.alone, models, found)):
+        places = pool.coordinates(number)[len(alone.values) :]
+        known = dict(zip([(n.effect.id, n.index) for n in alone.open_], places))
+        here = dataclasses.replace(
+            alone,
+            model=model,
+            values=(own := np.array([values[number][name] for name in model.parameters(alone.layout)])),
+            errors=np.full(len(own), np.inf),
+            open_=open_,
+            shift=np.array([known.get((n.effect.id, n.index), 0.0) for n in open_]),
+            error=pool.error[number],
+        )
+        # squares that weigh all logs alike: what they share has one value already
+        d = len(own) + len(open_)
+        flat = Normals(np.eye(d), np.zeros(d), 0.0, (np.eye(d), np.eye(d)), (np.zeros(d), np.zeros(d)), 1.0)
+        out.append(Begun(pool.problems.logs[number], here, flat, prior, held))
+    return out
 
 
 def _searched_from(pool: Pool, model: Model, begun: Sequence[Begun]) -> Pool:
@@ -130,7 +136,7 @@ def _searched_from(pool: Pool, model: Model, begun: Sequence[Begun]) -> Pool:
     out = assemble(model, begun, asked)
     out.problems = pool.problems
     out.populations |= {name: p for name, p in pool.populations.items() if name in out.populations}
-    out.normals = [Normals.of(out.state(number)) for number in range(len(out))]
+    out.normals = out.visits(Normals.of)
     return out
 
 
@@ -149,18 +155,19 @@ def refit(before: Pool, candidates: Sequence[PooledCandidate]) -> PooledRefit:
 def compare_pools(before: Pool, after: Pool) -> PooledEvidence:
     """Evidence for the second pool over the first, with errors weighed as before."""
     old, new = HeldOut(before), HeldOut(after)
-    blocks, apart, squares, changes = [], [], 0.0, []
-    for number in range(len(before)):
-        first, second = before.state(number), after.state(number)
-        sigma = before.error[number].sigma
-        one = LogState.made(first, old.by_block(number))
-        found = compare_states(one, LogState.made(second, new.by_block(number)), sigma)
-        blocks.append(found)
-        squares += float(np.sum((one.held_out / sigma) ** 2))
-        changes.append(found.change)
-        if len(before) > 1:
-            alone = LogState.made(first, old.by_log(number)), LogState.made(second, new.by_log(number))
-            apart.append(compare_states(*alone, sigma))
+    several = len(before) > 1
+    given = [
+        (
+            (before.visit(i), old.by_block(i), old.by_log(i) if several else None),
+            (after.visit(i), new.by_block(i), new.by_log(i) if several else None),
+            before.error[i].sigma,
+        )
+        for i in range(len(before))
+    ]
+    # both are of one form of friction at rest
+    found = before.problems.each(_compared, given, [alone.rest for alone in before.alone])
+    blocks, apart = [one for one, _, _ in found], [one for _, one, _ in found if one is not None]
+    squares, changes = float(sum(size for _, _, size in found)), [one.change for one in blocks]
     gain, error = sum(e.gain for e in blocks), float(np.sqrt(sum(e.error**2 for e in blocks)))
     by_log = np.inf
     if apart:
@@ -176,6 +183,22 @@ def compare_pools(before: Pool, after: Pool) -> PooledEvidence:
     )
 
 
+#: a visit of a log, and its steps to where it is held out by block, and by log
+_Side = tuple[Visit, Steps, Steps | None]
+
+
+def _compared(problem: Problem, before: _Side, after: _Side, sigma: Array) -> tuple[Evidence, Evidence | None, float]:
+    """Evidence of one log, on blocks and on the log held out, and the weighted squares that the first leaves."""
+    with np.errstate(all="ignore"):
+        first, second = before[0].state(problem), after[0].state(problem)
+        one = LogState.made(first, before[1])
+        blocks = compare_states(one, LogState.made(second, after[1]), sigma)
+        squares, apart = float(np.sum((one.held_out / sigma) ** 2)), None
+        if before[2] is not None and after[2] is not None:
+            apart = compare_states(LogState.made(first, before[2]), LogState.made(second, after[2]), sigma)
+    return blocks, apart, squares
+
+
 def acceptable(tried: PooledRefit, settings: DiagnosisSettings) -> bool:
     """Whether a refit is beyond doubt, worth a name, physically possible, and true of logs that didn't tell of it."""
     e = tried.evidence
@@ -185,17 +208,14 @@ def acceptable(tried: PooledRefit, settings: DiagnosisSettings) -> bool:
         and e.by_log > DOUBT
         and e.share > settings.min_share / np.sqrt(len(tried.pool))  # what chance makes of a share falls with logs
         and e.change > settings.min_reading_share
-        and not implausible(tried)
-        and _remarkable(tried, settings)
+        and _believable(tried, settings)
     )
 
 
-def errors_of(pool: Pool, number: int) -> Array:
+def _errors_of(pool: Pool, held_out: HeldOut, inverse: Array, number: int) -> Array:
     """Rough standard error of each parameter of a log, (p,)."""
-    held_out, alone, at = HeldOut(pool), pool.alone[number], pool.at[number]
+    alone, at, part = pool.alone[number], pool.at[number], held_out.parts[number]
     inflation = float(np.mean([normals.inflation for normals in pool.normals]))
-    inverse = np.linalg.pinv(held_out.squares, hermitian=True)
-    part = held_out.parts[number]
     turn = np.zeros((len(at.scale), len(at.shared)))
     turn[at.shared, np.arange(len(at.shared))] = 1.0
     turn[at.own] += part.gain
@@ -205,45 +225,43 @@ def errors_of(pool: Pool, number: int) -> Array:
     return out
 
 
-def implausible(tried: PooledRefit) -> str:
-    """Why an effect's values are none that a material or a machine has, in words; "" where they may be possible."""
+def _believable(tried: PooledRefit, settings: DiagnosisSettings) -> bool:
+    """Whether an effect's values are such as a material or a machine may have, and the logs say more of it than that it
+    is as large as in every material and every rig.
+    """
     pool, name = tried.pool, tried.effect.id
-    numbers = range(len(pool)) if tried.effect.per_log else (0,)
-    for number in numbers:
-        alone, p = pool.alone[number], len(pool.alone[number].values)
-        values, errors = pool.coordinates(number)[:p] * pool.at[number].scale[:p], errors_of(pool, number)
-        effect, place = alone.model[name], alone.model.place(name, alone.layout)
-        null = amplitudes(effect, alone.layout, base_of(alone.model))
-        named = dict(zip(alone.names, values.tolist()))
-        own: dict[str, float] = {}
-        for i, parameter in enumerate(effect.parameters(alone.layout)):
-            value, room = float(values[place][i]), DOUBT * float(errors[place][i])
-            towards = null.get(i, parameter.nominal)
-            far = room < abs(value - towards)
-            own[parameter.name] = value + room * (1.0 if towards > value else -1.0) if far else towards
-        signals = pool.problems.of(number, alone.rest).experiment.signals
-        why = effect.implausible(own, named | {f"{name}.{k}": v for k, v in own.items()}, signals)
-        if why:
-            return why
-    return ""
+    held_out = HeldOut(pool)
+    inverse = np.asarray(np.linalg.pinv(held_out.squares, hermitian=True), np.float64)
+    # what all logs share is the same in each
+    numbers = range(len(pool)) if tried.effect.per_log else range(1)
+    given = [(pool.alone[i], name, _values(pool, i), _errors_of(pool, held_out, inverse, i), settings) for i in numbers]
+    if tried.effect.per_log:
+        told = pool.problems.each(_believed, given, [alone.rest for alone in pool.alone])
+    else:
+        told = [_believed(pool.problems.of(0, pool.alone[0].rest), *given[0])]
+    return all(possible for possible, _ in told) and any(remarkable for _, remarkable in told)
 
 
-def _remarkable(tried: PooledRefit, settings: DiagnosisSettings) -> bool:
-    """Whether the logs say more of an effect than that it is as large as in every material and every rig."""
-    pool, name = tried.pool, tried.effect.id
-    for number in range(len(pool)) if tried.effect.per_log else (0,):
-        alone = pool.alone[number]
-        effect, place, p = alone.model[name], alone.model.place(name, alone.layout), len(alone.values)
-        values = (pool.coordinates(number)[:p] * pool.at[number].scale[:p])[place]
-        errors = errors_of(pool, number)[place]
-        signals = pool.problems.of(number, alone.rest).experiment.signals
-        open_, parameters = effect.calibration_sd(signals), effect.parameters(alone.layout)
-        for i, null in amplitudes(effect, alone.layout, base_of(alone.model)).items():
-            usual = max(effect.usual(parameters[i]), DOUBT * open_.get(parameters[i].name, 0.0))
-            beyond = abs(values[i] - null) - usual
-            if beyond > 0.0 and (usual == 0.0 or beyond > settings.min_significance * errors[i]):
-                return True
-    return False
+def _believed(
+    problem: Problem, alone: Alone, name: str, values: Array, errors: Array, settings: DiagnosisSettings
+) -> tuple[bool, bool]:
+    """Of one log: whether an effect's values are possible, and whether they are remarkable."""
+    effect, place = alone.model[name], alone.model.place(name, alone.layout)
+    null, signals = amplitudes(effect, alone.layout, base_of(alone.model)), problem.experiment.signals
+    parameters, open_ = effect.parameters(alone.layout), effect.calibration_sd(signals)
+    own: dict[str, float] = {}
+    for i, parameter in enumerate(parameters):
+        value, room = float(values[place][i]), DOUBT * float(errors[place][i])
+        towards = null.get(i, parameter.nominal)
+        far = room < abs(value - towards)
+        own[parameter.name] = value + room * (1.0 if towards > value else -1.0) if far else towards
+    named = dict(zip(alone.names, values.tolist())) | {f"{name}.{k}": v for k, v in own.items()}
+    remarkable = False
+    for i, at_null in null.items():
+        usual = max(effect.usual(parameters[i]), DOUBT * open_.get(parameters[i].name, 0.0))
+        beyond = abs(values[place][i] - at_null) - usual
+        remarkable |= bool(beyond > 0.0 and (usual == 0.0 or beyond > settings.min_significance * errors[place][i]))
+    return not effect.implausible(own, named, signals), remarkable
 
 
 def same(one: PooledRefit, other: PooledRefit, settings: DiagnosisSettings) -> bool:

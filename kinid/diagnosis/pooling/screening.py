@@ -77,15 +77,11 @@ def screen_pool(pool: Pool, names: Sequence[str] = ()) -> tuple[dict[str, list[P
     """
     first = pool.state(0)
     points, why = points_of(first, names)
-    found: dict[int, list[Columns | None]] = {i: [] for i in range(len(points))}
     with np.errstate(all="ignore"):
-        for number in range(len(pool)):
-            state = first if number == 0 else pool.state(number)
-            for i, point in enumerate(points):
-                found[i].append(columns_of(state, point))
+        found = pool.visits(_columns, [(points,)] * len(pool))
         out: dict[str, list[PooledCandidate]] = {}
         for i, point in enumerate(points):
-            columns = [c for c in found[i] if c is not None]
+            columns = [c for of_log in found if (c := of_log[i]) is not None]
             if len(columns) == len(pool) and any(np.trace(c.squares) > UNSEEN for c in columns):
                 candidate = _candidate(pool, point, columns)
                 if np.isfinite(candidate.predicted_gain):
@@ -122,6 +118,11 @@ def points_of(state: State, names: Sequence[str] = ()) -> tuple[list[Point], dic
                 Point(effect, np.where(np.isin(np.arange(len(at)), moving), values, at), tuple(moving), null, steps)
             )
     return points, idle
+
+
+def _columns(state: State, points: Sequence[Point]) -> list[Columns | None]:
+    with np.errstate(all="ignore"):
+        return [columns_of(state, point) for point in points]
 
 
 def columns_of(state: State, point: Point) -> Columns | None:

@@ -141,23 +141,24 @@ def shown_by(pool: Pool, name: str) -> list[EffectStatus]:
     what is shared as all others know it. A log shows the effect where that share is `SHOWS` standard errors from
     nothing, and its absence where it is as far from 1 and not from nothing.
     """
-    held_out = HeldOut(pool)
-    return [_shown(pool, held_out, number, name) for number in range(len(pool))]
+    held_out, given = HeldOut(pool), []
+    for number, at in enumerate(pool.at):
+        known = np.zeros((len(at.scale), len(at.scale)))
+        others = held_out.squares[np.ix_(at.into, at.into)] - held_out.parts[number].squares
+        known[np.ix_(at.shared, at.shared)] = others
+        known[np.ix_(at.own, at.own)] += pool.own_prior(number)
+        given.append((name, known, pool.normals[number].inflation))
+    return pool.visits(_shown, given)
 
 
-def _shown(pool: Pool, held_out: HeldOut, number: int, name: str) -> EffectStatus:
-    """What one log shows of an effect."""
-    state, at = pool.state(number), pool.at[number]
+def _shown(state: State, name: str, known: Array, inflation: float) -> EffectStatus:
+    """What one log shows of an effect, beside what other logs and priors know of its directions, (d, d)."""
     weight = 1.0 / state.error.sigma
     without = state.problem.predict(state.model, _nulled(state, name))
     d = ((state.problem.means(state.course.reading) - without) * weight).ravel()
     residual = (state.residual * weight).ravel()
-    rest = np.ones(len(at.scale), np.bool_)
+    rest = np.ones(len(known), np.bool_)
     rest[state.model.place(name, state.problem.layout)] = False
-    known = np.zeros((len(at.scale), len(at.scale)))
-    others = held_out.squares[np.ix_(at.into, at.into)] - held_out.parts[number].squares
-    known[np.ix_(at.shared, at.shared)] = others
-    known[np.ix_(at.own, at.own)] += pool.own_prior(number)
     jacobian = state.jacobian[:, rest] * weight.reshape(-1, 1)
     h = jacobian.T @ jacobian + known[np.ix_(rest, rest)]
     h += 1e-9 * np.diag(np.diag(h)) + 1e-12 * np.eye(len(h))
@@ -167,7 +168,7 @@ def _shown(pool: Pool, held_out: HeldOut, number: int, name: str) -> EffectStatu
     if information < UNSEEN:
         return EffectStatus.NOT_EXCITED
     share = 1.0 + float(d @ residual - along @ (jacobian.T @ residual)) / information
-    error = float(np.sqrt(pool.normals[number].inflation / information))
+    error = float(np.sqrt(inflation / information))
     if share > SHOWS * error:
         return EffectStatus.PRESENT
     return EffectStatus.ABSENT if 1.0 - share > SHOWS * error else EffectStatus.NOT_EXCITED

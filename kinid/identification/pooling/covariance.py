@@ -23,7 +23,9 @@ from kinid.identification.covariance import (
     squared_scores,
 )
 from kinid.identification.pooling.held_out import HeldOut
+from kinid.identification.pooling.normals import Reduced
 from kinid.identification.pooling.pool import Pool
+from kinid.identification.pooling.sharing import Directions
 from kinid.identification.state import State
 
 Array = NDArray[np.float64]
@@ -49,6 +51,73 @@ class PooledCovariance:
     condition: float
 
 
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What a log must know to say what it adds: where its directions stand, its own ones reduced, their prior, and its
+    squares at the pool's best.
+    """
+
+    at: Directions
+    part: Reduced
+    prior: Array
+    squares: Array
+
+    @property
+    def turn(self) -> Array:
+        """Change of all directions of the log per change of what it shares, (d, s)."""
+        out = np.zeros((len(self.at.scale), len(self.at.shared)))
+        out[self.at.shared, np.arange(len(self.at.shared))] = 1.0
+        out[self.at.own] += self.part.gain
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class Shares:
+    """What one log adds to the squared scores of what it shares.
+
+    Attributes:
+        meat: (s, s). length: squared length of each column, (s,). blocks: of time. inflation: of a mean. kinds: squares
+            and scores of each kind of motion. own: covariance of its own directions, (o, o).
+    """
+
+    meat: Array
+    length: Array
+    blocks: int
+    inflation: float
+    kinds: dict[tuple[int, int], Cluster]
+    own: Array
+
+    @classmethod
+    def of(cls, state: State, asked: Asked) -> Shares:
+        """Those of a log as it is at the pool's best."""
+        at, part, prior, turn = asked.at, asked.part, asked.prior, asked.turn
+        jacobian = state.jacobian / state.error.sigma.reshape(-1, 1)
+        scores = squared_scores(state, jacobian)
+        inverse = np.linalg.pinv(part.own_squares, hermitian=True)
+        own = inverse @ (scores[np.ix_(at.own, at.own)] + prior) @ inverse
+        floor = np.diag(inverse) * state.inflation
+        widen = np.sqrt(np.maximum(1.0, floor / np.maximum(np.diag(own), 1e-300)))
+        own = own * np.outer(widen, widen)
+        lost = np.diag(asked.squares)[at.own] < MIN_CHANGE**2
+        own[lost, lost] = np.inf
+        meat = turn.T @ scores @ turn + part.gain.T @ prior @ part.gain
+        length = np.sum(jacobian[:, at.shared] ** 2, axis=0)
+        return cls(meat, length, blocks_of(state), state.inflation, _kinds(state, jacobian @ turn), own)
+
+
+def _kinds(state: State, reduced: Array) -> dict[tuple[int, int], Cluster]:
+    problem, s = state.problem, state.problem.experiment.signals
+    rows = reduced.reshape(*problem.shape, -1)
+    scores = rows * (state.residual / state.error.sigma)[:, :, None]
+    labels = labels_of_motion(problem.mean_at(s.depth), *map(problem.mean_at, (s.depth_rate, *s.slip_rate)))
+    out = {}
+    for way, label in enumerate(labels):
+        for value in np.unique(label).tolist():
+            own = rows[:, label == value].reshape(-1, rows.shape[2])
+            out[way, value] = own.T @ own, scores[:, label == value].sum(axis=(0, 1))
+    return out
+
+
 class Scores:
     """Squared scores of logs, added one after the other.
 
@@ -65,42 +134,24 @@ class Scores:
         self.logs: list[Cluster] = []
         self.own: list[Array] = []
 
-    def add(self, number: int, state: State) -> None:
-        """One log, as it is at the pool's best."""
-        pool, at, part = self.pool, self.pool.at[number], self.held_out.parts[number]
-        jacobian = state.jacobian / state.error.sigma.reshape(-1, 1)
-        turn = np.zeros((len(at.scale), len(at.shared)))
-        turn[at.shared, np.arange(len(at.shared))] = 1.0
-        turn[at.own] += part.gain
-        scores = squared_scores(state, jacobian)
-        prior = pool.own_prior(number)
-        self._scatter(self.meat, at.into, turn.T @ scores @ turn + part.gain.T @ prior @ part.gain)
-        self._scatter(self.inflated, at.into, state.inflation * part.squares)
-        self.inflation += state.inflation / len(pool)
-        np.add.at(self.length, at.into, np.sum(jacobian[:, at.shared] ** 2, axis=0))
-        self.blocks += blocks_of(state)
-        self._add_kinds(state, jacobian @ turn, at.into)
-        self.logs.append(self._placed(at.into, part.squares, part.slope))
-        inverse = np.linalg.pinv(part.own_squares, hermitian=True)
-        own = inverse @ (scores[np.ix_(at.own, at.own)] + prior) @ inverse
-        floor = np.diag(inverse) * state.inflation
-        widen = np.sqrt(np.maximum(1.0, floor / np.maximum(np.diag(own), 1e-300)))
-        own = own * np.outer(widen, widen)
-        lost = np.diag(pool.normals[number].squares)[at.own] < MIN_CHANGE**2
-        own[lost, lost] = np.inf
-        self.own.append(own)
+    def asked(self, number: int) -> Asked:
+        """What a log must know to say what it adds."""
+        pool = self.pool
+        return Asked(pool.at[number], self.held_out.parts[number], pool.own_prior(number), pool.normals[number].squares)
 
-    def _add_kinds(self, state: State, reduced: Array, into: NDArray[np.int64]) -> None:
-        problem, s = state.problem, state.problem.experiment.signals
-        rows = reduced.reshape(*problem.shape, -1)
-        scores = rows * (state.residual / state.error.sigma)[:, :, None]
-        labels = labels_of_motion(problem.mean_at(s.depth), *map(problem.mean_at, (s.depth_rate, *s.slip_rate)))
-        for way, label in enumerate(labels):
-            for value in np.unique(label).tolist():
-                own = rows[:, label == value].reshape(-1, rows.shape[2])
-                new = self._placed(into, own.T @ own, scores[:, label == value].sum(axis=(0, 1)))
-                old = self.kinds.get((way, value))
-                self.kinds[way, value] = new if old is None else (old[0] + new[0], old[1] + new[1])
+    def add(self, number: int, shares: Shares) -> None:
+        """What one log adds."""
+        at, part = self.pool.at[number], self.held_out.parts[number]
+        self._scatter(self.meat, at.into, shares.meat)
+        self._scatter(self.inflated, at.into, shares.inflation * part.squares)
+        self.inflation += shares.inflation / len(self.pool)
+        np.add.at(self.length, at.into, shares.length)
+        self.blocks += shares.blocks
+        for kind, cluster in shares.kinds.items():
+            new, old = self._placed(at.into, *cluster), self.kinds.get(kind)
+            self.kinds[kind] = new if old is None else (old[0] + new[0], old[1] + new[1])
+        self.logs.append(self._placed(at.into, part.squares, part.slope))
+        self.own.append(shares.own)
 
     def _placed(self, into: NDArray[np.int64], squares: Array, slope: Array) -> Cluster:
         h, b = np.zeros_like(self.meat), np.zeros(len(self.meat))
@@ -147,10 +198,7 @@ class Scores:
 
     def own_covariance(self, number: int, shared: Array) -> Array:
         """Covariance of all directions of a log, (d, d), given that of what is shared (m, m), in scales."""
-        at, part = self.pool.at[number], self.held_out.parts[number]
-        turn = np.zeros((len(at.scale), len(at.shared)))
-        turn[at.shared, np.arange(len(at.shared))] = 1.0
-        turn[at.own] += part.gain
+        at, turn = self.pool.at[number], self.asked(number).turn
         known = np.where(np.isfinite(shared), shared, 0.0)[np.ix_(at.into, at.into)]
         out = turn @ known @ turn.T
         own = self.own[number]

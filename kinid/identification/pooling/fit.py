@@ -15,9 +15,9 @@ from kinid.estimators.batch import Solution
 from kinid.identification import warnings as doubts
 from kinid.identification.fit import Z95, FitError, FittedParameter
 from kinid.identification.lack_of_fit import LackOfFit, error_rows, error_unit, lack_of_fit, rms
-from kinid.identification.pooling.covariance import PooledCovariance, Scores
-from kinid.identification.pooling.held_out import HeldOut, LogState
-from kinid.identification.pooling.logs import PooledLog
+from kinid.identification.pooling.covariance import Asked, PooledCovariance, Scores, Shares
+from kinid.identification.pooling.held_out import HeldOut, LogState, Steps
+from kinid.identification.pooling.logs import Elsewhere, PooledLog
 from kinid.identification.pooling.odd import odd_logs
 from kinid.identification.pooling.pool import Pool
 from kinid.identification.pooling.result import LogResult, PooledFit
@@ -49,13 +49,14 @@ def fit_logs(
     sharing: Mapping[str, str] | None = None,
     *,
     progress: Progress = lambda _: None,
+    elsewhere: Elsewhere | None = None,
 ) -> PooledFit:
     """Fit a model to many logs.
 
     Args:
         model: what is fitted. logs: of which names differ.
         sharing: parameter or effect → "shared", "per-log", "population" or "per COLUMN"; default: as effects say.
-        progress: called with what is being done, in words.
+        progress: called with what is being done, in words. elsewhere: where logs are worked at; default: here.
 
     Raises:
         InputError: no log that can carry the model, two logs of one name, or sharing that can't be.
@@ -66,8 +67,8 @@ def fit_logs(
         found = "no log" if twice is None else f"two logs called {twice}"
         raise InputError(found, "logs, each with a name of its own", "name each log once")
     with threadpool_limits(1, user_api="blas"):  # many small products: threads would only wait for each other
-        begun, aside = begin(model, logs, progress)
-        return fit_begun(model, begun, sharing or {}, aside, progress)
+        begun, aside = begin(model, logs, progress, elsewhere)
+        return fit_begun(model, begun, sharing or {}, aside, progress, elsewhere)
 
 
 def fit_begun(
@@ -76,19 +77,21 @@ def fit_begun(
     sharing: Mapping[str, str],
     aside: Mapping[str, str],
     progress: Progress = lambda _: None,
+    elsewhere: Elsewhere | None = None,
 ) -> PooledFit:
     """The same for logs that were fitted by themselves already; odd ones are left out of what is shared.
 
     Args:
-        model, sharing, progress: as for `fit_logs`. begun: the logs. aside: names that can't carry the model, with why.
+        model, sharing, progress, elsewhere: as for `fit_logs`. begun: the logs. aside: names that can't carry the
+            model, with why.
     """
     progress("fitting all logs")
-    first = fit_of_pool(pooled(model, begun, sharing), aside)
+    first = fit_of_pool(pooled(model, begun, sharing, elsewhere), aside)
     if not first.odd:
         return first
     progress(f"fitting all but {', '.join(first.odd)}")
     rest = [one for one in begun if one.log.name not in first.odd]
-    second = fit_of_pool(pooled(model, rest, sharing), aside)
+    second = fit_of_pool(pooled(model, rest, sharing, elsewhere), aside)
     known = {log.name: log for log in (*first.logs, *second.logs)}
     warnings = [f"{name} is the odd one, and left out of what is shared: {why}" for name, why in first.odd.items()]
     every = tuple(known[one.log.name] for one in begun)
@@ -103,10 +106,11 @@ def fit_of_pool(pool: Pool, aside: Mapping[str, str] | None = None) -> PooledFit
     """
     held_out = HeldOut(pool)
     scores, made = Scores(pool, held_out), []
-    for number in range(len(pool)):
-        state = pool.state(number)
-        scores.add(number, state)
-        made.append(_errors_of(pool, held_out, number, state))
+    several = len(pool) > 1
+    given = [(scores.asked(i), held_out.by_block(i), held_out.by_log(i) if several else None) for i in range(len(pool))]
+    for number, (shares, errors) in enumerate(pool.visits(_looked_at, given)):
+        scores.add(number, shares)
+        made.append(errors)
     found = scores.covariance()
     logs = []
     for number, one in enumerate(made):
@@ -141,20 +145,23 @@ def fit_of_pool(pool: Pool, aside: Mapping[str, str] | None = None) -> PooledFit
     )
 
 
-def _errors_of(pool: Pool, held_out: HeldOut, number: int, state: State) -> _Errors:
-    """Errors of one log, seen, held out by blocks and by log, what is left of it, and its samples."""
+def _looked_at(state: State, asked: Asked, by_block: Steps, by_log: Steps | None) -> tuple[Shares, _Errors]:
+    """What one log adds to the covariance; its errors, seen, held out by blocks and by log, what is left of it, and its
+    samples.
+    """
     whole = state.problem.whole
     rows = error_rows(whole)
     seen = train_residual(state, whole)
-    blocks = LogState.made(state, held_out.by_block(number))
+    blocks = LogState.made(state, by_block)
     left = lack_of_fit(blocks, seen)
     unseen = rms(held_out_residual(blocks)[rows][:, whole.valid])
-    by_log = misfit = float("nan")
-    if len(pool) > 1:
-        apart = LogState.made(state, held_out.by_log(number))
-        by_log, misfit = rms(held_out_residual(apart)[rows][:, whole.valid]), rms(apart.held_out[rows])
+    apart_error = misfit = float("nan")
+    if by_log is not None:
+        apart = LogState.made(state, by_log)
+        apart_error, misfit = rms(held_out_residual(apart)[rows][:, whole.valid]), rms(apart.held_out[rows])
     error = FitError(rms(seen[rows][:, whole.valid]), unseen, left.noise, error_unit(whole))
-    return _Errors(error, by_log, misfit, left, int(whole.valid.sum()) * int(rows.sum()))
+    errors = _Errors(error, apart_error, misfit, left, int(whole.valid.sum()) * int(rows.sum()))
+    return Shares.of(state, asked), errors
 
 
 def _log_result(pool: Pool, held_out: HeldOut, number: int, covariance: Array, made: _Errors) -> LogResult:

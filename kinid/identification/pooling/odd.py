@@ -60,16 +60,41 @@ def odd_logs(logs: Sequence[LogResult], scales: Mapping[str, float]) -> dict[str
                 p = log.parameters[name]
                 words = f"{name} is {p.value:.3g} {p.unit}, {np.median(values):.2g} is usual".replace(" 1,", ",")
                 found.append((abs(away), log.name, words))
-    found.sort(key=lambda item: -item[0])
+    return _named(found, len(logs))
+
+
+def odd_values(logs: Mapping[str, Mapping[str, tuple[float, float, str]]]) -> dict[str, str]:
+    """Names of the odd ones among logs that were fitted each by itself, with why, the oddest first.
+
+    Args:
+        logs: of each its figures by name: value, standard error (infinite where it is open) and unit.
+    """
+    found: list[tuple[float, str, str]] = []
+    for name in dict.fromkeys(name for figures in logs.values() for name in figures):
+        told = {log: figures[name] for log, figures in logs.items() if name in figures}
+        told = {log: figure for log, figure in told.items() if np.isfinite(figure[:2]).all()}
+        if len(told) < FEWEST:
+            continue
+        values, errors = np.array([(value, error) for value, error, _ in told.values()]).T
+        away = np.abs(_deviations(values, float(np.median(errors)), errors))
+        for (log, (value, _, unit)), times in zip(told.items(), away):
+            if times > BEYOND:
+                words = f"{name} is {value:.3g} {unit}, {np.median(values):.3g} is usual".replace(" 1,", ",")
+                found.append((float(times), log, words))
+    return _named(found, len(logs))
+
+
+def _named(found: list[tuple[float, str, str]], count: int) -> dict[str, str]:
+    """Why each log is odd, the oddest first; nothing where they are no few."""
     out: dict[str, str] = {}
-    for _, name, words in found:
+    for _, name, words in sorted(found, key=lambda item: -item[0]):
         out[name] = f"{out[name]}; {words}" if name in out else words
-    return out if len(out) <= MOST * len(logs) else {}
+    return out if len(out) <= MOST * count else {}
 
 
-def _deviations(values: Array, least: float) -> Array:
-    """How many spreads each is above the median, (n,); a spread is no less than `least`."""
+def _deviations(values: Array, least: float, errors: Array | float = 0.0) -> Array:
+    """How many spreads each is above the median, (n,), its own error beside them; a spread is no less than `least`."""
     middle = np.median(values)
     spread = max(1.4826 * float(np.median(np.abs(values - middle))), least, 1e-300)
-    out: Array = (values - middle) / spread
+    out: Array = (values - middle) / np.hypot(spread, errors)
     return out

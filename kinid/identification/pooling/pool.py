@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from kinid.identification.pooling.logs import Problems
 from kinid.identification.pooling.normals import Normals, Reduced, gather, reduce
 from kinid.identification.pooling.population import Population
 from kinid.identification.pooling.sharing import Directions, SharedVector
+from kinid.identification.problem import Problem
 from kinid.identification.solver import search
 from kinid.identification.state import State
 from kinid.identification.whole import held_out_residual
@@ -24,6 +26,7 @@ from kinid.modeling.model import Model
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Out = TypeVar("Out")
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +86,24 @@ class Spot:
     own: tuple[Array, ...]
 
 
+@dataclass(frozen=True, eq=False)
+class Visit:
+    """What one log is predicted with: its model, values (p,), amounts of what calibration leaves open (k,), errors."""
+
+    model: Model
+    values: Array
+    shift: Array
+    error: ErrorModel
+
+    def state(self, problem: Problem) -> State:
+        """The log there."""
+        return search(problem, self.model, self.values, self.error, shift=self.shift, max_steps=0)
+
+
+def _visited(problem: Problem, visit: Visit, do: Callable[..., Out], more: tuple[Any, ...]) -> Out:
+    return do(visit.state(problem), *more)
+
+
 @dataclass(eq=False)
 class Pool:
     """Logs, a model, and where its parameters are.
@@ -120,16 +141,25 @@ class Pool:
 
     def state(self, number: int, spot: Spot | None = None) -> State:
         """One log predicted there, with how its prediction changes: a visit of the log."""
+        return self.visit(number, spot).state(self.problems.of(number, self.alone[number].rest))
+
+    def visit(self, number: int, spot: Spot | None = None) -> Visit:
+        """What such a visit begins from."""
         alone, at = self.alone[number], self.at[number]
         place, p = self.coordinates(number, spot), len(alone.values)
-        return search(
-            self.problems.of(number, alone.rest),
-            alone.model,
-            place[:p] * at.scale[:p],
-            self.error[number],
-            shift=place[p:],
-            max_steps=0,
-        )
+        return Visit(alone.model, place[:p] * at.scale[:p], place[p:], self.error[number])
+
+    def visits(
+        self, do: Callable[..., Out], more: Sequence[tuple[Any, ...]] | None = None, spot: Spot | None = None
+    ) -> list[Out]:
+        """`do(state, …)` of every log there, in order, wherever that is worked out; what it gives is small.
+
+        Args:
+            do: a function of a module. more: what it takes beside the state, of each log. spot: default: where it is.
+        """
+        numbers = range(len(self))
+        given = [(self.visit(i, spot), do, more[i] if more else ()) for i in numbers]
+        return self.problems.each(_visited, given, [alone.rest for alone in self.alone])
 
     def own_prior(self, number: int) -> Array:
         """Prior precision of a log's own directions, (o, o)."""

@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError, KinidError
-from kinid.identification.error_model import learn
+from kinid.identification.error_model import ErrorModel, learn
 from kinid.identification.estimation import estimate_problem
-from kinid.identification.pooling.logs import PooledLog, Problems
+from kinid.identification.pooling.logs import Elsewhere, PooledLog, Problems
 from kinid.identification.pooling.normals import Normals, Reduced, shared_step
 from kinid.identification.pooling.pool import Alone, Pool, Spot
 from kinid.identification.pooling.population import Population, learn_population, log_alone
 from kinid.identification.pooling.sharing import POPULATION, SharedVector, sharing_of
+from kinid.identification.problem import Problem
 from kinid.identification.solver import CONVERGED_GAIN, ERROR_MODEL_ITERATIONS, MIN_GAIN_RATIO
 from kinid.identification.state import State, fixed_parameters, prior_precision
 from kinid.modeling.model import Model
@@ -59,7 +60,7 @@ class Begun:
 
 
 def begin(
-    model: Model, logs: Sequence[PooledLog], progress: Progress = lambda _: None
+    model: Model, logs: Sequence[PooledLog], progress: Progress = lambda _: None, elsewhere: Elsewhere | None = None
 ) -> tuple[list[Begun], dict[str, str]]:
     """Fit every log by itself; and those that can't carry the model, with why.
 
@@ -67,29 +68,46 @@ def begin(
         InputError: no log can carry it, or the only one can't.
     """
     out, aside, problems = [], dict[str, str](), Problems(logs)
+    there = None if elsewhere is None else elsewhere.begun(model, logs, progress)
     for number, log in enumerate(logs):
-        progress(f"fitting {log.name} by itself ({number + 1} of {len(logs)})")
+        if there is None:
+            progress(f"fitting {log.name} by itself ({number + 1} of {len(logs)})")
         try:
-            state = estimate_problem(model, problems.of(number))
+            one = begin_one(model, log, problems.of(number)) if there is None else there[number]
         except KinidError as error:
             if len(logs) == 1:
                 raise
-            aside[log.name] = str(error)
-            continue
-        out.append(Begun.of(log, state))
+            one = str(error)
+        if isinstance(one, str):
+            aside[log.name] = one
+        else:
+            out.append(one)
     if not out:
         name, why = next(iter(aside.items()))
         raise InputError(f"{len(logs)} logs, none of which can carry {model}", "logs that can", f"{name}: {why}")
     return out, aside
 
 
-def pooled(model: Model, begun: Sequence[Begun], sharing: Mapping[str, str]) -> Pool:
+def begin_one(model: Model, log: PooledLog, problem: Problem) -> Begun:
+    """One log fitted by itself.
+
+    Raises:
+        KinidError: it can't carry the model.
+    """
+    return Begun.of(log, estimate_problem(model, problem))
+
+
+def pooled(
+    model: Model, begun: Sequence[Begun], sharing: Mapping[str, str], elsewhere: Elsewhere | None = None
+) -> Pool:
     """Fit a model to logs that were fitted by themselves.
 
     Args:
         model: what is fitted. begun: the logs. sharing: what was asked of parameters (`sharing_of`).
+        elsewhere: where logs are visited; default: here.
     """
     pool = assemble(model, begun, sharing)
+    pool.problems.elsewhere = elsewhere
     if len(pool) > 1:
         with np.errstate(all="ignore"):
             _agree(pool)
@@ -139,11 +157,11 @@ def _agree(pool: Pool) -> None:
         moved.append(dataclasses.replace(normals, slope=normals.slope - normals.squares @ away))
     pool.normals = moved
     found, _ = _step(pool, 0.0)
-    there = [Normals.of(pool.state(number, found)) for number in range(len(pool))]
+    there = pool.visits(Normals.of, spot=found)
     if np.isfinite(pool.cost(found, there)):
         pool.spot, pool.normals = found, there
         return
-    pool.spot, pool.normals = here, [Normals.of(pool.state(number, here)) for number in range(len(pool))]
+    pool.spot, pool.normals = here, pool.visits(Normals.of, spot=here)
 
 
 def settled(pool: Pool) -> Pool:
@@ -174,7 +192,7 @@ def descend(pool: Pool, ends: tuple[float, float] = CONVERGED_GAIN) -> Pool:
             pool.converged = True
             return pool
         pool.steps += 1
-        there = [Normals.of(pool.state(number, trial)) for number in range(len(pool))]
+        there = pool.visits(Normals.of, spot=trial)
         gain = cost - pool.cost(trial, there)
         before = pool.spot, pool.normals
         pool.spot, pool.normals = trial, there
@@ -223,11 +241,13 @@ def _step(pool: Pool, damping: float) -> tuple[Spot, float]:
 
 def _relearn(pool: Pool) -> None:
     """Every log's error model anew, from what is left there."""
-    for number in range(len(pool)):
-        state = pool.state(number)
-        before = pool.error[number]
-        pool.error[number] = learn(state.problem, state.model, state.values, state.residual, before.motion)
-        pool.normals[number] = Normals.of(dataclasses.replace(state, error=pool.error[number]))
+    found = pool.visits(_relearnt)
+    pool.error, pool.normals = [error for error, _ in found], [normals for _, normals in found]
+
+
+def _relearnt(state: State) -> tuple[ErrorModel, Normals]:
+    error = learn(state.problem, state.model, state.values, state.residual, state.error.motion)
+    return error, Normals.of(dataclasses.replace(state, error=error))
 
 
 def _spread(pool: Pool) -> None:

@@ -1,0 +1,80 @@
+"""The page of a watch: logs as they came, their values over time, and which of them is odd."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from kinid.reports.campaign_page import number, table
+from kinid.reports.plots import BLUE, ORANGE, finish, grid, page
+from kinid.writers import Json
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+#: logs that are listed, the last ones first; and parameters that are drawn, of so many logs
+MOST_LISTED, MOST_FIGURES, MOST_DRAWN = 200, 12, 2000
+
+
+def watch_page(
+    folder: str, model: Sequence[str], told: Sequence[tuple[str, Json | str]], odd: Mapping[str, str]
+) -> str:
+    """One offline HTML page.
+
+    Args:
+        folder, model: that are watched, and fitted. told: each log with facts of its fit, or why it is put aside, in
+            order. odd: name → why.
+    """
+    fits = [(name, facts) for name, facts in told if not isinstance(facts, str)]
+    aside = len(told) - len(fits)
+    head = f"<p class=facts>{len(fits)} logs of {html.escape(folder)}, {aside} put aside, {len(odd)} odd.</p>"
+    head += "".join(f"<p><b>odd</b>: {html.escape(f'{name}: {why}')}</p>" for name, why in list(odd.items())[:20])
+    names = list(dict.fromkeys(name for _, facts in fits for name in facts["parameters"]))[:MOST_FIGURES]
+    figures = [(name, figure) for name in names for figure in _values(name, fits[-MOST_DRAWN:], odd)]
+    tail = f"<h2>Values over logs</h2>{grid(figures)}" if figures else ""
+    rows = [_row(name, facts, names, odd) for name, facts in reversed(told[-MOST_LISTED:])]
+    tail += "<h2>Logs, the last first</h2>" + table(["log", "error", "noise", *names, ""], rows)
+    return page(f"{folder}: {' + '.join(model)}", head, [], tail)
+
+
+def _row(name: str, facts: Json | str, names: Sequence[str], odd: Mapping[str, str]) -> list[str]:
+    if isinstance(facts, str):
+        return [name, *[""] * (len(names) + 2), f"put aside: {facts}"]
+    error, found = facts["error"], facts["parameters"]
+    values = [_estimate(found[key]) if key in found else "" for key in names]
+    said = f"odd: {odd[name]}" if name in odd else ""
+    return [name, f"{number(error['train'])} {error['unit']}", number(error["noise_floor"]), *values, said]
+
+
+def _estimate(p: Json) -> str:
+    if p["low"] is None or p["high"] is None:
+        return f"{p['value']:.4g}, open"
+    return f"{p['value']:.4g} ± {0.5 * (p['high'] - p['low']):.2g} {p['unit']}".removesuffix(" 1")
+
+
+def _values(name: str, fits: Sequence[tuple[str, Json]], odd: Mapping[str, str]) -> Iterator[Figure]:
+    """One parameter over the logs, odd ones in a colour of their own."""
+    import plotly.graph_objects as go
+
+    known = [(i, log, facts["parameters"].get(name)) for i, (log, facts) in enumerate(fits, start=1)]
+    drawn = [(i, log, p) for i, log, p in known if p is not None and p["low"] is not None and p["high"] is not None]
+    if not drawn:
+        return
+    figure = go.Figure()
+    for colour, some in ((BLUE, [d for d in drawn if d[1] not in odd]), (ORANGE, [d for d in drawn if d[1] in odd])):
+        figure.add_scatter(
+            x=[i for i, _, _ in some],
+            y=[p["value"] for _, _, p in some],
+            error_y={"type": "data", "array": [0.5 * (p["high"] - p["low"]) for _, _, p in some], "width": 0},
+            mode="markers",
+            marker={"color": colour, "size": 7},
+            text=[log for _, log, _ in some],
+            hovertemplate="%{text}: %{y:.5g}<extra></extra>",
+            showlegend=False,
+        )
+    figure.update_xaxes(title_text="log")
+    figure.update_yaxes(title_text=drawn[0][2]["unit"])
+    finish(figure, 300)
+    figure.update_layout(hovermode="closest")
+    yield figure
