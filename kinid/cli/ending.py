@@ -12,6 +12,7 @@ import traceback
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from kinid.cli.advice import filled
 from kinid.errors import KinidError
 
 #: bad input; an error that nobody foresaw (EX_SOFTWARE of sysexits.h); stopped by the user or by a supervisor
@@ -50,7 +51,7 @@ def _told(error: BaseException, words: Sequence[str], version: str) -> int:
     elif isinstance(error, KeyboardInterrupt) or type(error).__name__ == "Abort":  # typer's word for Ctrl-C
         code = _say("stopped; nothing was left half-written", STOPPED)
     elif isinstance(error, KinidError):
-        code = _say(str(error), BAD_INPUT)
+        code = _say(filled(str(error), words), BAD_INPUT)
     elif isinstance(error, MemoryError):
         code = _say(TOO_LARGE, BAD_INPUT)
     elif isinstance(error, RecursionError) and _in_parser(error):

@@ -72,6 +72,10 @@ def fit(
     show_fit(result)
     for line in alike(result):  # what is open stands among the fit's own doubts
         typer.echo(f"doubt: {line}")
+    if any("kinid diagnose" in warning for warning in result.warnings):
+        from kinid.cli.advice import to_diagnose
+
+        typer.echo(f"next: {to_diagnose(log, rig, chosen, data, the_rig)}")
     written((out, plot, json_file))
 
 

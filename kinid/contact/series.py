@@ -129,7 +129,7 @@ def contact_series(
         raise InputError(
             "a rig without [surface]",
             "the surface that depth and slip are measured from",
-            "add [surface] point and normal, or let touches find it (kinid contact --find-surface)",
+            "add [surface] point and normal, or let touches find it: kinid contact LOG --find-surface",
         )
     robot = robot or Robot.load(rig)
     _need_tip(robot)

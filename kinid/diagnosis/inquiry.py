@@ -72,14 +72,33 @@ def diagnose(
     add = expand_names(add, model)
     refuse_names(add, model, settings.max_effects)
     refuse_inapplicable(add, model, experiment)
-    refuse_undiagnosable(experiment, model)
-    refuse_outliers(experiment)
-    warnings = check_excitation(model, experiment)
-    refuse_signs(experiment, model.needs)
+    warnings = _checked(experiment, model)
     # many small products: threads of a linear-algebra library would only wait for each other
     with threadpool_limits(1, user_api="blas"):
         found = run(model, experiment, settings, known=known, forced=add, progress=progress)
         return Conclusions(found, settings, tolerance).diagnosis(progress, warnings)
+
+
+def diagnosable(log: Log, rig: Rig, model: Model) -> None:
+    """Refuse what a diagnosis would refuse, in a moment.
+
+    Raises:
+        InputError: why, and what to do about it.
+    """
+    _checked(all_channels(log, rig, model), model)
+
+
+def _checked(experiment: Experiment, model: Model) -> list[str]:
+    """What to doubt of an experiment that a diagnosis can take.
+
+    Raises:
+        InputError: one that it can't take.
+    """
+    refuse_undiagnosable(experiment, model)
+    refuse_outliers(experiment)
+    warnings = check_excitation(model, experiment)
+    refuse_signs(experiment, model.needs)
+    return warnings
 
 
 def _refuse_types(data: object, model: object) -> None:

@@ -146,7 +146,7 @@ class Prober:
             raise InputError(
                 f"no touch of {SHORTEST} s in {source}",
                 "a log in which the tool touches the surface",
-                "leave it out, or look at it with kinid contact",
+                "leave it out, or look at it with kinid contact LOG",
             )
         position = tip_motion(log, self.rig, robot=self.robot).position
         properties: tuple[Property, ...] = ()

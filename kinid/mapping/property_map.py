@@ -307,7 +307,7 @@ class PropertyMap:
             raise InputError(
                 f"{path}, which is no property map ({str(error)[:80]})",
                 "a Parquet file of kinid map",
-                "make it with kinid map",
+                "make it with kinid map LOG -o MAP.parquet",
             ) from None
 
     def without(self, sources: Sequence[str]) -> PropertyMap:

@@ -153,9 +153,8 @@ def check_excitation(model: Model, experiment: Experiment) -> list[str]:
         raise InputError(
             f"a depth that is never positive (at most {1e3 * depth.max(initial=-np.inf):.3g} mm)",
             "samples inside the material",
-            "check [surface] point and normal, or let touches find them with kinid contact --find-surface; the log's "
-            "own depth "
-            "is positive inside, depth = { scale = -1 } in [columns] turns it",
+            "check [surface] point and normal, or let touches find it: kinid contact LOG --find-surface; the "
+            "log's own depth is positive inside, depth = { scale = -1 } in [columns] turns it",
         )
     if inside.sum() < MIN_CONTACT_SAMPLES:
         raise InputError(

@@ -131,7 +131,7 @@ def read_trajectory(path: Path, joint_names: tuple[str, ...] | None = None) -> T
         raise InputError(
             f"{path} with the columns {', '.join(list(table)[:8]) or 'none'}",
             "a trajectory: t, q1…qN",
-            "name a file that kinid plan wrote",
+            "name a trajectory, as of kinid plan poke -o PLAN.parquet",
         )
     names = tuple(facts.get("joint_names") or joint_names or (f"joint_{j + 1}" for j in range(count)))
     if len(names) != count:
