@@ -11,13 +11,17 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinid.data.rig import CONTACT
+from kinid.data.rig import CONTACT, WRENCH
 from kinid.errors import InputError
+from kinid.shown import Shown
 from kinid.signal.pieces import GAP_FACTOR, finite_rows
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 S = TypeVar("S", bound=np.generic)
+
+#: arrays with a column a joint
+JOINTS = ("q", "dq", "ddq", "tau", "q_cmd")
 
 
 @dataclass(frozen=True)
@@ -75,8 +79,8 @@ def frozen_as(dtype: type[S], values: ArrayLike) -> NDArray[S]:
     return array
 
 
-@dataclass(frozen=True, eq=False)
-class Log:
+@dataclass(frozen=True, eq=False, repr=False)
+class Log(Shown):
     """Raw samples on one clock, in SI units.
 
     Attributes:
@@ -146,6 +150,22 @@ class Log:
 
     def __len__(self) -> int:
         return int(self.t.shape[0])
+
+    def __repr__(self) -> str:
+        held = [name for name in (*JOINTS, "wrench", "phase") if getattr(self, name) is not None]
+        return (
+            f"<Log of {len(self)} samples over {self.t[-1] - self.t[0]:.4g} s: {', '.join([*held, *self.contact])}; "
+            f"{self.provenance.source}>"
+        )
+
+    def columns(self) -> dict[str, NDArray[np.generic]]:
+        """The columns of the log's table, by the names of the log format."""
+        out: dict[str, NDArray[np.generic]] = {"t": self.t}
+        for name in JOINTS:
+            values = getattr(self, name)
+            out |= {} if values is None else {f"{name}{j + 1}": column for j, column in enumerate(values.T)}
+        out |= {} if self.wrench is None else dict(zip(WRENCH, self.wrench.T))
+        return out | dict(self.contact) | ({} if self.phase is None else {"phase": self.phase})
 
     @property
     def joint_count(self) -> int:

@@ -13,7 +13,7 @@ import kinid
 from kinid import effects as catalogue
 from kinid.data.log import Provenance
 from kinid.diagnosis.result import Diagnosis, EffectGroup, EffectStatus, EffectVerdict
-from kinid.identification.fit import FittedParameter
+from kinid.identification.fitted import FittedParameter
 from kinid.reports.diagnosis_figures import Shown, ladder, loops, readings
 from kinid.reports.diagnosis_multiples import multiples
 from kinid.reports.diagnosis_words import (

@@ -141,7 +141,7 @@ def comparison_page(result: Comparison, title: str) -> str:
 def _pictures(fits: dict[str, Fit]) -> list[tuple[str, Figure | str]]:
     """Force over depth with its loops where the log has them, and all readings over time."""
     names = key([("measured", INK, "solid"), *((name, colour, "solid") for name, colour in zip(fits, COLOURS))])
-    figures: list[tuple[str, Figure | str]] = [("Readings over time", names + drawing(_time_figure(fits)))]
+    figures: list[tuple[str, Figure | str]] = [("Readings over time", names + drawing(time_figure(fits)))]
     if next(iter(fits.values())).experiment.normal_force is None:
         return figures
     return [("Force over depth", names + drawing(_loop_figure(fits))), *_energies(fits), *figures]
@@ -262,7 +262,7 @@ def energy_line(found: list[Loop]) -> str:
     return f"{_millijoules(float(lost.mean()), put_in)}{spread} mJ lost of {1e3 * put_in:.3g}{times}"
 
 
-def _time_figure(fits: dict[str, Fit]) -> Figure:
+def time_figure(fits: dict[str, Fit]) -> Figure:
     """Each channel over time: measured, and what each model expects."""
     from plotly.subplots import make_subplots
 

@@ -137,7 +137,20 @@ def key(entries: Iterable[Entry]) -> str:
 
 
 def contact_figures(touch: ContactSeries) -> list[tuple[str, Figure | str]]:
-    """Contact-frame quantities over time, each in a row with the axis that names it, and force over depth."""
+    """Contact-frame quantities over time, and force over depth."""
+    pairs = any(np.isfinite(v).any() for v in (touch.slip2, touch.tangential_force2))
+    names = key((f"along tangent {i}", AXES[i - 1], "solid") for i in (1, 2)) if pairs else ""
+    figures: list[tuple[str, Figure | str]] = [
+        ("Contact frame over time (shaded: in contact)", names + drawing(touch_figure(touch)))
+    ]
+    inside = touch.in_contact & np.isfinite(touch.normal_force)
+    if inside.any():
+        figures.append(("Force over depth, in contact", _loop(touch, inside)))
+    return figures
+
+
+def touch_figure(touch: ContactSeries) -> Figure:
+    """Contact-frame quantities over time, each in a row with the axis that names it; shaded where it touches."""
     from plotly.subplots import make_subplots
 
     keep = thin(len(touch.t), touch.depth, touch.normal_force)
@@ -166,13 +179,7 @@ def contact_figures(touch: ContactSeries) -> list[tuple[str, Figure | str]]:
     time.update_layout(shapes=[shade | {"x0": begin, "x1": end} for begin, end in spans])
     time.update_xaxes(title_text="time [s]", row=len(rows), col=1)
     finish(time, 170 * len(rows) + 60)
-    pairs = any(len(lines) > 1 for _, lines in rows)
-    names = key((f"along tangent {i}", AXES[i - 1], "solid") for i in (1, 2)) if pairs else ""
-    figures: list[tuple[str, Figure | str]] = [("Contact frame over time (shaded: in contact)", names + drawing(time))]
-    inside = touch.in_contact & np.isfinite(touch.normal_force)
-    if inside.any():
-        figures.append(("Force over depth, in contact", _loop(touch, inside)))
-    return figures
+    return time
 
 
 def _loop(touch: ContactSeries, inside: NDArray[np.bool_]) -> Figure:
