@@ -42,22 +42,24 @@ def read_text(path: Path, noun: str, what: str, mend: str, most: int = MOST_BYTE
     raise InputError(f"no readable {noun} at {str(path)[:200]} ({reason})", f"{what} in UTF-8", mend)
 
 
-def read_json(path: Path, noun: str, what: str, mend: str, most: int = MOST_BYTES) -> Any:
-    """What a JSON file holds; arguments and errors as of `read_text`, and InputError for what is no JSON."""
-    return parse_json(read_text(path, noun, what, mend, most), f"{noun} in {path}", what, mend)
+def read_json(path: Path, noun: str, what: str, mend: str, most: int = MOST_BYTES, *, open_ends: bool = False) -> Any:
+    """What a JSON file holds; arguments and errors as of `read_text` and `parse_json`."""
+    return parse_json(read_text(path, noun, what, mend, most), f"{noun} in {path}", what, mend, open_ends=open_ends)
 
 
-def parse_json(text: str | bytes, noun: str, what: str, mend: str) -> Any:
+def parse_json(text: str | bytes, noun: str, what: str, mend: str, *, open_ends: bool = False) -> Any:
     """JSON whose numbers are finite, and that isn't nested without an end.
 
     Args:
         text: to parse. noun: what it is called, with its place. what: it should be. mend: what a user can do.
+        open_ends: whether Infinity and NaN, as limits that aren't there, are let through.
 
     Raises:
         InputError: no such JSON.
     """
     try:
-        value = json.loads(text, parse_constant=_no_number, parse_float=_number, parse_int=_whole)
+        constant = float if open_ends else _no_number
+        value = json.loads(text, parse_constant=constant, parse_float=_number, parse_int=_whole)
         if _deeper(value, MOST_LEVELS):
             raise RecursionError
         return value

@@ -242,7 +242,7 @@ def _need_tip(robot: Robot) -> None:
         raise InputError(
             f"{robot.name} without a tip frame (it has no 'tool_tip')",
             "the contact point",
-            "name a frame of the URDF in [robot] tip_frame",
+            f"name one of its frames in [robot] tip_frame, at the end of the arm: {', '.join(robot.end_frames)}",
         )
 
 

@@ -172,6 +172,11 @@ class Robot:
         return robot
 
     @property
+    def end_frames(self) -> tuple[str, ...]:
+        """The last links of its URDF, the last of them first; eight at most."""
+        return tuple([f.name for f in self.model.frames if f.type == pin.FrameType.BODY][:-9:-1])
+
+    @property
     def joint_count(self) -> int:
         """Number of joints, N."""
         return len(self.joint_names)

@@ -111,7 +111,7 @@ class View:
             raise InputError(
                 f"--model {self.model} for a map, which is fitted already",
                 "a log or a folder of logs",
-                "leave --model out, or map the logs anew with kinid map LOG --model MODEL -o MAP.parquet",
+                "leave --model out, or map the logs anew with kinid map LOGS --model MODEL -o MAP.parquet",
             )
         if self.kind is Kind.LOG and self.shown is not None:
             raise InputError(
