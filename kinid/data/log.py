@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 S = TypeVar("S", bound=np.generic)
 
+#: no angle, speed, acceleration, torque or force of a log is larger, in SI units
+LARGEST = 1e12
 #: arrays with a column a joint
 JOINTS = ("q", "dq", "ddq", "tau", "q_cmd")
 
@@ -131,6 +133,7 @@ class Log(Shown):
                     "one column a joint",
                     "check [columns] and the log's names",
                 )
+            _check_size(array, name, where)
             object.__setattr__(self, name, array)
         contact = {}
         for name, values in self.contact.items():
@@ -141,6 +144,7 @@ class Log(Shown):
                     "check [columns]",
                 )
             contact[name] = frozen(values)
+            _check_size(contact[name], name, where)
         object.__setattr__(self, "contact", contact)
         if self.phase is not None:
             phase = frozen_as(np.str_, self.phase)
@@ -208,6 +212,19 @@ class Log(Shown):
         """A copy with other arrays and, if `step` is named, one more provenance step."""
         provenance = self.provenance.after(Step(step, facts or {})) if step else self.provenance
         return dataclasses.replace(self, provenance=provenance, **changes)  # type: ignore[arg-type]  # checked there
+
+
+def _check_size(values: Array, name: str, where: str) -> None:
+    """Refuse values that no sensor gives; what isn't finite is absent."""
+    flat = values.ravel(order="K")
+    with np.errstate(over="ignore", invalid="ignore"):
+        if float(np.dot(flat, flat)) < LARGEST**2:  # in one pass, what holds nearly always
+            return
+    most = float(np.abs(flat[np.isfinite(flat)]).max(initial=0.0))
+    if most > LARGEST:
+        raise InputError(
+            f"{name} of {most:.3g} in {where}", f"{LARGEST:g} at most, in SI units", "leave empty what was not measured"
+        )
 
 
 def _check_time(t: Array, where: str) -> None:
