@@ -87,7 +87,7 @@ def test_a_fit_goes_to_disk_and_back(fit: kinid.Fit, touch: kinid.ContactSeries,
     fit.save(tmp_path / "fit.json")
     again = kinid.Fit.load(tmp_path / "fit.json")
     assert again.model == fit.model
-    assert again.to_dict() == fit.to_dict()
+    assert again.to_save() == fit.to_save()
     assert again.equation() == fit.equation()
     assert str(again) == str(fit)
     np.testing.assert_array_equal(again.values, fit.values)

@@ -59,7 +59,7 @@ def fit(
 
     result = fit_model(chosen, data, the_rig)
     if json_file is not None:
-        write_json(json_file, result.to_dict())
+        write_json(json_file, result.to_save())
     if out is not None:
         write_table(out, prediction_columns(result))
     if plot is not None:

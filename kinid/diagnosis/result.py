@@ -225,7 +225,7 @@ class Diagnosis(Shown):
             "left_where": [cell.to_dict() for cell in self.left_where],
             "effects": [effect.to_dict() for effect in self.effects],
             "warnings": list(self.warnings),
-            "fit": self.fit.to_dict(),
+            "fit": self.fit.to_save(),
         }
 
 

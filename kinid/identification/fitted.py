@@ -116,7 +116,7 @@ class FittedModel(Shown):
             InputError: a folder that isn't there or can't be written to.
         """
         expect(path, (str, Path), "a fit's file", "a path", "name the file")
-        write_json(Path(path), self.to_dict())
+        write_json(Path(path), self.to_save())
 
     def __repr__(self) -> str:
         many = len(self.parameters)
@@ -211,13 +211,18 @@ class FittedModel(Shown):
         return "\n".join(lines)
 
     def to_dict(self) -> Json:
-        """The facts as `kinid fit --json` writes them."""
-        own = self.layout
+        """The facts, for JSON."""
         return {
             "model": list(self.model.names),
             "parameters": {name: p.to_dict() for name, p in self.parameters.items()},
             "error": self.error.to_dict(),
             "warnings": list(self.warnings),
+        }
+
+    def to_save(self) -> Json:
+        """The facts as `save` and `kinid fit --json` write them, with what a prediction needs beside them."""
+        own = self.layout
+        return self.to_dict() | {
             "layout": {"channels": list(own.channels), "kind": own.kind, "joints": list(own.joints)},
             "rest": dataclasses.asdict(self.rest),
         }
