@@ -8,7 +8,11 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from kinid.shown import Shown as _Shown
+
 if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
     from kinid.campaign import Campaign
     from kinid.contact.registration import find_surface
     from kinid.contact.series import ContactSeries, contact_series, tip_motion
@@ -16,6 +20,8 @@ if TYPE_CHECKING:
     from kinid.data.rig import Rig
     from kinid.diagnosis import Diagnosis, diagnose
     from kinid.errors import InputError, KinidError
+    from kinid.identification.compare import Comparison, compare
+    from kinid.identification.fit import Fit
     from kinid.modeling.model import Model
     from kinid.robotics.inverse_dynamics import JointTorques, joint_torques
     from kinid.robotics.reading import read
@@ -26,6 +32,8 @@ __version__ = "0.1.0"
 
 _HOME = {
     "Campaign": "campaign",
+    "Comparison": "identification.compare",
+    "compare": "identification.compare",
     "ContactSeries": "contact.series",
     "contact_series": "contact.series",
     "tip_motion": "contact.series",
@@ -37,6 +45,7 @@ _HOME = {
     "JointTorques": "robotics.inverse_dynamics",
     "joint_torques": "robotics.inverse_dynamics",
     "Log": "data.log",
+    "Fit": "identification.fit",
     "Model": "identification.fit",
     "read": "robotics.reading",
     "Rig": "data.rig",
@@ -46,9 +55,11 @@ _HOME = {
 
 __all__ = [
     "Campaign",
+    "Comparison",
     "ContactSeries",
     "Diagnosis",
     "Differentiator",
+    "Fit",
     "InputError",
     "JointTorques",
     "KinidError",
@@ -56,6 +67,7 @@ __all__ = [
     "Model",
     "Rig",
     "Robot",
+    "compare",
     "contact_series",
     "diagnose",
     "find_surface",
@@ -72,4 +84,14 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *__all__])
+    """What is public, and what every module has."""
+    return sorted([*__all__, *(name for name in globals() if name.startswith("__") and name != "__getattr__")])
+
+
+def _plot(result: _Shown) -> Figure:
+    """The figure of a result; pictures stand above results, so that these can't name them."""
+    figure: Figure = importlib.import_module("kinid.reports.figures").figure_of(result)
+    return figure
+
+
+_Shown.plotter = staticmethod(_plot)

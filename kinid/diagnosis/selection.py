@@ -196,7 +196,7 @@ def indistinguishable(one: Refit, other: Refit, sigma: Array, settings: Diagnosi
 def _overlap(one: Refit, other: Refit, sigma: Array) -> float:
     """Squared cosine between what two refits change, held out: 1 where they explain the same, 0 where other parts."""
     a, b = (((t.before.held_out - t.state.held_out) / sigma).ravel() for t in (one, other))
-    return float((a @ b) ** 2 / max(1e-300, (a @ a) * (b @ b)))
+    return float(a @ b) ** 2 / max(1e-300, float(a @ a) * float(b @ b))
 
 
 def select(
