@@ -8,11 +8,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from kinid.shown import Shown as _Shown
-
 if TYPE_CHECKING:
-    from plotly.graph_objects import Figure
-
     from kinid.campaign import Campaign
     from kinid.contact.registration import find_surface
     from kinid.contact.series import ContactSeries, contact_series, tip_motion
@@ -45,6 +41,7 @@ _HOME = {
     "JointTorques": "robotics.inverse_dynamics",
     "joint_torques": "robotics.inverse_dynamics",
     "Log": "data.log",
+    "figure_of": "reports.figures",
     "Fit": "identification.fit",
     "Model": "identification.fit",
     "read": "robotics.reading",
@@ -86,12 +83,3 @@ def __getattr__(name: str) -> Any:
 def __dir__() -> list[str]:
     """What is public, and what every module has."""
     return sorted([*__all__, *(name for name in globals() if name.startswith("__") and name != "__getattr__")])
-
-
-def _plot(result: _Shown) -> Figure:
-    """The figure of a result; pictures stand above results, so that these can't name them."""
-    figure: Figure = importlib.import_module("kinid.reports.figures").figure_of(result)
-    return figure
-
-
-_Shown.plotter = staticmethod(_plot)

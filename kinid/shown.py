@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +23,6 @@ MOST_ROWS = 60
 
 class Shown(ABC):
     """A result with columns. `repr` is its first line."""
-
-    #: what draws a result: `kinid` sets it, because pictures stand above results
-    plotter: ClassVar[Any]
 
     @abstractmethod
     def columns(self) -> Columns:
@@ -51,7 +48,9 @@ class Shown(ABC):
 
     def plot(self) -> Figure:
         """Its figure (plotly), which a notebook shows and `.show()` opens in a browser."""
-        figure: Figure = Shown.plotter(self)
+        import kinid  # pictures stand above results, which can't name them
+
+        figure: Figure = kinid.figure_of(self)
         return figure
 
     def _repr_html_(self) -> str:
