@@ -23,6 +23,8 @@ EXAMPLES = """Examples:
 
 kinid live udp://127.0.0.1:5005 --rig rig.toml --model kelvin-voigt,coulomb-friction --record out.mcap
 
+kinid live zenoh: --rig rig.toml --model kelvin-voigt          (topics of ROS 2, from rmw_zenoh's router)
+
 kinid live poke.parquet --model hunt-crossley --speed 0 --json live.json          (a log, as fast as it goes)
 
 kinid live lab:mould --model kelvin-voigt,coulomb-friction          (the virtual laboratory)
@@ -33,7 +35,8 @@ def live(
     source: Annotated[
         str,
         typer.Argument(
-            help="udp://HOST:PORT, shm:PATH, lab:EXPERIMENT[:SEED], or a log to be replayed.", show_default=False
+            help="zenoh://HOST:PORT, udp://HOST:PORT, shm:PATH, lab:EXPERIMENT[:SEED], or a log to be replayed.",
+            show_default=False,
         ),
     ],
     model: Annotated[
@@ -89,7 +92,9 @@ def live(
 def _log_of(source: str) -> Path | None:
     """The log that a source replays; None for any other source."""
     scheme, colon, rest = source.partition(":")
-    if (colon and scheme in ("udp", "shm", "lab")) or rest.startswith("//"):
+    from kinid.live.sources import kinds
+
+    if (colon and scheme in kinds().keys() - {"file"}) or rest.startswith("//"):
         return None
     return Path(rest if scheme == "file" and colon else source)
 

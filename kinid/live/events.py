@@ -33,6 +33,7 @@ KINDS = {
     "overrun": "samples were overwritten before they were read",
     "recording-failed": "the recording ended early; the session goes on",
     "source-restarted": "the sender began anew",
+    "topic": "more topics than one carry what is needed; the first is taken",
 }
 
 #: bits that the compiled step sets, by kind
