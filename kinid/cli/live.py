@@ -13,9 +13,13 @@ from kinid.cli import complete
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from kinid.data.rig import Rig
     from kinid.live.messages import Source
     from kinid.live.recording import Recorder
+    from kinid.live.serving import Server
+    from kinid.live.sink import Sink
     from kinid.robotics.robot import Robot
     from kinid.writers import Json
 
@@ -54,6 +58,10 @@ def live(
     record: Annotated[
         Path | None, typer.Option(help="Recording to write: one MCAP file, whole at any moment.", show_default=False)
     ] = None,
+    serve: Annotated[
+        bool, typer.Option("--serve", help="Serve the session to Foxglove, on this machine alone.")
+    ] = False,
+    port: Annotated[int, typer.Option(help="Of that server; 0 chooses a free one.")] = 8765,
     json_file: Annotated[Path | None, typer.Option("--json", help="Summary and events to write as JSON.")] = None,
     speed: Annotated[
         float, typer.Option(help="Of what is replayed, in parts of its own; 0: as fast as it goes.")
@@ -75,6 +83,8 @@ def live(
         raise InputError(f"--tare {tare:g}", "seconds ≥ 0", "leave it out for the rig's bias")
     if not (math.isfinite(bandwidth) and bandwidth > 0.0):
         raise InputError(f"--bandwidth {bandwidth:g}", "a frequency > 0 Hz", "leave it out for 40")
+    if not 0 <= port < 65536:
+        raise InputError(f"--port {port}", "a port from 0 to 65535", "leave it out for 8765")
     from kinid.writers import check_outputs
 
     path = _log_of(source)
@@ -84,7 +94,9 @@ def live(
         raise InputError(f"--record {record.name}", "a name ending in .mcap", "rename it")
     opened, the_rig, robot = _open(source, rig, speed)
     try:
-        _run(opened, the_rig, robot, names, record, json_file, duration, tare, bandwidth, quiet)
+        _run(
+            opened, the_rig, robot, names, record, port if serve else None, json_file, duration, tare, bandwidth, quiet
+        )
     finally:
         opened.close()
 
@@ -129,6 +141,7 @@ def _run(
     robot: Robot,
     names: list[str],
     record: Path | None,
+    port: int | None,
     json_file: Path | None,
     duration: float | None,
     seconds: float,
@@ -152,7 +165,9 @@ def _run(
         pipeline = Pipeline(rig, names, robot=robot, bandwidth=bandwidth)
     elif rig.sensor.bias is None:
         out.print("doubt: the rig states no bias of the sensor: add [sensor] bias, or --tare 2 in the air")
-    recorder = None if record is None else _recorder(record, opened, rig, robot, names, bandwidth)
+    sinks: list[Sink] = [] if port is None else [_server(port, robot, out)]
+    if record is not None:
+        sinks.append(_recorder(record, opened, rig, robot, names, bandwidth))
     kept: list[Event] = []
     lines = Lines(out)
 
@@ -168,7 +183,7 @@ def _run(
         tuple(robot.joint_names),
         wrench_offset=rig.streams.wrench_clock_offset or 0.0,
         max_gap=rig.streams.max_gap,
-        recorder=recorder,
+        sinks=sinks,
         tell=tell,
     )
     limit = math.inf if duration is None else duration
@@ -196,3 +211,11 @@ def _recorder(record: Path, source: Source, rig: Rig, robot: Robot, names: list[
         "rig": rig.model_dump_json(exclude_none=True, exclude={"folder"}),
     }
     return Recorder(record, robot.joint_names, robot.sensor_frame or "", provenance)
+
+
+def _server(port: int, robot: Robot, out: Console) -> Server:
+    from kinid.live.serving import LAYOUT, Server
+
+    server = Server(robot.joint_names, robot.sensor_frame or "", port)
+    out.print(f"Foxglove: open a connection to {server.url}, import the layout {LAYOUT}", soft_wrap=True, markup=False)
+    return server
