@@ -193,11 +193,11 @@ def _decoder() -> Callable[[str, int, bytes], Item]:
     decode = get_typestore(Stores.ROS2_HUMBLE).deserialize_cdr
 
     def read(role: str, received: int, payload: bytes) -> Item:
-        message = decode(payload, TYPES[role])
+        message: Any = decode(payload, TYPES[role])
         stamp = _bag._stamp(message) or None
         if role == "wrench":
             return Wrench(received, stamp, _bag._wrench_row(message))
-        names, (q, dq, tau) = _bag._joint_values(message)
-        return Joints(received, stamp, q, dq, tau, names)
+        q, dq, tau = message.position, message.velocity, message.effort
+        return Joints(received, stamp, q, dq, tau, tuple(message.name))
 
     return read
