@@ -72,7 +72,7 @@ lock:
 	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header --no-annotate \
 		--extra bags pyproject.toml requirements/build.in -o requirements/demo.lock
 	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header --no-annotate \
-		--extra bags --extra batch --extra vision --extra docs --extra test pyproject.toml requirements/build.in -o requirements/test.lock
+		--extra bags --extra batch --extra live --extra vision --extra docs --extra test pyproject.toml requirements/build.in -o requirements/test.lock
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info

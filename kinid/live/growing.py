@@ -42,7 +42,7 @@ class Growing(Sink):
     Args:
         path: of the map, which goes on where it is one of the same model and surface. pipeline: whose touches they are.
         rig: with the plane that is touched. source: of the samples, for people.
-        show: is handed the map and the time [ns] whenever it has grown.
+        show: is handed the map whenever it has grown.
 
     Attributes:
         map: as it is now. joining: times that touches took to join [ns]. started: how often estimators started from it.
@@ -57,7 +57,7 @@ class Growing(Sink):
         pipeline: Pipeline,
         rig: Rig,
         source: str,
-        show: Callable[[PropertyMap, int], None] | None = None,
+        show: Callable[[PropertyMap], None] | None = None,
     ) -> None:
         super().__init__("map")
         self._path, self._pipeline, self._source, self._show = path, pipeline, source, show
@@ -86,7 +86,7 @@ class Growing(Sink):
         self._sum, self._first, self._last = np.zeros(3), 0, 0
         self._valid: dict[str, Estimate] = {}
         if show is not None and len(self.map):
-            show(self.map, 0)
+            show(self.map)
         self._thread.start()
 
     def sample(self, message: Joints | Wrench, stamp: int) -> None:
@@ -109,7 +109,7 @@ class Growing(Sink):
             return
         begin = time.perf_counter_ns()
         near = None if event.kind == "leave" else self._nearest(event.place)
-        if self._join(stamp):
+        if self._join():
             self.joining.add(time.perf_counter_ns() - begin)
         self._begin()
         if near is not None:
@@ -128,7 +128,7 @@ class Growing(Sink):
         told = np.isfinite(np.diag(probe.covariance))
         return {p.name: float(v) for p, v, is_told in zip(self.map.properties, probe.values, told) if is_told}
 
-    def _join(self, stamp: int) -> bool:
+    def _join(self) -> bool:
         """The touch so far as a probe; whether it was one."""
         if not self._valid or self._last - self._first < 1e9 * SHORTEST:
             return False
@@ -157,7 +157,7 @@ class Growing(Sink):
             return False
         self._places = np.vstack([self._places, place])
         if self._show is not None:
-            self._show(self.map, stamp)
+            self._show(self.map)
         return True
 
     def _write(self, topic: str, received: int, stamp: int, what: Joints | Wrench | Json) -> None:

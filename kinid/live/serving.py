@@ -64,7 +64,7 @@ class Server(Sink):
         self._log = channels.LogChannel(LOG, context=context)
         self._points = channels.PointCloudChannel(MAP, context=context)
         self._map: PropertyMap | None = None
-        self._map_stamp, self._changed = 0, False
+        self._stamp, self._changed = 0, False
         try:
             self._server = foxglove.start_server(
                 name="kinid", host=HOST, port=port, capabilities=[], context=context, server_listener=_listener(self)
@@ -79,9 +79,9 @@ class Server(Sink):
         self.url = f"ws://{HOST}:{self.port}"
         self._thread.start()
 
-    def show(self, grown: PropertyMap, stamp: int) -> None:
-        """The map as it is now; stamp: [ns]."""
-        self._map, self._map_stamp, self._changed = grown, stamp, True
+    def show(self, grown: PropertyMap) -> None:
+        """The map as it is now; it is sent with the time of what was sent last."""
+        self._map, self._changed = grown, True
 
     def show_again(self) -> None:
         """Somebody has come who hasn't seen the map."""
@@ -94,6 +94,8 @@ class Server(Sink):
         self._server.stop()
 
     def _write(self, topic: str, received: int, stamp: int, what: Joints | Wrench | Json) -> None:
+        # what is told before the first pair has no time of the session's
+        self._stamp = stamp = stamp or self._stamp or time.time_ns()
         channel = self._channels[topic]
         if channel.has_sinks():
             channel.log(self._coder(stamp, what), log_time=stamp)
@@ -108,9 +110,9 @@ class Server(Sink):
             self._log.log(said, log_time=stamp)
 
     def _commit(self) -> None:
-        if self._changed and self._map is not None and self._points.has_sinks():
+        if self._changed and self._map is not None and self._stamp and self._points.has_sinks():
             self._changed = False
-            self._points.log(cloud(self._map, self._map_stamp), log_time=self._map_stamp)
+            self._points.log(cloud(self._map, self._stamp), log_time=self._stamp)
 
 
 def _listener(server: Server) -> Any:

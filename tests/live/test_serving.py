@@ -26,7 +26,7 @@ from websockets.typing import Subprotocol
 
 from kinid.data.rig import Rig
 from kinid.errors import InputError, MissingDependencyError
-from kinid.live import Pipeline, Session
+from kinid.live import Event, Pipeline, Session
 from kinid.live.messages import Item, Joints, Wrench
 from kinid.live.serving import LAYOUT, Server
 from kinid.mapping.property_map import Probe, Property, PropertyMap
@@ -86,7 +86,7 @@ def test_a_session_is_seen(server: Server, rig: Rig, rows: list[Item]) -> None:
         assert {c["topic"] for c in viewer.channels.values()} == TOPICS
         time.sleep(0.1)  # its subscriptions get there
         session = Session(Prepared(rows[:6000]), Pipeline(rig, ("kelvin-voigt",)), NAMES, sinks=[server])
-        server.show(grown(), 5)
+        server.show(grown())
         session.run()
         found = viewer.messages()
     by_topic = {topic: [(stamp, data) for name, stamp, data in found if name == topic] for topic in TOPICS}
@@ -117,7 +117,8 @@ def grown() -> PropertyMap:
 
 
 def test_who_comes_late_sees_the_map(server: Server) -> None:
-    server.show(grown(), 7)
+    server.show(grown())
+    server.event(Event("gap", 0.0, "so long"), 0, 7)
     time.sleep(0.1)
     for _ in range(2):
         with viewed(server) as viewer:
