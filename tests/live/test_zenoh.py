@@ -51,9 +51,9 @@ def process(port: int, mode: str, cycles: int = 0, faults: object = ()) -> Itera
             running.kill()
 
 
-def collect(source: Client, enough: int, seconds: float = 10.0) -> list[Item]:
-    end, out = time.monotonic() + seconds, []
-    for item in source.items():
+def collect(source: Client, enough: int, begun: Iterator[Item] | None = None) -> list[Item]:
+    end, out = time.monotonic() + 10.0, list[Item]()
+    for item in begun or source.items():
         if item is not None:
             out.append(item)
         if len(out) >= enough or time.monotonic() > end:
@@ -160,11 +160,12 @@ def test_topics_that_are_not_asked_for(rig: Rig) -> None:
     settings = {"listen": {"endpoints": [f"tcp/127.0.0.1:{port}"]}, "scouting": {"multicast": {"enabled": False}}}
     with zenoh.open(zenoh.Config.from_json5(json.dumps(settings))) as robot:
         source, kind = Client(f"127.0.0.1:{port}/7"), "sensor_msgs::msg::dds_::JointState_/x"
-        time.sleep(0.2)  # its subscription goes there
+        items = source.items()
+        assert [next(items) for _ in range(4)] == 4 * [None]  # its subscription gets there
         for topic in ("7/arm/joint_states", "7/hand", "7/hand", "8/arm/joint_states", "7/arm/joint_states"):
             robot.put(f"{topic}/{kind}", joints(5), express=True)
         robot.put("7/w/geometry_msgs::msg::dds_::WrenchStamped_/x", wrench(6)[:40], express=True)
-        first, other, second, broken = collect(source, 4)
+        first, other, second, broken = collect(source, 4, items)
     assert isinstance(first, Joints)
     assert isinstance(second, Joints)
     assert isinstance(other, Notice)
@@ -181,6 +182,8 @@ def test_what_cannot_be_reached_is_one_line(monkeypatch: pytest.MonkeyPatch) -> 
     with pytest.raises(InputError, match=r"nobody who answers at zenoh://127.0.0.1:\d+/0") as told:
         Client(f"127.0.0.1:{free()}")
     assert "\n" not in str(told.value)
+    with pytest.raises(InputError, match="correct .streams. wrench"):
+        Client(f"127.0.0.1:{free()}", Rig.parse_text('[streams]\nwrench = "/ft//wrench"\n'))
     monkeypatch.setitem(sys.modules, "zenoh", None)
     with pytest.raises(MissingDependencyError, match=r"kinid\[live\]"):
         Client(f"127.0.0.1:{free()}")

@@ -12,7 +12,7 @@ import json
 import queue
 import struct
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from kinid.data.rig import Rig
@@ -61,18 +61,26 @@ class Client:
         self.name = f"zenoh://{host}:{port}/{domain}"
         self._decode = _decoder()
         streams = (rig or Rig()).streams
-        self._named = {"joints": streams.joints, "wrench": streams.wrench}
-        self._taken = {role: name.strip("/") for role, name in self._named.items() if name}
+        named = {"joints": streams.joints, "wrench": streams.wrench}
+        self._taken = {role: name.strip("/") for role, name in named.items() if name}
         self._others: set[str] = set()
         self._publishers: dict[str, tuple[bytes, int]] = {}
         self._queue: queue.SimpleQueue[tuple[str, int, Sample] | None] = queue.SimpleQueue()
         self._missed, self._open = 0, True
-        self._session = _connect(f"tcp/{host}:{port}", self.name)
-        # kept: a subscriber that is forgotten ends
-        self._subscribers = [self._subscribe(role, domain) for role in TYPES]
+        self._keys = {
+            role: f"{domain}/{self._taken.get(role, '**')}/{_mangled(kind)}/*" for role, kind in TYPES.items()
+        }
+        self._subscribers: list[object] = []  # kept: one that is forgotten ends
+        self._session = _connect(f"tcp/{host}:{port}", self.name, self._keys)
 
     def items(self) -> Iterator[Item]:
-        """See `Source`."""
+        """See `Source`; it begins with what comes from now on."""
+        while self._subscribers and not self._queue.empty():
+            self._queue.get()
+            self._publishers.clear()
+        if not self._subscribers and self._open:
+            declare = self._session.declare_subscriber
+            self._subscribers = [declare(key, self._taker(role)) for role, key in self._keys.items()]
         while self._open:
             try:
                 came = self._queue.get(timeout=IDLE)
@@ -93,16 +101,6 @@ class Client:
             self._open = False
             self._session.close()
             self._queue.put(None)
-
-    def _subscribe(self, role: str, domain: str) -> object:
-        topic = self._taken.get(role, "**")
-        try:
-            return self._session.declare_subscriber(f"{domain}/{topic}/{_mangled(TYPES[role])}/*", self._taker(role))
-        except Exception as error:  # Zenoh's, which has no root of its own; what a rig names may be no key
-            self.close()
-            raise InputError(
-                f"topic '{self._named[role]}' ({str(error)[:80]})", "a name as /joint_states", "correct it in [streams]"
-            ) from None
 
     def _taker(self, role: str) -> Callable[[Sample], None]:
         """Takes the messages of a role, in Zenoh's thread."""
@@ -152,16 +150,25 @@ def _mangled(kind: str) -> str:
     return f"{package}::msg::dds_::{name}_"
 
 
-def _connect(endpoint: str, name: str) -> Any:
+def _connect(endpoint: str, name: str, keys: Mapping[str, str]) -> Any:
     """A session as a client.
 
     Raises:
-        InputError: nobody answers.
+        InputError: keys, by role, that are none; nobody answers.
     """
     try:
         import zenoh
     except ImportError:
         raise MissingDependencyError("eclipse-zenoh", "live") from None
+    for role, key in keys.items():
+        try:
+            zenoh.KeyExpr(key)
+        except zenoh.ZError:
+            raise InputError(
+                f"a topic for the {role} that no key of Zenoh can be made of: {key}",
+                "a name as /joint_states",
+                f"correct [streams] {role}",
+            ) from None
     settings = {
         "mode": "client",
         "connect": {
