@@ -44,7 +44,12 @@ NEEDED = (
     "jinja2",
     "casadi",
 )
-EXTRAS = {"bags": ("rosbags", "mcap"), "batch": ("dask", "distributed", "fsspec"), "vision": ("sklearn", "PIL")}
+EXTRAS = {
+    "bags": ("rosbags", "mcap"),
+    "batch": ("dask", "distributed", "fsspec"),
+    "live": ("zenoh", "foxglove", "mcap", "rosbags"),
+    "vision": ("sklearn", "PIL"),
+}
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "firefox", "microsoft-edge")
 
 

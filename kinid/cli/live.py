@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,17 +14,37 @@ from kinid.cli import complete
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from kinid.data.rig import Rig
     from kinid.live.messages import Source
+    from kinid.live.pipeline import Pipeline
     from kinid.live.recording import Recorder
+    from kinid.live.serving import Server
+    from kinid.live.sink import Sink
     from kinid.robotics.robot import Robot
     from kinid.writers import Json
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """Where a session goes: a recording, a map, a port of the server, JSON; None for what isn't asked for."""
+
+    record: Path | None
+    map_file: Path | None
+    port: int | None
+    json_file: Path | None
+
 
 EXAMPLES = """Examples:
 
 kinid live udp://127.0.0.1:5005 --rig rig.toml --model kelvin-voigt,coulomb-friction --record out.mcap
 
+kinid live zenoh: --rig rig.toml --model kelvin-voigt          (topics of ROS 2, from rmw_zenoh's router)
+
 kinid live poke.parquet --model hunt-crossley --speed 0 --json live.json          (a log, as fast as it goes)
+
+kinid live udp://127.0.0.1:5005 --rig rig.toml --model kelvin-voigt,coulomb-friction --map map.parquet --serve
 
 kinid live lab:mould --model kelvin-voigt,coulomb-friction          (the virtual laboratory)
 """
@@ -33,7 +54,8 @@ def live(
     source: Annotated[
         str,
         typer.Argument(
-            help="udp://HOST:PORT, shm:PATH, lab:EXPERIMENT[:SEED], or a log to be replayed.", show_default=False
+            help="zenoh://HOST:PORT, udp://HOST:PORT, shm:PATH, lab:EXPERIMENT[:SEED], or a log to be replayed.",
+            show_default=False,
         ),
     ],
     model: Annotated[
@@ -51,6 +73,14 @@ def live(
     record: Annotated[
         Path | None, typer.Option(help="Recording to write: one MCAP file, whole at any moment.", show_default=False)
     ] = None,
+    map_file: Annotated[
+        Path | None,
+        typer.Option("--map", help="Map that touches join as they end, and start from.", show_default=False),
+    ] = None,
+    serve: Annotated[
+        bool, typer.Option("--serve", help="Serve the session to Foxglove, on this machine alone.")
+    ] = False,
+    port: Annotated[int, typer.Option(help="Of that server; 0 chooses a free one.")] = 8765,
     json_file: Annotated[Path | None, typer.Option("--json", help="Summary and events to write as JSON.")] = None,
     speed: Annotated[
         float, typer.Option(help="Of what is replayed, in parts of its own; 0: as fast as it goes.")
@@ -72,16 +102,21 @@ def live(
         raise InputError(f"--tare {tare:g}", "seconds ≥ 0", "leave it out for the rig's bias")
     if not (math.isfinite(bandwidth) and bandwidth > 0.0):
         raise InputError(f"--bandwidth {bandwidth:g}", "a frequency > 0 Hz", "leave it out for 40")
+    if not 0 <= port < 65536:
+        raise InputError(f"--port {port}", "a port from 0 to 65535", "leave it out for 8765")
     from kinid.writers import check_outputs
 
     path = _log_of(source)
     rig = rig or (path.parent / "rig.toml" if path is not None else None)
-    check_outputs((record, json_file), (path, rig))
+    check_outputs((record, json_file, map_file), (path, rig))
     if record is not None and record.suffix.lower() != ".mcap":
         raise InputError(f"--record {record.name}", "a name ending in .mcap", "rename it")
+    if map_file is not None and map_file.suffix.lower() != ".parquet":
+        raise InputError(f"--map {map_file.name}", "a name ending in .parquet", "rename it")
     opened, the_rig, robot = _open(source, rig, speed)
     try:
-        _run(opened, the_rig, robot, names, record, json_file, duration, tare, bandwidth, quiet)
+        outputs = Outputs(record, map_file, port if serve else None, json_file)
+        _run(opened, the_rig, robot, names, outputs, duration, tare, bandwidth, quiet)
     finally:
         opened.close()
 
@@ -89,7 +124,9 @@ def live(
 def _log_of(source: str) -> Path | None:
     """The log that a source replays; None for any other source."""
     scheme, colon, rest = source.partition(":")
-    if (colon and scheme in ("udp", "shm", "lab")) or rest.startswith("//"):
+    from kinid.live.sources import kinds
+
+    if (colon and scheme in kinds().keys() - {"file"}) or rest.startswith("//"):
         return None
     return Path(rest if scheme == "file" and colon else source)
 
@@ -123,8 +160,7 @@ def _run(
     rig: Rig,
     robot: Robot,
     names: list[str],
-    record: Path | None,
-    json_file: Path | None,
+    outputs: Outputs,
     duration: float | None,
     seconds: float,
     bandwidth: float,
@@ -147,12 +183,12 @@ def _run(
         pipeline = Pipeline(rig, names, robot=robot, bandwidth=bandwidth)
     elif rig.sensor.bias is None:
         out.print("doubt: the rig states no bias of the sensor: add [sensor] bias, or --tare 2 in the air")
-    recorder = None if record is None else _recorder(record, opened, rig, robot, names, bandwidth)
+    sinks = _sinks(outputs, opened, pipeline, rig, robot, bandwidth, out)
     kept: list[Event] = []
     lines = Lines(out)
 
     def tell(event: Event) -> None:
-        if json_file is not None and len(kept) < 100_000:
+        if outputs.json_file is not None and len(kept) < 100_000:
             kept.append(event)
         if not quiet and not out.is_terminal:
             lines(event)
@@ -163,7 +199,7 @@ def _run(
         tuple(robot.joint_names),
         wrench_offset=rig.streams.wrench_clock_offset or 0.0,
         max_gap=rig.streams.max_gap,
-        recorder=recorder,
+        sinks=sinks,
         tell=tell,
     )
     limit = math.inf if duration is None else duration
@@ -173,10 +209,32 @@ def _run(
     else:
         session.run(limit)
     show(session, out)
-    if json_file is not None:
+    if outputs.json_file is not None:
         facts: Json = {**session.summary(), "list": [event.to_dict() for event in kept]}
-        write_text(json_file, json.dumps(facts, indent=1) + "\n")
-    written([path for path in (record, json_file) if path is not None])
+        write_text(outputs.json_file, json.dumps(facts, indent=1) + "\n")
+    written(
+        [path for path in (outputs.record, outputs.map_file, outputs.json_file) if path is not None and path.exists()]
+    )
+
+
+def _sinks(
+    outputs: Outputs, opened: Source, pipeline: Pipeline, rig: Rig, robot: Robot, bandwidth: float, out: Console
+) -> list[Sink]:
+    """All that takes the session; the map first, since it may be refused, and nothing is begun then."""
+    server = None if outputs.port is None else _server(outputs.port, robot, out)
+    sinks: list[Sink] = [] if server is None else [server]
+    try:
+        if outputs.map_file is not None:
+            from kinid.live.growing import Growing
+
+            sinks.append(Growing(outputs.map_file, pipeline, rig, opened.name, None if server is None else server.show))
+        if outputs.record is not None:
+            sinks.append(_recorder(outputs.record, opened, rig, robot, list(pipeline.model), bandwidth))
+    except Exception:
+        for sink in sinks:
+            sink.close()
+        raise
+    return sinks
 
 
 def _recorder(record: Path, source: Source, rig: Rig, robot: Robot, names: list[str], bandwidth: float) -> Recorder:
@@ -191,3 +249,11 @@ def _recorder(record: Path, source: Source, rig: Rig, robot: Robot, names: list[
         "rig": rig.model_dump_json(exclude_none=True, exclude={"folder"}),
     }
     return Recorder(record, robot.joint_names, robot.sensor_frame or "", provenance)
+
+
+def _server(port: int, robot: Robot, out: Console) -> Server:
+    from kinid.live.serving import LAYOUT, Server
+
+    server = Server(robot.joint_names, robot.sensor_frame or "", port)
+    out.print(f"Foxglove: open a connection to {server.url}, import the layout {LAYOUT}", soft_wrap=True, markup=False)
+    return server

@@ -6,7 +6,7 @@ Times are whole nanoseconds: stamps since 1970 have no room for them in a float6
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from numba import float64, int64, njit
 
 from kinid.kernels.types import Compiled
 
@@ -114,7 +114,12 @@ def _remember(clock: Compiled, step: int) -> None:
     clock[PERIOD] = max(ordered[n // 2], clock[MEAN])
 
 
-@njit(cache=True, error_model="numpy")
+# both are compiled when this is imported: no sample waits for it
+@njit(
+    (int64[::1], int64[::1], int64, int64[::1], float64[:, ::1], int64, int64, float64[::1], int64),
+    cache=True,
+    error_model="numpy",
+)
 def put(
     clock: Compiled,
     counts: Compiled,
@@ -148,7 +153,11 @@ def put(
     return stamped if code == FINE else -code
 
 
-@njit(cache=True, error_model="numpy")
+@njit(
+    (int64[::1], int64[::1], int64[::1], float64[:, ::1], int64[::1], float64[:, ::1], int64, int64, float64[::1]),
+    cache=True,
+    error_model="numpy",
+)
 def take_pair(
     clock: Compiled,
     counts: Compiled,

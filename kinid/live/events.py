@@ -31,8 +31,9 @@ KINDS = {
     "stream-lost": "a stream is silent",
     "stream-returned": "a stream is back",
     "overrun": "samples were overwritten before they were read",
-    "recording-failed": "the recording ended early; the session goes on",
+    "recording-failed": "the recording, the map or the server ended early; the session goes on",
     "source-restarted": "the sender began anew",
+    "topic": "more topics than one carry what is needed; the first is taken",
 }
 
 #: bits that the compiled step sets, by kind

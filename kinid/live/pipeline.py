@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,8 @@ from kinid.errors import InputError
 from kinid.estimators import Friction, KelvinVoigt, SingleStage
 from kinid.estimators._friction_kernels import reopen as reopen_friction
 from kinid.estimators._machine import Machine, Online
-from kinid.estimators.estimate import Estimate, Status
+from kinid.estimators.estimate import Estimate, Prior, Status
+from kinid.estimators.hunt_crossley import logarithmic
 from kinid.kernels.causal import FLAG, NOT_FINITE, compile_step
 from kinid.live import _watch_kernels as kernels
 from kinid.live import events
@@ -171,6 +172,23 @@ class Pipeline:
         """Open both estimators' covariance: what was learnt stays as a start, which the next samples may overrule."""
         reopen(self.normal)
         reopen_friction(self.friction.room.state, SPREAD)
+
+    def start(self, values: Mapping[str, float]) -> None:
+        """Start from what is known of another place, each value with the standard deviation `SPREAD`.
+
+        Args:
+            values: by the names of the parameters; estimators of which one is missing go on as they are.
+        """
+        names = self.normal.names
+        if all(name in values for name in names) and values[names[0]] > 0.0:
+            told = np.array([values[name] for name in names])
+            if "exponent" in names:  # that machine keeps the logarithm of its law
+                told = logarithmic(Prior(told, np.eye(3)), math.log(SingleStage().reference_depth), 1.0).values
+            self.normal.room.state[: len(names)] = told
+            reopen(self.normal)
+        if "friction" in values:
+            self.friction.room.state[0] = values["friction"]
+            reopen_friction(self.friction.room.state, SPREAD)
 
     def restart(self) -> None:
         """A new log begins, whose time may start anew; what was learnt stays."""

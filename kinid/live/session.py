@@ -9,13 +9,13 @@ from collections import Counter, deque
 from collections.abc import Callable, Sequence
 
 from kinid.data.rig import CONTACT as QUANTITIES
-from kinid.live import recording
+from kinid.live import encoding
 from kinid.live.alignment import Aligner
 from kinid.live.events import Event
 from kinid.live.latency import Latencies
 from kinid.live.messages import Notice, Source
 from kinid.live.pipeline import Pipeline
-from kinid.live.recording import Recorder
+from kinid.live.sink import Sink
 from kinid.writers import Json
 
 #: a stream is lost after so long, or so many of its samples, without one [ns]; looked at so often [ns]
@@ -34,7 +34,7 @@ class Session:
     Args:
         source: of samples. pipeline: that works on them. joints: names of the robot's joints, in order.
         wrench_offset, max_gap: as in `Aligner`.
-        recorder: keeps all of it. tell: is told each event.
+        sinks: take all of it, as a recorder or a server do. tell: is told each event.
 
     Attributes:
         samples: that went through the pipeline. counts: of events by kind. events: the last ones.
@@ -50,10 +50,11 @@ class Session:
         *,
         wrench_offset: float = 0.0,
         max_gap: float | None = None,
-        recorder: Recorder | None = None,
+        sinks: Sequence[Sink] = (),
         tell: Callable[[Event], None] | None = None,
     ) -> None:
-        self.source, self.pipeline, self.recorder, self._tell = source, pipeline, recorder, tell
+        self.source, self.pipeline, self._tell = source, pipeline, tell
+        self._sinks, self._working = tuple(sinks), list(sinks)
         self.aligner = Aligner(joints, self._report, wrench_offset=wrench_offset, max_gap=max_gap)
         self.samples, self.counts, self.events = 0, Counter[str](), deque[Event](maxlen=REMEMBERED)
         self.processing, self.latency = Latencies(), Latencies()
@@ -76,8 +77,8 @@ class Session:
         finally:
             gc.unfreeze()
             self.source.close()
-            if self.recorder is not None:
-                self.recorder.close()
+            for sink in self._sinks:
+                sink.close()
 
     def summary(self) -> Json:
         """What went through, as plain types."""
@@ -102,7 +103,7 @@ class Session:
         }
 
     def _run(self, duration: float) -> None:
-        aligner, recorder, live = self.aligner, self.recorder, self.source.live
+        aligner, sinks, live = self.aligner, self._working, self.source.live
         clock, spent = time.perf_counter_ns, 0
         for item in self.source.items():
             if item is None:
@@ -117,8 +118,9 @@ class Session:
                 begin = clock()
                 stamp = aligner.put(item)
                 self._received = item.received
-                if stamp is not None and recorder is not None:
-                    recorder.sample(item, stamp)
+                if stamp is not None:
+                    for sink in sinks:
+                        sink.sample(item, stamp)
                 while aligner.pair():
                     self._sample()
                     end = clock()
@@ -141,24 +143,25 @@ class Session:
                 return
             for event in self.pipeline.explain(told, aligner.t):
                 self._note(event)
-        if self.recorder is not None and aligner.stamp - self._recorded >= RECORD_NS:
+        if self._working and aligner.stamp - self._recorded >= RECORD_NS:
             self._recorded = aligner.stamp
-            self._record(self.recorder)
+            self._record()
 
-    def _record(self, recorder: Recorder) -> None:
+    def _record(self) -> None:
         """Contact quantities and estimates as they are now."""
         aligner, pipeline = self.aligner, self.pipeline
         known = dict(zip(QUANTITIES, map(_number, pipeline.quantities.tolist())))
         known["predicted_normal_force"] = _number(pipeline.predicted)
         contact = {"t": aligner.t, **known, "in_contact": pipeline.touching}
-        recorder.state(recording.CONTACT, self._received, aligner.stamp, contact)
         values, status = {}, {}
         for estimate in pipeline.estimates.values():
             for name, value, std in zip(estimate.names, estimate.values.tolist(), estimate.std.tolist()):
                 values[name] = {"value": _number(value), "std": _number(std)}
                 status[name] = estimate.status.name.lower().replace("_", "-")
         estimates = {"t": aligner.t, "values": values, "status": status}
-        recorder.state(recording.ESTIMATES, self._received, aligner.stamp, estimates)
+        for sink in self._working:
+            sink.state(encoding.CONTACT, self._received, aligner.stamp, contact)
+            sink.state(encoding.ESTIMATES, self._received, aligner.stamp, estimates)
 
     def _report(self, kind: str, says: str) -> None:
         """What a stream has to be told of."""
@@ -167,8 +170,8 @@ class Session:
     def _note(self, event: Event) -> None:
         self.counts[event.kind] += 1
         self.events.append(event)
-        if self.recorder is not None:
-            self.recorder.event(event, self._received, self.aligner.stamp)
+        for sink in self._working:
+            sink.event(event, self._received, self.aligner.stamp)
         if self._tell is not None:
             self._tell(event)
 
@@ -189,9 +192,9 @@ class Session:
             elif not is_lost and name in self._lost:
                 self._lost.remove(name)
                 self._report("stream-returned", name)
-        if self.recorder is not None and self.recorder.error:
-            error, self.recorder = self.recorder.error, None
-            self._report("recording-failed", error)
+        for sink in [sink for sink in self._working if sink.error]:
+            self._working.remove(sink)
+            self._report("recording-failed", sink.error)
 
 
 def _number(value: float) -> float | None:

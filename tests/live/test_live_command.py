@@ -11,6 +11,7 @@ import pytest
 from scripted import Scripted
 
 from kinid.cli import main
+from kinid.mapping.property_map import PropertyMap
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -51,6 +52,21 @@ def test_a_log_is_watched_recorded_and_read_again(run: Run, log: Path) -> None:
     assert "1 touches" in out
 
 
+def test_a_map_grows_and_foxglove_may_look(run: Run, log: Path) -> None:
+    grown = log.parent / "map.parquet"
+    args = ("live", log, "--model", "kelvin-voigt", "--speed", 0, "--tare", 2, "--quiet", "--map", grown)
+    code, out, err = run(*args, "--serve", "--port", 0)
+    assert code == 0, err
+    assert "ws://127.0.0.1:" in out
+    assert Path(out.split("layout ")[1].splitlines()[0]).is_file()
+    first = PropertyMap.read(grown)
+    assert len(first) >= 1
+    code, _, err = run("live", log, "--model", "coulomb-friction", "--speed", 0, "--map", grown)
+    assert code == 2
+    assert "another file" in err
+    assert len(PropertyMap.read(grown)) == len(first)
+
+
 def test_quiet_and_a_duration(run: Run, log: Path) -> None:
     code, out, _ = run("live", log, "--model", "kelvin-voigt", "--speed", 0, "--quiet", "--duration", 6)
     assert code == 0
@@ -69,6 +85,9 @@ def test_quiet_and_a_duration(run: Run, log: Path) -> None:
         (("--model", "kelvin-voigt", "--duration", 0), "--duration"),
         (("--model", "kelvin-voigt", "--bandwidth", 0), "--bandwidth"),
         (("--model", "kelvin-voigt", "--record", "x.txt"), ".mcap"),
+        (("--model", "kelvin-voigt", "--map", "x.txt"), ".parquet"),
+        (("--model", "kelvin-voigt", "--map", "no/x.parquet"), "no folder"),
+        (("--model", "kelvin-voigt", "--serve", "--port", -1), "--port"),
         (("--model", "kelvin-voigt", "--record", "no/x.mcap"), "no folder"),
     ],
 )

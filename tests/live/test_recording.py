@@ -46,7 +46,7 @@ def messages(path: Path) -> list[tuple[str, int, int, Any]]:
 def recorded(rig: Rig, rows: list[Item], tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Session]:
     path = tmp_path_factory.mktemp("live") / "out.mcap"
     recorder = Recorder(path, NAMES, "ft_sensor", {"model": MODEL, "rig": rig.model_dump_json(exclude={"folder"})})
-    session = Session(Prepared(rows), Pipeline(rig, MODEL), NAMES, recorder=recorder)
+    session = Session(Prepared(rows), Pipeline(rig, MODEL), NAMES, sinks=[recorder])
     session.run()
     return path, session
 

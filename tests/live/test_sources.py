@@ -185,6 +185,8 @@ def test_a_replay_takes_its_time(scripted: Scripted, tmp_path: Path, rig: Rig) -
         ("tcp://127.0.0.1:5", "udp"),
         ("udp://nowhere", "HOST:PORT"),
         ("udp://127.0.0.1:99999", "HOST:PORT"),
+        ("zenoh://nowhere", "HOST:PORT"),
+        ("zenoh://127.0.0.1:7447/x", "HOST:PORT/DOMAIN"),
         ("shm:/no/such/file", "begin the sender first"),
         ("lab:nothing", "one of poke"),
         ("lab:poke:x", "a whole number"),
@@ -199,7 +201,7 @@ def test_addresses_that_lead_nowhere(address: str, says: str) -> None:
 
 
 def test_sources_are_found_by_a_scan() -> None:
-    assert set(kinds()) == {"file", "udp", "shm", "lab"}
+    assert set(kinds()) == {"file", "udp", "shm", "lab", "zenoh"}
     assert all(module.HELP for module in kinds().values())
 
 

@@ -1,0 +1,180 @@
+"""A property map that a session's touches join as they end, and that its estimators start from."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.data.rig import Rig
+from kinid.effects import Layout
+from kinid.errors import InputError
+from kinid.estimators.estimate import Estimate
+from kinid.live.encoding import CONTACT
+from kinid.live.events import Event
+from kinid.live.latency import Latencies
+from kinid.live.messages import Joints, Wrench
+from kinid.live.pipeline import Pipeline
+from kinid.live.sink import Sink
+from kinid.mapping.probes import SHORTEST, same_surface
+from kinid.mapping.property_map import Probe, Property, PropertyMap
+from kinid.modeling.model import Model
+from kinid.robotics.surface import Plane
+from kinid.robotics.surface import load as load_surface
+from kinid.writers import Json
+
+Array = NDArray[np.float64]
+
+#: readings of a contact frame
+FORCES = ("normal_force", "tangential_force1", "tangential_force2")
+
+
+class Growing(Sink):
+    """A map on disk that grows: a touch joins it as it ends, or as a border or a jump ends what it was.
+
+    As something is touched, and behind a border, the estimators start from what the map holds nearest to that place;
+    how much it may differ there is `pipeline.SPREAD`. Of a touch its last valid estimates are kept: what was never
+    valid is left open, and a touch without any, or shorter than `probes.SHORTEST`, joins nothing.
+
+    Args:
+        path: of the map, which goes on where it is one of the same model and surface. pipeline: whose touches they are.
+        rig: with the plane that is touched. source: of the samples, for people.
+        show: is handed the map whenever it has grown.
+
+    Attributes:
+        map: as it is now. joining: times that touches took to join [ns]. started: how often estimators started from it.
+
+    Raises:
+        InputError: a file that holds no map, or that of another model or surface.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        pipeline: Pipeline,
+        rig: Rig,
+        source: str,
+        show: Callable[[PropertyMap], None] | None = None,
+    ) -> None:
+        super().__init__("map")
+        self._path, self._pipeline, self._source, self._show = path, pipeline, source, show
+        self._noise = max(rig.sensor.noise[:3]) if rig.sensor.noise else float("nan")
+        plane = load_surface(rig)
+        assert isinstance(plane, Plane)  # the pipeline asked for it
+        model = Model(*pipeline.model)
+        properties = _properties(pipeline.model)
+        self.map = PropertyMap(plane, properties, (), str(model))
+        if path.is_file():
+            self.map = PropertyMap.read(path)
+            there = [p.name for p in self.map.properties]
+            if (
+                self.map.model != str(model)
+                or there != [p.name for p in properties]
+                or not same_surface(self.map.surface, plane)
+            ):
+                raise InputError(
+                    f"a map of {self.map.model}, perhaps on another surface, at {path}",
+                    f"a map of {model} on the rig's plane",
+                    "write to another file",
+                )
+        self._places = self.map.places
+        self._plane, self._written = plane, len(self.map)
+        self.joining, self.started = Latencies(), 0
+        self._sum, self._first, self._last = np.zeros(3), 0, 0
+        self._valid: dict[str, Estimate] = {}
+        if show is not None and len(self.map):
+            show(self.map)
+        self._thread.start()
+
+    def sample(self, message: Joints | Wrench, stamp: int) -> None:
+        """Nothing: the contact quantities say it all."""
+
+    def state(self, topic: str, received: int, stamp: int, values: Json) -> None:
+        """Where it touches, and the estimates that stand."""
+        if topic != CONTACT or not values["in_contact"] or values["depth"] is None:
+            return
+        # the deeper, the more a place says about the estimate
+        weight = max(float(values["depth"]), 0.0) + 1e-9
+        self._sum += weight * np.array([values["slip1"], values["slip2"], 1.0])
+        self._first = self._first or stamp
+        self._last = stamp
+        self._valid |= {part: e for part, e in self._pipeline.estimates.items() if e.valid}
+
+    def event(self, event: Event, received: int, stamp: int) -> None:
+        """A touch that begins or ends, or what was touched that ends."""
+        if event.kind not in ("touch", "leave", "reopened"):
+            return
+        begin = time.perf_counter_ns()
+        near = None if event.kind == "leave" else self._nearest(event.place)
+        if self._join():
+            self.joining.add(time.perf_counter_ns() - begin)
+        self._begin()
+        if near is not None:
+            self._pipeline.start(near)
+            self.started += 1
+
+    def _begin(self) -> None:
+        self._sum, self._first, self._last, self._valid = np.zeros(3), 0, 0, {}
+
+    def _nearest(self, place: Sequence[float]) -> dict[str, float] | None:
+        """What the map holds nearest to a place along the plane's tangents [m]; None where it holds nothing."""
+        if not len(self._places) or not np.isfinite(place[:2]).all():
+            return None
+        at = self._plane.point + np.asarray(place[:2]) @ self._plane.axes[:2]
+        probe = self.map.probes[int(np.argmin(((self._places - at) ** 2).sum(axis=1)))]
+        told = np.isfinite(np.diag(probe.covariance))
+        return {p.name: float(v) for p, v, is_told in zip(self.map.properties, probe.values, told) if is_told}
+
+    def _join(self) -> bool:
+        """The touch so far as a probe; whether it was one."""
+        if not self._valid or self._last - self._first < 1e9 * SHORTEST:
+            return False
+        flat = self._sum[:2] / self._sum[2]
+        names = [p.name for p in self.map.properties]
+        values, covariance = np.zeros(len(names)), np.diag(np.full(len(names), np.inf))
+        for estimate in self._valid.values():
+            rows = [(names.index(name), k) for k, name in enumerate(estimate.names) if name in names]
+            for i, k in rows:
+                values[i] = estimate.values[k]
+                for j, m in rows:
+                    covariance[i, j] = estimate.covariance[k, m]
+        normal = self._valid.get("normal")
+        place = self._plane.point + flat @ self._plane.axes[:2]
+        probe = Probe(
+            place,
+            values,
+            covariance,
+            float("nan") if normal is None else normal.noise,
+            self._noise,
+            f"{self._source}#{len(self.map)}",
+        )
+        try:
+            self.map = self.map.added(probe)
+        except InputError:  # an estimate that is none, as a stiffness that is surely negative
+            return False
+        self._places = np.vstack([self._places, place])
+        if self._show is not None:
+            self._show(self.map)
+        return True
+
+    def _write(self, topic: str, received: int, stamp: int, what: Joints | Wrench | Json) -> None:
+        """Nothing waits."""
+
+    def _commit(self) -> None:
+        """The map as it is now on disk, whole or not at all; in the thread."""
+        now = self.map
+        if len(now) != self._written:
+            now.write(self._path)
+            self._written = len(now)
+
+
+def _properties(model: Sequence[str]) -> tuple[Property, ...]:
+    """What maps hold of a model, named as `kinid map` names them."""
+    out = []
+    for effect in Model(*model).effects:
+        parameters = effect.parameters(Layout(FORCES, "contact"))
+        out += [Property(effect.map_names.get(p.name, p.name), p.unit) for p in parameters]
+    return tuple(out)

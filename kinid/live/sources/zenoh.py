@@ -1,0 +1,210 @@
+"""ROS 2 over Zenoh, as rmw_zenoh sends it: `zenoh://127.0.0.1:7447`, or with a domain `zenoh://127.0.0.1:7447/3`.
+
+A topic is the key DOMAIN/TOPIC/TYPE/HASH, its payload CDR, and its attachment the publisher's running number, a time
+and the publisher's name (github.com/ros2/rmw_zenoh, docs/design.md). This is a client of a router, or of any one peer:
+it listens to no port, finds nobody by multicast, and publishes nothing. The rig's [streams] names the topics of joints
+and wrench; without, the first that comes of each type is taken, and others are told once.
+"""
+
+from __future__ import annotations
+
+import json
+import queue
+import struct
+import time
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from kinid.data.rig import Rig
+from kinid.errors import InputError, MissingDependencyError
+from kinid.live.messages import Item, Joints, Notice, Source, Wrench
+from kinid.live.sources import IDLE, Asked
+
+if TYPE_CHECKING:
+    from zenoh import Sample
+
+SCHEME = "zenoh"
+HELP = "zenoh://127.0.0.1:7447[/DOMAIN] takes topics of ROS 2 (rmw_zenoh)"
+
+#: where rmw_zenoh's router listens; an answer is waited for so long [s]; a lost one is sought again so often [ms]
+ADDRESS, ANSWERS, AGAIN = "127.0.0.1:7447", 3.0, 500
+#: messages that wait at most; what comes then is left out, and told
+WAITING = 20_000
+#: message type of each role, and how its key calls it
+TYPES = {"joints": "sensor_msgs/msg/JointState", "wrench": "geometry_msgs/msg/WrenchStamped"}
+#: of an attachment: running number, time of sending [ns]; the rest is the publisher's name
+_ATTACHMENT = struct.Struct("<qq")
+#: topics that are told not to be taken
+MOST_TOPICS = 64
+
+
+def open_source(address: str, asked: Asked) -> Source:
+    """Join a Zenoh network at HOST:PORT[/DOMAIN].
+
+    Raises:
+        InputError: no such address, or nobody who answers there. MissingDependencyError: no Zenoh, or no rosbags.
+    """
+    return Client(address, asked.rig)
+
+
+class Client:
+    """A Zenoh client that takes two topics. Args: address: HOST:PORT[/DOMAIN]; rig: may name the topics."""
+
+    live = True
+
+    def __init__(self, address: str, rig: Rig | None = None) -> None:
+        where, _, domain = address.partition("/")
+        host, colon, port = (where or ADDRESS).rpartition(":")
+        domain = domain or "0"
+        if not host or not colon or not (port.isdigit() and 0 < int(port) < 65536) or not domain.isdigit():
+            raise InputError(f"address '{address}'", "HOST:PORT, or HOST:PORT/DOMAIN", f"name it as zenoh://{ADDRESS}")
+        self.name = f"zenoh://{host}:{port}/{domain}"
+        self._decode = _decoder()
+        streams = (rig or Rig()).streams
+        named = {"joints": streams.joints, "wrench": streams.wrench}
+        self._taken = {role: name.strip("/") for role, name in named.items() if name}
+        self._others: set[str] = set()
+        self._publishers: dict[str, tuple[bytes, int]] = {}
+        self._queue: queue.SimpleQueue[tuple[str, int, Sample] | None] = queue.SimpleQueue()
+        self._missed, self._open = 0, True
+        self._keys = {
+            role: f"{domain}/{self._taken.get(role, '**')}/{_mangled(kind)}/*" for role, kind in TYPES.items()
+        }
+        self._subscribers: list[object] = []  # kept: one that is forgotten ends
+        self._session = _connect(f"tcp/{host}:{port}", self.name, self._keys)
+
+    def items(self) -> Iterator[Item]:
+        """See `Source`; it begins with what comes from now on."""
+        while self._subscribers and not self._queue.empty():
+            self._queue.get()
+            self._publishers.clear()
+        if not self._subscribers and self._open:
+            declare = self._session.declare_subscriber
+            self._subscribers = [declare(key, self._taker(role)) for role, key in self._keys.items()]
+        while self._open:
+            try:
+                came = self._queue.get(timeout=IDLE)
+            except queue.Empty:
+                yield None
+                continue
+            if came is None:  # closed
+                return
+            role, received, sample = came
+            if self._missed:
+                missed, self._missed = self._missed, 0
+                yield Notice(received, "overrun", f"{missed} messages were missed")
+            yield from self._items(role, received, sample)
+
+    def close(self) -> None:
+        """See `Source`."""
+        if self._open:
+            self._open = False
+            self._session.close()
+            self._queue.put(None)
+
+    def _taker(self, role: str) -> Callable[[Sample], None]:
+        """Takes the messages of a role, in Zenoh's thread."""
+        waiting, put, now = self._queue.qsize, self._queue.put, time.monotonic_ns
+
+        def take(sample: Sample) -> None:
+            if waiting() < WAITING:
+                put((role, now(), sample))
+            else:
+                self._missed += 1
+
+        return take
+
+    def _items(self, role: str, received: int, sample: Sample) -> Iterator[Item]:
+        """What a message says."""
+        topic = str(sample.key_expr).split("/", 1)[-1].rsplit("/", 2)[0]
+        if self._taken.setdefault(role, topic) != topic:
+            if topic not in self._others and len(self._others) < MOST_TOPICS:
+                self._others.add(topic)
+                yield Notice(received, "topic", f"/{topic} beside /{self._taken[role]}: [streams] {role} chooses")
+            return
+        if sample.attachment is not None:
+            yield from self._followed(topic, received, bytes(sample.attachment))
+        payload = bytes(sample.payload)
+        try:
+            yield self._decode(role, received, payload)
+        except Exception as error:  # whatever a decoder makes of bytes that are no message
+            yield Notice(received, "malformed", f"/{topic}, {len(payload)} bytes: {type(error).__name__} {error}"[:200])
+
+    def _followed(self, topic: str, received: int, attachment: bytes) -> Iterator[Notice]:
+        """What the publisher's running number says: of messages that never came, of another publisher."""
+        if len(attachment) <= _ATTACHMENT.size:
+            return
+        number, _ = _ATTACHMENT.unpack_from(attachment)
+        publisher, last = self._publishers.get(topic, (b"", number - 1))
+        this = attachment[_ATTACHMENT.size :]
+        if publisher not in (b"", this):
+            yield Notice(received, "source-restarted", f"another publisher of /{topic}")
+        elif number > last + 1:
+            yield Notice(received, "gap", f"{number - last - 1} messages of /{topic} never came")
+        self._publishers[topic] = (this, number if publisher != this else max(number, last))
+
+
+def _mangled(kind: str) -> str:
+    """A type's name in a key: geometry_msgs::msg::dds_::WrenchStamped_."""
+    package, _, name = kind.split("/")
+    return f"{package}::msg::dds_::{name}_"
+
+
+def _connect(endpoint: str, name: str, keys: Mapping[str, str]) -> Any:
+    """A session as a client.
+
+    Raises:
+        InputError: keys, by role, that are none; nobody answers.
+    """
+    try:
+        import zenoh
+    except ImportError:
+        raise MissingDependencyError("eclipse-zenoh", "live") from None
+    for role, key in keys.items():
+        try:
+            zenoh.KeyExpr(key)
+        except zenoh.ZError:
+            raise InputError(
+                f"a topic for the {role} that no key of Zenoh can be made of: {key}",
+                "a name as /joint_states",
+                f"correct [streams] {role}",
+            ) from None
+    settings = {
+        "mode": "client",
+        "connect": {
+            "endpoints": [endpoint],
+            "timeout_ms": round(1e3 * ANSWERS),
+            "exit_on_failure": True,
+            "retry": {"period_init_ms": 100, "period_max_ms": AGAIN, "period_increase_factor": 2},
+        },
+        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+    }
+    try:
+        return zenoh.open(zenoh.Config.from_json5(json.dumps(settings)))
+    except zenoh.ZError as error:
+        raise InputError(
+            f"nobody who answers at {name} ({str(error).split(' at /')[0][:80]})",
+            "a Zenoh router or peer",
+            "start it first: ros2 run rmw_zenoh_cpp rmw_zenohd",
+        ) from None
+
+
+def _decoder() -> Callable[[str, int, bytes], Item]:
+    """From CDR to samples: of a role, a time of reception and a payload."""
+    try:
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise MissingDependencyError("rosbags", "live") from None
+    from kinid.data.readers import _bag
+
+    decode = get_typestore(Stores.ROS2_HUMBLE).deserialize_cdr
+
+    def read(role: str, received: int, payload: bytes) -> Item:
+        message: Any = decode(payload, TYPES[role])
+        stamp = _bag._stamp(message) or None
+        if role == "wrench":
+            return Wrench(received, stamp, _bag._wrench_row(message))
+        q, dq, tau = message.position, message.velocity, message.effort
+        return Joints(received, stamp, q, dq, tau, tuple(message.name))
+
+    return read
