@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from kinid.data.rig import Rig
     from kinid.diagnosis import Diagnosis, diagnose
     from kinid.errors import InputError, KinidError
+    from kinid.identification.compare import Comparison, compare
+    from kinid.identification.fit import Fit
     from kinid.modeling.model import Model
     from kinid.robotics.inverse_dynamics import JointTorques, joint_torques
     from kinid.robotics.reading import read
@@ -26,6 +28,8 @@ __version__ = "0.1.0"
 
 _HOME = {
     "Campaign": "campaign",
+    "Comparison": "identification.compare",
+    "compare": "identification.compare",
     "ContactSeries": "contact.series",
     "contact_series": "contact.series",
     "tip_motion": "contact.series",
@@ -37,6 +41,8 @@ _HOME = {
     "JointTorques": "robotics.inverse_dynamics",
     "joint_torques": "robotics.inverse_dynamics",
     "Log": "data.log",
+    "figure_of": "reports.figures",
+    "Fit": "identification.fit",
     "Model": "identification.fit",
     "read": "robotics.reading",
     "Rig": "data.rig",
@@ -46,9 +52,11 @@ _HOME = {
 
 __all__ = [
     "Campaign",
+    "Comparison",
     "ContactSeries",
     "Diagnosis",
     "Differentiator",
+    "Fit",
     "InputError",
     "JointTorques",
     "KinidError",
@@ -56,6 +64,7 @@ __all__ = [
     "Model",
     "Rig",
     "Robot",
+    "compare",
     "contact_series",
     "diagnose",
     "find_surface",
@@ -72,4 +81,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *__all__])
+    """What is public, and what every module has."""
+    return sorted([*__all__, *(name for name in globals() if name.startswith("__") and name != "__getattr__")])

@@ -31,6 +31,20 @@ class MissingDependencyError(KinidError):
         super().__init__(f"found no {library}; expected it for this format; to mend it, pip install 'kinid[{extra}]'")
 
 
+def expect(value: object, kinds: type | tuple[type, ...], what: str, expected: str, mend: str) -> None:
+    """Refuse an argument of another type.
+
+    Args:
+        value: as given. kinds: that it may be of. what: it is for. expected, mend: of the message.
+
+    Raises:
+        InputError: another type.
+    """
+    if not isinstance(value, kinds):
+        shown = f" {value!r}" if isinstance(value, str | int | float) and len(repr(value)) < 60 else ""
+        raise InputError(f"{type(value).__name__}{shown} for {what}", expected, mend)
+
+
 def near(name: str, valid: Iterable[str], limit: int = 12, also: Mapping[str, str] | None = None) -> str:
     """A list of valid names for a message: the near ones first, all of them when they are few.
 

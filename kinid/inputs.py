@@ -11,6 +11,10 @@ from kinid.errors import InputError
 
 #: a rig, a fit or a manifest is a page of text; what is larger is another file [bytes]
 MOST_BYTES = 2_000_000
+#: of lists and objects in each other; what kinid writes has six at most
+MOST_LEVELS = 50
+#: no quantity of any file is larger, or has more digits
+LARGEST, DIGITS = 1e100, 100
 
 
 def read_text(path: Path, noun: str, what: str, mend: str, most: int = MOST_BYTES) -> str:
@@ -38,13 +42,62 @@ def read_text(path: Path, noun: str, what: str, mend: str, most: int = MOST_BYTE
     raise InputError(f"no readable {noun} at {str(path)[:200]} ({reason})", f"{what} in UTF-8", mend)
 
 
-def read_json(path: Path, noun: str, what: str, mend: str, most: int = MOST_BYTES) -> Any:
-    """What a JSON file holds; arguments and errors as of `read_text`, and InputError for what is no JSON."""
-    text = read_text(path, noun, what, mend, most)
+def read_json(path: Path, noun: str, what: str, mend: str, most: int = MOST_BYTES, *, open_ends: bool = False) -> Any:
+    """What a JSON file holds; arguments and errors as of `read_text` and `parse_json`."""
+    return parse_json(read_text(path, noun, what, mend, most), f"{noun} in {path}", what, mend, open_ends=open_ends)
+
+
+def parse_json(text: str | bytes, noun: str, what: str, mend: str, *, open_ends: bool = False) -> Any:
+    """JSON whose numbers are finite, and that isn't nested without an end.
+
+    Args:
+        text: to parse. noun: what it is called, with its place. what: it should be. mend: what a user can do.
+        open_ends: whether Infinity and NaN, as limits that aren't there, are let through.
+
+    Raises:
+        InputError: no such JSON.
+    """
     try:
-        return json.loads(text)
+        constant = float if open_ends else _no_number
+        value = json.loads(text, parse_constant=constant, parse_float=_number, parse_int=_whole)
+        if _deeper(value, MOST_LEVELS):
+            raise RecursionError
+        return value
     except RecursionError:
-        reason = "nested too deeply to be read"
+        reason = f"nested more than {MOST_LEVELS} levels deep"
     except ValueError as error:
         reason = f"no JSON: {str(error)[:80]}"
-    raise InputError(f"no {noun} in {path} ({reason})", what, mend)
+    raise InputError(f"no {noun} ({reason})", what, mend)
+
+
+def _no_number(text: str) -> float:
+    raise ValueError(f"{text} is no number")
+
+
+def _number(text: str) -> float:
+    value = float(text)
+    if not abs(value) <= LARGEST:
+        raise ValueError(f"{text[:20]} is beyond {LARGEST:g}")
+    return value
+
+
+def _whole(text: str) -> int:
+    if len(text) > DIGITS:
+        raise ValueError(f"a number of {len(text)} digits, {DIGITS} at most")
+    return int(text)
+
+
+def _deeper(value: Any, levels: int) -> bool:
+    """Whether lists and objects are nested in more levels."""
+    front = [value]
+    for _ in range(levels + 1):
+        front = [
+            inner
+            for outer in front
+            if isinstance(outer, list | dict)
+            for inner in (outer.values() if isinstance(outer, dict) else outer)
+            if isinstance(inner, list | dict)
+        ]
+        if not front:
+            return False
+    return True

@@ -46,6 +46,11 @@ def replacing(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def _real(path: Path) -> str:
+    """Where a name leads; `Path.resolve` fails on a ring of links."""
+    return os.path.realpath(path)
+
+
 def check_table_name(path: Path) -> None:
     """Refuse a table's name early, before any work is done.
 
@@ -71,8 +76,8 @@ def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None])
     Raises:
         InputError: which, and why.
     """
-    read = {path.resolve() for path in inputs if path is not None}
-    seen: set[Path] = set()
+    read = {_real(path) for path in inputs if path is not None}
+    seen: set[str] = set()
     for path in (path for path in outputs if path is not None):
         if path == Path("-"):
             raise InputError("an output named -", "a file: the tables go to the screen", "name one, as found.json")
@@ -81,13 +86,13 @@ def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None])
             raise InputError(
                 f"output {path}, which is no regular file", "a file that can be replaced", "name another one"
             )
-        if path.resolve() in read:
+        if _real(path) in read:
             raise InputError(
                 f"output {path}, which is read too", "another file than the log and the rig", "rename the output"
             )
-        if path.resolve() in seen:
+        if _real(path) in seen:
             raise InputError(f"{path} named for two outputs", "a file for each", "rename one")
-        seen.add(path.resolve())
+        seen.add(_real(path))
 
 
 def write_table(path: Path, columns: Mapping[str, Column], provenance: Mapping[str, object] | None = None) -> None:

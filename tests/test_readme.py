@@ -76,8 +76,14 @@ def test_sentences_in_readme_are_those_of_its_commands(desk: tuple[Path, dict[st
     """The verdict, and the errors before and after."""
     verdict = shown()[1].splitlines()[0]
     assert verdict in desk[1]["diagnose run/log.parquet"]
-    error = next(line for line in shown()[0].splitlines() if line.startswith("error"))
-    assert error in desk[1]["fit run/log.parquet"]
+    stated, printed = (
+        next(line for line in text.splitlines() if line.startswith("error"))
+        for text in (shown()[0], desk[1]["fit run/log.parquet"])
+    )
+    number = r"\d+\.\d+"
+    assert re.split(number, stated) == re.split(number, printed)
+    values = [[float(v) for v in re.findall(number, line)] for line in (stated, printed)]
+    assert values[1] == pytest.approx(values[0], rel=CLOSE)
 
 
 def test_the_truth_in_readme_is_in_the_found_intervals() -> None:

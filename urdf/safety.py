@@ -9,6 +9,10 @@ from urllib.parse import unquote
 from xml.parsers import expat
 
 from kinid.errors import InputError
+from kinid.urdf.contents import Contents
+
+#: of a URDF: without its meshes it is a text of some hundred kB
+MOST_BYTES, MOST_LEVELS = 20_000_000, 100
 
 _PACKAGE = ("package://", "model://")  # resolved by the loader inside the folder of that package
 _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:")  # two letters and more: "C:" is a drive
@@ -22,7 +26,8 @@ def check(path: Path) -> None:
 
     Raises:
         InputError: not readable, not (complete) XML, not a `<robot>`, a DOCTYPE or entity, an unexpanded
-            xacro, or a mesh outside the robot's folder.
+            xacro, a mesh outside the robot's folder, more links or joints than a robot has, or numbers that no body
+            and no axis can have.
     """
     _Reader(path).read()
 
@@ -35,7 +40,8 @@ class _Reader:
         folder = Path(os.path.realpath(path)).parent  # Path.resolve fails on a loop of links
         self.near = folder  # what relative mesh files are relative to
         self.folder = folder.parent if folder.name in ("urdf", "robots") else folder
-        self.depth = 0
+        self.tags: list[str] = []
+        self.contents = Contents(str(path))
         self.parser = expat.ParserCreate()
         self.parser.StartDoctypeDeclHandler = self._doctype
         self.parser.EntityDeclHandler = self._doctype
@@ -48,6 +54,9 @@ class _Reader:
         try:
             if not os.path.isfile(self.path):  # nothing, or a folder, a device, a pipe
                 raise InputError(f"no file at {self.path}", "a URDF file", "correct the path")
+            if (size := self.path.stat().st_size) > MOST_BYTES:
+                found = f"{size / 1e6:.3g} MB in {self.path}"
+                raise InputError(found, f"a URDF of {MOST_BYTES / 1e6:.3g} MB at most", "name another file")
             data = self.path.read_bytes()
         except OSError as error:
             raise InputError(
@@ -57,6 +66,7 @@ class _Reader:
             ) from None
         try:
             self.parser.Parse(data, True)
+            self.contents.end()
         except (expat.ExpatError, ValueError, LookupError) as error:  # the latter two: an unknown encoding
             raise InputError(
                 f"{self.path}: {error}", "a complete URDF, which is XML", "restore the file, it may be truncated"
@@ -72,11 +82,16 @@ class _Reader:
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         if tag.startswith("xacro:"):
             raise self._xacro(f"<{tag}> ")
-        if self.depth == 0 and tag != "robot":
+        if not self.tags and tag != "robot":
             raise InputError(
                 f"<{tag}> as the root {self._where()}", "<robot>", "name a URDF file (SDF and MJCF are other formats)"
             )
-        self.depth += 1
+        self.tags.append(tag)
+        if len(self.tags) > MOST_LEVELS:
+            raise InputError(
+                f"elements nested more than {MOST_LEVELS} levels deep {self._where()}", "a URDF", "name another file"
+            )
+        self.contents.start(tuple(self.tags), attributes, self.parser.CurrentLineNumber)
         for value in attributes.values():
             if "${" in value:
                 raise self._xacro(f"'{value}' ")
@@ -84,7 +99,7 @@ class _Reader:
             self._inside(name)
 
     def _end(self, _: str) -> None:
-        self.depth -= 1
+        self.tags.pop()
 
     def _inside(self, name: str) -> None:
         """Refuse a file name that leaves the robot's folder, however it is spelt."""
@@ -112,4 +127,4 @@ class _Reader:
 
     def _where(self) -> str:
         line = self.parser.CurrentLineNumber
-        return f"in {self.path}, line {line}" if self.depth or line > 1 else f"in {self.path}"
+        return f"in {self.path}, line {line}" if self.tags or line > 1 else f"in {self.path}"

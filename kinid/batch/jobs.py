@@ -16,7 +16,8 @@ from kinid.contact.analysis import analyse
 from kinid.data.log import Log
 from kinid.data.rig import Rig
 from kinid.errors import InputError
-from kinid.identification.fit import FittedParameter, fit_model
+from kinid.identification.fit import fit_model
+from kinid.identification.fitted import FittedParameter
 from kinid.memory import give_back
 from kinid.modeling.model import Model
 from kinid.writers import Column, Json

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from kinid.reports.campaign_page import number, table
-from kinid.reports.plots import BLUE, ORANGE, finish, grid, page
+from kinid.reports.plots import BLUE, ORANGE, finish
+from kinid.reports.render import render
 from kinid.writers import Json
 
 if TYPE_CHECKING:
@@ -27,24 +26,19 @@ def watch_page(
             order. odd: name → why.
     """
     fits = [(name, facts) for name, facts in told if not isinstance(facts, str)]
-    aside = len(told) - len(fits)
-    head = f"<p class=facts>{len(fits)} logs of {html.escape(folder)}, {aside} put aside, {len(odd)} odd.</p>"
-    head += "".join(f"<p><b>odd</b>: {html.escape(f'{name}: {why}')}</p>" for name, why in list(odd.items())[:20])
     names = list(dict.fromkeys(name for _, facts in fits for name in facts["parameters"]))[:MOST_FIGURES]
-    figures = [(name, figure) for name in names for figure in _values(name, fits[-MOST_DRAWN:], odd)]
-    tail = f"<h2>Values over logs</h2>{grid(figures)}" if figures else ""
-    rows = [_row(name, facts, names, odd) for name, facts in reversed(told[-MOST_LISTED:])]
-    tail += "<h2>Logs, the last first</h2>" + table(["log", "error", "noise", *names, ""], rows)
-    return page(f"{folder}: {' + '.join(model)}", head, [], tail)
-
-
-def _row(name: str, facts: Json | str, names: Sequence[str], odd: Mapping[str, str]) -> list[str]:
-    if isinstance(facts, str):
-        return [name, *[""] * (len(names) + 2), f"put aside: {facts}"]
-    error, found = facts["error"], facts["parameters"]
-    values = [_estimate(found[key]) if key in found else "" for key in names]
-    said = f"odd: {odd[name]}" if name in odd else ""
-    return [name, f"{number(error['train'])} {error['unit']}", number(error["noise_floor"]), *values, said]
+    return render(
+        "watch.html",
+        f"{folder}: {' + '.join(model)}",
+        folder=folder,
+        fits=fits,
+        aside=len(told) - len(fits),
+        odd=odd,
+        names=names,
+        figures=[(name, figure) for name in names for figure in _values(name, fits[-MOST_DRAWN:], odd)],
+        listed=list(reversed(told[-MOST_LISTED:])),
+        estimate=_estimate,
+    )
 
 
 def _estimate(p: Json) -> str:

@@ -86,20 +86,21 @@ class Compensated:
 
 
 def load_fit(path: Path) -> tuple[Model, dict[str, float]]:
-    """Model and values from what `kinid fit --json` wrote.
+    """Model and values from what `kinid fit --json` wrote, or of the best model of `kinid diagnose --json`.
 
     Raises:
         InputError: no such file, or not a fit.
     """
     try:
-        facts = read_json(path, "fit", "what kinid fit --json wrote", "run kinid fit LOG --model … --json FIT.json")
+        facts = read_json(path, "fit", "what kinid fit --json wrote", "run kinid fit LOG --model MODEL --json FIT.json")
+        facts = facts.get("fit", facts)
         model = Model(*facts["model"])
         values = {str(name): float(p["value"]) for name, p in facts["parameters"].items()}
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(
             f"{path}, which is no fit ({error.__class__.__name__})",
             "what kinid fit --json wrote",
-            "run kinid fit LOG --model … --json FIT.json",
+            "run kinid fit LOG --model MODEL --json FIT.json",
         ) from None
     return model, values
 

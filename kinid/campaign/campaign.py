@@ -12,7 +12,7 @@ from kinid.campaign.files import Source, names_of, sources
 from kinid.contact.series import ContactSeries
 from kinid.data.log import Log
 from kinid.data.rig import Rig
-from kinid.errors import InputError
+from kinid.errors import InputError, expect
 from kinid.identification.fit import checked_experiment
 from kinid.identification.pooling.fit import fit_logs
 from kinid.identification.pooling.logs import Elsewhere, PooledLog
@@ -71,8 +71,11 @@ class Campaign:
         sharing: Mapping[str, str] | None = None,
         columns: Mapping[str, Sequence[str]] | None = None,
     ) -> None:
-        if isinstance(logs, str | Path):
+        if isinstance(logs, str | Path | Log | ContactSeries):
             logs = [logs]
+        expect(logs, Sequence, "logs of a campaign", "paths, or logs that were read", "give them as a list")
+        for log in logs:
+            expect(log, (str, Path, Log, ContactSeries), "a log", "a path, or a log that was read", "read it first")
         paths = [Path(log) for log in logs if isinstance(log, str | Path)]
         if paths and len(paths) < len(logs):
             raise InputError("paths and logs in one campaign", "one of them", "read all logs, or none")
@@ -108,6 +111,10 @@ class Campaign:
 
     def __len__(self) -> int:
         return len(self._members)
+
+    def __repr__(self) -> str:
+        many, more = f"{len(self)} log{'s' * (len(self) != 1)}", ", …" * (len(self) > 3)
+        return f"<Campaign of {many}: {', '.join(self.names[:3])}{more}>"
 
     @property
     def names(self) -> list[str]:

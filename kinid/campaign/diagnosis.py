@@ -16,7 +16,7 @@ from kinid.diagnosis.pooling.selection import PooledSelection, select, shown_by
 from kinid.diagnosis.result import EffectStatus, EffectVerdict, Step, Verdict
 from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.effects import get
-from kinid.identification.fit import FittedParameter
+from kinid.identification.fitted import FittedParameter
 from kinid.identification.lack_of_fit import error_rows
 from kinid.identification.pooling.held_out import LogState, Steps
 from kinid.identification.pooling.result import PooledFit

@@ -26,7 +26,7 @@ from pathlib import Path
 from kinid.errors import InputError, near
 
 #: files of logs in a folder, and folders in it that hold none
-SUFFIXES = (".parquet", ".csv", ".npz", ".mat", ".mcap", ".bag")
+SUFFIXES = (".parquet", ".csv", ".csv.gz", ".npz", ".mat", ".mcap", ".bag")
 NO_LOGS = ("truth", "streams")
 #: what marks a folder as one ROS 2 bag, and as a campaign
 BAG, CAMPAIGN = "metadata.yaml", "campaign.toml"
@@ -91,7 +91,7 @@ def _in_folder(folder: Path) -> list[Path]:
     found = sorted(
         path
         for path in folder.rglob("*")
-        if path.suffix.lower() in SUFFIXES
+        if path.name.lower().endswith(SUFFIXES)
         and path.is_file()
         and not any(part.startswith(".") or part in NO_LOGS for part in path.relative_to(folder).parts)
     )

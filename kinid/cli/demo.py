@@ -128,7 +128,7 @@ def _claim(out: Path, settings: Json) -> None:
         same = all(there.get(name) == value for name, value in settings.items())
     except FileNotFoundError:
         same = not any((out / name).exists() for name in ("log.parquet", "rig.toml", "mould"))
-    except (OSError, ValueError, AttributeError):
+    except (OSError, ValueError, AttributeError, RecursionError):
         same = False
     if not same:
         raise InputError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -83,10 +84,12 @@ def diagnose(
     from kinid.writers import check_outputs, check_table_name, write_json, write_table, write_text
 
     if not logs:
-        raise InputError("no log", "a log to diagnose", "kinid diagnose LOG --model …, or --explain EFFECT")
+        raise InputError(
+            "no log", "a log to diagnose", "kinid diagnose LOG --model MODEL, or kinid diagnose --explain all"
+        )
     if not model:
         raise InputError(
-            "no --model", "the model to ask about", f"kinid diagnose {logs[0]} --model kelvin-voigt,coulomb-friction"
+            "no --model", "the model to ask about", "kinid diagnose LOG --model kelvin-voigt,coulomb-friction"
         )
     chosen = parse_model(model)
     refuse_names(expand_names(add or [], chosen), chosen, max_effects)
@@ -113,7 +116,7 @@ def diagnose(
     from kinid.cli.show import written
     from kinid.cli.show_diagnosis import show_diagnosis
 
-    result = _watched(the_log, the_rig, chosen, add or [], max_effects, tolerance)
+    result = _watched(the_log, the_rig, chosen, add or [], max_effects, tolerance, rig_path(log, rig), json_file)
     if json_file is not None:
         write_json(json_file, result.to_dict(), allow_nan=False)
     if out is not None:
@@ -131,17 +134,31 @@ def diagnose(
     written((out, report, json_file))
 
 
-def _watched(log: Log, rig: Rig, model: Model, add: list[str], max_effects: int, tolerance: float | None) -> Diagnosis:
-    """The diagnosis, with what it is doing on the terminal's error stream."""
+def _watched(
+    log: Log,
+    rig: Rig,
+    model: Model,
+    add: list[str],
+    max_effects: int,
+    tolerance: float | None,
+    rig_file: Path,
+    json_file: Path | None,
+) -> Diagnosis:
+    """The diagnosis with what to plan next, and what it is doing on the terminal's error stream."""
     from rich.console import Console
 
     from kinid.diagnosis import diagnose as run
+    from kinid.planning.advice import Advisor
+
+    def advised(progress: Callable[[str], None]) -> Diagnosis:
+        found = run(log, rig, model=model, add=add, max_effects=max_effects, tolerance=tolerance, progress=progress)
+        return Advisor(found, rig, rig_file, json_file).advised(progress)
 
     console = Console(stderr=True)
     if not console.is_terminal:
-        return run(log, rig, model=model, add=add, max_effects=max_effects, tolerance=tolerance)
+        return advised(lambda _: None)
     with console.status("fitting the model") as status:
-        return run(log, rig, model=model, add=add, max_effects=max_effects, tolerance=tolerance, progress=status.update)
+        return advised(status.update)
 
 
 def explained(name: str) -> None:

@@ -164,7 +164,9 @@ def _load(file: Path) -> type[Effect]:
 
     if not file.is_file():
         raise InputError(
-            f"no file {file}", "a Python file that holds one effect", "check the path, or kinid effect new"
+            f"no file {file}",
+            "a Python file that holds one effect",
+            "check the path, or kinid effect new NAME --stage normal",
         )
     if file.suffix != ".py":
         raise InputError(f"{file}, which is no Python file", "a file ending in .py", "name the effect's own file")

@@ -12,10 +12,13 @@ import traceback
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from kinid.cli.advice import filled
 from kinid.errors import KinidError
 
 #: bad input; an error that nobody foresaw (EX_SOFTWARE of sysexits.h); stopped by the user or by a supervisor
 BAD_INPUT, UNFORESEEN, STOPPED = 2, 70, 130
+#: characters of a file's name that are shown
+LONGEST_NAME = 100
 #: parsers of text, which go as deep as the text does
 PARSERS = ("json", "tomllib")
 TOO_LARGE = "found input that needs more memory than there is; expected what fits; to mend it, give a part of it"
@@ -50,11 +53,16 @@ def _told(error: BaseException, words: Sequence[str], version: str) -> int:
     elif isinstance(error, KeyboardInterrupt) or type(error).__name__ == "Abort":  # typer's word for Ctrl-C
         code = _say("stopped; nothing was left half-written", STOPPED)
     elif isinstance(error, KinidError):
-        code = _say(str(error), BAD_INPUT)
+        code = _say(filled(str(error), words), BAD_INPUT)
     elif isinstance(error, MemoryError):
         code = _say(TOO_LARGE, BAD_INPUT)
     elif isinstance(error, RecursionError) and _in_parser(error):
         code = _say(TOO_DEEP, BAD_INPUT)
+    elif isinstance(error, OSError) and error.filename is not None and error.strerror:
+        name = os.fsdecode(error.filename) if isinstance(error.filename, bytes) else str(error.filename)
+        shown = name if len(name) <= LONGEST_NAME else f"{name[:LONGEST_NAME]}…"
+        found = f"found {shown} ({error.strerror}); expected a file or a folder that can be used"
+        code = _say(f"{found}; to mend it, check its name and its permissions", BAD_INPUT)
     elif hasattr(error, "format_message") and hasattr(error, "exit_code"):
         code = _misused(error)
     else:

@@ -77,7 +77,7 @@ def fit(
 
     result = fit_model(chosen, data, the_rig)
     if json_file is not None:
-        write_json(json_file, result.to_dict())
+        write_json(json_file, result.to_save())
     if out is not None:
         write_table(out, prediction_columns(result))
     if plot is not None:
@@ -90,6 +90,10 @@ def fit(
     show_fit(result)
     for line in alike(result):  # what is open stands among the fit's own doubts
         typer.echo(f"doubt: {line}")
+    if any("kinid diagnose" in warning for warning in result.warnings):
+        from kinid.cli.advice import to_diagnose
+
+        typer.echo(f"next: {to_diagnose(log, rig, chosen, data, the_rig)}")
     written((out, plot, json_file))
 
 

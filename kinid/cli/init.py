@@ -120,7 +120,7 @@ def rig_text(found: Sequence[Guess], robot: str | None, tool: str | None, name: 
             "# mass = 0.24                 # kg\n# com = [0.0, 0.0, 0.049]     # m, in the sensor frame"
         )
     parts.append(
-        "# [surface]                   # for depth and slip; kinid contact --find-surface finds it from touches\n"
+        "# [surface]                   # for depth and slip; kinid contact LOG --find-surface finds it from touches\n"
         "# point = [0.55, 0.0, 0.10]   # m, in the base frame\n# normal = [0, 0, 1]          # out of the material"
     )
     table = columns_table(found)

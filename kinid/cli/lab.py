@@ -187,7 +187,7 @@ def _check(experiment: str | None, seed: int, out: Path, given: set[str]) -> Non
     """
     if (experiment is None) == ("--trajectory" not in given):
         found = "neither an experiment nor --trajectory" if experiment is None else f"'{experiment}' and --trajectory"
-        raise InputError(found, "one of them", "name an experiment, as kinid lab poke, or a trajectory")
+        raise InputError(found, "one of them", "name an experiment, as kinid lab poke -o DIR, or a trajectory")
     if seed < 0:
         raise InputError(f"--seed {seed}", "0 or more", "choose another")
     if out.exists() and not out.is_dir():
@@ -199,12 +199,14 @@ def _check(experiment: str | None, seed: int, out: Path, given: set[str]) -> Non
         raise InputError(
             f"--campaign with {experiment or '--trajectory'}",
             "pokes, or slides with slide",
-            "leave it out, or plan the campaign with kinid plan poke --grid",
+            "leave it out, or plan the campaign with kinid plan poke --grid 3x3 -o PLAN.parquet",
         )
     for option in ("--map", "--at"):
         if option in given and experiment != TELEOPERATION:
             raise InputError(
-                f"{option} without teleoperation", "kinid lab teleoperation, which reflects a map", "leave it out"
+                f"{option} without teleoperation",
+                "kinid lab teleoperation -o DIR, which reflects a map",
+                "leave it out",
             )
     if experiment in STUDIES:
         takes, words = STUDIES[experiment]

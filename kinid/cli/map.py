@@ -99,7 +99,7 @@ def map_(
 
         write_text(plot, map_page(grown, out.name, method))
     known, new = in_map(grown), len(grown) - (0 if start is None else len(start))
-    show_map(grown, known, new, skipped)
+    show_map(grown, known, new, skipped, rig_file)
     worlds: list[Path] = []
     if export is not None:
         from kinid.mapping.export import CELLS, FRICTION, cells_of
@@ -185,6 +185,8 @@ def _grow(
     if grown is None or not len(grown):
         why = next(iter(skipped.values()), "no log yet")
         raise InputError(
-            f"no probe in {len(found)} logs ({why})", "a touch that carries the model", "look at one with kinid contact"
+            f"no probe in {len(found)} logs ({why})",
+            "a touch that carries the model",
+            "look at one with kinid contact LOG",
         )
     return grown, skipped

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 MOST_REGIONS, WIDE = 5, 32
 #: hints on what to measure next, at most
 MOST_HINTS = 6
+#: where a hint's command begins
+COMMAND = ": kinid "
 #: parameters that have room beside an effect's verdict
 MOST_NUMBERS = 3
 COLOUR = {"adequate": "green", "missing": "yellow", "unexplained": "red"}
@@ -136,7 +138,10 @@ def _next(out: Console, result: Diagnosis) -> None:
     if not hints and not hidden:
         return
     out.print("\n[bold]what to measure next[/]")
-    say(out, *(f"  {hint}" for hint in [*hints, *hidden][: max(MOST_HINTS, len(hints))]))
+    for hint in [*hints, *hidden][: max(MOST_HINTS, len(hints))]:
+        words, colon, command = hint.partition(COMMAND)
+        # a command stands on a line of its own, to be copied
+        say(out, f"  {words}{colon[:1]}", *([f"    {colon[2:]}{command}"] if command else []))
     more = len(hints) + len(hidden) - max(MOST_HINTS, len(hints))
     if more > 0:
         out.print(f"  and {more} more in the report and the JSON")

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from rich.markup import escape
 
 from kinid.cli.show import console, plain_table, right, say
+from kinid.errors import InputError
 
 if TYPE_CHECKING:
     from kinid.mapping.interpolation.uniform import Uniform
@@ -67,7 +69,24 @@ def map_facts(grown: PropertyMap, known: Sequence[Known], new: int, left_out: Ma
     }
 
 
-def show_map(grown: PropertyMap, known: Sequence[Known], new: int, left_out: Mapping[str, str]) -> None:
+def _next(grown: PropertyMap, rig: Path) -> str:
+    """The command that asks what the model lacks where it leaves most, or why that log can't be asked."""
+    from kinid.cli.advice import to_diagnose
+    from kinid.cli.contact import load
+    from kinid.modeling.model import Model
+
+    worst = grown.probes[int(np.nanargmax(grown.misfit))].source
+    log = Path(worst if Path(worst).is_file() else worst.rpartition("#")[0])  # of several touches "#0", "#1" …
+    if not log.is_file():
+        return f"record a log at the worst of them ({worst}), which isn't there any more, and diagnose that"
+    try:
+        the_rig, data, _ = load(log, rig)
+    except InputError as error:
+        return f"look at the worst of them: {error}"
+    return to_diagnose(log, rig, Model(*grown.model.split(" + ")), data, the_rig)
+
+
+def show_map(grown: PropertyMap, known: Sequence[Known], new: int, left_out: Mapping[str, str], rig: Path) -> None:
     """Two tables: together they are wider than a terminal."""
     out, probes = console(), len(grown)
     old = f", {probes - new} of them there already" if new < probes else ""
@@ -87,8 +106,8 @@ def show_map(grown: PropertyMap, known: Sequence[Known], new: int, left_out: Map
     if failing := int(np.nansum(grown.misfit > FAILING)):
         say(
             out,
-            f"doubt: at {failing} of {probes} places the model leaves more than {FAILING} times the noise; kinid "
-            "diagnose says what may be missing there",
+            f"doubt: at {failing} of {probes} places the model leaves more than {FAILING} times the noise",
+            f"next: {_next(grown, rig)}",
         )
     say(out, *(f"left out: {path}: {why}" for path, why in list(left_out.items())[:MOST_LEFT_OUT]))
     if len(left_out) > MOST_LEFT_OUT:

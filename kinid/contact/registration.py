@@ -13,7 +13,7 @@ from kinid.contact.flag import OFF, ON, force_noise
 from kinid.contact.series import tip_motion
 from kinid.data.log import Log
 from kinid.data.rig import Rig, SurfaceSpec
-from kinid.errors import InputError
+from kinid.errors import InputError, expect
 from kinid.estimators.plane import PlaneEstimate, fit_plane
 from kinid.kernels.hysteresis import contact_flag
 from kinid.robotics.motion import TipMotion
@@ -90,7 +90,7 @@ class FoundSurface:
 
 
 def find_surface(
-    logs: Sequence[Log], rig: Rig, *, robot: Robot | None = None, differentiator: Differentiator | None = None
+    logs: Log | Sequence[Log], rig: Rig, *, robot: Robot | None = None, differentiator: Differentiator | None = None
 ) -> FoundSurface:
     """The plane that touches in the logs began at; three touches at least, not in one line.
 
@@ -99,6 +99,11 @@ def find_surface(
     Raises:
         InputError: no wrench, too few touches, or touches that leave the plane open.
     """
+    if isinstance(logs, Log):
+        logs = [logs]
+    expect(rig, Rig, "a rig", "what was measured with what", "load it with kinid.Rig.load(path)")
+    for log in logs:
+        expect(log, Log, "a log", "logs that were read", "read each with kinid.read(path, rig)")
     robot = robot or Robot.load(rig)
     found: list[Onset] = []
     for log in logs:

@@ -15,20 +15,21 @@ from kinid.contact.flag import touching
 from kinid.contact.surface_frame import SurfaceFrame
 from kinid.data.log import Log, Mask, Provenance, Step, frozen, frozen_as
 from kinid.data.rig import CONTACT, Rig
-from kinid.errors import InputError
+from kinid.errors import InputError, expect
 from kinid.kernels import chain as kernel
 from kinid.robotics.motion import TipMotion, joint_motion, own_motion
 from kinid.robotics.robot import Robot
 from kinid.robotics.surface import load as load_surface
 from kinid.robotics.wrench import Bias, read_wrench, tool_load
+from kinid.shown import Shown
 from kinid.signal import Smoothed, contradictions
 from kinid.signal.derivative import Differentiator
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class ContactSeries:
+@dataclass(frozen=True, eq=False, repr=False)
+class ContactSeries(Shown):
     """Contact-frame quantities, read-only arrays of one length.
 
     Attributes:
@@ -83,6 +84,16 @@ class ContactSeries:
     def __len__(self) -> int:
         return len(self.t)
 
+    def __repr__(self) -> str:
+        return (
+            f"<ContactSeries of {len(self)} samples over {self.t[-1] - self.t[0]:.4g} s, "
+            f"{100 * np.mean(self.in_contact):.3g} % of them in contact; {self.provenance.source}>"
+        )
+
+    def notes(self) -> tuple[str, ...]:
+        """What to doubt."""
+        return tuple(f"doubt: {warning}" for warning in self.warnings)
+
     @property
     def warnings(self) -> tuple[str, ...]:
         """Where the log's own quantities contradict each other, a sentence each."""
@@ -122,6 +133,7 @@ def contact_series(
     Raises:
         InputError: no surface, no joints, or input that contradicts itself.
     """
+    _expect(log, rig)
     if log.q is None and log.contact:
         return _own_quantities(log, rig, differentiator)
     surface = load_surface(rig)
@@ -129,7 +141,7 @@ def contact_series(
         raise InputError(
             "a rig without [surface]",
             "the surface that depth and slip are measured from",
-            "add [surface] point and normal, or let touches find it (kinid contact --find-surface)",
+            "add [surface] point and normal, or let touches find it: kinid contact LOG --find-surface",
         )
     robot = robot or Robot.load(rig)
     _need_tip(robot)
@@ -178,6 +190,11 @@ def _series(
     )
 
 
+def _expect(log: object, rig: object) -> None:
+    expect(log, Log, "a log", "a log that was read", "read it with kinid.read(path, rig)")
+    expect(rig, Rig, "a rig", "what was measured with what", "load it with kinid.Rig.load(path)")
+
+
 def tip_motion(
     log: Log,
     rig: Rig,
@@ -197,6 +214,7 @@ def tip_motion(
     Raises:
         InputError: no joints, no tip frame, or input that contradicts itself.
     """
+    _expect(log, rig)
     robot = robot or Robot.load(rig)
     tip = robot.tip_frame or robot.sensor_frame
     if tip is None:
@@ -224,7 +242,7 @@ def _need_tip(robot: Robot) -> None:
         raise InputError(
             f"{robot.name} without a tip frame (it has no 'tool_tip')",
             "the contact point",
-            "name a frame of the URDF in [robot] tip_frame",
+            f"name one of its frames in [robot] tip_frame, at the end of the arm: {', '.join(robot.end_frames)}",
         )
 
 

@@ -6,6 +6,7 @@ Names are compared without case, separators and the unit that many loggers put b
 
 from __future__ import annotations
 
+import gzip
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,7 +22,7 @@ from kinid.errors import InputError
 Array = NDArray[np.float64]
 
 #: formats whose columns have names
-SUFFIXES = (".csv", ".txt", ".parquet", ".npz")
+SUFFIXES = (".csv", ".csv.gz", ".txt", ".parquet", ".npz")
 #: bytes that tell what separates the cells of a text table
 SNIFF = 65536
 #: positions beyond this are no radians [rad]
@@ -61,7 +62,7 @@ def columns_of(path: Path) -> dict[str, Array]:
     Raises:
         InputError: a format without named columns, or a file that can't be read.
     """
-    if not path.is_file() or path.suffix.lower() not in SUFFIXES:
+    if not path.is_file() or not path.name.lower().endswith(SUFFIXES):
         raise InputError(f"{path}", f"a log ending in {', '.join(SUFFIXES)}", "name one, or write rig.toml by hand")
     try:
         if path.suffix.lower() == ".npz":
@@ -86,7 +87,7 @@ def _table(path: Path) -> dict[str, NDArray[np.generic]]:
     else:
         from pyarrow import csv
 
-        with path.open("rb") as file:
+        with gzip.open(path, "rb") if path.suffix.lower() == ".gz" else path.open("rb") as file:
             head = file.read(SNIFF).decode("utf-8", "replace").splitlines()[0]
         delimiter = max(",;\t ", key=head.count)
         table = csv.read_csv(

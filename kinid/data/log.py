@@ -11,13 +11,19 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinid.data.rig import CONTACT
+from kinid.data.rig import CONTACT, WRENCH
 from kinid.errors import InputError
+from kinid.shown import Shown
 from kinid.signal.pieces import GAP_FACTOR, finite_rows
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 S = TypeVar("S", bound=np.generic)
+
+#: no angle, speed, acceleration, torque or force of a log is larger, in SI units
+LARGEST = 1e12
+#: arrays with a column a joint
+JOINTS = ("q", "dq", "ddq", "tau", "q_cmd")
 
 
 @dataclass(frozen=True)
@@ -76,8 +82,8 @@ def frozen_as(dtype: type[S], values: ArrayLike) -> NDArray[S]:
     return array
 
 
-@dataclass(frozen=True, eq=False)
-class Log:
+@dataclass(frozen=True, eq=False, repr=False)
+class Log(Shown):
     """Raw samples on one clock, in SI units.
 
     Attributes:
@@ -128,6 +134,7 @@ class Log:
                     "one column a joint",
                     "check [columns] and the log's names",
                 )
+            _check_size(array, name, where)
             object.__setattr__(self, name, array)
         contact = {}
         for name, values in self.contact.items():
@@ -138,6 +145,7 @@ class Log:
                     "check [columns]",
                 )
             contact[name] = frozen(values)
+            _check_size(contact[name], name, where)
         object.__setattr__(self, "contact", contact)
         if self.phase is not None:
             phase = frozen_as(np.str_, self.phase)
@@ -147,6 +155,22 @@ class Log:
 
     def __len__(self) -> int:
         return int(self.t.shape[0])
+
+    def __repr__(self) -> str:
+        held = [name for name in (*JOINTS, "wrench", "phase") if getattr(self, name) is not None]
+        return (
+            f"<Log of {len(self)} samples over {self.t[-1] - self.t[0]:.4g} s: {', '.join([*held, *self.contact])}; "
+            f"{self.provenance.source}>"
+        )
+
+    def columns(self) -> dict[str, NDArray[np.generic]]:
+        """The columns of the log's table, by the names of the log format."""
+        out: dict[str, NDArray[np.generic]] = {"t": self.t}
+        for name in JOINTS:
+            values = getattr(self, name)
+            out |= {} if values is None else {f"{name}{j + 1}": column for j, column in enumerate(values.T)}
+        out |= {} if self.wrench is None else dict(zip(WRENCH, self.wrench.T))
+        return out | dict(self.contact) | ({} if self.phase is None else {"phase": self.phase})
 
     @property
     def joint_count(self) -> int:
@@ -189,6 +213,19 @@ class Log:
         """A copy with other arrays and, if `step` is named, one more provenance step."""
         provenance = self.provenance.after(Step(step, facts or {})) if step else self.provenance
         return dataclasses.replace(self, provenance=provenance, **changes)  # type: ignore[arg-type]  # checked there
+
+
+def _check_size(values: Array, name: str, where: str) -> None:
+    """Refuse values that no sensor gives; what isn't finite is absent."""
+    flat = values.ravel(order="K")
+    with np.errstate(over="ignore", invalid="ignore"):
+        if float(np.dot(flat, flat)) < LARGEST**2:  # in one pass, what holds nearly always
+            return
+    most = float(np.abs(flat[np.isfinite(flat)]).max(initial=0.0))
+    if most > LARGEST:
+        raise InputError(
+            f"{name} of {most:.3g} in {where}", f"{LARGEST:g} at most, in SI units", "leave empty what was not measured"
+        )
 
 
 def _check_time(t: Array, where: str) -> None:

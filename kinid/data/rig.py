@@ -18,7 +18,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from pydantic_core import PydanticCustomError
 
 from kinid.data import plausible
-from kinid.errors import InputError, near
+from kinid.errors import InputError, expect, near
 from kinid.inputs import read_text
 from kinid.units import FACTORS, factor
 
@@ -245,6 +245,11 @@ class Rig(_Table):
             plausible.kind_of_unit(name, spec.unit)
         return self
 
+    def __repr__(self) -> str:
+        parts = [] if self.robot is None else [self.robot.model]
+        parts += [name for name in ("tool", "surface") if getattr(self, name) is not None]
+        return f"<Rig of {', '.join(parts) or 'a log that says everything itself'}>"
+
     @classmethod
     def load(cls, path: str | Path) -> Rig:
         """Read and validate a rig.toml.
@@ -252,6 +257,7 @@ class Rig(_Table):
         Raises:
             InputError: the file is absent, is not TOML, or holds something that can't be a rig.
         """
+        expect(path, (str, Path), "a rig", "the path of a rig.toml", "name the file")
         path = Path(path)
         text = read_text(path, "rig", "a rig.toml", "name it with --rig, or put rig.toml beside the log")
         return cls.parse_text(text, folder=path.parent, where=str(path))

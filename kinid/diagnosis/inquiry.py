@@ -14,7 +14,7 @@ from kinid.diagnosis.conclusions import Conclusions
 from kinid.diagnosis.pipeline import run
 from kinid.diagnosis.result import Diagnosis
 from kinid.diagnosis.settings import DiagnosisSettings
-from kinid.errors import InputError
+from kinid.errors import InputError, expect
 from kinid.identification.fit import Fit
 from kinid.modeling.applicability import expand_names, refuse_inapplicable, refuse_names
 from kinid.modeling.data_warnings import refuse_outliers, refuse_signs
@@ -54,6 +54,13 @@ def diagnose(
             data that can't carry the model.
     """
     _refuse_types(data, model)
+    if rig is not None:
+        expect(rig, Rig, "a rig", "what was measured with what", "load it with kinid.Rig.load(path)")
+    expect(
+        tolerance or 0.0, (int, float), "a tolerance", "a number, in N or N·m", "state what may be left of the error"
+    )
+    expect(max_effects or 0, int, "max_effects", "how many effects may be added", "give a whole number")
+    expect(add, (list, tuple), "effects to add", "a list of names", "as add=['relaxation']")
     if tolerance is not None and not 0.0 <= tolerance < float("inf"):
         raise InputError(
             f"a tolerance of {tolerance:g}", "0 or more, in N or N·m", "state what may be left of the error"
@@ -72,14 +79,33 @@ def diagnose(
     add = expand_names(add, model)
     refuse_names(add, model, settings.max_effects)
     refuse_inapplicable(add, model, experiment)
-    refuse_undiagnosable(experiment, model)
-    refuse_outliers(experiment)
-    warnings = check_excitation(model, experiment)
-    refuse_signs(experiment, model.needs)
+    warnings = _checked(experiment, model)
     # many small products: threads of a linear-algebra library would only wait for each other
     with threadpool_limits(1, user_api="blas"):
         found = run(model, experiment, settings, known=known, forced=add, progress=progress)
         return Conclusions(found, settings, tolerance).diagnosis(progress, warnings)
+
+
+def diagnosable(log: Log, rig: Rig, model: Model) -> None:
+    """Refuse what a diagnosis would refuse, in a moment.
+
+    Raises:
+        InputError: why, and what to do about it.
+    """
+    _checked(all_channels(log, rig, model), model)
+
+
+def _checked(experiment: Experiment, model: Model) -> list[str]:
+    """What to doubt of an experiment that a diagnosis can take.
+
+    Raises:
+        InputError: one that it can't take.
+    """
+    refuse_undiagnosable(experiment, model)
+    refuse_outliers(experiment)
+    warnings = check_excitation(model, experiment)
+    refuse_signs(experiment, model.needs)
+    return warnings
 
 
 def _refuse_types(data: object, model: object) -> None:

@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError, near
-from kinid.identification.fit import Fit, FittedParameter
+from kinid.identification.fit import Fit
+from kinid.identification.fitted import FittedParameter
 from kinid.identification.lack_of_fit import LackOfFit
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
 from kinid.residuals import Cell
+from kinid.shown import Shown
 from kinid.writers import Json
 
 Array = NDArray[np.float64]
@@ -129,8 +131,8 @@ class Step:
         }
 
 
-@dataclass(frozen=True, eq=False)
-class Diagnosis:
+@dataclass(frozen=True, eq=False, repr=False)
+class Diagnosis(Shown):
     """Where a model fails, and which effects it lacks.
 
     Attributes:
@@ -171,6 +173,24 @@ class Diagnosis:
         """Share of the squared error beyond noise that the additions take off, 0…1."""
         return self.steps[-1].explained
 
+    def __repr__(self) -> str:
+        added = ", ".join(with_alternatives(self.added, self.effects)) or "nothing added"
+        before, after = self.steps[0].held_out, self.steps[-1].held_out
+        return f"<Diagnosis of {self.model}: {self.verdict}, {added}; {before:.4g} → {after:.4g} {self.unit} held out>"
+
+    def columns(self) -> dict[str, NDArray[np.generic]]:
+        """Effects, one a row: what the log says of each."""
+        texts = {name: np.array([getattr(e, name) for e in self.effects], dtype=str) for name in ("verdict", "says")}
+        numbers = {
+            name: np.array([getattr(e, name) for e in self.effects], dtype=float)
+            for name in ("evidence", "held_out_gain")
+        }
+        return {"effect": np.array([e.id for e in self.effects], dtype=str), **texts, **numbers}
+
+    def notes(self) -> tuple[str, ...]:
+        """Why, and what to doubt."""
+        return (self.says, *(f"doubt: {warning}" for warning in self.warnings))
+
     def __str__(self) -> str:
         warnings = "".join(f"\ndoubt: {warning}" for warning in self.warnings)
         added = ", ".join(with_alternatives(self.added, self.effects)) or "nothing added"
@@ -205,6 +225,7 @@ class Diagnosis:
             "left_where": [cell.to_dict() for cell in self.left_where],
             "effects": [effect.to_dict() for effect in self.effects],
             "warnings": list(self.warnings),
+            "fit": self.fit.to_save(),
         }
 
 

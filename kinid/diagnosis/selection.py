@@ -38,6 +38,8 @@ MAX_ERROR_RISE = 1.01
 REST_FORM_REFITS, MAX_ALTERNATIVES, MIN_GAIN_SHARE = 2, 3, 0.5
 #: two refits that have less than this share of their changes in common explain different parts of the error
 MIN_OVERLAP = 0.5
+#: share of what is left by its own weights that an effect takes off that others' weights hide
+MOST = 0.5
 
 
 @dataclass(eq=False)
@@ -145,13 +147,11 @@ def choose(refits: Sequence[Refit], before: State, settings: DiagnosisSettings) 
         # weighed by what was left before, a channel that is right can lose more than one that is wrong can gain
         left = compare_states(before, before, before.error.sigma).left - settings.min_significance**2
         own = [t.weighed_by_its_own for t in refits[:REST_FORM_REFITS] if t.evidence.left < left]
-        evident = [t for t in own if _evident(t, before, settings)]
+        evident = [t for t in own if t.evidence.share > MOST and _evident(t, before, settings)]
     usual = [t for t in evident if not _remarkable(t, settings)]
     # what a usual amount of another effect explains as well is no finding
     accepted = [
-        t
-        for t in evident
-        if t not in usual and not any(indistinguishable(t, u, before.error.sigma, settings) for u in usual)
+        t for t in evident if t not in usual and not any(_covers(u, t, before.error.sigma, settings) for u in usual)
     ]
     accepted = [t for t in accepted if t.evidence.gain > MIN_GAIN_SHARE * max(a.evidence.gain for a in accepted)]
     if len(accepted) < 2:
@@ -171,8 +171,9 @@ def _rank(candidate: Refit) -> tuple[float, float]:
     return candidate.evidence.left, -candidate.evidence.gain
 
 
-def best_end(candidate: Refit, fits: dict[tuple[str, ...], State]) -> Refit:
-    """A refit with its own error model, or a fit of its model from initial guesses, whichever leaves less.
+def best_end(candidate: Refit, fits: dict[tuple[str, ...], State]) -> Refit | None:
+    """A refit with its own error model, or a fit of its model from initial guesses, whichever leaves less and doesn't
+    raise the reported error; None where both do.
 
     Such fits are kept in `fits`.
     """
@@ -180,7 +181,8 @@ def best_end(candidate: Refit, fits: dict[tuple[str, ...], State]) -> Refit:
     fit = fits[model.names] = within_possible(
         estimate_problem(model, before.problem), set(model.names) - {*before.model.names}
     )
-    return min(candidate.relearnt, candidate.ended(fit), key=lambda t: t.evidence.left)
+    ends = sorted((candidate.relearnt, candidate.ended(fit)), key=lambda t: t.evidence.left)
+    return next((end for end in ends if lowers_error(end.state, candidate.before)), None)
 
 
 def indistinguishable(one: Refit, other: Refit, sigma: Array, settings: DiagnosisSettings) -> bool:
@@ -193,10 +195,19 @@ def indistinguishable(one: Refit, other: Refit, sigma: Array, settings: Diagnosi
     return as_well and _overlap(one, other, sigma) >= MIN_OVERLAP
 
 
+def _covers(one: Refit, other: Refit, sigma: Array, settings: DiagnosisSettings) -> bool:
+    """Whether a refit explains what another one explains, as well or better."""
+    between = compare_states(one.state, other.state, sigma)
+    better = (
+        between.gain > settings.alternative_significance * between.error and between.share > settings.alternative_share
+    )
+    return not better and _overlap(one, other, sigma) >= MIN_OVERLAP
+
+
 def _overlap(one: Refit, other: Refit, sigma: Array) -> float:
     """Squared cosine between what two refits change, held out: 1 where they explain the same, 0 where other parts."""
     a, b = (((t.before.held_out - t.state.held_out) / sigma).ravel() for t in (one, other))
-    return float((a @ b) ** 2 / max(1e-300, (a @ a) * (b @ b)))
+    return float(a @ b) ** 2 / max(1e-300, float(a @ a) * float(b @ b))
 
 
 def select(
@@ -227,12 +238,12 @@ def select(
         best = choose(eligible, screening.before, settings) if len(found.added) < settings.max_effects else None
         if best is None:
             break
-        best = best_end(best, found.fits)
-        if not lowers_error(best.state, screening.before):
+        end = best_end(best, found.fits)
+        if end is None:
             found.pruned.add(best.effect.id)
             continue
-        _add(found, best)
-        _prune(found, settings, keep={*forced, best.effect.id})
+        _add(found, end)
+        _prune(found, settings, keep={*forced, end.effect.id})
     _compare_alternatives(found, settings, forced)
     _prune(found, settings, keep=set(forced), last=True)
     return found

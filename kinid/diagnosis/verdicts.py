@@ -17,7 +17,7 @@ from kinid.diagnosis.selection import acceptable
 from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.effects import Effect
 from kinid.identification.dataset import sample_period
-from kinid.identification.fit import FittedParameter
+from kinid.identification.fitted import FittedParameter
 from kinid.identification.lack_of_fit import LackOfFit, error_rows
 from kinid.identification.nuisance import MAX_SHIFT
 from kinid.identification.state import State
@@ -76,7 +76,7 @@ def _of_added(
     if name in selection.unsupported:
         says = f"added because it was asked for; it {selection.unsupported[name]}"
         return replace(made, verdict=EffectStatus.NOT_EXCITED, says=says, separate_by=f"record {effect.excited_by}")
-    made = replace(made, equivalent_to=alternatives, separate_by=_separate(name, alternatives, found))
+    made = replace(made, equivalent_to=alternatives, separate_by=_separate(name, alternatives))
     if is_stand_in(name, found, left, settings):
         says = (
             "a stand-in: it takes off less than it leaves, and something that the catalogue doesn't hold may be what "
@@ -94,7 +94,7 @@ def _of_other(
     if group:
         refit = {t.effect.id: t for look in selection.rounds for t in look.refits}.get(name)
         evidence = refit.evidence.significance if refit else 0.0
-        separate = _separate(name, group, found)
+        separate = _separate(name, group)
         status, says = EffectStatus.INDISTINGUISHABLE, _as_good(group)
         return EffectVerdict(name, status, evidence, says, group, separate_by=separate)
     hidden = EffectStatus.NOT_EXCITED
@@ -192,8 +192,8 @@ def _own(name: str, parameters: dict[str, FittedParameter]) -> dict[str, FittedP
     return {full.split(".", 1)[1]: p for full, p in parameters.items() if full.split(".", 1)[0] == name}
 
 
-def _separate(name: str, alternatives: tuple[str, ...], found: Found) -> str:
-    """What tells an effect from its alternatives, in words, and the command that plans the experiment."""
+def _separate(name: str, alternatives: tuple[str, ...]) -> str:
+    """What tells an effect from its alternatives, in words."""
     mine = effects.get(name)
     if not alternatives:
         return "; ".join(f"{other}: {how}" for other, how in mine.confusions.items())
@@ -202,11 +202,4 @@ def _separate(name: str, alternatives: tuple[str, ...], found: Found) -> str:
         other = effects.get(alternative)
         how = mine.confusions.get(alternative) or other.confusions.get(name) or f"{mine.excited_by}; {other.excited_by}"
         out.append(how if len(alternatives) == 1 else f"{alternative}: {how}")
-    touch = found.whole.touch
-    if touch is not None and (touch.source is None or touch.source[1].robot is None):
-        return "; ".join(out)  # a log without a robot
-    others = {name, *alternatives}
-    known = ",".join(n for n in found.selection.states[-1].model.names if n not in others) or "none"
-    asked = ",".join([name, *alternatives])
-    plan = f"kinid plan discriminate --model {known} --effects {asked} -o separate.parquet"
-    return "; ".join(out) + f"; a trajectory for it: {plan}"
+    return "; ".join(out)

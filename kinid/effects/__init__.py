@@ -10,13 +10,14 @@ from functools import cache
 
 from kinid.effects._effect import Effect, Stage
 from kinid.effects._example import Example, Motion
-from kinid.effects._foreign import foreign_effects, load_effect, only_effect
+from kinid.effects._foreign import VARIABLE, foreign_effects, load_effect, only_effect
 from kinid.effects._samples import Detection, Samples
 from kinid.effects._signals import Array, AsRead, JointMotion, Kind, Layout, SensorMotion, Signals
 from kinid.errors import InputError, near
 
 __all__ = [
     "TOGETHER",
+    "VARIABLE",
     "Array",
     "AsRead",
     "Detection",

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kinid.contact.series import ContactSeries
 from kinid.data.log import Log
 from kinid.data.rig import Rig
-from kinid.errors import InputError
+from kinid.errors import InputError, expect
 from kinid.identification.fit import Fit, fit_model
 from kinid.identification.lack_of_fit import error_rows, error_unit
 from kinid.identification.problem import whole_blocks
@@ -19,6 +19,7 @@ from kinid.identification.whole import held_out_residual
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
 from kinid.modeling.readings import experiment_for
+from kinid.shown import Shown
 from kinid.writers import Json
 
 Array = NDArray[np.float64]
@@ -46,14 +47,30 @@ class Row(PairedDifference):
     held_out: float
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Shown):
     """Models in the order of their held-out error; the reference is named."""
 
     rows: tuple[Row, ...]
     reference: str
     unit: str
     noise_floor: float
+
+    def __repr__(self) -> str:
+        best = self.rows[0]
+        many = f"{len(self.rows)} model{'s' * (len(self.rows) != 1)}"
+        return f"<Comparison of {many}: {best.fit.model} has {best.held_out:.4g} {self.unit} held out>"
+
+    def columns(self) -> dict[str, NDArray[np.generic]]:
+        """Models, one a row, the best first: held-out error, and how it differs from the reference's."""
+        figures = ("held_out", "difference", "standard_error")
+        numbers = {name: np.array([getattr(row, name) for row in self.rows], dtype=float) for name in figures}
+        return {"model": np.array([str(row.fit.model) for row in self.rows], dtype=str), **numbers}
+
+    def notes(self) -> tuple[str, ...]:
+        """What differences are to, the noise, and what to doubt."""
+        doubts = [f"doubt: {row.fit.model}: {warning}" for row in self.rows for warning in row.fit.warnings]
+        return (f"differences are to {self.reference}; the noise is {self.noise_floor:.4g} {self.unit}", *doubts)
 
     def to_dict(self) -> Json:
         """For JSON; None where there is no figure."""
@@ -97,7 +114,7 @@ def reference_place(names: Sequence[str], reference: str | None) -> int:
 
 
 def compare(
-    models: Sequence[Model],
+    models: Sequence[Model | str | Sequence[str]],
     data: ContactSeries | Log | Experiment,
     rig: Rig | None = None,
     *,
@@ -106,20 +123,23 @@ def compare(
     """Fit every model to the same samples of the same channels and hold it against those that it has not seen.
 
     Args:
-        models: at least one.
+        models: at least one; a name or a list of names is the model of these effects.
         data, rig: as for a fit.
         reference: `str(model)` of the one that differences are taken to; default: the best.
 
     Raises:
         InputError: no model, a reference that is none of them, or data that can't carry them.
     """
+    wanted, remedy = "a list of models", "as compare([Model('hooke'), Model('kelvin-voigt')], touch)"
+    expect(models, (list, tuple), "models to compare", wanted, remedy)
     if not models:
         raise InputError("no model to compare", "at least one", "name them with --model")
-    widest = max(models, key=lambda model: (len(model.needs), "slip" in model.needs))
+    asked = [each if isinstance(each, Model) else Model(each) for each in models]
+    widest = max(asked, key=lambda model: (len(model.needs), "slip" in model.needs))
     experiment = experiment_for(widest, data, rig)
     keep, number = error_rows(experiment), whole_blocks(experiment)[experiment.valid]
     results = []
-    for model in models:
+    for model in asked:
         fit = fit_model(model, experiment)
         unseen = held_out_residual(fit.state)[keep][:, experiment.valid]
         if not np.isfinite(fit.error.held_out):

@@ -13,20 +13,21 @@ from threadpoolctl import threadpool_limits
 from kinid.contact.series import ContactSeries
 from kinid.data.log import Log
 from kinid.data.rig import Rig
+from kinid.effects import Signals
 from kinid.errors import InputError
 from kinid.estimators.batch import Solution
 from kinid.identification import warnings as doubts
 from kinid.identification.covariance import covariance_of
 from kinid.identification.estimation import estimate
+from kinid.identification.fitted import FitError, FittedModel, FittedParameter, on_all_rows
 from kinid.identification.lack_of_fit import LackOfFit, error_rows, error_unit, lack_of_fit, rms
 from kinid.identification.nuisance import with_calibration
 from kinid.identification.state import State, parameter_bounds, shown_values
 from kinid.identification.whole import held_out_residual, train_residual
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
-from kinid.modeling.parameter_names import full_name, starting_values
+from kinid.modeling.parameter_names import starting_values
 from kinid.modeling.readings import check_excitation, experiment_for, refuse_inactive_effects
-from kinid.writers import Json
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -35,108 +36,53 @@ Mask = NDArray[np.bool_]
 Z95 = 1.959963984540054
 
 
-@dataclass(frozen=True)
-class FittedParameter:
-    """One estimate: value, 95 % interval, unit; infinite bounds where the log leaves it open."""
-
-    name: str
-    value: float
-    low: float
-    high: float
-    unit: str
-
-    def __str__(self) -> str:
-        return f"{self.name} = {self.value:.5g} [{self.low:.5g}, {self.high:.5g}] {self.unit}"
-
-    def to_dict(self) -> Json:
-        """For JSON, which has no infinity: an open end is null."""
-        low, high = (end if np.isfinite(end) else None for end in (self.low, self.high))
-        return {"value": self.value, "low": low, "high": high, "unit": self.unit}
-
-
-@dataclass(frozen=True)
-class FitError:
-    """Root mean square of measured less predicted force or torque: seen, held out, and what noise alone explains."""
-
-    train: float
-    held_out: float
-    noise_floor: float
-    unit: str
-
-    def to_dict(self) -> Json:
-        """For JSON; None where there is no figure."""
-        figures = {"train": self.train, "held_out": self.held_out, "noise_floor": self.noise_floor}
-        return {"unit": self.unit} | {name: value if np.isfinite(value) else None for name, value in figures.items()}
-
-
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """A model with its estimates. `fit["stiffness"]` or `fit["hooke.stiffness"]` is a `FittedParameter`.
+@dataclass(frozen=True, eq=False, repr=False)
+class Fit(FittedModel):
+    """A fitted model with the log that it was fitted to. `fit["stiffness"]` or `fit["hooke.stiffness"]` is a
+    `FittedParameter`.
 
     Attributes:
+        solution: estimates with their covariance. experiment: what it was fitted to.
         state: the search's end, from which a diagnosis goes on.
         left: what the model leaves beside noise and tolerance.
     """
 
-    model: Model
-    parameters: dict[str, FittedParameter]
-    error: FitError
-    warnings: tuple[str, ...]
     solution: Solution
     experiment: Experiment
     state: State
     left: LackOfFit
-
-    def __str__(self) -> str:
-        lines = [
-            f"{name} = {p.value:.4g} [{p.low:.4g}, {p.high:.4g}] {p.unit}".removesuffix(" 1")
-            for name, p in self.parameters.items()
-        ]
-        error = f"error {self.error.train:.4g} {self.error.unit}, held out {self.error.held_out:.4g}"
-        return "\n".join([f"{self.model}: {error}", *lines])
-
-    def __getitem__(self, name: str) -> FittedParameter:
-        return self.parameters[full_name(name, self.parameters, self.model)]
 
     @property
     def values(self) -> Array:
         """Estimates in the model's order, (p,)."""
         return self.solution.values
 
-    def predict(self, experiment: Experiment | None = None, *, calibrated: bool = True) -> Array:
+    def predict(
+        self, data: Experiment | ContactSeries | Log | None = None, rig: Rig | None = None, *, calibrated: bool = True
+    ) -> Array:
         """Readings that the fitted model expects, under the form of friction at rest that was found, (channels, n).
 
         Args:
-            experiment: other signals than those of the fit. calibrated: with what was found of the rig's calibration.
+            data: contact-frame quantities, or a log with its `rig`; or an experiment; default: what the fit was made
+                to.
+            rig: goes with a log. calibrated: with what was found of the rig's calibration.
+
+        Returns:
+            A row a channel of `layout.channels`, a column a sample of the data; NaN where the motion isn't known.
+
+        Raises:
+            InputError: data that lacks what the fit was made to.
         """
-        signals = dataclasses.replace(
-            (experiment or self.experiment).signals, rest=self.state.problem.whole.signals.rest
-        )
-        if not calibrated or signals.layout != self.experiment.layout:
+        if data is not None and not isinstance(data, Experiment):
+            made = self.experiment_of(data, rig)
+            return on_all_rows(made, len(data), lambda s: self._calibrated(s, calibrated))
+        return self._calibrated((data or self.experiment).signals, calibrated)
+
+    def _calibrated(self, signals: Signals, calibrated: bool) -> Array:
+        signals = dataclasses.replace(signals, rest=self.rest)
+        if not calibrated or signals.layout != self.layout:
             return self.model.predict(signals, self.values)
         return with_calibration(self.model, self.values, self.state.open_, self.state.shift, signals)
-
-    def equation(self) -> str:
-        """The model as equations with its numbers."""
-        lines = []
-        for effect in self.model.effects:
-            numbers = ", ".join(
-                f"{p.symbol}{p.name.removeprefix(p.name.partition('[')[0])} = "
-                f"{self.parameters[f'{effect.id}.{p.name}'].value:.4g} {p.unit}".removesuffix(" 1")
-                for p in effect.parameters(self.experiment.layout)
-                if not p.fixed
-            )
-            lines.append(f"{effect.id}: {effect.equation}" + (f"   with {numbers}" if numbers else ""))
-        return "\n".join(lines)
-
-    def to_dict(self) -> Json:
-        """The facts as `kinid fit --json` writes them."""
-        return {
-            "model": list(self.model.names),
-            "parameters": {name: p.to_dict() for name, p in self.parameters.items()},
-            "error": self.error.to_dict(),
-            "warnings": list(self.warnings),
-        }
 
 
 def fit_model(
@@ -252,7 +198,9 @@ def fit_of(
             continue
         low, high = (max(v - h, p.low), min(v + h, p.high)) if np.isfinite(h) else (-np.inf, np.inf)
         fitted[name] = FittedParameter(name, float(v), float(low), float(high), p.unit)
-    return Fit(model, fitted, error, tuple(out), solution, experiment, state, left)
+    rest = state.problem.whole.signals.rest
+    found_by = (solution, experiment, state, left)
+    return Fit(model, fitted, error, tuple(out), experiment.layout, rest, *found_by)
 
 
 def _at_bound(state: State) -> Mask:

@@ -278,12 +278,16 @@ def search(
 def first_error_model(problem: Problem) -> ErrorModel:
     """Before anything is fitted: channels weigh by the readings' own noise and a share of their size.
 
-    That of the largest of their unit where they are parts of one vector: what is wrong with a small part must not bend
-    what explains the large one.
+    That of the largest of their unit where they are parts of one vector, of moments also that of the force at its
+    lever: what is wrong with a small part must not bend what explains the large one.
     """
     size, units = problem.channel_rms.copy(), np.array(problem.layout.units)
     for unit in set(units.tolist()) if problem.layout.kind != "joints" else ():
         size[units == unit] = size[units == unit].max()
+    sensor = problem.experiment.signals.sensor
+    if sensor is not None and {"N", "N·m"} <= set(units.tolist()):
+        lever = float(np.linalg.norm(sensor.tip))
+        size[units == "N·m"] = np.maximum(size[units == "N·m"], lever * size[units == "N"].max())
     return ErrorModel(reading_variance(problem), np.zeros(problem.shape), INITIAL_DISCREPANCY * size, 0.0)
 
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from kinid.controllers._given import closest
 from kinid.data.rig import Rig
 from kinid.errors import InputError
+from kinid.inputs import read_json
 from kinid.lab.arm import Gains
 from kinid.lab.campaign_page import Overview
 from kinid.lab.experiments import Vector, prepare
@@ -34,6 +35,8 @@ Array = NDArray[np.float64]
 
 #: in the folder, and with what is hidden in the truth's
 MANIFEST = "campaign.json"
+#: of a manifest: some hundred bytes a place
+MOST_BYTES = 100_000_000
 #: what is done at each place, shorter than the study's: three turns of the slow sine, or 3 mm out and back each way
 Touch = Literal["poke", "slide"]
 MOTIONS: dict[str, Poke | Slide] = {
@@ -187,9 +190,11 @@ def _claim(campaign: Campaign, folder: Path) -> None:
     path, base = folder / "truth" / MANIFEST, campaign.base()[0]
     wanted = campaign.manifest(base.rig, everything=True)
     if path.is_file():
+        mend = "choose another folder with -o"
+        there = read_json(path, "manifest", "that of a campaign", mend, MOST_BYTES, open_ends=True)
         try:
-            differ = _differ(json.loads(path.read_text(encoding="utf-8")), wanted)
-        except (OSError, ValueError, TypeError, AttributeError):
+            differ = _differ(there, wanted)
+        except (TypeError, AttributeError):
             raise InputError(
                 f"a damaged {path}", "the manifest of a campaign", "choose another folder with -o"
             ) from None

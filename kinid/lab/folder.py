@@ -128,5 +128,5 @@ def is_whole(folder: Path, name: str) -> bool:
     try:
         files = json.loads((folder / "truth" / f"{name}.json").read_text(encoding="utf-8"))["files"]
         return f"{name}.parquet" in files and all(digest(folder / file) == known for file, known in files.items())
-    except (OSError, ValueError, TypeError, KeyError, AttributeError):
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
         return False

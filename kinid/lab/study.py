@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.contact.series import ContactSeries, contact_series
-from kinid.identification.fit import FittedParameter, fit_model
+from kinid.identification.fit import fit_model
+from kinid.identification.fitted import FittedParameter
 from kinid.lab.experiments import prepare
 from kinid.modeling.model import Model
 from kinid.signal.derivative import Differentiator

@@ -231,7 +231,7 @@ def _law(model: Sequence[str]) -> str | None:
         raise InputError(
             f"effect '{unknown[0]}' in a live model",
             f"one of {', '.join(known)}",
-            "leave it out: kinid diagnose finds it in the recording",
+            "leave it out, and ask of the recording: kinid diagnose LOG --model MODEL",
         )
     laws = [name for name in model if followed[name] in LAWS]
     if len(laws) > 1:

@@ -36,7 +36,7 @@ SHARED = 3.0
 #: what touches are fitted with unless the user says more
 MODEL = ("kelvin-voigt",)
 #: files of logs in a folder
-LOG_SUFFIXES = (".parquet", ".csv", ".npz", ".mcap", ".bag")
+LOG_SUFFIXES = (".parquet", ".csv", ".csv.gz", ".npz", ".mcap", ".bag")
 
 
 def logs_in(paths: Sequence[Path]) -> list[Path]:
@@ -54,7 +54,9 @@ def logs_in(paths: Sequence[Path]) -> list[Path]:
             continue
         found = sorted((*path.glob("poke_*.parquet"), *path.glob("slide_*.parquet")))
         if not found and not (path / "campaign.json").is_file():
-            found = sorted(f for f in path.iterdir() if f.suffix.lower() in LOG_SUFFIXES and not f.name.startswith("."))
+            found = sorted(
+                f for f in path.iterdir() if f.name.lower().endswith(LOG_SUFFIXES) and not f.name.startswith(".")
+            )
         if not found and not (path / "campaign.json").is_file():
             raise InputError(f"no logs in {path}", f"files ending in {', '.join(LOG_SUFFIXES)}", "name another folder")
         out += found
@@ -68,7 +70,9 @@ def expected(paths: Sequence[Path]) -> int | None:
         manifest = path / "campaign.json"
         if manifest.is_file():
             try:
-                facts = read_json(manifest, "manifest", "the manifest of a campaign", "make the campaign anew")
+                facts = read_json(
+                    manifest, "manifest", "the manifest of a campaign", "make the campaign anew", open_ends=True
+                )
                 total += int(facts["rows"]) * int(facts["columns"])
             except (KinidError, ValueError, KeyError, TypeError):
                 return None
@@ -156,7 +160,7 @@ class Prober:
             raise InputError(
                 f"no touch of {SHORTEST} s in {source}",
                 "a log in which the tool touches the surface",
-                "leave it out, or look at it with kinid contact",
+                "leave it out, or look at it with kinid contact LOG",
             )
         position = tip_motion(log, self.rig, robot=self.robot).position
         properties: tuple[Property, ...] = ()

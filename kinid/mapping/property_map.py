@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError, near
+from kinid.inputs import parse_json
 from kinid.mapping.interpolation import MESH_METHODS, METHODS, Guess, Interpolator, PlaneGround
 from kinid.mapping.interpolation.gaussian_process import interpolator
 from kinid.mapping.interpolation.uniform import Uniform
@@ -25,6 +26,9 @@ from kinid.writers import Json, replacing
 Array = NDArray[np.float64]
 
 VERSION = 1
+#: no estimate and no variance of a map is larger, in any unit
+LARGEST = 1e30
+MAP = "a Parquet file of kinid map"
 #: of entries of a covariance, relative
 TOLERANCE = 1e-6
 #: standard errors to either side that hold 95 %
@@ -280,39 +284,46 @@ class PropertyMap:
                 f"no readable map at {path} ({str(error)[:80]})", "a Parquet file of kinid map", "make it anew"
             ) from None
         try:
-            about = json.loads((table.schema.metadata or {})[b"kinid"])
+            meta = (table.schema.metadata or {})[b"kinid"]
+            about = parse_json(meta, f"map in {path}", MAP, "make it anew", open_ends=True)
             if about["kind"] != "property map" or about["version"] != VERSION:
                 raise KeyError("kind")
             properties = tuple(Property(str(p["name"]), str(p["unit"])) for p in about["properties"])
             surface = _surface_from_dict(about["surface"])
             names, n = [p.name for p in properties], table.num_rows
-            column = {name: table[name].to_numpy() for name in table.column_names if name != "source"}
+            column = {
+                name: _numbers(table[name].to_numpy(), name, path) for name in table.column_names if name != "source"
+            }
             covariances = np.empty((n, len(names), len(names)))
             for i, a in enumerate(names):
                 for j in range(i, len(names)):
                     covariances[:, i, j] = covariances[:, j, i] = column[f"cov.{a}.{names[j]}"]
             places = np.column_stack([column[axis] for axis in "xyz"])
             values = np.column_stack([column[name] for name in names])
-            rows = zip(
-                places,
-                values,
-                covariances,
-                column["residual"].tolist(),
-                column["noise"].tolist(),
-                table["source"].to_pylist(),
-            )
+            sources = [str(source or "") for source in table["source"].to_pylist()]
+            rows = zip(places, values, covariances, column["residual"].tolist(), column["noise"].tolist(), sources)
             return cls(surface, properties, tuple(Probe(*row) for row in rows), str(about["model"]))
-        except (KeyError, ValueError, TypeError) as error:
+        except (KeyError, ValueError, TypeError, AttributeError) as error:
             raise InputError(
                 f"{path}, which is no property map ({str(error)[:80]})",
                 "a Parquet file of kinid map",
-                "make it with kinid map",
+                "make it with kinid map LOGS -o MAP.parquet",
             ) from None
 
     def without(self, sources: Sequence[str]) -> PropertyMap:
         """The map without the probes of some sources."""
         gone = set(sources)
         return replace(self, probes=tuple(p for p in self.probes if p.source not in gone))
+
+
+def _numbers(values: NDArray[np.generic], name: str, path: Path) -> Array:
+    """A column of a map's file, (n,); infinite and absent values say that something is open."""
+    if values.dtype.kind not in "fiu":
+        raise InputError(f"a column {name} of no numbers in {path}", "numbers", "make the map anew")
+    most = float(np.abs(values, where=np.isfinite(values), out=np.zeros(len(values))).max(initial=0.0))
+    if most > LARGEST:
+        raise InputError(f"{name} = {most:.3g} in {path}", f"{LARGEST:g} at most", "make the map anew")
+    return np.asarray(values, dtype=float)
 
 
 def _check_estimate(item: Property, value: float, variance: float, source: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from kinid import effects as catalogue
 from kinid.effects import Effect, Layout, Signals, Stage
-from kinid.errors import InputError
+from kinid.errors import InputError, expect
 from kinid.modeling.forward import Course, Route
 from kinid.parameter import Parameter
 
@@ -25,12 +25,13 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Model:
     """An ordered set of effects; `model + "relaxation"` is the model with one more.
 
     Args:
-        effects: names of the catalogue, or effects; a base law first where there is one. "none" is free motion alone.
+        effects: names of the catalogue, or effects, one by one or as one list; a base law first where there is one.
+            "none" is free motion alone.
 
     Raises:
         InputError: an unknown name, two bases, an effect twice, or one that lacks what it acts on.
@@ -40,11 +41,14 @@ class Model:
     #: what estimates the parameters: `kinid.identification.fit`, which stands above this package, sets it
     fitter: ClassVar[Callable[..., Fit]]
 
-    def __init__(self, *effects: str | Effect) -> None:
+    def __init__(self, *effects: str | Effect | Sequence[str | Effect]) -> None:
         flat: list[Effect] = []
-        for effect in effects:
-            names = catalogue.TOGETHER.get(effect, (effect,)) if isinstance(effect, str) else (effect,)
-            flat += [catalogue.get(item) if isinstance(item, str) else item for item in names]
+        for each in effects:
+            for effect in each if isinstance(each, list | tuple) else (each,):
+                remedy = "as Model('hooke', 'relaxation')"
+                expect(effect, (str, Effect), "an effect of a model", "names of effects", remedy)
+                together = catalogue.TOGETHER.get(effect, (effect,)) if isinstance(effect, str) else (effect,)
+                flat += [catalogue.get(item) if isinstance(item, str) else item for item in together]
         bases = [effect.id for effect in flat if effect.base]
         if len(bases) > 1:
             raise InputError(f"{len(bases)} bases, {' and '.join(bases)}", "one contact law at most", "choose one")
@@ -85,6 +89,9 @@ class Model:
         if name not in self:
             raise InputError(f"no effect '{name}' in {self}", f"one of {', '.join(self.names)}", "check the name")
         return self.effects[self.names.index(name)]
+
+    def __repr__(self) -> str:
+        return f"Model({', '.join(map(repr, self.names))})"
 
     def __str__(self) -> str:
         return " + ".join(self.names) or "none"
@@ -182,5 +189,17 @@ class Model:
         return "\n".join(f"{effect.id}: {effect.equation}" for effect in self.effects) or "no contact"
 
     def fit(self, data: ContactSeries | Log, rig: Rig | None = None, **options: object) -> Fit:
-        """Estimate the parameters from a log; see `kinid.identification.fit.fit_model`."""
+        """Estimate the parameters from a log.
+
+        Args:
+            data: contact-frame quantities; or a log with its `rig`, for models that act on the whole wrench or on joint
+                torques.
+            rig: goes with a log.
+            options: `start`, starting values by a parameter's name; `channels` of a contact frame to fit; `train`, a
+                mask of the samples to fit to; `held_out=False`, no held-out error: as of
+                `kinid.identification.fit.fit_model`.
+
+        Raises:
+            InputError: data that can't carry the model, and what to record instead.
+        """
         return Model.fitter(self, data, rig, **options)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from kinid.errors import InputError, near
+from kinid.errors import InputError, expect, near
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
 
@@ -15,6 +15,7 @@ def full_name(name: str, named: Iterable[str], model: Model, what: str = "parame
     Raises:
         InputError: none, or several; `what` says what was named.
     """
+    expect(name, str, "a parameter", "its name", "as 'stiffness'")
     named = list(named)
     if name in named:
         return name
@@ -33,10 +34,12 @@ def starting_values(model: Model, experiment: Experiment, start: Mapping[str, fl
     Raises:
         InputError: a name that no parameter has, or a value outside its bounds.
     """
+    expect(start or {}, Mapping, "starting values", "values by a parameter's name", "as start={'stiffness': 900}")
     named, out = model.for_log(experiment.signals).parameters(experiment.layout), {}
     for given, value in (start or {}).items():
         name = full_name(given, named, model, "starting value for ")
         p = named[name]
+        expect(value, (int, float), f"the starting value of {name}", "a number", "correct it")
         if not p.low <= value <= p.high:
             raise InputError(
                 f"starting value {value:g} {p.unit} for '{name}'",

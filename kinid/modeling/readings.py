@@ -10,7 +10,7 @@ from kinid.contact.series import ContactSeries, contact_series
 from kinid.data.log import Log
 from kinid.data.rig import Rig
 from kinid.effects import Stage
-from kinid.errors import InputError, near
+from kinid.errors import InputError, expect, near
 from kinid.modeling.data_warnings import DEEPEST, DEPTH_UNIT, warnings_of
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.from_logs import from_contact, from_joint_torques, from_wrench
@@ -86,6 +86,7 @@ def rig_of(log: Log, rig: Rig | None, call: str) -> Rig:
     """
     if rig is None and "depth" not in log.contact:
         raise InputError("a log without its rig", "both", f"call {call}")
+    expect(rig or Rig(), Rig, "a rig", "what was measured with what", "load it with kinid.Rig.load(path)")
     return rig or Rig()
 
 
@@ -153,9 +154,8 @@ def check_excitation(model: Model, experiment: Experiment) -> list[str]:
         raise InputError(
             f"a depth that is never positive (at most {1e3 * depth.max(initial=-np.inf):.3g} mm)",
             "samples inside the material",
-            "check [surface] point and normal, or let touches find them with kinid contact --find-surface; the log's "
-            "own depth "
-            "is positive inside, depth = { scale = -1 } in [columns] turns it",
+            "check [surface] point and normal, or let touches find it: kinid contact LOG --find-surface; the "
+            "log's own depth is positive inside, depth = { scale = -1 } in [columns] turns it",
         )
     if inside.sum() < MIN_CONTACT_SAMPLES:
         raise InputError(

@@ -18,6 +18,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from kinid.effects import Effect, Layout, Signals, Stage
 from kinid.errors import InputError
@@ -135,7 +136,7 @@ class Judge:
                 first = len(columns)
                 columns += [change(effect, a) - change(effect, b) for a, b in group]
                 rivals[effect.id].append(list(range(first, len(columns))))
-        x = np.stack(columns, axis=1)
+        x = np.stack(columns).T  # each column contiguous
         x[~np.isfinite(x)] = 0.0
         gram = x.T @ x
         prior = np.zeros(len(columns))
@@ -271,7 +272,8 @@ def rank(
         raise _none(refused)
     judge = dataclasses.replace(judge, values=_values(model, judge.values, planned[0][2].layout))
     judge.ready([experiment for _, _, experiment in planned])
-    verdicts = [judge(proposal, experiment, motion.duration, motion.touch) for proposal, motion, experiment in planned]
+    with threadpool_limits(1, user_api="blas"):  # products of a few columns: threads would only wait for each other
+        verdicts = [judge(proposal, each, motion.duration, motion.touch) for proposal, motion, each in planned]
     kept = counting(verdicts)
     verdicts.sort(key=lambda verdict: -criterion(verdict, kept))
     return Ranking(judge, tuple(verdicts), kept, refused)

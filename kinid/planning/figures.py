@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,7 +114,7 @@ def places_figure(motion: Trajectory) -> Figure:
     return figure
 
 
-def _phases(figure: Any, motion: Trajectory) -> None:
+def _phases(figure: Figure, motion: Trajectory) -> None:
     """Names of the phases above the first row, where there are few enough to read."""
     starts = np.flatnonzero(np.append(True, motion.phase[1:] != motion.phase[:-1]))
     if len(starts) > 12:

@@ -83,13 +83,13 @@ def candidates(model: Model, names: Sequence[str]) -> list[Effect]:
             raise InputError(
                 f"candidate '{effect.id}'",
                 "effects to add, not a contact law",
-                "hold models with each side by side: kinid compare",
+                f"hold models side by side: kinid compare LOG --model {_with(model, effect)} --model {_text(model)}",
             )
         if effect.detector:
             raise InputError(
                 f"candidate '{effect.id}'",
                 "effects that an experiment tells apart",
-                "run kinid diagnose: it is recognised in the samples themselves",
+                f"run kinid diagnose LOG --model {_text(model)}: it is recognised in the samples themselves",
             )
     sides = {effect.id: _side(effect) for effect in chosen}
     for a, b in itertools.combinations(sides, 2):
@@ -97,9 +97,19 @@ def candidates(model: Model, names: Sequence[str]) -> list[Effect]:
             raise InputError(
                 f"'{a}', which acts on {sides[a]}, and '{b}', which acts on {sides[b]}",
                 "effects that change the same readings",
-                "run kinid diagnose: any log that shows both tells them apart",
+                f"run kinid diagnose LOG --model {_text(model)}: any log that shows both tells them apart",
             )
     return chosen
+
+
+def _text(model: Model) -> str:
+    """As --model takes it."""
+    return ",".join(model.names) or "none"
+
+
+def _with(model: Model, law: Effect) -> str:
+    """The model with another contact law, as --model takes it."""
+    return ",".join([law.id, *(effect.id for effect in model.effects if not effect.base)])
 
 
 def _side(effect: Effect) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from kinid.data.log import frozen
 from kinid.errors import InputError
+from kinid.inputs import parse_json
 from kinid.writers import Json, write_table
 
 Array = NDArray[np.float64]
@@ -111,6 +111,10 @@ class Trajectory:
         write_table(path, self.columns(), facts)
 
 
+#: no time stamp, angle, speed, acceleration or force of a motion is larger, in SI units; and none lasts longer [s]
+LARGEST, LONGEST = 1e10, 1e6
+
+
 def read_trajectory(path: Path, joint_names: tuple[str, ...] | None = None) -> Trajectory:
     """A trajectory from a table that `Trajectory.write`, or anyone, wrote: t and q1…qN at least.
 
@@ -130,7 +134,7 @@ def read_trajectory(path: Path, joint_names: tuple[str, ...] | None = None) -> T
         raise InputError(
             f"{path} with the columns {', '.join(list(table)[:8]) or 'none'}",
             "a trajectory: t, q1…qN",
-            "name a file that kinid plan wrote",
+            "name a trajectory, as of kinid plan poke -o PLAN.parquet",
         )
     names = tuple(facts.get("joint_names") or joint_names or (f"joint_{j + 1}" for j in range(count)))
     if len(names) != count:
@@ -141,14 +145,14 @@ def read_trajectory(path: Path, joint_names: tuple[str, ...] | None = None) -> T
     def block(*columns: str) -> Array | None:
         if any(name not in table for name in columns):
             return None
-        return np.stack([np.asarray(table[name], dtype=float) for name in columns], axis=1)
+        return np.stack([_numbers(table, name, path) for name in columns], axis=1)
 
-    t, q = np.asarray(table["t"], dtype=float), block(*(f"q{j + 1}" for j in range(count)))
+    t, q = _numbers(table, "t", path), block(*(f"q{j + 1}" for j in range(count)))
     assert q is not None
-    if len(t) < 6 or not np.isfinite(q).all() or not (np.diff(t) > 0).all():
+    if len(t) < 6 or not np.isfinite(q).all() or not (np.diff(t) > 0).all() or t[-1] - t[0] > LONGEST:
         raise InputError(
             f"{path} with {len(t)} samples, times that don't rise, or joints that are no numbers",
-            "at least 6 samples at rising times",
+            f"at least 6 samples at rising times, over {LONGEST:g} s at most",
             "repair the table",
         )
     dq, ddq = (block(*(f"{name}{j + 1}" for j in range(count))) for name in ("dq", "ddq"))
@@ -158,7 +162,7 @@ def read_trajectory(path: Path, joint_names: tuple[str, ...] | None = None) -> T
         spline = make_interp_spline(t, q, k=5)
         dq, ddq = spline(t, 1), spline(t, 2)
     single = {
-        name: np.asarray(table[name], dtype=float) if name in table else None
+        name: _numbers(table, name, path) if name in table else None
         for name in ("expected_normal_force", "force_limit")
     }
     tip = block("tip_x", "tip_y", "tip_z")
@@ -177,6 +181,19 @@ def read_trajectory(path: Path, joint_names: tuple[str, ...] | None = None) -> T
         np.asarray(table["touch"], dtype=np.int64) if "touch" in table else None,
         {k: v for k, v in facts.items() if k not in ("kind", "version", "joint_names")},
     )
+
+
+def _numbers(table: Columns, name: str, path: Path) -> Array:
+    """A column of numbers that a motion can have, (n,); absent values are let through."""
+    try:
+        values = np.asarray(table[name], dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"a column {name} of no numbers in {path}", "numbers", "repair the table") from None
+    if values.ndim != 1 or (np.abs(values[np.isfinite(values)]) > LARGEST).any():
+        raise InputError(
+            f"a column {name} in {path} of lists, or of more than {LARGEST:g}", "s, rad, m and N", "repair the table"
+        )
+    return values
 
 
 def read_columns(path: Path) -> Columns:
@@ -203,7 +220,10 @@ def _table(path: Path) -> tuple[Columns, Json]:
             from pyarrow import parquet
 
             table = parquet.read_table(path)
-        facts = json.loads((table.schema.metadata or {}).get(b"kinid", b"{}"))
+        meta = (table.schema.metadata or {}).get(b"kinid", b"{}")
+        facts = parse_json(meta, f"provenance in {path}", "a trajectory of kinid", "plan it again", open_ends=True)
+        if not isinstance(facts, dict):
+            raise InputError(f"a provenance in {path} that is a list", "an object", "plan it again")
         return {name: table[name].to_numpy() for name in table.column_names}, facts
     except (OSError, ValueError) as error:  # pyarrow's errors are of both kinds
         raise InputError(f"{path} that can't be read ({str(error)[:80]})", "a table", "write it again") from None

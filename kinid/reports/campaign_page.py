@@ -10,7 +10,7 @@ import numpy as np
 from kinid.campaign.compare import CampaignComparison
 from kinid.campaign.diagnosis import CampaignDiagnosis
 from kinid.diagnosis.result import EffectStatus
-from kinid.identification.fit import FittedParameter
+from kinid.identification.fitted import FittedParameter
 from kinid.identification.pooling.result import LogResult, PooledFit
 from kinid.reports.fit_plots import winner
 from kinid.reports.plots import AXES, BLUE, GREY, INK, ORANGE, finish

@@ -13,7 +13,7 @@ from kinid.identification.warnings import listed
 from kinid.parameter import ParameterId
 
 if TYPE_CHECKING:
-    from kinid.identification.fit import FittedParameter
+    from kinid.identification.fitted import FittedParameter
 
 #: verdicts in the order in which a reader wants them
 ORDER = (EffectStatus.PRESENT, EffectStatus.INDISTINGUISHABLE, EffectStatus.NOT_EXCITED, EffectStatus.ABSENT)

@@ -116,7 +116,7 @@ def _pictures(fits: Sequence[Fit]) -> dict[str, object]:
         "over_depth": _loop_figure(named) if pushed else None,
         "cycles": cycles,
         "panels": panels,
-        "over_time": _time_figure(named),
+        "over_time": time_figure(named),
     }
 
 
@@ -237,7 +237,7 @@ def energy_line(found: list[Loop]) -> str:
     return f"{_millijoules(float(lost.mean()), put_in)}{spread} mJ lost of {1e3 * put_in:.3g}{times}"
 
 
-def _time_figure(fits: dict[str, Fit]) -> Figure:
+def time_figure(fits: dict[str, Fit]) -> Figure:
     """Each channel over time: measured, and what each model expects."""
     experiment = next(iter(fits.values())).experiment
     predictions = [(name, fit.predict(), colour) for (name, fit), colour in zip(fits.items(), COLOURS)]

@@ -13,7 +13,7 @@ import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from kinid.identification.fit import FittedParameter
+from kinid.identification.fitted import FittedParameter
 from kinid.residuals.words import number, percent
 
 if TYPE_CHECKING:

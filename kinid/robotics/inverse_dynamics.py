@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from kinid.data.log import Log, Provenance, frozen
 from kinid.data.rig import Rig
-from kinid.errors import InputError
+from kinid.errors import InputError, expect
 from kinid.robotics.motion import joint_motion
 from kinid.robotics.robot import Robot
 from kinid.robotics.wrench import Bias, read_wrench
@@ -72,6 +72,8 @@ def joint_torques(
     Raises:
         InputError: no torques or positions in the log, or no valid sample.
     """
+    expect(log, Log, "a log", "a log that was read", "read it with kinid.read(path, rig)")
+    expect(rig, Rig, "a rig", "what was measured with what", "load it with kinid.Rig.load(path)")
     if log.tau is None:
         raise InputError(
             f"no joint torques in {log.provenance.source}",

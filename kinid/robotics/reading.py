@@ -7,6 +7,7 @@ from pathlib import Path
 from kinid.data import readers
 from kinid.data.log import Log
 from kinid.data.rig import Rig
+from kinid.errors import expect
 from kinid.robotics.robot import Robot
 
 
@@ -21,6 +22,9 @@ def read(path: str | Path, rig: Rig | None = None, *, robot: Robot | None = None
     Raises:
         InputError: a file, a rig or a robot that can't be used.
     """
+    expect(path, (str, Path), "a log", "the path of a log", "name the file")
+    if rig is not None:
+        expect(rig, Rig, "a rig", "what was measured with what", "load it with kinid.Rig.load(path)")
     beside = Path(path).parent / "rig.toml"
     if rig is None and beside.is_file():
         rig = Rig.load(beside)

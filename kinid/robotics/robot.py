@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import kinid.urdf
 from kinid.data.rig import Rig, RobotSpec, ToolSpec
-from kinid.errors import InputError, near
+from kinid.errors import InputError, expect, near
 from kinid.robotics.urdf_model import find_frame, joint_axis, lock, names_to, parsed, z_onto
 
 Array = NDArray[np.float64]
@@ -61,7 +61,7 @@ class Kinematics:
     angular_acceleration: Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Robot:
     """A Pinocchio model whose joints are the log's, in the model's order, and where its frames are.
 
@@ -84,13 +84,21 @@ class Robot:
     gravity: Array
     compliance: Array  # (3, 3) [m/N], base frame
 
+    def __repr__(self) -> str:
+        frames = {"wrench": self.sensor_frame, "tip": self.tip_frame}
+        named = "".join(f", {what} in {frame}" for what, frame in frames.items() if frame is not None)
+        return f"<Robot {self.name}: {self.joint_count} joints{named}>"
+
     @classmethod
-    def load(cls, rig: Rig) -> Robot:
-        """The robot of a rig.
+    def load(cls, rig: Rig | str | Path) -> Robot:
+        """The robot of a rig; or of a name ("lwr4plus", "ur5" …) or the path of a URDF.
 
         Raises:
             InputError: no `[robot]`, no such model, frame or joint, or a URDF that can't be trusted or read.
         """
+        expect(rig, (Rig, str, Path), "a robot", "a rig, the name of a robot or a URDF's path", "name one, as 'ur5'")
+        if not isinstance(rig, Rig):
+            return cls.from_urdf(kinid.urdf.path(str(rig), Path()), name=str(rig))
         if rig.robot is None:
             raise InputError(
                 "a rig without [robot]",
@@ -162,6 +170,11 @@ class Robot:
                 "choose frames on the same link",
             )
         return robot
+
+    @property
+    def end_frames(self) -> tuple[str, ...]:
+        """The last links of its URDF, the last of them first; eight at most."""
+        return tuple([f.name for f in self.model.frames if f.type == pin.FrameType.BODY][:-9:-1])
 
     @property
     def joint_count(self) -> int:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinid.data.log import frozen, frozen_as
 from kinid.data.rig import Rig
-from kinid.errors import InputError
+from kinid.errors import InputError, near
 
 if TYPE_CHECKING:
     from kinid.kernels.mesh import MeshTree
@@ -27,6 +27,8 @@ Index = NDArray[np.int64]
 
 #: file formats of meshes
 FORMATS = (".stl", ".obj", ".ply")
+#: meshes of a folder that are looked at for a name like a missing one
+MOST_NAMED = 1000
 #: a mesh that is wider than this [m] is probably in mm
 WIDE = 20.0
 #: vertices closer than this share of the mesh's size are one, and faces lower than it have no normal worth
@@ -211,6 +213,15 @@ def _inside(folder: Path, name: str) -> Path:
     return path
 
 
+def _meshes_near(path: Path) -> str:
+    """Which mesh a name may mean, of those in its folder."""
+    try:
+        there = sorted(file.name for file in path.parent.iterdir() if file.suffix.lower() in FORMATS)[:MOST_NAMED]
+    except OSError:
+        return f"correct the name: there is no folder {path.parent}"
+    return near(path.name, there) if there else f"put the file into {path.parent}, which holds no mesh"
+
+
 def _read(path: Path) -> tuple[Array, Index]:
     """Vertices and faces of a mesh file, as they stand in it."""
     import trimesh
@@ -224,7 +235,7 @@ def _read(path: Path) -> tuple[Array, Index]:
         raise InputError(
             f"no readable mesh at {path} ({error.strerror})",
             "the file that [surface] mesh names, relative to rig.toml",
-            "correct the name or put the file there",
+            _meshes_near(path),
         ) from None
     try:
         # from memory, so that an OBJ file can't have materials read from elsewhere

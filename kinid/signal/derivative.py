@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.errors import InputError
+from kinid.errors import InputError, expect
 from kinid.signal.pieces import GAP_FACTOR, runs
 
 Array = NDArray[np.float64]
@@ -50,6 +50,7 @@ class Differentiator:
     order: int = 4
 
     def __post_init__(self) -> None:
+        expect(self.bandwidth, (int, float), "a differentiator's bandwidth", "a frequency in Hz", "give one, as 25")
         if not (np.isfinite(self.bandwidth) and self.bandwidth > 0):
             raise InputError(
                 f"a differentiator bandwidth of {self.bandwidth} Hz",

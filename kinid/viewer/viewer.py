@@ -111,13 +111,13 @@ class View:
             raise InputError(
                 f"--model {self.model} for a map, which is fitted already",
                 "a log or a folder of logs",
-                "leave --model out, or map the logs anew with kinid map --model",
+                "leave --model out, or map the logs anew with kinid map LOGS --model MODEL -o MAP.parquet",
             )
         if self.kind is Kind.LOG and self.shown is not None:
             raise InputError(
                 f"--property {self.shown} for a log, which has no properties",
                 "a map or a folder of logs",
-                "leave --property out, or map the log with kinid map",
+                "leave --property out, or map the log with kinid map LOG -o MAP.parquet",
             )
         if self.model is not None:
             effects = self._effects

@@ -148,3 +148,15 @@ def test_the_report_of_an_error_is_named_in_json_free_words(run, monkeypatch, tm
     code, _, err = run("doctor")
     assert code == 70
     assert err.count("\n") == 1
+
+
+def test_a_name_that_the_system_refuses_is_bad_input(run, tmp_path):
+    code, _, err = run("contact", tmp_path / ("x" * 300))
+    assert code == 2
+    assert "File name too long" in err
+    assert err.count("\n") == 1
+    (tmp_path / "ring.toml").symlink_to("ring.toml")
+    (tmp_path / "a.csv").write_text("t,q1\n0,1\n1,2\n", encoding="utf-8")
+    code, _, err = run("contact", tmp_path / "a.csv", "--rig", tmp_path / "ring.toml", "-o", tmp_path / "o.parquet")
+    assert code == 2
+    assert "Too many levels of symbolic links" in err

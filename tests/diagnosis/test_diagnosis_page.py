@@ -16,7 +16,8 @@ from kinid.cli.show_diagnosis import show_diagnosis
 from kinid.data.log import Provenance
 from kinid.diagnosis.result import Diagnosis, EffectStatus, EffectVerdict, Step, Verdict
 from kinid.effects import Layout, Signals
-from kinid.identification.fit import FittedParameter, fit_model
+from kinid.identification.fit import fit_model
+from kinid.identification.fitted import FittedParameter
 from kinid.identification.lack_of_fit import lack_of_fit
 from kinid.identification.whole import held_out_residual
 from kinid.modeling.experiment import Experiment

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scripted import RIG, scripted_poke
 
 import kinid
 from kinid.identification.initial_guesses import project_linear
@@ -14,6 +15,7 @@ from kinid.identification.problem import Problem
 from kinid.identification.solver import first_error_model, search
 from kinid.identification.state import solve_box_constrained
 from kinid.modeling.from_logs import from_contact
+from kinid.modeling.readings import experiment_for
 
 Array = NDArray[np.float64]
 
@@ -74,3 +76,18 @@ def test_a_stiff_thing_is_found_from_the_usual_start() -> None:
     assert found.verdict == "adequate"
     exponent = found.fit.parameters["hunt-crossley.exponent"]
     assert exponent.low < 1.79 < exponent.high
+
+
+def test_a_small_moment_begins_as_loose_as_the_force_at_its_lever() -> None:
+    """A tip that turns by a hair makes millinewtonmetres of which a contact law knows nothing: before anything is known
+    of what is left, they must not bend what explains twenty newtons."""
+    log, rig = scripted_poke(seed=2).log, kinid.Rig.parse_text(RIG)
+    problem = Problem.build(experiment_for(MODEL, log, rig))
+    signals = problem.experiment.signals
+    assert signals.sensor is not None
+    force, moment = problem.channel_rms[:3].max(), problem.channel_rms[3:].max()
+    lever = float(np.linalg.norm(signals.sensor.tip))
+    error = first_error_model(problem)
+    np.testing.assert_allclose(error.discrepancy[:3], 0.02 * force)
+    np.testing.assert_allclose(error.discrepancy[3:], 0.02 * max(moment, lever * force))
+    assert lever * force > 0.2 * moment

@@ -125,7 +125,7 @@ def test_a_folder_that_holds_something_else_is_left_alone(tmp_path: Path) -> Non
     (tmp_path / "truth").mkdir()
     for damaged in ("{", "[1]", "null"):
         (tmp_path / "truth" / "campaign.json").write_text(damaged)
-        with pytest.raises(InputError, match="damaged|another campaign"):
+        with pytest.raises(InputError, match="no manifest|damaged|another campaign"):
             campaigns.run(task, tmp_path)
 
 

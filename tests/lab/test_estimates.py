@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 import kinid
 from kinid.contact.series import ContactSeries
-from kinid.identification.fit import FittedParameter, fit_model
+from kinid.identification.fit import fit_model
+from kinid.identification.fitted import FittedParameter
 from kinid.lab.experiments import prepare
 from kinid.lab.loop import Motion
 from kinid.lab.materials import Material

@@ -324,3 +324,10 @@ def test_places_that_are_none_are_refused(method, query):
     with pytest.raises(InputError, match=r"along the plane's tangents \[m\]"):
         between.at(query)
     assert len(between.at(np.zeros((0, 2))).mean) == 0
+
+
+def test_probes_all_at_one_place_are_their_mean_there() -> None:
+    """They say nothing of distances, which a search for a length fell over."""
+    values = np.random.default_rng(0).normal(500.0, 1.0, 8)
+    guess = interpolator("gp", PlaneGround(np.zeros((8, 2))), values, np.full(8, 1.0)).at(np.zeros((1, 2)))
+    assert guess.mean[0] == pytest.approx(values.mean(), abs=0.5)  # a standard error of eight values is 0.35

@@ -5,8 +5,10 @@ from __future__ import annotations
 import threading
 
 import numpy as np
+import pyarrow as pa
 import pytest
 import trimesh
+from pyarrow import parquet
 
 from kinid.errors import InputError
 from kinid.mapping.property_map import Probe, Property, PropertyMap, is_map
@@ -135,3 +137,42 @@ def test_what_is_open_or_may_be_positive_is_stored():
     assert left_open.values("damping")[0] == 7
     # rounding is no asymmetry
     assert len(stored([500, 7], [[4, 1], [1 + 1e-9, 1]])) == 1
+
+
+@pytest.mark.parametrize(
+    ("column", "values", "says"),
+    [
+        ("stiffness", [1e300], "stiffness = 1e\\+300"),
+        ("stiffness", ["hard"], "no numbers"),
+        ("stiffness", [True], "no numbers"),
+        ("stiffness", [[1.0]], "no numbers"),
+        ("cov.stiffness.stiffness", [1e300], "1e\\+300"),
+        ("cov.stiffness.damping", ["a"], "no numbers"),
+        ("x", [1e300], "x = 1e\\+300"),
+    ],
+)
+def test_values_that_no_map_has_are_refused(column, values, says, tmp_path):
+    path = tmp_path / "m.parquet"
+    PropertyMap(Plane(np.zeros(3), AXES), PROPERTIES, (probe(0, np.random.default_rng(0)),)).write(path)
+    table = parquet.read_table(path)
+    parquet.write_table(table.set_column(table.column_names.index(column), column, pa.array(values)), path)
+    with pytest.raises(InputError, match=says):
+        PropertyMap.read(path)
+
+
+@pytest.mark.parametrize(
+    ("about", "says"),
+    [
+        (b'{"kind": ' + b"[" * 100_000 + b"]" * 100_000 + b"}", "levels deep"),
+        (b'{"kind": "property map", "version": 1' + b"0" * 400 + b"}", "401 digits"),
+        (b"[1]", "no property map"),
+        (b"{", "no JSON"),
+    ],
+    ids=["deep", "long", "list", "cut"],
+)
+def test_what_a_map_says_of_itself_has_limits(about, says, tmp_path):
+    path = tmp_path / "m.parquet"
+    PropertyMap(Plane(np.zeros(3), AXES), PROPERTIES, (probe(0, np.random.default_rng(0)),)).write(path)
+    parquet.write_table(parquet.read_table(path).replace_schema_metadata({b"kinid": about}), path)
+    with pytest.raises(InputError, match=says):
+        PropertyMap.read(path)

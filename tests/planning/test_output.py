@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pytest
+from pyarrow import parquet
 
 import kinid
 from kinid.errors import InputError
@@ -115,3 +117,29 @@ def test_a_trajectory_is_frozen_and_whole(motion: Trajectory) -> None:
     with pytest.raises(ValueError, match="shape"):
         Trajectory(motion.t, motion.phase, motion.q[:-1], motion.dq, motion.ddq, motion.tip, motion.joint_names)
     json.dumps(dict(motion.provenance))
+
+
+@pytest.mark.parametrize(
+    ("column", "values", "says"),
+    [
+        ("q1", ["a"] * 20, "q1 of no numbers"),
+        ("t", ["a"] * 20, "t of no numbers"),
+        ("q1", [[0.1]] * 20, "q1 of no numbers"),
+        ("q1", [1e300] * 20, "more than 1e\\+10"),
+        ("t", list(np.arange(20) * 1e8), "1e\\+06 s at most"),
+    ],
+)
+def test_what_no_motion_has_is_refused(column: str, values: list[Any], says: str, tmp_path: Path) -> None:
+    columns = {"t": list(np.arange(20) / 100)} | {f"q{j + 1}": [0.1] * 20 for j in range(7)} | {column: values}
+    parquet.write_table(pa.table(columns), tmp_path / "t.parquet")
+    with pytest.raises(InputError, match=says):
+        read_trajectory(tmp_path / "t.parquet")
+
+
+def test_what_a_trajectory_says_of_itself_has_limits(motion: Trajectory, tmp_path: Path) -> None:
+    motion.write(tmp_path / "t.parquet")
+    table = parquet.read_table(tmp_path / "t.parquet")
+    for about, says in ((b'{"kind": ' + b"[" * 100_000 + b"]" * 100_000 + b"}", "levels deep"), (b"[1]", "a list")):
+        parquet.write_table(table.replace_schema_metadata({b"kinid": about}), tmp_path / "t.parquet")
+        with pytest.raises(InputError, match=says):
+            read_trajectory(tmp_path / "t.parquet")

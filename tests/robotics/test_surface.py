@@ -349,3 +349,15 @@ def test_a_rig_with_a_mesh_and_a_plane(tmp_path):
     with pytest.raises(InputError, match="both a normal and a mesh"):
         load(rig(tmp_path, mesh="box.stl", point=[0, 0, 0], normal=[0, 0, 1]))
     assert isinstance(load(rig(tmp_path, mesh="box.stl", point=[0, 0, 0])), Mesh)
+
+
+def test_a_missing_mesh_names_those_that_are_there(tmp_path):
+    rig = Rig.parse({"surface": {"mesh": "parts/prt.stl"}}, folder=tmp_path)
+    with pytest.raises(InputError, match="there is no folder"):
+        load(rig)
+    (tmp_path / "parts").mkdir()
+    with pytest.raises(InputError, match="holds no mesh"):
+        load(rig)
+    (tmp_path / "parts" / "part.stl").write_bytes(b"")
+    with pytest.raises(InputError, match=r"did you mean 'part\.stl'"):
+        load(rig)

@@ -240,3 +240,17 @@ def test_a_position_that_stands_alone_is_passed_over(lattice: float) -> None:
     kink = 0.7310537 * np.abs(t - 5.0003) + 0.1 * np.sin(t)
     turned = smooth_motion(t, kink[:, None], [slice(0, len(t))])
     np.testing.assert_allclose(turned.value[:, 0], kink, atol=2e-5)
+
+
+def test_an_axis_at_rest_on_two_values_stays_there() -> None:
+    """An encoder of an axis at rest shows the value beside its own now and then; the other axes go on moving."""
+    t = np.arange(4000) * 0.004
+    rest = np.zeros(len(t))
+    for begin, end in ((2003, 2010), (2237, 2244), (3325, 3329)):
+        rest[begin:end] = -1e-5
+    moving = np.round(poke(t)[0] / 1e-5) * 1e-5
+    made = smooth_motion(t, np.column_stack([moving, rest, np.zeros(len(t))]), [slice(0, len(t))])
+    assert np.abs(made.value[:, 1]).max() < 2e-5
+    assert np.abs(made.first[:, 1]).max() < 1e-3  # a step of 1e-5 in a sample would be 2.5e-3
+    assert np.abs(made.value[:, 0] - poke(t)[0]).max() < 1e-5
+    assert (made.value[:, 2] == 0.0).all()

@@ -73,10 +73,10 @@ def test_a_name_wins_over_a_folder_or_file_of_that_name(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
-        ("lwr4", "did you mean 'lwr4plus'?"),
+        ("lwr4plu", "did you mean 'lwr4plus'?"),
         ("pandas", "did you mean 'panda'"),
         ("qqqqqq", "ships (lwr4plus)"),
-        ("", "valid names"),
+        ("", "or one of lwr4plus, panda"),
         ("cassie", "unknown robot"),  # an SDF, not a URDF
         ("robots/none.urdf", "relative to the rig"),
         ("none.urdf", "no robot at"),

@@ -55,6 +55,18 @@ def ask(job: tuple[Path, Row, bool]) -> Row:
     return out
 
 
+def as_written(case: Row) -> Row:
+    """A case whose models are words with commas, whatever form its author gave them."""
+    out = dict(case)
+    for key in ("model", "true_model"):
+        out[key] = case[key] if isinstance(case[key], str) else ",".join(case[key])
+    if case["group"] == "not-excited":
+        out |= {"group": "unexcited", "hidden": case["unexcited"]}
+    out["near"] = [*(case.get("near") or []), *((case.get("class") or []) if case["group"] == "outside" else [])]
+    out["values"] = {k: v for k, v in (case.get("values") or {}).items() if isinstance(v, int | float)}
+    return out
+
+
 def _intervals(parameters: dict[str, Row], case: Row) -> dict[str, list[float]]:
     """True value, and ends of the interval, of those parameters whose value is known and whose interval has ends."""
     known = case.get("values") or {}
@@ -125,7 +137,7 @@ def main() -> None:
     only = set(filter(None, given.only.split(",")))
     cases = [
         c
-        for c in json.loads((given.data / "truth.json").read_text())
+        for c in map(as_written, json.loads((given.data / "truth.json").read_text()))
         if not only or only & {c["case"], c["kind"], c["group"]}
     ]
     with ProcessPoolExecutor(2, get_context("spawn")) as pool:

@@ -70,9 +70,10 @@ def _module(path: Path) -> ModuleType:
     if not path.exists():
         raise InputError(f"no file {path}", "a log", "check the path")
     known = formats()
-    if path.suffix.lower() not in known:
+    ending = next((known_as for known_as in known if path.name.lower().endswith(known_as)), None)
+    if ending is None:
         suffix = f"suffix '{path.suffix}'" if path.suffix else "no suffix"
         raise InputError(f"{suffix} of {path}", f"one of {' '.join(sorted(known))}", "convert the log to one of these")
     if path.stat().st_size == 0:
         raise InputError(f"an empty file {path}", "a log with samples", "record or copy it again")
-    return known[path.suffix.lower()]
+    return known[ending]

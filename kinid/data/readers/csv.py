@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import gzip
 import io
 import mmap
 import re
@@ -22,7 +23,12 @@ from kinid.errors import InputError
 if TYPE_CHECKING:
     import pyarrow as pa
 
-SUFFIXES: tuple[str, ...] = (".csv", ".txt", ".tsv", ".dat")
+PLAIN = (".csv", ".txt", ".tsv", ".dat")
+PACKED = tuple(f"{suffix}.gz" for suffix in PLAIN)
+SUFFIXES: tuple[str, ...] = (*PLAIN, *PACKED)
+
+#: bytes that a packed text may unpack to: ten million rows, and no more than fits beside what is made of them
+MOST_UNPACKED = 2_000_000_000
 
 _SNIFFED = 1 << 16  # bytes at the start that the layout is told from
 _PIECE = 1 << 22  # bytes that are searched at once
@@ -30,6 +36,10 @@ _SPACE = " "
 _COMMENT = ("#", "%")
 _ABSENT = ["", "nan", "NaN", "NAN", "Nan", "-nan", "-NaN"]
 _NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)([eE][-+]?\d+)?$")
+
+
+#: bytes of a file: mapped, or unpacked
+Text = mmap.mmap | bytes
 
 
 @dataclass(frozen=True)
@@ -45,8 +55,11 @@ class _Layout:
 
 def read(path: Path, rig: Rig, joints: Sequence[str] | None = None) -> Log:
     """Read a table of text; a comment may be its header (`# t q1 …`), empty cells and `nan` are absent."""
-    with readable(path, "text"), path.open("rb") as file:
-        text = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    if path.name.lower().endswith(PACKED):
+        text: Text = _unpacked(path)
+    else:
+        with readable(path, "text"), path.open("rb") as file:
+            text = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     layout = _sniff(text, path)
 
     def load(groups: Sequence[Sequence[int]]) -> Iterator[Arrays]:
@@ -62,7 +75,25 @@ def read(path: Path, rig: Rig, joints: Sequence[str] | None = None) -> Log:
     return to_log(Table(str(path), "text", layout.names, layout.width, frozenset(), load), rig, joints)
 
 
-def _sniff(text: mmap.mmap, path: Path) -> _Layout:
+def _unpacked(path: Path) -> bytes:
+    """The text in a gzip file, which may claim to hold more than there is memory.
+
+    Raises:
+        InputError: too much, or a damaged file.
+    """
+    pieces, size = [], 0
+    with readable(path, "gzip"), gzip.open(path, "rb") as file:
+        while piece := file.read(_PIECE):
+            size += len(piece)
+            if size > MOST_UNPACKED:
+                raise InputError(
+                    f"more than {MOST_UNPACKED / 1e9:.3g} GB of text in {path}", "less", "cut it, or unpack it first"
+                )
+            pieces.append(piece)
+    return b"".join(pieces)
+
+
+def _sniff(text: Text, path: Path) -> _Layout:
     """The layout, from the first lines.
 
     Raises:
@@ -129,7 +160,7 @@ def _decimal_comma(rows: Sequence[Sequence[str]]) -> bool:
     return any("," in cell for cell in numbers) and not any("." in cell for cell in numbers)
 
 
-def _parse(text: mmap.mmap, layout: _Layout, wanted: Sequence[int], path: Path) -> dict[int, pa.ChunkedArray]:
+def _parse(text: Text, layout: _Layout, wanted: Sequence[int], path: Path) -> dict[int, pa.ChunkedArray]:
     """Arrow columns by position.
 
     Raises:
@@ -163,7 +194,7 @@ def _parse(text: mmap.mmap, layout: _Layout, wanted: Sequence[int], path: Path) 
     raise AssertionError("unreachable")
 
 
-def _has_comments(text: mmap.mmap, start: int) -> bool:
+def _has_comments(text: Text, start: int) -> bool:
     """Whether a line behind `start` is a comment; piece by piece, since a search in bytes is faster than in a map."""
     for at in range(start, len(text), _PIECE):
         piece = text[at : at + _PIECE + 1]

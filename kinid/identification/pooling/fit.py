@@ -13,7 +13,8 @@ from threadpoolctl import threadpool_limits
 from kinid.errors import InputError
 from kinid.estimators.batch import Solution
 from kinid.identification import warnings as doubts
-from kinid.identification.fit import Z95, FitError, FittedParameter
+from kinid.identification.fit import Z95
+from kinid.identification.fitted import FitError, FittedParameter
 from kinid.identification.lack_of_fit import LackOfFit, error_rows, error_unit, lack_of_fit, rms
 from kinid.identification.pooling.covariance import Asked, PooledCovariance, Scores, Shares
 from kinid.identification.pooling.held_out import HeldOut, LogState, Steps

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from kinid.identification.fit import FitError, FittedParameter
+from kinid.identification.fitted import FitError, FittedParameter
 from kinid.identification.lack_of_fit import LackOfFit
 from kinid.identification.pooling.held_out import HeldOut
 from kinid.identification.pooling.pool import Pool

@@ -96,7 +96,7 @@ def learn(
     from scipy.optimize import minimize
 
     n = len(values)
-    if n < 4:
+    if n < 4 or not np.ptp(ground.places, axis=0).any():  # one place says nothing of distances
         return Covariance(1.5, max(ground.spacing, 1e-6), spread, 1e-3 * spread), 0.0
     chosen = sample_of(n)
     places, y, variance = ground.places[chosen], values[chosen], noise[chosen] ** 2

@@ -31,7 +31,7 @@ def check_effect(kind: type[Effect]) -> tuple[Outcome, ...]:
         case = Case.of(kind)
     except Exception as error:  # the effect's own code may raise anything
         found = error.found if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
-        expected, mend = "an example that makes a model", "see CONTRIBUTING.md, or kinid effect new"
+        expected, mend = "an example that makes a model", "see CONTRIBUTING.md, or kinid effect new NAME --stage normal"
         if isinstance(error, InputError):
             expected, mend = error.expected, error.mend
         return (Outcome("example", False, found, expected, mend),)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from pathlib import Path
 from typing import Any
 
@@ -156,3 +157,21 @@ def test_white_space_of_any_kind(
         lines = [f"{next(pad)}{a} {next(pad)}{b}{next(pad)}" for a, b in numbers]
         squeezed = csv._squeezed(end.join([*lines, ""]).encode())
     assert squeezed.decode().splitlines() == [f"{a} {b}" for a, b in numbers]
+
+
+@pytest.mark.parametrize("name", ["a.csv.gz", "A.CSV.GZ", "b.txt.gz"])
+def test_a_packed_table_is_what_was_packed(name: str, tmp_path: Path) -> None:
+    text = "t,depth\n0,1\n1,-2.5\n"
+    packed, plain = read_text(tmp_path, gzip.compress(text.encode()), name=name), read_text(tmp_path, text)
+    np.testing.assert_array_equal(packed.t, plain.t)
+    np.testing.assert_array_equal(packed.contact["depth"], plain.contact["depth"])
+
+
+def test_a_packed_table_is_whole_and_small_enough(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    packed = gzip.compress(b"t,depth\n" + b"0,1\n" * 100_000)
+    for damaged in (packed[:-20], b"no gzip at all"):
+        with pytest.raises(InputError, match="can't be read as gzip"):
+            read_text(tmp_path, damaged, name="a.csv.gz")
+    monkeypatch.setattr(csv, "MOST_UNPACKED", 1000)
+    with pytest.raises(InputError, match=r"more than 1e-06 GB of text in .*unpack it first"):
+        read_text(tmp_path, packed, name="a.csv.gz")
