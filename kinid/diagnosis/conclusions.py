@@ -163,7 +163,10 @@ class Conclusions:
         inside = "what is left is noise" if left.excess < 0.5 * left.noise else f"{remains}; {allowed}"
         if left.matters:
             verdict = Verdict.UNEXPLAINED
-            says = f"{remains}, where {allowed}; no further effect of the catalogue takes off what chance wouldn't"
+            more = " and ".join(e.id for e in findings if e.left_out)
+            left_out = f"no more effects were asked for, and {more} would take off more"
+            says = f"{remains}, where {allowed}; "
+            says += left_out if more else "no further effect of the catalogue takes off what chance wouldn't"
             if added:
                 says = f"{helped}; {says}"
         elif added:

@@ -105,17 +105,23 @@ class Session:
     def _run(self, duration: float) -> None:
         aligner, sinks, live = self.aligner, self._working, self.source.live
         clock, spent = time.perf_counter_ns, 0
+        begun = heard = time.monotonic_ns()
         for item in self.source.items():
             if item is None:
                 if live:
-                    self._look(time.monotonic_ns())
+                    now = time.monotonic_ns()
+                    self._look(now)
+                    if (
+                        now - heard > 1.25 * BEGIN_NS and now - begun > 1e9 * duration
+                    ):  # a stream that is silent ends, too
+                        return
             elif isinstance(item, Notice):
                 self._received = item.received
                 self._report(item.kind, item.says)
             else:
                 if item.received - self._looked > LOOK_NS:
                     self._look(item.received)
-                begin = clock()
+                begin, heard = clock(), item.received
                 stamp = aligner.put(item)
                 self._received = item.received
                 if stamp is not None:

@@ -46,7 +46,12 @@ def headline(result: Diagnosis) -> str:
         which = " (this log can't tell which)" if named != real else ""
         them = "all that was added" if len(real) < len(result.added) else "it" if len(real) == 1 else "them"
         return f"The model lacks {names}{which}: with {them} {error}; {noise}."
-    unknown = "Something is missing that the catalogue does not hold"
+    left_out = [effect.id for effect in result.effects if effect.left_out]
+    unknown = (
+        f"No more effects were asked for, and {listed(left_out)} would take off more"
+        if left_out
+        else "Something is missing that the catalogue does not hold"
+    )
     if not result.added:
         return f"{unknown}: {error}; {noise}."
     stand_in_ids = {effect.id for effect in result.effects if effect.stand_in}

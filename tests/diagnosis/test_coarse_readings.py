@@ -6,8 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from hypothesis import Phase, given, settings
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import kinid
@@ -28,14 +26,13 @@ def rounded(tester: Tester, force: Array, step: float = STEP) -> kinid.Log:
     return kinid.Log(t=log.t, contact={**log.contact, "normal_force": read}, phase=log.phase)
 
 
-@settings(max_examples=3, deadline=None, phases=(Phase.explicit, Phase.generate))
-@given(st.floats(0.15, 0.6))
+@pytest.mark.parametrize("step", [0.15, 0.25, 0.3, 0.38, 0.45, 0.6])
 def test_stiffness_and_damping_come_back_through_a_converter(tester: Tester, step: float) -> None:
     model = kinid.Model("kelvin-voigt")
     log = rounded(tester, tester.kelvin_voigt(), step)
     found = kinid.diagnose(log, RIG, model=model).fit
-    # steps of seven to thirty times the noise: a hundred transitions, each to a few times the noise of 0.02 N
-    assert found["stiffness"].value == pytest.approx(800.0, rel=0.02)
+    # steps of seven to thirty times the noise, each transition known to a share of its step: 800 N/m to 1.3 … 5 %
+    assert found["stiffness"].value == pytest.approx(800.0, rel=step / 12.0)
     assert found["kelvin-voigt.damping"].value == pytest.approx(6.0, rel=0.15)
     for name, truth in (("stiffness", 800.0), ("kelvin-voigt.damping", 6.0)):
         p = found[name]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -223,3 +224,27 @@ def test_what_a_source_says_is_counted(rig: Rig, rows: list[Item]) -> None:
     facts = session.summary()
     assert facts["samples"] == 5
     assert facts["processing_us"]["median"] > 0.0
+
+
+class Silent:
+    """A stream that is there, and says nothing for ten seconds."""
+
+    live, name = True, "silent"
+
+    def items(self) -> Iterator[Item]:
+        begun = time.monotonic()
+        while time.monotonic() - begun < 10.0:
+            time.sleep(0.02)
+            yield None
+
+    def close(self) -> None:
+        pass
+
+
+def test_a_duration_ends_a_silent_stream_too(rig: Rig) -> None:
+    events: list[Event] = []
+    session = Session(Silent(), Pipeline(rig, ["hooke"]), NAMES, tell=events.append)
+    begun = time.monotonic()
+    session.run(duration=1.0)
+    assert time.monotonic() - begun < 9.0  # it doesn't wait for the source to end
+    assert "stream-lost" in [event.kind for event in events]
