@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import sys
 from pathlib import Path
@@ -29,7 +28,7 @@ from kinid.cli import (
     watch,
 )
 from kinid.cli import map as map_command
-from kinid.cli.ending import BAD_INPUT, ended
+from kinid.cli.ending import ended
 from kinid.cli.once import Once
 
 #: names folders of effects, as kinid.effects reads it
@@ -123,11 +122,4 @@ def main() -> None:
         code: int | None = app(_folders_first(words), prog_name="kinid", standalone_mode=False)
         return code
 
-    code = ended(command, words, kinid.__version__)
-    if code == BAD_INPUT:
-        # a refusal can come so soon that a reader's threads still begin; at an orderly exit they abort the process
-        for stream in (sys.stdout, sys.stderr):
-            with contextlib.suppress(OSError, ValueError, AttributeError):  # a stream may be closed, or none
-                stream.flush()
-        os._exit(code)
-    sys.exit(code)
+    sys.exit(ended(command, words, kinid.__version__))
