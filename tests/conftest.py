@@ -20,6 +20,8 @@ settings.register_profile("repeatable", derandomize=True)
 settings.load_profile("repeatable")
 
 
+Run = Callable[..., tuple[int, str, str]]
+
 #: what is asked for and not reached: by test, and what stands in its way
 NOT_REACHED = {
     "friction_that_turns_at_once_is_within_the_catalogue[250.0-1e-06": "noise of the motion at sharp reversals is "
@@ -62,6 +64,21 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if "real" in item.keywords:
             item.add_marker(pytest.mark.skip(reason=f"no measured logs at {REAL} (set KINID_REAL_DATA)"))
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """Run a command line: exit code, stdout, stderr."""
+    from kinid.cli import main
+
+    def call(*args: object) -> tuple[int, str, str]:
+        monkeypatch.setattr("sys.argv", ["kinid", *map(str, args)])
+        with pytest.raises(SystemExit) as stop:
+            main()
+        out = capsys.readouterr()
+        return int(stop.value.code or 0), out.out, out.err
+
+    return call
 
 
 @pytest.fixture(scope="session")

@@ -188,19 +188,21 @@ def best_end(candidate: Refit, fits: dict[tuple[str, ...], State]) -> Refit | No
 def indistinguishable(one: Refit, other: Refit, sigma: Array, settings: DiagnosisSettings) -> bool:
     """Whether two refits of one state explain the same, as well, with errors weighed by σ (channels, g)."""
     between = compare_states(other.state, one.state, sigma)
-    as_well = (
-        abs(between.gain) <= settings.alternative_significance * between.error
-        or abs(between.share) <= settings.alternative_share
+    return not _clear(between, settings) and _overlap(one, other, sigma) >= MIN_OVERLAP
+
+
+def _clear(between: Evidence, settings: DiagnosisSettings) -> bool:
+    """Whether two refits differ by more than chance, and by a share that is worth a word."""
+    return (
+        abs(between.gain) > settings.alternative_significance * between.error
+        and abs(between.share) > settings.alternative_share
     )
-    return as_well and _overlap(one, other, sigma) >= MIN_OVERLAP
 
 
 def _covers(one: Refit, other: Refit, sigma: Array, settings: DiagnosisSettings) -> bool:
     """Whether a refit explains what another one explains, as well or better."""
     between = compare_states(one.state, other.state, sigma)
-    better = (
-        between.gain > settings.alternative_significance * between.error and between.share > settings.alternative_share
-    )
+    better = _clear(between, settings) and between.gain > 0.0 and between.share > 0.0
     return not better and _overlap(one, other, sigma) >= MIN_OVERLAP
 
 

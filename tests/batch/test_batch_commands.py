@@ -10,22 +10,8 @@ import pytest
 from batch.tasks import MODEL, write_logs
 from scripted import scripted_poke
 
-from kinid.cli import main
-
 WITH = ("--model", ",".join(MODEL))
 Run = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    def call(*words: object) -> tuple[int, str, str]:
-        monkeypatch.setattr("sys.argv", ["kinid", *map(str, words)])
-        with pytest.raises(SystemExit) as end:
-            main()
-        out = capsys.readouterr()
-        return int(end.value.code or 0), out.out, out.err
-
-    return call
 
 
 @pytest.fixture
