@@ -2,7 +2,7 @@
 
 Both work with the depth over a reference depth r, so that ln(x/r) is near zero where the data are; with x in metres
 ln x ≈ −4 hides behind the constant. `law` = noise ε [N], ln r, limit of |ẋ|B/K, limit of K xⁿ/ε, weighted (0 or 1),
-accuracy of K and B.
+then accuracies (see `trust`).
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from kinid.estimators._kernels import (
     BELOW_NOISE,
     EARLY,
     NO_CONTACT,
-    NOT_EXCITED,
     NOT_FINITE,
     TOO_FAST,
     VALID,
@@ -29,10 +28,10 @@ from kinid.estimators._kernels import (
     scaled,
     shared_variance,
     spread,
+    trust,
     wait,
 )
 from kinid.estimators._store import TALLY
-from kinid.estimators.estimate import NORMAL_95, SAMPLE
 from kinid.kernels.types import Compiled
 
 #: a depth [m or reference depths], a speed [m/s] or a force [N] beyond it is a fault of the log
@@ -70,17 +69,6 @@ def enter(
         phi[j] = 0.0
     code = first_check(x, v, f, contact, law[3], law[0])
     return code, math.log(x) - law[1] if code in (VALID, BELOW_NOISE) else 0.0
-
-
-@inlined
-def doubt(k: int, accuracy: float, out: Compiled) -> None:
-    """An estimate isn't valid where half the 95 % interval of K or B is more than a share of it."""
-    values, variances, statuses = out[0][k], out[1][k], out[5]
-    losses = max(accuracy * abs(values[1]), SAMPLE * values[0])
-    if statuses[k] == VALID and (
-        NORMAL_95 * math.sqrt(variances[0]) > accuracy * values[0] or NORMAL_95 * math.sqrt(variances[1]) > losses
-    ):
-        statuses[k] = NOT_EXCITED
 
 
 @inlined
@@ -167,7 +155,7 @@ def single_stage(
         conclude(shape, k, code, tally, slow, loud, phi, window, length, threshold, scratch, out)
         noises[k] = noise_variance(tally)
         write_law(p, u, d, theta[0], theta[1], theta[2], log_r, spread(tally), offset, phi, thetas[k], variances[k])
-        doubt(k, law[5], out)
+        trust(p, k, law[5:], out)
 
 
 @jit
@@ -229,7 +217,7 @@ def two_stage(
         for j in range(q):
             moved = theta[j] * log_r  # by the exponent's error
             variances[k, j] = unit * unit * (scaled(covariance(q, u, d, j, j), s1) + scaled(moved * moved * d2[0], s2))
-        doubt(k, law[5], out)
+        trust(p, k, law[5:], out)
 
 
 @jit

@@ -4,7 +4,7 @@
 members' probabilities (m) | watch (6) = last normalised innovation ν, weighted sums of ν νʹ (νʹ the one before), of ν²,
 of weights, time of the last sample, number of samples used.
 `settings` = noise ε [N], ln r, limit of f/ε, sample time, memory of the watch in samples, walk (4), fading (2),
-accuracy of n.
+then accuracies (see `trust`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ from kinid.estimators._kernels import (
     EARLY,
     MISFIT,
     NO_CONTACT,
-    NOT_EXCITED,
     NOT_FINITE,
     VALID,
     carve,
@@ -30,8 +29,8 @@ from kinid.estimators._kernels import (
     conclude,
     noise_variance,
     parts,
+    trust,
 )
-from kinid.estimators.estimate import NORMAL_95
 from kinid.kernels.types import Compiled
 
 #: logarithm of a probability below which a member of the bank is given up
@@ -245,8 +244,7 @@ def kalman(
                         apart += phi[j] * (s[j] - work[j])
                     total += probability(weights[i]) / mass * (quadratic(p, u, d, phi) + apart * apart)
             variances[k, row] = total
-        if out[5][k] == VALID and NORMAL_95 * math.sqrt(variances[k, 2]) > settings[11] * n:
-            out[5][k] = NOT_EXCITED
+        trust(p, k, settings[11:], out)
 
 
 @jit

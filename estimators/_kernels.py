@@ -87,6 +87,13 @@ def consider(
             q = gain[j] * inverse
             own[i, j] += w[i] * q + k * w[j] + power * k * q
             own[j, i] = own[i, j]
+    for i in range(p):  # where rows differ a trillion times in size, rounding makes of it what no covariance is
+        if not 0.0 <= own[i, i] < HUGE:
+            size = 0.0 if -HUGE < own[i, i] < HUGE else HUGE
+            shared[i] = 0.0
+            for j in range(p):
+                own[i, j] = own[j, i] = 0.0
+            own[i, i] = size
 
 
 @inlined
@@ -231,13 +238,17 @@ def close(record: Compiled, updates: float) -> None:
 
 
 @inlined
-def accurate(p: int, theta: Compiled, variances: Compiled, accuracy: Compiled) -> bool:
-    """Whether half of each 95 % interval is within a share of its value, or within another of the first value."""
+def trust(p: int, k: int, accuracy: Compiled, out: Compiled) -> None:
+    """Estimate k isn't valid where half of a 95 % interval is beyond a share of its value, and beyond another of the
+    first value: `accuracy` holds the shares (p), then the others (p).
+    """
+    values, variances, statuses = out[0][k], out[1][k], out[5]
     good = True
     for j in range(p):
-        allowed = max(accuracy[j] * abs(theta[j]), accuracy[p + j] * abs(theta[0]))
+        allowed = max(accuracy[j] * abs(values[j]), accuracy[p + j] * abs(values[0]))
         good &= accuracy[j] == math.inf or NORMAL_95 * NORMAL_95 * variances[j] <= allowed * allowed
-    return bool(good)
+    if statuses[k] == VALID and not good:
+        statuses[k] = NOT_EXCITED
 
 
 # --- linear regression -----------------------------------------------------------------------------------------------
@@ -265,7 +276,7 @@ def least_squares(
     p = len(shape)
     theta, d, u, own, tally = parts(p, state)
     phi, work, gain = scratch[0], scratch[1], scratch[2]
-    thetas, variances, innovations, noises, _, statuses, _ = out
+    thetas, variances, innovations, noises, _, _, _ = out
     varying, coded = len(factors) > 1, len(codes) > 1
     offset = state[offset_place(p) : len(state) - TALLY]
     for k in range(rows.shape[0]):
@@ -298,8 +309,7 @@ def least_squares(
             variances[k, j] = scaled(own[j], factor)
             if len(offset) > 0:
                 variances[k, j] += offset[SHARED + p + j * (p + 1)]
-        if statuses[k] == VALID and not accurate(p, theta, variances[k], accuracy):
-            statuses[k] = NOT_EXCITED
+        trust(p, k, accuracy, out)
 
 
 @jit

@@ -12,7 +12,7 @@ import numpy as np
 from kinid.errors import InputError
 from kinid.estimators._contact import COLUMNS, ContactEstimator, ContactMachine
 from kinid.estimators._machine import Machine, Memory, covariance, stop_clock
-from kinid.estimators.estimate import Array, Prior
+from kinid.estimators.estimate import SAMPLE, Array, Prior
 from kinid.estimators.excitation import Excitation
 from kinid.estimators.forgetting import Constant, Forgetting
 from kinid.estimators.offset import Offset
@@ -64,7 +64,8 @@ class HuntCrossley(ContactEstimator):
 
     def law(self, weighted: bool) -> tuple[float, ...]:
         """What the kernels are told."""
-        return self.noise, math.log(self.reference_depth), self.fastest, self.loudest, float(weighted), self.accuracy
+        accuracy = (self.accuracy, self.accuracy, math.inf, 0.0, SAMPLE, 0.0)  # of n none is asked
+        return self.noise, math.log(self.reference_depth), self.fastest, self.loudest, float(weighted), *accuracy
 
 
 @dataclass(frozen=True)

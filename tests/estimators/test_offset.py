@@ -113,3 +113,10 @@ def test_intervals_of_a_drifting_sensor_hold() -> None:
         # 95 % of six: four or fewer would happen in 3 % of the cases, three or fewer in 0.2 %
         assert score.covered * score.logs >= 4
         assert score.mean == pytest.approx(score.truth, rel=0.01)
+
+
+def test_rows_that_differ_a_trillion_times_leave_numbers() -> None:
+    """Rounding makes of the offset's part what no covariance is; it used to end in no number at all."""
+    track = KelvinVoigt().run(np.full(25, 4.18384149e16), np.full(25, 5.62869801e12), np.zeros(25))
+    assert not np.isnan(track.variance).any()
+    assert (track.variance >= 0.0).all()
