@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,8 @@ STARTS_FREE = 0.25
 MARGIN = 0.1
 #: a touch reaches this multiple of the force it is noticed at; less is a knock or a vibration
 FIRM = 2.0
+#: a normal quantity is within so many standard deviations in 95 %
+NORMAL_95 = 1.96
 #: shapes of force over depth that an onset is extrapolated with, from linear to a cone's
 EXPONENTS = (1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.75, 2.0)
 
@@ -73,8 +75,23 @@ class FoundSurface:
         off adds to what their scatter tells.
         """
         low, high = self.plane.offset_interval
-        common = 1.96 * float(np.mean([onset.sigma for onset in self.onsets]))
+        common = NORMAL_95 * float(np.mean([onset.sigma for onset in self.onsets]))
         return float(low) - common, float(high) + common
+
+    @property
+    def sd(self) -> tuple[float, float]:
+        """Standard deviations for the rig: along the normal [m], of the tilt [rad].
+
+        Three touches have no scatter; then what each onset may be off by counts, at the places touched.
+        """
+        onset = float(np.mean([onset.sigma for onset in self.onsets]))
+        low, high = self.offset_interval
+        tilt = float(np.max(np.abs(self.plane.tilt_interval)))
+        if np.isfinite(high - low) and np.isfinite(tilt):
+            return (high - low) / 2 / NORMAL_95, tilt / NORMAL_95
+        places = np.array([onset.position for onset in self.onsets])
+        lever = float(np.linalg.svd(places - places.mean(axis=0), compute_uv=False)[1])
+        return onset, onset / lever
 
     def to_dict(self) -> dict[str, object]:
         """Plain types, for JSON: paste point and normal into [surface]."""
@@ -125,7 +142,10 @@ def find_surface(
     )
     tangent = None if rig.surface is None else rig.surface.tangent
     surface = SurfaceSpec(point=_triple(plane.point), normal=_triple(plane.normal), tangent=tangent)
-    return FoundSurface(plane, tuple(found), rig.model_copy(update={"surface": surface}))
+    out = FoundSurface(plane, tuple(found), rig)
+    offset_sd, tilt_sd = out.sd
+    known = surface.model_copy(update={"offset_sd": offset_sd, "tilt_sd": tilt_sd})
+    return replace(out, rig=rig.model_copy(update={"surface": known}))
 
 
 def onsets(log: Log, rig: Rig, robot: Robot, differentiator: Differentiator | None = None) -> list[Onset]:

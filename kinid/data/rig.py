@@ -129,6 +129,8 @@ class SurfaceSpec(_Table):
     tangent: Direction | None = None
     mesh: str | None = None
     edge_radius: Positive = 1e-3  # [m] the normal turns smoothly within this distance of an edge
+    offset_sd: Positive | None = None  # [m] standard deviation of where it stands along its normal
+    tilt_sd: Positive | None = None  # [rad] standard deviation of its tilt about each tangent
 
     @model_validator(mode="after")
     def _plane_or_mesh(self) -> SurfaceSpec:
@@ -244,6 +246,14 @@ class Rig(_Table):
                 )
             plausible.kind_of_unit(name, spec.unit)
         return self
+
+    @property
+    def surface_sd(self) -> tuple[float, float]:
+        """How well the surface is known along its normal [m] and in its tilt [rad], as standard deviations.
+
+        0 where nothing is stated.
+        """
+        return (0.0, 0.0) if self.surface is None else (self.surface.offset_sd or 0.0, self.surface.tilt_sd or 0.0)
 
     def __repr__(self) -> str:
         parts = [] if self.robot is None else [self.robot.model]

@@ -251,6 +251,8 @@ class Signals:
         reading: what the sensor delivers, (channels, n).
         sensor: motion of the sensor, for wrenches. joints: motion of the joints, for joint torques.
         as_read: the sensor's stated faults, None where `reading` is what the converter gives.
+        surface_sd: standard deviations that the rig states of its surface, along the normal [m] and of the tilt [rad];
+            0 where it states none.
     """
 
     layout: Layout
@@ -265,6 +267,7 @@ class Signals:
     sensor: SensorMotion | None = None
     joints: JointMotion | None = None
     as_read: AsRead | None = None
+    surface_sd: tuple[float, float] = (0.0, 0.0)
     compliance: float = 0.0
     elastic: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
     exponent: float = 1.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import final
 
 from kinid.effects._effect import Effect
@@ -36,6 +37,10 @@ class SurfaceOffset(Effect):
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Offset."""
         return (Parameter("offset", "z₀", "m", 0.0, -0.05, 0.05, scale=1e-4),)
+
+    def calibration_sd(self, signals: Signals) -> Mapping[str, float]:
+        """What the rig states of its surface, else what touching it by hand leaves open."""
+        return {name: signals.surface_sd[0] or sd for name, sd in super().calibration_sd(signals).items()}
 
     def geometry(self, s: Signals, p: Array) -> None:
         """Shift the depth."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import final
 
 import numpy as np
@@ -46,6 +47,10 @@ class SurfaceTilt(Effect):
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Slopes along the tangents."""
         return tuple(Parameter(f"slope{i}", f"a{i}", "1", 0.0, -0.5, 0.5, scale=0.02) for i in (1, 2))
+
+    def calibration_sd(self, signals: Signals) -> Mapping[str, float]:
+        """What the rig states of its surface, else what touching it by hand leaves open."""
+        return {name: signals.surface_sd[1] or sd for name, sd in super().calibration_sd(signals).items()}
 
     def geometry(self, s: Signals, p: Array) -> None:
         """Change the depth along the slide, and the slip of a poke, which is not quite normal to the surface."""

@@ -43,8 +43,17 @@ def from_contact(touch: ContactSeries, channels: tuple[str, ...]) -> Experiment:
     in_contact = _touching(touch, rows)
     valid = np.isfinite(measured).all(axis=0) & ~forgotten(t, in_contact)
     layout = Layout(channels, "contact")
+    rig = Rig() if touch.source is None else touch.source[1]
     signals = Signals(
-        layout, t, dt, depth, depth_rate, np.nan_to_num(slip), np.nan_to_num(slip_rate), measured=measured
+        layout,
+        t,
+        dt,
+        depth,
+        depth_rate,
+        np.nan_to_num(slip),
+        np.nan_to_num(slip_rate),
+        measured=measured,
+        surface_sd=rig.surface_sd,
     )
     noise = _noise(measured[:, valid])
     free = valid & ~in_contact & (depth < 0)
@@ -112,7 +121,9 @@ def from_wrench(
     as_read = AsRead.stated(reading.inverse_crosstalk, stated)
     measured = _rows(dataclasses.replace(reading, bias=stated).true()[rows])
     found, layout = _rows(reading.true()[rows]), Layout(WRENCH, "wrench")
-    signals = Signals(layout, t, dt, *_motion(touch, rows), measured=found, sensor=sensor, as_read=as_read)
+    signals = Signals(
+        layout, t, dt, *_motion(touch, rows), measured=found, sensor=sensor, as_read=as_read, surface_sd=rig.surface_sd
+    )
     touching = np.zeros(len(rows), dtype=np.bool_) if touch is None else _touching(touch, rows)
     counts = np.asarray(np.isfinite(measured).all(axis=0))
     noise = np.maximum(_noise(measured[:, counts]), rig.sensor.noise or 0.0)

@@ -57,6 +57,9 @@ def experiment_for(
 def all_channels(data: ContactSeries | Log, rig: Rig | None, model: Model) -> Experiment:
     """Every channel of a log that this kind of model speaks about: joint torques, the whole wrench, or contact
     forces.
+
+    Contact quantities have had a bias of the sensor removed; the same is removed from the wrench behind them. A log has
+    what its rig states removed.
     """
     if isinstance(data, Log):
         rig = rig_of(data, rig, "diagnose(log, rig, model=…)")
@@ -68,7 +71,7 @@ def all_channels(data: ContactSeries | Log, rig: Rig | None, model: Model) -> Ex
     elif data.source is not None and "joints" not in model.needs:
         log, rig = data.source
         if log.wrench is not None and log.q is not None and rig.robot is not None:
-            return from_wrench(log, rig)
+            return from_wrench(log, rig, bias="none" if data.bias is None else data.bias.tolist())
     slides = [
         f"tangential_force{i}"
         for i in (1, 2)

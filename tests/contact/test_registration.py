@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scripted import follow
 
+import kinid
 from kinid.contact.registration import find_surface
 from kinid.data.log import Log
 from kinid.data.rig import Rig, surface_axes
@@ -25,6 +26,7 @@ POINT, NORMAL = (
     np.array([0.06, -0.09, 1.0]) / np.linalg.norm([0.06, -0.09, 1.0]),
 )
 RATE = 250.0
+STIFFNESS = 2000.0  # of the material at an exponent of 1 [N/m]
 CORNERS = ((-0.03, -0.03), (0.03, -0.03), (0.03, 0.03), (-0.03, 0.03), (0.0, 0.0))
 
 
@@ -48,7 +50,7 @@ def touching(corners: tuple[tuple[float, float], ...], seed: int, exponent: floa
     dq = np.gradient(q, t, axis=0)
     tip = robot.kinematics("tool_tip", q, dq)
     depth = np.maximum(-(tip.position - POINT) @ NORMAL, 0.0)
-    force = (2000.0 * (depth / 0.004) ** exponent * 0.004)[:, None] * NORMAL
+    force = (STIFFNESS * (depth / 0.004) ** exponent * 0.004)[:, None] * NORMAL
     sensor = robot.kinematics("ft_sensor", q, dq, np.gradient(dq, t, axis=0))
     wrench = tool_load(rig.tool, sensor, robot.gravity)  # type: ignore[arg-type]
     local = np.einsum("nji,nj->ni", sensor.rotation, force)
@@ -86,3 +88,29 @@ def test_two_touches_and_touches_in_a_line_are_refused() -> None:
     line = ((-0.03, 0.0), (0.0, 0.0), (0.03, 0.0))
     with pytest.raises(InputError):
         find_surface([touching(line, seed=0)], Rig.parse_text(RIG))
+
+
+def test_what_a_rig_says_of_its_surface_reaches_the_fit() -> None:
+    """A surface that is 0.15 mm and 6 mrad off, as a rig says that it may be, is fitted along: little is left then."""
+    log = touching(CORNERS, 5, exponent=1.0)
+    tilted = NORMAL + 0.006 * surface_axes(tuple(NORMAL))[0]
+    surface = {"point": tuple(POINT + 1.5e-4 * NORMAL), "normal": tuple(tilted)}
+    fits = {}
+    for name, known in (("silent", {}), ("said", {"offset_sd": 1.5e-4, "tilt_sd": 5e-3})):
+        rig = Rig.model_validate({**Rig.parse_text(RIG).model_dump(), "surface": {**surface, **known}})
+        fits[name] = kinid.Model("hooke").fit(kinid.contact_series(log, rig))
+        print(name, fits[name]["stiffness"], fits[name].error, fits[name].warnings)
+    silent, said = (fits[name]["stiffness"] for name in ("silent", "said"))
+    assert said.low <= STIFFNESS <= said.high
+    assert said.high - said.low < 0.2 * (silent.high - silent.low)
+
+
+def test_a_found_surface_says_how_well_it_is_known() -> None:
+    """In the rig that it goes into, as standard deviations, which three touches have as well."""
+    for corners in (CORNERS, CORNERS[:3]):
+        found = find_surface(touching(corners, 6), Rig.parse_text(RIG))
+        surface = found.rig.surface
+        assert surface is not None
+        assert surface.offset_sd is not None and surface.tilt_sd is not None
+        assert abs((np.array(surface.point) - POINT) @ NORMAL) < 3 * surface.offset_sd < 1e-3
+        assert np.linalg.norm(np.cross(surface.normal, NORMAL)) < 3 * surface.tilt_sd < 0.03

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -135,3 +136,17 @@ def test_the_command_line_says_it_too(tmp_path: Path) -> None:
     assert diagnosed["error"]["before"] == pytest.approx(fit["error"]["held_out"], rel=1e-9)
     assert diagnosed["error"]["noise_floor"] == pytest.approx(fit["error"]["noise_floor"], rel=1e-9)
     assert diagnosed["error"]["unit"] == fit["error"]["unit"]
+
+
+def test_a_bias_that_contact_quantities_lack_is_not_diagnosed() -> None:
+    """The wrench behind a touch is looked at without the bias of free motion that the touch was freed of."""
+    log, rig, model = wrench()
+    touch = kinid.contact_series(log, rig)
+    assert rig.sensor.bias is None
+    assert touch.bias is not None
+    assert np.abs(touch.bias).max() > 0.1
+    stated = rig.model_copy(update={"sensor": rig.sensor.model_copy(update={"bias": tuple(touch.bias.tolist())})})
+    found = kinid.diagnose(model.fit(touch), max_effects=0)
+    held_out = kinid.diagnose(log, stated, model=model, max_effects=0).steps[0].held_out
+    assert found.steps[0].held_out == pytest.approx(held_out, rel=0.01)
+    assert kinid.diagnose(log, rig, model=model, max_effects=1).added == ("sensor-bias",)
