@@ -99,7 +99,6 @@ def test_what_a_rig_says_of_its_surface_reaches_the_fit() -> None:
     for name, known in (("silent", {}), ("said", {"offset_sd": 1.5e-4, "tilt_sd": 5e-3})):
         rig = Rig.model_validate({**Rig.parse_text(RIG).model_dump(), "surface": {**surface, **known}})
         fits[name] = kinid.Model("hooke").fit(kinid.contact_series(log, rig))
-        print(name, fits[name]["stiffness"], fits[name].error, fits[name].warnings)
     silent, said = (fits[name]["stiffness"] for name in ("silent", "said"))
     assert said.low <= STIFFNESS <= said.high
     assert said.high - said.low < 0.2 * (silent.high - silent.low)
@@ -111,6 +110,7 @@ def test_a_found_surface_says_how_well_it_is_known() -> None:
         found = find_surface(touching(corners, 6), Rig.parse_text(RIG))
         surface = found.rig.surface
         assert surface is not None
-        assert surface.offset_sd is not None and surface.tilt_sd is not None
+        assert surface.offset_sd is not None
+        assert surface.tilt_sd is not None
         assert abs((np.array(surface.point) - POINT) @ NORMAL) < 3 * surface.offset_sd < 1e-3
         assert np.linalg.norm(np.cross(surface.normal, NORMAL)) < 3 * surface.tilt_sd < 0.03
