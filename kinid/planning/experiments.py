@@ -130,6 +130,18 @@ def proposals(
 
 
 def _touching(duration: float, depth: float, place: Place, bandwidth: float) -> Iterator[Proposal]:
+    """All that touches: pokes, then slides."""
+    yield from _poking(duration, depth, place, bandwidth)
+    yield from _sliding(duration, depth, place)
+
+
+def _shifted(place: Place, x: float, y: float) -> Place:
+    """A place so far away along the tangents [m]."""
+    return tuple(np.add(place, (x, y, 0.0)[: len(place)]))
+
+
+def _poking(duration: float, depth: float, place: Place, bandwidth: float) -> Iterator[Proposal]:
+    """Pokes that differ in depth, speed, order and rest."""
     mm = 1e3 * depth
 
     def still(d: float) -> Multisine:
@@ -137,9 +149,6 @@ def _touching(duration: float, depth: float, place: Place, bandwidth: float) -> 
 
     def sine(frequency: float, seconds: float, d: float = depth) -> Multisine:
         return Multisine(0.55 * d, ((0.43 * d, frequency),), seconds)
-
-    def shifted(x: float, y: float) -> Place:
-        return tuple(np.add(place, (x, y, 0.0)[: len(place)]))
 
     one = duration - OVERHEAD
     hold = one - 0.6
@@ -190,7 +199,7 @@ def _touching(duration: float, depth: float, place: Place, bandwidth: float) -> 
         f"a poke of {mm / 2:.2g} mm, one of {mm:.2g} mm elsewhere, and the first place again",
         (
             Poke(place, sine(0.8, third, 0.5 * depth), 0.3),
-            Poke(shifted(0.01, 0.0), sine(0.8, third), 0.3),
+            Poke(_shifted(place, 0.01, 0.0), sine(0.8, third), 0.3),
             Poke(place, sine(0.8, third, 0.5 * depth), 0.3),
         ),
     )
@@ -205,18 +214,27 @@ def _touching(duration: float, depth: float, place: Place, bandwidth: float) -> 
         "rest-between-holds", "two holds at one place with a rest in the air between them", twice, 0.1 * duration
     )
 
-    pressed = 0.6 * depth
+
+def _sliding(duration: float, depth: float, place: Place) -> Iterator[Proposal]:
+    """Slides that differ in speed, load and direction."""
+    mm, pressed = 1e3 * depth, 0.6 * depth
 
     def there(length: float, speed: float, d: float = pressed) -> Slide:
-        return Slide((shifted(-0.5 * length, 0.0), shifted(0.5 * length, 0.0)), d, speed, 0.2)
+        return Slide((_shifted(place, -0.5 * length, 0.0), _shifted(place, 0.5 * length, 0.0)), d, speed, 0.2)
 
     ways, length = duration - 3 * (OVERHEAD + 0.4), 0.016
     slowest = 2 * length * (1 + 1 / 3 + 1 / 9) / ways
     speeds = [slowest * 3**k for k in range(3)]
-    told = ", ".join(f"{1e3 * v:.2g}" for v in speeds)
-    yield Proposal("three-speeds", f"slides at {told} mm/s", tuple(there(length, v) for v in speeds))
+    listed = ", ".join(f"{1e3 * v:.2g}" for v in speeds)
+    yield Proposal("three-speeds", f"slides at {listed} mm/s", tuple(there(length, v) for v in speeds))
     ways = duration - OVERHEAD - 0.4
-    path = (shifted(-0.005, 0.0), shifted(0.005, 0.0), shifted(0.0, 0.0), shifted(0.0, 0.005), shifted(0.0, -0.005))
+    path = (
+        _shifted(place, -0.005, 0.0),
+        _shifted(place, 0.005, 0.0),
+        _shifted(place, 0.0, 0.0),
+        _shifted(place, 0.0, 0.005),
+        _shifted(place, 0.0, -0.005),
+    )
     yield Proposal(
         "reversals", "slides with reversals along both tangents", (Slide(path, pressed, 2 * 0.03 / ways, 0.2),)
     )
@@ -229,14 +247,14 @@ def _touching(duration: float, depth: float, place: Place, bandwidth: float) -> 
     ways = duration - 4 * (OVERHEAD + 0.4)
     if ways > 0.2 * duration:  # else there would be no slow slide among them
         slow = 2 * 2 * 0.012 * (1 + 1 / 9) / ways
-        told = f"{1e3 * slow:.2g} and {9e3 * slow:.2g} mm/s, at {mm / 4:.2g} and {0.9 * mm:.2g} mm"
+        which = f"{1e3 * slow:.2g} and {9e3 * slow:.2g} mm/s, at {mm / 4:.2g} and {0.9 * mm:.2g} mm"
         yield Proposal(
             "speeds-and-loads",
-            f"slides at {told}",
+            f"slides at {which}",
             tuple(there(0.012, v, d) for v in (slow, 9 * slow) for d in (0.25 * depth, 0.9 * depth)),
         )
     ways = 0.5 * duration - OVERHEAD - 0.4
-    star = tuple(shifted(x, y) for x, y in ((-0.004, -0.004), (0.004, 0.004), (0.004, -0.004), (-0.004, 0.004)))
+    star = tuple(_shifted(place, x, y) for x, y in ((-0.004, -0.004), (0.004, 0.004), (0.004, -0.004), (-0.004, 0.004)))
     yield Proposal(
         "diagonals",
         f"slides along both diagonals at {mm / 4:.2g} and {0.9 * mm:.2g} mm",
