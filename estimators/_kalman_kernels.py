@@ -103,6 +103,7 @@ def along(p: int, member: Compiled, exponent: float, out: Compiled) -> None:
     out[2] = exponent
 
 
+# one long function: a sample goes through prediction, bank and update without leaving scalars and scratch
 @jit
 def kalman(
     shape: Compiled,

@@ -100,17 +100,9 @@ def solve(
             "more readings than parameters",
             "record a longer log, or use a smaller model",
         )
-    best: tuple[float, Array, Array, bool] | None = None
-    tried: list[Array] = []
-    for start in [*([np.array([p.nominal for p in parameters])] if nominal or not len(starts) else []), *starts]:
-        if any(np.array_equal(start, other) for other in tried):
-            continue
-        tried.append(start)
-        values, cost, converged = work.search(np.asarray(start, dtype=float))
-        if best is None or cost < best[0] * (1 - 1e-9):
-            best = (cost, values, start, converged)
-    assert best is not None
-    values = best[1]
+    nominal_too = nominal or not len(starts)
+    first = [np.array([p.nominal for p in parameters])] if nominal_too else []
+    values, converged = work.best_of([*first, *starts])
     residual = measured - predict(values)
     low, high = work.bounds
     span = np.array([p.scale for p in parameters])
@@ -126,8 +118,16 @@ def solve(
             float("nan"),
             (),
             work.evaluations,
-            best[3],
+            converged,
         )
+    matrix, unidentified, condition, lags = _settled_covariance(work, values, residual, runs, span)
+    return Solution(values, matrix, unidentified, at_bound, residual, condition, lags, work.evaluations, converged)
+
+
+def _settled_covariance(
+    work: _Work, values: Array, residual: Array, runs: Sequence[slice] | None, span: Array
+) -> tuple[Array, NDArray[np.bool_], float, tuple[int, ...]]:
+    """The covariance, unidentified parameters, condition and lags, of steps as wide as what they tell (p,)."""
     # Where a law has a kink (contact begins), its derivative at a point says nothing: what counts is how much readings
     # change over the interval itself. Steps and standard errors are brought into agreement, from wide steps downwards.
     step = 0.3 * span
@@ -142,7 +142,7 @@ def solve(
         step = wider
         if settled[work.nonlinear].all():
             break
-    return Solution(values, matrix, unidentified, at_bound, residual, condition, lags, work.evaluations, best[3])
+    return matrix, unidentified, condition, lags
 
 
 @dataclass(eq=False)
@@ -223,6 +223,18 @@ class _Work:
             solution = lsq_linear(scaled, target, bounds=(low, high), method="bvls" if len(size) < 30 else "trf").x
         values[self.linear] = solution / size
         return values, target - scaled @ solution
+
+    def best_of(self, starts: Sequence[Array]) -> tuple[Array, bool]:
+        """The values of the lowest cost from several starts, and whether that search ended by itself."""
+        best: tuple[float, Array, bool] | None = None
+        for i, start in enumerate(starts):
+            if any(np.array_equal(start, other) for other in starts[:i]):
+                continue
+            values, cost, converged = self.search(np.asarray(start, dtype=float))
+            if best is None or cost < best[0] * (1 - 1e-9):
+                best = (cost, values, converged)
+        assert best is not None
+        return best[1:]
 
     def search(self, start: Array) -> tuple[Array, float, bool]:
         """The best values from a start: values, cost, and whether the search ended by itself."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import io
 import tokenize
 from pathlib import Path
@@ -33,6 +34,23 @@ SOURCES = [
     for path in sorted((ROOT / folder).rglob("*.py"))
     if not path.is_symlink()
 ]
+
+
+#: lines of a function beside its docstring, unless a comment above it says why
+LONGEST = 60
+
+
+def test_functions_are_short_or_say_why_not() -> None:
+    for path in SOURCES:
+        text = path.read_text(encoding="utf-8")
+        lines = text.splitlines()
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                doc = ast.get_docstring(node, clean=False)
+                length = node.end_lineno - node.lineno + 1 - (len(doc.splitlines()) if doc else 0)
+                first = min([node.lineno, *(d.lineno for d in node.decorator_list)])
+                reason = lines[first - 2].lstrip().startswith("#")
+                assert length <= LONGEST or reason, f"{path.name}: {node.name} has {length} lines"
 
 
 def test_former_names_do_not_come_back() -> None:

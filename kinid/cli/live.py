@@ -50,6 +50,7 @@ kinid live lab:mould --model kelvin-voigt,coulomb-friction          (the virtual
 """
 
 
+# as long as its options and their help
 def live(
     source: Annotated[
         str,

@@ -95,6 +95,7 @@ def _slope(q: Array, jacobian: Array, inverse: Array, middle: Array, half: Array
             out[j] -= inverse[j, i] * task[i]
 
 
+# one long function: its scratch arrays are shared by all that it does with a pose
 @cached(kernel)
 def solve_poses(
     q: Array,

@@ -132,6 +132,7 @@ def proposals(
 def _touching(duration: float, depth: float, place: Place, bandwidth: float) -> Iterator[Proposal]:
     """All that touches: pokes, then slides."""
     yield from _poking(duration, depth, place, bandwidth)
+    yield from _poking_anew(duration, depth, place)
     yield from _sliding(duration, depth, place)
 
 
@@ -140,24 +141,25 @@ def _shifted(place: Place, x: float, y: float) -> Place:
     return tuple(np.add(place, (x, y, 0.0)[: len(place)]))
 
 
+def _still(depth: float) -> Multisine:
+    return Multisine(depth, (), 0.6)
+
+
+def _sine(depth: float, frequency: float, seconds: float) -> Multisine:
+    return Multisine(0.55 * depth, ((0.43 * depth, frequency),), seconds)
+
+
 def _poking(duration: float, depth: float, place: Place, bandwidth: float) -> Iterator[Proposal]:
-    """Pokes that differ in depth, speed, order and rest."""
+    """Pokes that hold, and that go in and out at several frequencies."""
     mm = 1e3 * depth
-
-    def still(d: float) -> Multisine:
-        return Multisine(d, (), 0.6)
-
-    def sine(frequency: float, seconds: float, d: float = depth) -> Multisine:
-        return Multisine(0.55 * d, ((0.43 * d, frequency),), seconds)
-
     one = duration - OVERHEAD
     hold = one - 0.6
-    yield Proposal("long-hold", f"a hold of {hold:.0f} s at {mm:.2g} mm", (Poke(place, still(depth), hold),))
+    yield Proposal("long-hold", f"a hold of {hold:.0f} s at {mm:.2g} mm", (Poke(place, _still(depth), hold),))
     air = 0.3 * duration
     yield Proposal(
         "hold-between-looks-in-the-air",
         f"{air:.0f} s in the air, a hold at {mm:.2g} mm, {air:.0f} s in the air",
-        (Poke(place, still(depth), 0.4 * duration - OVERHEAD),),
+        (Poke(place, _still(depth), 0.4 * duration - OVERHEAD),),
         pause=air,
     )
     half = 0.5 * duration - OVERHEAD
@@ -165,7 +167,7 @@ def _poking(duration: float, depth: float, place: Place, bandwidth: float) -> It
     yield Proposal(
         "slow-and-fast",
         f"pokes at {slow:.2g} Hz and at {fast:.2g} Hz",
-        (Poke(place, sine(slow, half), 0.2), Poke(place, sine(fast, half), 0.2)),
+        (Poke(place, _sine(depth, slow, half), 0.2), Poke(place, _sine(depth, fast, half), 0.2)),
     )
     tones = tuple(np.geomspace(2.0 / one, fast, 4))
     parts = tuple((0.42 * depth * w, f) for w, f in zip((0.4, 0.2, 0.2, 0.2), tones))
@@ -183,33 +185,38 @@ def _poking(duration: float, depth: float, place: Place, bandwidth: float) -> It
         f"one poke in and out, by turns at {f:.2g} and at {fast:.2g} Hz",
         (Poke(place, by_turns(f, fast, depth, one - 0.2), 0.2),),
     )
+
+
+def _poking_anew(duration: float, depth: float, place: Place) -> Iterator[Proposal]:
+    """Pokes of several depths, and with rests in the air."""
+    mm = 1e3 * depth
     yield Proposal(
         "stairs",
         f"one poke that rests at five depths, up and down, as far as {mm:.2g} mm",
-        (Poke(place, stairs(depth, one - 0.2), 0.2),),
+        (Poke(place, stairs(depth, duration - OVERHEAD - 0.2), 0.2),),
     )
     third = duration / 3 - OVERHEAD
     yield Proposal(
         "several-depths",
         f"pokes to {mm / 3:.2g}, {2 * mm / 3:.2g} and {mm:.2g} mm",
-        tuple(Poke(place, sine(0.8, third, k * depth / 3), 0.3) for k in (1, 2, 3)),
+        tuple(Poke(place, _sine(k * depth / 3, 0.8, third), 0.3) for k in (1, 2, 3)),
     )
     yield Proposal(
         "return-later",
         f"a poke of {mm / 2:.2g} mm, one of {mm:.2g} mm elsewhere, and the first place again",
         (
-            Poke(place, sine(0.8, third, 0.5 * depth), 0.3),
-            Poke(_shifted(place, 0.01, 0.0), sine(0.8, third), 0.3),
-            Poke(place, sine(0.8, third, 0.5 * depth), 0.3),
+            Poke(place, _sine(0.5 * depth, 0.8, third), 0.3),
+            Poke(_shifted(place, 0.01, 0.0), _sine(depth, 0.8, third), 0.3),
+            Poke(place, _sine(0.5 * depth, 0.8, third), 0.3),
         ),
     )
     taps = max(2, int(duration / (OVERHEAD + 0.7)))
     yield Proposal(
         "taps",
         f"{taps} touches to {mm:.2g} mm with quick retreats",
-        tuple(Poke(place, still(depth), 0.0) for _ in range(taps)),
+        tuple(Poke(place, _still(depth), 0.0) for _ in range(taps)),
     )
-    twice = tuple(Poke(place, still(depth), 0.3 * duration - OVERHEAD) for _ in range(2))
+    twice = tuple(Poke(place, _still(depth), 0.3 * duration - OVERHEAD) for _ in range(2))
     yield Proposal(
         "rest-between-holds", "two holds at one place with a rest in the air between them", twice, 0.1 * duration
     )
