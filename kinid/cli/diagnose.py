@@ -188,8 +188,8 @@ def explained(name: str) -> None:
         f"shown by     {effect.excited_by}",
         f"acts on      {', '.join(stage.value for stage in effect.stages())}",
     ]
-    if effect.wants:
-        lines.append(f"needs        {' or '.join(effect.wants)} in the model")
+    if effect.requires:
+        lines.append(f"needs        {' or '.join(effect.requires)} in the model")
     lines += [f"mistaken for {other}: {how}" for other, how in effect.confusions.items()]
     shown: dict[str, str] = {}
     for p in effect.parameters(layout):

@@ -192,7 +192,7 @@ def within_possible(state: State, names: Iterable[str]) -> State:
         parameters, (own, named) = effect.parameters(layout), _nearest_null(state, effect)
         null = {p.name: value for p, value in zip(parameters, state.values[state.model.place(effect.id, layout)])}
         null |= {parameters[i].name: value for i, value in amplitudes(effect, layout, base_of(state.model)).items()}
-        possible = {p.name: effect.possible(p) or (-np.inf, np.inf) for p in parameters}
+        possible = {p.name: effect.admissible_range(p) or (-np.inf, np.inf) for p in parameters}
         inside = {name: float(np.clip(value, *possible[name])) for name, value in own.items()}
         for part in {_place(name) for name in own}:
             alone = {name: inside[name] if _place(name) == part else null[name] for name in own}

@@ -204,4 +204,4 @@ class Conclusions:
 def _waits(name: str, rest: Sequence[str]) -> bool:
     """Whether an effect acts on another one, or holds another one, that isn't in the model yet."""
     effect = effects.get(name)
-    return bool({*effect.wants, *effect.holds} & (set(rest) - {name}))
+    return bool({*effect.requires, *effect.includes} & (set(rest) - {name}))

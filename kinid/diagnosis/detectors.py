@@ -63,7 +63,7 @@ def detect(experiment: Experiment, names: tuple[str, ...], motion: Array | None 
     marks: list[Mark] = []
     expected = None if motion is None else experiment.as_read(motion)
     known = [kind() for kind in effects.catalogue().values() if kind.detector and kind.id not in names]
-    for effect in sorted(known, key=lambda effect: effect.detection_turn):
+    for effect in sorted(known, key=lambda effect: effect.detection_order):
         samples = _samples(experiment, expected)
         found = effect.detect(samples)
         if found is None:

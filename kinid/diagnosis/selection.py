@@ -159,7 +159,7 @@ def choose(refits: Sequence[Refit], before: State, settings: DiagnosisSettings) 
     relearnt = parallel_map(lambda t: t.relearnt, accepted[:MAX_ALTERNATIVES])
     best = min(relearnt, key=_rank)
     # of two where one is a part of the other, the part comes first: the rest of it has to prove itself beside that
-    part = next((t for t in accepted if t.effect.id in best.effect.holds), None)
+    part = next((t for t in accepted if t.effect.id in best.effect.includes), None)
     if part is not None:
         return part.relearnt
     equals = [t for t in relearnt if indistinguishable(best, t, best.state.error.sigma, settings)]
@@ -254,7 +254,7 @@ def select(
 def removable(model: Model, name: str) -> bool:
     """Whether no other effect of a model acts on this one alone."""
     rest = [effect for effect in model.effects if effect.id != name]
-    return all(not effect.wants or any(other.id in effect.wants for other in rest) for effect in rest)
+    return all(not effect.requires or any(other.id in effect.requires for other in rest) for effect in rest)
 
 
 def _add(found: Selection, best: Refit) -> None:

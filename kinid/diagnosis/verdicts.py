@@ -113,7 +113,7 @@ def _of_other(
     verdict, says = _unseen(found, effect, points, latest, settings)
     if verdict == EffectStatus.NOT_EXCITED:
         return EffectVerdict(name, verdict, evidence, says, separate_by=f"record more: {effect.excited_by}")
-    within = effect.within(last.problem.experiment.signals)
+    within = effect.validity_range(last.problem.experiment.signals)
     return EffectVerdict(name, verdict, evidence, f"{says}; {within}" if within else says, within=within)
 
 

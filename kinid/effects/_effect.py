@@ -49,21 +49,20 @@ class Effect(ABC):
         confusions: effects it can be mistaken for → what tells them apart.
         excited_by: what a log must hold for its parameters to be seen.
         needs: quantities of the signals without which it can't act: "normal", "slip", "wrench", "joints".
-        wants: effects that must be in the model for this one to do anything (at least one of them).
+        requires: effects that must be in the model for this one to do anything (at least one of them).
         detector: whether it is recognised by its mark in the samples alone (flat tops, a lattice, a line in the
             spectrum).
-        detection_turn: when a detector looks at the samples, lower turns first: it sees them without what was found
+        detection_order: when a detector looks at the samples, lower ones first: it sees them without what was found
             before it.
         null: parameter name → value at which the effect does nothing (for names with a channel or joint in brackets,
             the part before the bracket); parameters that aren't named there may have any value then. Empty for a base.
         grid: parameter name → values worth starting a search from, of the parameters that one start can miss: shapes
             (lengths, speeds, time constants), and those whose best value may hide behind a hill. Where the effect is
             small, all others change readings in proportion, and any start serves.
-        ends: parameter name → ends of its range that are laws of their own, not a sign that another one is meant.
         affine: whether readings stay affine in the linear parameters of a model that holds it; False for a law that
             bends what others predict (a power of the normal force, a clipped reading).
-        pulls: whether the law pulls at a tool that retracts, as a linear dashpot does and no material that lets go.
-        reaches: whether its force acts outside the material, too.
+        tensile: whether the law pulls at a tool that retracts, as a linear dashpot does and no material that lets go.
+        acts_outside: whether its force acts outside the material, too.
         couples: whether it carries force or motion from one axis into another.
         per_log: whether its parameters differ from log to log of one rig, as a surface that is touched anew, a sensor
             that is zeroed, clocks that start; a fit to many logs shares those of all others unless it is told
@@ -79,11 +78,11 @@ class Effect(ABC):
             beyond it, within the parameter's own bounds: where the best value lies there, something else is missing.
         generalises: effects that it is a more general form of: where one of them explains as much, it is no
             alternative.
-        holds: effects that it holds already, so that they have nothing to add beside it.
+        includes: effects that it includes already, so that they have nothing to add beside it.
         same_for_joints: name of the effect that is the same thing in a log of joint torques.
         example: the effect at work, which the contract of all effects is checked on (`kinid effect check`).
-        turn: when it acts among the effects of one stage, whatever order a model names them in: lower turns first.
-            Effects that share a turn and a stage act alike in either order. Elastic: what bends the base's spring, 1
+        order: when it acts among the effects of one stage, however a model lists them: lower ones first. Effects that
+            share an order and a stage act alike either way round. Elastic: what bends the base's spring, 1
             what adds, 2 what scales, 3 what remembers; friction: what adds, 1 what scales; sensor: its mounting, 1 its
             axes, 2 what it adds; acquisition: its filter, 1 the clock, 2 the cable, 3 and 4 the converter.
     """
@@ -97,15 +96,14 @@ class Effect(ABC):
     confusions: ClassVar[Mapping[str, str]] = {}
     excited_by: ClassVar[str]
     needs: ClassVar[tuple[str, ...]] = ("normal",)
-    wants: ClassVar[tuple[str, ...]] = ()
+    requires: ClassVar[tuple[str, ...]] = ()
     detector: ClassVar[bool] = False
-    detection_turn: ClassVar[int] = 0
+    detection_order: ClassVar[int] = 0
     null: ClassVar[Mapping[str, float]] = {}
     grid: ClassVar[Mapping[str, tuple[float, ...]]] = {}
-    ends: ClassVar[Mapping[str, tuple[float, ...]]] = {}
     affine: ClassVar[bool] = True
-    pulls: ClassVar[bool] = False
-    reaches: ClassVar[bool] = False
+    tensile: ClassVar[bool] = False
+    acts_outside: ClassVar[bool] = False
     couples: ClassVar[bool] = False
     per_log: ClassVar[bool] = False
     constant: ClassVar[bool] = False
@@ -114,9 +112,9 @@ class Effect(ABC):
     unremarkable: ClassVar[Mapping[str, float]] = {}
     calibration_tolerance: ClassVar[Mapping[str, float]] = {}
     admissible: ClassVar[Mapping[str, tuple[float, float]]] = {}
-    turn: ClassVar[int] = 0
+    order: ClassVar[int] = 0
     generalises: ClassVar[tuple[str, ...]] = ()
-    holds: ClassVar[tuple[str, ...]] = ()
+    includes: ClassVar[tuple[str, ...]] = ()
     same_for_joints: ClassVar[str] = ""
     example: ClassVar[Example | None] = None
 
@@ -150,7 +148,7 @@ class Effect(ABC):
         """Its parameters for logs of this layout."""
         raise NotImplementedError
 
-    def starts(self, signals: Signals) -> tuple[Array, ...]:
+    def initial_guesses(self, signals: Signals) -> tuple[Array, ...]:
         """Values of all its parameters that a search in this log is worth starting from: the grid's, others nominal."""
         parameters = self.parameters(signals.layout)
         if not any(p.name in self.grid for p in parameters):
@@ -159,11 +157,7 @@ class Effect(ABC):
             np.array(values) for values in itertools.product(*(self.grid.get(p.name, (p.nominal,)) for p in parameters))
         )
 
-    def simpler(self) -> Effect | None:
-        """A form with fewer parameters, of the same names, that a fit returns to where the rest explains nothing."""
-        return None
-
-    def marks(self, measured: Array) -> tuple[Array, Array] | None:
+    def detected(self, measured: Array) -> tuple[Array, Array] | None:
         """For a detector: parameters as readings (channels, n) show them, and as a search for the others holds them."""
         return None
 
@@ -193,7 +187,7 @@ class Effect(ABC):
         """How far from where it does nothing a parameter is in every material and every rig."""
         return _looked_up(self.unremarkable, parameter) or 0.0
 
-    def possible(self, parameter: Parameter) -> tuple[float, float] | None:
+    def admissible_range(self, parameter: Parameter) -> tuple[float, float] | None:
         """Range of a parameter's values that is physically possible, None where `admissible` says nothing of it."""
         return _looked_up(self.admissible, parameter)
 
@@ -224,7 +218,7 @@ class Effect(ABC):
         """What values of its parameters say that its name doesn't, in words; "" where the name says it."""
         return ""
 
-    def within(self, signals: Signals) -> str:
+    def validity_range(self, signals: Signals) -> str:
         """How far its absence reaches, where a log without it says nothing of one elsewhere; "" else."""
         return ""
 

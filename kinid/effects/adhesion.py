@@ -43,10 +43,9 @@ class Adhesion(Effect):
         "viscous-damping": "a slow retraction",
     }
     excited_by = "a slow retraction until well outside the material"
-    reaches = True
+    acts_outside = True
     null = {"force": 0.0, "tack": 0.0}
     grid = {"length": (1e-4, 3e-4, 1e-3, 3e-3), "rise": (3e-5, 3e-4), "neck": (2.0, 5.0)}
-    ends = {"rise": (SHORTEST,), "neck": (LATEST,)}  # all of the pull at once, and a bond that tears at once
     admissible = {
         "force": (0.0, 1e4),
         "tack": (0.0, 1e4),

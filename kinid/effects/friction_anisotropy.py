@@ -29,9 +29,9 @@ class FrictionAnisotropy(Effect):
     }
     excited_by = "slides along and across the tangent"
     needs = ("normal", "slip")
-    wants = ("coulomb-friction",)
+    requires = ("coulomb-friction",)
     null = {"ratio": 0.0}
-    turn = 1
+    order = 1
     admissible = {"ratio": (-1.0, 1.0)}  # no coefficient is negative
     example = Example(("hooke", "coulomb-friction"), {"ratio": 0.21})
 

@@ -41,11 +41,11 @@ class FrictionRounding(Effect):
     }
     excited_by = "slips from well below v_r to well above it, and holds under load"
     needs = ("normal", "slip")
-    wants = ("coulomb-friction",)
+    requires = ("coulomb-friction",)
     null = {"speed": 0.0}
     grid = {"speed": (3e-4, 1e-3, 3e-3, 1e-2, 3e-2)}
     admissible = {"speed": (0.0, 0.3)}  # films carry from some millimetres a second on; no slide of a robot is faster
-    turn = 2
+    order = 2
     example = Example(("kelvin-voigt", "coulomb-friction"), {"speed": 6e-3})
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:

@@ -29,7 +29,7 @@ class HertzExponent(Effect):
         "stiffening-layer": "a wider range of depths: a layer stiffens at one depth, a power law at all of them"
     }
     excited_by = "depths that differ by a factor of three or more"
-    wants = ("hooke", "kelvin-voigt", "hertz", "maxwell", "zener")
+    requires = ("hooke", "kelvin-voigt", "hertz", "maxwell", "zener")
     null = {"exponent": 1.0}
     grid = {"exponent": (0.8, 1.2, 1.5, 2.0, 2.6)}
     unremarkable = {"exponent": 0.03}  # no tip and no material is a power law to better than that

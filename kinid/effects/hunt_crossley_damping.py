@@ -29,7 +29,7 @@ class HuntCrossleyDamping(Effect):
         "hysteresis": "the same path at other speeds",
     }
     excited_by = "several depths at several speeds"
-    wants = ("hooke", "kelvin-voigt", "hertz", "maxwell", "zener")  # hunt-crossley has its own
+    requires = ("hooke", "kelvin-voigt", "hertz", "maxwell", "zener")  # hunt-crossley has its own
     null = {"damping": 0.0}
     admissible = {
         "damping": (0.0, 1e3)

@@ -38,7 +38,7 @@ class JointLoadFriction(Effect):
     excited_by = "motion in both directions, in poses of different load"
     needs = ("joints",)
     null = {"load": 0.0}
-    turn = 1
+    order = 1
     admissible = {"load": (0.0, 1.0)}  # friction takes energy; gears of an efficiency below one half lock
     example = Example(("rigid-body",), {"load": (0.1, 0.04)}, Motion.ARM)
 

@@ -52,7 +52,7 @@ class JointSpring(Effect):
     null = {"rate": 0.0, "preload": 0.0}
     admissible = {"rate": (-1e5, 1e5)}  # of either sign: a balancer pushes on beyond its dead centre
     generalises = (OFFSET,)
-    holds = (OFFSET,)
+    includes = (OFFSET,)
     example = Example(("rigid-body",), {"rate": (2.5, -0.7)}, Motion.ARM)
 
     def beside(self, names: Collection[str]) -> JointSpring:

@@ -39,7 +39,7 @@ class JointStribeckFriction(Effect):
     }
     excited_by = "motion in both directions at three speeds, the slowest well below v_s"
     needs = ("joints",)
-    wants = ("joint-coulomb-friction",)
+    requires = ("joint-coulomb-friction",)
     null = {"excess": 0.0}
     grid = {"speed": (0.01, 0.03, 0.1, 0.3)}
     # friction fades with speed (what grows is viscous); films of grease carry from some per cent of a drive's speed on

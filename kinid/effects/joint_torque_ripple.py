@@ -115,7 +115,7 @@ class JointTorqueRipple(Effect):
             ]
         return tuple(out)
 
-    def starts(self, signals: Signals) -> tuple[Array, ...]:
+    def initial_guesses(self, signals: Signals) -> tuple[Array, ...]:
         """The highest lines of each joint, together; those of the grid where readings aren't known."""
         every = axes(signals.layout)
         joints = [axis.suffix for axis, _ in self._joints(signals.layout)]

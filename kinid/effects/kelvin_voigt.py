@@ -22,7 +22,7 @@ class KelvinVoigt(Effect):
     base = True
     signature = "a loop over depth as wide at the surface as deep inside, wider the faster it is run through"
     confusions = {"hunt-crossley": "a wide range of depths, in and out at several speeds"}
-    pulls = True
+    tensile = True
     excited_by = "two depths at two speeds"
     recursive = "KelvinVoigt"
     # stable, no stiffer than steel on steel; a dashpot gives no energy

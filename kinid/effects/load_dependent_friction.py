@@ -27,11 +27,11 @@ class LoadDependentFriction(Effect):
     }
     excited_by = "slides at loads that differ by a factor of three or more"
     needs = ("normal", "slip")
-    wants = ("coulomb-friction",)
+    requires = ("coulomb-friction",)
     null = {"exponent": 0.0}
     affine = False  # the tangential force is a power of the normal one
     grid = {"exponent": (-0.5, -0.25, 0.25, 0.5)}
-    turn = 1
+    order = 1
     unremarkable = {"exponent": 0.03}  # nothing rubs in proportion to its load better than that
     admissible = {"exponent": (-0.9, 1.0)}  # T grows with the load: −1/3 Hertzian, 0 Amontons (Archard 1957)
     example = Example(("hooke", "coulomb-friction"), {"exponent": -0.27})

@@ -54,9 +54,9 @@ class MainsHum(Effect):
     excited_by = "any log sampled faster than twice the grid's frequency"
     needs = ()
     detector = True
-    detection_turn = 2
+    detection_order = 2
     null = {"sine": 0.0, "cosine": 0.0}
-    turn = 2
+    order = 2
     example = Example(
         ("hooke",),
         {

@@ -35,10 +35,9 @@ class Presliding(Effect):
     }
     excited_by = "reversals of slip, slow ones, and slips shorter than ℓ"
     needs = ("normal", "slip")
-    wants = ("coulomb-friction",)
+    requires = ("coulomb-friction",)
     null = {"length": 1e-4}  # the length that friction has without this effect
     grid = {"length": (3e-6, 3e-5, 3e-4, 1e-3, 3e-3)}
-    ends = {"length": (SHORTEST,)}  # friction that turns around at once: Coulomb's own
     admissible = {"length": (SHORTEST, 0.02)}  # soft skins shear by millimetres before they slip, not by centimetres
     example = Example(("kelvin-voigt", "coulomb-friction"), {"length": 4.2e-4})
 

@@ -28,10 +28,10 @@ class Quantization(Effect):
     excited_by = "noise below half a step, or slow changes"
     needs = ()
     detector = True
-    detection_turn = 1
+    detection_order = 1
     null = {"step": 0.0}
     affine = False
-    turn = 4
+    order = 4
     admissible = {"step": (0.0, 1e3)}  # a lattice has a width
     example = Example(("hooke",), {"step": (0.2, 0.3, 0.5, 0.02, 0.03, 0.01)}, Motion.WRENCH)
 
@@ -43,7 +43,7 @@ class Quantization(Effect):
             for name, unit in zip(layout.channels, layout.units)
         )
 
-    def marks(self, measured: Array) -> tuple[Array, Array]:
+    def detected(self, measured: Array) -> tuple[Array, Array]:
         """The step between neighbouring values of each channel, where all values lie on its lattice; else none.
 
         The search for other parameters goes without steps: rounding moves a reading up as often as down, and a
@@ -57,7 +57,7 @@ class Quantization(Effect):
 
         In slow logs of fast loads, neighbours differ by the load as well: what the model leaves tells the noise there.
         """
-        steps, held = self.marks(samples.raw[:, samples.valid])
+        steps, held = self.detected(samples.raw[:, samples.valid])
         rounding, white = steps / np.sqrt(12.0), samples.white(samples.raw)
         if samples.expected is not None:
             white = np.minimum(white, samples.white(samples.raw - samples.expected))

@@ -77,7 +77,7 @@ class Relaxation(Effect):
             )
         )
 
-    def starts(self, signals: Signals) -> tuple[Array, ...]:
+    def initial_guesses(self, signals: Signals) -> tuple[Array, ...]:
         """The grid's time constants for the fastest branch, the others a decade apart."""
         (ratio, _), high = (p.nominal for p in self.parameters(signals.layout)[:2]), 1e5
         return tuple(

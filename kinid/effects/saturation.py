@@ -76,10 +76,10 @@ class Saturation(Effect):
     excited_by = "loads beyond the range"
     needs = ()
     detector = True
-    detection_turn = 0
+    detection_order = 0
     null = {"limit": 1e12}
     affine = False
-    turn = 3
+    order = 3
     admissible = {"limit": (1e-9, 1e12)}  # a range of 0 reads nothing
     example = Example(("hooke",), {"limit": (8.0, 9.0, 12.0, 0.5, 0.4, 0.1)}, Motion.WRENCH)
 
@@ -91,7 +91,7 @@ class Saturation(Effect):
             for name, unit in zip(layout.channels, layout.units)
         )
 
-    def marks(self, measured: Array) -> tuple[Array, Array]:
+    def detected(self, measured: Array) -> tuple[Array, Array]:
         """The largest reading where several samples share it; else none, and a free one where values pile up."""
         sizes = np.abs(np.where(np.isfinite(measured), measured, 0.0))
         top = sizes.max(axis=1)
@@ -149,7 +149,7 @@ class Saturation(Effect):
     def _flat_tops(self, samples: Samples) -> tuple[Array, Mask]:
         """Largest size of each channel, and samples, (channels, n), that have it where it is the end of a range."""
         raw = samples.raw
-        limits = self.marks(raw)[0]
+        limits = self.detected(raw)[0]
         flat: Mask = np.abs(raw) >= limits[:, None] * (1 - 1e-9)
         for channel, (x, limit) in enumerate(zip(raw, limits)):
             # a reading that never changes is not a clipped one; the end of a range holds a reading for a while, single
@@ -164,12 +164,12 @@ class Saturation(Effect):
                 flat[channel] &= _cut_off_there(samples, channel, limit, max(step, float(samples.noise[channel]))).any()
         return limits, flat
 
-    def starts(self, signals: Signals) -> tuple[Array, ...]:
+    def initial_guesses(self, signals: Signals) -> tuple[Array, ...]:
         """Limits at the piles."""
         if signals.measured is None:
             return ()
         raw = signals.measured if signals.as_read is None else signals.as_read.raw(signals.measured)
-        shown, search = self.marks(raw)
+        shown, search = self.detected(raw)
         return (np.where(np.isnan(search), self.piles(raw), shown),) if np.isnan(search).any() else ()
 
     def acquisition(self, s: Signals, p: Array) -> None:

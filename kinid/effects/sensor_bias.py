@@ -26,7 +26,7 @@ class SensorBias(Effect):
     constant = True
     needs = ()
     null = {"offset": 0.0}
-    turn = 2
+    order = 2
     same_for_joints = "joint-torque-offset"
     # zeroed in the air, for minutes
     calibration_tolerance = {"offset[N]": 0.02, "offset[N·m]": 1e-3}

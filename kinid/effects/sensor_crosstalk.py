@@ -36,7 +36,7 @@ class SensorCrosstalk(Effect):
     couples = True
     needs = ()
     null = {"crosstalk": 0.0}
-    turn = 1
+    order = 1
     # data sheets state some per cent; more is another channel
     admissible = {"crosstalk[1]": (-0.3, 0.3), "crosstalk[1/m]": (-6.0, 6.0), "crosstalk[m]": (-0.05, 0.05)}
     example = Example(

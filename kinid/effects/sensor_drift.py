@@ -24,7 +24,7 @@ class SensorDrift(Effect):
     needs = ()
     per_log = True
     null = {"drift": 0.0}
-    turn = 2
+    order = 2
     # a strain gauge of 0.1 % of 1 kN a kelvin, warming up by 10 K a minute
     admissible = {"drift[N/min]": (-10.0, 10.0), "drift[N·m/min]": (-1.0, 1.0)}
     example = Example(("hooke",), {"drift": (1.0, -0.7, 1.4, 0.05, 0.03, -0.04)}, Motion.WRENCH)

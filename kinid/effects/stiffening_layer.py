@@ -27,7 +27,7 @@ class StiffeningLayer(Effect):
     excited_by = "depths well on both sides of the layer"
     null = {"stiffness": 0.0}
     grid = {"depth": (3e-4, 1e-3, 2e-3, 4e-3, 8e-3, 1.6e-2)}
-    turn = 1
+    order = 1
     admissible = {
         "stiffness": (-1e8, 1e8),
         "depth": (0.0, 0.5),
@@ -41,7 +41,7 @@ class StiffeningLayer(Effect):
             Parameter("depth", "δ_b", "m", 2e-3, 0.0, 0.5, scale=1e-4),
         )
 
-    def starts(self, signals: Signals) -> tuple[Array, ...]:
+    def initial_guesses(self, signals: Signals) -> tuple[Array, ...]:
         """Layers that begin at depths which the log holds: a sixth of the samples inside between each and the next."""
         inside = signals.depth[signals.inside]
         if not len(inside):
@@ -64,7 +64,7 @@ class StiffeningLayer(Effect):
             )
         return super().implausible(values, model_values, signals)
 
-    def within(self, signals: Signals) -> str:
+    def validity_range(self, signals: Signals) -> str:
         """Nothing is known of what lies deeper than the tool was."""
         return f"down to {1e3 * float(signals.depth.max(initial=0.0)):.2g} mm"
 

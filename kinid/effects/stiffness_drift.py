@@ -28,7 +28,7 @@ class StiffnessDrift(Effect):
     }
     excited_by = "the same depth at one place early and late"
     null = {"rate": 0.0}
-    turn = 2
+    order = 2
     example = Example(("hertz",), {"rate": 1.3})
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:

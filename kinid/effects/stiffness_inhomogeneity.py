@@ -177,7 +177,7 @@ class StiffnessInhomogeneity(Effect):
     # no place has a negative stiffness; bone in fat is some hundred times as stiff, an inclusion felt through a layer
     # less
     admissible = {"weight": (-1.0, 100.0)}
-    turn = 2
+    order = 2
     example = Example(
         ("kelvin-voigt",),
         {

@@ -38,7 +38,7 @@ class StressSoftening(Effect):
     excited_by = "the same place twice, then deeper"
     null = {"ratio": 0.0}
     grid = {"length": (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)}
-    turn = 3
+    order = 3
     admissible = {"ratio": (0.0, 1.0), "length": (0.0, 0.05)}  # a share of the force; longer than any poke
     example = Example(("hertz",), {"ratio": 0.3, "length": 1.2e-3})
 

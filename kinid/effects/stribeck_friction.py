@@ -25,7 +25,7 @@ class StribeckFriction(Effect):
     confusions = {"viscous-friction": "three speeds: one fades with speed, the other grows"}
     excited_by = "slides at three speeds, the slowest well below v_s"
     needs = ("normal", "slip")
-    wants = ("coulomb-friction",)
+    requires = ("coulomb-friction",)
     null = {"coefficient": 0.0}
     grid = {"speed": (1e-3, 3e-3, 1e-2, 3e-2, 0.1)}
     unremarkable = {"coefficient": 0.02}  # coefficients are told to two digits

@@ -38,7 +38,7 @@ class SurfaceTilt(Effect):
     needs = ("normal", "slip")
     null = {"slope1": 0.0, "slope2": 0.0}
     grid = {"slope1": (-0.05, 0.0, 0.05), "slope2": (-0.05, 0.0, 0.05)}
-    turn = 1
+    order = 1
     # three points 30 mm apart, each touched to 0.1 mm
     calibration_tolerance = {"slope1": 3.5e-3, "slope2": 3.5e-3}
     admissible = {"slope1": (-0.2, 0.2), "slope2": (-0.2, 0.2)}  # first order: at 0.2, 2 % of the force are left out

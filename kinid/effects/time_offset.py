@@ -31,7 +31,7 @@ class TimeOffset(Effect):
     per_log = True
     null = {"delay": 0.0}
     grid = {"delay": (-5e-2, -1e-2, -2e-3, 2e-3, 1e-2, 5e-2)}
-    turn = 1
+    order = 1
     calibration_tolerance = {"delay": 2.5e-4}  # a quarter of the period of a bus at 1 kHz
     admissible = {"delay": (-0.25, 0.25)}  # buffers and buses; more is another recording
     example = Example(("hooke", "coulomb-friction"), {"delay": -0.0043}, Motion.WAVES)

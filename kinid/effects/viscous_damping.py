@@ -24,9 +24,9 @@ class ViscousDamping(Effect):
         "hunt-crossley-damping": "fast motion deep inside and near the surface",
         "time-offset": "fast motion in one direction, then the other, at different stiffness or depth",
     }
-    pulls = True
+    tensile = True
     excited_by = "in and out at several speeds"
-    wants = ("hooke", "hertz", "hunt-crossley", "maxwell", "zener")  # kelvin-voigt has one
+    requires = ("hooke", "hertz", "hunt-crossley", "maxwell", "zener")  # kelvin-voigt has one
     null = {"damping": 0.0}
     admissible = {"damping": (0.0, 1e6)}  # a dashpot gives no energy
     example = Example(("hertz",), {"damping": 11.0})

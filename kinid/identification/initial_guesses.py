@@ -68,7 +68,7 @@ def initial_values(
     with np.errstate(all="ignore"):
         best, least = project_linear(problem, model, start, error)
         names = list(model.parameters(problem.layout))
-        suggestions = {effect.id: effect.starts(problem.experiment.signals) for effect in model.effects}
+        suggestions = {effect.id: effect.initial_guesses(problem.experiment.signals) for effect in model.effects}
         suggestions = {name: points for name, points in suggestions.items() if len(points)}
         for _ in range(2 if len(suggestions) > 1 else min(1, len(suggestions))):
             before = least

@@ -18,6 +18,7 @@ from kinid.kernels.averages import weighted_changes, weighted_sums
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.forward import Course
 from kinid.modeling.model import Model
+from kinid.modeling.sample_times import block_length
 from kinid.signal.noise import white_noise
 
 Array = NDArray[np.float64]
@@ -31,8 +32,6 @@ TORQUE_RATE = 50.0
 COARSE_STEP_RATIO = 2.0
 #: means of a short log, at least, where it has so many samples
 MIN_MEANS = 400
-#: length of a block [s]: longer than readings' noise remembers; and the fewest blocks that a log is cut into
-BLOCK_LENGTH, MIN_BLOCKS = 0.5, 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +70,7 @@ class Problem:
         size = max(1, round(1.0 / (rate * sample_period(s))), math.ceil(experiment.measured.size / MAX_MEANS))
         size = max(1, min(size, len(s) // MIN_MEANS))
         begin, end = group_edges(s, experiment.valid, size)
-        length = _block_length(span)
+        length = block_length(span)
         block = (s.t / length).astype(np.int64)
         keep = experiment.valid[begin]
         begin, end = begin[keep], end[keep]
@@ -170,12 +169,7 @@ class Problem:
         return np.asarray(np.bincount(self.block, values.sum(axis=0)), dtype=np.float64)
 
 
-def _block_length(span: float) -> float:
-    """Length of a block [s] of a log of this length [s]."""
-    return BLOCK_LENGTH if span >= MIN_BLOCKS * BLOCK_LENGTH else max(span / MIN_BLOCKS, 1e-9)
-
-
 def whole_blocks(experiment: Experiment) -> NDArray[np.int64]:
     """Number of the block that each sample of a log lies in, (n,)."""
     t = experiment.signals.t
-    return np.asarray((t / _block_length(float(t[-1]) if len(t) else 0.0)).astype(np.int64))
+    return np.asarray((t / block_length(float(t[-1]) if len(t) else 0.0)).astype(np.int64))

@@ -162,7 +162,7 @@ def fixed_parameters(model: Model, problem: Problem) -> Array:
     out = []
     for effect in model.effects:
         free = np.array([p.nominal if p.fixed else np.nan for p in effect.parameters(problem.layout)])
-        marks = effect.marks(problem.whole.raw) if effect.detector else None
+        marks = effect.detected(problem.whole.raw) if effect.detector else None
         out.append(free if marks is None else marks[1])
     return np.concatenate(out) if out else np.zeros(0)
 
@@ -184,7 +184,7 @@ def shown_values(state: State) -> Array:
     """Values as a reader has them, (p,): of a converter, what the samples show, where the search leaves it out."""
     values = state.values.copy()
     for effect in state.model.effects:
-        marks = effect.marks(state.problem.whole.raw) if effect.detector else None
+        marks = effect.detected(state.problem.whole.raw) if effect.detector else None
         if marks is not None:
             at = state.model.place(effect.id, state.problem.layout)
             values[at] = np.where(np.isnan(marks[1]), values[at], marks[0])

@@ -51,12 +51,12 @@ def why_inapplicable(effect: Effect, model: Model, base: str | None, layout: Lay
             "it acts on contact, and the model has no contact law",
         ),
         (
-            any(effect.id in other.holds for other in model.effects),
-            f"{next((other.id for other in model.effects if effect.id in other.holds), '')} holds it already",
+            any(effect.id in other.includes for other in model.effects),
+            f"{next((other.id for other in model.effects if effect.id in other.includes), '')} holds it already",
         ),
         (
-            bool(effect.wants) and not any(name in model for name in effect.wants),
-            f"it acts on {' or '.join(effect.wants)}, which the model lacks",
+            bool(effect.requires) and not any(name in model for name in effect.requires),
+            f"it acts on {' or '.join(effect.requires)}, which the model lacks",
         ),
         (not effect.parameters(layout), "this log lacks the channels that it acts on"),
     )
@@ -84,7 +84,7 @@ def shape_points(effect: Effect, signals: Signals, amplitude: dict[int, float]) 
     null = np.array([amplitude.get(i, p.nominal) for i, p in enumerate(parameters)])
     own = [i for i in amplitude if parameters[i].name in effect.grid]
     seen = set()
-    for point in effect.starts(signals) or (null,):
+    for point in effect.initial_guesses(signals) or (null,):
         at = null.copy()
         for i in range(len(at)):
             if i not in amplitude or i in own:

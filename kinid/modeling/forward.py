@@ -55,14 +55,14 @@ class Route:
         def acting(stage: Stage) -> list[Step]:
             return [
                 Step((effect, stage), i, getattr(effect, stage.value))
-                for i, effect in sorted(enumerate(effects), key=lambda numbered: numbered[1].turn)
+                for i, effect in sorted(enumerate(effects), key=lambda numbered: numbered[1].order)
                 if stage in effect.stages()
             ]
 
         def chain(act: Callable[[Signals, Array], None]) -> Step:
             return Step((act,), CHAIN, act)
 
-        reaching = any(effect.reaches for effect in effects)  # a force may act outside the material, too
+        reaching = any(effect.acts_outside for effect in effects)  # a force may act outside the material, too
         law = [chain(_unloaded), *acting(Stage.ELASTIC), chain(_loaded), *acting(Stage.NORMAL)]
         law += [] if reaching else [chain(_let_go)]
         friction, converter = acting(Stage.FRICTION), acting(Stage.ACQUISITION)

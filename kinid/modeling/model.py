@@ -58,12 +58,12 @@ class Model:
                 raise InputError(f"effect '{name}' twice in one model", "each effect once", "leave one out")
         flat.sort(key=lambda effect: not effect.base)
         for effect in flat:
-            if effect.wants and not any(name in names_seen for name in effect.wants):
-                beside, mend = "alone", f"add {effect.wants[0]}"
-                if bases and catalogue.get(effect.wants[0]).base:
-                    beside, mend = f"beside {bases[0]}", f"start from {effect.wants[0]} instead of {bases[0]}"
+            if effect.requires and not any(name in names_seen for name in effect.requires):
+                beside, mend = "alone", f"add {effect.requires[0]}"
+                if bases and catalogue.get(effect.requires[0]).base:
+                    beside, mend = f"beside {bases[0]}", f"start from {effect.requires[0]} instead of {bases[0]}"
                 raise InputError(
-                    f"effect '{effect.id}' {beside}", f"{' or '.join(effect.wants)} in the same model", mend
+                    f"effect '{effect.id}' {beside}", f"{' or '.join(effect.requires)} in the same model", mend
                 )
         object.__setattr__(self, "effects", tuple(effect.beside(names_seen) for effect in flat))
 
@@ -123,9 +123,11 @@ class Model:
         return next((effect for effect in self.effects if effect.base and "normal" in effect.needs), None)
 
     @property
-    def pulls(self) -> bool:
+    def tensile(self) -> bool:
         """Whether it pulls at a tool that retracts, without meaning adhesion: separation then tells it nothing."""
-        return any(effect.pulls for effect in self.effects) and not any(effect.reaches for effect in self.effects)
+        return any(effect.tensile for effect in self.effects) and not any(
+            effect.acts_outside for effect in self.effects
+        )
 
     def parameters(self, layout: Layout) -> dict[str, Parameter]:
         """All parameters for logs of this layout, by the text of their `ParameterId`, in order."""

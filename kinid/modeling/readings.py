@@ -15,12 +15,13 @@ from kinid.modeling.data_warnings import DEEPEST, DEPTH_UNIT, warnings_of
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.from_logs import from_contact, from_joint_torques, from_wrench
 from kinid.modeling.model import Model
+from kinid.modeling.sample_times import block_length
 
 CONTACT_FORCES = ("normal_force", "tangential_force1", "tangential_force2")
 #: fewer samples in contact than this can't carry a contact law
 MIN_CONTACT_SAMPLES = 20
-#: a log must last so long [s] to be diagnosed, and hold so many blocks of half a second that count
-MIN_DURATION, MIN_BLOCKS = 4.0, 8
+#: a log must last so long [s] to be diagnosed, and hold so many blocks that count, half of which are held out in turn
+MIN_DURATION, MIN_BLOCKS = 2.5, 8
 
 
 def experiment_for(
@@ -228,14 +229,14 @@ def refuse_undiagnosable(experiment: Experiment, model: Model) -> None:
     if span < MIN_DURATION:
         raise InputError(
             f"{span:.3g} s of log",
-            f"{MIN_DURATION:g} s at least, to hold half of it out in blocks of half a second",
+            f"{MIN_DURATION:g} s at least, to hold half of it out in blocks",
             "record several pokes, with holds and slides between them",
         )
-    blocks = len(np.unique((s.t[experiment.valid] / 0.5).astype(int)))
+    blocks = len(np.unique((s.t[experiment.valid] / block_length(span)).astype(int)))
     if blocks < MIN_BLOCKS:
         raise InputError(
-            f"{blocks} blocks of half a second with readings",
-            f"{MIN_BLOCKS} at least",
+            f"readings in {blocks} of the blocks of {block_length(span):.2g} s",
+            f"in {MIN_BLOCKS} at least",
             "record for longer, or find out why so many samples are invalid",
         )
     if "normal" in model.needs and s.layout.kind != "joints" and not (s.depth[experiment.valid] > 0).any():

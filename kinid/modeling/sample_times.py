@@ -19,6 +19,14 @@ BRIDGED = 1.0 / Differentiator().bandwidth
 #: readings don't count, unless that would leave out more than this share of those in contact
 FORGETS, LOSSY = (np.inf, 1.0), 0.5
 
+#: length of a block [s]: longer than readings' noise remembers; and the fewest blocks that a log is cut into
+BLOCK_LENGTH, MIN_BLOCKS = 0.5, 16
+
+
+def block_length(span: float) -> float:
+    """Length of a block [s] of a log of this length [s], half of which are held out in turn."""
+    return BLOCK_LENGTH if span >= MIN_BLOCKS * BLOCK_LENGTH else max(span / MIN_BLOCKS, 1e-9)
+
 
 def time_steps(t: Array, starts: NDArray[np.bool_]) -> Array:
     """Time since the sample before [s], 0 where memory begins anew, (n,)."""

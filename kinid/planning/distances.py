@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.identification.problem import BLOCK_LENGTH
 from kinid.modeling.experiment import Experiment
+from kinid.modeling.sample_times import BLOCK_LENGTH
 
 Array = NDArray[np.float64]
 

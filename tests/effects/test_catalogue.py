@@ -62,9 +62,9 @@ def test_it_keeps_the_contract(name: str, rule: Rule) -> None:
 @pytest.mark.parametrize("name", IDS)
 def test_what_it_lacks_is_said(name: str) -> None:
     effect = get(name)
-    if not effect.wants:
+    if not effect.requires:
         return
-    with pytest.raises(InputError, match=effect.wants[0]):
+    with pytest.raises(InputError, match=effect.requires[0]):
         Model(name)
 
 
@@ -79,20 +79,6 @@ def test_what_calibration_leaves_open(name: str) -> None:
     stated = {"tool-mass", "payload", "sensor-lag"}
     assert name in stated or bool(open_) == bool(effect.calibration_tolerance)
     assert all(case.null[key.split("[")[0]] == 0.0 for key in open_), "calibration is open about nothing"
-
-
-@pytest.mark.parametrize("name", [name for name in IDS if get(name).simpler() is not None])
-def test_a_simpler_form_is_the_effect_with_the_rest_at_null(name: str) -> None:
-    case = example(name)
-    model, signals = case.model, case.signals
-    small = Model(*(effect.simpler() or effect for effect in model.effects))
-    named, fewer = list(model.parameters(signals.layout)), list(small.parameters(signals.layout))
-    assert set(fewer) < set(named)
-    full = dict(zip(named, case.values))
-    for key in set(named) - set(fewer):
-        full[key] = case.null.get(key.split(".")[1], full[key])
-    expected = small.predict(signals, {key: full[key] for key in fewer})
-    np.testing.assert_array_equal(model.predict(signals, full), expected)
 
 
 # ---- predictions ----------------------------------------------------------------------------------------------------
@@ -175,11 +161,11 @@ def contact_models(draw: st.DrawFn, without: frozenset[str] = frozenset()) -> Mo
     base = draw(st.sampled_from(LAWS))
     chosen = draw(st.lists(st.sampled_from([name for name in CONTACT if name not in without]), unique=True, max_size=6))
     names = [base]
-    for name in sorted(chosen, key=lambda name: bool(get(name).wants)):
-        if not get(name).wants or set(get(name).wants) & {*names, *chosen}:
+    for name in sorted(chosen, key=lambda name: bool(get(name).requires)):
+        if not get(name).requires or set(get(name).requires) & {*names, *chosen}:
             names.append(name)
     while True:  # drop what has lost what it wants
-        kept = [name for name in names if not get(name).wants or set(get(name).wants) & set(names)]
+        kept = [name for name in names if not get(name).requires or set(get(name).requires) & set(names)]
         if kept == names:
             return Model(*draw(st.permutations(names)))
         names = kept

@@ -65,7 +65,7 @@ def found_in(shown: Samples) -> dict[str, Detection]:
 
 def test_detectors_are_those_of_the_catalogue() -> None:
     """In the order in which they look."""
-    kinds = sorted((kind for kind in catalogue().values() if kind.detector), key=lambda kind: kind.detection_turn)
+    kinds = sorted((kind for kind in catalogue().values() if kind.detector), key=lambda kind: kind.detection_order)
     assert tuple(kind.id for kind in kinds if kind.id in DETECTORS) == DETECTORS
     assert get("hooke").detect(samples(*load_of("contact"))) is None
     assert get("hooke").unseen(10.0) == ""

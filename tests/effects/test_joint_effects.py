@@ -130,7 +130,7 @@ def test_a_ripple_is_found_by_its_line_over_the_angle(order: float) -> None:
     assert len(found.parameters(layout)) == 5
     assert found.for_log(s) is found
     free = JointTorqueRipple()
-    assert any(abs(start[5] - order) < 0.05 * order for start in free.starts(s))
+    assert any(abs(start[5] - order) < 0.05 * order for start in free.initial_guesses(s))
     assert "never exceeds" in found.implausible({"sine[b,1]": 50.0}, {}, s)
 
 

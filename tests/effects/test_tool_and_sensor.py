@@ -553,13 +553,13 @@ def test_readings_pile_up_where_noise_comes_behind_the_end_of_the_range(noise: f
     cut = np.clip(loads, -18.0, 18.0) + white
     np.testing.assert_allclose(effect.piles(cut), 18.0, atol=0.2 * noise)
     assert np.isnan(effect.piles(loads + white)[[0, 2]]).all()
-    shown, search = effect.marks(cut)
+    shown, search = effect.detected(cut)
     assert (shown == 1e12).all()
     assert np.isnan(search).all()
     exact = np.clip(loads + white, -18.0, 18.0)
-    np.testing.assert_array_equal(effect.marks(exact), np.full((2, 3), 18.0))
+    np.testing.assert_array_equal(effect.detected(exact), np.full((2, 3), 18.0))
     s = dataclasses.replace(signals(t, landing), measured=cut)
-    (start,) = effect.starts(s)
+    (start,) = effect.initial_guesses(s)
     np.testing.assert_allclose(start, 18.0, atol=0.2 * noise)
 
 

@@ -199,7 +199,7 @@ def _references(hidden: Case, found: kinid.Diagnosis, refit: bool) -> dict[str, 
 
 def _with(hidden: Case, names: Iterable[str]) -> float:
     """Held-out error with these added, whatever the evidence."""
-    names = sorted(names, key=lambda name: bool(effects.get(name).wants))
+    names = sorted(names, key=lambda name: bool(effects.get(name).requires))
     found = kinid.diagnose(hidden.log, hidden.rig, model=kinid.Model(*hidden.model), add=names, max_effects=len(names))
     return found.steps[-1].held_out
 

@@ -74,7 +74,7 @@ def test_each_changes_its_own_channel_alone(experiment: Experiment) -> None:
         if why or effect.detector:
             continue
         model = kinid.Model(
-            "rigid-body", *effect.wants[:1], effect.id, *({"joint-torque-gain", "sensor-lag"} - {effect.id})
+            "rigid-body", *effect.requires[:1], effect.id, *({"joint-torque-gain", "sensor-lag"} - {effect.id})
         )
         named = list(model.parameters(layout))
         values = np.array([p.nominal if np.isfinite(p.nominal) else 1.0 for p in model.parameters(layout).values()])

@@ -35,7 +35,7 @@ def starts(name: str, fitting: Fitting, known: dict[str, float]) -> Iterator[Arr
     """Where a search for a new effect begins: nominal, and some of the effect's grid."""
     yield fitting.start(known)
     of = [key for key in fitting.named if key.startswith(f"{name}.")]
-    grid = effects.get(name).starts(fitting.e.signals) if of else ()
+    grid = effects.get(name).initial_guesses(fitting.e.signals) if of else ()
     for values in list(grid)[:: max(1, len(grid) // STARTS)][:STARTS]:
         yield fitting.start(known | dict(zip(of, values)))
 

@@ -32,7 +32,7 @@ class Fitting:
         self.weight = 1.0 / np.maximum(spread, 1e-6 * spread.max() + 1e-12) if weight is None else weight
         marks = [
             (
-                m.marks(getattr(experiment, "raw", experiment.measured)) if m.detector else None,
+                m.detected(getattr(experiment, "raw", experiment.measured)) if m.detector else None,
                 len(m.parameters(experiment.signals.layout)),
             )
             for m in model.effects

@@ -136,7 +136,7 @@ CASES: list[tuple[str, type[Effect]]] = [
     ("gap", law(act=remembered)),
     ("recovery", law(two(linear=False), act=periodic)),
     ("present", law(example=Example(("hooke",), {"damping": 1e-3}))),
-    ("not excited", law(act=without_contact, reaches=True)),
+    ("not excited", law(act=without_contact, acts_outside=True)),
 ]
 
 

@@ -148,7 +148,7 @@ class Case:
     @cached_property
     def rest(self) -> Model:
         """The model without the effect, and without those that need it."""
-        return Model(*(e for e in self.model.effects if e.id != self.name and self.name not in e.wants))
+        return Model(*(e for e in self.model.effects if e.id != self.name and self.name not in e.requires))
 
     @cached_property
     def beside(self) -> Case:
@@ -187,7 +187,7 @@ class Case:
 
     def starts(self) -> Iterator[Array]:
         """Values of all the model's parameters that the effect says a search is worth starting from."""
-        for start in self.effect.starts(self.signals):
+        for start in self.effect.initial_guesses(self.signals):
             full = self.model.nominal(self.signals.layout)
             full[self.places] = start
             yield full

@@ -51,7 +51,9 @@ def _can_act(other: Effect, case: Case) -> bool:
     wrong_log = ("wrench" in other.needs and kind != "wrench") or (("joints" in other.needs) != (kind == "joints"))
     if wrong_log and not (kind != "joints" and not other.needs):
         return False
-    return (not other.wants or bool(set(other.wants) & set(names))) and bool(other.parameters(case.signals.layout))
+    return (not other.requires or bool(set(other.requires) & set(names))) and bool(
+        other.parameters(case.signals.layout)
+    )
 
 
 def _forms(other: Effect, case: Case) -> list[tuple[Model, Array]]:
@@ -62,7 +64,7 @@ def _forms(other: Effect, case: Case) -> list[tuple[Model, Array]]:
     base = next((effect.id for effect in model.effects if effect.base), "")
     null = model[other.id].null_for(base)
     out = []
-    starts = model[other.id].starts(case.signals) or (model.nominal(case.signals.layout)[place],)
+    starts = model[other.id].initial_guesses(case.signals) or (model.nominal(case.signals.layout)[place],)
     for start in starts[:: max(1, -(-len(starts) // MOST_FORMS))]:
         values = np.array([kept.get(key, p.nominal) for key, p in model.parameters(case.signals.layout).items()])
         own = model[other.id].parameters(case.signals.layout)

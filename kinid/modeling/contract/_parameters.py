@@ -73,7 +73,7 @@ def admissible(case: Case) -> str:
         stated = getattr(kind, attribute)
         demand(not stated or known & set(stated), f"{attribute} of {', '.join(stated)}, no parameters of it")
     for name, p in case.own.items():
-        low, high = kind.possible(p) or (-np.inf, np.inf)
+        low, high = kind.admissible_range(p) or (-np.inf, np.inf)
         demand(low < high, f"{name} possible from {low:g} to {high:g}")
         for end, beyond in ((low, low - p.scale), (high, high + p.scale)):
             own = {key: every[f"{case.name}.{key}"] for key in case.own} | {name: beyond}
@@ -93,7 +93,7 @@ def starts(case: Case) -> str:
         demand(FEWEST <= len(values) <= MOST and list(values) == sorted(set(values)), f"{key}: {values} in the grid")
         wrong = [value for value in values if not named[key].low <= value <= named[key].high]
         demand(not wrong, f"{key} = {wrong[:1]} in the grid, outside of its bounds")
-    found = list(effect.starts(case.signals))
+    found = list(effect.initial_guesses(case.signals))
     demand(bool(found) == bool(effect.grid), f"{len(found)} starts for a grid of {len(effect.grid)} parameters")
     _check_starts(case, found)
     return f"{len(found)} starts" if found else "the nominal values serve"

@@ -181,7 +181,7 @@ def order(case: Case) -> str:
     rest, layout = [effect for effect in case.model.effects if effect.id != case.name], case.signals.layout
     beside = []
     for other in map(get, catalogue()):
-        needed = not other.wants or set(other.wants) & set(case.model.names)
+        needed = not other.requires or set(other.requires) & set(case.model.names)
         acts = set(other.stages()) & set(case.effect.stages()) and other.parameters(layout)
         if not needed or not acts or other.base or other.id in case.model:
             continue
@@ -199,6 +199,6 @@ PREDICTION = (
     Rule("null", null, "nothing at its null, more than 0.5 % of readings at true values", "correct `null` or values"),
     Rule("linear", linear, "readings affine in what is marked linear", "mark it linear=False, or set affine = False"),
     Rule("derivatives", derivatives, "smooth in each parameter", "round off kinks, or excite it in the example"),
-    Rule("order", order, "the same before and behind others of its stage", "give it a `turn`: lower turns act first"),
+    Rule("order", order, "the same before and behind others of its stage", "give it an `order`: lower ones act first"),
     Rule("gap", gap, "memory that begins anew where dt = 0 over 10 s", "start its state again where s.dt is zero"),
 )

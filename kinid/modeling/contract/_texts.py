@@ -44,7 +44,7 @@ def signature(case: Case) -> str:
 def confusions(case: Case) -> str:
     """What it is mistaken for and what it needs are effects of the catalogue."""
     kind, known = case.kind, {*catalogue()} - {case.name}
-    for attribute, named in (("confusions", kind.confusions), ("wants", kind.wants)):
+    for attribute, named in (("confusions", kind.confusions), ("requires", kind.requires)):
         unknown = set(named) - known
         demand(not unknown, f"{attribute} of {', '.join(sorted(unknown))}, not in the catalogue")
     for other, apart in kind.confusions.items():
