@@ -204,6 +204,20 @@ def test_an_effect_may_need_another_that_was_found(tester: Tester) -> None:
     assert result.steps[-1].held_out == pytest.approx(NOISE, rel=0.1)
 
 
+def test_three_seconds_are_enough_where_all_is_in_them(relaxing_log: kinid.Log) -> None:
+    """Blocks of a short log are shorter: one touch names its effect; less than 2.5 s is refused with what to record."""
+
+    def first(seconds: float) -> kinid.Log:
+        rows = slice(int(seconds / relaxing_log.period))
+        contact = {name: values[rows] for name, values in relaxing_log.contact.items()}
+        return kinid.Log(t=relaxing_log.t[rows], contact=contact)
+
+    model = kinid.Model("kelvin-voigt", "coulomb-friction")
+    assert kinid.diagnose(first(3.4), RIG, model=model).added == ("relaxation",)
+    with pytest.raises(InputError, match="2.5 s at least"):
+        kinid.diagnose(first(2.0), RIG, model=model)
+
+
 def test_noise_of_the_slip_shakes_no_surface(tester: Tester) -> None:
     """3 µm on each slip: presliding is found, and no anisotropy, which slides along one axis can't show.
 
