@@ -11,7 +11,16 @@ from typing import Any
 
 from kinid.batch.store import Store, address_of, fetched, is_remote
 from kinid.campaign.campaign import Campaign, Member
-from kinid.campaign.files import NO_LOGS, SUFFIXES, NoLogs, Source, is_campaign, names_of, sources
+from kinid.campaign.files import (
+    NO_LOGS,
+    SUFFIXES,
+    NoLogs,
+    Source,
+    is_campaign,
+    names_of,
+    refuse_copies,
+    sources,
+)
 from kinid.data.log import Log, Provenance
 from kinid.data.rig import Rig
 from kinid.errors import InputError
@@ -80,7 +89,12 @@ def items_of(paths: Sequence[str | Path], rig: str | Path | None = None) -> tupl
 
 
 def campaign_of(items: Sequence[Item], sharing: dict[str, str], elsewhere: Elsewhere | None = None) -> Campaign:
-    """The same logs as a campaign, whose visits are worked out elsewhere where that is given."""
+    """The same logs as a campaign, whose visits are worked out elsewhere where that is given.
+
+    Raises:
+        InputError: a log that is there twice; of those far away, one address.
+    """
+    refuse_copies([Path(item.address) for item in items if not is_remote(item.address)])
     return Campaign.of([Member.of(item.name, item.columns, item.rig, item) for item in items], sharing, elsewhere)
 
 

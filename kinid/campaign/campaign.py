@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kinid.campaign.files import Source, names_of, sources
+import numpy as np
+
+from kinid.campaign.files import Source, names_of, refuse_copies, sources
 from kinid.contact.series import ContactSeries
 from kinid.data.log import Log
 from kinid.data.rig import Rig
@@ -82,6 +85,7 @@ class Campaign:
         ways: dict[str, str] = {}
         if paths:
             found, ways = sources(paths, Path(rig) if isinstance(rig, str | Path) else None)
+            refuse_copies([source.path for source in found])
             self._members = _of_files(found, rig if isinstance(rig, Rig) else None)
         else:
             known = Rig.load(rig) if isinstance(rig, str | Path) else rig
@@ -179,6 +183,7 @@ def _of_files(found: Sequence[Source], rig: Rig | None) -> list[Member]:
 
 def _of_data(logs: Sequence[Data], rig: Rig | None) -> list[Member]:
     out = []
+    _refuse_same(logs)
     for i, log in enumerate(logs):
         if not isinstance(log, Log | ContactSeries):
             raise InputError(
@@ -188,6 +193,25 @@ def _of_data(logs: Sequence[Data], rig: Rig | None) -> list[Member]:
 
         out.append(Member.of(f"log {i + 1}", {}, own or Rig(), partial(_given, log, own)))
     return out
+
+
+def _refuse_same(logs: Sequence[Data]) -> None:
+    """Refuse a log that is there twice, as files are (`refuse_copies`)."""
+    seen: dict[bytes, int] = {}
+    for i, log in enumerate(logs):
+        if not isinstance(log, Log | ContactSeries):
+            continue
+        digest = hashlib.sha256()
+        for name, column in log.columns().items():
+            digest.update(name.encode())
+            digest.update(np.ascontiguousarray(column).tobytes())
+        first = seen.setdefault(digest.digest(), i)
+        if first != i:
+            raise InputError(
+                f"the same log twice, as numbers {first + 1} and {i + 1} of the campaign",
+                "each log once: counted twice, it makes intervals too narrow",
+                "leave one of them out",
+            )
 
 
 def _read(path: Path, rig: Rig) -> tuple[Data, Rig | None]:

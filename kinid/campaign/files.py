@@ -18,6 +18,9 @@ day = "2026-03-02"
 
 from __future__ import annotations
 
+import filecmp
+import hashlib
+import os
 import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -28,6 +31,8 @@ from kinid.errors import InputError, near
 #: files of logs in a folder, and folders in it that hold none
 SUFFIXES = (".parquet", ".csv", ".csv.gz", ".npz", ".mat", ".mcap", ".bag")
 NO_LOGS = ("truth", "streams")
+#: bytes at a file's end that tell most files apart
+END = 65536
 #: what marks a folder as one ROS 2 bag, and as a campaign
 BAG, CAMPAIGN = "metadata.yaml", "campaign.toml"
 
@@ -63,6 +68,9 @@ def sources(paths: Sequence[Path], rig: Path | None = None) -> tuple[list[Source
     """
     out: dict[Path, Source] = {}
     sharing: dict[str, str] = {}
+    if len(set(paths)) < len(paths):
+        twice = next(path for path in paths if list(paths).count(path) > 1)
+        raise InputError(f"{twice} named twice", "each log once", "name it once")
     for given in paths:
         path = given / CAMPAIGN if given.is_dir() and (given / CAMPAIGN).is_file() else given
         if path.suffix.lower() == ".toml":
@@ -76,6 +84,32 @@ def sources(paths: Sequence[Path], rig: Path | None = None) -> tuple[list[Source
             raise InputError(f"no log at {path}", "logs, a folder of logs, or a campaign.toml", "correct the name")
         out |= {source.path: source for source in found}
     return list(out.values()), sharing
+
+
+def refuse_copies(paths: Sequence[Path]) -> None:
+    """Refuse a log that is there twice, as a copy or by a link: it would count as two that agree.
+
+    Only files of one size and with one end, where the formats keep checksums or the last rows, are read as a whole.
+
+    Raises:
+        InputError: the names of both.
+    """
+    alike: dict[tuple[int, bytes], list[Path]] = {}
+    for path in paths:
+        if not path.is_file() or not os.access(path, os.R_OK):  # a bag of several files; or reading it says why
+            continue
+        with path.open("rb") as file:
+            size = file.seek(0, os.SEEK_END)
+            file.seek(max(0, size - END))
+            others = alike.setdefault((size, hashlib.sha256(file.read()).digest()), [])
+        for other in others:
+            if path.samefile(other) or filecmp.cmp(path, other, shallow=False):
+                raise InputError(
+                    f"the same log twice, {other} and {path}",
+                    "each log once: counted twice, it makes intervals too narrow",
+                    "leave one of them out",
+                )
+        others.append(path)
 
 
 def names_of(paths: Sequence[Path]) -> list[str]:

@@ -21,7 +21,7 @@ from kinid.identification.fitted import FittedParameter
 #: a log without a touch that stays so far from the surface [m] was probably not meant
 FAR_AWAY = 0.1
 #: steps of an analysis that are shown
-SHOWN_STEPS = ("surface", "wrench", "differentiate")
+SHOWN_STEPS = ("surface", "wrench", "differentiate", "left out")
 
 
 def console() -> Console:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.contact.doubts import contact_doubts
+from kinid.contact.doubts import contact_doubts, left_out
 from kinid.contact.series import ContactSeries, contact_series, tip_motion
 from kinid.data.log import Log, Provenance, Step
 from kinid.data.rig import CONTACT, Rig
@@ -104,10 +104,20 @@ def analyse(
         # the bias that motion clear of the surface has shown serves the torques too
         known = bias if contact is None or contact.bias is None else contact.bias.tolist()
         torques = joint_torques(log, rig, robot=robot, bias=known, differentiator=differentiator)
+    if contact is None and tip is None and torques is None and robot is not None:
+        raise InputError(
+            f"a rig without [surface] and {robot.name} without the frames 'tool_tip' and 'ft_sensor'",
+            "the contact point and the sensor's frame",
+            f"name [robot] tip_frame and sensor_frame, at the end of the arm: {', '.join(robot.end_frames)}; with "
+            "[surface] point and normal there are contact-frame quantities",
+        )
     made = contact or torques
     provenance = made.provenance if made else log.provenance
     if made is None and tip is not None:
         provenance = provenance.after(*tip.steps)
+    absent = left_out(log, rig, robot)
+    if absent is not None:
+        provenance = provenance.after(absent)
     doubts = contact_doubts(log, rig, robot, contact)
     if doubts:
         provenance = provenance.after(Step("doubts", {}, tuple(doubts)))

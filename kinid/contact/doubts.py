@@ -1,25 +1,20 @@
-"""What speaks against a log and its rig together, before any model of the material: a sentence each, with its remedy.
-
-The force in free motion is asked against the tool's load s = Rᵀ (g − a) per unit of mass, which turns with the wrist:
-f = m P s + b, with a constant bias b. Its slope m is the mass that the sensor reads, and P, a permutation of the axes
-with signs, says which of them are exchanged, turned or left-handed. One posture tells none of these from a bias.
-"""
+"""What speaks against a log and its rig together, before any model of the material: sentences with their remedies."""
 
 from __future__ import annotations
-
-from itertools import permutations, product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinid.contact.series import ContactSeries
-from kinid.data.log import Log
-from kinid.data.rig import Rig, ToolSpec
-from kinid.robotics.motion import joint_motion
+from kinid.contact.tool_doubts import FEWEST, FORCES, MOMENTS, tool_doubts
+from kinid.data.log import Log, Step
+from kinid.data.rig import WRENCH, Rig
 from kinid.robotics.robot import Robot
-from kinid.robotics.wrench import tool_load
+from kinid.signal.noise import white_noise
+from kinid.signal.stuck import constant, frozen, noisy
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 #: no tool pokes deeper than this [m]
 DEEPEST = 0.3
@@ -27,19 +22,11 @@ DEEPEST = 0.3
 FULL = 0.99
 #: time between samples of a log of touches [s] beyond which its unit is doubted
 SLOWEST = 0.2
-#: samples of free motion, at least; more than the second number change nothing
-FEWEST, MOST = 100, 5000
-#: directions of the tool's weight that tell: rms of its turning, as a share of gravity
-TURNING = 0.05
-#: a mass is doubted beyond this share of it, this much [kg], and this many standard errors
-MASS_SHARE, MASS_LEAST, ERRORS = 0.1, 0.03, 5.0
-#: another order of the axes explains free motion so many times better (ratio of residual sums of squares)
-BETTER = 0.1
-#: in one posture: a reading so many times the tool's weight, and beyond this [N], is of another unit
-TIMES, LARGE = 30.0, 100.0
-#: factors of units of force, and how [columns] states them
-UNITS = {1e3: "mN", 1e-3: "kN", 1 / 9.80665: "kgf", 1e3 / 9.80665: "gf", 1 / 4.4482216: "lbf"}
-AXES = ("fx", "fy", "fz")
+#: joints stood still through touches whose force changed by so many times its noise
+TOUCHED = 30.0
+#: a normal is turned where forces outside the surface are so many times those inside, where they follow the depth with
+#: this correlation, and where this share of what is far from the surface is inside
+OUTSIDE, FOLLOWS, FAR = 3.0, 0.5, 0.9
 
 
 def contact_doubts(log: Log, rig: Rig, robot: Robot | None, touch: ContactSeries | None) -> list[str]:
@@ -50,7 +37,8 @@ def contact_doubts(log: Log, rig: Rig, robot: Robot | None, touch: ContactSeries
     """
     if log.q is None or robot is None:
         return []
-    out = [*_beyond_joints(log, robot), *_beyond_range(log, rig)]
+    stuck = _stuck(log)
+    out = [*stuck, *_beyond_joints(log, robot), *_beyond_range(log, rig)]
     if touch is not None:
         deepest = float(np.nanmax(touch.depth)) if np.isfinite(touch.depth).any() else 0.0
         if deepest > DEEPEST:
@@ -63,7 +51,8 @@ def contact_doubts(log: Log, rig: Rig, robot: Robot | None, touch: ContactSeries
                 f"{log.period:.3g} s between samples of a touch: is the time in another unit? Say so in [columns] of "
                 'the rig: t = { unit = "ms" }'
             )
-        out += _free_motion(log, rig, robot, touch)
+    # each of these would show as one of those behind it
+    out += stuck or (_turned_normal(rig, touch) if touch is not None else []) or tool_doubts(log, rig, robot, touch)
     return out + _not_read(log)
 
 
@@ -91,95 +80,113 @@ def _beyond_range(log: Log, rig: Rig) -> list[str]:
         return []
     size = np.abs(np.where(np.isfinite(log.wrench), log.wrench, 0.0))
     out = []
-    for name, unit, most, column in zip((*AXES, "tx", "ty", "tz"), 3 * ["N"] + 3 * ["N·m"], rig.sensor.range, size.T):
+    for name, unit, most, column in zip(WRENCH, 3 * ["N"] + 3 * ["N·m"], rig.sensor.range, size.T):
         share = float(np.mean(column >= FULL * most))
         if share > 0.0:
             out.append(
-                f"{name} reaches {column.max():.4g} {unit}, its range is {most:g} ({100 * share:.2g} % of samples): "
+                f"{name} reaches {column.max():.4g} {unit}, its range is {most:g} ({100 * share:.3g} % of samples): "
                 "what is cut off is wrong; or [sensor] range is another's, or the wrench is in another unit, as "
                 f"{'mN' if unit == 'N' else 'Nmm'}"
             )
     return out[:2]
 
 
-def _free_motion(log: Log, rig: Rig, robot: Robot, touch: ContactSeries) -> list[str]:
-    """Whether the force in free motion is the load of the rig's tool."""
-    tool = rig.tool
-    if log.wrench is None or robot.sensor_frame is None or tool is None or tool.mass <= 0:
+def _stuck(log: Log) -> list[str]:
+    """The sensor, one of its channels, or the joints stand still while others show that they were not at rest."""
+    if log.wrench is None or log.q is None or len(log) < FEWEST or not log.valid.any():
         return []
-    clear = ~touch.in_contact & touch.valid & (touch.depth < 0) & np.isfinite(log.wrench).all(axis=1)
-    rows = np.flatnonzero(clear)
-    if len(rows) < FEWEST:
-        return []
-    rows = rows[:: 1 + len(rows) // MOST]
-    motion = joint_motion(log, robot)
-    kinematics = robot.kinematics(robot.sensor_frame, motion.q[rows], motion.dq[rows], motion.ddq[rows])
-    load = tool_load(ToolSpec(mass=1.0, com=tool.com), kinematics, robot.gravity)[:, :3]
-    force = np.asarray(log.wrench)[rows, :3]
-    if rig.sensor.wrench_frame == "base":
-        force = np.einsum("nji,nj->ni", kinematics.rotation, force)
-    weight = tool.mass * float(np.linalg.norm(robot.gravity))
-    turning = load - load.mean(axis=0)
-    if np.sqrt(np.mean(np.sum(turning**2, axis=1))) < TURNING * np.linalg.norm(robot.gravity):
-        level = float(np.linalg.norm(np.median(force, axis=0)))
-        if rig.sensor.bias is None and level > max(TIMES * weight, LARGE):
-            return [
-                f"{level:.3g} N in free motion, where the tool weighs {weight:.3g} N: is the wrench in another unit? "
-                'Say so in [columns] of the rig: wrench = { unit = "mN" }'
-            ]
-        return []
-    return _of_turning(force - force.mean(axis=0), turning, tool.mass)
+    dead = constant(log.wrench)
+    if dead.all():
+        return [
+            "the wrench never changes: was the sensor on? Name its columns in [columns] of the rig, or leave them out "
+            "of the log"
+        ]
+    return _dead_channels(log.wrench, dead) or _frozen(log, log.q, log.wrench)
 
 
-def _of_turning(force: Array, load: Array, mass: float) -> list[str]:
-    """What the change of the force says, (n, 3), beside that of the load of 1 kg, (n, 3)."""
-    order = _order(force, load, mass)
-    if order is not None:
-        return [order]
-    size = float(np.sum(load**2))
-    read = float(np.sum(force * load)) / size
-    left = force - read * load
-    # samples of a slow motion hang together: the error of each axis is taken for one of a few independent ones
-    error = float(np.sqrt(np.mean(left**2) * 3.0 / size * max(len(load) / FEWEST, 1.0)))
-    if abs(read - mass) <= max(MASS_SHARE * mass, MASS_LEAST, ERRORS * error):
-        return []
-    for times, unit in UNITS.items():
-        if abs(read / (times * mass) - 1.0) < MASS_SHARE:
+def _dead_channels(wrench: Array, dead: Mask) -> list[str]:
+    """Channels that never change, (6,), beside others of their kind that show noise."""
+    for names, part in ((FORCES, slice(0, 3)), (MOMENTS, slice(3, 6))):
+        still = [name for name, one in zip(names, dead[part]) if one]
+        # moments that are all zero stand for a sensor of forces alone
+        if not still or (len(still) == 3 and not np.nan_to_num(wrench[:, part]).any()):
+            continue
+        live = wrench[:, part][:, ~dead[part]] if len(still) < 3 else wrench[:, ~dead]
+        if all(noisy(channel) for channel in live.T):
             return [
-                f"in free motion the sensor reads {read / mass:.3g} times the tool's weight: the wrench is in {unit}? "
-                f'Say so in [columns] of the rig: wrench = {{ unit = "{unit}" }}'
+                f"{' and '.join(still)} never change{'s' * (len(still) == 1)}, where the sensor's other channels show "
+                "noise: a dead channel, or another column; name it in [columns] of the rig"
             ]
+    return []
+
+
+def _frozen(log: Log, q: Array, wrench: Array) -> list[str]:
+    """Joints that never move while the force changes, or a wrench that repeats itself while they do."""
+    largest = int(np.argmax(np.ptp(wrench[log.valid, :3], axis=0)))
+    force = wrench[log.valid, largest]
+    if constant(q).all() and np.ptp(force) > TOUCHED * white_noise(force) > 0.0:
+        return [
+            f"the joints never change, where {FORCES[largest]} does by {np.ptp(force):.3g} N: the robot's state was "
+            "not read; record it anew, or name its columns in [columns] of the rig"
+        ]
+    moved = np.r_[False, (np.diff(q, axis=0) != 0.0).any(axis=1)]
+    held = frozen(log.t, wrench, moved) if noisy(force) else None
+    if held is None:
+        return []
     return [
-        f"in free motion the sensor reads a tool of {read:.3g} ± {2 * error:.2g} kg, the rig says {mass:g} kg: correct "
-        "[tool] mass; or the tool's parts beyond the sensor are others, or the sensor's gain is"
+        f"the wrench repeats one reading for {held[1]:.2g} s from {held[0]:.4g} s on, while the joints move: the "
+        "sensor's stream stood still; leave the wrench of these rows empty, or record anew"
     ]
 
 
-def _order(force: Array, load: Array, mass: float) -> str | None:
-    """Another order or sign of the axes that explains free motion far better, in words; None where there is none.
-
-    Only one that nothing else equals is named; of a tool that turns about one axis several may be as good.
+def _turned_normal(rig: Rig, touch: ContactSeries) -> list[str]:
+    """Whether the normal points into the material: the tool is inside where it is far away and feels nothing, and
+    outside where it is pushed, along the normal turned round.
     """
-    as_is = float(np.sum((force - mass * load) ** 2))
-    errors = {}
-    for axes in permutations(range(3)):
-        for signs in product((1.0, -1.0), repeat=3):
-            errors[axes, signs] = float(np.sum((force - mass * load[:, axes] * signs) ** 2))
-    (axes, signs), least = min(errors.items(), key=lambda pair: pair[1])
-    if least > BETTER * as_is or (axes == (0, 1, 2) and min(signs) > 0):
+    rows = touch.valid & np.isfinite(touch.normal_force)
+    depth, force = touch.depth[rows], touch.normal_force[rows]
+    inside = depth > 0.0
+    if rig.surface is None or min(int(inside.sum()), int((~inside).sum())) < FEWEST:
+        return []
+    far = np.abs(depth) > 0.5 * np.abs(depth).max()
+    rest = force - np.median(force[inside])
+    still, pushed = float(np.sqrt(np.mean(rest[inside] ** 2))), rest[~inside]
+    loaded = pushed[np.abs(pushed) > OUTSIDE * still]
+    if (
+        np.mean(inside[far]) < FAR
+        or np.sqrt(np.mean(pushed**2)) < OUTSIDE * still
+        or np.mean(loaded < 0.0) < FAR
+        or not np.corrcoef(depth[~inside], pushed)[0, 1] > FOLLOWS
+    ):
+        return []
+    normal = rig.surface.normal
+    mend = (
+        "turn the mesh's faces outward"
+        if normal is None
+        else f"turn it in the rig: normal = [{', '.join(f'{-x:g}' for x in normal)}]".replace("-0,", "0,").replace(
+            "-0]", "0]"
+        )
+    )
+    return [
+        f"{-pushed.min():.3g} N against the normal at negative depths, and none up to {1e3 * depth.max():.3g} mm "
+        f"inside: [surface] normal points into the material, not out of it; {mend}"
+    ]
+
+
+def left_out(log: Log, rig: Rig, robot: Robot | None) -> Step | None:
+    """What isn't computed of a log with joints, because its rig has no [surface] and its robot not all frames."""
+    if log.q is None or robot is None or rig.surface is not None:
         return None
-    names = ", ".join(
-        f"{AXES[i]} is {'−' if sign < 0 else ''}{AXES[k]}" for i, (k, sign) in enumerate(zip(axes, signs))
-    )
-    alone = sum(error < 2.0 * least + 1e-12 for error in errors.values()) == 1
-    handed = np.linalg.det(np.eye(3)[list(axes)] * np.array(signs)) < 0
-    return (
-        f"gravity in free motion is explained {as_is / max(least, 1e-12):.3g} times better where "
-        + (names if alone else f"axes are exchanged or turned, as {names}")
-        + (", which is left-handed" if handed and alone else "")
-        + ": name forces and torques in their order in [columns] of the rig, with scale = -1 where one is turned, or "
-        "correct [robot] sensor_frame"
-    )
+    frames, name = ", ".join(robot.end_frames), robot.name
+    if robot.tip_frame is None and robot.sensor_frame is None:
+        what, named = "tip motion and force", "'tool_tip' and no 'ft_sensor'; name [robot] tip_frame and sensor_frame"
+    elif log.wrench is not None and robot.sensor_frame is None:
+        what, named = "force", "'ft_sensor'; name [robot] sensor_frame"
+    elif robot.tip_frame is None:
+        what, named = "tip motion (that of the sensor stands for it)", "'tool_tip'; name [robot] tip_frame"
+    else:
+        return None
+    return Step("left out", {"quantities": what, "because": f"{name} has no {named}, of {frames}"})
 
 
 def _not_read(log: Log) -> list[str]:

@@ -33,6 +33,9 @@ DEPTH_UNIT = 'in [columns] of the rig: depth = { unit = "mm" }'
 TURN = "normal_force = { scale = -1 } in [columns] of the rig turns it"
 TURN_TANGENTIAL = "tangential_force1 and tangential_force2 = { scale = -1 } in [columns] of the rig turn it"
 TURN_DEPTH = "depth = { scale = -1 } in [columns] of the rig turns it"
+#: … where both were worked out from joints and a wrench
+TURN_WRENCH = "wrench = { scale = -1 } in [columns] of the rig turns the sensor's, if [surface] normal points out of it"
+TURN_NORMAL = "turn [surface] normal, which points out of the material"
 #: a direction of slip turns where each of its components varies by this much
 TURNS = 0.2
 #: a reading that is so many times what this share of all stay within is none
@@ -89,7 +92,7 @@ def _signs(experiment: Experiment) -> Iterator[str]:
     if strongest is not None:
         yield (
             f"a force of {strongest:.3g} N where the depth is negative, and next to none inside: is its sign turned? "
-            f"It is positive inside the material; {TURN_DEPTH}"
+            f"It is positive inside the material; {TURN_NORMAL if _of_joints(experiment) else TURN_DEPTH}"
         )
     if along is not None:
         yield (
@@ -99,7 +102,7 @@ def _signs(experiment: Experiment) -> Iterator[str]:
     if lowest is not None:
         yield (
             f"the normal force falls to {lowest:.3g} N as the tool goes deeper: is its sign turned? It is positive "
-            f"where the material pushes the tool out; {TURN}"
+            f"where the material pushes the tool out; {TURN_WRENCH if _of_joints(experiment) else TURN}"
         )
 
 
@@ -155,7 +158,7 @@ def refuse_signs(experiment: Experiment, needs: Collection[str]) -> None:
         raise InputError(
             f"a normal force that falls to {lowest:.3g} N as the tool goes deeper",
             "one that is positive where the material pushes the tool out",
-            TURN,
+            TURN_WRENCH if _of_joints(experiment) else TURN,
         )
     along = drives(experiment) if "slip" in needs else None
     if along is not None:
@@ -169,7 +172,7 @@ def refuse_signs(experiment: Experiment, needs: Collection[str]) -> None:
         raise InputError(
             f"a force of {outside:.3g} N where the depth is negative, and next to none inside",
             "a depth that is positive inside the material",
-            TURN_DEPTH,
+            TURN_NORMAL if _of_joints(experiment) else TURN_DEPTH,
         )
 
 
@@ -258,3 +261,9 @@ def _crossed(experiment: Experiment) -> bool:
 def _force(experiment: Experiment) -> Array | None:
     """Normal force of a log of contact quantities, (n,)."""
     return experiment.normal_force if experiment.layout.kind == "contact" else None
+
+
+def _of_joints(experiment: Experiment) -> bool:
+    """Whether depth and force were worked out from joints and a wrench, and not logged."""
+    touch = experiment.touch
+    return touch is not None and touch.source is not None and touch.source[0].q is not None

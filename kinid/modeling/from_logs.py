@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.contact.doubts import contact_doubts
 from kinid.contact.flag import force_noise
 from kinid.contact.series import ContactSeries, contact_series
 from kinid.data.log import Log, Mask
@@ -71,7 +72,7 @@ def from_contact(touch: ContactSeries, channels: tuple[str, ...]) -> Experiment:
         rows,
         touch=touch,
         drawn=SeriesDraws(*touch.source) if touch.source is not None and touch.smoothed else None,
-        warnings=touch.warnings,
+        warnings=_doubts(touch),
     )
 
 
@@ -115,7 +116,8 @@ def from_wrench(
     moving, reading = _read(log, rig, robot, motion, touch, trust_wrench)
     rows = np.flatnonzero(moving)
     t, dt = clock(log.t, rows, "joint motion", log.provenance.source)
-    sensor, warnings = sensor_motion(robot, rig, motion, rows, surface), motion.warnings
+    sensor = sensor_motion(robot, rig, motion, rows, surface)
+    warnings = (*motion.warnings, *contact_doubts(log, rig, robot, touch))
     del motion  # the largest of all
     stated = _removed(bias, rig, reading.bias)
     as_read = AsRead.stated(reading.inverse_crosstalk, stated)
@@ -130,6 +132,14 @@ def from_wrench(
     valid, phase = counts & ~forgotten(t, touching), _named(log.phase, rows)
     drawn = SeriesDraws(log, rig) if differentiator is None else None
     return Experiment(signals, measured, valid, noise, phase, touching, rows, drawn=drawn, warnings=warnings)
+
+
+def _doubts(touch: ContactSeries) -> tuple[str, ...]:
+    """Where contact quantities contradict each other, and the log that they come from its rig."""
+    if touch.source is None or touch.source[0].q is None:
+        return touch.warnings
+    log, rig = touch.source
+    return (*touch.warnings, *contact_doubts(log, rig, Robot.load(rig), touch))
 
 
 def _read(

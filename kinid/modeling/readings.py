@@ -151,7 +151,7 @@ def check_excitation(model: Model, experiment: Experiment) -> list[str]:
         InputError: too few samples in contact, depth that is never positive, or an input that doesn't change.
     """
     if "normal" not in model.needs or experiment.layout.kind == "joints":
-        return []
+        return list(experiment.warnings)
     depth = experiment.signals.depth[experiment.valid]
     inside = depth > 0
     if not inside.any():
@@ -181,7 +181,7 @@ def check_excitation(model: Model, experiment: Experiment) -> list[str]:
                 "a force that the depth changes",
                 "check the sensor, and which column the force is read from",
             )
-    return warnings_of(experiment)
+    return [*experiment.warnings, *warnings_of(experiment)]
 
 
 def refuse_inactive_effects(model: Model, experiment: Experiment) -> None:

@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 
 #: frames that are taken where the rig names none and the robot has them
 DEFAULT_SENSOR_FRAME, DEFAULT_TIP_FRAME = "ft_sensor", "tool_tip"
+#: no joint of an arm is further from the one before it [m]: a URDF that says so is in millimetres
+LONGEST_LINK = 20.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +141,7 @@ class Robot:
         frames = [frame.name for frame in full.frames]
         sensor_frame = _frame(sensor_frame, DEFAULT_SENSOR_FRAME, frames, "sensor_frame", name)
         tip_frame = _frame(tip_frame, DEFAULT_TIP_FRAME, frames, "tip_frame", name)
+        _refuse_millimetres(full, path)
         movable = [full.names[j] for j in range(1, full.njoints) if full.joints[j].nv == 1]
         if joints is None:
             end = tip_frame or sensor_frame
@@ -281,7 +284,7 @@ class Robot:
             raise InputError(
                 f"[tool] on {self.name} without a sensor frame",
                 "the frame that [tool] com is in",
-                "name [robot] sensor_frame",
+                f"name [robot] sensor_frame, at the end of the arm: {', '.join(self.end_frames)}",
             )
         model = self.model.copy()
         frame = self.frame(self.sensor_frame)
@@ -332,6 +335,18 @@ class Robot:
 
     def _parent(self, frame: str) -> int:
         return int(self.frame(frame).parentJoint)
+
+
+def _refuse_millimetres(model: pin.Model, path: Path) -> None:
+    """Refuse links longer than any arm's; where the first joint stands in the world is another matter."""
+    for j in range(2, model.njoints):
+        length = float(np.linalg.norm(model.jointPlacements[j].translation))
+        if model.parents[j] > 0 and length > LONGEST_LINK:
+            raise InputError(
+                f"{length:.4g} m from joint '{model.names[model.parents[j]]}' to '{model.names[j]}' in {path}",
+                f"links in metres, of {LONGEST_LINK:g} m at most",
+                "divide the xyz of its origins by 1000, if it is in millimetres",
+            )
 
 
 def _frame(name: str | None, default: str, frames: Sequence[str], key: str, robot: str) -> str | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -20,8 +20,13 @@ Bias = Literal["auto", "none"] | Sequence[float]
 
 #: samples of free motion that make a bias, at least and at most: more change the median by less than the noise
 FEWEST_FREE, MOST_FREE = 20, 20_000
-#: how much better a wrong reading must explain gravity before it is called one (ratio of residual sums of squares)
-SUSPICION = 0.1
+#: how much better a wrong reading must explain gravity before it is called one (ratio of residual sums of squares),
+#: and what share of the force it may leave: a tool of another mass, or a dead sensor, is no question of axes
+SUSPICION, LEFT = 0.1, 0.5
+#: a touch shows which way it pushes where its force is so many times what is left in free motion
+PUSHES = 10.0
+#: rows in which a touch is looked for
+LOOKED_AT = 5000
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +93,7 @@ def read_wrench(
         raise InputError(
             f"a wrench without the frame it is measured in ({robot.name} has no 'ft_sensor')",
             "the sensor's frame",
-            "name it in [robot] sensor_frame",
+            f"name it in [robot] sensor_frame, at the end of the arm: {', '.join(robot.end_frames)}",
         )
     wrench = np.asarray(log.wrench)
     if rig.sensor.wrench_frame == "base":
@@ -112,6 +117,7 @@ def read_wrench(
                 rig.tool.mass * float(np.linalg.norm(robot.gravity)),
                 rig.sensor.wrench_frame,
                 log.provenance.source,
+                lambda: _gravity_is_turned(Reading(wrench, inverse, offset, {}), rig, robot, motion, usable),
             )
         if not origin:
             offset, origin = np.median(wrench[usable] - load @ crosstalk.T, axis=0), "median of free motion"
@@ -141,7 +147,15 @@ def given_bias(bias: Bias, rig: Rig) -> tuple[Array, str]:
     return np.zeros(6), "none" if bias == "none" else ""
 
 
-def refuse_contradicted(force: Array, weight: Array, rotation: Array, scale: float, frame: str, where: str) -> None:
+def refuse_contradicted(
+    force: Array,
+    weight: Array,
+    rotation: Array,
+    scale: float,
+    frame: str,
+    where: str,
+    gravity_is_turned: Callable[[], bool | None] = lambda: None,
+) -> None:
     """Ask gravity whether the wrench has the sign and the axes of the log format.
 
     Four readings are tried on free motion: as it is, with the opposite sign, in the other axes, and both. With turning
@@ -151,6 +165,7 @@ def refuse_contradicted(force: Array, weight: Array, rotation: Array, scale: flo
         force: measured, sensor axes [N], (n, 3). weight: the tool's load predicted there, (n, 3).
         rotation: sensor to base, (n, 3, 3). scale: weight of the tool [N].
         frame: the axes the rig says the log has. where: the log's name.
+        gravity_is_turned: asked where the sign is wrong, whether it is gravity's; None where nothing tells.
 
     Raises:
         InputError: another reading explains free motion more than ten times better.
@@ -163,33 +178,80 @@ def refuse_contradicted(force: Array, weight: Array, rotation: Array, scale: flo
         f"as axes of the {other}": turned,
         f"as axes of the {other} with the opposite sign": -turned,
     }
-    spread = float(np.sqrt(np.mean(np.sum((weight - weight.mean(axis=0)) ** 2, axis=1))))
-    # turning tells, whatever the bias: it is a constant
-    errors = {name: _spread(force - load) for name, load in readings.items()}
-    present = _spread(force - weight)
-    if spread < 0.02 * scale or min(errors.values()) >= SUSPICION * present:
-        if spread > 0.2 * scale:
-            return
-        # the little turning that there may be must not speak against a reading
-        errors = {
-            name: float(np.sum((force - load).mean(axis=0) ** 2))
-            for name, load in readings.items()
-            if errors[name] <= 1.1 * present
-        }
-        present = float(np.sum((force - weight).mean(axis=0) ** 2))
-        if not errors or present < (1.5 * scale) ** 2 or min(errors.values()) >= SUSPICION * present:
-            return
+    found = _contradicting(force, weight, readings, scale)
+    if found is None:
+        return
+    present, errors = found
     best = min(errors, key=lambda name: errors[name])
     same = [name for name, error in errors.items() if error < 1.2 * errors[best] + 1e-12]
-    remedies = ["turn the sign with [columns] wrench = { scale = -1 }"] if any("sign" in name for name in same) else []
+    turned_sign = any("sign" in name for name in same)
+    upward = gravity_is_turned() if best == "with the opposite sign" else None
+    remedies = ["turn the sign with [columns] wrench = { scale = -1 }"] if turned_sign and not upward else []
+    remedies += ["correct [robot] gravity: by the way that touches push it is its sign"] if upward else []
     remedies += [f'say [sensor] wrench_frame = "{other}"'] if any("axes" in name for name in same) else []
     raise InputError(
         f"a wrench in {where} that gravity in free motion explains {present / max(errors[best], 1e-12):.3g} times "
         f"better {' or '.join(same)}",
         f"loads on the tool in {frame} axes: at rest in the air a tool reads m·Rᵀ·g",
-        f"{' or '.join(remedies)}; a base that is tilted or hung needs [robot] gravity; --trust-wrench passes it as it "
-        f"is",
+        f"{' or '.join(remedies)}; "
+        + ("" if upward is not None else "a base that is tilted or hung needs [robot] gravity; ")
+        + "--trust-wrench passes it as it is",
     )
+
+
+def _contradicting(
+    force: Array, weight: Array, readings: Mapping[str, Array], scale: float
+) -> tuple[float, dict[str, float]] | None:
+    """Mean squares that the loads of other readings leave of the force where one is far better; before, what `weight`
+    leaves [N²]. None where none is.
+    """
+    spread, turning = _spread(weight), _spread(force)
+    own = float(np.sum((force - force.mean(axis=0)) * (weight - weight.mean(axis=0)))) / len(force)
+    turned_alike = own > 0.0 and turning - own**2 / spread < SUSPICION * turning
+    dead = turning <= 1e-18 * float(np.mean(force**2))
+    if dead or turned_alike:  # a dead sensor, or a tool of another mass: no question of axes and sign
+        return None
+    # turning tells, whatever the bias: it is a constant
+    errors = {name: _spread(force - load) for name, load in readings.items()}
+    present = _spread(force - weight)
+    if spread >= (0.02 * scale) ** 2 and min(errors.values()) < SUSPICION * present:
+        return present, errors
+    if spread > (0.2 * scale) ** 2:
+        return None
+    # the little turning that there may be must not speak against a reading
+    level, left = (float(np.sum(mean.mean(axis=0) ** 2)) for mean in (force, force - weight))
+    means = {
+        name: float(np.sum((force - load).mean(axis=0) ** 2))
+        for name, load in readings.items()
+        if errors[name] <= 1.1 * present
+    }
+    far = left >= (1.5 * scale) ** 2 and min(means.values(), default=np.inf) < min(SUSPICION * left, LEFT * level)
+    return (left, means) if far else None
+
+
+def _gravity_is_turned(
+    reading: Reading, rig: Rig, robot: Robot, motion: JointMotion, free: NDArray[np.int64]
+) -> bool | None:
+    """Whether it is gravity's sign that is wrong and not the wrench's, where one of them is; None where nothing tells.
+
+    Either way the force in free motion is the tool's predicted load turned round; but a touch then pushes out of the
+    material in the one case, and into it in the other.
+
+    Args:
+        reading: of the sensor. rig: whose plane is touched. robot, motion: of the log. free: rows in free motion.
+    """
+    if rig.axes is None:
+        return None
+    rows = np.union1d(np.arange(0, len(motion.q), 1 + len(motion.q) // LOOKED_AT), free)
+    kinematics = robot.kinematics(robot.sensor_frame or "", motion.q[rows], motion.dq[rows], motion.ddq[rows])
+    unexplained = (reading.true()[rows] + tool_load(rig.carried, kinematics, robot.gravity))[:, :3]
+    push = np.einsum("nij,nj,i->n", kinematics.rotation, unexplained, rig.axes[2])
+    in_air = push[np.isin(rows, free)]
+    push = push[np.isfinite(push)] - np.nanmedian(in_air)
+    strongest = float(push[np.argmax(np.abs(push))])
+    if abs(strongest) < PUSHES * float(np.nanstd(in_air)):
+        return None
+    return strongest > 0.0
 
 
 def _spread(residual: Array) -> float:

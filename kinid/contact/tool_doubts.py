@@ -1,0 +1,239 @@
+"""Whether force and moment are what gravity and touches put on the rig's tool, or what else they would be.
+
+The force in free motion is asked against the tool's load s = Rᵀ (g − a) per unit of mass, which turns with the wrist:
+f = m P s + b, with a constant bias b. Its slope m is the mass that the sensor reads, and P, a permutation of the axes
+with signs, says which of them are exchanged, turned or left-handed; a gravity g of another direction does so by itself.
+One posture tells none of these from a bias. The moment is asked against that of the forces at their levers,
+τ = com × f_tool + r_tip × f_contact, whose scale and axes a touch shows as well.
+"""
+
+from __future__ import annotations
+
+from itertools import permutations, product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.contact.series import ContactSeries
+from kinid.data.log import Log
+from kinid.data.rig import Rig
+from kinid.robotics.motion import joint_motion
+from kinid.robotics.robot import Kinematics, Robot
+from kinid.robotics.wrench import tool_load
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+#: samples of free motion, at least; more than the second number change nothing
+FEWEST, MOST = 100, 2000
+#: directions of the tool's weight that tell: rms of its turning, as a share of gravity
+TURNING = 0.05
+#: a mass is doubted beyond this share of it, this much [kg], and this many standard errors
+MASS_SHARE, MASS_LEAST, ERRORS = 0.1, 0.03, 5.0
+#: masses of tools [kg]: beside one in it, another beyond it is the one that is wrong
+TOOLS = (0.01, 50.0)
+#: another order of the axes explains so many times better (ratio of residual sums of squares), and leaves no more than
+#: this share
+BETTER, LEFT = 0.1, 0.3
+#: of two explanations, one is believed alone that leaves so many times less
+CLEARLY = 2.0
+#: gravity is found where its length comes out within this share, and its standard error below this one
+LENGTH, KNOWN = 0.2, 0.1
+#: … and where its three components can be told apart
+WORST_CONDITION = 1e8
+#: in one posture: a reading so many times the tool's weight, and beyond this [N], is of another unit
+TIMES, LARGE = 30.0, 100.0
+#: moments are of another unit than forces where they are so many times what these do at their levers
+UNIT_OF_MOMENTS = 30.0
+#: … and on other axes where another order fits with its scale within this factor: levers are known so well
+SCALE = 2.0
+#: factors of units of force, and how [columns] states them
+UNITS = {1e3: "mN", 1e-3: "kN", 1 / 9.80665: "kgf", 1e3 / 9.80665: "gf", 1 / 4.4482216: "lbf"}
+FORCES, MOMENTS = ("fx", "fy", "fz"), ("tx", "ty", "tz")
+#: permutations of three axes with signs: index and sign of the axis that each is, (48, 3); the first changes nothing
+AXES, SIGNS = (
+    np.array(part) for part in zip(*product(permutations(range(3)), product((1.0, -1.0), repeat=3)), strict=True)
+)
+
+
+def tool_doubts(log: Log, rig: Rig, robot: Robot, touch: ContactSeries | None) -> list[str]:
+    """At most one sentence: of the force in free motion, else of the moment.
+
+    Args:
+        log: with joints. rig: what was measured with what. robot: of the rig. touch: the log's contact quantities;
+            None where only what is labelled free motion is known.
+    """
+    if log.wrench is None or log.q is None or robot.sensor_frame is None or log.q.shape[1] != robot.joint_count:
+        return []
+    usable = (log.valid if touch is None else touch.valid) & np.isfinite(log.wrench).all(axis=1)
+    clear = log.labelled_free[usable[log.labelled_free]]
+    if touch is not None and len(clear) < FEWEST:
+        clear = np.flatnonzero(usable & ~touch.in_contact & (touch.depth < 0))
+    every, clear = (part[:: 1 + len(part) // MOST] for part in (np.flatnonzero(usable), clear))
+    if len(every) < FEWEST:
+        return []
+    rows = np.union1d(every, clear)
+    wrench, kinematics = _wrench(log, rig, robot, rows)
+    load = tool_load(rig.carried, kinematics, robot.gravity)
+    if not np.isfinite(load).all():  # joints that were not smoothed over a gap
+        return []
+    beside, found = None, None
+    if touch is not None and touch.bias is not None:
+        contact = wrench[:, :3] - touch.bias[:3] - load[:, :3]
+        expected = load[:, 3:] + np.cross(robot.tip_in_sensor(), contact)
+        beside = wrench[:, 3:] - wrench[:, 3:].mean(axis=0), expected - expected.mean(axis=0)
+        found = _unit_of_moments(*beside)
+    if found is None and rig.carried.mass > 0.0 and len(clear) >= FEWEST:
+        air = np.isin(rows, clear)
+        found = _force_doubt(wrench[air, :3], load[air, :3], kinematics.rotation[air], rig, robot.gravity)
+    if found is None and beside is not None:
+        order, _ = _order(*beside, MOMENTS, SCALE)
+        of = "the moments of the forces at the tool's com and tip"
+        found = None if order is None else f"{of} are explained {order}, or correct [robot] tip_frame"
+    return [] if found is None else [found]
+
+
+def _wrench(log: Log, rig: Rig, robot: Robot, rows: Rows) -> tuple[Array, Kinematics]:
+    """Force and moment in sensor axes, (n, 6), and the sensor's motion, at these rows.
+
+    Cross-talk stays in: it is too small to matter here, and takes a wrong unit of the moments into the forces.
+    """
+    motion = joint_motion(log, robot)
+    kinematics = robot.kinematics(robot.sensor_frame or "", motion.q[rows], motion.dq[rows], motion.ddq[rows])
+    wrench = np.asarray(log.wrench)[rows]
+    if rig.sensor.wrench_frame == "base":
+        wrench = np.einsum("nji,nkj->nki", kinematics.rotation, wrench.reshape(-1, 2, 3)).reshape(-1, 6)
+    return wrench, kinematics
+
+
+def _force_doubt(force: Array, load: Array, rotation: Array, rig: Rig, gravity: Array) -> str | None:
+    """Whether the force in free motion is the load of the rig's tool.
+
+    Args:
+        force, load: measured, and of the rig's tool, in sensor axes [N], (n, 3). rotation: sensor to base, (n, 3, 3).
+        rig: with a tool. gravity: in base axes [m/s²], (3,).
+    """
+    mass = rig.carried.mass
+    load = load / mass
+    turning = load - load.mean(axis=0)
+    if np.sqrt(np.mean(np.sum(turning**2, axis=1))) < TURNING * np.linalg.norm(gravity):
+        level, weight = float(np.linalg.norm(np.median(force, axis=0))), mass * float(np.linalg.norm(gravity))
+        if rig.sensor.bias is None and level > max(TIMES * weight, LARGE):
+            return (
+                f"{level:.3g} N in free motion, where the tool weighs {weight:.3g} N: is the wrench in another unit? "
+                'Say so in [columns] of the rig: wrench = { unit = "mN" }; or correct [tool] mass'
+            )
+        return None
+    force = force - force.mean(axis=0)
+    order, order_left = _order(force, turning, FORCES)
+    found, gravity_left = _gravity(force, load, rotation, gravity, mass)
+    if order is not None and found is not None:
+        order = None if gravity_left * CLEARLY < order_left else order
+        found = None if order_left * CLEARLY < gravity_left else found
+    if order is not None:
+        also = ", or [robot] gravity" if found is not None else ""
+        return f"gravity in free motion is explained {order}, or correct [robot] sensor_frame{also}"
+    if found is not None:
+        measured, stated = (", ".join(f"{x:.2g}" for x in vector) for vector in (found, gravity))
+        return (
+            f"gravity in free motion points along [{measured}] m/s² in the base frame, not along [{stated}]: correct "
+            "[robot] gravity"
+        )
+    return _of_mass(force, turning, mass)
+
+
+def _order(readings: Array, expected: Array, names: tuple[str, ...], scale: float = np.inf) -> tuple[str | None, float]:
+    """Another order or sign of the axes that explains readings far better, in words, and what it leaves of them.
+
+    Only one that nothing else equals is named as it is; of a tool that turns about one axis several may be as good.
+
+    Args:
+        readings, expected: both without their means, (n, 3); the first are a multiple of the second.
+        names: of the axes. scale: factor within which that multiple is to be near 1.
+
+    Returns:
+        None and infinity where there is none.
+    """
+    whole, size = float(np.sum(readings**2)), float(np.sum(expected**2))
+    products = readings.T @ expected
+    slopes = np.sum(products[range(3), AXES] * SIGNS, axis=1) / max(size, 1e-300)
+    left = whole - np.maximum(slopes, 0.0) ** 2 * size
+    best, least = int(np.argmin(left)), max(float(left.min()), 1e-12 * whole)
+    axes, signs, as_is = AXES[best], SIGNS[best], float(left[0])  # the first is the one as it stands
+    if best == 0 or least > min(BETTER * as_is, LEFT * whole) or not 1.0 / scale <= slopes[best] <= scale:
+        return None, np.inf
+    alone = int(np.sum(left < CLEARLY * least)) == 1
+    handed = np.linalg.det(np.eye(3)[axes] * signs) < 0
+    shown = ", ".join(
+        f"{names[i]} is {'−' if sign < 0 else ''}{names[k]}" for i, (k, sign) in enumerate(zip(axes, signs))
+    )
+    return (
+        f"{as_is / least:.3g} times better where "
+        + (shown if alone else f"axes are exchanged or turned, as {shown}")
+        + (", which is left-handed" if handed and alone else "")
+        + ": name forces and torques in their order in [columns] of the rig, with scale = -1 where one is turned"
+    ), least
+
+
+def _gravity(force: Array, load: Array, rotation: Array, gravity: Array, mass: float) -> tuple[Array | None, float]:
+    """Gravity in base axes that explains the force in free motion far better than the rig's, and what it leaves.
+
+    Args:
+        force: without its mean, (n, 3). load: of 1 kg under the rig's gravity, (n, 3). rotation: sensor to base,
+            (n, 3, 3). gravity: of the rig. mass: of the tool.
+
+    Returns:
+        Gravity [m/s²], (3,), and a sum of squares; None and infinity where there is none.
+    """
+    turn = np.swapaxes(rotation, 1, 2)
+    inertial, turning = mass * (load - turn @ gravity), load - load.mean(axis=0)
+    columns = mass * (turn - turn.mean(axis=0)).reshape(-1, 3)
+    wanted = (force - inertial + inertial.mean(axis=0)).ravel()
+    normal = columns.T @ columns
+    if np.linalg.cond(normal) > WORST_CONDITION:
+        return None, np.inf
+    found = np.linalg.solve(normal, columns.T @ wanted)
+    left = float(np.sum((wanted - columns @ found) ** 2))
+    slope = max(float(np.sum(force * turning)) / float(np.sum(turning**2)), 0.0)
+    as_is, length = float(np.sum((force - slope * turning) ** 2)), float(np.linalg.norm(gravity))
+    # samples of a slow motion hang together: they count as a few independent ones
+    error = float(np.sqrt(left / (3.0 * FEWEST) * np.linalg.inv(normal).diagonal().max()))
+    able = abs(np.linalg.norm(found) / length - 1.0) < LENGTH and error < KNOWN * length
+    return (found, left) if able and left < BETTER * as_is else (None, np.inf)
+
+
+def _of_mass(force: Array, load: Array, mass: float) -> str | None:
+    """What the change of the force says, (n, 3), beside that of the load of 1 kg, (n, 3)."""
+    size = float(np.sum(load**2))
+    read = float(np.sum(force * load)) / size
+    left = force - read * load
+    # samples of a slow motion hang together: the error of each axis is taken for one of a few independent ones
+    error = float(np.sqrt(np.mean(left**2) * 3.0 / size * max(len(load) / FEWEST, 1.0)))
+    if abs(read - mass) <= max(MASS_SHARE * mass, MASS_LEAST, ERRORS * error):
+        return None
+    correct = (
+        f"in free motion the sensor reads a tool of {read:.3g} ± {2 * error:.2g} kg, the rig says {mass:g} kg: correct "
+        "[tool] mass"
+    )
+    unit = next((unit for times, unit in UNITS.items() if abs(read / (times * mass) - 1.0) < MASS_SHARE), None)
+    if unit is None or not TOOLS[0] <= mass <= TOOLS[1]:
+        return f"{correct}; or the tool's parts beyond the sensor are others, or the sensor's gain is"
+    if TOOLS[0] <= read <= TOOLS[1]:
+        return f'{correct}; or, if the wrench is in {unit}, say so in [columns]: wrench = {{ unit = "{unit}" }}'
+    return (
+        f"in free motion the sensor reads {read / mass:.3g} times the tool's weight: the wrench is in {unit}? "
+        f'Say so in [columns] of the rig: wrench = {{ unit = "{unit}" }}'
+    )
+
+
+def _unit_of_moments(moment: Array, expected: Array) -> str | None:
+    """Whether the moment is a multiple of that of the forces at their levers that only another unit gives."""
+    whole, size = float(np.sum(moment**2)), float(np.sum(expected**2))
+    slope = float(np.sum(moment * expected)) / size if size > 0.0 else 0.0
+    if slope <= 0.0 or whole - slope**2 * size > LEFT * whole or abs(np.log(slope)) < np.log(UNIT_OF_MOMENTS):
+        return None
+    wrong, unit, names = ("they", "Nmm", MOMENTS) if slope > 1.0 else ("the forces", "mN", FORCES)
+    return (
+        f"the moments are {slope:.3g} times those of the forces at the tool's com and tip: are {wrong} in another "
+        "unit? Say so in [columns] of the rig: " + ", ".join(f'{name} = {{ unit = "{unit}" }}' for name in names)
+    )

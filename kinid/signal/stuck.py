@@ -1,0 +1,52 @@
+"""Readings that stand still while a live sensor would at least show its noise."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.signal.noise import is_noise
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: of a live channel, the greatest share of readings that repeat the one before: above it the noise is below a step
+LIVE = 0.5
+#: a stretch of repeated readings is one that froze from this duration on [s], if it is so many times the usual one
+FROZEN, UNUSUAL = 0.2, 10.0
+
+
+def constant(readings: Array) -> Mask:
+    """Channels of readings (n, k) that never change, (k,); what isn't a number doesn't count."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.fmax.reduce(readings, axis=0) <= np.fmin.reduce(readings, axis=0))
+
+
+def noisy(channel: Array) -> bool:
+    """Whether a channel (n,) shows noise from one reading to the next: one that is dead would show it, too."""
+    channel = channel[np.isfinite(channel)]
+    return len(channel) > 1 and float(np.mean(np.diff(channel) == 0.0)) < LIVE and is_noise(channel)
+
+
+def frozen(t: Array, readings: Array, moving: Mask) -> tuple[float, float] | None:
+    """Begin and duration [s] of the longest stretch of readings that repeat in all channels while something moves.
+
+    Of a stream that is slower than the rows and held between, every reading repeats for a while: what counts is a
+    stretch far longer than the usual one.
+
+    Args:
+        t: time [s], (n,). readings: of a sensor that shows noise, (n, k). moving: rows before which something else
+            moved, (n,).
+
+    Returns:
+        None where there is none.
+    """
+    same = np.r_[False, (readings[1:] == readings[:-1]).all(axis=1)]
+    begins = np.flatnonzero(~same)
+    length = np.diff(np.r_[begins, len(t)])
+    longest = int(np.argmax(length))
+    begin, last = int(begins[longest]), int(begins[longest] + length[longest] - 1)
+    duration = float(t[last] - t[begin])
+    if duration <= FROZEN or length[longest] <= UNUSUAL * np.median(length):
+        return None
+    return (float(t[begin]), duration) if np.mean(moving[begin + 1 : last + 1]) > LIVE else None
