@@ -24,9 +24,11 @@ FULL = 0.99
 SLOWEST = 0.2
 #: joints stood still through touches whose force changed by so many times its noise
 TOUCHED = 30.0
-#: a normal is turned where forces outside the surface are so many times those inside, where they follow the depth with
-#: this correlation, and where this share of what is far from the surface is inside
-OUTSIDE, FOLLOWS, FAR = 3.0, 0.5, 0.9
+#: a normal is turned where forces outside the surface are so many times those inside, and where this share of what is
+#: far from the surface is inside, …
+OUTSIDE, FAR = 3.0, 0.9
+#: … and nothing is felt inside just below it, within this share of the greatest depth, in so many samples
+BELOW, FEWEST_BELOW = 0.1, 10
 
 
 def contact_doubts(log: Log, rig: Rig, robot: Robot | None, touch: ContactSeries | None) -> list[str]:
@@ -151,12 +153,13 @@ def _turned_normal(rig: Rig, touch: ContactSeries) -> list[str]:
     far = np.abs(depth) > 0.5 * np.abs(depth).max()
     rest = force - np.median(force[inside])
     still, pushed = float(np.sqrt(np.mean(rest[inside] ** 2))), rest[~inside]
-    loaded = pushed[np.abs(pushed) > OUTSIDE * still]
+    loaded, below = pushed[np.abs(pushed) > OUTSIDE * still], rest[inside & (depth < BELOW * depth.max())]
     if (
         np.mean(inside[far]) < FAR
         or np.sqrt(np.mean(pushed**2)) < OUTSIDE * still
         or np.mean(loaded < 0.0) < FAR
-        or not np.corrcoef(depth[~inside], pushed)[0, 1] > FOLLOWS
+        or len(below) < FEWEST_BELOW
+        or abs(np.median(below)) > OUTSIDE * still
     ):
         return []
     normal = rig.surface.normal

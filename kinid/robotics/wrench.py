@@ -100,7 +100,7 @@ def read_wrench(
         rotation = robot.kinematics(robot.sensor_frame, motion.q).rotation
         wrench = np.concatenate([np.einsum("nji,nj->ni", rotation, wrench[:, i : i + 3]) for i in (0, 3)], axis=1)
     crosstalk = rig.sensor.crosstalk_matrix
-    inverse = np.linalg.inv(crosstalk)
+    inverse = np.asarray(np.linalg.inv(crosstalk), dtype=np.float64)
     offset, origin = given_bias(bias, rig)
     usable = free[log.valid[free] & np.isfinite(motion.ddq[free].sum(axis=1))]
     usable = usable[:: 1 + len(usable) // MOST_FREE]
@@ -128,7 +128,7 @@ def read_wrench(
         "wrench_frame": rig.sensor.wrench_frame,
         "crosstalk": "rig" if rig.sensor.crosstalk is not None else "none",
     }
-    return Reading(wrench, np.asarray(inverse, dtype=np.float64), offset, facts)
+    return Reading(wrench, inverse, offset, facts)
 
 
 def given_bias(bias: Bias, rig: Rig) -> tuple[Array, str]:
@@ -194,7 +194,12 @@ def refuse_contradicted(
         f"better {' or '.join(same)}",
         f"loads on the tool in {frame} axes: at rest in the air a tool reads m·Rᵀ·g",
         f"{' or '.join(remedies)}; "
-        + ("" if upward is not None else "a base that is tilted or hung needs [robot] gravity; ")
+        + (
+            ""
+            if upward is not None
+            else "a base that is tilted or hung needs [robot] gravity, touches taken for free motion "
+            "a [surface] normal out of the material; "
+        )
         + "--trust-wrench passes it as it is",
     )
 

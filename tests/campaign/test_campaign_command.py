@@ -10,7 +10,9 @@ import pyarrow.parquet as pq
 import pytest
 from campaign.testers import several
 
+from kinid.campaign import Campaign
 from kinid.cli import main
+from kinid.errors import InputError
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
@@ -88,3 +90,30 @@ def test_what_is_wrong_is_one_line(
     err = capsys.readouterr().err
     assert said in err
     assert len(err.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize("command", ["fit", "compare", "diagnose"])
+@pytest.mark.parametrize("how", ["named", "copied", "linked"])
+def test_a_log_that_is_there_twice_is_refused(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str, how: str
+) -> None:
+    first, again = folder / "a.parquet", folder / "again.parquet"
+    if how == "copied":
+        again.write_bytes(first.read_bytes())
+    elif how == "linked":
+        again.symlink_to(first)
+    else:
+        again = first
+    models = ["--model", "hooke"] + (["--model", "kelvin-voigt"] if command == "compare" else [])
+    assert run(monkeypatch, command, first, again, *models) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "twice" in said
+    assert "each log once" in said
+
+
+def test_one_log_given_twice_in_python_is_refused() -> None:
+    first, second = several(2)
+    Campaign([first, second])
+    with pytest.raises(InputError, match="numbers 1 and 3"):
+        Campaign([first, second, first.replace(phase=None)])

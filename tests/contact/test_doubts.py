@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scripted import scripted_poke
 
+import kinid.urdf
 from kinid.contact.analysis import analyse
+from kinid.contact.series import contact_series
 from kinid.data.log import Log
 from kinid.data.rig import Rig
+from kinid.errors import InputError
+from kinid.identification.fit import fit_model
+from kinid.modeling.model import Model
 from kinid.robotics.reading import read
 from kinid.robotics.robot import Robot
 from kinid.robotics.wrench import tool_load
@@ -115,3 +121,139 @@ def test_joints_beyond_their_limits(touched: tuple[Log, Rig, Robot]) -> None:
 def test_time_in_milliseconds(touched: tuple[Log, Rig, Robot]) -> None:
     log, rig, robot = touched
     assert 't = { unit = "ms" }' in doubts(dataclasses.replace(log, t=1e3 * np.asarray(log.t)), rig, robot)
+
+
+@pytest.mark.parametrize("labelled", [True, False])
+def test_a_normal_that_points_into_the_material(touched: tuple[Log, Rig, Robot], labelled: bool) -> None:
+    log, rig, robot = touched
+    phase = np.where(np.arange(len(log)) < 2000, "free", "touch") if labelled else None
+    said = doubts(dataclasses.replace(log, phase=phase), changed(rig, surface={"normal": (0.0, 0.0, -1.0)}), robot)
+    assert "[surface] normal points into the material" in said
+    assert "normal = [0, 0, 1]" in said
+    assert "|" not in said  # and nothing else, that only follows from it
+
+
+@pytest.mark.parametrize("mass", [410.0, 240.0, 1.0])
+def test_an_absurd_mass_is_the_tools_and_no_unit(touched: tuple[Log, Rig, Robot], mass: float) -> None:
+    log, rig, robot = touched
+    said = analyse(log, changed(rig, tool={"mass": mass}), robot=robot).provenance.warnings
+    assert len(said) == 1
+    assert f"the rig says {mass:g} kg: correct [tool] mass" in said[0]
+
+
+@pytest.mark.parametrize(
+    ("rows", "factor", "words"),
+    [(slice(3, 6), 1e3, 'tx = { unit = "Nmm" }'), (slice(0, 3), 1e3, 'fx = { unit = "mN" }')],
+)
+def test_forces_and_moments_of_different_units(
+    touched: tuple[Log, Rig, Robot], rows: slice, factor: float, words: str
+) -> None:
+    log, rig, robot = touched
+    assert log.wrench is not None
+    wrench = np.array(log.wrench)
+    wrench[:, rows] *= factor
+    said = doubts(dataclasses.replace(log, wrench=wrench), changed(rig, sensor={"range": (1e6,) * 6}), robot)
+    assert words in said
+    assert "|" not in said
+
+
+def test_moments_on_other_axes_than_forces(touched: tuple[Log, Rig, Robot]) -> None:
+    log, rig, robot = touched
+    assert log.wrench is not None
+    said = doubts(dataclasses.replace(log, wrench=np.asarray(log.wrench)[:, [0, 1, 2, 4, 3, 5]]), rig, robot)
+    assert "the moments of the forces" in said
+    assert "tx is ty, ty is tx" in said
+
+
+@pytest.mark.parametrize("gravity", [(9.81, 0.0, 0.0), (0.0, 6.94, -6.94), (0.0, 0.0, 9.81)])
+def test_gravity_of_another_direction(touched: tuple[Log, Rig, Robot], gravity: tuple[float, float, float]) -> None:
+    log, rig, _ = touched
+    rig = changed(rig, robot={"gravity": gravity})
+    said = doubts(log, rig, Robot.load(rig))
+    assert "correct [robot] gravity" in said
+    assert "-9.8] m/s²" in said
+
+
+def test_gravity_upside_down_is_told_from_a_turned_wrench_by_the_touch(touched: tuple[Log, Rig, Robot]) -> None:
+    log, rig, robot = touched
+    assert log.wrench is not None
+    log = dataclasses.replace(log, t=3.0 * np.asarray(log.t))  # so slow that inertia tells nothing
+    with pytest.raises(InputError) as wrench:
+        analyse(dataclasses.replace(log, wrench=-np.asarray(log.wrench)), rig, robot=robot)
+    assert "wrench = { scale = -1 }" in wrench.value.mend
+    assert "gravity" not in wrench.value.mend
+    hung = changed(rig, robot={"gravity": (0.0, 0.0, 9.81)})
+    with pytest.raises(InputError) as gravity:
+        analyse(log, hung, robot=Robot.load(hung))
+    assert "correct [robot] gravity" in gravity.value.mend
+    assert "scale" not in gravity.value.mend
+
+
+@pytest.mark.parametrize(
+    ("columns", "rows", "words"),
+    [
+        (range(6), slice(None), "the wrench never changes"),
+        ([2], slice(None), "fz never changes"),
+        ([3, 5], slice(None), "tx and tz never change,"),
+        (range(6), slice(3000, 3250), "the wrench repeats one reading for 0.5 s"),
+    ],
+)
+def test_a_sensor_that_stands_still(
+    touched: tuple[Log, Rig, Robot], columns: list[int], rows: slice, words: str
+) -> None:
+    log, rig, robot = touched
+    assert log.wrench is not None
+    wrench = np.array(log.wrench)
+    for k in columns:
+        wrench[rows, k] = wrench[rows, k][0]
+    said = doubts(dataclasses.replace(log, wrench=wrench), rig, robot)
+    assert words in said
+    assert "|" not in said
+
+
+def test_a_stream_that_is_held_between_its_readings_did_not_freeze(touched: tuple[Log, Rig, Robot]) -> None:
+    log, rig, robot = touched
+    assert log.wrench is not None
+    held = np.asarray(log.wrench)[np.arange(len(log)) // 20 * 20]
+    assert "repeats" not in doubts(dataclasses.replace(log, wrench=held), rig, robot)
+
+
+def test_joints_that_stand_still_through_a_touch(touched: tuple[Log, Rig, Robot]) -> None:
+    log, rig, robot = touched
+    assert log.q is not None
+    q = np.tile(log.q[3000], (len(log), 1))
+    assert "the joints never change, where f" in doubts(dataclasses.replace(log, q=q), rig, robot)
+
+
+def test_moments_that_were_not_measured_are_no_dead_channels(touched: tuple[Log, Rig, Robot]) -> None:
+    log, rig, robot = touched
+    assert log.wrench is not None
+    wrench = np.array(log.wrench)
+    wrench[:, 3:] = 0.0
+    assert doubts(dataclasses.replace(log, wrench=wrench), rig, robot) == ""
+
+
+def test_a_fit_has_the_doubts_of_its_contact_frame(touched: tuple[Log, Rig, Robot]) -> None:
+    log, rig, _ = touched
+    log, rig = dataclasses.replace(log, tau=None), changed(rig, tool={"mass": 0.5})
+    fits = [
+        fit_model(Model("hooke"), data, own, held_out=False)
+        for data, own in ((contact_series(log, rig), None), (log, rig))
+    ]
+    assert all(any("correct [tool] mass" in warning for warning in fit.warnings) for fit in fits)
+
+
+def test_frames_that_are_missing_are_named_with_those_that_there_are(
+    touched: tuple[Log, Rig, Robot], tmp_path: Path
+) -> None:
+    log, rig, _ = touched
+    text = (Path(kinid.urdf.__file__).parent / "lwr4plus.urdf").read_text()
+    (tmp_path / "arm.urdf").write_text(text.replace("ft_sensor", "gauge").replace("tool_tip", "nozzle"))
+    bare = Rig.parse({"robot": {"model": str(tmp_path / "arm.urdf")}})
+    with pytest.raises(InputError, match="nozzle, gauge") as refused:
+        analyse(log, bare)
+    assert "name [robot] tip_frame and sensor_frame" in refused.value.mend
+    torques = analyse(dataclasses.replace(log, tau=np.zeros((len(log), 7)), wrench=None), bare)
+    assert any("no 'ft_sensor'; name [robot]" in str(step) for step in torques.provenance.steps)
+    tip = Rig.parse({"robot": {"model": str(tmp_path / "arm.urdf"), "tip_frame": "nozzle"}})
+    assert any("name [robot] sensor_frame, of nozzle" in str(step) for step in analyse(log, tip).provenance.steps)

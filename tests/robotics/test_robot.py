@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -264,3 +265,14 @@ def test_poses_at_rest_and_derivatives_that_a_log_lacks(swing: Callable[..., Any
 def test_all_shipped_names_load() -> None:
     for name in kinid.urdf.shipped():
         assert robot(name).joint_count > 0
+
+
+def test_a_urdf_in_millimetres_is_refused(tmp_path: Path) -> None:
+    text = (Path(kinid.urdf.__file__).parent / "lwr4plus.urdf").read_text()
+    scaled = re.sub(
+        r'(<origin xyz=")([^"]*)', lambda m: m[1] + " ".join(f"{1e3 * float(x):g}" for x in m[2].split()), text
+    )
+    (tmp_path / "arm.urdf").write_text(scaled)
+    with pytest.raises(InputError, match="links in metres") as refused:
+        Robot.load(tmp_path / "arm.urdf")
+    assert "by 1000" in refused.value.mend
