@@ -10,7 +10,7 @@ leaves, not by how its gain is spread.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -38,6 +38,8 @@ REFIT_STEPS, MAX_POINTS, MAX_STARTS, START_COST_RATIO = 20, 8, 2, 1.3
 ADMISSIBLE_ERRORS = 2.0
 #: share of its square that noise is known to; blocks of a log in which one event doesn't count
 NOISE_UNCERTAINTY, MIN_BLOCKS_OF_VETO = 0.1, 40
+#: of values that can't be together, shares that are asked for
+POSSIBLE_SHARES = (1.0, 0.95, 0.9, 0.8, 0.65, 0.5, 0.25, 0.0)
 #: steps after which only those searches are ended that have come within this factor of the deepest
 TRIAL_STEPS, TRIAL_COST_RATIO = 5, 1.15
 
@@ -145,7 +147,7 @@ class Refit:
     @cached_property
     def relearnt(self) -> Refit:
         """The same with its own error model."""
-        out = self.ended(within_possible(relearn_errors(self.state), [self.effect.id]))
+        out = self.ended(within_possible(relearn_errors(self.state), self.before))
         out.__dict__["relearnt"] = out
         return out
 
@@ -175,19 +177,20 @@ def refit(before: State, candidates: list[Candidate]) -> Refit:
     near = [values for values, cost in starts[:MAX_STARTS] if cost <= START_COST_RATIO * starts[0][1]]
     best = _deepest(before, model, [*near, *fresh])
     # along what the log leaves open a search may wander off: what counts is how well values do that can be
-    best = within_possible(best, [candidates[0].effect.id])
+    best = within_possible(best, before)
     return Refit(candidates[0].effect, before, best.slim(), compare_states(before, best, before.error.sigma))
 
 
-def within_possible(state: State, names: Iterable[str]) -> State:
-    """The state, or where values of these effects can't be, its refit to those that can.
+def within_possible(state: State, before: State) -> State:
+    """The state, or where values can't be that could before, its refit to those that can.
 
-    Values are held to their ranges; a joint or a channel whose values together can't be goes without the effect.
+    Values are held to their ranges; those of a joint or a channel that can't be together, to the largest share of them
+    that can.
     """
     layout, signals = state.problem.layout, state.problem.experiment.signals
     ranges = {}
-    for effect in (state.model[name] for name in names):
-        if not why_not(state, effect):
+    for effect in state.model.effects:
+        if not why_not(state, effect) or (effect.id in before.model and why_not(before, before.model[effect.id])):
             continue
         parameters, (own, named) = effect.parameters(layout), _nearest_null(state, effect)
         null = {p.name: value for p, value in zip(parameters, state.values[state.model.place(effect.id, layout)])}
@@ -195,9 +198,14 @@ def within_possible(state: State, names: Iterable[str]) -> State:
         possible = {p.name: effect.admissible_range(p) or (-np.inf, np.inf) for p in parameters}
         inside = {name: float(np.clip(value, *possible[name])) for name, value in own.items()}
         for part in {_place(name) for name in own}:
-            alone = {name: inside[name] if _place(name) == part else null[name] for name in own}
-            if effect.implausible(alone, named | {f"{effect.id}.{k}": v for k, v in alone.items()}, signals):
-                possible |= {name: (null[name], null[name]) for name in own if _place(name) == part}
+            here = [name for name in own if _place(name) == part]
+            for share in POSSIBLE_SHARES:
+                ends = {name: null[name] + share * (inside[name] - null[name]) for name in here}
+                together = named | {f"{effect.id}.{k}": v for k, v in (null | ends).items()}
+                if not effect.implausible(null | ends, together, signals):
+                    break
+            if share < 1.0:
+                possible |= {name: (min(null[name], end), max(null[name], end)) for name, end in ends.items()}
         ranges[effect.id] = [possible[p.name] for p in parameters]
     return bounded(state, ranges, state) if ranges else state
 

@@ -67,7 +67,7 @@ def run(
             # what a fit of that model finds by itself is reported, unless the way here led further down
             last = selection.states[-1]
             again = selection.fits.get(last.model.names)
-            again = again or within_possible(estimate_problem(last.model, start.problem), selection.added)
+            again = again or within_possible(estimate_problem(last.model, start.problem), start)
             if again.cost_with(last.error) <= SAME_COST_RATIO * last.cost_with(last.error):
                 selection.states[-1] = again
         return Found(model, experiment, cleaned, plain, selection)

@@ -178,9 +178,7 @@ def best_end(candidate: Refit, fits: dict[tuple[str, ...], State]) -> Refit | No
     Such fits are kept in `fits`.
     """
     model, before = candidate.state.model, candidate.before
-    fit = fits[model.names] = within_possible(
-        estimate_problem(model, before.problem), set(model.names) - {*before.model.names}
-    )
+    fit = fits[model.names] = within_possible(estimate_problem(model, before.problem), before)
     ends = sorted((candidate.relearnt, candidate.ended(fit)), key=lambda t: t.evidence.left)
     return next((end for end in ends if lowers_error(end.state, candidate.before)), None)
 

@@ -65,7 +65,9 @@ def changes(
     keys = _additive(problem, model, values, numbers)
     scratch = np.empty(problem.target.size)
     for group in parameter_groups([names[i] for i in numbers], problem.layout):
-        known = all(keys[k] in problem.columns for k in group.values())
+        # taken once: another thread may empty what is kept
+        kept = {k: problem.columns.get(keys[k]) for k in group.values()}
+        known = all(column is not None for column in kept.values())
         if not known:
             ahead = values.copy()
             for k in group.values():
@@ -73,8 +75,9 @@ def changes(
             problem.add_change(model.predict(problem.experiment.signals, ahead, here), here.reading, 1.0, scratch)
         for channel, k in group.items():
             rows = slice(None) if channel == ALL_CHANNELS else slice(channel * many, (channel + 1) * many)
-            if known:
-                np.multiply(problem.columns[keys[k]], steps[k], out=out[rows, k])
+            column = kept[k]
+            if known and column is not None:
+                np.multiply(column, steps[k], out=out[rows, k])
                 continue
             out[rows, k] = scratch[rows]
             if keys[k] is not None:
