@@ -1,5 +1,38 @@
-"""`python -m kinid`: the command line."""
+"""The command line in a process of its own: `kinid` and `python -m kinid`."""
 
-from kinid.cli import main
+from __future__ import annotations
 
-main()
+import atexit
+import contextlib
+import os
+import sys
+
+
+def run() -> None:
+    """`kinid.cli.main`, and the process ends with it.
+
+    A command can be over so soon that threads of a library still begin, and they abort an interpreter that takes itself
+    apart. So the process leaves as soon as whatever is to be done at its exit has been done. Whoever calls
+    `kinid.cli.main` in a process of their own keeps it.
+    """
+    code = 1
+
+    def leave() -> None:
+        for stream in (sys.stdout, sys.stderr):
+            with contextlib.suppress(OSError, ValueError, AttributeError):  # it may be closed, or none
+                stream.flush()
+        os._exit(code)
+
+    # what is registered first is called last: the command line is imported behind it
+    atexit.register(leave)
+    from kinid.cli import main
+
+    try:
+        main()
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else int(end.code is not None)
+        raise
+
+
+if __name__ == "__main__":
+    run()

@@ -30,6 +30,7 @@ from kinid.cli import (
 from kinid.cli import map as map_command
 from kinid.cli.ending import ended
 from kinid.cli.once import Once
+from kinid.errors import InputError
 
 #: names folders of effects, as kinid.effects reads it
 VARIABLE = "KINID_EFFECTS"
@@ -98,20 +99,26 @@ for command in (*app.registered_commands, *plan.app.registered_commands, *effect
 def _folders_first(words: list[str]) -> list[str]:
     """Command-line words, folders of effects before the command: `plan discriminate` has names of effects under that
     option.
+
+    Raises:
+        InputError: the option without a folder.
     """
     first: list[str] = []
     rest: list[str] = []
     i = 0
-    while i < len(words):
+    while i < len(words) and words[i] != "--":
         option, equals, value = words[i].partition("=")
         value = value if equals else "".join(words[i + 1 : i + 2])
-        if option == "--effects" and (os.sep in value or Path(value).is_dir()):
+        names = "discriminate" in rest and not (os.sep in value or Path(value or os.devnull).is_dir())
+        if option == "--effects" and not names:
+            if not value or (value.startswith("-") and not equals):
+                raise InputError("--effects without a folder", "a folder of effects, one a file", "name it behind that")
             first += [option, value]
             i += 1 if equals else 2
         else:
             rest.append(words[i])
             i += 1
-    return first + rest
+    return first + rest + words[i:]
 
 
 def main() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import os
 import platform
 import shlex
@@ -15,8 +17,13 @@ from typing import Any
 from kinid.cli.advice import filled
 from kinid.errors import KinidError
 
-#: bad input; an error that nobody foresaw (EX_SOFTWARE of sysexits.h); stopped by the user or by a supervisor
-BAD_INPUT, UNFORESEEN, STOPPED = 2, 70, 130
+#: bad input; an error that nobody foresaw (EX_SOFTWARE of sysexits.h); stopped by the user or by a supervisor; the
+#: reader of the output has gone, as a shell says of a program that SIGPIPE ended
+BAD_INPUT, UNFORESEEN, STOPPED, READER_GONE = 2, 70, 130, 141
+#: what a stream says that takes no more: full, too large, beyond a quota, broken, not open for writing
+REFUSED_OUTPUT = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO, errno.EBADF)
+#: set by a shell that asks what a word can be completed to; the answer ends the process
+COMPLETION = "_KINID_COMPLETE"
 #: characters of a file's name that are shown
 LONGEST_NAME = 100
 #: parsers of text, which go as deep as the text does
@@ -34,6 +41,7 @@ def ended(command: Callable[[], int | None], words: Sequence[str], version: str)
     """
     if hasattr(signal, "SIGTERM"):
         signal.signal(signal.SIGTERM, _stop)
+    _make_streams_lenient()
     try:
         code = command()
         # what is still in the buffer may find its reader gone
@@ -41,15 +49,31 @@ def ended(command: Callable[[], int | None], words: Sequence[str], version: str)
         if code == STOPPED:  # typer has caught Ctrl-C
             _say("stopped; nothing was left half-written")
         return int(code or 0)
-    except (Exception, KeyboardInterrupt) as error:
+    except BaseException as error:
+        if isinstance(error, SystemExit):
+            if COMPLETION in os.environ:
+                raise
+            # the libraries that print end a program whose reader has gone
+            error = error.__context__ if isinstance(error.__context__, BrokenPipeError) else error
         return _told(error, words, version)
+
+
+def _make_streams_lenient() -> None:
+    """Standard streams show a sign in place of one that their encoding lacks; those that are closed become nowhere."""
+    for name in ("stdin", "stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, "r" if name == "stdin" else "w", encoding="utf-8"))  # noqa: SIM115
+        elif name == "stdout" and hasattr(stream, "reconfigure"):
+            with contextlib.suppress(OSError, ValueError):  # it flushes what a caller has left, which may fail
+                stream.reconfigure(errors="replace")
 
 
 def _told(error: BaseException, words: Sequence[str], version: str) -> int:
     """One line about what ended a command, and its exit code."""
     if isinstance(error, BrokenPipeError):  # the reader of a pipe has gone: nobody is left to tell
         _let_go_of_output()
-        code = 0
+        code = READER_GONE
     elif isinstance(error, KeyboardInterrupt) or type(error).__name__ == "Abort":  # typer's word for Ctrl-C
         code = _say("stopped; nothing was left half-written", STOPPED)
     elif isinstance(error, KinidError):
@@ -58,16 +82,27 @@ def _told(error: BaseException, words: Sequence[str], version: str) -> int:
         code = _say(TOO_LARGE, BAD_INPUT)
     elif isinstance(error, RecursionError) and _in_parser(error):
         code = _say(TOO_DEEP, BAD_INPUT)
-    elif isinstance(error, OSError) and error.filename is not None and error.strerror:
-        name = os.fsdecode(error.filename) if isinstance(error.filename, bytes) else str(error.filename)
-        shown = name if len(name) <= LONGEST_NAME else f"{name[:LONGEST_NAME]}…"
-        found = f"found {shown} ({error.strerror}); expected a file or a folder that can be used"
-        code = _say(f"{found}; to mend it, check its name and its permissions", BAD_INPUT)
+    elif isinstance(error, OSError) and (found := _of_a_file(error)):
+        code = _say(found, BAD_INPUT)
     elif hasattr(error, "format_message") and hasattr(error, "exit_code"):
         code = _misused(error)
     else:
         code = _unforeseen(error, words, version)
     return code
+
+
+def _of_a_file(error: OSError) -> str:
+    """What to say where the system refuses a file that a user named, or the output; "" where it is about neither."""
+    if error.filename is not None and error.strerror:
+        name = os.fsdecode(error.filename) if isinstance(error.filename, bytes) else str(error.filename)
+        shown = name if len(name) <= LONGEST_NAME else f"{name[:LONGEST_NAME]}…"
+        found = f"found {shown} ({error.strerror}); expected a file or a folder that can be used"
+        return f"{found}; to mend it, check its name and its permissions"
+    if error.errno in REFUSED_OUTPUT:
+        _let_go_of_output()
+        found = f"found an output that can't be written to ({error.strerror}); expected room for what is printed"
+        return f"{found}; to mend it, make room, or print to another place"
+    return ""
 
 
 def _stop(*_: object) -> None:

@@ -6,6 +6,7 @@ import importlib.util
 import os
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
@@ -34,7 +35,10 @@ def foreign_effects() -> Iterator[type[Effect]]:
         for path in sorted(Path(folder).glob("[!_.]*.py")):
             yield load_effect(path)
     for point in entry_points(group=GROUP):
-        effect = point.load()
+        with _importing(
+            f"entry point '{point.name}' of {GROUP}", "a class of kinid.effects.Effect", "mend its package"
+        ):
+            effect = point.load()
         if not (isinstance(effect, type) and issubclass(effect, Effect)):
             raise InputError(
                 f"entry point '{point.name}' of {GROUP}", "a class of kinid.effects.Effect", "mend its package"
@@ -55,14 +59,26 @@ def load_effect(path: Path) -> type[Effect]:
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # dataclasses look their module up
     try:
-        spec.loader.exec_module(module)
-    except Exception as error:
+        with _importing(str(path), "a Python file that holds one effect", "mend the file"):
+            spec.loader.exec_module(module)
+    except InputError:
         del sys.modules[name]
-        line = f"{type(error).__name__}: {error}"
-        raise InputError(
-            f"{path} can't be imported ({line})", "a Python file that holds one effect", "mend the file"
-        ) from error
+        raise
     return only_effect(module, path.stem)
+
+
+@contextmanager
+def _importing(what: str, expected: str, mend: str) -> Iterator[None]:
+    """Code of somebody else runs: whatever ends it, be it sys.exit, is said of it, and ends nothing else.
+
+    Raises:
+        InputError: it can't be imported.
+    """
+    try:
+        yield
+    except BaseException as error:
+        line = f"{type(error).__name__}: {error}".removesuffix(": ")
+        raise InputError(f"{what} can't be imported ({line})", expected, mend) from error
 
 
 def only_effect(module: ModuleType, file_name: str) -> type[Effect]:

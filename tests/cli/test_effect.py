@@ -55,6 +55,25 @@ def test_what_is_written_is_fitted(desk: Path, run: Run, log: Path) -> None:
     assert "law-of-mine.damping" in said
 
 
+def test_folders_of_effects_stand_before_or_behind_the_command(
+    desk: Path, run: Run, refused: Callable[..., None], log: Path
+) -> None:
+    assert run("effect", "new", "law-of-mine", "--stage", "normal", "--out", "mine/law_of_mine.py")[0] == 0
+    explain = ("diagnose", "--explain", "law-of-mine")
+    for words in (
+        ("--effects", "mine", *explain),
+        (*explain, "--effects", "mine"),
+        (*explain, "--effects=mine"),
+        ("diagnose", "--effects", "mine", *explain[1:]),
+    ):
+        code, said, err = run(*words)
+        assert code == 0, err
+        assert said.startswith("law-of-mine")
+    refused(run(*explain, "--effects", "absent"), "no folder", "absent")
+    for words in ((*explain, "--effects"), (*explain, "--effects="), ("diagnose", "--effects", *explain[1:])):
+        refused(run(*words), "--effects without a folder")
+
+
 def test_a_broken_rule_is_said_with_its_remedy(desk: Path, run: Run) -> None:
     run("effect", "new", "law-of-mine", "--stage", "normal")
     file = desk / "law_of_mine.py"

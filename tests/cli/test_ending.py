@@ -124,14 +124,83 @@ def test_a_signal_stops_it_in_one_line(number, log):
     assert [path.name for path in log.parent.iterdir() if path.name.startswith(".")] == []
 
 
-def test_a_pipe_whose_reader_has_gone_says_nothing():
+def ends(words: list[object], out: object, **environment: str) -> tuple[int, bytes]:
+    """Exit code and stderr of a command line whose stdout is `out`."""
+    done = subprocess.run(
+        [sys.executable, "-c", SHIM, *map(str, words)],
+        stdout=out,
+        stderr=subprocess.PIPE,
+        env=os.environ | environment,
+        check=False,
+    )
+    return done.returncode, done.stderr
+
+
+PRINTS = [["diagnose", "--explain", "all"], ["diagnose", "--help"]]  # by rich, and by typer
+
+
+@pytest.mark.parametrize("words", PRINTS)
+def test_a_pipe_whose_reader_has_gone_says_nothing(words):
     read, write = os.pipe()
     os.close(read)
+    with os.fdopen(write, "wb") as out:
+        assert ends(words, out) == (141, b"")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
+def test_an_output_without_room_is_said():
+    with Path("/dev/full").open("wb") as out:
+        code, err = ends(["diagnose", "--help"], out)
+    assert code == 2
+    assert err.count(b"\n") == 1
+    assert b"No space left" in err
+
+
+def test_an_output_that_lacks_signs_gets_others(tmp_path):
+    with (tmp_path / "said.txt").open("wb") as out:
+        assert ends(["diagnose", "--explain", "hooke"], out, PYTHONIOENCODING="ascii") == (0, b"")
+    assert b"N/m" in (tmp_path / "said.txt").read_bytes()
+    assert (tmp_path / "said.txt").read_bytes().isascii()
+
+
+def test_streams_that_are_closed_are_none_to_stumble_over(tmp_path):
+    script = f"import os, sys; os.close(0); os.close(1); os.execv(sys.executable, [sys.executable, '-c', {SHIM!r}, "
     done = subprocess.run(
-        [sys.executable, "-c", SHIM, "diagnose", "--explain", "all"], stdout=write, stderr=subprocess.PIPE, check=False
+        [sys.executable, "-c", script + "'diagnose', '--explain', 'hooke'])"], stderr=subprocess.PIPE, check=False
     )
-    os.close(write)
-    assert done.stderr == b""
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
+def test_a_process_of_its_own_leaves_without_the_interpreters_end():
+    """What was registered for the exit is done, the rest isn't: threads that still begin would abort it."""
+    script = """
+import atexit, sys
+from kinid.__main__ import run
+class Late:
+    def __del__(self): print("taken apart")
+late = Late()
+sys.argv = ["kinid", "diagnose", "--explain", "nonsense"]
+import kinid.cli
+inside = kinid.cli.app
+def app(*words, **options):
+    atexit.register(print, "at exit, within")
+    return inside(*words, **options)
+kinid.cli.app = app
+run()
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.startswith("kinid: found effect 'nonsense'")
+    assert done.stdout == "at exit, within\n"
+
+
+def test_a_library_that_ends_the_program_is_not_foreseen(run, monkeypatch, tmp_path):
+    """Nor is it a success, whatever code it names."""
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr(kinid.cli, "app", lambda *_a, **_k: sys.exit(0))
+    code, _, err = run("doctor")
+    assert code == 70
+    assert "SystemExit: 0" in err
 
 
 def test_patches_beyond_number_are_refused_before_any_is_made(run, log, tmp_path):

@@ -45,6 +45,9 @@ def test_a_file_is_an_effect(folder: Path) -> None:
         ("broken.py", "x =", "broken.py can't be imported (SyntaxError"),
         ("empty.py", "x = 1", "0 effects in"),
         ("raises.py", "1 / 0", "ZeroDivisionError"),
+        ("leaves.py", "import sys; sys.exit(0)", "leaves.py can't be imported (SystemExit: 0)"),
+        ("stops.py", "raise KeyboardInterrupt", "stops.py can't be imported (KeyboardInterrupt)"),
+        ("ends.py", "raise BaseException('so')", "ends.py can't be imported (BaseException: so)"),
     ],
 )
 def test_what_is_no_effect_is_refused(folder: Path, name: str, text: str, said: str) -> None:
@@ -81,3 +84,11 @@ def test_packages_offer_effects(folder: Path, monkeypatch: pytest.MonkeyPatch) -
     effects.catalogue.cache_clear()
     with pytest.raises(InputError, match="entry point 'path'"):
         effects.catalogue()
+    (folder / "leaves.py").write_text("raise SystemExit(0)")
+    offered[:] = [EntryPoint("absent", "no_such_package:Law", _foreign.GROUP)]
+    offered += [EntryPoint("leaves", "leaves:Law", _foreign.GROUP)]
+    for _ in range(2):
+        effects.catalogue.cache_clear()
+        with pytest.raises(InputError, match=f"entry point '{offered[0].name}' .* can't be imported"):
+            effects.catalogue()
+        del offered[0]

@@ -213,6 +213,8 @@ def _plan(table: Table, rig: Rig, joints: Sequence[str] | None) -> Plan:
     if wrench:
         plan["wrench"] = wrench
     plan |= {name: [source] for name, source in single.items() if source is not None and name != "t"}
+    for quantity, sources in plan.items():
+        _refuse_doubles(table, quantity, sources)
     if not plan.keys() - {"t", "phase"}:
         raise InputError(
             f"no quantity beside the time in {table.source} {_shown(table)}",
@@ -220,6 +222,15 @@ def _plan(table: Table, rig: Rig, joints: Sequence[str] | None) -> Plan:
             "name its columns in [columns] of the rig",
         )
     return plan
+
+
+def _refuse_doubles(table: Table, quantity: str, sources: list[_Source]) -> None:
+    """No column is two of one quantity's."""
+    positions = [source.position for source in sources]
+    double = next((position for position in positions if positions.count(position) > 1), None)
+    if double is not None:
+        found = f"column '{table.label(double)}' of {table.source} named {positions.count(double)} times for {quantity}"
+        raise InputError(found, "a column of its own for each", f"correct {quantity} in [columns] of the rig")
 
 
 def _shown(table: Table) -> str:

@@ -230,6 +230,31 @@ def test_a_translation_is_no_torque() -> None:
     assert log.provenance.steps[0].facts["ignored"] == ["tx", "ty", "tz"]
 
 
+@pytest.mark.parametrize(
+    "columns",
+    [
+        {"q": {"columns": ["a", "b", "a"]}},
+        {"q": {"columns": [1, 2, 1]}},
+        {"q1": {"column": "a"}, "q2": {"column": "a"}},
+        {"wrench": {"columns": ["a", "a", "b", "b", "c", "c"]}},
+    ],
+)
+def test_one_column_is_not_two_of_a_quantity(columns: dict[str, Any], tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("t,a,b,c\n0,1,2,3\n1,2,3,4\n", encoding="utf-8")
+    (quantity, *_) = {name.rstrip("12") for name in columns}
+    with pytest.raises(InputError, match=f"column 'a' of .* named 2 times for {quantity}; .* correct {quantity} in"):
+        read(path, Rig.parse({"columns": columns}))
+
+
+def test_one_column_may_be_of_two_quantities(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("t,a\n0,1\n1,2\n", encoding="utf-8")
+    log = read(path, Rig.parse({"columns": {"q": {"columns": ["a"]}, "q_cmd": {"columns": ["a"]}}}))
+    assert log.q is not None
+    assert log.q[:, 0].tolist() == [1.0, 2.0]
+
+
 def test_two_columns_of_one_name(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("t,q1,q1\n0,1,2\n1,3,4\n")
     with pytest.raises(InputError, match="2 columns 'q1'"):
