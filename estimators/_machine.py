@@ -148,6 +148,8 @@ class Machine(ABC):
         )
         #: views of the store, which the kernels for logs work on too
         self.room = _store.carve(self.shape, self.store)
+        # no sample has come: nothing is known, and nothing stands
+        self.room.record[p : 2 * p], self.room.record[_store.STATUS] = math.inf, Status.STARTING
         #: what an estimate is a copy of
         self.kept = self.store[: len(self.room.record) + len(self.room.state)]
 

@@ -53,7 +53,8 @@ def near(name: str, valid: Iterable[str], limit: int = 12, also: Mapping[str, st
     """
     names = sorted(set(valid))
     turned = {_in_order(n): n for n in names}  # anisotropic-friction means friction-anisotropy
-    close = [turned[n] for n in difflib.get_close_matches(_in_order(name), turned, n=3, cutoff=0.8)]
+    close = [n for n in names if n.lower() == name.lower()]
+    close = close or [turned[n] for n in difflib.get_close_matches(_in_order(name), turned, n=3, cutoff=0.8)]
     close = close or difflib.get_close_matches(name, names, n=3, cutoff=0.52)
     close = close or [n for n in names if len(name) > 2 and name in n][:3]
     close = close or [n for n, words in (also or {}).items() if len(name) > 2 and name.lower() in words.lower()][:3]

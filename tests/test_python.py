@@ -106,6 +106,37 @@ def test_a_fit_that_the_command_line_wrote_can_be_loaded(
     assert np.sqrt(np.nanmean((best.predict(touch)[0] - touch.normal_force) ** 2)) < 0.03
 
 
+def test_a_diagnosis_goes_to_disk_and_back(results: dict[str, Any], tmp_path: Path) -> None:
+    found: kinid.Diagnosis = results["diagnosis"]
+    found.save(tmp_path / "found.json")
+    again = kinid.Diagnosis.load(tmp_path / "found.json")
+    for name in ("model", "best", "verdict", "says", "added", "steps", "noise_floor", "unit", "warnings", "explained"):
+        assert getattr(again, name) == getattr(found, name), name
+    assert [(e.id, e.group, e.label, e.parameters) for e in again.effects] == [
+        (e.id, e.group, e.label, e.parameters) for e in found.effects
+    ]
+    assert again[found.added[0]].evidence == pytest.approx(found[found.added[0]].evidence)
+    assert again.fit.to_save() == found.fit.to_save()
+    assert repr(again).replace("Saved", "", 1) == repr(found)
+    assert again.columns()["says"].tolist() == found.columns()["says"].tolist()
+    again.save(tmp_path / "twice.json")
+    assert (tmp_path / "twice.json").read_bytes() == (tmp_path / "found.json").read_bytes()
+
+
+@pytest.mark.parametrize("field", ["steps", "effects", "says", "error", "verdict", "fit", "model"])
+@pytest.mark.parametrize("value", [None, 5, "x", [], [5], {}])
+def test_a_file_that_is_no_diagnosis_is_refused_in_one_line(
+    field: str, value: object, results: dict[str, Any], tmp_path: Path
+) -> None:
+    if (field, value) in (("effects", []), ("model", []), ("says", "x")):
+        return  # such a diagnosis there can be
+    facts = {**json.loads(json.dumps(results["diagnosis"].to_dict())), field: value}
+    (tmp_path / "found.json").write_text(json.dumps(facts), encoding="utf-8")
+    with pytest.raises(kinid.InputError) as refused:
+        kinid.Diagnosis.load(tmp_path / "found.json")
+    assert "expected" in str(refused.value)
+
+
 def test_a_prediction_lies_beside_the_samples_that_it_is_of(fit: kinid.Fit, touch: kinid.ContactSeries) -> None:
     """Of another touch, too: twice as slow the dashpot gives half as much."""
     assert touch.source is not None
@@ -170,6 +201,7 @@ WRONG: dict[str, Callable[[Any], object]] = {
     "campaign, list": lambda _: kinid.Campaign([5]),  # type: ignore[list-item]
     "differentiator": lambda _: kinid.Differentiator("25"),  # type: ignore[arg-type]
     "load": lambda _: kinid.Fit.load(5),  # type: ignore[arg-type]
+    "load, diagnosis": lambda _: kinid.Diagnosis.load(5),  # type: ignore[arg-type]
 }
 
 

@@ -42,7 +42,7 @@ def filled(message: str, words: Sequence[str]) -> str:
 
 
 def _untouched(logs: Sequence[str], rig: Path | None) -> str:
-    """Why touches in a log don't give the surface; "" where they do."""
+    """Why touches in a log don't give the surface yet; "" where they do."""
     from kinid.cli.contact import load
     from kinid.contact.registration import find_surface
 

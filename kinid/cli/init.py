@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from kinid.errors import InputError, KinidError
+from kinid.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from kinid.data.guess import Guess
 
@@ -44,7 +45,12 @@ def init(
 
     target = out or log.parent / "rig.toml"
     if target.exists():
-        raise InputError(f"a rig at {target} already", "a name that is free", "name another with -o, or remove it")
+        go_on = shlex.join(["kinid", "contact", str(log), "--rig", str(target)])
+        raise InputError(
+            f"a rig at {target} already",
+            "a name that is free: what was written into that one would be lost",
+            f"go on with it: {go_on}; or name another with -o, or remove it",
+        )
     check_outputs((target, json_file), (log,))
     columns = columns_of(log)
     found = guesses(columns)
@@ -61,16 +67,11 @@ def init(
             raise InputError(f"{joints} joints in {log}, and no robot", "whose they are", "name it with --robot")
         robot = typer.prompt("robot, or the path of its URDF", default=USUAL.get(joints))
     tool = _asked_tool() if asks and any(guess.quantity == "fx" for guess in found) else None
-    text = rig_text(found, robot, tool, log.name, [name for name in columns if name not in {g.column for g in found}])
+    frames = _frames(robot, target.parent, wrench=any(guess.quantity == "fx" for guess in found))
+    left = [name for name in columns if name not in {guess.column for guess in found}]
+    text = rig_text(found, robot, tool, log.name, left, frames)
     rig = Rig.parse_text(text, folder=target.parent, where=str(target))
-    try:
-        made = read(log, rig)
-    except KinidError as error:
-        raise InputError(
-            f"a log that the guessed rig can't read: {error}",
-            "columns that are clear",
-            "write rig.toml by hand, as README shows",
-        ) from None
+    made = read(log, rig)
     write_text(target, text)
     for guess in found:
         if guess.unit or guess.column != guess.quantity:
@@ -79,7 +80,9 @@ def init(
     if json_file is not None:
         facts = [dataclasses.asdict(guess) for guess in found]
         write_json(json_file, {"rig": str(target), "samples": len(made), "columns": facts})
-    typer.echo(f"wrote {target}; look at it, then: kinid contact {log} --rig {target}")
+    for name in frames:
+        typer.echo(f"{robot} has no frame of the usual name: say in {target} which is its [robot] {name}")
+    typer.echo(f"wrote {target}; look at it, then: {shlex.join(['kinid', 'contact', str(log), '--rig', str(target)])}")
 
 
 def _asked_tool() -> str | None:
@@ -97,21 +100,43 @@ def _asked_tool() -> str | None:
         ) from None
 
 
-def rig_text(found: Sequence[Guess], robot: str | None, tool: str | None, name: str, left: Sequence[str]) -> str:
+def _frames(robot: str | None, folder: Path, *, wrench: bool) -> dict[str, str]:
+    """Fields of [robot] that the rig has to state since the robot has no frame of the usual name: what there is."""
+    from kinid.data.rig import RobotSpec
+    from kinid.robotics.robot import Robot
+
+    if robot is None:
+        return {}
+    made = Robot.from_spec(RobotSpec(model=robot), folder)
+    lacks = {"sensor_frame": wrench and made.sensor_frame is None, "tip_frame": made.tip_frame is None}
+    return {name: ", ".join(made.end_frames) for name, lacking in lacks.items() if lacking}
+
+
+def rig_text(
+    found: Sequence[Guess],
+    robot: str | None,
+    tool: str | None,
+    name: str,
+    left: Sequence[str],
+    frames: Mapping[str, str],
+) -> str:
     """A rig.toml with comments.
 
     Args:
         found: the columns. robot: name or path. tool: lines of [tool]. name: of the log. left: columns of no use.
+        frames: of those that the rig has to state, what there is.
     """
     from kinid.data.guess import columns_table, quoted
 
     parts = [f"# what {name} was measured with; SI units, vectors in the frame named. Written by kinid init"]
     if robot is not None:
-        parts.append(
-            f"[robot]\nmodel = {quoted(robot)}\n"
-            '# sensor_frame = "…"          # the frame whose axes the wrench has, where the URDF names it otherwise\n'
-            '# tip_frame = "…"             # the contact point'
-        )
+        said = {
+            "sensor_frame": "the frame whose axes the wrench has, where the URDF names it otherwise",
+            "tip_frame": "the contact point",
+        }
+        said |= {field: f"{said[field]}; at the end of the arm are {there}" for field, there in frames.items()}
+        lines = [f'# {field} = "…"'.ljust(30) + f"# {words}" for field, words in said.items()]
+        parts.append("\n".join([f"[robot]\nmodel = {quoted(robot)}", *lines]))
     if tool is not None:
         parts.append(f"[tool]                        # everything beyond the sensor's measuring plane\n{tool}")
     elif any(guess.quantity == "fx" for guess in found):

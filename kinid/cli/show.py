@@ -104,10 +104,9 @@ def _show_ranges(out: Console, ranges: Mapping[str, Mapping[str, float] | None])
 
 
 def show_surface(found: FoundSurface) -> None:
-    """The plane that touches gave, with its uncertainty."""
+    """The plane that touches gave, with its uncertainty, and as the rig states it for other commands."""
     out = console()
-    for line in found.lines():
-        out.print(line, soft_wrap=True)
+    say(out, *found.lines(), "for the rig, which fit and diagnose read it from:", *found.toml())
 
 
 def show_fit(result: Fit) -> None:

@@ -67,6 +67,14 @@ class FoundSurface:
             + (f"; {stray} touch{'es' if stray > 1 else ''} off the plane left out" if stray else ""),
         ]
 
+    def toml(self) -> list[str]:
+        """The lines of the rig that state it."""
+        surface = self.rig.surface
+        assert surface is not None  # it was found
+        rows = {name: getattr(surface, name) for name in ("point", "normal", "tangent")}
+        shown = {name: ", ".join(f"{x:.6g}" for x in row) for name, row in rows.items() if row is not None}
+        return ["[surface]", *(f"{name} = [{numbers}]" for name, numbers in shown.items())]
+
     @property
     def offset_interval(self) -> tuple[float, float]:
         """95 % interval of the plane's height along its normal, about the point [m].

@@ -6,7 +6,6 @@ Names are compared without case, separators and the unit that many loggers put b
 
 from __future__ import annotations
 
-import gzip
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,15 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.data.plausible import KINDS
+from kinid.data.readers import csv as text
 from kinid.data.rig import WRENCH
-from kinid.errors import InputError
+from kinid.errors import InputError, KinidError
 
 Array = NDArray[np.float64]
 
 #: formats whose columns have names
-SUFFIXES = (".csv", ".csv.gz", ".txt", ".parquet", ".npz")
-#: bytes that tell what separates the cells of a text table
-SNIFF = 65536
+SUFFIXES = (*text.SUFFIXES, ".parquet", ".npz")
 #: positions beyond this are no radians [rad]
 TURN = 2 * np.pi + 0.1
 #: time steps of a log, by the unit that they are in: beyond each of these it is the next finer one [s]
@@ -70,8 +68,16 @@ def columns_of(path: Path) -> dict[str, Array]:
                 arrays = {name: archive[name] for name in archive.files}
         else:
             arrays = _table(path)
+    except KinidError:
+        raise
     except Exception as error:  # readers raise whatever comes up in a broken file
         raise InputError(f"no readable table in {path} ({str(error)[:80]})", "columns with names", "check it") from None
+    if not arrays:
+        raise InputError(
+            f"no header in {path}",
+            "columns with names",
+            "number them in [columns] of a rig.toml: t = { column = 0 }, …",
+        )
     return {
         name: np.asarray(values, dtype=float)
         for name, values in arrays.items()
@@ -84,16 +90,8 @@ def _table(path: Path) -> dict[str, NDArray[np.generic]]:
         from pyarrow import parquet
 
         table = parquet.ParquetFile(path).read(use_threads=False)
-    else:
-        from pyarrow import csv
-
-        with gzip.open(path, "rb") if path.suffix.lower() == ".gz" else path.open("rb") as file:
-            head = file.read(SNIFF).decode("utf-8", "replace").splitlines()[0]
-        delimiter = max(",;\t ", key=head.count)
-        table = csv.read_csv(
-            path, csv.ReadOptions(use_threads=False), csv.ParseOptions(delimiter=delimiter), csv.ConvertOptions()
-        )
-    return {name: table[name].to_numpy() for name in table.column_names}
+        return {name: table[name].to_numpy() for name in table.column_names}
+    return {name: column.to_numpy() for name, column in text.columns(path).items()}
 
 
 def guesses(columns: Mapping[str, Array]) -> list[Guess]:

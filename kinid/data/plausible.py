@@ -95,6 +95,6 @@ def kind_of_unit(quantity: str, unit: str | None) -> None:
     if unit is not None and unit != "1" and stem in KINDS and unit not in KINDS[stem]:
         raise PydanticCustomError(
             "kind",
-            "a unit of {quantity}, as {known}; '{unit}' is one of another quantity",
-            {"quantity": quantity, "known": ", ".join(KINDS[stem][:4]), "unit": unit},
+            "a unit of {name}, as {known}; '{unit}' is one of another quantity",
+            {"name": quantity, "known": ", ".join(KINDS[stem][:4]), "unit": unit},
         )

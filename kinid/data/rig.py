@@ -216,6 +216,27 @@ CONTACT = (
 )
 
 
+#: what people call quantities of the log format otherwise
+OTHER_WORDS = {
+    "wrench": ("force", "forces", "torque", "torques", "moment", "moments", "ft"),
+    "t": ("time", "timestamp", "stamp"),
+    "q": ("position", "positions", "angle", "angles", "joints"),
+    "dq": ("velocity", "velocities", "qd", "speed"),
+    "ddq": ("acceleration", "accelerations", "qdd"),
+    "tau": ("effort", "efforts", "joint_torque", "joint_torques"),
+}
+
+
+def _meant(name: str, valid: Sequence[str]) -> str:
+    """What a name that is no quantity stands for, as a line of [columns] where people use it for one."""
+    said = next((quantity for quantity, words in OTHER_WORDS.items() if name.lower() in words), None)
+    if said == "wrench":
+        return "the sensor's six are wrench = { columns = [fx, fy, fz, tx, ty, tz] }, one along the normal normal_force"
+    if said == "t":
+        return "it is t = { column = … }"
+    return f"it is {said} = {{ columns = [one a joint] }}" if said else near(name, valid)
+
+
 def _known_quantity(name: str) -> bool:
     stem = name.rstrip("0123456789")
     return name in (*GROUPS, *WRENCH, *CONTACT, "t", "phase") or (stem in GROUPS[:5] and stem != name)
@@ -236,13 +257,13 @@ class Rig(_Table):
     def _columns_known(self) -> Rig:
         for name, spec in self.columns.items():
             if spec.rate is not None and name != "t":
-                raise PydanticCustomError("rate", "a rate for t alone, not for '{name}'", {"name": name})
+                raise PydanticCustomError("rate", "a rate for t alone", {"name": name})
             if not _known_quantity(name):
                 valid = (*GROUPS, *WRENCH, *CONTACT, "t", "phase", "q1", "dq1", "ddq1", "tau1", "q_cmd1")
                 raise PydanticCustomError(
                     "quantity",
-                    "quantities of the log format in [columns], '{name}' is none ({near})",
-                    {"name": name, "near": near(name, valid)},
+                    "a quantity of the log format ({near})",
+                    {"name": name, "near": _meant(name, valid)},
                 )
             plausible.kind_of_unit(name, spec.unit)
         return self
@@ -344,6 +365,8 @@ def _as_input_error(error: ValidationError, where: str, rig: type[Rig]) -> Input
         return InputError(f"no '{place[-1]}' in {table} of {where}{tail}", f"{table} {place[-1]}", "add that line")
     expected = _PLAIN.get(first["type"]) or first["msg"].removeprefix("Input should be ")
     found = f"{table} {shown + ' = ' if shown else ''}{value} in {where}{tail}"
+    if not place and "name" in first.get("ctx", {}):  # of the whole rig, one name is what is wrong
+        found = f"'{first['ctx']['name']}' in [columns] of {where}{tail}"
     return InputError(found, expected, "correct that line of the rig")
 
 

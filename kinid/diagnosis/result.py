@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.errors import InputError, near
+from kinid.errors import InputError, expect, near
 from kinid.identification.fit import Fit
 from kinid.identification.fitted import FittedParameter
 from kinid.identification.lack_of_fit import LackOfFit
@@ -17,7 +20,10 @@ from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
 from kinid.residuals import Cell
 from kinid.shown import Shown
-from kinid.writers import Json
+from kinid.writers import Json, write_json
+
+if TYPE_CHECKING:
+    from kinid.diagnosis.saved import SavedDiagnosis
 
 Array = NDArray[np.float64]
 
@@ -105,6 +111,9 @@ class EffectVerdict:
             "separate_by": self.separate_by,
             "says": self.says,
             "acts": self.acts,
+            "left_out": self.left_out,
+            "stand_in": self.stand_in,
+            "within": self.within,
         }
 
 
@@ -131,8 +140,76 @@ class Step:
         }
 
 
+class Findings(Shown):
+    """What a diagnosis found, be it at hand or on disk; the attributes are those of `Diagnosis`."""
+
+    model: Model
+    verdict: Verdict
+    says: str
+    added: tuple[str, ...]
+    steps: tuple[Step, ...]
+    unit: str
+    effects: tuple[EffectVerdict, ...]
+    warnings: tuple[str, ...]
+
+    @classmethod
+    def load(cls, path: str | Path) -> SavedDiagnosis:
+        """What `save` or `kinid diagnose --json` wrote, without the log that it was made of.
+
+        Raises:
+            InputError: no such file, one that is too large or nested too deeply, or no diagnosis.
+        """
+        from kinid.diagnosis import saved
+
+        expect(path, (str, Path), "a diagnosis' file", "a path", "name the file")
+        return saved.load(Path(path))
+
+    @abstractmethod
+    def to_dict(self) -> Json:
+        """The facts as `kinid diagnose --json` writes them."""
+
+    def save(self, path: str | Path) -> None:
+        """Write it as JSON, as `kinid diagnose --json` does; `Diagnosis.load` reads it again.
+
+        Raises:
+            InputError: a folder that isn't there or can't be written to.
+        """
+        expect(path, (str, Path), "a diagnosis' file", "a path", "name the file")
+        write_json(Path(path), self.to_dict(), allow_nan=False)
+
+    @property
+    def explained(self) -> float:
+        """Share of the squared error beyond noise that the additions take off, 0…1."""
+        return self.steps[-1].explained
+
+    def __repr__(self) -> str:
+        added = ", ".join(with_alternatives(self.added, self.effects)) or "nothing added"
+        before, after = self.steps[0].held_out, self.steps[-1].held_out
+        error = f"{before:.4g} → {after:.4g} {self.unit} held out"
+        return f"<{type(self).__name__} of {self.model}: {self.verdict}, {added}; {error}>"
+
+    def columns(self) -> dict[str, NDArray[np.generic]]:
+        """Effects, one a row: what the log says of each."""
+        texts = {name: np.array([getattr(e, name) for e in self.effects], dtype=str) for name in ("verdict", "says")}
+        numbers = {
+            name: np.array([getattr(e, name) for e in self.effects], dtype=float)
+            for name in ("evidence", "held_out_gain")
+        }
+        return {"effect": np.array([e.id for e in self.effects], dtype=str), **texts, **numbers}
+
+    def notes(self) -> tuple[str, ...]:
+        """Why, and what to doubt."""
+        return (self.says, *(f"doubt: {warning}" for warning in self.warnings))
+
+    def __getitem__(self, name: str) -> EffectVerdict:
+        for effect in self.effects:
+            if effect.id == name:
+                return effect
+        raise InputError(f"effect '{name}'", "one that was looked at", near(name, [e.id for e in self.effects]))
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class Diagnosis(Shown):
+class Diagnosis(Findings):
     """Where a model fails, and which effects it lacks.
 
     Attributes:
@@ -168,41 +245,12 @@ class Diagnosis(Shown):
     fit: Fit
     warnings: tuple[str, ...] = field(default=())
 
-    @property
-    def explained(self) -> float:
-        """Share of the squared error beyond noise that the additions take off, 0…1."""
-        return self.steps[-1].explained
-
-    def __repr__(self) -> str:
-        added = ", ".join(with_alternatives(self.added, self.effects)) or "nothing added"
-        before, after = self.steps[0].held_out, self.steps[-1].held_out
-        return f"<Diagnosis of {self.model}: {self.verdict}, {added}; {before:.4g} → {after:.4g} {self.unit} held out>"
-
-    def columns(self) -> dict[str, NDArray[np.generic]]:
-        """Effects, one a row: what the log says of each."""
-        texts = {name: np.array([getattr(e, name) for e in self.effects], dtype=str) for name in ("verdict", "says")}
-        numbers = {
-            name: np.array([getattr(e, name) for e in self.effects], dtype=float)
-            for name in ("evidence", "held_out_gain")
-        }
-        return {"effect": np.array([e.id for e in self.effects], dtype=str), **texts, **numbers}
-
-    def notes(self) -> tuple[str, ...]:
-        """Why, and what to doubt."""
-        return (self.says, *(f"doubt: {warning}" for warning in self.warnings))
-
     def __str__(self) -> str:
         warnings = "".join(f"\ndoubt: {warning}" for warning in self.warnings)
         added = ", ".join(with_alternatives(self.added, self.effects)) or "nothing added"
         before, after = self.steps[0].held_out, self.steps[-1].held_out
         error = f"held-out error {before:.3g} → {after:.3g} {self.unit}, noise {self.noise_floor:.3g} {self.unit}"
         return f"{self.verdict}: {added}; {error}\n{self.says}{warnings}\n{self.fit}"
-
-    def __getitem__(self, name: str) -> EffectVerdict:
-        for effect in self.effects:
-            if effect.id == name:
-                return effect
-        raise InputError(f"effect '{name}'", "one that was looked at", near(name, [e.id for e in self.effects]))
 
     def to_dict(self) -> Json:
         """The facts as `kinid diagnose --json` writes them."""

@@ -90,13 +90,7 @@ class FittedModel(Shown):
         expect(path, (str, Path), "a fit's file", "a path", "name the file")
         path = Path(path)
         facts = fit_facts(path)
-        parameters = {}
-        for name, found in facts["parameters"].items():
-            if not isinstance(found, dict) or found.get("value") is None:
-                raise InputError(f"{name} without a value in {path}", WHAT, MEND)
-            ends = (number_in(found, "low", path, open_end=-np.inf), number_in(found, "high", path, open_end=np.inf))
-            value, unit = number_in(found, "value", path), str(found.get("unit", "1"))
-            parameters[name] = FittedParameter(name, value, *ends, unit)
+        parameters = parameters_in(facts["parameters"], path)
         told: Json = facts["error"] if isinstance(facts.get("error"), dict) else {}
         train, held_out, noise = (number_in(told, name, path) for name in ("train", "held_out", "noise_floor"))
         warnings = facts.get("warnings") or ()
@@ -226,6 +220,21 @@ class FittedModel(Shown):
             "layout": {"channels": list(own.channels), "kind": own.kind, "joints": list(own.joints)},
             "rest": dataclasses.asdict(self.rest),
         }
+
+
+def parameters_in(facts: Json, path: Path) -> dict[str, FittedParameter]:
+    """Estimates by name, of a file.
+
+    Raises:
+        InputError: one without a value, or whose numbers are none.
+    """
+    out = {}
+    for name, found in facts.items():
+        if not isinstance(found, dict) or found.get("value") is None:
+            raise InputError(f"{name} without a value in {path}", WHAT, MEND)
+        ends = (number_in(found, "low", path, open_end=-np.inf), number_in(found, "high", path, open_end=np.inf))
+        out[name] = FittedParameter(name, number_in(found, "value", path), *ends, str(found.get("unit", "1")))
+    return out
 
 
 def on_all_rows(experiment: Experiment, n: int, predicted: Callable[[Signals], Array]) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinid.contact.series import ContactSeries, contact_series
 from kinid.data.log import Log
@@ -13,9 +14,11 @@ from kinid.effects import Stage
 from kinid.errors import InputError, expect, near
 from kinid.modeling.data_warnings import DEEPEST, DEPTH_UNIT, warnings_of
 from kinid.modeling.experiment import Experiment
-from kinid.modeling.from_logs import from_contact, from_joint_torques, from_wrench
+from kinid.modeling.from_logs import FAR, from_contact, from_joint_torques, from_wrench
 from kinid.modeling.model import Model
 from kinid.modeling.sample_times import block_length
+
+Array = NDArray[np.float64]
 
 CONTACT_FORCES = ("normal_force", "tangential_force1", "tangential_force2")
 #: fewer samples in contact than this can't carry a contact law
@@ -155,12 +158,7 @@ def check_excitation(model: Model, experiment: Experiment) -> list[str]:
     depth = experiment.signals.depth[experiment.valid]
     inside = depth > 0
     if not inside.any():
-        raise InputError(
-            f"a depth that is never positive (at most {1e3 * depth.max(initial=-np.inf):.3g} mm)",
-            "samples inside the material",
-            "check [surface] point and normal, or let touches find it: kinid contact LOG --find-surface; the "
-            "log's own depth is positive inside, depth = { scale = -1 } in [columns] turns it",
-        )
+        raise _never_inside(depth, experiment)
     if inside.sum() < MIN_CONTACT_SAMPLES:
         raise InputError(
             f"{int(inside.sum())} samples inside the material",
@@ -182,6 +180,20 @@ def check_excitation(model: Model, experiment: Experiment) -> list[str]:
                 "check the sensor, and which column the force is read from",
             )
     return [*experiment.warnings, *warnings_of(experiment)]
+
+
+def _never_inside(depth: Array, experiment: Experiment) -> InputError:
+    """What is the matter where no sample is inside the material, by where the depth comes from."""
+    found = f"a depth that is never positive (at most {1e3 * depth.max(initial=-np.inf):.3g} mm)"
+    expected, find = "samples inside the material", "let touches find it: kinid contact LOG --find-surface"
+    if experiment.touch is not None and experiment.touch.source is None:
+        mend = "check its sign, which { scale = -1 } in [columns] turns, and its zero, which is the surface"
+        return InputError(found, expected, mend)
+    free = "; free motion alone is --model none" if experiment.layout.kind == "wrench" else ""
+    if free and (depth == FAR).all():
+        mend = f"add [surface] point and normal, or {find}{free}"
+        return InputError("a rig without [surface]", "the surface that depths are measured from", mend)
+    return InputError(found, expected, f"check [surface] point and normal, or {find}{free}")
 
 
 def refuse_inactive_effects(model: Model, experiment: Experiment) -> None:
@@ -240,11 +252,7 @@ def refuse_undiagnosable(experiment: Experiment, model: Model) -> None:
             "record for longer, or find out why so many samples are invalid",
         )
     if "normal" in model.needs and s.layout.kind != "joints" and not (s.depth[experiment.valid] > 0).any():
-        raise InputError(
-            f"a depth that is never positive, for {model}",
-            "samples inside the material",
-            "check [surface] of the rig, or ask about --model none",
-        )
+        raise _never_inside(s.depth[experiment.valid], experiment)
     deep = float(s.depth[experiment.valid].max()) if "normal" in model.needs and s.layout.kind == "contact" else 0.0
     if deep > DEEPEST:
         raise InputError(f"depths of up to {deep:.3g} m", "metres inside the material", f"say so {DEPTH_UNIT}")

@@ -20,8 +20,6 @@ from kinid.planning.planner import Planner
 
 #: experiments that are planned for effects that the log doesn't show; more would keep a reader waiting
 MOST_HIDDEN = 2
-#: how an advice begins that holds a command
-PLANNED = "a trajectory"
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +44,7 @@ class Advisor:
         if self.rig.robot is None:
             return self.found
         progress("planning what to measure next")
-        said: dict[frozenset[str], str] = {}
+        said: dict[frozenset[str], tuple[bool, str]] = {}
         hidden: dict[frozenset[str], str] = {}  # and the first effect that got it
         out = []
         for verdict in self.found.effects:
@@ -58,17 +56,18 @@ class Advisor:
                 continue
             if key not in said:
                 said[key] = self._said(names)
-            advice = said[key]
+            planned, words = said[key]
             if not rivals and hidden.setdefault(key, verdict.id) != verdict.id:
-                advice = f"that trajectory of {hidden[key]} is for it, too"
-            if not rivals and not said[key].startswith(PLANNED):  # words on what to record are the better advice
-                advice = ""
-            words = "; ".join(filter(None, (verdict.separate_by, advice)))
+                words = f"what is planned for {hidden[key]} is for it, too"
+            if not planned:  # words on what to record are the better advice
+                words = "; ".join(filter(None, (verdict.separate_by, words if rivals else "")))
             out.append(dataclasses.replace(verdict, separate_by=words))
         return dataclasses.replace(self.found, effects=tuple(out))
 
-    def _said(self, names: Sequence[str]) -> str:
-        """The command that plans an experiment to tell effects apart, or why there is none."""
+    def _said(self, names: Sequence[str]) -> tuple[bool, str]:
+        """Whether an experiment that tells effects apart is planned; what it is and the command that plans it, or why
+        there is none.
+        """
         first: InputError | None = None
         # of many that are alike, two that a robot can tell apart are a beginning
         for chosen in dict.fromkeys([tuple(names), *itertools.product(names[:1], names[1:])]):
@@ -79,17 +78,17 @@ class Advisor:
                 if name.partition(".")[0] in model
             }
             try:
-                discriminate(Planner(self.rig), model, chosen, values)
+                best = discriminate(Planner(self.rig), model, chosen, values)
             except InputError as error:
                 first = first or error
             except (ArithmeticError, ValueError) as error:
                 # a diagnosis that took minutes isn't lost for want of an advice
-                return f"no trajectory could be planned for it ({type(error).__name__})"
+                return False, f"no trajectory could be planned for it ({type(error).__name__})"
             else:
-                told = "it" if len(chosen) == len(names) else " or ".join(chosen)
-                return f"{PLANNED} for {told}: {shlex.join(self._command(model, chosen, values))}"
+                told = f"record {best.proposal.title}, to tell {' from '.join(chosen)}"
+                return True, f"{told}: {shlex.join(self._command(model, chosen, values))}"
         assert first is not None  # there was a pair to plan for
-        return f"no trajectory is known for it: {first.found}; instead, {first.mend}"
+        return False, f"no trajectory is known for it: {first.found}; instead, {first.mend}"
 
     def _command(self, model: Model, names: Sequence[str], values: dict[str, float]) -> Iterator[str]:
         yield "kinid"

@@ -22,6 +22,7 @@ from kinid.cli import app
 from kinid.cli.show_diagnosis import show_diagnosis
 from kinid.diagnosis import Diagnosis, EffectStatus, EffectVerdict
 from kinid.planning.advice import Advisor
+from kinid.planning.trajectory import read_trajectory
 
 Run = Callable[..., tuple[int, str, str]]
 HOUSE = Path(kinid.__file__).parent
@@ -118,8 +119,12 @@ def test_what_a_diagnosis_tells_to_measure_next_can_be_planned(
     for line in lines:
         code, _, err = run(*shlex.split(line)[1:])
         assert code == 0, f"{line}: {err}"
-        assert Path(shlex.split(line)[-1]).is_file()
-    assert all(effect.separate_by.startswith("words; ") for effect in advised.effects)
+        plan = read_trajectory(Path(shlex.split(line)[-1]))
+        # the words are of the experiment that the command plans
+        said = next(effect.separate_by for effect in advised.effects if line in effect.separate_by)
+        assert said.startswith(f"record {plan.provenance['discrimination']['title']}, to tell ")
+    for effect in advised.effects:
+        assert effect.separate_by.startswith("words") is ("kinid plan" not in effect.separate_by)
 
 
 def test_a_diagnosis_that_is_written_is_what_to_plan_for(

@@ -211,6 +211,27 @@ def test_a_log_without_a_surface_gives_the_tip(run: Run, log: Path) -> None:
     assert "residual rms" in said
 
 
+@pytest.mark.parametrize("suffix", ["parquet", "csv", "npz"])
+def test_its_table_is_read_with_the_rig_of_the_log(suffix: str, run: Run, tmp_path: Path) -> None:
+    """Whose [columns] are the log's: names and units of the table are the format's."""
+    t = np.arange(2000) / 100
+    depth = 2e-3 * np.sin(2 * np.pi * t)
+    force = np.where(depth > 0, 700 * depth, 0) + np.random.default_rng(0).normal(0, 0.01, len(t))
+    rows = np.column_stack([t * 1e3, depth * 1e3, force])
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="t,travel,load", comments="")
+    (tmp_path / "rig.toml").write_text(
+        '[columns]\nt = { unit = "ms" }\n'
+        'depth = { column = "travel", unit = "mm" }\nnormal_force = { column = "load" }\n'
+    )
+    table = tmp_path / f"contact.{suffix}"
+    code, _, err = run("contact", tmp_path / "a.csv", "-o", table)
+    assert code == 0, err
+    code, _, err = run("fit", table, "--model", "hooke", "--json", tmp_path / "fit.json")
+    assert code == 0, err
+    found = json.loads((tmp_path / "fit.json").read_text())["parameters"]["hooke.stiffness"]
+    assert found["value"] == pytest.approx(700, rel=0.01)
+
+
 def test_a_material_tester_needs_no_robot(run: Run, tmp_path: Path) -> None:
     t = np.arange(400) / 100
     depth = 2.0 * np.sin(t)

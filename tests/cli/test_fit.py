@@ -164,3 +164,11 @@ def test_a_surface_far_below_is_said(run: Run, refused: Refused, log: Path) -> N
     rig = log.parent / "rig.toml"
     rig.write_text(rig.read_text().replace("0.10]", "-0.50]"))
     refused(run("fit", log, "--model", "hooke"), "never positive")
+
+
+def test_a_rig_without_a_surface_is_said_of_a_law_of_contact(run: Run, refused: Refused, log: Path) -> None:
+    rig = log.parent / "rig.toml"
+    text = rig.read_text(encoding="utf-8")
+    rig.write_text(text.partition("[surface]")[0], encoding="utf-8")
+    for command in ("fit", "diagnose"):
+        refused(run(command, log, "--model", "hooke"), "a rig without [surface]")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+import shlex
+
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
@@ -63,6 +66,59 @@ def test_degrees_and_milliseconds_without_a_word_in_the_names_are_guessed(run, t
     rig = Rig.load(tmp_path / "rig.toml")
     assert rig.columns["q1"].unit == "deg"
     assert rig.columns["t"].unit == "ms"
+
+
+def test_names_with_more_blanks_than_separators_are_names(run, tmp_path):
+    t = np.arange(500) * 2.0
+    table = np.column_stack([t, *(10 * np.sin(t / 100 + i) for i in range(6))])
+    head = "time [ms]," + ",".join(f"joint no {i} [deg]".replace(" no", "") for i in range(1, 7)) + " "
+    np.savetxt(tmp_path / "a b.csv", table, delimiter=",", header=head, comments="")
+    code, out, err = run("init", tmp_path / "a b.csv", "--robot", "lwr4plus")
+    assert code == 0, err
+    assert Rig.load(tmp_path / "rig.toml").columns["q6"].unit == "deg"
+    assert f"kinid contact '{tmp_path / 'a b.csv'}' --rig" in out  # as a shell takes it
+
+
+def test_a_table_without_a_header_is_refused(run, refused, tmp_path):
+    (tmp_path / "a.csv").write_text("0,1\n1,2\n", encoding="utf-8")
+    refused(run("init", tmp_path / "a.csv"), "no header", "column = 0")
+
+
+def test_what_is_wrong_with_the_log_is_said_as_it_is(run, refused, tmp_path):
+    (tmp_path / "a.csv").write_text("t,joint1\n0,1\n2,2\n1,3\n", encoding="utf-8")
+    refused(run("init", tmp_path / "a.csv", "--robot", "ur5"), "runs backwards", "to mend it, sort the rows")
+
+
+def test_frames_that_the_robot_lacks_are_asked_for(run, log, tmp_path):
+    """And once they are stated, the command that it names runs."""
+    rig = tmp_path / "six.toml"
+    table = pq.read_table(log)
+    table = table.drop([name for name in table.column_names if name.endswith("7")])
+    pq.write_table(table, tmp_path / "six.parquet")
+    code, out, err = run("init", tmp_path / "six.parquet", "--robot", "ur5", "-o", rig)
+    assert code == 0, err
+    assert "its [robot] sensor_frame" in out
+    assert "its [robot] tip_frame" in out
+    text = rig.read_text(encoding="utf-8")
+    assert "tool0" in text
+    rig.write_text(
+        text.replace('# sensor_frame = "…"', 'sensor_frame = "tool0"').replace(
+            '# tip_frame = "…"', 'tip_frame = "tool0"'
+        )
+    )
+    (line,) = [line for line in out.splitlines() if line.startswith("wrote")]
+    code, _, err = run(*shlex.split(line.split("then: kinid ")[1]), "--trust-wrench")
+    assert code == 0, err
+
+
+def test_a_second_time_it_says_how_to_go_on(run, log, tmp_path):
+    rig = tmp_path / "mine.toml"
+    assert run("init", log, "--robot", "lwr4plus", "-o", rig)[0] == 0
+    code, _, err = run("init", log, "--robot", "lwr4plus", "-o", rig)
+    assert code == 2
+    advised = re.search(r"go on with it: kinid (.*?); or", err)
+    assert advised is not None
+    assert run(*shlex.split(advised[1]))[0] == 0
 
 
 def test_what_it_cannot_know_is_asked_or_refused(run, log, tmp_path):

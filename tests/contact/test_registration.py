@@ -64,6 +64,9 @@ def touching(corners: tuple[tuple[float, float], ...], seed: int, exponent: floa
 def test_a_tilted_plane_is_found_by_five_touches(exponent: float) -> None:
     found = find_surface([touching(CORNERS, seed=3, exponent=exponent)], Rig.parse_text(RIG))
     assert len(found.onsets) == len(CORNERS)
+    pasted = Rig.parse_text("\n".join(found.toml())).surface
+    assert pasted is not None
+    np.testing.assert_allclose([*pasted.point, *pasted.normal], [*found.plane.point, *found.plane.normal], atol=1e-5)
     height = (found.plane.point - POINT) @ NORMAL
     tilt = np.degrees(np.arccos(np.clip(found.plane.normal @ NORMAL, -1, 1)))
     print(f"exponent {exponent}: height off by {1e3 * height:+.3f} mm, tilt by {tilt:.3f}°")

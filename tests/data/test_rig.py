@@ -160,7 +160,11 @@ def test_a_rig_can_not_be_changed(tmp_path: Path) -> None:
         ('[sensor]\nwrench_frame = "flange"', "wrench_frame = 'flange'", "'sensor' or 'base'"),
         # columns that are none
         ('[columns]\ndepht = { column = 2, unit = "mm" }', "", "'depth'"),
-        ("[columns]\nq_0x = { column = 2 }", "", "quantities of the log format"),
+        ("[columns]\nq_0x = { column = 2 }", "", "a quantity of the log format"),
+        ("[columns]\nforce = { columns = [1, 2, 3] }", "'force' in [columns]", "wrench = { columns = [fx, fy, fz, tx,"),
+        ('[columns]\nvelocity = { column = 2, unit = "deg/s" }', "'velocity' in [columns]", "dq = { columns"),
+        ("[columns]\nFx = { column = 2 }", "'Fx' in [columns]", "'fx'"),
+        ('[columns]\nfx = { column = 2, unit = "m" }', "'fx' in [columns]", "a unit of fx"),
         ("[columns]\nfx1 = { column = 2 }", "", "'fx'"),
         ('[columns]\ndepth = { column = 2, unit = "mmm" }', "depth.unit = 'mmm'", "'mm'"),
         ('[columns]\nq = { column = "a", columns = ["b"] }', "q", "one of 'column', 'columns' and 'rate'"),

@@ -36,6 +36,15 @@ def test_says_values_uncertainty_and_remedy():
         estimate["kk"]
 
 
+@pytest.mark.parametrize("name", ["Friction", "HuntCrossleyKalman", "KelvinVoigt", "SingleStage", "TwoStage"])
+def test_nothing_stands_before_the_first_sample(name):
+    estimate = getattr(kinid.estimators, name)().online().estimate
+    assert estimate.status == Status.STARTING
+    assert not estimate.valid
+    assert np.isinf(estimate.std).all()
+    assert "the estimate stands" not in str(estimate)
+
+
 def test_every_status_has_a_remedy_and_the_kernels_number():
     for status in Status:
         assert status.remedy

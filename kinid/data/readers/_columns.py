@@ -16,6 +16,8 @@ from kinid.errors import InputError, near
 
 Arrays = list[Column]
 JOINT_GROUPS = tuple(g for g in GROUPS if g != "wrench")
+#: columns of a table that `kinid contact` wrote from a log: names and units are the format's, whatever the log's were
+CONTACT_TABLE = frozenset(("t", *CONTACT, "in_contact"))
 
 
 @dataclass(frozen=True)
@@ -89,13 +91,16 @@ def to_log(table: Table, rig: Rig, joints: Sequence[str] | None = None) -> Log:
 
     Args:
         table: columns of a file.
-        rig: [columns] maps other names and units.
+        rig: [columns] maps other names and units, but those of a table that `kinid contact` wrote.
         joints: names of the joints, for their number where the rig names only the first of their columns.
 
     Raises:
         InputError: no time, a column that the rig names and the table lacks, a hole in the numbers of joints,
             cells that are no numbers, columns of differing length, or what `Log` refuses.
     """
+    ours = frozenset(table.names or ()) >= CONTACT_TABLE
+    if ours:
+        rig = rig.model_copy(update={"columns": {}})
     plan = _plan(table, rig, joints)
     facts = _facts(table, plan)
     loaded = table.load([[s.position for s in sources] for sources in plan.values()])
@@ -123,6 +128,8 @@ def to_log(table: Table, rig: Rig, joints: Sequence[str] | None = None) -> Log:
             phase = words(arrays[0])
         else:
             values = _fill(arrays, sources, labels, table.source, n)
+            if ours and not np.isfinite(values).any():  # unknown in the log, and written all the same
+                continue
             if quantity in CONTACT:
                 contact[quantity] = values if values.shape[1] > 1 else values[:, 0]
             else:

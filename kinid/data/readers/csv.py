@@ -55,11 +55,7 @@ class _Layout:
 
 def read(path: Path, rig: Rig, joints: Sequence[str] | None = None) -> Log:
     """Read a table of text; a comment may be its header (`# t q1 …`), empty cells and `nan` are absent."""
-    if path.name.lower().endswith(PACKED):
-        text: Text = _unpacked(path)
-    else:
-        with readable(path, "text"), path.open("rb") as file:
-            text = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    text = _opened(path)
     layout = _sniff(text, path)
 
     def load(groups: Sequence[Sequence[int]]) -> Iterator[Arrays]:
@@ -73,6 +69,27 @@ def read(path: Path, rig: Rig, joints: Sequence[str] | None = None) -> Log:
             yield arrays
 
     return to_log(Table(str(path), "text", layout.names, layout.width, frozenset(), load), rig, joints)
+
+
+def columns(path: Path) -> dict[str, pa.ChunkedArray]:
+    """Columns of a table with a header, by name; {} without one."""
+    text = _opened(path)
+    layout = _sniff(text, path)
+    if layout.names is None:
+        return {}
+    return dict(zip(layout.names, _parse(text, layout, range(layout.width), path).values()))
+
+
+def _opened(path: Path) -> Text:
+    """The text of a file.
+
+    Raises:
+        InputError: it can't be read.
+    """
+    if path.name.lower().endswith(PACKED):
+        return _unpacked(path)
+    with readable(path, "text"), path.open("rb") as file:
+        return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
 
 
 def _unpacked(path: Path) -> bytes:
