@@ -109,10 +109,10 @@ def _folders_first(words: list[str]) -> list[str]:
     while i < len(words) and words[i] != "--":
         option, equals, value = words[i].partition("=")
         value = value if equals else "".join(words[i + 1 : i + 2])
-        names = "discriminate" in rest and not (os.sep in value or Path(value or os.devnull).is_dir())
+        names = "discriminate" in rest and not (os.sep in value or os.path.isdir(value))
         if option == "--effects" and not names:
             if not value or (value.startswith("-") and not equals):
-                raise InputError("--effects without a folder", "a folder of effects, one a file", "name it behind that")
+                raise InputError("--effects without a folder", "a folder of effects, one a file", "name it behind it")
             first += [option, value]
             i += 1 if equals else 2
         else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
 from collections.abc import Sequence
@@ -30,7 +31,7 @@ def filled(message: str, words: Sequence[str]) -> str:
     told = dict(zip(words, words[1:]))
     if words and words[0] in OF_LOGS:
         # what stands behind an option is its value
-        given = [word for before, word in zip(words, words[1:]) if not before.startswith("-") and Path(word).exists()]
+        given = [word for before, word in zip(words, words[1:]) if not before.startswith("-") and os.path.exists(word)]
         rig = ["--rig", told["--rig"]] if "--rig" in told else []
         if given:
             named = Path(told["--rig"]) if rig else None

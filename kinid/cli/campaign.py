@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -130,7 +131,7 @@ def show_compared(result: CampaignComparison) -> None:
             str(row.rank),
             str(row.fit.model),
             f"{row.fit.error.held_out:.4g}",
-            f"{row.fit.by_log:.4g}",
+            _figure(row.fit.by_log),
             "reference" if same else f"{row.difference:+.3g}",
             "" if same else f"{row.standard_error:.2g}",
         )
@@ -183,7 +184,7 @@ def show_diagnosed(result: CampaignDiagnosis) -> None:
         table.add_column(escape(heading), justify="right")
     for step, error in zip(result.steps, result.by_log):
         name = "as asked" if step.added is None else f"+ {step.added}"
-        table.add_row(name, f"{step.held_out:.4g}", f"{error:.4g}", f"{100 * step.explained:.0f} %")
+        table.add_row(name, f"{step.held_out:.4g}", _figure(error), f"{100 * step.explained:.0f} %")
     table.add_row("noise alone", f"{result.fit.error.noise_floor:.4g}", "", "")
     out.print(table)
     for name in result.added:
@@ -238,6 +239,11 @@ def show_pooled(result: PooledFit) -> None:
         out.print(f"doubt: {escape(warning)}", soft_wrap=True)
 
 
+def _figure(error: float) -> str:
+    """An error, or nothing where there is none, as of logs held out where there is one."""
+    return f"{error:.4g}" if math.isfinite(error) else ""
+
+
 def show_logs(result: PooledFit) -> None:
     """Logs as rows: errors and their own parameters."""
     out = console()
@@ -252,8 +258,8 @@ def show_logs(result: PooledFit) -> None:
         table.add_row(
             escape(log.name),
             f"{log.error.held_out:.4g}",
-            f"{log.by_log:.4g}",
-            f"{log.alone_error:.4g}",
+            _figure(log.by_log),
+            _figure(log.alone_error),
             *("" if p is None else f"{p.value:.3g} ± {0.5 * (p.high - p.low):.1g}" for p in own),
             "odd" if log.name in result.odd else "",
         )

@@ -60,7 +60,9 @@ def columns_of(path: Path) -> dict[str, Array]:
     Raises:
         InputError: a format without named columns, or a file that can't be read.
     """
-    if not path.is_file() or not path.name.lower().endswith(SUFFIXES):
+    if not path.is_file():
+        raise InputError(f"no file {path}", "a log", "check the path")
+    if not path.name.lower().endswith(SUFFIXES):
         raise InputError(f"{path}", f"a log ending in {', '.join(SUFFIXES)}", "name one, or write rig.toml by hand")
     try:
         if path.suffix.lower() == ".npz":

@@ -56,6 +56,21 @@ def test_models_are_compared(folder: Path, monkeypatch: pytest.MonkeyPatch, caps
     assert "by log" in (folder / "c.html").read_text()
 
 
+def test_one_log_that_is_left_has_no_error_of_logs_held_out(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = pq.read_table(folder / "b.parquet")
+    turned = pa.array(-abs(table["depth"].to_numpy()) - 1e-3)
+    table = table.set_column(table.column_names.index("depth"), "depth", turned)
+    pq.write_table(table, folder / "b.parquet")
+    for command in ("fit", "compare"):
+        words = (command, folder / "a.parquet", folder / "b.parquet", "--model", "kelvin-voigt")
+        assert run(monkeypatch, *words) == 0
+        said = capsys.readouterr().out
+        assert "b.parquet is put aside: found a depth that is never positive" in said
+        assert "nan" not in said
+
+
 def test_a_campaign_is_diagnosed(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -220,6 +220,10 @@ def test_the_report_of_an_error_is_named_in_json_free_words(run, monkeypatch, tm
 
 
 def test_a_name_that_the_system_refuses_is_bad_input(run, tmp_path):
+    for name in ("x" * 300, "x" * 5000):  # advice looks at the words of a command line, too
+        code, _, err = run("compare", name, name, "--model", "hooke")
+        assert code == 2
+        assert err.count("\n") == 1
     code, _, err = run("contact", tmp_path / ("x" * 300))
     assert code == 2
     assert "File name too long" in err

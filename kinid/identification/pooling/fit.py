@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -126,7 +127,9 @@ def fit_of_pool(pool: Pool, aside: Mapping[str, str] | None = None) -> PooledFit
     )
     by_log = _mean([one.by_log for one in made], counts) if len(pool) > 1 else float("nan")
     parameters, spread = _shared(pool, found)
-    warnings = _warnings(pool, found, left) + [f"{name} is put aside: {why}" for name, why in (aside or {}).items()]
+    warnings = _warnings(pool, found, left)
+    for name, why in (aside or {}).items():  # a command that it advises is for this log
+        warnings.append(f"{name} is put aside: {why.replace(' LOG ', f' {shlex.quote(name)} ')}")
     scales = {name: p.scale for one in pool.alone for name, p in one.model.parameters(one.layout).items()}
     odd = odd_logs(logs, scales)
     return PooledFit(
