@@ -67,7 +67,7 @@ LAWS: dict[Stage, Law] = {
         "Add to the elastic force; `penetration` is the depth where it is positive.",
         "s.elastic = s.elastic + p[0] * s.penetration**3",
         '("hooke",), {"hooke.stiffness": 830.0, "stiffness": 5e6}',
-        attributes="turn = 1  # of the elastic stage: 0 bends the base's spring, 1 adds, 2 scales, 3 remembers",
+        attributes="order = 1  # of the elastic stage: 0 bends the base's spring, 1 adds, 2 scales, 3 remembers",
     ),
     Stage.NORMAL: Law(
         "A dashpot whose force grows with the square of the speed.",
@@ -116,7 +116,7 @@ LAWS: dict[Stage, Law] = {
         "side = p[0] * s.penetration**2\ns.tangential = s.tangential + np.stack([side, np.zeros(len(s))])",
         '("kelvin-voigt", "coulomb-friction"), {"stiffness": 1.5e4}',
         attributes='needs = ("normal", "slip")\ncouples = True  # carries force from one axis into another\n'
-        "turn = -1  # before the frame is turned",
+        "order = -1  # before the frame is turned",
         numpy=True,
     ),
     Stage.TOOL: Law(
@@ -155,7 +155,7 @@ LAWS: dict[Stage, Law] = {
         "s.reading = s.reading + p[0] * abs(s.reading) * s.reading * force",
         '("hooke",), {"curvature": 1e-3}, Motion.WRENCH',
         attributes="needs = ()  # whatever a log reads\naffine = False  # it bends what others predict\n"
-        "turn = 3  # after the sensor has turned, mixed and shifted what it reads",
+        "order = 3  # after the sensor has turned, mixed and shifted what it reads",
         numpy=True,
     ),
     Stage.ACQUISITION: Law(
@@ -175,7 +175,7 @@ LAWS: dict[Stage, Law] = {
         "rate = np.where(known, step / np.where(known, s.dt, 1.0), 0.0)\n"
         "s.reading = s.reading + p[0] * rate",
         '("kelvin-voigt",), {"lead": 4e-3}, Motion.WAVES',
-        attributes="needs = ()  # whatever a log reads\nturn = -1  # before the filter, which is 0; 1 is the clock",
+        attributes="needs = ()  # whatever a log reads\norder = -1  # before the filter, which is 0; 1 is the clock",
         numpy=True,
     ),
     Stage.JOINT: Law(

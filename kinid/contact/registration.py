@@ -73,7 +73,8 @@ class FoundSurface:
         assert surface is not None  # it was found
         rows = {name: getattr(surface, name) for name in ("point", "normal", "tangent")}
         shown = {name: ", ".join(f"{x:.6g}" for x in row) for name, row in rows.items() if row is not None}
-        return ["[surface]", *(f"{name} = [{numbers}]" for name, numbers in shown.items())]
+        known = [f"{name} = {getattr(surface, name):.2g}" for name in ("offset_sd", "tilt_sd")]
+        return ["[surface]", *(f"{name} = [{numbers}]" for name, numbers in shown.items()), *known]
 
     @property
     def offset_interval(self) -> tuple[float, float]:
