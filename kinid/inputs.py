@@ -1,9 +1,12 @@
-"""Text and JSON that a user names, read within limits of size and depth that are checked before anything is parsed."""
+"""Text, JSON and TOML that a user names, read within limits of size and depth, checked before anything is parsed."""
 
 from __future__ import annotations
 
 import json
+import math
+import os
 import stat
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +18,31 @@ MOST_BYTES = 2_000_000
 MOST_LEVELS = 50
 #: no quantity of any file is larger, or has more digits
 LARGEST, DIGITS = 1e100, 100
+#: names in the environment what all limits of size are multiplied by
+FACTOR = "KINID_LIMIT_FACTOR"
+
+
+def size_limit(most: float) -> float:
+    """A limit of size, `most` by default, as the environment raises it.
+
+    Raises:
+        InputError: it names no factor.
+    """
+    text = os.environ.get(FACTOR, "1")
+    try:
+        factor = float(text)
+    except ValueError:
+        factor = math.nan
+    if not 0.0 < factor < math.inf:
+        raise InputError(
+            f"{FACTOR}={text[:40]}", "a positive number that limits of size are multiplied by", "set it to 10"
+        )
+    return most * factor
+
+
+def raised(size: float, most: float) -> str:
+    """How a message says that a limit can be raised: `size` is beyond `most`, the limit by default."""
+    return f"or raise the limit by {FACTOR}={math.ceil(min(size / most, LARGEST)):.6g}"
 
 
 def read_text(path: Path, noun: str, what: str, mend: str, most: int = MOST_BYTES) -> str:
@@ -27,12 +55,14 @@ def read_text(path: Path, noun: str, what: str, mend: str, most: int = MOST_BYTE
     Raises:
         InputError: no file, none that has an end (a device or a pipe), one that is too large, or no text.
     """
+    allowed = size_limit(most)
     try:
         found = path.stat()
         if not stat.S_ISREG(found.st_mode):
             reason = "no regular file"
-        elif found.st_size > most:
-            reason = f"{found.st_size / 1e6:.3g} MB, {most / 1e6:.3g} MB at most"
+        elif found.st_size > allowed:
+            reason = f"{found.st_size / 1e6:.3g} MB, {allowed / 1e6:.3g} MB at most"
+            mend = f"{mend}, {raised(found.st_size, most)}"
         else:
             return path.read_text(encoding="utf-8")
     except UnicodeDecodeError:
@@ -68,6 +98,23 @@ def parse_json(text: str | bytes, noun: str, what: str, mend: str, *, open_ends:
     except ValueError as error:
         reason = f"no JSON: {str(error)[:80]}"
     raise InputError(f"no {noun} ({reason})", what, mend)
+
+
+def parse_toml(text: str, where: str, what: str) -> dict[str, Any]:
+    """Tables of a TOML file.
+
+    Args:
+        text: to parse. where: it stands. what: it should be, as "the tables of a rig".
+
+    Raises:
+        InputError: no TOML, or nested too deeply.
+    """
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise InputError(f"{where}, nested too deeply to be read", what, "correct it") from None
+    except ValueError as error:  # TOML's own error, and a whole number with too many digits
+        raise InputError(f"{where}: {str(error)[:200]}", "valid TOML", "correct that line") from None
 
 
 def _no_number(text: str) -> float:

@@ -9,6 +9,7 @@ from urllib.parse import unquote
 from xml.parsers import expat
 
 from kinid.errors import InputError
+from kinid.inputs import raised, size_limit
 from kinid.urdf.contents import Contents
 
 #: of a URDF: without its meshes it is a text of some hundred kB
@@ -54,9 +55,9 @@ class _Reader:
         try:
             if not os.path.isfile(self.path):  # nothing, or a folder, a device, a pipe
                 raise InputError(f"no file at {self.path}", "a URDF file", "correct the path")
-            if (size := self.path.stat().st_size) > MOST_BYTES:
-                found = f"{size / 1e6:.3g} MB in {self.path}"
-                raise InputError(found, f"a URDF of {MOST_BYTES / 1e6:.3g} MB at most", "name another file")
+            if (size := self.path.stat().st_size) > (most := size_limit(MOST_BYTES)):
+                found, mend = f"{size / 1e6:.3g} MB in {self.path}", f"name another file, {raised(size, MOST_BYTES)}"
+                raise InputError(found, f"a URDF of {most / 1e6:.3g} MB at most", mend)
             data = self.path.read_bytes()
         except OSError as error:
             raise InputError(

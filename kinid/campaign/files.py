@@ -21,12 +21,12 @@ from __future__ import annotations
 import filecmp
 import hashlib
 import os
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from kinid.errors import InputError, near
+from kinid.inputs import parse_toml, read_text
 
 #: files of logs in a folder, and folders in it that hold none
 SUFFIXES = (".parquet", ".csv", ".csv.gz", ".npz", ".mat", ".mcap", ".bag")
@@ -135,13 +135,8 @@ def _in_folder(folder: Path) -> list[Path]:
 
 
 def _from_file(path: Path, rig: Path | None) -> tuple[list[Source], dict[str, str]]:
-    try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or type(error).__name__
-        raise InputError(f"no readable campaign at {path} ({why})", "a campaign.toml in UTF-8", "correct it") from None
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: {error}", "valid TOML", "correct that line") from None
+    text = read_text(path, "campaign", "a campaign.toml", "correct its name")
+    tables = parse_toml(text, str(path), "the logs of a campaign")
     known = ("rig", "logs", "sharing", "log")
     for key in tables:
         if key not in known:
@@ -152,7 +147,11 @@ def _from_file(path: Path, rig: Path | None) -> tuple[list[Source], dict[str, st
         raise InputError(f"[sharing] in {path}", 'lines as "hooke.stiffness" = "per robot"', "write names in quotes")
     out: dict[Path, Source] = {}
     for pattern in _listed(tables.get("logs", []), "logs", path):
-        files = sorted(path.parent.glob(_text(pattern, "logs", path)))
+        try:
+            files = sorted(path.parent.glob(_text(pattern, "logs", path)))
+        except (ValueError, NotImplementedError, OSError) as error:  # "", "a**", an absolute path
+            found = f"logs = {str(pattern)[:60]!r} in {path} ({error})"
+            raise InputError(found, "a name, or a pattern as *.parquet, relative to that file", "correct it") from None
         if not files:
             raise InputError(f"no log like '{pattern}' in {path}", "a file there", "correct the name")
         out |= {file: Source(file, common) for file in files}

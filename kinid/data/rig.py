@@ -6,7 +6,6 @@ Lengths in m, angles in rad, mass in kg; vectors in the frame that the field's d
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -19,7 +18,7 @@ from pydantic_core import PydanticCustomError
 
 from kinid.data import plausible
 from kinid.errors import InputError, expect, near
-from kinid.inputs import read_text
+from kinid.inputs import parse_toml, read_text
 from kinid.units import FACTORS, factor
 
 Array = NDArray[np.float64]
@@ -296,13 +295,7 @@ class Rig(_Table):
     @classmethod
     def parse_text(cls, text: str, folder: str | Path = ".", where: str = "the rig") -> Rig:
         """Validate the text of a rig.toml; relative paths in it are relative to `folder`."""
-        try:
-            tables = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            raise InputError(f"{where}: {error}", "valid TOML", "correct that line") from None
-        except RecursionError:
-            raise InputError(f"{where}, nested too deeply to be read", "the tables of a rig", "correct it") from None
-        return cls.parse(tables, folder=folder, where=where)
+        return cls.parse(parse_toml(text, where, "the tables of a rig"), folder=folder, where=where)
 
     @classmethod
     def parse(cls, tables: Mapping[str, object], folder: str | Path = ".", where: str = "the rig") -> Rig:

@@ -94,6 +94,8 @@ class FittedModel(Shown):
         told: Json = facts["error"] if isinstance(facts.get("error"), dict) else {}
         train, held_out, noise = (number_in(told, name, path) for name in ("train", "held_out", "noise_floor"))
         warnings = facts.get("warnings") or ()
+        if not isinstance(warnings, list | tuple):
+            raise InputError(f"warnings = {str(warnings)[:40]} in {path}", "a list of texts", MEND)
         return FittedModel(
             model_in(facts, path),
             parameters,

@@ -43,23 +43,35 @@ class _Growing:
     def flush(self) -> None:
         """Nothing: `commit` writes."""
 
-    def commit(self, tail: bytes) -> None:
-        """Write what waits, and the end of a whole file behind it."""
+    def commit(self, tail: bytes = _TAIL) -> None:
+        """Write what waits, and the end of a whole file behind it.
+
+        Raises:
+            OSError: a full disk; the file ends where it ended before, whose room it keeps.
+        """
         if not self._waiting:
             return
         data, at = bytes(self._waiting) + tail, self._end
+        try:
+            while data:
+                done = os.pwrite(self._file, data, at)
+                data, at = data[done:], at + done
+        except OSError:
+            if self._end:
+                os.pwrite(self._file, _TAIL, self._end)
+                os.ftruncate(self._file, self._end + len(_TAIL))
+            raise
         self._end += len(self._waiting)
         self._waiting.clear()
-        while data:
-            done = os.pwrite(self._file, data, at)
-            data, at = data[done:], at + done
 
     def finish(self) -> None:
         """Write what waits as the end of the file, and close it."""
-        end = self.tell()
-        self.commit(b"")
-        os.ftruncate(self._file, end)
-        os.close(self._file)
+        try:
+            end = self.tell()
+            self.commit(b"")
+            os.ftruncate(self._file, end)
+        finally:
+            os.close(self._file)
 
 
 class Recorder(Sink):
@@ -84,9 +96,7 @@ class Recorder(Sink):
         try:
             self._file = _Growing(path)
         except OSError as error:
-            raise InputError(
-                f"no way to write {path} ({error.strerror})", "a folder that can be written", "choose another --record"
-            ) from None
+            raise _unwritable(path, error) from None
         self.path, self._seq = path, 0
         stream: Any = self._file
         self._writer = Writer(stream, use_chunking=False, index_types=IndexType.METADATA)
@@ -96,15 +106,22 @@ class Recorder(Sink):
             number = self._writer.register_schema(schema, language, text)
             self._channels[topic] = self._writer.register_channel(topic, encoding, number)
         self._writer.add_metadata("kinid", {key: _plain(value) for key, value in provenance.items()})
-        self._file.commit(_TAIL)
+        try:
+            self._file.commit()
+        except OSError as error:  # nothing of it is there yet
+            path.unlink(missing_ok=True)
+            raise _unwritable(path, error) from None
         self._thread.start()
 
     def close(self) -> None:
         """Write what waits, and the summary."""
         super().close()
         if not self.error:
-            self._writer.finish()
-            self._file.finish()
+            try:
+                self._writer.finish()
+                self._file.finish()
+            except OSError as error:  # without its summary the file is whole
+                self.error = str(error)
 
     def _write(self, topic: str, received: int, stamp: int, what: Joints | Wrench | Json) -> None:
         self._seq += 1
@@ -112,7 +129,12 @@ class Recorder(Sink):
         self._writer.add_message(self._channels[topic], received, data, stamp, self._seq & 0xFFFFFFFF)
 
     def _commit(self) -> None:
-        self._file.commit(_TAIL)
+        self._file.commit()
+
+
+def _unwritable(path: Path, error: OSError) -> InputError:
+    expected, mend = "a folder with room that can be written", "choose another --record"
+    return InputError(f"no way to write {path} ({error.strerror})", expected, mend)
 
 
 def _plain(value: object) -> str:

@@ -79,6 +79,7 @@ class Session:
             self.source.close()
             for sink in self._sinks:
                 sink.close()
+            self._leave_failed()
 
     def summary(self) -> Json:
         """What went through, as plain types."""
@@ -198,6 +199,10 @@ class Session:
             elif not is_lost and name in self._lost:
                 self._lost.remove(name)
                 self._report("stream-returned", name)
+        self._leave_failed()
+
+    def _leave_failed(self) -> None:
+        """Say of sinks that have given up why they did, and send them nothing more."""
         for sink in [sink for sink in self._working if sink.error]:
             self._working.remove(sink)
             self._report("recording-failed", sink.error)

@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError
+from kinid.inputs import raised, size_limit
 from kinid.mapping.png import to_png
 from kinid.mapping.property_map import PropertyMap
 from kinid.robotics.surface import Mesh
@@ -143,12 +144,12 @@ def cells_of(grown: PropertyMap, cell: float) -> int:
             f"more than 0, up to half the map's longer side, {0.5 * side:.3g} m",
             "correct it, or map more of the surface",
         )
-    shares = [float(np.ptp(t)) / cell for t in ticks]
-    if shares[0] * shares[1] > MOST_PATCHES:
+    count, most = float(np.prod([np.ptp(t) / cell for t in ticks])), size_limit(MOST_PATCHES)
+    if count > most:
         raise InputError(
-            f"patches of {cell} m, which are {shares[0] * shares[1]:.3g} of them",
-            f"{MOST_PATCHES} patches at most, {np.sqrt(shares[0] * shares[1] / MOST_PATCHES) * cell:.2g} m wide here",
-            "make them wider",
+            f"patches of {cell} m, which are {count:.3g} of them",
+            f"{most:.6g} patches at most, {np.sqrt(count / most) * cell:.2g} m wide here",
+            f"make them wider, {raised(count, MOST_PATCHES)}",
         )
     # the shorter side is cut into a whole number of cells too, which may be smaller: one less along the longer side
     # mends it
@@ -160,10 +161,9 @@ def cells_of(grown: PropertyMap, cell: float) -> int:
 
 def _of_faces(grown: PropertyMap, mesh: Mesh, told: list[bool], assumed: tuple[str, ...], method: str) -> Patches:
     """A square for each face whose corners are all known, of its area, at its middle, lying in it."""
-    if len(mesh.faces) > MOST_FACES:
-        raise InputError(
-            f"a mesh of {len(mesh.faces)} faces", f"{MOST_FACES} at most, a patch each", "export a coarser mesh"
-        )
+    if (count := len(mesh.faces)) > (most := size_limit(MOST_FACES)):
+        mend = f"export a coarser mesh, {raised(count, MOST_FACES)}"
+        raise InputError(f"a mesh of {count} faces", f"{most:.6g} at most, a patch each", mend)
     corner = mesh.vertices[mesh.faces]  # (k, 3, 3)
     along = corner[:, 1] - corner[:, 0]
     normal = np.cross(along, corner[:, 2] - corner[:, 0])

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError, MissingDependencyError
+from kinid.inputs import raised, size_limit
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -80,11 +81,12 @@ class Picture:
             raise MissingDependencyError("pillow", "vision") from None
         try:
             with Image.open(path, formats=("PNG", "JPEG")) as image:
-                if image.width * image.height > MOST_PIXELS:
+                pixels = image.width * image.height
+                if pixels > (most := size_limit(MOST_PIXELS)):
                     raise InputError(
                         f"a picture of {image.width} × {image.height} pixels at {path}",
-                        f"{MOST_PIXELS / 1e6:.3g} million pixels at most",
-                        "make it smaller: a tip is tens of pixels wide then, too",
+                        f"{most / 1e6:.3g} million pixels at most",
+                        f"make it smaller: a tip is tens of pixels wide then, too; {raised(pixels, MOST_PIXELS)}",
                     )
                 return cls(np.asarray(image.convert("RGB"), dtype=np.float64) / 255.0, low, high)
         except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as error:

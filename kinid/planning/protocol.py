@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError
+from kinid.inputs import raised, size_limit
 from kinid.planning.setpoint import Pace
 from kinid.planning.touches import DEEPEST, Poke, Slide, Touch
 
@@ -83,11 +84,12 @@ class Protocol:
 def check_length(touches: Sequence[Touch], protocol: Protocol) -> None:
     """Refuse what would take longer than a plan may, before it is laid out."""
     seconds = sum(_least_time(touch) + 2 * protocol.pause for touch in touches)
-    if seconds * protocol.rate > MOST_SAMPLES:
+    samples = seconds * protocol.rate
+    if samples > (most := size_limit(MOST_SAMPLES)):
         raise InputError(
-            f"a plan of {seconds / 3600:.3g} h at least, {seconds * protocol.rate:.3g} samples at {protocol.rate:g} Hz",
-            f"{MOST_SAMPLES:.0e} samples at most",
-            "plan it in parts, or with a lower --rate",
+            f"a plan of {seconds / 3600:.3g} h at least, {samples:.3g} samples at {protocol.rate:g} Hz",
+            f"{most:.2g} samples at most",
+            f"plan it in parts, with a lower --rate, {raised(samples, MOST_SAMPLES)}",
         )
     for touch in touches:
         if deepest_of(touch) > DEEPEST:

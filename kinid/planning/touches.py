@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError
+from kinid.inputs import raised, size_limit
 from kinid.planning.signals import Multisine, Sampled
 from kinid.writers import Json
 
@@ -131,11 +132,11 @@ def four_paths(length: float = 0.02, centre: Place = (0.0, 0.0), **options: Any)
 
 def grid(rows: int, columns: int, spacing: float, centre: Place = (0.0, 0.0)) -> list[Place]:
     """Places of a grid about a centre, along both tangents [m]."""
-    if not (1 <= rows * columns <= MOST and rows > 0) or not (np.isfinite(spacing) and spacing > 0):
+    if not (1 <= rows * columns <= size_limit(MOST) and rows > 0) or not (np.isfinite(spacing) and spacing > 0):
         raise InputError(
             f"a grid of {rows} × {columns} places {spacing} m apart",
-            f"1 to {MOST} places, a positive spacing",
-            "correct it",
+            f"1 to {size_limit(MOST):.6g} places, a positive spacing",
+            f"correct it, {raised(rows * columns, MOST)}",
         )
     x = centre[0] + (np.arange(rows) - (rows - 1) / 2) * spacing
     y = centre[1] + (np.arange(columns) - (columns - 1) / 2) * spacing
@@ -154,10 +155,12 @@ def within(polygon: Sequence[Place], spacing: float) -> list[Place]:
         raise InputError(f"a spacing of {spacing} m", "a positive length", "correct it")
     low, high = corners.min(axis=0), corners.max(axis=0)
     counts = np.floor((high - low) / spacing + 1e-9) + 1
-    if counts.prod() > MOST:
-        raise InputError(
-            f"a polygon with {counts.prod():.0f} places {spacing:g} m apart", f"at most {MOST}", "space them wider"
+    if (count := float(counts.prod())) > (most := size_limit(MOST)):
+        found, mend = (
+            f"a polygon with {count:.3g} places {spacing:g} m apart",
+            f"space them wider, {raised(count, MOST)}",
         )
+        raise InputError(found, f"at most {most:.6g}", mend)
     # centred in the polygon's box, so that it doesn't matter where the box begins
     axes = [0.5 * (low[k] + high[k]) + (np.arange(counts[k]) - (counts[k] - 1) / 2) * spacing for k in (0, 1)]
     x, y = (part.ravel() for part in np.meshgrid(*axes, indexing="ij"))

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.data.log import frozen
+from kinid.data.readers._guard import readable
 from kinid.errors import InputError
 from kinid.inputs import parse_json
-from kinid.writers import Json, write_table
+from kinid.writers import TABLE_SUFFIXES, Json, write_table
 
 Array = NDArray[np.float64]
 Columns = dict[str, NDArray[np.generic]]
@@ -136,7 +137,9 @@ def read_trajectory(path: Path, joint_names: tuple[str, ...] | None = None) -> T
             "a trajectory: t, q1…qN",
             "name a trajectory, as of kinid plan poke -o PLAN.parquet",
         )
-    names = tuple(facts.get("joint_names") or joint_names or (f"joint_{j + 1}" for j in range(count)))
+    names = facts.get("joint_names") or joint_names or [f"joint_{j + 1}" for j in range(count)]
+    if not isinstance(names, list | tuple) or not all(isinstance(name, str) for name in names):
+        raise InputError(f"joint_names = {str(names)[:60]} in {path}", "a list of names", "plan it again")
     if len(names) != count:
         raise InputError(
             f"{count} joints in {path}", f"{len(names)}: {', '.join(names)}", "choose the rig that it was planned for"
@@ -149,7 +152,8 @@ def read_trajectory(path: Path, joint_names: tuple[str, ...] | None = None) -> T
 
     t, q = _numbers(table, "t", path), block(*(f"q{j + 1}" for j in range(count)))
     assert q is not None
-    if len(t) < 6 or not np.isfinite(q).all() or not (np.diff(t) > 0).all() or t[-1] - t[0] > LONGEST:
+    numbers = np.isfinite(q).all() and np.isfinite(t).all()
+    if len(t) < 6 or not numbers or not (np.diff(t) > 0).all() or t[-1] - t[0] > LONGEST:
         raise InputError(
             f"{path} with {len(t)} samples, times that don't rise, or joints that are no numbers",
             f"at least 6 samples at rising times, over {LONGEST:g} s at most",
@@ -166,19 +170,23 @@ def read_trajectory(path: Path, joint_names: tuple[str, ...] | None = None) -> T
         for name in ("expected_normal_force", "force_limit")
     }
     tip = block("tip_x", "tip_y", "tip_z")
+    phase = np.array([str(word) for word in table["phase"]] if "phase" in table else ["motion"] * len(t), dtype=np.str_)
+    touch = _numbers(table, "touch", path) if "touch" in table else None
+    if touch is not None and not np.isfinite(touch).all():
+        raise InputError(f"a column touch in {path} with no numbers in it", "numbers of touches", "repair the table")
     return Trajectory(
         t,
-        np.asarray(table.get("phase", np.full(len(t), "motion")), dtype=np.str_),
+        phase,
         q,
         dq,
         ddq,
         np.full((len(t), 3), np.nan) if tip is None else tip,
-        names,
+        tuple(names),
         block("slip1", "slip2", "depth"),
         block("expected_force_x", "expected_force_y", "expected_force_z"),
         single["expected_normal_force"],
         single["force_limit"],
-        np.asarray(table["touch"], dtype=np.int64) if "touch" in table else None,
+        None if touch is None else touch.astype(np.int64),
         {k: v for k, v in facts.items() if k not in ("kind", "version", "joint_names")},
     )
 
@@ -205,25 +213,31 @@ def _table(path: Path) -> tuple[Columns, Json]:
     """Columns of a file, and its provenance."""
     if not path.is_file():
         raise InputError(f"no file {path}", "a table as Parquet, CSV or NPZ", "check its name")
+    if path.suffix.lower() not in TABLE_SUFFIXES:
+        raise InputError(f"table '{path.name}'", f"a name ending in {', '.join(TABLE_SUFFIXES)}", "convert it")
+    with readable(path, "a table", "write it again"):
+        columns, meta = _columns(path)
+    facts = parse_json(meta, f"provenance in {path}", "a trajectory of kinid", "plan it again", open_ends=True)
+    if not isinstance(facts, dict):
+        raise InputError(f"a provenance in {path} that is a list", "an object", "plan it again")
+    if len({np.shape(values)[:1] for values in columns.values()}) > 1:
+        raise InputError(f"columns of differing lengths in {path}", "a value a sample in each", "write it again")
+    return columns, facts
+
+
+def _columns(path: Path) -> tuple[Columns, bytes]:
+    """The columns of a file, whatever they are, and what it says of itself."""
     suffix = path.suffix.lower()
-    try:
-        if suffix == ".npz":
-            with np.load(path, allow_pickle=False) as file:
-                return dict(file), {}
-        if suffix not in (".parquet", ".csv"):
-            raise InputError(f"table '{path.name}'", "a name ending in .parquet, .csv or .npz", "convert it")
-        if suffix == ".csv":
-            from pyarrow import csv
+    if suffix == ".npz":
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            return dict(archive), b"{}"
+    if suffix == ".csv":
+        from pyarrow import csv
 
-            table = csv.read_csv(path)
-        else:
-            from pyarrow import parquet
+        table = csv.read_csv(path)
+    else:
+        from pyarrow import parquet
 
-            table = parquet.read_table(path)
-        meta = (table.schema.metadata or {}).get(b"kinid", b"{}")
-        facts = parse_json(meta, f"provenance in {path}", "a trajectory of kinid", "plan it again", open_ends=True)
-        if not isinstance(facts, dict):
-            raise InputError(f"a provenance in {path} that is a list", "an object", "plan it again")
-        return {name: table[name].to_numpy() for name in table.column_names}, facts
-    except (OSError, ValueError) as error:  # pyarrow's errors are of both kinds
-        raise InputError(f"{path} that can't be read ({str(error)[:80]})", "a table", "write it again") from None
+        table = parquet.read_table(path)
+    meta: bytes = (table.schema.metadata or {}).get(b"kinid", b"{}")
+    return {name: table[name].to_numpy() for name in table.column_names}, meta

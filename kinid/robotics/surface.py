@@ -6,6 +6,7 @@ Lengths in m. The normal points out of the material; depth is > 0 inside.
 from __future__ import annotations
 
 import io
+import logging
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -22,6 +23,9 @@ from kinid.errors import InputError, near
 if TYPE_CHECKING:
     from kinid.kernels.mesh import MeshTree
 
+# trimesh logs the traceback of what it raises, which would reach the screen
+logging.getLogger("trimesh").addHandler(logging.NullHandler())
+
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
@@ -29,6 +33,8 @@ Index = NDArray[np.int64]
 FORMATS = (".stl", ".obj", ".ply")
 #: meshes of a folder that are looked at for a name like a missing one
 MOST_NAMED = 1000
+#: no vertex is farther away [m]: volumes of such meshes would overflow
+FARTHEST = 1e30
 #: a mesh that is wider than this [m] is probably in mm
 WIDE = 20.0
 #: vertices closer than this share of the mesh's size are one, and faces lower than it have no normal worth
@@ -81,8 +87,9 @@ class Plane(Surface):
         object.__setattr__(self, "axes", frozen(self.axes))
         if self.point.shape != (3,) or self.axes.shape != (3, 3):
             raise ValueError(f"point {self.point.shape} and axes {self.axes.shape}, not (3,) and (3, 3)")
-        if not np.allclose(self.axes @ self.axes.T, np.eye(3), atol=1e-9) or np.linalg.det(self.axes) < 0:
-            raise ValueError("the axes of a plane are orthonormal and right-handed")
+        small = (np.abs(self.axes) < 2.0).all() and (np.abs(self.point) < FARTHEST).all()  # no product overflows
+        if not small or not np.allclose(self.axes @ self.axes.T, np.eye(3), atol=1e-9) or np.linalg.det(self.axes) < 0:
+            raise ValueError("a plane has a point within reach, and axes that are orthonormal and right-handed")
 
     @property
     def normal(self) -> Array:
@@ -147,10 +154,10 @@ class Mesh(Surface):
         faces = np.asarray(self.faces, dtype=np.int64)
         if vertices.size == 0 or faces.size == 0:
             raise InputError(f"no triangles in {self.source}", "a triangle mesh", "save it as STL, OBJ or PLY")
-        if faces.min() < 0 or faces.max() >= len(vertices) or not np.isfinite(vertices).all():
+        if faces.min() < 0 or faces.max() >= len(vertices) or not (np.abs(vertices) < FARTHEST).all():
             raise InputError(
-                f"vertices of {self.source} that are absent or not numbers",
-                "faces of vertices with finite coordinates in m",
+                f"vertices of {self.source} that are absent, not numbers or too far away",
+                f"faces of vertices with finite coordinates in m, below {FARTHEST:g}",
                 "save it again from its source",
             )
         vertices, faces, slivers = _clean(vertices, faces)

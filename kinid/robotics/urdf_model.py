@@ -6,6 +6,7 @@ import os
 import sys
 import tempfile
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 import pinocchio as pin
@@ -18,7 +19,7 @@ Array = NDArray[np.float64]
 
 def parsed(path: Path) -> pin.Model:
     """Pinocchio's model of a URDF; what its parser writes to the process's error stream goes into the message."""
-    with tempfile.TemporaryFile() as said:
+    with _scratch() as said:
         sys.stderr.flush()
         kept = os.dup(2)
         os.dup2(said.fileno(), 2)
@@ -34,6 +35,11 @@ def parsed(path: Path) -> pin.Model:
         finally:
             os.dup2(kept, 2)
             os.close(kept)
+
+
+def _scratch() -> IO[bytes]:
+    """A file without a name, in memory where the system has such: a full disk must not keep a robot from being read."""
+    return os.fdopen(os.memfd_create("parser"), "w+b") if hasattr(os, "memfd_create") else tempfile.TemporaryFile()
 
 
 def lock(model: pin.Model, joints: list[int]) -> pin.Model:

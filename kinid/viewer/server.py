@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import queue
+import sys
 import threading
 from collections.abc import Callable, Mapping
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -20,6 +21,18 @@ POLICY = (
     "img-src data: blob:; font-src data:; connect-src 'self' data: blob:; worker-src blob: data:; base-uri 'none'; "
     "form-action 'none'; frame-ancestors 'none'"
 )
+
+
+class _Server(ThreadingHTTPServer):
+    """A server that doesn't write tracebacks to the terminal of who started it."""
+
+    daemon_threads = True
+
+    def handle_error(self, request: object, client_address: object) -> None:
+        """Whoever left while he was answered is no news; anything else is told in a line."""
+        error = sys.exc_info()[1]
+        if not isinstance(error, OSError):
+            print(f"kinid: a page was not shown: {' '.join(str(error).split())[:200]}", file=sys.stderr)
 
 
 class ViewServer:
@@ -56,14 +69,13 @@ class ViewServer:
                 """Say nothing."""
 
         try:
-            self._server = ThreadingHTTPServer((LOOPBACK, port), Handler)
+            self._server = _Server((LOOPBACK, port), Handler)
         except OSError as error:
             raise InputError(
                 f"port {port}, which can't be had ({error.strerror})",
                 "a free port of this machine",
                 "choose another --port, or 0 for any",
             ) from None
-        self._server.daemon_threads = True
         self.port = int(self._server.server_address[1])
         self.url = f"http://{LOOPBACK}:{self.port}/"
         self._thread = threading.Thread(target=self._server.serve_forever, args=(0.1,), daemon=True)

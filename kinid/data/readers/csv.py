@@ -16,9 +16,10 @@ import numpy as np
 
 from kinid.data.log import Log
 from kinid.data.readers._columns import Arrays, Table, to_log
-from kinid.data.readers._guard import readable
+from kinid.data.readers._guard import MOST_UNPACKED, readable
 from kinid.data.rig import Rig
 from kinid.errors import InputError
+from kinid.inputs import raised, size_limit
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -26,9 +27,6 @@ if TYPE_CHECKING:
 PLAIN = (".csv", ".txt", ".tsv", ".dat")
 PACKED = tuple(f"{suffix}.gz" for suffix in PLAIN)
 SUFFIXES: tuple[str, ...] = (*PLAIN, *PACKED)
-
-#: bytes that a packed text may unpack to: ten million rows, and no more than fits beside what is made of them
-MOST_UNPACKED = 2_000_000_000
 
 _SNIFFED = 1 << 16  # bytes at the start that the layout is told from
 _PIECE = 1 << 22  # bytes that are searched at once
@@ -98,14 +96,13 @@ def _unpacked(path: Path) -> bytes:
     Raises:
         InputError: too much, or a damaged file.
     """
-    pieces, size = [], 0
+    pieces, size, most = [], 0, size_limit(MOST_UNPACKED)
     with readable(path, "gzip"), gzip.open(path, "rb") as file:
         while piece := file.read(_PIECE):
             size += len(piece)
-            if size > MOST_UNPACKED:
-                raise InputError(
-                    f"more than {MOST_UNPACKED / 1e9:.3g} GB of text in {path}", "less", "cut it, or unpack it first"
-                )
+            if size > most:
+                found, mend = f"more than {most / 1e9:.3g} GB of text in {path}", "cut it, unpack it first"
+                raise InputError(found, "less", f"{mend}, {raised(2 * size, MOST_UNPACKED)}")
             pieces.append(piece)
     return b"".join(pieces)
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.lib.npyio import NpzFile
 
 from kinid.data.log import Log
 from kinid.data.readers._columns import Arrays, Table, to_log
-from kinid.data.readers._guard import readable
+from kinid.data.readers._guard import check_unpacked, readable
 from kinid.data.rig import Rig
 
 SUFFIXES: tuple[str, ...] = (".npz",)
@@ -26,7 +28,9 @@ def read(path: Path, rig: Rig, joints: Sequence[str] | None = None) -> Log:
             archive = np.load(file, allow_pickle=False)
         names = tuple(archive.files)
         with readable(path, "NPZ"):
-            blocks = frozenset(i for i, name in enumerate(names) if len(_shape(archive, name)) == 2)
+            headers = [_header(archive, name) for name in names]
+        check_unpacked(path, sum(math.prod(shape) * kind.itemsize for shape, kind in headers))
+        blocks = frozenset(i for i, (shape, _) in enumerate(headers) if len(shape) == 2)
 
         def load(groups: Sequence[Sequence[int]]) -> Iterator[Arrays]:
             for group in groups:
@@ -37,13 +41,13 @@ def read(path: Path, rig: Rig, joints: Sequence[str] | None = None) -> Log:
         return to_log(Table(str(path), "NPZ", names, len(names), blocks, load), rig, joints)
 
 
-def _shape(archive: NpzFile, name: str) -> tuple[int, ...]:
-    """Shape of an array from its header alone."""
+def _header(archive: NpzFile, name: str) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """Shape and type of an array from its header alone."""
     assert archive.zip is not None
     member = name if name in archive.zip.namelist() else f"{name}.npy"
     with archive.zip.open(member) as file:
         version = np.lib.format.read_magic(file)
         formats = np.lib.format
         header = formats.read_array_header_1_0 if version == (1, 0) else formats.read_array_header_2_0
-        shape: tuple[int, ...] = header(file)[0]
-        return shape
+        shape, _, kind = header(file)
+        return shape, kind

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from kinid.data.log import Log
 from kinid.data.readers._columns import Arrays, Table, to_log
-from kinid.data.readers._guard import readable
+from kinid.data.readers._guard import check_unpacked, readable
 from kinid.data.rig import Rig
 
 SUFFIXES: tuple[str, ...] = (".parquet", ".pq")
@@ -31,6 +31,7 @@ def _read(path: Path, rig: Rig, joints: Sequence[str] | None) -> Log:
         # a mapped file would stay in memory, page by page, as it is read
         file = pyarrow.parquet.ParquetFile(path, memory_map=False)
         schema = file.schema_arrow
+    check_unpacked(path, 8.0 * file.metadata.num_rows * len(schema.names))
     names = tuple(schema.names)
 
     def load(groups: Sequence[Sequence[int]]) -> Iterator[Arrays]:

@@ -1,0 +1,1 @@
+"""Sound inputs of every kind, changed at random: each ends in success or in one clear refusal."""
