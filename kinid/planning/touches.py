@@ -156,11 +156,11 @@ def within(polygon: Sequence[Place], spacing: float) -> list[Place]:
     low, high = corners.min(axis=0), corners.max(axis=0)
     counts = np.floor((high - low) / spacing + 1e-9) + 1
     if (count := float(counts.prod())) > (most := size_limit(MOST)):
-        found, mend = (
+        asked, mend = (
             f"a polygon with {count:.3g} places {spacing:g} m apart",
             f"space them wider, {raised(count, MOST)}",
         )
-        raise InputError(found, f"at most {most:.6g}", mend)
+        raise InputError(asked, f"at most {most:.6g}", mend)
     # centred in the polygon's box, so that it doesn't matter where the box begins
     axes = [0.5 * (low[k] + high[k]) + (np.arange(counts[k]) - (counts[k] - 1) / 2) * spacing for k in (0, 1)]
     x, y = (part.ravel() for part in np.meshgrid(*axes, indexing="ij"))

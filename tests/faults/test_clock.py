@@ -22,7 +22,9 @@ def grown(count: int) -> PropertyMap:
         Probe(np.array([0.5 + 0.01 * (i % 4), 0.01 * (i // 4), 0.1]), np.array([500.0]), np.eye(1), 0.03, 0.03, f"{i}")
         for i in range(count)
     )
-    return PropertyMap(Plane(np.array([0.5, 0, 0.1]), np.eye(3)), (Property("stiffness", "N/m"),), tuple(probes), "hooke")
+    return PropertyMap(
+        Plane(np.array([0.5, 0, 0.1]), np.eye(3)), (Property("stiffness", "N/m"),), tuple(probes), "hooke"
+    )
 
 
 def test_a_map_that_is_newer_by_an_older_clock_is_seen(tmp_path: Path) -> None:

@@ -9,9 +9,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from faults.files import assert_whole
 from fuzz import sound
 
+from faults.files import assert_whole
 from kinid.errors import InputError
 from kinid.live.messages import Wrench
 from kinid.live.recording import Recorder

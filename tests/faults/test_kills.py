@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from faults.files import assert_whole
 from fuzz import sound
 
+from faults.files import assert_whole
 from kinid.lab import campaign as campaigns
 
 #: of the long version, for each of four kinds of work (those of recordings stand with the recordings)

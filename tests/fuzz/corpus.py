@@ -41,7 +41,7 @@ FAILED = {
     "a plan at no time": ("plan.csv", sound.csv(_plan(t=np.full(len(_TIME), np.inf))), "times"),
     "a mesh beyond the stars": ("mesh", sound.stl().replace(b"vertex 2", b"vertex 1e300"), "mesh"),
     "a fit with a number for warnings": ("fit", json.dumps(sound.fitted() | {"warnings": 1}).encode(), "warnings"),
-    "a map on axes without end": ("map", _map(axes=[[1e300, 0, 0], [0, 1, 0], [0, 0, 1]]), "a plane has"),
-    "a map beyond the stars": ("map", _map(point=[1e300, 0, 0]), "a plane has"),
-    "a word that no system takes for a name": (sound.COMMANDS[1], _WORD, "File name too long"),
+    "a map on axes without end": ("map", _map(axes=[[1e90, 0, 0], [0, 1, 0], [0, 0, 1]]), "a plane has"),
+    "a map beyond the stars": ("map", _map(point=[1e90, 0, 0]), "a plane has"),
+    "a word that no system takes for a name": (sound.COMMANDS[1], _WORD, "leave them out"),
 }

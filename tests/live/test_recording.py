@@ -126,7 +126,9 @@ for k in range(60_000):
 """
 
 
-@pytest.mark.parametrize("after", [0.35, 0.5, 0.75])
+@pytest.mark.parametrize(
+    "after", [0.35, 0.5, 0.75, *(pytest.param(t, marks=pytest.mark.slow) for t in np.linspace(0.05, 2.0, 25))]
+)
 def test_a_program_that_is_killed_has_lost_a_tenth_of_a_second_at_most(after: float, tmp_path: Path) -> None:
     path = tmp_path / "out.mcap"
     with subprocess.Popen([sys.executable, "-c", WRITES, str(path)], stdout=subprocess.PIPE) as process:
