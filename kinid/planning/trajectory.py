@@ -171,9 +171,6 @@ def read_trajectory(path: Path, joint_names: tuple[str, ...] | None = None) -> T
     }
     tip = block("tip_x", "tip_y", "tip_z")
     phase = np.array([str(word) for word in table["phase"]] if "phase" in table else ["motion"] * len(t), dtype=np.str_)
-    touch = _numbers(table, "touch", path) if "touch" in table else None
-    if touch is not None and not np.isfinite(touch).all():
-        raise InputError(f"a column touch in {path} with no numbers in it", "numbers of touches", "repair the table")
     return Trajectory(
         t,
         phase,
@@ -186,9 +183,23 @@ def read_trajectory(path: Path, joint_names: tuple[str, ...] | None = None) -> T
         block("expected_force_x", "expected_force_y", "expected_force_z"),
         single["expected_normal_force"],
         single["force_limit"],
-        None if touch is None else touch.astype(np.int64),
+        _touch(table, path),
         {k: v for k, v in facts.items() if k not in ("kind", "version", "joint_names")},
     )
+
+
+def _touch(table: Columns, path: Path) -> NDArray[np.int64] | None:
+    """The touch that each sample belongs to, (n,); None where the table doesn't say.
+
+    Raises:
+        InputError: values that are absent, or no numbers.
+    """
+    if "touch" not in table:
+        return None
+    touch = _numbers(table, "touch", path)
+    if not np.isfinite(touch).all():
+        raise InputError(f"a column touch in {path} with no numbers in it", "numbers of touches", "repair the table")
+    return touch.astype(np.int64)
 
 
 def _numbers(table: Columns, name: str, path: Path) -> Array:
