@@ -101,7 +101,9 @@ def _of_a_file(error: OSError) -> str:
     if error.errno in REFUSED_OUTPUT:
         _let_go_of_output()
         found = f"found an output that can't be written to ({error.strerror}); expected room for what is printed"
-        return f"{found}, and for temporary files and compiled code; to mend it, make room, or name other places for them"
+        return (
+            f"{found}, and for temporary files and compiled code; to mend it, make room, or name other places for them"
+        )
     return ""
 
 
