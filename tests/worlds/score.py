@@ -57,6 +57,8 @@ def ask(job: tuple[Path, Row, bool]) -> Row:
 
 def as_written(case: Row) -> Row:
     """A case whose models are words with commas, whatever form its author gave them."""
+    if "base" in case:
+        case = _of_base_and_truth(case)
     out = dict(case)
     for key in ("model", "true_model"):
         out[key] = case[key] if isinstance(case[key], str) else ",".join(case[key])
@@ -65,6 +67,22 @@ def as_written(case: Row) -> Row:
     out["near"] = [*(case.get("near") or []), *((case.get("class") or []) if case["group"] == "outside" else [])]
     out["values"] = {k: v for k, v in (case.get("values") or {}).items() if isinstance(v, int | float)}
     return out
+
+
+def _of_base_and_truth(case: Row) -> Row:
+    """A case of which the first model and what it lacks are told, in the words of the others."""
+    unexcited = case["kind"] == "not-excited"
+    lacks = [name for name in case["truth"] if name not in case["base"]]
+    return {
+        **case,
+        "case": case["log"].split("/")[0],
+        "group": {"one": "single"}.get(case["kind"], case["kind"]),
+        "kind": "joints" if "rigid-body" in case["base"] else "contact",
+        "model": case["base"],
+        "true_model": case["base"] if unexcited else [*case["base"], *lacks],
+        "hidden": case["truth"],
+        "unexcited": case["truth"],
+    }
 
 
 def _intervals(parameters: dict[str, Row], case: Row) -> dict[str, list[float]]:
