@@ -89,14 +89,17 @@ def acceptable(candidate: Refit, before: State, settings: DiagnosisSettings) -> 
 def _evident(candidate: Refit, before: State, settings: DiagnosisSettings) -> bool:
     """Whether a refit is beyond doubt, worth a name, and physically possible."""
     e = candidate.evidence
-    # what takes off most of the error leaves less that could speak against it
-    needed = settings.min_significance * max(0.5, 1.0 - e.share)
     return (
-        e.significance > needed
+        e.significance > _needed(e, settings)
         and e.share > settings.min_share
         and e.change > settings.min_reading_share
         and not implausible(candidate.state, before)
     )
+
+
+def _needed(evidence: Evidence, settings: DiagnosisSettings) -> float:
+    """Significance that a gain needs: what takes off most of the error leaves less that could speak against it."""
+    return settings.min_significance * max(0.5, 1.0 - evidence.share)
 
 
 def _remarkable(candidate: Refit, settings: DiagnosisSettings) -> bool:
@@ -279,7 +282,7 @@ def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: 
         if implausible(reduced, best):  # the others would have to stand in for it
             continue
         found.evidence[name] = evidence = compare_states(reduced, best, best.error.sigma)
-        needed = settings.min_significance
+        needed = _needed(evidence, settings)
         if last and inside_tolerance(reduced):
             needed = max(needed, settings.beyond_doubt * (1.0 - evidence.beyond))
         # what seemed much beside a model that lacked others may be no more than every rig has
