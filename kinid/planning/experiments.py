@@ -141,25 +141,21 @@ def _shifted(place: Place, x: float, y: float) -> Place:
     return tuple(np.add(place, (x, y, 0.0)[: len(place)]))
 
 
-def _still(depth: float) -> Multisine:
-    return Multisine(depth, (), 0.6)
-
-
 def _sine(depth: float, frequency: float, seconds: float) -> Multisine:
     return Multisine(0.55 * depth, ((0.43 * depth, frequency),), seconds)
 
 
 def _poking(duration: float, depth: float, place: Place, bandwidth: float) -> Iterator[Proposal]:
     """Pokes that hold, and that go in and out at several frequencies."""
-    mm = 1e3 * depth
+    mm, still = 1e3 * depth, Multisine(depth, (), 0.6)
     one = duration - OVERHEAD
     hold = one - 0.6
-    yield Proposal("long-hold", f"a hold of {hold:.0f} s at {mm:.2g} mm", (Poke(place, _still(depth), hold),))
+    yield Proposal("long-hold", f"a hold of {hold:.0f} s at {mm:.2g} mm", (Poke(place, still, hold),))
     air = 0.3 * duration
     yield Proposal(
         "hold-between-looks-in-the-air",
         f"{air:.0f} s in the air, a hold at {mm:.2g} mm, {air:.0f} s in the air",
-        (Poke(place, _still(depth), 0.4 * duration - OVERHEAD),),
+        (Poke(place, still, 0.4 * duration - OVERHEAD),),
         pause=air,
     )
     half = 0.5 * duration - OVERHEAD
@@ -189,7 +185,7 @@ def _poking(duration: float, depth: float, place: Place, bandwidth: float) -> It
 
 def _poking_anew(duration: float, depth: float, place: Place) -> Iterator[Proposal]:
     """Pokes of several depths, and with rests in the air."""
-    mm = 1e3 * depth
+    mm, still = 1e3 * depth, Multisine(depth, (), 0.6)
     yield Proposal(
         "stairs",
         f"one poke that rests at five depths, up and down, as far as {mm:.2g} mm",
@@ -214,9 +210,9 @@ def _poking_anew(duration: float, depth: float, place: Place) -> Iterator[Propos
     yield Proposal(
         "taps",
         f"{taps} touches to {mm:.2g} mm with quick retreats",
-        tuple(Poke(place, _still(depth), 0.0) for _ in range(taps)),
+        tuple(Poke(place, still, 0.0) for _ in range(taps)),
     )
-    twice = tuple(Poke(place, _still(depth), 0.3 * duration - OVERHEAD) for _ in range(2))
+    twice = tuple(Poke(place, still, 0.3 * duration - OVERHEAD) for _ in range(2))
     yield Proposal(
         "rest-between-holds", "two holds at one place with a rest in the air between them", twice, 0.1 * duration
     )
