@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -58,7 +59,8 @@ def test_intervals_of_copies_are_narrower_by_the_root_of_their_number() -> None:
         usual = np.median([fit[name].high - fit[name].low for fit in each])
         # a width is the largest of several guesses, which are noisier for one log: nine gain a little more than that
         assert 2.7 < usual / (nine[name].high - nine[name].low) < 4.2
-    copies = kinid.Campaign([logs[0]] * 9).fit(model)
+    # a log that is there twice is refused; one that begins at another time is another log
+    copies = kinid.Campaign([dataclasses.replace(logs[0], t=logs[0].t + 64.0 * i) for i in range(9)]).fit(model)
     assert copies["stiffness"].value == pytest.approx(each[0]["stiffness"].value, rel=1e-5)
     alone = kinid.Campaign(logs[:1]).fit(model)
     # of the very same readings, what nine say of stiffness and damping is nine times what one says, its own bias out
@@ -116,7 +118,7 @@ def test_a_log_that_cannot_carry_the_model_is_put_aside() -> None:
     assert [log.name for log in fit.logs] == ["log 1", "log 2", "log 3"]
     assert any("log 4 is put aside" in warning for warning in fit.warnings)
     with pytest.raises(InputError, match="never positive"):
-        kinid.Campaign([air, air]).fit(MODEL)
+        kinid.Campaign([air, dataclasses.replace(air, t=air.t + 64.0)]).fit(MODEL)
 
 
 def test_what_cannot_be_shared_is_said() -> None:

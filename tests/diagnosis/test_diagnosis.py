@@ -348,7 +348,7 @@ def refused(*words: str, **given: Any) -> None:
 
 
 def test_a_log_too_short_to_hold_out_is_refused(tester: Tester) -> None:
-    refused("of log", "4 s", "record", data=short(tester, slice(0, 750)), model=kinid.Model("hooke"))
+    refused("of log", "2.5 s", "record", data=short(tester, slice(0, 600)), model=kinid.Model("hooke"))
 
 
 def test_a_log_of_gaps_is_refused(tester: Tester) -> None:

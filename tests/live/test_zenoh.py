@@ -86,21 +86,22 @@ def test_both_streams_of_a_peer_are_whole() -> None:
 
 def test_a_router_stands_between_and_nothing_listens() -> None:
     port = free()
+    before = _listening()  # of servers that other tests began
     with process(port, "router"):
         source = Client(f"127.0.0.1:{port}", Rig.parse_text('[streams]\nwrench = "/ft/wrench"\n'))
-        listening = {
-            line.split()[9] for line in Path("/proc/net/tcp").read_text().splitlines() if line.split()[3] == "0A"
-        }
-        mine = {os.readlink(f"/proc/self/fd/{fd}") for fd in os.listdir("/proc/self/fd") if _is_link(fd)}
-        assert not {f"socket:[{inode}]" for inode in listening} & mine
+        assert not _listening() - before
         # the robot is a client of the router, as this is: begun second, so that nothing of it is missed
         with process(port, "client", 50):
             items = collect(source, 100)
     assert [type(i) for i in items].count(Joints) == [type(i) for i in items].count(Wrench) == 50
 
 
-def _is_link(fd: str) -> bool:
-    return os.path.lexists(f"/proc/self/fd/{fd}")
+def _listening() -> set[str]:
+    """Sockets of this process that listen."""
+    lines = (line.split() for line in Path("/proc/net/tcp").read_text().splitlines())
+    inodes = {f"socket:[{words[9]}]" for words in lines if words[3] == "0A"}
+    links = (f"/proc/self/fd/{fd}" for fd in os.listdir("/proc/self/fd"))
+    return inodes & {os.readlink(link) for link in links if os.path.lexists(link)}
 
 
 KINDS = (
