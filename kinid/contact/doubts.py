@@ -166,9 +166,7 @@ def _turned_normal(rig: Rig, touch: ContactSeries) -> list[str]:
     mend = (
         "turn the mesh's faces outward"
         if normal is None
-        else f"turn it in the rig: normal = [{', '.join(f'{-x:g}' for x in normal)}]".replace("-0,", "0,").replace(
-            "-0]", "0]"
-        )
+        else f"turn it in the rig: normal = [{', '.join(f'{0.0 - x:g}' for x in normal)}]"
     )
     return [
         f"{-pushed.min():.3g} N against the normal at negative depths, and none up to {1e3 * depth.max():.3g} mm "

@@ -14,6 +14,7 @@ from kinid.contact.series import tip_motion
 from kinid.data.log import Log
 from kinid.data.rig import Rig, SurfaceSpec
 from kinid.errors import InputError, expect
+from kinid.estimators.estimate import NORMAL_95
 from kinid.estimators.plane import PlaneEstimate, fit_plane
 from kinid.kernels.hysteresis import contact_flag
 from kinid.robotics.motion import TipMotion
@@ -28,8 +29,6 @@ STARTS_FREE = 0.25
 MARGIN = 0.1
 #: a touch reaches this multiple of the force it is noticed at; less is a knock or a vibration
 FIRM = 2.0
-#: a normal quantity is within so many standard deviations in 95 %
-NORMAL_95 = 1.96
 #: shapes of force over depth that an onset is extrapolated with, from linear to a cone's
 EXPONENTS = (1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.75, 2.0)
 

@@ -63,15 +63,15 @@ class Conclusions:
             tuple(steps),
             left.noise,
             self.unit,
+            findings,
+            tuple(dict.fromkeys(doubts)),
             sits,
             where(self.whole, after, noise) if path else sits,
             left,
-            findings,
             self.whole,
             before,
             after,
             fit,
-            tuple(dict.fromkeys(doubts)),
         )
 
     def held_out(self, state: State, marks: Sequence[Mark]) -> Array:

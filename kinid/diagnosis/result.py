@@ -140,14 +140,27 @@ class Step:
         }
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class Findings(Shown):
-    """What a diagnosis found, be it at hand or on disk; the attributes are those of `Diagnosis`."""
+    """What a diagnosis found, be it at hand or on disk.
+
+    Attributes:
+        model: that was asked about. best: with what it lacked.
+        verdict: of `model`. says: why, in words.
+        added: names, in the order in which they help.
+        steps: the ladder, from the model to the best one; errors are of the same samples on each.
+        noise_floor: what the noise alone explains; unit: of all errors.
+        effects: a verdict for every effect of the catalogue.
+        warnings: what to doubt.
+    """
 
     model: Model
+    best: Model
     verdict: Verdict
     says: str
     added: tuple[str, ...]
     steps: tuple[Step, ...]
+    noise_floor: float
     unit: str
     effects: tuple[EffectVerdict, ...]
     warnings: tuple[str, ...]
@@ -210,40 +223,23 @@ class Findings(Shown):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Diagnosis(Findings):
-    """Where a model fails, and which effects it lacks.
+    """Where a model fails, and which effects it lacks; the attributes of `Findings`, and what is at hand with its log.
 
     Attributes:
-        model: that was asked about. best: with what it lacked; `fit` is fitted with it.
-        verdict: of `model`. says: why, in words.
-        added: names, in the order in which they help.
-        steps: the ladder, from the model to the best one; errors are of the same samples on each.
-        noise_floor: what the noise alone explains; unit: of all errors.
         where: cells in which the error of `model` sits, the largest share first. left_where: the same of the best
             model.
         left: what the best model leaves beside noise and tolerance.
-        effects: a verdict for every effect of the catalogue.
         experiment: what was looked at. residual: of `model`, held out, (channels, n); residual_after: of the best one.
-        before, after: values of the parameters of both models, fitted to everything.
-        warnings: what to doubt.
+        fit: of the best model, to everything.
     """
 
-    model: Model
-    best: Model
-    verdict: Verdict
-    says: str
-    added: tuple[str, ...]
-    steps: tuple[Step, ...]
-    noise_floor: float
-    unit: str
     where: tuple[Cell, ...]
     left_where: tuple[Cell, ...]
     left: LackOfFit
-    effects: tuple[EffectVerdict, ...]
     experiment: Experiment
     residual: Array
     residual_after: Array
     fit: Fit
-    warnings: tuple[str, ...] = field(default=())
 
     def __str__(self) -> str:
         warnings = "".join(f"\ndoubt: {warning}" for warning in self.warnings)

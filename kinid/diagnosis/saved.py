@@ -26,19 +26,9 @@ class SavedDiagnosis(Findings):
     """What a diagnosis found, without the log that it was made of.
 
     Attributes:
-        facts: all that the file holds. fit: of the best model; the others as of `Diagnosis`.
+        facts: all that the file holds. fit: of the best model.
     """
 
-    model: Model
-    best: Model
-    verdict: Verdict
-    says: str
-    added: tuple[str, ...]
-    steps: tuple[Step, ...]
-    noise_floor: float
-    unit: str
-    effects: tuple[EffectVerdict, ...]
-    warnings: tuple[str, ...]
     fit: FittedModel
     facts: Json
 

@@ -89,15 +89,15 @@ def found() -> Diagnosis:
         steps,
         fits[0].error.noise_floor,
         "N",
+        effects,
+        ("the log is short",),
         where(experiment, before, experiment.noise),
         where(experiment, after, experiment.noise),
         lack_of_fit(fits[1].state, after),
-        effects,
         experiment,
         before,
         after,
         fits[1],
-        ("the log is short",),
     )
 
 
