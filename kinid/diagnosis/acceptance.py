@@ -23,7 +23,7 @@ from kinid.identification.error_model import REWEIGHTINGS, unusual_blocks
 from kinid.identification.initial_guesses import initial_values, nominal_values, project_linear
 from kinid.identification.nuisance import trusted
 from kinid.identification.problem import Problem
-from kinid.identification.rest_form import best_form, with_rest_form
+from kinid.identification.rest_form import best_form, refined_form, with_rest_form
 from kinid.identification.solver import ROUGH_GAIN, relearn, search
 from kinid.identification.state import State, linear_parameters, parameter_bounds
 from kinid.modeling.applicability import amplitudes, base_of
@@ -304,12 +304,14 @@ def _nearest(before: State, model: Model, candidate: Candidate) -> Array:
 
 
 def without_effect(state: State, name: str) -> State:
-    """The state's model without an effect, refitted with the state's error model."""
+    """The state's model without an effect, refitted with the state's error model, under its own best form of rest."""
     names = list(state.model.parameters(state.problem.layout))
     values = np.array([v for full, v in zip(names, state.values) if full.split(".", 1)[0] != name])
-    return search(
+    reduced = search(
         state.problem, state.model - name, values, state.error, max_steps=REFIT_STEPS, like=state, ends=ROUGH_GAIN
     )
+    # the form that is best beside an effect may leave room for it: what it takes off has to be its own
+    return refined_form(best_form(reduced))
 
 
 def relearn_errors(state: State) -> State:

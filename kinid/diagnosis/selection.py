@@ -116,7 +116,7 @@ def _remarkable(candidate: Refit, settings: DiagnosisSettings) -> bool:
         (null[i] - usual[i], null[i] + usual[i]) if i in null else (-np.inf, np.inf) for i in range(len(parameters))
     ]
     evidence = compare_states(acceptance.bounded(state, {effect.id: ranges}, state), state, state.error.sigma)
-    return evidence.significance > settings.min_significance and evidence.share > settings.min_share
+    return evidence.significance > _needed(evidence, settings) and evidence.share > settings.min_share
 
 
 def lowers_error(after: State, before: State) -> bool:

@@ -124,9 +124,9 @@ class JointTorqueRipple(Effect):
         places = {axis.suffix: j for j, axis in enumerate(every)}
         trials = [np.full(len(joints), order) for order in self.grid["order"]]
         if signals.joints is not None and signals.measured is not None:
-            lines = [_lines(signals, places[suffix], every[places[suffix]])[0][:2] for suffix in joints]
+            lines = [_lines(signals, places[suffix], every[places[suffix]])[0] for suffix in joints]
             if any(lines):
-                trials = [np.array([own[min(k, len(own) - 1)] if own else 1.0 for own in lines]) for k in range(2)]
+                trials = [np.array([own[min(k, len(own) - 1)] if own else 1.0 for own in lines]) for k in range(LINES)]
                 trials += [
                     np.full(len(joints), order) for order in self.grid["order"][:2]
                 ]  # too slow for a sweep to show

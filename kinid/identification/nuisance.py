@@ -29,7 +29,8 @@ MAX_SHIFT = 2.0
 class Nuisance:
     """One open quantity: a parameter of an effect that the model lacks, with its tolerance as a standard deviation.
 
-    `bound` is how many tolerances a fit may take it to.
+    A fit may take it from `low` to `high` tolerances: no further than calibration is off, nor out of the parameter's own
+    range.
     """
 
     effect: Effect
@@ -37,7 +38,8 @@ class Nuisance:
     name: str
     sd: float
     unit: str
-    bound: float
+    low: float
+    high: float
 
 
 def nuisances(model: Model, signals: Signals) -> tuple[Nuisance, ...]:
@@ -45,12 +47,19 @@ def nuisances(model: Model, signals: Signals) -> tuple[Nuisance, ...]:
     out = []
     for effect, why in candidate_effects(model, signals.layout):
         tolerances = {} if why else effect.calibration_sd(signals)
-        for i, p in enumerate(effect.parameters(signals.layout) if tolerances else ()):
-            if tolerances.get(p.name, 0.0) > 0.0:
-                out.append(
-                    Nuisance(effect, i, p.name, tolerances[p.name], p.unit, effect.calibration_bound(signals.layout))
-                )
+        if not tolerances:
+            continue
+        null, bound = amplitudes(effect, signals.layout, base_of(model)), effect.calibration_bound(signals.layout)
+        for i, p in enumerate(effect.parameters(signals.layout)):
+            if (sd := tolerances.get(p.name, 0.0)) > 0.0:
+                low, high = ((end - null.get(i, p.nominal)) / sd for end in (p.low, p.high))
+                out.append(Nuisance(effect, i, p.name, sd, p.unit, max(-bound, low), min(bound, high)))
     return tuple(out)
+
+
+def shift_bounds(open_: Sequence[Nuisance]) -> tuple[Array, Array]:
+    """Lowest and highest amounts of nuisances, in tolerances, each (k,)."""
+    return np.array([n.low for n in open_]), np.array([n.high for n in open_])
 
 
 def predict_with(
@@ -66,12 +75,21 @@ def predict_with(
 
 
 def with_calibration(model: Model, values: Array, open_: Sequence[Nuisance], shift: Array, signals: Signals) -> Array:
-    """Predict readings with each nuisance at so many of its tolerances, no more than are trusted, (channels, n)."""
-    here = model.course(signals, values)
-    out = here.reading.copy()
+    """Predict readings with each nuisance at so many of its tolerances, no more than are trusted, (channels, n).
+
+    The effects themselves act, not their first order, in which a fit found the amounts: a delay across a step is none.
+    """
+    layout, base = signals.layout, base_of(model)
+    whole, own = model, {effect.id: values[model.place(effect.id, layout)] for effect in model.effects}
     for nuisance, amount in zip(open_, trusted(shift)):
-        out += amount * (predict_with(nuisance, model, values, signals, here) - here.reading)
-    return out
+        effect = nuisance.effect
+        if effect.id not in own:
+            null = amplitudes(effect, layout, base)
+            whole = whole + effect
+            own[effect.id] = np.array([null.get(i, p.nominal) for i, p in enumerate(effect.parameters(layout))])
+        own[effect.id][nuisance.index] += amount * nuisance.sd
+    together = [own[effect.id] for effect in whole.effects]
+    return whole.predict(signals, np.concatenate(together) if together else values)
 
 
 def nuisance_columns(problem: Problem, model: Model, values: Array, here: Course, open_: tuple[Nuisance, ...]) -> Array:

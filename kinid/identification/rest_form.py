@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,9 @@ SHARES, LENGTHS = (0.02, 0.3, 0.7, 0.95), np.linspace(0.75e-4, 1.25e-4, 9)
 TREMORS, SMOOTHINGS = (3e-5, 1e-4, 3e-4, 1e-3), (0.025, 0.01, 0.004)
 JOINT_LENGTHS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
 JOINT_SPEEDS = (5e-4, 0.001, 0.002, 0.004, 0.008, 0.016, 0.03, 0.06, 0.12)
+#: of the speed that joints are at times faster than (a twentieth of the time), what is rest at most: friction that grows
+#: over more of it is viscous
+REST_SPEED_SHARE, FAST_PERCENTILE = 0.1, 95.0
 #: fields that are refined, with their ends
 REFINED_FIELDS = {
     "length": (0.75e-4, 1.25e-4),
@@ -52,7 +56,7 @@ def with_rest_form(state: State) -> State:
     best = _memory_form(best_form(state))
     if (_rest(best).kept, _rest(best).smoothing) != (_rest(state).kept, _rest(state).smoothing):
         best = best_form(best)
-    best = _refined(best)
+    best = refined_form(best)
     return best if best is state else relearn(best)
 
 
@@ -109,8 +113,18 @@ def _forms(state: State) -> list[RestForm]:
     else:
         forms = [dataclasses.replace(rest, smoothing=smoothing) for smoothing in SMOOTHINGS]
         forms += [dataclasses.replace(rest, joint=joint, joint_speed=0.0) for joint in JOINT_LENGTHS]
-        forms += [dataclasses.replace(rest, joint_speed=speed) for speed in JOINT_SPEEDS]
+        most = _rest_speed(state)
+        forms += [dataclasses.replace(rest, joint_speed=speed) for speed in JOINT_SPEEDS if speed <= most]
     return [form for form in forms if form != rest]
+
+
+def _rest_speed(state: State) -> float:
+    """Speed below which joints can be said to be at rest [rad/s, m/s]; of the joint that moves least, if several do."""
+    joints = state.problem.experiment.signals.joints
+    if joints is None:
+        return math.inf
+    fast = np.percentile(np.abs(joints.dq), FAST_PERCENTILE, axis=1)
+    return REST_SPEED_SHARE * float(np.min(fast[fast > 0.0], initial=math.inf))
 
 
 def best_form(state: State) -> State:
@@ -141,13 +155,16 @@ def _memory_form(state: State) -> State:
     return tried if left < FORM_IMPROVEMENT * _squares(state, state) else state
 
 
-def _refined(state: State) -> State:
+def refined_form(state: State) -> State:
     """The state with its form at its best, by Gauss-Newton steps of logarithms beside all parameters."""
     for _ in range(REFINEMENTS):
         rest, sigma = _rest(state), state.error.sigma
         fields = [field for field in REFINED_FIELDS if getattr(rest, field) > 0.0]
         values = np.array([getattr(rest, field) for field in fields])
-        ends = np.array([REFINED_FIELDS[field] for field in fields])
+        ends = np.array([REFINED_FIELDS[field] for field in fields]).reshape(-1, 2)
+        if "joint_speed" in fields:
+            at = fields.index("joint_speed")
+            ends[at, 1] = max(ends[at, 0], min(ends[at, 1], _rest_speed(state)))
         moved = np.where(values * (1.0 + FORM_STEP) <= ends[:, 1], FORM_STEP, -FORM_STEP)
         d = np.stack(
             [

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from kinid.identification.error_model import ErrorModel, learn, motion_variance, reading_variance
 from kinid.identification.jacobian import changes
-from kinid.identification.nuisance import nuisance_columns, nuisances
+from kinid.identification.nuisance import nuisance_columns, nuisances, shift_bounds
 from kinid.identification.problem import Problem
 from kinid.identification.state import (
     State,
@@ -68,7 +68,7 @@ class _Search:
         )
         self.x = np.where(self.moving, inside, fixed)
         self.open_ = nuisances(model, problem.experiment.signals)
-        self.bound = np.array([nuisance.bound for nuisance in self.open_])
+        self.shift_low, self.shift_high = shift_bounds(self.open_)
         self.shift = np.zeros(len(self.open_)) if shift is None or len(shift) != len(self.open_) else shift
         self.prior = prior_precision(model, problem, len(self.open_))
         linear = linear_parameters(model, problem)
@@ -195,7 +195,9 @@ class _Search:
             (self.x >= self.high - room) & (gradient[:p] > 0)
         )
         free = self.moving & ~pinned & (np.diag(self.squares)[:p] > 1e-12)
-        far = (np.abs(self.shift) >= self.bound - 1e-9) & (gradient[p:] * self.shift > 0)
+        far = ((self.shift <= self.shift_low + 1e-9) & (gradient[p:] < 0)) | (
+            (self.shift >= self.shift_high - 1e-9) & (gradient[p:] > 0)
+        )
         return gradient, np.r_[free, ~far]
 
     def step(self, gradient: Array, free: Mask, damping: float) -> tuple[float, Array, Array, float]:
@@ -203,12 +205,12 @@ class _Search:
         p, f = len(self.x), np.flatnonzero(free)
         information = self.squares + self.prior
         h = information[np.ix_(f, f)] + damping * np.diag(np.diag(self.squares)[f])
-        low = np.r_[(self.low - self.x) / self.scale, -self.bound - self.shift][f]
-        high = np.r_[(self.high - self.x) / self.scale, self.bound - self.shift][f]
+        low = np.r_[(self.low - self.x) / self.scale, self.shift_low - self.shift][f]
+        high = np.r_[(self.high - self.x) / self.scale, self.shift_high - self.shift][f]
         step = np.zeros(len(gradient))
         step[f] = solve_box_constrained(h, gradient[f], low, high)
         x = np.clip(self.x + step[:p] * self.scale, self.low, self.high) if p else self.x
-        shift = np.clip(self.shift + step[p:], -self.bound, self.bound)
+        shift = np.clip(self.shift + step[p:], self.shift_low, self.shift_high)
         step = np.r_[(x - self.x) / self.scale if p else x, shift - self.shift]
         expected = float(2 * gradient @ step - step @ information @ step)
         course = self.model.course(self.problem.experiment.signals, x, self.here)

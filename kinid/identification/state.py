@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.identification.error_model import ErrorModel
-from kinid.identification.nuisance import Nuisance
+from kinid.identification.nuisance import Nuisance, shift_bounds
 from kinid.identification.problem import Problem
 from kinid.modeling.forward import Course
 from kinid.modeling.model import Model
@@ -92,11 +92,8 @@ class State:
         weighted = self.residual / self.error.sigma
         prior = self.prior[np.ix_(f, f)]
         placed = np.r_[np.zeros(p), self.shift][f]
-        bound = np.array([n.bound for n in self.open_])
-        ends = parameter_bounds(self.model, self.problem)
-        low, high = (
-            np.r_[(end - self.values) / self.scale, side * bound - self.shift] for end, side in zip(ends, (-1.0, 1.0))
-        )
+        ends = zip(parameter_bounds(self.model, self.problem), shift_bounds(self.open_))
+        low, high = (np.r_[(end - self.values) / self.scale, furthest - self.shift] for end, furthest in ends)
         out = []
         for seen in (fold, ~fold):
             step = np.zeros(p + len(self.shift))

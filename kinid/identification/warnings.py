@@ -49,7 +49,7 @@ def of_nuisances(state: State, left: LackOfFit) -> list[str]:
     ends: dict[str, list[str]] = {}
     for nuisance, shift in zip(state.open_, state.shift):
         # where much is left, calibration that is bound bends to what is missing: a diagnosis says what that is
-        if abs(shift) >= MAX_SHIFT - 1e-6 and not (left.matters and np.isfinite(nuisance.bound)):
+        if abs(shift) >= MAX_SHIFT - 1e-6 and not (left.matters and np.isfinite(nuisance.high)):
             amount = f"{nuisance.name} {shift * nuisance.sd:.2g} {nuisance.unit}".removesuffix(" 1")
             ends.setdefault(nuisance.effect.id, []).append(amount)
     return [

@@ -7,24 +7,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.identification.nuisance import trusted
+from kinid.identification.nuisance import with_calibration
 from kinid.identification.state import State
 from kinid.modeling.experiment import Experiment
 
 Array = NDArray[np.float64]
 Reader = Callable[[Array], Array]
-
-
-def whole_prediction(state: State, values: Array, shift: Array) -> Array:
-    """What a state expects of the whole log with these parameters and nuisances, (channels, n)."""
-    problem = state.problem
-    out = state.model.predict(problem.whole.signals, values)
-    if len(shift):
-        added = (state.jacobian[:, len(values) :] @ shift).reshape(problem.shape)
-        centre = problem.mean_at(problem.experiment.signals.t)
-        # what neighbours have in common is a small and slow change
-        out = out + np.stack([np.interp(problem.whole.signals.t, centre, row) for row in added])
-    return out
 
 
 def train_residual(state: State, whole: Experiment | None = None, read: Reader = lambda predicted: predicted) -> Array:
@@ -34,7 +22,7 @@ def train_residual(state: State, whole: Experiment | None = None, read: Reader =
         whole: the log where that is another one than the problem's. read: predictions as they were read.
     """
     whole = whole or state.problem.whole
-    residual = whole.measured - read(whole_prediction(state, state.values, trusted(state.shift)))
+    residual = whole.measured - read(_prediction(state, state.values, state.shift))
     residual[:, ~whole.valid] = np.nan
     return residual
 
@@ -47,6 +35,11 @@ def held_out_residual(
     out, fold, p = whole.measured.copy(), state.problem.whole_fold, len(state.values)
     for seen, step in zip((fold, ~fold), state.fold_steps):
         values = state.values + step[:p] * state.scale if p else state.values
-        out[:, ~seen] -= read(whole_prediction(state, values, trusted(state.shift + step[p:])))[:, ~seen]
+        out[:, ~seen] -= read(_prediction(state, values, state.shift + step[p:]))[:, ~seen]
     out[:, ~whole.valid] = np.nan
     return out
+
+
+def _prediction(state: State, values: Array, shift: Array) -> Array:
+    """What a state expects of its whole log with these parameters and nuisances, (channels, n)."""
+    return with_calibration(state.model, values, state.open_, shift, state.problem.whole.signals)

@@ -138,7 +138,8 @@ def test_friction_that_turns_at_once_is_within_the_catalogue(rate: float, shaky:
     assert all(abs(found.fit[name].value) < 3e-3 for name in found.fit.parameters if name.startswith("time-offset"))
     assert found.fit["presliding.length"].value < 1e-5  # the friction of the model gives by 1e-4 m
     assert "friction turns around sooner than within the 0.1 mm" in found.says
-    assert found.steps[-1].held_out < 0.25 * found.steps[0].held_out
+    # a clock that is off by less than a sample leaves jumps between two samples
+    assert found.steps[-1].held_out < 0.3 * found.steps[0].held_out
 
 
 def test_damping_that_no_material_has_is_doubted() -> None:

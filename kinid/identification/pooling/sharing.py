@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from kinid.effects import Layout
 from kinid.errors import InputError, near
-from kinid.identification.nuisance import Nuisance
+from kinid.identification.nuisance import Nuisance, shift_bounds
 from kinid.identification.pooling.logs import PooledLog
 from kinid.modeling.model import Model
 from kinid.parameter import Parameter
@@ -107,9 +107,9 @@ class SharedVector:
             sharing: of each parameter by name. alone: whether it is the only log: all it has is shared then.
         """
         scale = np.array([p.scale for p in named.values()] + [1.0] * len(open_))
-        bound = [n.bound for n in open_]
-        low = np.r_[[p.low for p in named.values()], [-b for b in bound]] / scale
-        high = np.r_[[p.high for p in named.values()], bound] / scale
+        least, most = shift_bounds(open_)
+        low = np.r_[[p.low for p in named.values()], least] / scale
+        high = np.r_[[p.high for p in named.values()], most] / scale
         shared, into, own, population = [], [], [], []
         keys = [self._parameter(log, name, sharing[name], alone) for name in named]
         keys += [None if n.effect.per_log and not alone else ("nuisance", log.rig, n.effect.id, n.name) for n in open_]
