@@ -18,9 +18,9 @@ from kinid.identification.whole import held_out_residual
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
 
-#: a fit from nothing that ends within this of where the way here led is the one that is reported; a fit without marks,
-#: within that
-SAME_COST_RATIO, NEEDLESS_MARKS_RATIO = 1.01, 1.1
+#: a fit from nothing that ends within this of where the way here led is the one that is reported; so is one without
+#: marks
+SAME_COST_RATIO = 1.1
 
 
 @dataclass(eq=False)
@@ -84,4 +84,4 @@ def _needless(found: Found) -> bool:
     last, whole, rows = found.selection.states[-1], found.whole, error_rows(found.whole)
     free = estimate(last.model, whole) if found.selection.added else found.plain
     left = held_out_residual(last, whole, lambda predicted: marked(predicted, found.cleaned.marks, whole))
-    return bool(np.nanmean(held_out_residual(free)[rows] ** 2) < NEEDLESS_MARKS_RATIO * np.nanmean(left[rows] ** 2))
+    return bool(np.nanmean(held_out_residual(free)[rows] ** 2) < SAME_COST_RATIO * np.nanmean(left[rows] ** 2))

@@ -165,8 +165,27 @@ def choose(refits: Sequence[Refit], before: State, settings: DiagnosisSettings) 
     part = next((t for t in accepted if t.effect.id in best.effect.includes), None)
     if part is not None:
         return part.relearnt
-    equals = [t for t in relearnt if indistinguishable(best, t, best.state.error.sigma, settings)]
+    equals = [
+        t
+        for t in relearnt
+        if indistinguishable(best, t, best.state.error.sigma, settings) or _simpler(t, best, before, settings)
+    ]
     return min(equals, key=lambda t: (len(t.state.values), -t.evidence.gain))
+
+
+def _simpler(one: Refit, best: Refit, before: State, settings: DiagnosisSettings) -> bool:
+    """Whether a refit explains the same nearly as well, with so many parameters less that the rest isn't worth them.
+
+    What bends to anything bends to what is off in every rig, too. Where it is the right one, it proves itself beside
+    the simpler one, and makes that needless.
+    """
+    saved = len(best.state.values) - len(one.state.values)
+    worth = 1.0 - settings.parameter_price * saved
+    return (
+        saved > 0
+        and one.evidence.gain >= worth * best.evidence.gain
+        and _overlap(one, best, before.error.sigma) >= MIN_OVERLAP
+    )
 
 
 def _rank(candidate: Refit) -> tuple[float, float]:

@@ -18,6 +18,7 @@ class DiagnosisSettings:
             than this no sensor's linearity bears out.
         alternative_significance: alternatives within so many standard errors of each other are not told apart [1].
         alternative_share: nor are those of which neither takes off more than this share of what the other leaves [1].
+        parameter_price: of the best gain, what each parameter must bring that a simpler effect does without [1].
         refits: effects that are refitted in a round [1].
         promising_share: of the best predicted gain of a round, what another effect must promise to be refitted [1].
         max_effects: effects that are added at most [1].
@@ -32,6 +33,7 @@ class DiagnosisSettings:
     min_reading_share: float = 0.003
     alternative_significance: float = 2.0
     alternative_share: float = 0.02
+    parameter_price: float = 0.01
     refits: int = 6
     promising_share: float = 0.15
     max_effects: int = 8

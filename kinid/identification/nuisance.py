@@ -29,7 +29,7 @@ MAX_SHIFT = 2.0
 class Nuisance:
     """One open quantity: a parameter of an effect that the model lacks, with its tolerance as a standard deviation.
 
-    A fit may take it from `low` to `high` tolerances: no further than calibration is off, nor out of the parameter's own
+    A fit may take it from `low` to `high` tolerances: no further than calibration is off, nor out of its parameter's
     range.
     """
 

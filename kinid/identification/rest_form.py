@@ -22,8 +22,8 @@ SHARES, LENGTHS = (0.02, 0.3, 0.7, 0.95), np.linspace(0.75e-4, 1.25e-4, 9)
 TREMORS, SMOOTHINGS = (3e-5, 1e-4, 3e-4, 1e-3), (0.025, 0.01, 0.004)
 JOINT_LENGTHS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
 JOINT_SPEEDS = (5e-4, 0.001, 0.002, 0.004, 0.008, 0.016, 0.03, 0.06, 0.12)
-#: of the speed that joints are at times faster than (a twentieth of the time), what is rest at most: friction that grows
-#: over more of it is viscous
+#: of the speed that joints are faster than for a twentieth of the time, what is rest at most: friction that grows over
+#: more of it is viscous
 REST_SPEED_SHARE, FAST_PERCENTILE = 0.1, 95.0
 #: fields that are refined, with their ends
 REFINED_FIELDS = {
@@ -119,12 +119,12 @@ def _forms(state: State) -> list[RestForm]:
 
 
 def _rest_speed(state: State) -> float:
-    """Speed below which joints can be said to be at rest [rad/s, m/s]; of the joint that moves least, if several do."""
+    """Speed below which joints can be said to be at rest [rad/s, m/s]: of the middle one of those that move."""
     joints = state.problem.experiment.signals.joints
     if joints is None:
         return math.inf
     fast = np.percentile(np.abs(joints.dq), FAST_PERCENTILE, axis=1)
-    return REST_SPEED_SHARE * float(np.min(fast[fast > 0.0], initial=math.inf))
+    return REST_SPEED_SHARE * float(np.median(fast[fast > 0.0])) if (fast > 0.0).any() else math.inf
 
 
 def best_form(state: State) -> State:

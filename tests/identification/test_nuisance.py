@@ -1,0 +1,70 @@
+"""What calibration leaves open: amounts inside their ranges, which act as the effects themselves do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from measured.cases import planned, unchanged
+
+import kinid
+from kinid.identification.nuisance import nuisances, with_calibration
+from kinid.modeling.model import Model
+from kinid.robotics.inverse_dynamics import inverse_dynamics
+
+JOINT_MODEL = ("rigid-body", "joint-torque-offset", "joint-coulomb-friction", "joint-viscous-friction")
+#: where the measured drive's friction ends, whatever of it a model begins without
+DRIVE = {*JOINT_MODEL, "joint-friction-asymmetry", "joint-stribeck-friction"}
+
+
+def rubbing(swing: Callable[..., Any], viscous: float, ahead: float = 0.0) -> kinid.Log:
+    """Half a minute of an arm in free motion, whose torques are so much ahead [s]."""
+    rng, t = np.random.default_rng(8), np.arange(6000) / 200.0
+    path = swing(np.deg2rad([0.0, -40.0, 0.0, 85.0, 0.0, -55.0, 0.0]), seed=3, size=0.5, speed=3.0)
+    rig = kinid.Rig.parse({"robot": {"model": "lwr4plus"}})
+    q, dq, ddq = path(t)
+    later, speed, acceleration = path(t + ahead)
+    tau = inverse_dynamics(kinid.Robot.load(rig), later, speed, acceleration)
+    tau = tau + 0.4 * np.tanh(40.0 * speed) + viscous * speed
+    return kinid.Log(t, q=q, dq=dq, ddq=ddq, tau=tau + 0.02 * rng.standard_normal(q.shape))
+
+
+def test_amounts_act_as_the_effects_themselves(swing: Callable[..., Any]) -> None:
+    """A lag, a delay and gains at once: the readings of the model that has them, not the sum of their first orders."""
+    fit = Model(*JOINT_MODEL).fit(rubbing(swing, 0.2), kinid.Rig.parse({"robot": {"model": "lwr4plus"}}))
+    signals, model = fit.experiment.signals, fit.model
+    open_ = [n for n in nuisances(model, signals) if n.effect.id in ("sensor-lag", "time-offset", "joint-torque-gain")]
+    amounts = np.array([1.2 + 0.05 * i for i in range(len(open_))])
+    whole = model + "sensor-lag" + "time-offset" + "joint-torque-gain"
+    values = dict(zip(model.parameters(fit.layout), fit.values))
+    for nuisance, amount in zip(open_, amounts):
+        values[f"{nuisance.effect.id}.{nuisance.name}"] = amount * nuisance.sd
+    assert len(open_) == 9
+    got = with_calibration(model, fit.values, open_, amounts, signals)
+    np.testing.assert_allclose(got, whole.predict(signals, values), rtol=0, atol=1e-12)
+
+
+def test_amounts_stay_inside_the_range_of_their_parameter(swing: Callable[..., Any]) -> None:
+    """Torques that are ahead have a filter with a negative time constant to a first order: there is none."""
+    rig = kinid.Rig.parse({"robot": {"model": "lwr4plus"}})
+    state = Model(*JOINT_MODEL).fit(rubbing(swing, 0.2, ahead=0.004), rig).state
+    (lag,) = [i for i, n in enumerate(state.open_) if n.effect.id == "sensor-lag"]
+    assert state.open_[lag].low == 0.0
+    assert state.shift[lag] >= 0.0
+
+
+@pytest.mark.real
+def test_a_measured_drive_ends_in_one_model_from_wherever_it_begins(real_data: Path) -> None:
+    """Models that lack another part of the friction each end with the same effects at the same error."""
+    ends, errors = [], []
+    for source, model in sorted({(s, s.model) for s, _, _ in planned("drive-friction/", [2.0])}, key=lambda p: p[1]):
+        for left_out in ("joint-viscous-friction", "joint-coulomb-friction"):
+            begun = tuple(name for name in model if name != left_out)
+            found = kinid.diagnose(*unchanged(source, begun, real_data), model=Model(*begun))
+            ends.append({*begun, *found.added})
+            errors.append(found.steps[-1].held_out)
+    assert all(end >= DRIVE for end in ends)
+    assert max(errors) < 1.05 * min(errors)
