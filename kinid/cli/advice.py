@@ -64,6 +64,15 @@ def _untouched(logs: Sequence[str], rig: Path | None) -> str:
     return ""
 
 
+def to_diagnose_all(logs: Sequence[Path], rig: Path | None, model: Model, on: str | None, workers: int | None) -> str:
+    """The command that asks what a model of many logs lacks."""
+    from kinid.effects import effect_options
+
+    told = {"--rig": rig, "--model": ",".join(model.names) or "none", "--on": on, "--workers": workers}
+    options = [word for name, value in told.items() if value is not None for word in (name, str(value))]
+    return shlex.join(["kinid", *effect_options(), "diagnose", *map(str, logs), *options])
+
+
 def to_diagnose(log: Path, rig: Path | None, model: Model, data: Log, the_rig: Rig) -> str:
     """The command that asks what a model of a log lacks, or why that log can't be asked."""
     from kinid.diagnosis.inquiry import diagnosable
