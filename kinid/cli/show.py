@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from kinid.data.log import Log
     from kinid.identification.compare import Comparison
     from kinid.identification.fit import Fit
+    from kinid.identification.fitted import FittedParameter
     from kinid.identification.pooling.result import PooledFit
-from kinid.identification.fitted import FittedParameter
 
 #: a log without a touch that stays so far from the surface [m] was probably not meant
 FAR_AWAY = 0.1
