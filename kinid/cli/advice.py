@@ -83,4 +83,6 @@ def to_diagnose(log: Path, rig: Path | None, model: Model, data: Log, the_rig: R
     except InputError as error:
         return f"this log can't be diagnosed: {error.found}; instead, {error.mend}"
     named = [] if rig is None else ["--rig", str(rig)]
-    return shlex.join(["kinid", *effect_options(), "diagnose", str(log), *named, "--model", ",".join(model.names) or "none"])
+    return shlex.join(
+        ["kinid", *effect_options(), "diagnose", str(log), *named, "--model", ",".join(model.names) or "none"]
+    )

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from rich.markup import escape
 from rich.table import Table
 
-from kinid.cli.show import console, doubts_of, say, written
+from kinid.cli.show import console, say, shared_warnings, written
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
@@ -148,7 +148,7 @@ def show_compared(result: CampaignComparison) -> None:
         f"{result.reference}",
         soft_wrap=True,
     )
-    say(out, *doubts_of([row.fit for row in result.rows]))
+    say(out, *shared_warnings([row.fit for row in result.rows]))
 
 
 def diagnose_campaign(

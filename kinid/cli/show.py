@@ -148,11 +148,11 @@ def show_comparison(result: Comparison) -> None:
         winner(result),
         f"the noise is {result.noise_floor:.4g} {result.unit}; a difference is the mean over blocks of time, each of "
         f"which counts alike, of the error less that of {result.reference}",
-        *doubts_of([row.fit for row in result.rows]),
+        *shared_warnings([row.fit for row in result.rows]),
     )
 
 
-def doubts_of(fits: Sequence[Fit | PooledFit]) -> list[str]:
+def shared_warnings(fits: Sequence[Fit | PooledFit]) -> list[str]:
     """What to doubt of models side by side, each once; whose it is stands before it, where it isn't of all."""
     of: dict[str, list[str]] = {}
     for fit in fits:

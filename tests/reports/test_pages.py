@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from headless import complaints, needs_chromium
 
-from kinid.contact.analysis import Analysis, analyse
 from kinid.cli.show import show_comparison
+from kinid.contact.analysis import Analysis, analyse
 from kinid.data.log import Log, Provenance, Step
 from kinid.data.rig import Rig
 from kinid.identification.compare import Comparison, compare
