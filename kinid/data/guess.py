@@ -42,8 +42,8 @@ _JOINTS = {group: rf"(?:actual)?(?:{words.replace(' ', '|')})" for group, words 
 _NUMBERED = r"(?:m|motor|j|joint|axis|achse)?(\d{1,2})(?:pos|position|angle)?"
 #: what stands in front of an axis' letter
 FORCE, TORQUE = r"(?:\w*force|\w*kraft|f|tcpf|ft)", r"(?:\w*torque|\w*moment|t|m|tcpt|ftt)"
-TIME = ("t", "time", "timestamp", "stamp", "sec", "secs", "seconds", "clock", "rostime", "elapsed", "elapsedtime")
-TIME += ("zeit", "zeitstempel", "temps", "tiempo")
+_CLOCKS = ("t", "time", "timestamp", "stamp", "sec", "secs", "seconds", "clock", "rostime", "elapsed", "elapsedtime")
+TIME = (*_CLOCKS, "zeit", "zeitstempel", "temps", "tiempo")
 #: units that quantities are taken for where nothing says another one
 SI = {"t": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s^2", "tau": "N·m", **dict.fromkeys(("fx", "fy", "fz"), "N")}
 SI |= dict.fromkeys(("tx", "ty", "tz"), "N·m")
@@ -173,7 +173,7 @@ def _by_joint(columns: Mapping[str, Array], joints: Sequence[str]) -> dict[str, 
     bare = [re.sub(r"[\W_]+", "", joint.lower()) for joint in joints]
     same = "".join(letters[0] for letters in itertools.takewhile(lambda each: len(set(each)) == 1, zip(*bare)))
     names = {re.sub(r"[\W_]+", "", name.lower()): name for name in columns} | {_plain(n)[0]: n for n in columns}
-    out = {}
+    out: dict[str, list[str]] = {}
     for group, words in JOINTS.items():
         for word in words.split():
             for own in (bare, [joint.removeprefix(same) for joint in bare]):
