@@ -13,8 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
-from scipy.signal import lfilter
 
 from kinid.errors import InputError
 from kinid.estimators.wander import walk_variance
@@ -220,6 +218,8 @@ class _Work:
         solution = np.linalg.lstsq(scaled, target, rcond=1e-12)[0]
         low, high = self.bounds[0][self.linear] * size, self.bounds[1][self.linear] * size
         if (solution < low).any() or (solution > high).any():
+            from scipy.optimize import lsq_linear
+
             solution = lsq_linear(scaled, target, bounds=(low, high), method="bvls" if len(size) < 30 else "trf").x
         values[self.linear] = solution / size
         return values, target - scaled @ solution
@@ -369,6 +369,8 @@ def _covariance(
         filtered[work.keep] = basis[rows]
         for run in (runs or [slice(0, n)]) if kept.any() else []:
             # Σ = T Tᵀ with T the noise's impulse response: Tᵀ J is J filtered backwards in time
+            from scipy.signal import lfilter
+
             backwards = lfilter([1.0], np.concatenate([[1.0], -coefficients]), filtered[run][::-1], axis=0)
             meat += variance * backwards.T @ backwards
         # a walk reaches every later sample

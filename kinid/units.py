@@ -3,11 +3,22 @@
 from __future__ import annotations
 
 import math
+import re
 
 from kinid.errors import InputError, near
 
 _DEG = math.pi / 180.0
 _G = 9.80665  # standard gravity, CGPM 1901 [m/s²]
+
+#: newtons in a unit of force, and metres in the lengths of a torque
+_FORCES = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "kgf": _G, "gf": _G * 1e-3, "lbf": 4.4482216152605}
+_ARMS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
+#: torques by name, the products with a point between them; N·m, kN·mm … are written without one, too
+TORQUES = {f"{force}·{arm}": _FORCES[force] * _ARMS[arm] for force in _FORCES for arm in _ARMS}
+TORQUES |= {f"{force}{arm}": TORQUES[f"{force}·{arm}"] for force in ("N", "mN", "kN") for arm in ("m", "cm", "mm")}
+#: signs that stand for the point of a product; other signs, and how they are written here
+_TIMES = re.compile(r"(?<=[a-zA-Z])\s*[·⋅∙×*.\s-]\s*(?=[a-zA-Z])")
+_SIGNS = str.maketrans({"²": "^2", "°": "deg", "μ": "µ"})
 
 #: factor to SI by unit name
 FACTORS: dict[str, float] = {
@@ -47,24 +58,8 @@ FACTORS: dict[str, float] = {
     "rad/s^2": 1.0,
     "deg/s^2": _DEG,
     # force and torque
-    "N": 1.0,
-    "mN": 1e-3,
-    "kN": 1e3,
-    "kgf": _G,
-    "gf": _G * 1e-3,
-    "lbf": 4.4482216152605,
-    "Nm": 1.0,
-    "N·m": 1.0,
-    "N.m": 1.0,
-    "N*m": 1.0,
-    "mNm": 1e-3,
-    "Nmm": 1e-3,
-    "N·mm": 1e-3,
-    "kNm": 1e3,
-    "lbf·in": 0.1129848290276167,
-    "lbf-in": 0.1129848290276167,
-    "lbf·ft": 1.3558179483314004,
-    "lbf-ft": 1.3558179483314004,
+    **_FORCES,
+    **TORQUES,
     # electrical, for drives that log a current or a voltage; scaled to torque by `scale`
     "A": 1.0,
     "mA": 1e-3,
@@ -73,17 +68,28 @@ FACTORS: dict[str, float] = {
 }
 
 
+def canonical(unit: str) -> str:
+    """A unit's name as `FACTORS` has it, where it is one in other signs: N*mm, N mm or N-mm is N·mm, m/s² is m/s^2."""
+    plain = _TIMES.sub("·", unit.strip().translate(_SIGNS))
+    return plain if plain in FACTORS else unit
+
+
 def factor(unit: str, where: str) -> float:
     """Factor that turns a value in `unit` into SI.
 
     Args:
-        unit: a key of `FACTORS`.
+        unit: a key of `FACTORS`, in these signs or in others.
         where: the place the unit stands, for the message.
 
     Raises:
         InputError: the unit is unknown.
     """
     try:
-        return FACTORS[unit]
+        return FACTORS[canonical(unit)]
     except KeyError:
-        raise InputError(f"unit '{unit}' in {where}", "a unit that kinid knows", near(unit, FACTORS)) from None
+        raise InputError(f"unit '{unit}' in {where}", "a unit that kinid knows", near_units(unit)) from None
+
+
+def near_units(unit: str) -> str:
+    """For a message: the units that are meant, or all of them; of torques those without a point."""
+    return near(unit, [name for name in FACTORS if "·" not in name], limit=len(FACTORS))

@@ -262,3 +262,13 @@ def test_the_site(tmp_path: Path) -> None:
     assert [found for page in site.rglob("*.html") for found in loads.findall(page.read_text(encoding="utf-8"))] == []
     for page in ("index.html", "reference/kinid.html") if CHROMIUM is not None else ():
         assert complaints(site / page, tmp_path / "browser") == [], page
+
+
+def test_the_guide_lists_every_unit_of_columns() -> None:
+    """But products, of which it says how they are written."""
+    from kinid.units import FACTORS, TORQUES
+
+    stated = set(re.findall(r"`([^`]+)`", (ROOT / "docs" / "guide.md").read_text(encoding="utf-8")))
+    signs = {"µm": "um", "µs": "us", "µm/s": "um/s"}
+    lacking = [unit for unit in FACTORS if unit not in TORQUES and signs.get(unit, unit) not in stated | {"1"}]
+    assert lacking == []

@@ -108,3 +108,11 @@ def test_the_planned_excitation_uses_the_force_it_is_given(desk: tuple[Path, dic
     assert float(force[2]) > 7.0
     assert "bound by nothing" not in said
     assert (desk[0] / "best.parquet").is_file()
+
+
+def test_the_catalogue_is_as_large_as_readme_says() -> None:
+    from kinid.effects import catalogue
+
+    own = [name for name, effect in catalogue().items() if effect.__module__.startswith("kinid.")]
+    (stated,) = re.findall(r"catalogue of (\d+)", (ROOT / "README.md").read_text(encoding="utf-8"))
+    assert int(stated) == len(own)

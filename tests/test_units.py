@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kinid.errors import InputError
-from kinid.units import FACTORS, factor
+from kinid.units import FACTORS, canonical, factor
 
 #: 0.45359237 kg (international yard and pound agreement, 1959) times standard gravity
 POUND_FORCE = 0.45359237 * 9.80665
@@ -46,6 +46,15 @@ POUND_FORCE = 0.45359237 * 9.80665
         (1, "kNm", 1000),
         (1000, "Nmm", 1),
         (1000, "mNm", 1),
+        (1000, "N*mm", 1),
+        (100, "N·cm", 1),
+        (100, "Ncm", 1),
+        (1000, "N mm", 1),
+        (1, "N.m", 1),
+        (1, "kgf·cm", 0.0980665),
+        (180, "°", math.pi),
+        (1e6, "μm", 1),
+        (1000, "mm/s²", 1),
         (1, "N·m", 1),
         (1000, "mA", 1),
         (1000, "mV", 1),
@@ -68,7 +77,7 @@ def test_an_unknown_unit_is_refused_with_near_ones(unit: str, hint: str) -> None
     assert hint in caught.value.mend
 
 
-@given(st.text(max_size=20).filter(lambda name: name not in FACTORS))
+@given(st.text(max_size=20).filter(lambda name: canonical(name) not in FACTORS))
 def test_any_other_text_gives_one_line(unit: str) -> None:
     with pytest.raises(InputError) as caught:
         factor(unit, "here")

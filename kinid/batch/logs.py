@@ -7,10 +7,9 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from kinid.batch.store import Store, address_of, fetched, is_remote
-from kinid.campaign.campaign import Campaign, Member
 from kinid.campaign.files import (
     NO_LOGS,
     SUFFIXES,
@@ -24,8 +23,11 @@ from kinid.campaign.files import (
 from kinid.data.log import Log, Provenance
 from kinid.data.rig import Rig
 from kinid.errors import InputError
-from kinid.identification.pooling.logs import Elsewhere
 from kinid.robotics.reading import read
+
+if TYPE_CHECKING:
+    from kinid.campaign.campaign import Campaign
+    from kinid.identification.pooling.logs import Elsewhere
 
 
 @dataclass(frozen=True)
@@ -94,6 +96,8 @@ def campaign_of(items: Sequence[Item], sharing: dict[str, str], elsewhere: Elsew
     Raises:
         InputError: a log that is there twice; of those far away, one address.
     """
+    from kinid.campaign.campaign import Campaign, Member
+
     refuse_copies([Path(item.address) for item in items if not is_remote(item.address)])
     return Campaign.of([Member.of(item.name, item.columns, item.rig, item) for item in items], sharing, elsewhere)
 

@@ -28,12 +28,10 @@ from kinid.cli import (
     watch,
 )
 from kinid.cli import map as map_command
+from kinid.cli.advice import EFFECTS
 from kinid.cli.ending import ended
 from kinid.cli.once import Once
 from kinid.errors import InputError
-
-#: names folders of effects, as kinid.effects reads it
-VARIABLE = "KINID_EFFECTS"
 
 app = typer.Typer(
     name="kinid",
@@ -64,7 +62,7 @@ def _root(
     ] = None,
 ) -> None:
     if effects:  # processes that are begun inherit it
-        os.environ[VARIABLE] = os.pathsep.join([str(folder.absolute()) for folder in effects])
+        os.environ[EFFECTS] = os.pathsep.join([str(folder.absolute()) for folder in effects])
         if "kinid.effects" in sys.modules:  # a program that calls this one may have read the catalogue before
             sys.modules["kinid.effects"].catalogue.cache_clear()
 

@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 
 #: commands whose arguments are logs
 OF_LOGS = ("contact", "fit", "compare", "diagnose", "changes", "map", "live", "view")
+#: such a command within a sentence, as a message advises it
+OF_A_LOG = re.compile(rf"\bkinid ((?:{'|'.join(OF_LOGS)}|plan) )")
+#: names folders of effects, as kinid.effects reads it
+EFFECTS = "KINID_EFFECTS"
 #: what is advised only where the log's touches do give a surface
 FOUND_BY_TOUCHES = re.compile(r", or let touches find it: kinid contact LOG --find-surface")
 
@@ -39,6 +43,11 @@ def filled(message: str, words: Sequence[str]) -> str:
             message = re.sub(r"\bLOG\b", lambda _: shlex.join([*given, *rig]), message)
     if "--model" in told:
         message = re.sub(r"\bMODEL\b", lambda _: shlex.quote(told["--model"]), message)
+    if os.environ.get(EFFECTS):
+        from kinid.effects import effect_options
+
+        own = shlex.join(effect_options())
+        message = OF_A_LOG.sub(lambda command: f"kinid {own} {command[1]}", message)
     return message
 
 
@@ -55,13 +64,25 @@ def _untouched(logs: Sequence[str], rig: Path | None) -> str:
     return ""
 
 
+def to_diagnose_all(logs: Sequence[Path], rig: Path | None, model: Model, on: str | None, workers: int | None) -> str:
+    """The command that asks what a model of many logs lacks."""
+    from kinid.effects import effect_options
+
+    told = {"--rig": rig, "--model": ",".join(model.names) or "none", "--on": on, "--workers": workers}
+    options = [word for name, value in told.items() if value is not None for word in (name, str(value))]
+    return shlex.join(["kinid", *effect_options(), "diagnose", *map(str, logs), *options])
+
+
 def to_diagnose(log: Path, rig: Path | None, model: Model, data: Log, the_rig: Rig) -> str:
     """The command that asks what a model of a log lacks, or why that log can't be asked."""
     from kinid.diagnosis.inquiry import diagnosable
+    from kinid.effects import effect_options
 
     try:
         diagnosable(data, the_rig, model)
     except InputError as error:
         return f"this log can't be diagnosed: {error.found}; instead, {error.mend}"
     named = [] if rig is None else ["--rig", str(rig)]
-    return shlex.join(["kinid", "diagnose", str(log), *named, "--model", ",".join(model.names) or "none"])
+    return shlex.join(
+        ["kinid", *effect_options(), "diagnose", str(log), *named, "--model", ",".join(model.names) or "none"]
+    )

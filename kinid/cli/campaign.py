@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from rich.markup import escape
 from rich.table import Table
 
-from kinid.cli.show import console, written
+from kinid.cli.show import console, say, shared_warnings, written
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
@@ -89,6 +89,10 @@ def fit_campaign(
 
         write_text(plot, fit_page(result, title=f"{len(result.logs)} logs: {model}"))
     show_pooled(result)
+    if any("kinid diagnose" in warning for warning in result.warnings):
+        from kinid.cli.advice import to_diagnose_all
+
+        say(console(), f"next: {to_diagnose_all(logs, rig, model, on, workers)}")
     written([path for path in (plot, json_file) if path is not None])
 
 
@@ -121,6 +125,8 @@ def compare_campaign(
 
 def show_compared(result: CampaignComparison) -> None:
     """Models by rank, with their errors on blocks and on logs held out."""
+    from kinid.reports.fit_plots import winner
+
     out = console()
     table = Table("rank", "model", box=None, pad_edge=False)
     for heading in (f"held out [{result.unit}]", "by log", "difference", "± standard error"):
@@ -136,14 +142,13 @@ def show_compared(result: CampaignComparison) -> None:
             "" if same else f"{row.standard_error:.2g}",
         )
     out.print(table)
+    say(out, winner(result))
     out.print(
         f"the noise is {result.noise_floor:.4g} {result.unit}; differences are means over logs held out, to "
         f"{result.reference}",
         soft_wrap=True,
     )
-    for row in result.rows:
-        for warning in row.fit.warnings:
-            out.print(f"doubt: {row.fit.model}: {escape(warning)}", soft_wrap=True)
+    say(out, *shared_warnings([row.fit for row in result.rows]))
 
 
 def diagnose_campaign(
@@ -267,4 +272,10 @@ def show_logs(result: PooledFit) -> None:
     out.print(table)
     if len(result.logs) > MOST_ROWS:
         out.print(f"and {len(result.logs) - MOST_ROWS} more logs in the JSON")
+    if table.row_count:
+        out.print(
+            "held out: on blocks of time that the fit hasn't seen; by log: what is shared fitted to the other logs; "
+            "alone: the fit of this log by itself, held out",
+            soft_wrap=True,
+        )
     out.print()

@@ -235,7 +235,7 @@ class _Teller:
         self._steps, self._step, self._start = steps, 0, time.monotonic()
         self.say: Callable[..., None] = console().print
         self.say(
-            "[bold]A robot finds out what its model lacks.[/] Half a minute; the first time longer, while loops are "
+            "[bold]A robot finds out what its model lacks.[/] A minute or two; the first time longer, while loops are "
             "compiled.",
             soft_wrap=True,
         )

@@ -323,7 +323,7 @@ def discriminate_(
     from rich.table import Table
 
     from kinid.cli.show import console, right
-    from kinid.planning.discriminate import discriminate
+    from kinid.planning.discriminate import HOPELESS, discriminate
 
     chosen, values = model_of(o)
     planner = planner_of(o, expecting=False)
@@ -340,11 +340,12 @@ def discriminate_(
     title = "How far apart the candidates are, in standard deviations of the noise"
     table = Table("experiment", *right("s", "apart"), title=title)
     for _, title, seconds, distance in found.table:
-        table.add_row(title, f"{seconds:.1f}", f"{distance**0.5:.3g}")
+        apart = f"{distance**0.5:.3g}" if distance >= HOPELESS else f"below {HOPELESS**0.5:g}"
+        table.add_row(title, f"{seconds:.1f}", apart)
     console().print(table)
     typer.echo(found.words)
     for name, why in found.refused.items():
         typer.echo(f"left out: {name}: {why}")
-    for name in found.open:
-        typer.echo(f"no experiment tells {name}")
+    for form in found.open:
+        typer.echo(f"beyond every experiment, and not counted above: to tell {form}")
     finish(o, found.trajectory, planner.rig, found.to_dict())

@@ -112,6 +112,8 @@ def finish(o: Options, motion: Trajectory, rig: Rig, facts: dict[str, object]) -
             use["quantity"], use["joint"], f"{100 * use['share']:.0f} %", f"{use['value']:.4g}", f"{use['limit']:.4g}"
         )
     console().print(table)
+    if table.row_count:
+        typer.echo("values and limits in rad, N·m and s; of a joint that slides in m, N and s")
     for note in motion.provenance.get("notes", ()):
         typer.echo(f"note: {note}")
     for line in told:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from kinid.data.log import Log
     from kinid.identification.compare import Comparison
     from kinid.identification.fit import Fit
-from kinid.identification.fitted import FittedParameter
+    from kinid.identification.fitted import FittedParameter
+    from kinid.identification.pooling.result import PooledFit
 
 #: a log without a touch that stays so far from the surface [m] was probably not meant
 FAR_AWAY = 0.1
@@ -124,7 +125,9 @@ def show_fit(result: Fit) -> None:
 
 
 def show_comparison(result: Comparison) -> None:
-    """Models by rank, with held-out error and the paired difference to the reference."""
+    """Models by rank, with held-out error and the paired difference to the reference; which is best, if one is."""
+    from kinid.reports.fit_plots import winner
+
     out = console()
     numbers = right(f"held-out error [{result.unit}]", "difference", "± standard error")
     table = plain_table("rank", "model", *numbers, "doubts")
@@ -140,10 +143,25 @@ def show_comparison(result: Comparison) -> None:
             str(len(row.fit.warnings) or ""),
         )
     out.print(table)
-    out.print(
-        f"the noise is {result.noise_floor:.4g} {result.unit}; differences are to {result.reference}", soft_wrap=True
+    say(
+        out,
+        winner(result),
+        f"the noise is {result.noise_floor:.4g} {result.unit}; a difference is the mean over blocks of time, each of "
+        f"which counts alike, of the error less that of {result.reference}",
+        *shared_warnings([row.fit for row in result.rows]),
     )
-    say(out, *(f"doubt: {row.fit.model}: {warning}" for row in result.rows for warning in row.fit.warnings))
+
+
+def shared_warnings(fits: Sequence[Fit | PooledFit]) -> list[str]:
+    """What to doubt of models side by side, each once; whose it is stands before it, where it isn't of all."""
+    of: dict[str, list[str]] = {}
+    for fit in fits:
+        for warning in fit.warnings:
+            of.setdefault(warning, []).append(str(fit.model))
+    return [
+        f"doubt: {warning}" if 1 < len(fits) == len(names) else f"doubt: {'; '.join(names)}: {warning}"
+        for warning, names in of.items()
+    ]
 
 
 def written(paths: Iterable[Path | None]) -> None:

@@ -6,6 +6,8 @@ Names are compared without case, separators and the unit that many loggers put b
 
 from __future__ import annotations
 
+import dataclasses
+import itertools
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,6 +20,7 @@ from kinid.data.plausible import KINDS
 from kinid.data.readers import csv as text
 from kinid.data.rig import WRENCH
 from kinid.errors import InputError, KinidError
+from kinid.units import canonical
 
 Array = NDArray[np.float64]
 
@@ -27,16 +30,25 @@ SUFFIXES = (*text.SUFFIXES, ".parquet", ".npz")
 TURN = 2 * np.pi + 0.1
 #: time steps of a log, by the unit that they are in: beyond each of these it is the next finer one [s]
 STEPS = ((0.4, "ms"), (400.0, "us"), (4e5, "ns"))
-#: names of joint quantities, in front of the joint's number
+#: what joint quantities are called, in front of the joint's number or name, or behind it
 JOINTS = {
-    "dq": r"(?:actual)?(?:dq|qd|jointvel|jointvelocity|jvel|vel|velocity|qdot)",
-    "ddq": r"(?:actual)?(?:ddq|qdd|jointacc|jointacceleration|acc|acceleration)",
-    "tau": r"(?:actual)?(?:tau|torque|effort|jointtorque|jtau|jtorque)",
-    "q": r"(?:actual)?(?:q|j|joint|a|axis|jointpos|jointposition|jointangle|pos|position|angle|theta)",
+    "dq": "dq qd jointvel jointvelocity jvel vel velocity qdot speed geschwindigkeit",
+    "ddq": "ddq qdd jointacc jointacceleration acc acceleration beschleunigung",
+    "tau": "tau torque effort jointtorque jtau jtorque load moment drehmoment",
+    "q": "q j joint a axis jointpos jointposition jointangle pos position ang angle theta winkel achse gelenk",
 }
+#: the same as a pattern; a controller may write "actual" in front, and what it calls a joint in front of its number
+_JOINTS = {group: rf"(?:actual)?(?:{words.replace(' ', '|')})" for group, words in JOINTS.items()}
+_NUMBERED = r"(?:m|motor|j|joint|axis|achse)?(\d{1,2})(?:pos|position|angle)?"
 #: what stands in front of an axis' letter
-FORCE, TORQUE = r"(?:\w*force|f|tcpf|ft)", r"(?:\w*torque|\w*moment|t|m|tcpt|ftt)"
-TIME = ("t", "time", "timestamp", "stamp", "sec", "secs", "seconds", "clock", "rostime", "elapsed", "elapsedtime")
+FORCE, TORQUE = r"(?:\w*force|\w*kraft|f|tcpf|ft)", r"(?:\w*torque|\w*moment|t|m|tcpt|ftt)"
+_CLOCKS = ("t", "time", "timestamp", "stamp", "sec", "secs", "seconds", "clock", "rostime", "elapsed", "elapsedtime")
+TIME = (*_CLOCKS, "zeit", "zeitstempel", "temps", "tiempo")
+#: units that quantities are taken for where nothing says another one
+SI = {"t": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s^2", "tau": "N·m", **dict.fromkeys(("fx", "fy", "fz"), "N")}
+SI |= dict.fromkeys(("tx", "ty", "tz"), "N·m")
+#: a lever longer than this [m] is none: torques are in another unit than N·m
+LEVER = 5.0
 
 
 @dataclass(frozen=True)
@@ -96,37 +108,94 @@ def _table(path: Path) -> dict[str, NDArray[np.generic]]:
     return {name: column.to_numpy() for name, column in text.columns(path).items()}
 
 
-def guesses(columns: Mapping[str, Array]) -> list[Guess]:
-    """What each column is, those that are known; no quantity twice, the first column of a kind wins."""
+def guesses(columns: Mapping[str, Array], joints: Sequence[str] = ()) -> list[Guess]:
+    """What each column is, those that are known; no quantity twice, the first column of a kind wins.
+
+    Args:
+        columns: of the log, by name. joints: of the robot, whose names columns may have.
+    """
     out: dict[str, Guess] = {}
-    numbers: dict[str, list[tuple[int, str, str | None]]] = {}
+    time = _time_of(columns)
+    if time is not None:
+        unit = _plain(time)[1]
+        stated = unit in KINDS["t"]
+        out["t"] = Guess("t", time, unit, "its name says so") if stated else _time(time, columns[time])
+    numbers: dict[str, list[tuple[int, str]]] = {}
     for name in columns:
-        plain, unit = _plain(name)
-        if plain in TIME and "t" not in out:
-            stated = unit if unit in KINDS["t"] else None
-            out["t"] = Guess("t", name, stated, "its name says so") if stated else _time(name, columns[name])
+        plain = _plain(name)[0]
+        axis = _axis(plain, name)
+        if name == time or (axis is not None and axis in out):
             continue
-        axis = _axis(plain)
-        if axis is not None and axis not in out:
-            out[axis] = Guess(axis, name, unit if unit in KINDS[axis] else None, "its name says so")
+        if axis is not None:
+            out[axis] = Guess(axis, name, *_stated(name, axis))
             continue
-        for group, pattern in JOINTS.items():
-            if found := re.fullmatch(rf"{pattern}(\d{{1,2}})(?:pos|position|angle)?", plain):
-                numbers.setdefault(group, []).append((int(found[1]), name, unit if unit in KINDS[group] else None))
+        for group, pattern in _JOINTS.items():
+            if found := re.fullmatch(pattern + _NUMBERED, plain):
+                numbers.setdefault(group, []).append((int(found[1]), name))
                 break
-    for group, named in numbers.items():
-        named.sort()
-        first = named[0][0]
-        if [number for number, *_ in named] != list(range(first, first + len(named))):
-            continue  # a hole in the numbers: not to be guessed
-        turned = group in ("q", "q_cmd") and _beyond_a_turn([columns[name] for _, name, _ in named])
-        for number, name, unit in named:
-            found_unit, why = (
-                (unit, "its name says so") if unit else ("deg", "values beyond a turn") if turned else (None, "")
-            )
-            quantity = f"{group}{number - first + 1}"
-            out[quantity] = Guess(quantity, name, found_unit, why)
-    return list(out.values())
+    named = {group: _in_a_row(rows) for group, rows in numbers.items()} | _by_joint(columns, joints)
+    for group, names in named.items():
+        turned = group in ("q", "q_cmd") and _beyond_a_turn([columns[name] for name in names])
+        for i, name in enumerate(names, start=1):
+            unit, why = _stated(name, group)
+            if unit is None and turned:
+                unit, why = "deg", "values beyond a turn"
+            out[f"{group}{i}"] = Guess(f"{group}{i}", name, unit, why)
+    return _with_levers(list(out.values()), columns)
+
+
+def _time_of(columns: Mapping[str, Array]) -> str | None:
+    """The column that is the time: by its name, else by a word in it, else the only one that grows at every row."""
+    named = [name for name in columns if _plain(name)[0] in TIME]
+    if named:
+        return named[0]
+    steps = {name: np.diff(values) for name, values in columns.items()}
+    # one that counts rows is no time
+    growing = [name for name, step in steps.items() if len(step) and (step > 0).all() and not (step == 1).all()]
+    word = [name for name in growing if set(re.split(r"[\W_]+", name.lower())) & set(TIME)]
+    return word[0] if word else growing[0] if len(growing) == 1 else None
+
+
+def _stated(name: str, quantity: str) -> tuple[str | None, str]:
+    """The unit in a column's name where it is one of the quantity's, and why it is believed."""
+    unit = _plain(name)[1]
+    return (unit, "its name says so") if unit in KINDS[quantity] else (None, "")
+
+
+def _in_a_row(rows: list[tuple[int, str]]) -> list[str]:
+    """Columns by their joints' numbers; none where the numbers have a hole: that isn't to be guessed."""
+    rows = sorted(rows)
+    return [name for _, name in rows] if [i for i, _ in rows] == [*range(rows[0][0], rows[0][0] + len(rows))] else []
+
+
+def _by_joint(columns: Mapping[str, Array], joints: Sequence[str]) -> dict[str, list[str]]:
+    """Columns of each joint quantity that carry the names of all of a robot's joints, in their order."""
+    bare = [re.sub(r"[\W_]+", "", joint.lower()) for joint in joints]
+    same = "".join(letters[0] for letters in itertools.takewhile(lambda each: len(set(each)) == 1, zip(*bare)))
+    names = {re.sub(r"[\W_]+", "", name.lower()): name for name in columns} | {_plain(n)[0]: n for n in columns}
+    out: dict[str, list[str]] = {}
+    for group, words in JOINTS.items():
+        for word in words.split():
+            for own in (bare, [joint.removeprefix(same) for joint in bare]):
+                found = [names.get(word + joint, names.get(joint + word)) for joint in own if joint]
+                if joints and None not in found and len(set(found)) == len(joints):
+                    out.setdefault(group, [name for name in found if name is not None])
+    return out
+
+
+def _with_levers(found: list[Guess], columns: Mapping[str, Array]) -> list[Guess]:
+    """Torques whose unit nobody names, in N·mm where they would need a lever beyond any tool's."""
+    sizes = {guess.quantity: float(np.sqrt(np.nanmean(columns[guess.column] ** 2))) for guess in found}
+    force, torque = (max((sizes.get(name, 0.0) for name in axes), default=0.0) for axes in (WRENCH[:3], WRENCH[3:]))
+    if torque <= LEVER * force or force == 0.0:
+        return found
+    why = f"in N·m a lever of {torque / force:.2g} m"
+    return [
+        dataclasses.replace(guess, unit="N·mm", why=why)
+        if guess.quantity in WRENCH[3:] and guess.unit is None
+        else guess
+        for guess in found
+    ]
 
 
 def _plain(name: str) -> tuple[str, str | None]:
@@ -140,16 +209,18 @@ def _plain(name: str) -> tuple[str, str | None]:
             if re.search(rf"[_ ]{re.escape(each)}$", name, re.IGNORECASE) and len(name) > len(each) + 1:
                 unit, name = each, name[: -len(each) - 1]
                 break
-    unit = {each.lower(): each for each in units}.get(unit.lower()) if unit else None
+    unit = {each.lower(): each for each in units}.get(canonical(unit).lower()) if unit else None
     return re.sub(r"[\W_]+", "", name.lower()), unit
 
 
-def _axis(plain: str) -> str | None:
-    """Fx … tz of a name without separators."""
-    if found := re.fullmatch(rf"{FORCE}([xyz])", plain):
-        return "f" + found[1]
-    if found := re.fullmatch(rf"{TORQUE}([xyz])", plain):
-        return "t" + found[1]
+def _axis(plain: str, name: str) -> str | None:
+    """Fx … tz of a name without separators, or of one of its words."""
+    for word in (plain, *re.split(r"[\W_]+", name.lower())):
+        # of a word among others two letters have to say it
+        if found := re.fullmatch(rf"{FORCE if word == plain else 'f'}([xyz])", word):
+            return "f" + found[1]
+        if found := re.fullmatch(rf"{TORQUE if word == plain else '[tm]'}([xyz])", word):
+            return "t" + found[1]
     return None
 
 
@@ -173,7 +244,9 @@ def columns_table(found: Sequence[Guess]) -> str:
         if guess.column == guess.quantity and guess.unit is None:
             continue
         unit = f", unit = {quoted(guess.unit)}" if guess.unit else ""
-        why = f"  # {guess.why}" if guess.unit and guess.why else ""
+        taken = f"no unit is named: {SI[stem]} is taken" if (stem := guess.quantity.rstrip("0123456789")) in SI else ""
+        why = guess.why if guess.unit else taken
+        why = f"  # {why}" if why else ""
         lines.append(f"{guess.quantity} = {{ column = {quoted(guess.column)}{unit} }}{why}")
     return "\n".join(lines)
 

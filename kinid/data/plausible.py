@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from pydantic_core import PydanticCustomError
 
+from kinid.units import TORQUES
+
 #: heaviest tool [kg], largest bias [N, N·m], largest factor of a column
 HEAVIEST, MOST_BIAS, MOST_SCALE = 1000.0, 1e5, 1e9
 #: largest coordinate of a point [m] and largest offset of a column, in SI
@@ -25,7 +27,7 @@ SPEED = ("m/s", "cm/s", "mm/s", "um/s", "µm/s")
 ACCELERATION = ("m/s^2", "mm/s^2", "g")
 TIME = ("s", "ms", "us", "µs", "ns", "min", "h")
 FORCE = ("N", "mN", "kN", "kgf", "gf", "lbf")
-TORQUE = ("Nm", "N·m", "N.m", "N*m", "mNm", "Nmm", "N·mm", "kNm", "lbf·in", "lbf-in", "lbf·ft", "lbf-ft")
+TORQUE = tuple(sorted(TORQUES, key=lambda name: "·" in name))
 ELECTRIC = ("A", "mA", "V", "mV")
 KINDS: dict[str, tuple[str, ...]] = {
     "t": TIME,
@@ -96,5 +98,5 @@ def kind_of_unit(quantity: str, unit: str | None) -> None:
         raise PydanticCustomError(
             "kind",
             "a unit of {name}, as {known}; '{unit}' is one of another quantity",
-            {"name": quantity, "known": ", ".join(KINDS[stem][:4]), "unit": unit},
+            {"name": quantity, "known": ", ".join(u for u in KINDS[stem] if "·" not in u), "unit": unit},
         )

@@ -19,7 +19,7 @@ from pydantic_core import PydanticCustomError
 from kinid.data import plausible
 from kinid.errors import InputError, expect, near
 from kinid.inputs import parse_toml, read_text
-from kinid.units import FACTORS, factor
+from kinid.units import FACTORS, canonical, factor, near_units
 
 Array = NDArray[np.float64]
 
@@ -49,9 +49,10 @@ def _direction(values: tuple[float, float, float]) -> tuple[float, float, float]
 
 
 def _unit(unit: str) -> str:
-    if unit not in FACTORS:
-        raise PydanticCustomError("unit", "a unit that kinid knows ({near})", {"near": near(unit, FACTORS)})
-    return unit
+    name = canonical(unit)
+    if name not in FACTORS:
+        raise PydanticCustomError("unit", "a unit that kinid knows ({near})", {"near": near_units(unit)})
+    return name
 
 
 def _invertible(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:

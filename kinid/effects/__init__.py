@@ -10,7 +10,7 @@ from functools import cache
 
 from kinid.effects._effect import Effect, Stage
 from kinid.effects._example import Example, Motion
-from kinid.effects._foreign import VARIABLE, foreign_effects, load_effect, only_effect
+from kinid.effects._foreign import VARIABLE, effect_options, foreign_effects, load_effect, only_effect
 from kinid.effects._samples import Detection, Samples
 from kinid.effects._signals import Array, AsRead, JointMotion, Kind, Layout, SensorMotion, Signals
 from kinid.errors import InputError, near
@@ -32,6 +32,7 @@ __all__ = [
     "Signals",
     "Stage",
     "catalogue",
+    "effect_options",
     "get",
     "load_effect",
 ]

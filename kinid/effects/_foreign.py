@@ -20,6 +20,15 @@ VARIABLE = "KINID_EFFECTS"
 GROUP = "kinid.effects"
 
 
+def effect_options() -> list[str]:
+    """Words of a command line that name the folders of effects of this one: commands that it advises need them, too."""
+    return [word for folder in _folders() for word in ("--effects", folder)]
+
+
+def _folders() -> list[str]:
+    return [folder for folder in os.environ.get(VARIABLE, "").split(os.pathsep) if folder]
+
+
 def foreign_effects() -> Iterator[type[Effect]]:
     """Effects of the folders that `KINID_EFFECTS` names, file by file, then those of installed packages.
 
@@ -27,7 +36,7 @@ def foreign_effects() -> Iterator[type[Effect]]:
         InputError: a folder that isn't there, a file that can't be imported or doesn't hold one effect of its own name,
             an entry point that is no effect.
     """
-    for folder in filter(None, os.environ.get(VARIABLE, "").split(os.pathsep)):
+    for folder in _folders():
         if not Path(folder).is_dir():
             raise InputError(
                 f"no folder {folder}", "a folder of effects, one a file", f"check --effects, or {VARIABLE}"

@@ -37,6 +37,7 @@ class Experiment:
         drawn: makes the signals of these rows anew, driven by samples of the motion; None where the motion's error
             isn't known.
         warnings: where what was logged contradicts itself, a sentence each.
+        unstated: a bias of the sensor that free motion shows and the rig doesn't state, in a sentence; or "".
     """
 
     signals: Signals
@@ -50,6 +51,7 @@ class Experiment:
     touch: ContactSeries | None = field(default=None, repr=False)
     drawn: Callable[[Signals, NDArray[np.int64]], Iterator[Signals]] | None = field(default=None, repr=False)
     warnings: tuple[str, ...] = ()
+    unstated: str = ""
 
     @cached_property
     def motion_draws(self) -> tuple[Signals, ...]:

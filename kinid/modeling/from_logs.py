@@ -76,6 +76,10 @@ def from_contact(touch: ContactSeries, channels: tuple[str, ...]) -> Experiment:
     )
 
 
+#: a bias that a rig needn't state [N, N·m]: twice what zeroing in the air leaves
+MOST_UNSTATED = np.repeat([0.04, 2e-3], 3)
+
+
 def from_wrench(
     log: Log,
     rig: Rig,
@@ -131,7 +135,21 @@ def from_wrench(
     noise = np.maximum(_noise(measured[:, counts]), rig.sensor.noise or 0.0)
     valid, phase = counts & ~forgotten(t, touching), _named(log.phase, rows)
     drawn = SeriesDraws(log, rig) if differentiator is None else None
-    return Experiment(signals, measured, valid, noise, phase, touching, rows, drawn=drawn, warnings=warnings)
+    unstated = _unstated(rig, reading) if isinstance(bias, str) and bias == "none" else ""
+    return Experiment(
+        signals, measured, valid, noise, phase, touching, rows, drawn=drawn, warnings=warnings, unstated=unstated
+    )
+
+
+def _unstated(rig: Rig, reading: Reading) -> str:
+    """A sentence on a bias that free motion shows and the rig doesn't state, as the rig would state it; or ""."""
+    if rig.sensor.bias is not None or not (np.abs(reading.bias) > MOST_UNSTATED).any():
+        return ""
+    line = ", ".join(f"{value:.4g}" for value in reading.bias)
+    return (
+        f"in free motion the sensor reads a bias that the rig doesn't state, and that counts as error here: paste "
+        f"bias = [{line}] below [sensor] in the rig"
+    )
 
 
 def _doubts(touch: ContactSeries) -> tuple[str, ...]:

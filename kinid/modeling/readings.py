@@ -153,8 +153,11 @@ def check_excitation(model: Model, experiment: Experiment) -> list[str]:
     Raises:
         InputError: too few samples in contact, depth that is never positive, or an input that doesn't change.
     """
+    warnings = list(experiment.warnings)
+    if experiment.unstated and not any(e.constant and Stage.SENSOR in e.stages() for e in model.effects):
+        warnings.append(experiment.unstated)
     if "normal" not in model.needs or experiment.layout.kind == "joints":
-        return list(experiment.warnings)
+        return warnings
     depth = experiment.signals.depth[experiment.valid]
     inside = depth > 0
     if not inside.any():
@@ -179,7 +182,7 @@ def check_excitation(model: Model, experiment: Experiment) -> list[str]:
                 "a force that the depth changes",
                 "check the sensor, and which column the force is read from",
             )
-    return [*experiment.warnings, *warnings_of(experiment)]
+    return [*warnings, *warnings_of(experiment)]
 
 
 def _never_inside(depth: Array, experiment: Experiment) -> InputError:

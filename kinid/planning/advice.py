@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-import os
 import shlex
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -91,10 +90,7 @@ class Advisor:
         return False, f"no trajectory is known for it: {first.found}; instead, {first.mend}"
 
     def _command(self, model: Model, names: Sequence[str], values: dict[str, float]) -> Iterator[str]:
-        yield "kinid"
-        for folder in filter(None, os.environ.get(catalogue.VARIABLE, "").split(os.pathsep)):
-            yield from ("--effects", folder)
-        yield from ("plan", "discriminate", "--rig", str(self.rig_file))
+        yield from ("kinid", *catalogue.effect_options(), "plan", "discriminate", "--rig", str(self.rig_file))
         yield from ("--model", ",".join(model.names) or "none")
         if values and self.fit_file is not None:
             yield from ("--fit", str(self.fit_file))

@@ -43,7 +43,7 @@ Array = NDArray[np.float64]
 
 #: samples a second that experiments are judged at
 DESIGN_RATE = 100.0
-#: squared distance below which they are one and the same, rounding apart
+#: squared distance below which two candidates are one and the same
 HOPELESS = 1e-2
 #: share of a reading that no law is trusted to better than
 RELATIVE = 2e-3

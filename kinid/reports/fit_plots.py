@@ -98,7 +98,9 @@ def winner(result: Comparison | CampaignComparison) -> str:
     if name != result.reference:
         by = f"{abs(best.difference):.2g} ± {best.standard_error:.2g} {result.unit} below that of {result.reference}"
         return f"{name} has the least held-out error, {by}{'' if best.differs else ', which may be chance'}."
-    alike = [str(row.fit.model) for row in others if not row.differs and np.isfinite(row.difference)]
+    if not np.isfinite([row.difference for row in others]).all():
+        return f"{name} has the least held-out error; too little is held out to say whether that is chance."
+    alike = [str(row.fit.model) for row in others if not row.differs]
     if alike:
         return (
             f"No winner: {name} has the least held-out error, and this is too little to tell it from {listed(alike)}."

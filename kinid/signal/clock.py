@@ -11,7 +11,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
-from scipy.signal import savgol_filter
 
 from kinid.signal.noise import DIGITS, FLOOR, ROBUST, divided_differences, evenly, lattice, weighted_differences, white
 
@@ -138,6 +137,8 @@ def _late(x: Array, tau: Array, ask: bool = True) -> Array | None:
 def _speed(x: Array, at: Array, late: Array) -> Array:
     """Speeds of rows (n, k), in positions a sample."""
     window = min(WINDOW, (len(x) - 1) // 2 * 2 + 1)
+    from scipy.signal import savgol_filter  # it brings scipy.stats, which takes longer to load than most commands run
+
     way = savgol_filter(x, window, 3, deriv=1, axis=0)
     steps = savgol_filter(at + late, window, 3, deriv=1)
     return np.asarray(way / np.maximum(steps, LEAST_STEP)[:, None])

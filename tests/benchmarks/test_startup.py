@@ -42,3 +42,15 @@ def test_nothing_heavy_is_loaded(code: str) -> None:
     ask = f"import atexit, sys; atexit.register(lambda: print(*{HEAVY} & sys.modules.keys(), file=sys.stderr)); {code}"
     done = subprocess.run([sys.executable, "-c", ask], check=True, capture_output=True, text=True)
     assert done.stderr.split() == []
+
+
+def test_a_refusal_loads_no_statistics() -> None:
+    """What most commands have no use for takes longer to load than the refusal of a name to be found."""
+    code = (
+        "import sys; sys.argv = ['kinid', 'fit', 'absent.csv', '--model', 'hooke']; from kinid.cli import main; main()"
+    )
+    ask = f"import atexit, sys; atexit.register(lambda: print(*sys.modules)); {code}"
+    done = subprocess.run([sys.executable, "-c", ask], check=False, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "no file absent.csv" in done.stderr
+    assert not {"scipy.stats", "scipy.signal", "scipy.optimize"} & set(done.stdout.split())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
 
 import pyarrow as pa
@@ -45,11 +46,24 @@ def test_a_folder_is_fitted(folder: Path, monkeypatch: pytest.MonkeyPatch, capsy
     assert "http://" not in text.split("plotly.js", maxsplit=1)[0]
 
 
+def test_a_rejected_fit_of_many_logs_names_the_command_that_says_more(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, "fit", folder, "--model", "hooke,sensor-bias", "--workers", 1) == 0
+    said = capsys.readouterr().out
+    (line,) = [line for line in said.splitlines() if line.startswith("next: ")]
+    words = shlex.split(line)[1:]
+    assert words == ["kinid", "diagnose", str(folder), "--model", "hooke,sensor-bias", "--workers", "1"]
+    assert "alone: the fit of this log by itself" in said
+
+
 def test_models_are_compared(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     logs = [folder / f"{name}.parquet" for name in "abc"]
     words = ["--model", "hooke", "--model", "kelvin-voigt", "--json", folder / "c.json", "--plot", folder / "c.html"]
     assert run(monkeypatch, "compare", *logs, *words) == 0
-    assert "differences are means over logs held out" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "differences are means over logs held out" in said
+    assert "kelvin-voigt wins" in said
     found = json.loads((folder / "c.json").read_text())
     assert found["reference"] == "kelvin-voigt"
     assert found["models"][1]["held_out_by_log"] > found["models"][0]["held_out_by_log"]

@@ -203,3 +203,20 @@ def test_touches_are_not_asked_for_a_surface_that_they_do_not_give(run: Run, log
     code, _, err = run("fit", log, "--model", "hooke")
     assert code == 2
     assert "--find-surface (once the log has more of them; now it is refused: touch" in err
+
+
+def test_advised_commands_read_the_effects_of_the_command_line(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a fit, and what a refusal tells to do next, knows the reader's own effects as the command before did."""
+    log, own = pressed(tmp_path, 5), tmp_path / "my effects"
+    own.mkdir()
+    monkeypatch.setenv("KINID_EFFECTS", "")
+    code, said, err = run("fit", log, "--model", "hooke", "--effects", own)
+    assert code == 0, err
+    (line,) = [line for line in said.splitlines() if line.startswith("next: ")]
+    assert shlex.split(line)[1:5] == ["kinid", "--effects", str(own), "diagnose"]
+    code, _, err = run("diagnose", log, "--effects", own)
+    assert code == 2
+    (line,) = re.findall(r"kinid .* --model \S+", err)
+    assert shlex.split(line)[:4] == ["kinid", "--effects", str(own), "diagnose"]

@@ -97,8 +97,8 @@ def test_frames_that_the_robot_lacks_are_asked_for(run, log, tmp_path):
     pq.write_table(table, tmp_path / "six.parquet")
     code, out, err = run("init", tmp_path / "six.parquet", "--robot", "ur5", "-o", rig)
     assert code == 0, err
-    assert "its [robot] sensor_frame" in out
-    assert "its [robot] tip_frame" in out
+    assert "to fill in: [robot] sensor_frame" in out
+    assert "to fill in: [robot] tip_frame" in out
     text = rig.read_text(encoding="utf-8")
     assert "tool0" in text
     rig.write_text(
@@ -125,13 +125,67 @@ def test_what_it_cannot_know_is_asked_or_refused(run, log, tmp_path):
     code, _, err = run("init", log)
     assert code == 2
     assert "already" in err
-    (tmp_path / "b").mkdir()
-    (tmp_path / "b/b.csv").write_text("time,joint1\n0,1\n1,2\n", encoding="utf-8")
-    code, _, err = run("init", tmp_path / "b/b.csv")
-    assert code == 2
-    assert "--robot" in err
-    (tmp_path / "b/c.csv").write_text("x,y\n0,1\n", encoding="utf-8")
-    code, _, err = run("init", tmp_path / "b/c.csv")
-    assert code == 2
-    assert "is its time" in err
-    assert not (tmp_path / "b/rig.toml").exists()
+
+
+@pytest.mark.parametrize(
+    ("head", "words"),
+    [
+        ("time,joint1", ("[robot] model", "--robot")),
+        ("x,y", ("[columns] t = {", "[columns] q = {", "'x', 'y'")),
+        ("t,fx,fy,left over", ("[columns] fz tx ty tz", "'left over'")),
+    ],
+)
+def test_what_it_cannot_know_stands_in_the_rig_to_be_filled_in(run, tmp_path, head, words):
+    rows = "".join(f"{i % 3}," * head.count(",") + "2\n" for i in (0, 1))
+    (tmp_path / "b.csv").write_text(f"{head}\n{rows}", encoding="utf-8")
+    code, out, err = run("init", tmp_path / "b.csv")
+    assert code == 0, err
+    text = (tmp_path / "rig.toml").read_text(encoding="utf-8")
+    for word in words:
+        assert word in out
+        assert word in text
+    Rig.load(tmp_path / "rig.toml")
+
+
+URDF = """<robot name="six">{links}{joints}</robot>"""
+
+
+def arm(path, names):
+    """A URDF of an arm with joints of these names."""
+    links = "".join(f'<link name="l{i}"/>' for i in range(len(names) + 1))
+    joints = "".join(
+        f'<joint name="{name}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/><origin xyz="0 0 0.2"/>'
+        f'<axis xyz="0 {i % 2} {1 - i % 2}"/><limit lower="-3" upper="3" velocity="2" effort="99"/></joint>'
+        for i, name in enumerate(names)
+    )
+    path.write_text(URDF.format(links=links, joints=joints), encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("names", "angles", "time", "wrench"),
+    [
+        (("hip", "knee_pitch"), "ang_hip,ang_knee_pitch", "clock_s", "Fx_w,Fy_w,Fz_w,Mx_w,My_w,Mz_w"),
+        (("Achse_A", "Achse_B"), "Winkel A,Winkel B", "Zeit [s]", "Kraft X,Kraft Y,Kraft Z,Moment X,Moment Y,Moment Z"),
+        (("m1", "m2"), "pos_m1,pos_m2", "stamp", "fx,fy,fz,tx,ty,tz"),
+    ],
+)
+def test_columns_with_the_names_of_joints_are_theirs(run, tmp_path, monkeypatch, names, angles, time, wrench):
+    """In any order, in degrees where they are beyond a turn; torques that no lever gives are in N·mm."""
+    (tmp_path / "logs").mkdir()
+    arm(tmp_path / "arm.urdf", names)
+    t = np.arange(50) * 0.01
+    turns = [100 + 10 * np.sin(t), 20 * np.cos(t)]
+    loads = [2.0 + np.sin(t + i) for i in range(3)] + [90.0 * np.cos(t + i) for i in range(3)]
+    table = np.column_stack([*loads, *turns[::-1], t])
+    head = ",".join([wrench, *angles.split(",")[::-1], time])
+    np.savetxt(tmp_path / "logs" / "a.csv", table, delimiter=",", header=head, comments="")
+    monkeypatch.chdir(tmp_path)
+    code, out, err = run("init", "logs/a.csv", "--robot", "arm.urdf")  # as typed where one stands
+    assert code == 0, err
+    assert "to fill in: [robot] tip_frame" in out
+    rig = Rig.load("logs/rig.toml")
+    made = read("logs/a.csv", rig)
+    assert made.q is not None
+    assert made.wrench is not None
+    assert np.allclose(made.q, np.deg2rad(turns).T)
+    assert np.allclose(made.wrench[:, 3:], 1e-3 * np.array(loads[3:]).T)

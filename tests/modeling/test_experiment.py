@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from kinid.errors import InputError
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.from_logs import FAR, from_contact, from_wrench
 from kinid.modeling.model import Model
+from kinid.modeling.readings import check_excitation
 from kinid.robotics.robot import Robot
 from kinid.robotics.wrench import tool_load
 from kinid.signal.derivative import Differentiator
@@ -208,3 +210,18 @@ def test_draws_of_the_motion_are_thinned_along(poke: Scripted) -> None:
         np.testing.assert_allclose(some.depth, whole.depth[::5], atol=1e-12)
         np.testing.assert_allclose(some.slip_rate, whole.slip_rate[:, ::5], atol=1e-9)
         np.testing.assert_allclose(some.sensor.specific, whole.sensor.specific[:, ::5], atol=1e-9)  # type: ignore[union-attr]
+
+
+def test_a_bias_that_the_rig_does_not_state_is_said_as_the_rig_would_state_it(poke: Scripted) -> None:
+    """What is pasted is what free motion shows, after which nothing is said, nor of a model that has it."""
+    rig, model = Rig.parse_text(RIG), Model("kelvin-voigt", "coulomb-friction")
+    raw = from_wrench(poke.log, rig)
+    (said,) = [line for line in check_excitation(model, raw) if "doesn't state" in line]
+    pasted = re.search(r"bias = (\[.*?\])", said)
+    assert pasted is not None
+    stated = RIG.replace("[sensor]", f"[sensor]\nbias = {pasted[1]}")
+    np.testing.assert_allclose(Rig.parse_text(stated).sensor.bias, poke.bias, atol=0.03)  # a few steps of the converter
+    told = from_wrench(poke.log, Rig.parse_text(stated))
+    np.testing.assert_allclose(told.measured, from_wrench(poke.log, rig, bias="auto").measured, atol=1e-3)  # 4 digits
+    for experiment, asked in ((told, model), (raw, model + "sensor-bias")):
+        assert not any("doesn't state" in line for line in check_excitation(asked, experiment))

@@ -220,6 +220,8 @@ def test_command(run: Any, tmp_path: Any) -> None:  # noqa: F811
     )
     assert code == 0, err
     assert "at two speeds under two loads" in " ".join(out.split())
+    assert "values and limits in rad, N·m and s" in out
+    assert "e-" not in out  # what is below the least distance that counts is said so, not in powers of ten
     facts = json.loads((tmp_path / "d.json").read_text(encoding="utf-8"))
     assert facts["experiment"] == "speeds-and-loads"
     assert facts["experiments"][0]["distance"] == max(row["distance"] for row in facts["experiments"])

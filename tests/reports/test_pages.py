@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from headless import complaints, needs_chromium
 
+from kinid.cli.show import show_comparison
 from kinid.contact.analysis import Analysis, analyse
 from kinid.data.log import Log, Provenance, Step
 from kinid.data.rig import Rig
@@ -126,6 +127,29 @@ def test_who_wins(compared: Comparison, reference: int, difference: float, begin
     rows = [dataclasses.replace(row, difference=gap, standard_error=0.01) for row, gap in zip(rows, gaps)]
     result = dataclasses.replace(compared, rows=tuple(rows), reference=str(rows[reference].fit.model))
     assert winner(result).startswith(begins)
+
+
+def test_no_model_wins_where_chance_is_unknown(compared: Comparison) -> None:
+    rows = [dataclasses.replace(row, difference=float("nan"), standard_error=float("nan")) for row in compared.rows]
+    said = winner(dataclasses.replace(compared, rows=tuple(rows)))
+    assert "wins" not in said
+    assert "too little is held out" in said
+
+
+def test_a_doubt_of_several_models_is_said_once(compared: Comparison, capsys: pytest.CaptureFixture[str]) -> None:
+    """With the models that it is of, unless it is of all; and what a difference is stands on the screen, too."""
+    own = ({"a", "b"}, {"a", "c"})
+    rows = [
+        dataclasses.replace(row, fit=dataclasses.replace(row.fit, warnings=tuple(sorted(each))))
+        for row, each in zip(compared.rows, own)
+    ]
+    show_comparison(dataclasses.replace(compared, rows=tuple(rows)))
+    said = capsys.readouterr().out
+    doubts = [line for line in said.splitlines() if line.startswith("doubt: ")]
+    first, second = (str(row.fit.model) for row in rows)
+    assert doubts == ["doubt: a", f"doubt: {first}: b", f"doubt: {second}: c"]
+    assert winner(compared) in said
+    assert f"of the error less that of {compared.reference}" in said
 
 
 def test_steps_are_told_in_words() -> None:

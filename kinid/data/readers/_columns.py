@@ -247,17 +247,23 @@ def _shown(table: Table) -> str:
     return f"with columns {', '.join(names)}" if names else f"with {table.width} columns and no header"
 
 
+def _refined(rig: Rig, name: str, spec: ColumnSpec) -> ColumnSpec:
+    """What the rig says of one column of a group; what that leaves open, the group says."""
+    own = rig.columns.get(name)
+    if own is None:
+        return spec.model_copy(update={"column": None, "columns": None}) if spec.columns is not None else spec
+    said = {key: getattr(own, key) for key in own.model_fields_set}
+    spec = spec.model_copy(update={"column": None, "columns": None} | said)
+    if spec.columns is not None:
+        raise InputError(f"several columns for {name} in [columns]", "one column", "name it by 'column'")
+    return spec
+
+
 def _single(table: Table, rig: Rig, name: str, default: ColumnSpec | None = None) -> _Source | None:
     """The column of one quantity, by the rig or by its own name; None: the table lacks it."""
-    own = rig.columns.get(name)
-    spec = default or ColumnSpec()
-    if own is not None:  # what it leaves open, the group says
-        said = {key: getattr(own, key) for key in own.model_fields_set}
-        spec = spec.model_copy(update={"column": None, "columns": None} | said)
-        if spec.columns is not None:
-            raise InputError(f"several columns for {name} in [columns]", "one column", "name it by 'column'")
-        if spec.column is not None:
-            return _Source(table.position(spec.column, name), spec)
+    own, spec = rig.columns.get(name), _refined(rig, name, default or ColumnSpec())
+    if own is not None and spec.column is not None:
+        return _Source(table.position(spec.column, name), spec)
     if table.names is None or name not in table.names:
         if own is not None and spec.column is None and name not in ("t", *CONTACT, "phase"):
             raise InputError(
@@ -274,7 +280,10 @@ def _group(table: Table, rig: Rig, group: str, count: int | None) -> list[_Sourc
         if group == "wrench" and len(spec.columns) != len(WRENCH):
             found = f"{len(spec.columns)} columns for wrench in [columns]"
             raise InputError(found, " ".join(WRENCH), "list all six")
-        return [_Source(table.position(key, group), spec) for key in spec.columns]
+        parts = WRENCH if group == "wrench" else [f"{group}{i + 1}" for i in range(len(spec.columns))]
+        each = [_refined(rig, part, spec) for part in parts]
+        keys = [key if one.column is None else one.column for key, one in zip(spec.columns, each)]
+        return [_Source(table.position(key, group), one) for key, one in zip(keys, each)]
     if spec.column is not None:
         return _from_first(table, spec, group, table.position(spec.column, group), count)
     return _by_name(table, rig, group, spec)

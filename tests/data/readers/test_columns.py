@@ -274,3 +274,14 @@ def test_rows_that_come_evenly_need_no_time_column(tmp_path: Path) -> None:
         Rig.parse({"columns": {"depth": {"rate": 500}}})
     with pytest.raises(InputError, match="rate = 500"):
         read(path, Rig.parse({"columns": {"depth": {"column": 0}}}))
+
+
+def test_one_column_of_a_block_has_a_unit_or_a_sign_of_its_own() -> None:
+    """What is said of it alone goes before what is said of all."""
+    arrays = dict(zip("abcdef", np.arange(24.0).reshape(6, 4))) | {"t": T, "left": A, "right": B}
+    torques = {name: {"unit": "N*mm"} for name in WRENCH[3:]}
+    columns = {"wrench": {"columns": list("abcdef"), "unit": "kN"}, **torques}
+    log = log_of(arrays, {**columns, "q": {"columns": ["left", "right"], "unit": "deg"}, "q2": {"scale": -1.0}})
+    readings = np.arange(24.0).reshape(6, 4) * np.repeat([1e3, 1e-3], 3)[:, None]
+    np.testing.assert_allclose(log.wrench, readings.T)
+    np.testing.assert_allclose(log.q, np.deg2rad(np.stack([A, -B], axis=1)))
