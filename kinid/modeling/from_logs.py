@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 
 #: samples in the air that tell the noise
 FREE_ENOUGH = 200
+#: readings swing where their correlation with themselves falls below this within an eighth of their time in the air
+SWING, MIN_SWINGS = -0.3, 8
 #: share of the greatest depth outside the material from which on a force is no contact, whatever it is
 CLEAR = 0.1
 #: depth that stands for "nowhere near a surface" where the rig has none [m]
@@ -59,9 +61,7 @@ def from_contact(touch: ContactSeries, channels: tuple[str, ...]) -> Experiment:
     noise = _noise(measured[:, valid])
     free = valid & ~in_contact & (depth < 0)
     if free.sum() >= FREE_ENOUGH:
-        # slow noise hides from differences of neighbours; in the air, where no force is, it shows
-        air = measured[:, free]
-        noise = np.maximum(noise, ROBUST * np.median(np.abs(air - np.median(air, axis=1, keepdims=True)), axis=1))
+        noise = np.maximum(noise, _slow_noise(measured[:, free]))
     return Experiment(
         signals,
         measured,
@@ -272,6 +272,21 @@ def _slides(rig: Rig, joint: int) -> bool:
 def _noise(measured: Array) -> Array:
     """White noise of each channel, at least that of its steps where it is quantised, (channels,)."""
     return np.array([max(force_noise(channel), _step(channel) / np.sqrt(12.0)) for channel in measured])
+
+
+def _slow_noise(air: Array) -> Array:
+    """Spread of readings in the air, (channels, n) → (channels,).
+
+    Slow noise hides from differences of neighbours; where no force is, it shows.
+
+    What swings to and fro there is a disturbance, no noise, and counts as nothing.
+    """
+    rest = air - np.median(air, axis=1, keepdims=True)
+    n = rest.shape[1]
+    power = np.abs(np.fft.rfft(rest - rest.mean(axis=1, keepdims=True), 2 * n, axis=1)) ** 2
+    correlation = np.fft.irfft(power, axis=1)[:, : max(2, n // MIN_SWINGS)]
+    swings = correlation.min(axis=1) < SWING * correlation[:, 0]
+    return np.asarray(np.where(swings, 0.0, ROBUST * np.median(np.abs(rest), axis=1)))
 
 
 def _step(channel: Array) -> float:

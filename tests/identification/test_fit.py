@@ -266,6 +266,15 @@ def test_slow_noise_is_noise_and_no_rejected_structure() -> None:
     assert not any("rejected" in warning for warning in fit.warnings)
 
 
+def test_what_swings_in_the_air_is_no_noise() -> None:
+    """A pump beside the rig, 11 Hz and wandering: not explained, however much of it there is in the air."""
+    rng = np.random.default_rng(1)
+    phase = np.cumsum(2 * np.pi * (11.0 + lfilter([0.02], [1, -0.98], rng.normal(scale=3.0, size=2000))) / 200.0)
+    fit = Model("kelvin-voigt").fit(periodic(0.7, 0.2 * np.sin(phase) + rng.normal(scale=0.01, size=2000)))
+    assert fit.error.noise_floor < 0.03
+    assert any("rejected" in warning for warning in fit.warnings)
+
+
 def test_detectors_read_their_values_off_the_samples() -> None:
     t = np.arange(3000) / 200
     depth = 3e-3 + 2.5e-3 * np.sin(3 * t) + 0.5e-3 * np.sin(17 * t)
