@@ -127,8 +127,18 @@ def lowers_error(after: State, before: State) -> bool:
 
 
 def screen_and_refit(state: State, settings: DiagnosisSettings) -> Screening:
-    """Screen the catalogue and refit what promises most."""
+    """Screen the catalogue and refit what promises most; and what does beside that, where it is but as usual."""
     points = screen_catalogue(state)
+    refits = _promising(state, points, settings)
+    usual = [t for t in refits if _evident(t, state, settings) and not _remarkable(t, settings)]
+    if usual and len(usual) == len(refits):
+        others = {name: at for name, at in points.items() if name not in {t.effect.id for t in usual}}
+        refits += _promising(state, others, settings)
+    return Screening(state, points, tuple(sorted(refits, key=_rank)))
+
+
+def _promising(state: State, points: dict[str, list[Candidate]], settings: DiagnosisSettings) -> list[Refit]:
+    """Refits of the points that promise most."""
     ranked = sorted((c[0] for c in points.values()), key=lambda c: -c.predicted_gain)
     least = max(
         settings.min_significance**2 / 4, settings.promising_share * (ranked[0].predicted_gain if ranked else 0.0)
@@ -137,7 +147,7 @@ def screen_and_refit(state: State, settings: DiagnosisSettings) -> Screening:
     refits = sorted(parallel_map(lambda name: refit(state, points[name]), promising), key=_rank)
     # beside the right effect, friction at rest may have another form than beside the wrong ones
     refits[:REST_FORM_REFITS] = parallel_map(acceptance.with_best_rest_form, refits[:REST_FORM_REFITS])
-    return Screening(state, points, tuple(sorted(refits, key=_rank)))
+    return refits
 
 
 def choose(refits: Sequence[Refit], before: State, settings: DiagnosisSettings) -> Refit | None:
