@@ -69,6 +69,14 @@ def map_facts(grown: PropertyMap, known: Sequence[Known], new: int, left_out: Ma
     }
 
 
+def _open_pieces(grown: PropertyMap) -> int:
+    """Pieces of slides that don't tell stiffness."""
+    if not any(p.name == "stiffness" for p in grown.properties):
+        return 0
+    piece = np.array(["piece" in probe.source.rpartition("#")[2] for probe in grown.probes])
+    return int(np.sum(piece & np.isnan(grown.values("stiffness"))))
+
+
 def _next(grown: PropertyMap, rig: Path) -> str:
     """The command that asks what the model lacks where it leaves most, or why that log can't be asked."""
     from kinid.cli.advice import to_diagnose
@@ -102,6 +110,12 @@ def show_map(grown: PropertyMap, known: Sequence[Known], new: int, left_out: Map
         for p in told:
             table.add_row(escape(p.name), *("–" if e is None else f"{e:.3g}" for e in p.held_out.values()))
         out.print(table)
+    if open_ := _open_pieces(grown):
+        say(
+            out,
+            f"stiffness: open at {open_} pieces of slides: one depth doesn't tell the law's exponent; "
+            "poke in the same log, too, or map whole slides with --along 0",
+        )
     say(out, *(f"{p.name}: {p.uniform.words(p.unit)}" for p in known if p.uniform is not None))
     if failing := int(np.nansum(grown.misfit > FAILING)):
         say(

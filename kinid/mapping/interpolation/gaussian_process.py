@@ -89,7 +89,8 @@ class GaussianProcess(Interpolator):
             # errors that are large explain any step, also one that all around agree on: what neighbours tell of each
             # other counts
             if better > evidence or np.mean(other.left_out**2) < np.mean(found.left_out**2):
-                return replace(other, shared=shared)
+                uniform = None if other.uniform is None else other.uniform.with_shared(shared)
+                return replace(other, shared=shared, uniform=uniform)
         return found
 
     @classmethod
