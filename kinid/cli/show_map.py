@@ -98,7 +98,7 @@ def show_map(grown: PropertyMap, known: Sequence[Known], new: int, left_out: Map
     """Two tables: together they are wider than a terminal."""
     out, probes = console(), len(grown)
     old = f", {probes - new} of them there already" if new < probes else ""
-    out.print(f"{probes} probes with {grown.model}{old}", soft_wrap=True)
+    out.print(f"{grown.words}{old}", soft_wrap=True)
     table = plain_table("property", "unit", *right("lowest", "highest", "standard error"))
     for p in known:
         low, high, error = p.numbers

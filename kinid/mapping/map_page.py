@@ -41,7 +41,7 @@ def map_page(grown: PropertyMap, title: str, method: str = "gp") -> str:
             {
                 "name": f"{item.name} [{item.unit}]",
                 "uniform": "" if uniform is None else uniform.words(item.unit),
-                "errors": list(grown.held_out(item.name).values()),
+                "errors": [] if grown.predicted else list(grown.held_out(item.name).values()),
                 "figures": _figures(grown, item.name, method),
             }
         )

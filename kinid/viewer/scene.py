@@ -101,7 +101,7 @@ def map_scene(
         "probes": packed(grown.places, "<f4"),
         "size": size,
         "probe_words": _probe_words(grown),
-        "facts": f"{len(grown)} probes with {grown.model}; between them: {METHOD_WORDS[method]}",
+        "facts": f"{grown.words}; between them: {METHOD_WORDS[method]}",
     }
     if shape:
         out |= {"positions": packed(vertices, "<f4"), "faces": packed(faces, "<u4")}
