@@ -46,7 +46,7 @@ def changes(
         from rich.table import Table
 
         table = Table(box=None, pad_edge=False)
-        for title in ("t \\[s]", "slip1 \\[mm]", "slip2 \\[mm]", "95 % ± \\[mm]", "stiffness \\[N/m]", "friction"):
+        for title in ("t [s]", "slip1 [mm]", "slip2 [mm]", "95 % ± [mm]", "stiffness [N/m]", "friction"):
             table.add_column(title, justify="right")
         for c in found:
             table.add_row(

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from rich.markup import escape
 
 from kinid.cli.show import console, plain_table, right, say
 from kinid.errors import InputError
@@ -103,12 +102,12 @@ def show_map(grown: PropertyMap, known: Sequence[Known], new: int, left_out: Map
     for p in known:
         low, high, error = p.numbers
         numbers = (f"{low:.5g}", f"{high:.5g}", f"{error:.3g}") if p.probes else ("unknown", "unknown", "–")
-        table.add_row(escape(p.name), p.unit, *numbers)
+        table.add_row(p.name, p.unit, *numbers)
     out.print(table)
     if told := [p for p in known if p.probes]:
         table = plain_table("error of probes left out", *right(*told[0].held_out))
         for p in told:
-            table.add_row(escape(p.name), *("–" if e is None else f"{e:.3g}" for e in p.held_out.values()))
+            table.add_row(p.name, *("–" if e is None else f"{e:.3g}" for e in p.held_out.values()))
         out.print(table)
     if open_ := _open_pieces(grown):
         say(
