@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.contact import flag
 from kinid.contact.series import ContactSeries, contact_series, tip_motion
 from kinid.data.log import Log
 from kinid.data.rig import Rig
@@ -30,8 +31,8 @@ Array = NDArray[np.float64]
 #: properties of a log, and a probe for each touch
 Found = tuple[tuple[Property, ...], list[Probe]]
 
-#: a touch that is interrupted for less is one touch; a shorter one is a knock [s]
-JOINED, SHORTEST = 0.1, 0.2
+#: a shorter touch is a knock [s]
+SHORTEST = 0.2
 #: a slide further than this is cut into pieces, each a probe: one estimate would be of no place [m]
 FAR = 0.02
 #: neighbouring bins of a slide share their errors: so many count as one
@@ -94,16 +95,8 @@ def expected(paths: Sequence[Path]) -> int | None:
 
 
 def touches(touch: ContactSeries) -> list[tuple[int, int]]:
-    """Rows [begin, end) of each touch, short gaps bridged and knocks left out."""
-    flag = touch.in_contact.copy()
-    edges = np.diff(flag.astype(np.int8), prepend=0, append=0)
-    starts, ends = np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist()
-    spans: list[tuple[int, int]] = []
-    for a, b in zip(starts, ends):
-        if spans and touch.t[a] - touch.t[spans[-1][1] - 1] < JOINED:
-            spans[-1] = (spans[-1][0], b)
-        else:
-            spans.append((a, b))
+    """Rows [begin, end) of each touch, knocks left out."""
+    spans = flag.touches(touch.t, touch.in_contact, touch.valid)
     return [(a, b) for a, b in spans if touch.t[b - 1] - touch.t[a] >= SHORTEST]
 
 
