@@ -208,7 +208,7 @@ class PropertyMap:
         """
         return None if self.predicted else self.interpolator(name).uniform
 
-    def grid(self, cells: int = 100, margin: float = 0.5) -> tuple[Array, Array]:
+    def grid(self, cells: int = 100, margin: float = 0.45) -> tuple[Array, Array]:
         """Ticks along both tangents of a plane [m] that span the probes and `margin` of their spacing around them.
 
         Args:

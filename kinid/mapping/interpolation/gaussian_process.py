@@ -201,8 +201,9 @@ class GaussianProcess(Interpolator):
 
     @property
     def _off(self) -> Array:
-        """What the mean may be off by at each probe beyond chance, (n,)."""
-        return self.misfit if self.shared is None else np.hypot(self.misfit, self.shared)
+        """What the mean may be off by at each probe beyond chance, (n,); one value holds everywhere."""
+        off = self.misfit if self.uniform is None else np.zeros(len(self.values))
+        return off if self.shared is None else np.hypot(off, self.shared)
 
     def _mixture(self, q: Array, sd: bool) -> tuple[Array, Array]:
         """Mean and variance over the two zones that a query may lie in."""

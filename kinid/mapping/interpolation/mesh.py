@@ -304,7 +304,8 @@ class MeshProcess(Interpolator):
             return Guess(np.where(known, mean, np.nan), np.full(len(q), np.nan), known)
         mean, deviation, prior = (part[q] for part in self._vertices)
         known &= deviation <= IGNORANCE * prior
-        deviation = np.hypot(deviation, spread_over(self.ground.places, self.misfit, self.ground.mesh.vertices[q]))
+        if self.uniform is None:
+            deviation = np.hypot(deviation, spread_over(self.ground.places, self.misfit, self.ground.mesh.vertices[q]))
         return Guess(np.where(known, mean, np.nan), np.where(known, deviation, np.nan), known)
 
     @property

@@ -40,7 +40,8 @@ class Uniform:
 
     def words(self, unit: str) -> str:
         """As a reader wants it, with the interval that holds 95 %."""
-        return f"uniform, {self.value:.4g} ± {1.96 * self.standard_error:.2g} {unit}"
+        number = f"{self.value:.4g} ± {1.96 * self.standard_error:.2g} {unit}".removesuffix(" 1")
+        return f"uniform, {number} (95 %)"
 
 
 def sample_of(n: int) -> NDArray[np.int64]:
