@@ -197,13 +197,14 @@ class GaussianProcess(Interpolator):
         """What the mean may be off by at each probe, as the residuals around it say, (n,)."""
         own = diagonal(self.noise, self.covariance)
         # the covariance of the property times the weights is the guess, so that its diagonal times them is what is left
-        return misfit(self.ground.places, own * self.weights, np.sqrt(own), self.ground.spacing)
+        return misfit(
+            self.ground.places, own * self.weights, np.sqrt(own), self.ground.spacing, self.uniform is not None
+        )
 
     @property
     def _off(self) -> Array:
-        """What the mean may be off by at each probe beyond chance, (n,); one value holds everywhere."""
-        off = self.misfit if self.uniform is None else np.zeros(len(self.values))
-        return off if self.shared is None else np.hypot(off, self.shared)
+        """What the mean may be off by at each probe beyond chance, (n,)."""
+        return self.misfit if self.shared is None else np.hypot(self.misfit, self.shared)
 
     def _mixture(self, q: Array, sd: bool) -> tuple[Array, Array]:
         """Mean and variance over the two zones that a query may lie in."""

@@ -292,8 +292,10 @@ class MeshProcess(Interpolator):
     @cached_property
     def misfit(self) -> Array:
         """What the mean may be off by at each probe, as the residuals around it say, (n,)."""
-        residual = self.noise**2 * (self._inverse @ (self.values - self.mean))
-        return misfit(self.ground.places, residual, self.noise, self.ground.spacing)
+        residual, uniform = self.values - self.mean, self.uniform is not None
+        if not uniform:
+            residual = self.noise**2 * (self._inverse @ residual)
+        return misfit(self.ground.places, residual, self.noise, self.ground.spacing, uniform)
 
     def at(self, queries: ArrayLike, sd: bool = True) -> Guess:
         """At vertices, by their numbers (m,)."""
@@ -304,8 +306,7 @@ class MeshProcess(Interpolator):
             return Guess(np.where(known, mean, np.nan), np.full(len(q), np.nan), known)
         mean, deviation, prior = (part[q] for part in self._vertices)
         known &= deviation <= IGNORANCE * prior
-        if self.uniform is None:
-            deviation = np.hypot(deviation, spread_over(self.ground.places, self.misfit, self.ground.mesh.vertices[q]))
+        deviation = np.hypot(deviation, spread_over(self.ground.places, self.misfit, self.ground.mesh.vertices[q]))
         return Guess(np.where(known, mean, np.nan), np.where(known, deviation, np.nan), known)
 
     @property
