@@ -22,6 +22,8 @@ MOST_ERRORS, MOST_SHARE = 3.0, 0.1
 FEWEST = 10
 #: nothing is estimated then
 IDLE = (Status.NO_CONTACT, Status.NOT_SLIDING)
+#: what is estimated beside friction's coefficient: its unit, and what takes energy
+BESIDE: dict[str, tuple[str, tuple[float, float]]] = {"viscous": ("N·s/m", (0.0, 1e5))}
 FORCES = Layout(("normal_force", "tangential_force1", "tangential_force2"), "contact")
 
 
@@ -71,13 +73,12 @@ class Trust:
 
     def __init__(self, model: Sequence[str]) -> None:
         chosen = [effects.get(name) for name in model]
-        if any(effect.recursive == Friction.__name__ for effect in chosen):
-            chosen.append(effects.get("viscous-friction"))  # which is estimated beside it
-        self.units: dict[str, str] = {}
-        self._possible: dict[str, tuple[float, float]] = {}
+        rubs = any(effect.recursive == Friction.__name__ for effect in chosen)
+        self.units = {name: unit for name, (unit, _) in BESIDE.items() if rubs}
+        self._possible = {name: span for name, (_, span) in BESIDE.items() if rubs}
         for effect in chosen:
             for p in effect.parameters(FORCES):
-                name = "viscous" if effect.id == "viscous-friction" else effect.map_names.get(p.name, p.name)
+                name = effect.map_names.get(p.name, p.name)
                 self.units[name] = p.unit
                 self._possible[name] = effect.admissible.get(p.name, (-np.inf, np.inf))
         self._seen: dict[str, Counter[Status]] = {}
