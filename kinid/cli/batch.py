@@ -63,11 +63,11 @@ def counted(words: str) -> Iterator[Progress]:
         yield lambda *_: None
         return
     columns = (
-        TextColumn(words),
+        TextColumn(words, markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),
-        TextColumn("{task.fields[log]}"),
+        TextColumn("{task.fields[log]}", markup=False),
     )
     with Progress(*columns, console=out) as bar:
         task = bar.add_task(words, total=None, log="")

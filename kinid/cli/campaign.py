@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from kinid.cli.show import console, say, shared_warnings, written
 from kinid.errors import InputError
@@ -130,7 +131,7 @@ def show_compared(result: CampaignComparison) -> None:
     out = console()
     table = Table("rank", "model", box=None, pad_edge=False)
     for heading in (f"held out [{result.unit}]", "by log", "difference", "± standard error"):
-        table.add_column(escape(heading), justify="right")
+        table.add_column(heading, justify="right")
     for row in result.rows:
         same = str(row.fit.model) == result.reference
         table.add_row(
@@ -181,12 +182,12 @@ def diagnose_campaign(
 def show_diagnosed(result: CampaignDiagnosis) -> None:
     """Verdict first, odd logs, the error falling, which log shows what, differences, the model now."""
     out = console()
-    out.print(f"[bold]{result.verdict}[/]: {escape(result.says)}", soft_wrap=True)
+    out.print(Text.assemble((result.verdict, "bold"), f": {result.says}"), soft_wrap=True)
     for name, why in result.odd.items():
-        out.print(f"odd: {escape(name)}: {escape(why)}", soft_wrap=True)
+        out.print(f"odd: {name}: {why}", soft_wrap=True)
     table = Table("model", box=None, pad_edge=False)
     for heading in (f"held out [{result.fit.error.unit}]", "by log", "explained"):
-        table.add_column(escape(heading), justify="right")
+        table.add_column(heading, justify="right")
     for step, error in zip(result.steps, result.by_log):
         name = "as asked" if step.added is None else f"+ {step.added}"
         table.add_row(name, f"{step.held_out:.4g}", _figure(error), f"{100 * step.explained:.0f} %")
@@ -197,9 +198,9 @@ def show_diagnosed(result: CampaignDiagnosis) -> None:
         some = [log for log, verdict in shown.items() if verdict == "present"]
         none = [log for log, verdict in shown.items() if verdict == "absent"]
         words = f"{name} shows in {len(some)} of {len(shown)} logs by themselves"
-        out.print(words + (f", not in {escape(', '.join(none))}" if none else ""), soft_wrap=True)
+        out.print(words + (f", not in {', '.join(none)}" if none else ""), soft_wrap=True)
     for one in result.differences:
-        out.print(escape(str(one)), soft_wrap=True)
+        out.print(str(one), soft_wrap=True)
     out.print()
     show_pooled(result.fit)
 
@@ -223,7 +224,7 @@ def show_pooled(result: PooledFit) -> None:
     for p in result.parameters.values():
         spread = result.spread.get(p.name)
         table.add_row(
-            escape(p.name),
+            p.name,
             f"{p.value:.5g}",
             f"{p.low:.5g}",
             f"{p.high:.5g}",
@@ -241,7 +242,7 @@ def show_pooled(result: PooledFit) -> None:
         soft_wrap=True,
     )
     for warning in result.warnings:
-        out.print(f"doubt: {escape(warning)}", soft_wrap=True)
+        out.print(f"doubt: {warning}", soft_wrap=True)
 
 
 def _figure(error: float) -> str:
@@ -256,12 +257,12 @@ def show_logs(result: PooledFit) -> None:
     names = list(dict.fromkeys(name for log in result.logs for name in log.parameters))[:MOST_NUMBERS]
     table = Table("log", box=None, pad_edge=False)
     for heading in (f"held out [{unit}]", "by log", "alone", *names):
-        table.add_column(escape(heading), justify="right")
+        table.add_column(heading, justify="right")
     table.add_column("")
     for log in result.logs[:MOST_ROWS]:
         own = [log.parameters.get(name) for name in names]
         table.add_row(
-            escape(log.name),
+            log.name,
             f"{log.error.held_out:.4g}",
             _figure(log.by_log),
             _figure(log.alone_error),

@@ -26,10 +26,11 @@ def changes(
 ) -> None:
     """Borders and jumps along slides: where and when force over depth and friction change, and how sure that is.
 
-    Each straight leg in one direction is looked at by itself; a border that is crossed to and fro is there twice.
+    Each straight leg in one direction is looked at by itself; a border that is crossed to and fro is there twice,
+    and one that a single way shows is doubted.
     """
     from kinid.cli.contact import load, rig_path
-    from kinid.cli.show import console, written
+    from kinid.cli.show import console, say, written
     from kinid.contact.series import contact_series
     from kinid.mapping.changes import find_changes
     from kinid.writers import check_outputs, write_text
@@ -46,7 +47,7 @@ def changes(
         from rich.table import Table
 
         table = Table(box=None, pad_edge=False)
-        for title in ("t \\[s]", "slip1 \\[mm]", "slip2 \\[mm]", "95 % ± \\[mm]", "stiffness \\[N/m]", "friction"):
+        for title in ("t [s]", "slip1 [mm]", "slip2 [mm]", "95 % ± [mm]", "stiffness [N/m]", "friction"):
             table.add_column(title, justify="right")
         for c in found:
             table.add_row(
@@ -58,4 +59,13 @@ def changes(
                 f"{c.before.friction:.3g} → {c.after.friction:.3g}",
             )
         out.print(table)
+        say(
+            out,
+            *(
+                f"doubt: the border at {c.t:.2f} s may be none: {c.doubt}; steps that go with time and not with place "
+                "come of what a law lacks, as relaxation: slide both ways across it, and kinid diagnose the log"
+                for c in found
+                if c.doubt
+            ),
+        )
     written([path for path in (json_file,) if path is not None])

@@ -199,7 +199,7 @@ def _summary(out: Path, measured: bool, seconds: float) -> Json:
 
 def _farewell(tell: _Teller, summary: Json) -> None:
     error, truth = summary["error"], summary["truth"]
-    tell.say("\n[bold]to look at[/], offline, in a browser")
+    tell.say("\nto look at, offline, in a browser", style="bold")
     for name, path in summary["files"].items():
         tell.say(f"  {name:14s}{path}", soft_wrap=True)
     tell.say("the same with a log of your own: put rig.toml beside it and give the commands above\n", soft_wrap=True)
@@ -234,11 +234,8 @@ class _Teller:
 
         self._steps, self._step, self._start = steps, 0, time.monotonic()
         self.say: Callable[..., None] = console().print
-        self.say(
-            "[bold]A robot finds out what its model lacks.[/] A minute or two; the first time longer, while loops are "
-            "compiled.",
-            soft_wrap=True,
-        )
+        self.say("A robot finds out what its model lacks.", style="bold")
+        self.say("A minute or two; the first time longer, while loops are compiled.")
 
     @property
     def elapsed(self) -> float:
@@ -249,20 +246,18 @@ class _Teller:
     def step(self, words: str) -> Iterator[None]:
         """A heading, what runs in it, and how long that took."""
         self._step += 1
-        self.say(f"\n[bold]{self._step}/{self._steps}  {words}[/]", soft_wrap=True)
+        self.say(f"\n{self._step}/{self._steps}  {words}", soft_wrap=True, style="bold")
         begin = time.monotonic()
         yield
-        self.say(f"[dim]({time.monotonic() - begin:.1f} s)[/]")
+        self.say(f"({time.monotonic() - begin:.1f} s)", style="dim")
 
     def run(self, *words: object) -> None:
         """Show a command, and run it."""
-        from rich.markup import escape
-
         from kinid.cli import app
         from kinid.cli.ending import STOPPED
 
         arguments = [str(word) for word in words]
-        self.say(f"[cyan]$ kinid {escape(shlex.join(arguments))}[/]", soft_wrap=True)
+        self.say(f"$ kinid {shlex.join(arguments)}", soft_wrap=True, style="cyan")
         code = app(arguments, prog_name="kinid", standalone_mode=False)
         if code:  # typer turns Ctrl-C into a code
             raise KeyboardInterrupt if code == STOPPED else typer.Exit(code)

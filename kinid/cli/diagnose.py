@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -145,20 +144,13 @@ def _watched(
     json_file: Path | None,
 ) -> Diagnosis:
     """The diagnosis with what to plan next, and what it is doing on the terminal's error stream."""
-    from rich.console import Console
-
+    from kinid.cli.campaign import watched
     from kinid.diagnosis import diagnose as run
     from kinid.planning.advice import Advisor
 
-    def advised(progress: Callable[[str], None]) -> Diagnosis:
+    with watched() as progress:
         found = run(log, rig, model=model, add=add, max_effects=max_effects, tolerance=tolerance, progress=progress)
         return Advisor(found, rig, rig_file, json_file).advised(progress)
-
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        return advised(lambda _: None)
-    with console.status("fitting the model") as status:
-        return advised(status.update)
 
 
 def explained(name: str) -> None:

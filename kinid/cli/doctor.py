@@ -230,8 +230,8 @@ def _extra(name: str, modules: tuple[str, ...]) -> Finding:
 
 
 def _show(found: list[Finding], healthy: bool) -> None:
-    from rich.markup import escape
     from rich.table import Column, Table
+    from rich.text import Text
 
     from kinid.cli.show import console
 
@@ -240,7 +240,7 @@ def _show(found: list[Finding], healthy: bool) -> None:
     for f in found:
         mark, colour = MARK[f.state]
         mend = f"; to mend it, {f.mend}" if f.mend else ""
-        table.add_row(f"[{colour}]{mark}[/]", f.name, escape(f.says + mend))
+        table.add_row(Text(mark, colour), f.name, f.says + mend)
     out = console()
     out.print(table)
-    out.print("all that is needed is here" if healthy else "[red]something that is needed is missing[/]")
+    out.print("all that is needed is here" if healthy else Text("something that is needed is missing", "red"))

@@ -186,10 +186,10 @@ def _show_outcomes(outcomes: tuple[Outcome, ...]) -> None:
     out = console()
     for outcome in outcomes:
         head = f"{outcome.rule:13s} {'kept' if outcome.passed else 'BROKEN':7s}"
-        out.print(f"{head} {outcome.found}", soft_wrap=True, markup=False)
+        out.print(f"{head} {outcome.found}", soft_wrap=True)
         if not outcome.passed:
             for said in (f"expected: {outcome.expected}", f"to mend it: {outcome.mend}"):
-                out.print(f"{'':21s} {said}", soft_wrap=True, markup=False)
+                out.print(f"{'':21s} {said}", soft_wrap=True)
 
 
 def _show_page(case: Case, alike: dict[str, float]) -> None:
@@ -206,7 +206,7 @@ def _show_page(case: Case, alike: dict[str, float]) -> None:
             for name, angle in list(alike.items())[:LISTED]
         ]
     for line in lines:
-        out.print(line, soft_wrap=True, markup=False)
+        out.print(line, soft_wrap=True)
 
 
 def _facts(kind: type[Effect], outcomes: tuple[Outcome, ...], alike: dict[str, float]) -> Json:

@@ -113,14 +113,11 @@ def _planned(base: Setup, asked: Asked, trajectory: Path, rig: Path | None) -> S
     out = console()
     out.print(
         "surface and tool of the laboratory; a rig's: --rig" if rig is None else f"surface and tool of {rig}",
-        markup=False,
     )
     for line in doubts(setup):
-        out.print(line, style="yellow", markup=False)
+        out.print(line, style="yellow")
     if not ahead:
-        out.print(
-            "the plan expects no forces (no --model): the tip stays behind it by force over stiffness", markup=False
-        )
+        out.print("the plan expects no forces (no --model): the tip stays behind it by force over stiffness")
     return setup
 
 
@@ -131,7 +128,7 @@ def _show(path: Path, result: Result, nominal: Setup, mcap: bool, guard: list[st
     from kinid.lab.outcome import outcomes, remarks
 
     found, out, folder = outcomes(result), console(), path.parent
-    numbers = ("time \\[s]", "deepest \\[mm]", "of \\[mm]", "off set-point \\[mm rms]", "force, most \\[N]")
+    numbers = ("time [s]", "deepest [mm]", "of [mm]", "off set-point [mm rms]", "force, most [N]")
     table = Table("phase", *right(*numbers), title=f"{path}")
     for o in found:
         inside = ("–", "–") if max(o.asked, o.reached) <= 0.0 else (f"{1e3 * o.reached:.2f}", f"{1e3 * o.asked:.2f}")
@@ -139,7 +136,7 @@ def _show(path: Path, result: Result, nominal: Setup, mcap: bool, guard: list[st
     out.print(table)
     doubts = [*guard, *remarks(found, result.setup, nominal)]
     for line in doubts:
-        out.print(line, style="yellow", markup=False)
+        out.print(line, style="yellow")
     streams = {"mcap": path.with_suffix(".mcap"), "streams": folder / "streams"} if mcap else {}
     more = f"; its streams: {', '.join(str(place) for place in streams.values())}" if mcap else ""
     typer.echo(
@@ -166,9 +163,8 @@ def teleoperation(out: Path, asked: Asked, measured_map: Path | None, place: tup
         f"{found.material} at ({1e3 * place[0]:g}, {1e3 * place[1]:g}) mm: true {found.truth.stiffness:.4g} N/m and "
         f"{found.truth.damping:.3g} N·s/m; {found.told} says {found.believed.stiffness:.4g} N/m and "
         f"{found.believed.damping:.3g} N·s/m",
-        markup=False,
     )
-    console().print(found.study.table(), markup=False)
+    console().print(found.study.table())
     facts = out / "teleoperation.json"
     written((facts, page))
     known = json.loads(facts.read_text(encoding="utf-8"))
@@ -230,6 +226,6 @@ def _made(task: Campaign, out: Path) -> int:
 def _progress() -> Progress:
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     out = console()
     return Progress(*columns, console=out, transient=True, disable=not out.is_terminal)

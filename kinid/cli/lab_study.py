@@ -34,7 +34,7 @@ def study(out: Path, seed: int) -> Json:
     console().print(table)
     table = Table(title="a contact that stiffens by 10 N/m a second: errors in % of force (largest), K, B, n (rms)")
     table.add_column("method")
-    for title in ("from \\[s]", "to \\[s]", "force", "K", "B", "n"):
+    for title in ("from [s]", "to [s]", "force", "K", "B", "n"):
         table.add_column(title, justify="right")
     for error in errors:
         shares = ("–" if isnan(share) else f"{100 * share:.2f}" for share in error[3:])

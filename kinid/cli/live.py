@@ -256,5 +256,5 @@ def _server(port: int, robot: Robot, out: Console) -> Server:
     from kinid.live.serving import LAYOUT, Server
 
     server = Server(robot.joint_names, robot.sensor_frame or "", port)
-    out.print(f"Foxglove: open a connection to {server.url}, import the layout {LAYOUT}", soft_wrap=True, markup=False)
+    out.print(f"Foxglove: open a connection to {server.url}, import the layout {LAYOUT}", soft_wrap=True)
     return server

@@ -141,7 +141,6 @@ def _summary(motion: Trajectory) -> dict[str, object]:
 
 def show_intervals(intervals: Iterable[Interval]) -> None:
     """That a plan is expected to give."""
-    from rich.markup import escape
     from rich.table import Table
 
     from kinid.cli.show import console, right
@@ -149,7 +148,7 @@ def show_intervals(intervals: Iterable[Interval]) -> None:
     table = Table("parameter", *right("assumed", "±"), "unit", title="95 % intervals to expect")
     for each in intervals:
         half = f"{each.half:.2g}" if each.half < float("inf") else "open"
-        table.add_row(escape(each.name), f"{each.value:.5g}", half, each.unit)
+        table.add_row(each.name, f"{each.value:.5g}", half, each.unit)
     console().print(table)
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Column, Table
 
 if TYPE_CHECKING:
@@ -26,9 +25,12 @@ SHOWN_STEPS = ("surface", "wrench", "differentiate", "left out")
 
 
 def console() -> Console:
-    """Standard output; when piped, wide enough that no row is folded."""
-    out = Console(highlight=False)
-    return out if out.is_terminal else Console(highlight=False, width=140)
+    """Standard output; when piped, wide enough that no row is folded.
+
+    Words are printed as they are: a unit in brackets is no markup. What has a colour is a `Text`.
+    """
+    out = Console(highlight=False, markup=False)
+    return out if out.is_terminal else Console(highlight=False, markup=False, width=140)
 
 
 def right(*headings: str) -> Iterator[Column]:
@@ -42,16 +44,16 @@ def plain_table(*columns: str | Column) -> Table:
 
 
 def say(out: Console, *lines: str) -> None:
-    """Lines as they are, without markup, that the terminal folds."""
+    """Lines that the terminal folds."""
     for line in lines:
-        out.print(line, soft_wrap=True, markup=False)
+        out.print(line, soft_wrap=True)
 
 
 def estimates(parameters: Iterable[FittedParameter], digits: int) -> Table:
     """Estimates with intervals."""
     table = plain_table("parameter", *right("estimate", "95 % from", "to"), "unit")
     for p in parameters:
-        table.add_row(escape(p.name), *(f"{value:.{digits}g}" for value in (p.value, p.low, p.high)), p.unit)
+        table.add_row(p.name, *(f"{value:.{digits}g}" for value in (p.value, p.low, p.high)), p.unit)
     return table
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import isfinite
 from typing import TYPE_CHECKING
 
-from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from kinid.cli.show import console, estimates, right, say
 
@@ -34,20 +34,20 @@ def show_diagnosis(result: Diagnosis) -> None:
 
     out = console()
     colour = COLOUR.get(result.verdict, "bold")
-    out.print(f"[bold {colour}]{result.verdict}[/]: {escape(headline(result))}", soft_wrap=True)
+    out.print(Text.assemble((result.verdict, f"bold {colour}"), f": {headline(result)}"), soft_wrap=True)
     if result.says:
         say(out, result.says)
     say(out, *(f"doubt: {warning}" for warning in doubts(result)))
     regions = [region for region in result.where if region.share > 0][:MOST_REGIONS]
     if regions:
-        out.print("\n[bold]where the model fails[/]")
+        out.print("\nwhere the model fails", style="bold")
         say(out, *(f"  {region.says}" for region in regions))
-    out.print(f"\n[bold]held-out error[/] {escape(f'[{result.unit} rms]')}")
+    out.print(Text.assemble(("\nheld-out error", "bold"), f" [{result.unit} rms]"))
     _steps(out, result)
     out.print(leftover(result), soft_wrap=True)
     _effects(out, result)
     if result.fit.parameters:
-        out.print(f"\n[bold]the model now[/]: {escape(str(result.best))}", soft_wrap=True)
+        out.print(Text.assemble(("\nthe model now", "bold"), f": {result.best}"), soft_wrap=True)
         out.print(estimates(acting(result.fit.parameters).values(), 4))
     _next(out, result)
 
@@ -69,12 +69,13 @@ def _steps(out: Console, result: Diagnosis) -> None:
     top = max(error for _, error, _ in steps) or 1.0
     table = Table(show_header=False, box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for i, (name, error, explained) in enumerate(steps):
-        bar = "█" * max(1, round(WIDE * error / top))
+        shade = "dim" if name == "noise alone" else "red" if name == "as asked" and len(result.steps) > 1 else "blue"
+        bar = Text("█" * max(1, round(WIDE * error / top)), shade)
         if 0 < i < len(result.steps) and error > (1.0 + SAME) * steps[i - 1][1]:
             last = i == len(result.steps) - 1
-            bar += f"[/] [dim]helps only {'as readings are weighed by their noise' if last else 'beside what follows'}"
-        shade = "dim" if name == "noise alone" else "red" if name == "as asked" and len(result.steps) > 1 else "blue"
-        table.add_row(f"  {escape(name)}", f"{error:.4g}", explained, f"[{shade}]{bar}[/]")
+            why = "as readings are weighed by their noise" if last else "beside what follows"
+            bar = Text.assemble(bar, (f" helps only {why}", "dim"))
+        table.add_row(f"  {name}", f"{error:.4g}", explained, bar)
     out.print(table)
 
 
@@ -84,7 +85,7 @@ def _effects(out: Console, result: Diagnosis) -> None:
 
     shown = [e for e in by_verdict(result) if e.verdict in MARK]
     if shown:
-        numbers = right("evidence", f"gain \\[{result.unit}]")
+        numbers = right("evidence", f"gain [{result.unit}]")
         table = Table(
             "effect", "verdict", *numbers, "parameters (95 %)", box=None, pad_edge=False, padding=(0, 2, 0, 0)
         )
@@ -92,11 +93,11 @@ def _effects(out: Console, result: Diagnosis) -> None:
             mark = STAND_IN_MARK if e.stand_in else MARK[e.verdict]
             evidence = f"{e.evidence:.4g}" if isfinite(e.evidence) else "–"
             table.add_row(
-                escape(e.id),
-                f"{mark} {escape(verdict_words(e))}",
+                e.id,
+                f"{mark} {verdict_words(e)}",
                 evidence,
                 f"{e.held_out_gain:.3g}",
-                escape(_numbers(e)),
+                _numbers(e),
             )
         out.print()
         out.print(table)
@@ -137,7 +138,7 @@ def _next(out: Console, result: Diagnosis) -> None:
     ]
     if not hints and not hidden:
         return
-    out.print("\n[bold]what to measure next[/]")
+    out.print("\nwhat to measure next", style="bold")
     for hint in [*hints, *hidden][: max(MOST_HINTS, len(hints))]:
         words, colon, command = hint.partition(COMMAND)
         # a command stands on a line of its own, to be copied

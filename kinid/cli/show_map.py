@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from rich.markup import escape
 
 from kinid.cli.show import console, plain_table, right, say
 from kinid.errors import InputError
@@ -69,6 +68,14 @@ def map_facts(grown: PropertyMap, known: Sequence[Known], new: int, left_out: Ma
     }
 
 
+def _open_pieces(grown: PropertyMap) -> int:
+    """Pieces of slides that don't tell stiffness."""
+    if not any(p.name == "stiffness" for p in grown.properties):
+        return 0
+    piece = np.array(["piece" in probe.source.rpartition("#")[2] for probe in grown.probes])
+    return int(np.sum(piece & np.isnan(grown.values("stiffness"))))
+
+
 def _next(grown: PropertyMap, rig: Path) -> str:
     """The command that asks what the model lacks where it leaves most, or why that log can't be asked."""
     from kinid.cli.advice import to_diagnose
@@ -90,18 +97,24 @@ def show_map(grown: PropertyMap, known: Sequence[Known], new: int, left_out: Map
     """Two tables: together they are wider than a terminal."""
     out, probes = console(), len(grown)
     old = f", {probes - new} of them there already" if new < probes else ""
-    out.print(f"{probes} probes with {grown.model}{old}", soft_wrap=True)
+    out.print(f"{grown.words}{old}", soft_wrap=True)
     table = plain_table("property", "unit", *right("lowest", "highest", "standard error"))
     for p in known:
         low, high, error = p.numbers
         numbers = (f"{low:.5g}", f"{high:.5g}", f"{error:.3g}") if p.probes else ("unknown", "unknown", "–")
-        table.add_row(escape(p.name), p.unit, *numbers)
+        table.add_row(p.name, p.unit, *numbers)
     out.print(table)
     if told := [p for p in known if p.probes]:
         table = plain_table("error of probes left out", *right(*told[0].held_out))
         for p in told:
-            table.add_row(escape(p.name), *("–" if e is None else f"{e:.3g}" for e in p.held_out.values()))
+            table.add_row(p.name, *("–" if e is None else f"{e:.3g}" for e in p.held_out.values()))
         out.print(table)
+    if open_ := _open_pieces(grown):
+        say(
+            out,
+            f"stiffness: open at {open_} pieces of slides: one depth doesn't tell the law's exponent; "
+            "poke in the same log, too, or map whole slides with --along 0",
+        )
     say(out, *(f"{p.name}: {p.uniform.words(p.unit)}" for p in known if p.uniform is not None))
     if failing := int(np.nansum(grown.misfit > FAILING)):
         say(

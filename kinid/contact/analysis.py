@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.contact.doubts import contact_doubts, left_out
+from kinid.contact.flag import touches
 from kinid.contact.series import ContactSeries, contact_series, tip_motion
 from kinid.data.log import Log, Provenance, Step
 from kinid.data.rig import CONTACT, Rig
@@ -53,13 +54,11 @@ class Analysis:
         out: Json = {"ranges": {k: _range(v) for k, v in columns.items()}}
         if self.contact is not None:
             touch = self.contact
-            # an invalid sample within a touch doesn't end it
-            starts = np.flatnonzero(np.diff(touch.in_contact[touch.valid].astype(np.int8), prepend=0) == 1)
             out |= {
                 "samples": len(touch),
                 "invalid_samples": int((~touch.valid).sum()),
                 "in_contact": float(np.mean(touch.in_contact)),
-                "touches": len(starts),
+                "touches": len(touches(touch.t, touch.in_contact, touch.valid)),
             }
         if self.torques is not None:
             out["joint_torques"] = {

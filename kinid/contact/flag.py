@@ -18,6 +18,8 @@ REACH = 5e-3
 ON, OFF = 6.0, 3.0
 #: the force is averaged over so many samples on each side, so that noise alone never crosses from ON to OFF
 SETTLE = 4
+#: a touch that is interrupted for less is one touch [s]
+JOINED = 0.1
 
 
 def touching(table: Array, log: Log, rig: Rig, forces: bool, valid: Mask) -> tuple[Mask, Step]:
@@ -44,3 +46,18 @@ def touching(table: Array, log: Log, rig: Rig, forces: bool, valid: Mask) -> tup
 def force_noise(signal: Array) -> float:
     """Standard deviation of white noise on a slow force (n,) [N]; at least 1 nN."""
     return max(1e-9, white_noise(signal))
+
+
+def touches(t: Array, flag: Mask, valid: Mask) -> list[tuple[int, int]]:
+    """Rows [begin, end) of each touch: short gaps are bridged, and an invalid sample within a touch doesn't end it.
+
+    Args:
+        t: [s], (n,). flag: whether the tool touches, (n,). valid: (n,).
+    """
+    rows = np.flatnonzero(valid)
+    edges = np.diff(flag[rows].astype(np.int8), prepend=0, append=0)
+    spans: list[tuple[int, int]] = []
+    for a, b in zip(rows[np.flatnonzero(edges == 1)].tolist(), rows[np.flatnonzero(edges == -1) - 1].tolist()):
+        joined = spans and t[a] - t[spans[-1][1] - 1] < JOINED
+        spans[-1:] = [(spans[-1][0], b + 1)] if joined else [*spans[-1:], (a, b + 1)]
+    return spans

@@ -49,7 +49,9 @@ PLACES = LAST_TIME + 7
 #: usual size of innovations [s]
 ROW, MEMORY, USUAL = 3, 0.1, 0.3
 #: what lasts so long is told: divergence, no excitation, saturation, a force above [s]
-LASTING = (0.1, 0.25, 0.0, 0.005)
+LASTING = (0.1, 1.0, 0.0, 0.005)
+#: an excitation that stood for less, altogether, is none that can be lost [s]
+STOOD = 0.1
 #: a channel is at the end of its range from this share of it on
 FULL = 0.98
 #: contact isn't sought further outside the material than this [m]
@@ -216,8 +218,8 @@ def _watch(
     if _lasts(t, 0, wrong, LASTING[0], w):
         told |= DIVERGENCE
     if touching and status == VALID:
-        w[EXCITED] = 1.0
-    if _lasts(t, 1, touching and status == NOT_EXCITED and w[EXCITED] > 0.0, LASTING[1], w):
+        w[EXCITED] += dt
+    if _lasts(t, 1, touching and status == NOT_EXCITED and w[EXCITED] >= STOOD, LASTING[1], w):
         told |= EXCITATION
         w[EXCITED] = 0.0
     allowed = w[ABOVE_SHARE] * abs(force - innovation) + 5.0 * np.sqrt(

@@ -6,9 +6,10 @@ import gc
 import math
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from kinid.data.rig import CONTACT as QUANTITIES
+from kinid.estimators.estimate import Estimate
 from kinid.live import encoding
 from kinid.live.alignment import Aligner
 from kinid.live.events import Event
@@ -16,6 +17,7 @@ from kinid.live.latency import Latencies
 from kinid.live.messages import Notice, Source
 from kinid.live.pipeline import Pipeline
 from kinid.live.sink import Sink
+from kinid.live.trust import Trust
 from kinid.writers import Json
 
 #: a stream is lost after so long, or so many of its samples, without one [ns]; looked at so often [ns]
@@ -39,7 +41,7 @@ class Session:
     Attributes:
         samples: that went through the pipeline. counts: of events by kind. events: the last ones.
         processing: time of a sample from its streams' messages to its estimate [ns]; latency: from the reception of the
-            last message that a sample needed to its estimate [ns], where a source is live.
+            last message that a sample needed to its estimate [ns], where a source is live. trust: in the estimates.
     """
 
     def __init__(
@@ -58,6 +60,7 @@ class Session:
         self.aligner = Aligner(joints, self._report, wrench_offset=wrench_offset, max_gap=max_gap)
         self.samples, self.counts, self.events = 0, Counter[str](), deque[Event](maxlen=REMEMBERED)
         self.processing, self.latency = Latencies(), Latencies()
+        self.trust = Trust(pipeline.model)
         self._received = self._looked = self._begun = self._recorded = 0
         self._lost: set[str] = set()
         self._stop = False
@@ -92,8 +95,10 @@ class Session:
             "processing_us": self.processing.summary(),
             "latency_us": self.latency.summary() if self.source.live else None,
             "events": dict(self.counts),
+            "doubts": self.trust.doubts(self.pipeline.estimates),
             "estimates": {
                 part: {
+                    "units": {name: self.trust.units[name] for name in estimate.names},
                     "values": dict(zip(estimate.names, estimate.values.tolist())),
                     "std": [v if math.isfinite(v) else None for v in estimate.std.tolist()],
                     "valid": estimate.valid,
@@ -150,18 +155,23 @@ class Session:
                 return
             for event in self.pipeline.explain(told, aligner.t):
                 self._note(event)
-        if self._working and aligner.stamp - self._recorded >= RECORD_NS:
+                if event.kind == "reopened":
+                    self.trust.parted()
+        if aligner.stamp - self._recorded >= RECORD_NS:
             self._recorded = aligner.stamp
-            self._record()
+            estimates = self.pipeline.estimates
+            self.trust.take(estimates)
+            if self._working:
+                self._record(estimates)
 
-    def _record(self) -> None:
+    def _record(self, now: Mapping[str, Estimate]) -> None:
         """Contact quantities and estimates as they are now."""
         aligner, pipeline = self.aligner, self.pipeline
         known = dict(zip(QUANTITIES, map(_number, pipeline.quantities.tolist())))
         known["predicted_normal_force"] = _number(pipeline.predicted)
         contact = {"t": aligner.t, **known, "in_contact": pipeline.touching}
         values, status = {}, {}
-        for estimate in pipeline.estimates.values():
+        for estimate in now.values():
             for name, value, std in zip(estimate.names, estimate.values.tolist(), estimate.std.tolist()):
                 values[name] = {"value": _number(value), "std": _number(std)}
                 status[name] = estimate.status.name.lower().replace("_", "-")

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console, Group
 from rich.live import Live
-from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
@@ -37,7 +36,7 @@ class Lines:
             self._left += 1
             return
         self._told += 1
-        self._console.print(escape(str(event)), soft_wrap=True)
+        self._console.print(str(event), soft_wrap=True)
 
 
 class Screen:
@@ -57,19 +56,21 @@ class Screen:
         state = "touching" if session.pipeline.touching else "in the air"
         now = f"{state}: depth {1e3 * depth:.2f} mm, normal force {force:.2f} N"
         events = Text("\n".join(str(event) for event in list(session.events)[-SHOWN:]))
-        return Group(Text(head), Text(now if math.isfinite(depth) else state), estimates(session), events)
+        doubts = Text("\n".join(f"doubt: {doubt}" for doubt in facts["doubts"]))
+        return Group(Text(head), Text(now if math.isfinite(depth) else state), estimates(session), doubts, events)
 
 
 def estimates(session: Session) -> Table:
-    """Values with 95 % intervals and what to think of them."""
+    """Values with the half width of their 95 % intervals, and what to think of them."""
     table = Table("parameter", box=None, pad_edge=False)
     table.add_column("estimate", justify="right")
-    table.add_column("±", justify="right")
+    table.add_column("± (95 %)", justify="right")
+    table.add_column("unit")
     table.add_column("")
     for estimate in session.pipeline.estimates.values():
         half = estimate.interval[:, 1] - estimate.values
         for name, value, width in zip(estimate.names, estimate.values.tolist(), half.tolist()):
-            table.add_row(name, f"{value:.5g}", f"{width:.2g}", estimate.status.remedy)
+            table.add_row(name, f"{value:.5g}", f"{width:.2g}", session.trust.units[name], estimate.status.remedy)
     return table
 
 
@@ -83,7 +84,9 @@ def show(session: Session, console: Console) -> None:
     for name, key in (("processing", "processing_us"), ("from reception to estimate", "latency_us")):
         if facts[key] and facts["samples"]:
             times = ", ".join(f"{k} {v:.1f}" for k, v in facts[key].items())
-            console.print(f"{name} [µs]: {times}", soft_wrap=True, markup=False)
+            console.print(f"{name} [µs]: {times}", soft_wrap=True)
     if facts["events"]:
         console.print("events: " + ", ".join(f"{n} {kind}" for kind, n in facts["events"].items()), soft_wrap=True)
     console.print(estimates(session))
+    for doubt in facts["doubts"]:
+        console.print(f"doubt: {doubt}", soft_wrap=True)

@@ -8,12 +8,14 @@ V. Pereyra, SIAM J. Numer. Anal. 10, 1973): up and down again looks like nothing
 them goes, as long as it gains less in −2 log likelihood than the largest of all candidates reaches by chance with the
 stated probability, or is too small to be another material.
 
-The noise is the long-run one of what is left: colour is allowed for.
+The noise is the long-run one of what is left: colour is allowed for. A material that relaxes behind each turn, or a law
+that lacks something else, draws steps too, which no noise explains. They go with time and not with place: a border is
+believed where passes in both directions show it; else it has a doubt.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -45,6 +47,9 @@ BLUR = 0.15
 HARDLY, LACKING = 1.5e-3, 0.1
 #: a leg with more borders than this is no row of materials
 MOST = 30
+#: two passes show one border where their places differ by no more than this beside their standard deviations, and their
+#: ways by no more than that across [m], and their steps by no more than this factor
+SAME, ACROSS, ALIKE = 1e-3, 3e-3, 2.0
 
 
 class Felt(NamedTuple):
@@ -62,6 +67,7 @@ class Change:
         t: when [s]. slip1, slip2: where [m]. sd: standard deviation of the place along the slip [m].
         before, after: what was felt on both sides, in the order of time. width: half width of the transition [m].
         direction: of the slip, from tangent1 [rad]. score: gain over what chance reaches; above 1 is an alarm.
+        doubt: why it may be none; "" where nothing speaks against it.
     """
 
     t: float
@@ -73,6 +79,23 @@ class Change:
     width: float
     direction: float
     score: float
+    doubt: str = ""
+
+    @property
+    def place(self) -> Array:
+        """Along both tangents [m], (2,)."""
+        return np.array([self.slip1, self.slip2])
+
+    @property
+    def ahead(self) -> Array:
+        """Unit vector of the slip along both tangents, (2,)."""
+        return np.array([np.cos(self.direction), np.sin(self.direction)])
+
+    @property
+    def share(self) -> Array:
+        """The steps of stiffness and friction in the order of time, as shares of their level, (2,)."""
+        before, after = np.array(self.before), np.array(self.after)
+        return np.asarray(2.0 * (after - before) / np.maximum(np.abs(after + before), 1e-12))
 
     def to_dict(self) -> dict[str, object]:
         """Its facts, as JSON has them."""
@@ -85,6 +108,7 @@ class Change:
             "after": self.after._asdict(),
             "width": self.width,
             "direction": self.direction,
+            "doubt": self.doubt or None,
         }
 
 
@@ -97,6 +121,12 @@ class Leg:
     t: Array
     start: Array
     direction: Array
+
+    def crosses(self, place: Array) -> bool:
+        """Whether it passes a place (2,) [m] as a border could be seen there."""
+        along = float((place - self.start) @ self.direction)
+        aside = float(np.hypot(*(place - self.start - along * self.direction)))
+        return aside <= ACROSS and self.x[0] + RIM <= along <= self.x[-1] - RIM
 
 
 def find_changes(touch: ContactSeries, false_alarms: float = 1e-3) -> list[Change]:
@@ -117,7 +147,26 @@ def find_changes(touch: ContactSeries, false_alarms: float = 1e-3) -> list[Chang
             "steady slip in contact, along a straight way",
             "slide further",
         )
-    return [change for leg in found for change in _changes(leg, false_alarms)]
+    borders = [change for leg in found for change in _changes(leg, false_alarms)]
+    return [replace(change, doubt=_doubt(change, borders, found)) for change in borders]
+
+
+def _doubt(change: Change, every: list[Change], passes: list[Leg]) -> str:
+    """Why a border may be none; "" where a way back shows it, too."""
+    if any(_same(change, other) for other in every):
+        return ""
+    back = any(leg.direction @ change.ahead < -STRAIGHT and leg.crosses(change.place) for leg in passes)
+    return "the way back across it shows none" if back else "nothing slid back across it"
+
+
+def _same(change: Change, back: Change) -> bool:
+    """Whether a border is that of a way back: at one place, and the other way round."""
+    off = back.place - change.place
+    near = abs(float(off @ change.ahead)) <= SAME + 2.0 * float(np.hypot(change.sd, back.sd))
+    largest = int(np.argmax(np.abs(change.share)))
+    ratio = -float(back.share[largest]) / float(change.share[largest])  # what is crossed the other way round
+    turned = float(back.ahead @ change.ahead) < -STRAIGHT and 1.0 / ALIKE <= ratio <= ALIKE
+    return turned and near and float(np.hypot(*off)) <= ACROSS
 
 
 def legs(touch: ContactSeries) -> list[Leg]:

@@ -41,7 +41,7 @@ def map_page(grown: PropertyMap, title: str, method: str = "gp") -> str:
             {
                 "name": f"{item.name} [{item.unit}]",
                 "uniform": "" if uniform is None else uniform.words(item.unit),
-                "errors": list(grown.held_out(item.name).values()),
+                "errors": [] if grown.predicted else list(grown.held_out(item.name).values()),
                 "figures": _figures(grown, item.name, method),
             }
         )
@@ -135,7 +135,7 @@ def _probes(grown: PropertyMap, name: str) -> Scatter:
         x=flat[:, 0],
         y=flat[:, 1],
         mode="markers",
-        text=[f"{v:.4g} ± {e:.2g} {unit}" for v, e in zip(grown.values(name), grown.deviations(name))],
+        text=[f"{v:.4g} ± {1.96 * e:.2g} {unit} (95 %)" for v, e in zip(grown.values(name), grown.deviations(name))],
         hoverinfo="text",
         showlegend=False,
         marker={"size": 4, "color": "white", "line": {"width": 1, "color": "black"}},

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from kinid.errors import InputError
 from kinid.mapping.interpolation import Prior
-from kinid.mapping.property_map import Probe, Property, PropertyMap
+from kinid.mapping.property_map import PICTURE, Probe, Property, PropertyMap
 from kinid.mapping.vision import (
     BEYOND_CHANCE,
     FEATURES,
@@ -165,9 +165,11 @@ class Sighted:
 
         def at(q: Array) -> tuple[Array, Array]:
             q = np.asarray(q, dtype=float)
+            if not self.tells:
+                return np.full(len(q), np.nan), np.full(len(q), np.nan)
             features = picture.features(q)
             log, sd = self.regression.predict((features - self.centre) / self.scale, return_std=True)
-            told = (self.classifier.at(features).label != UNKNOWN) & picture.shows(q) & self.tells
+            told = (self.classifier.at(features).label != UNKNOWN) & picture.shows(q)
             return np.where(told, np.exp(log), np.nan), np.where(told, np.exp(log) * sd, np.nan)
 
         return at
@@ -180,7 +182,7 @@ class Sighted:
         q = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, 2)
         mean, sd = self.prior(picture)(q)
         told = np.isfinite(mean)
-        empty = PropertyMap(surface, (self.item,), (), "picture")
+        empty = PropertyMap(surface, (self.item,), (), PICTURE)
         probes = [
             Probe(p, np.array([m]), np.array([[s**2]]), source=f"picture#{i}")
             for i, (p, m, s) in enumerate(zip(empty.raised(q[told]), mean[told], sd[told]))

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.contact import flag
 from kinid.contact.series import ContactSeries, contact_series, tip_motion
 from kinid.data.log import Log
 from kinid.data.rig import Rig
+from kinid.effects import Stage
 from kinid.errors import InputError, KinidError
 from kinid.identification.fit import Fit
 from kinid.inputs import read_json
-from kinid.mapping.boundaries import paths
+from kinid.mapping.boundaries import SlidePath, paths
 from kinid.mapping.property_map import Probe, Property, PropertyMap
 from kinid.modeling.model import Model
 from kinid.robotics.reading import read
@@ -27,8 +31,8 @@ Array = NDArray[np.float64]
 #: properties of a log, and a probe for each touch
 Found = tuple[tuple[Property, ...], list[Probe]]
 
-#: a touch that is interrupted for less is one touch; a shorter one is a knock [s]
-JOINED, SHORTEST = 0.1, 0.2
+#: a shorter touch is a knock [s]
+SHORTEST = 0.2
 #: a slide further than this is cut into pieces, each a probe: one estimate would be of no place [m]
 FAR = 0.02
 #: neighbouring bins of a slide share their errors: so many count as one
@@ -37,6 +41,13 @@ SHARED = 3.0
 MODEL = ("kelvin-voigt",)
 #: files of logs in a folder
 LOG_SUFFIXES = (".parquet", ".csv", ".csv.gz", ".npz", ".mcap", ".bag")
+
+
+class Exponent(NamedTuple):
+    """n of an elastic law F_e = K δⁿ, and its variance; 0 where the law fixes it."""
+
+    value: float
+    variance: float
 
 
 def logs_in(paths: Sequence[Path]) -> list[Path]:
@@ -84,16 +95,8 @@ def expected(paths: Sequence[Path]) -> int | None:
 
 
 def touches(touch: ContactSeries) -> list[tuple[int, int]]:
-    """Rows [begin, end) of each touch, short gaps bridged and knocks left out."""
-    flag = touch.in_contact.copy()
-    edges = np.diff(flag.astype(np.int8), prepend=0, append=0)
-    starts, ends = np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist()
-    spans: list[tuple[int, int]] = []
-    for a, b in zip(starts, ends):
-        if spans and touch.t[a] - touch.t[spans[-1][1] - 1] < JOINED:
-            spans[-1] = (spans[-1][0], b)
-        else:
-            spans.append((a, b))
+    """Rows [begin, end) of each touch, knocks left out."""
+    spans = flag.touches(touch.t, touch.in_contact, touch.valid)
     return [(a, b) for a, b in spans if touch.t[b - 1] - touch.t[a] >= SHORTEST]
 
 
@@ -163,18 +166,17 @@ class Prober:
                 "leave it out, or look at it with kinid contact LOG",
             )
         position = tip_motion(log, self.rig, robot=self.robot).position
-        properties: tuple[Property, ...] = ()
+        edges = [0, *((a[1] + b[0]) // 2 for a, b in itertools.pairwise(spans)), len(touch)]
+        parts = [_cut(touch, *ends) for ends in itertools.pairwise(edges)] if len(spans) > 1 else [touch]
+        fits = [self.model.fit(part, held_out=False) for part in parts]
+        ways = [self._ways(part) for part in parts]
+        exponent = _exponent([fit for fit, slides in zip(fits, ways) if not slides]) or _exponent(fits, fixed=True)
+        properties = tuple(Property(_short(name, fits[-1]), p.unit) for name, p in fits[-1].parameters.items())
         out: list[Probe] = []
-        for i, (a, b) in enumerate(spans):
-            low = 0 if i == 0 else (spans[i - 1][1] + a) // 2
-            high = len(touch) if i == len(spans) - 1 else (b + spans[i + 1][0]) // 2
-            part = _cut(touch, low, high) if len(spans) > 1 else touch
-            fit = self.model.fit(part, held_out=False)
-            properties = tuple(Property(_short(name, fit), p.unit) for name, p in fit.parameters.items())
+        for i, ((a, b), fit, slides) in enumerate(zip(spans, fits, ways)):
             name = source if len(spans) == 1 else f"{source}#{i}"
-            pieces = self._pieces(part, [p.name for p in properties], name)
-            if pieces:
-                out += pieces
+            if slides:
+                out += self._pieces(slides, exponent, [p.name for p in properties], name)
                 continue
             inside = slice(a, b)
             # the deeper, the more a place says about the estimate
@@ -193,43 +195,49 @@ class Prober:
             )
         return properties, out
 
-    def _pieces(self, touch: ContactSeries, names: Sequence[str], source: str) -> list[Probe]:
-        """A probe for each piece of a long slide: force over depth as stiffness, tangential over normal force as
-        friction.
-
-        Passes over the same place are taken together. What a steady slide doesn't tell, as damping, is left open.
-        """
+    def _ways(self, touch: ContactSeries) -> list[SlidePath]:
+        """Straight ways of a slide that is long enough to be cut into pieces; none of another touch."""
         if not (self.along and isinstance(self.surface, Plane)):
             return []
         inside = touch.in_contact
         if not inside.any() or np.hypot(np.ptp(touch.slip1[inside]), np.ptp(touch.slip2[inside])) < FAR:
             return []
         try:
-            ways = [way for way in paths(touch) if np.ptp(way.x) >= 0.25 * FAR]
+            return [way for way in paths(touch) if np.ptp(way.x) >= 0.25 * FAR]
         except InputError:
             return []
+
+    def _pieces(
+        self, ways: Sequence[SlidePath], exponent: Exponent | None, names: Sequence[str], source: str
+    ) -> list[Probe]:
+        """A probe for each piece of a long slide: force over a power of the depth as stiffness, tangential over normal
+        force as friction.
+
+        Passes over the same place are taken together. What a steady slide doesn't tell, as damping, is left open; so is
+        stiffness without the law's exponent, since one depth can't tell it.
+        """
+        assert isinstance(self.surface, Plane)
         flat = np.concatenate([way.origin + way.x[:, None] * way.direction for way in ways])
-        felt = np.concatenate([way.felt for way in ways], axis=1)
+        normal, tangential, depth = (
+            np.concatenate([getattr(way, name) for way in ways]) for name in ("normal", "tangential", "depth")
+        )
+        felt, shared = {"friction": tangential / normal}, {"friction": 0.0}
+        if exponent is not None:
+            felt["stiffness"] = normal / depth**exponent.value
+            shared["stiffness"] = exponent.variance * np.log(depth.mean()) ** 2  # relative: d ln K = −ln δ dn
         cell = np.unique(np.round(flat / self.along).astype(int), axis=0, return_inverse=True)[1].ravel()
         out: list[Probe] = []
         for k in range(int(cell.max()) + 1):
             rows = cell == k
             if rows.sum() < 3:
                 continue
-            told = dict(zip(("stiffness", "friction"), felt[:, rows].mean(axis=1)))
-            error = dict(zip(told, felt[:, rows].std(axis=1, ddof=1) / np.sqrt(max(rows.sum() / SHARED, 1.0))))
-            values = np.array([told.get(name, np.nan) for name in names])
-            variance = np.array([error[name] ** 2 if name in error else np.inf for name in names])
+            told = {name: float(values[rows].mean()) for name, values in felt.items()}
+            own = {name: values[rows].var(ddof=1) / max(rows.sum() / SHARED, 1.0) for name, values in felt.items()}
+            variance = [own[n] + shared[n] * told[n] ** 2 if n in told else np.inf for n in names]
             covariance = np.where(np.eye(len(names)) > 0, variance, 0.0)
             place = self.surface.point + flat[rows].mean(axis=0) @ self.surface.axes[:2]
-            out.append(
-                Probe(
-                    place,
-                    np.nan_to_num(values),
-                    covariance,
-                    source=f"{source}#piece{k}" if "#" not in source else f"{source}.piece{k}",
-                )
-            )
+            name = f"{source}#piece{k}" if "#" not in source else f"{source}.piece{k}"
+            out.append(Probe(place, np.array([told.get(n, 0.0) for n in names]), covariance, source=name))
         return out
 
 
@@ -284,6 +292,36 @@ def same_surface(a: Plane | Mesh, b: Plane | Mesh) -> bool:
         and np.array_equal(a.vertices, b.vertices)
         and np.array_equal(a.faces, b.faces)
     )
+
+
+def _exponent(fits: Sequence[Fit], fixed: bool = False) -> Exponent | None:
+    """That of the elastic law, over the fits that tell it; None where none does.
+
+    What they differ by beyond their errors, as touches of several materials do, adds to its variance.
+
+    Args:
+        fits: of one model. fixed: whether only a law counts whose exponent is no parameter.
+    """
+    values, variances = [], []
+    for fit in fits:
+        s, p = fit.experiment.signals.fresh(), fit.values
+        elastic = [effect for effect in fit.model.effects if Stage.ELASTIC in effect.stages()]
+        for effect in sorted(elastic, key=lambda effect: effect.order):
+            effect.elastic(s, p[fit.model.place(effect.id, fit.layout)])
+        free = [list(fit.parameters).index(n) for e in elastic if (n := f"{e.id}.exponent") in fit.parameters]
+        variance = float(fit.solution.covariance[free[-1], free[-1]]) if free else 0.0
+        if not free:
+            return Exponent(s.exponent, 0.0)
+        if not fixed and 0.0 < variance < np.inf:
+            values.append(s.exponent)
+            variances.append(variance)
+    if not values:
+        return None
+    trust = 1.0 / np.array(variances)
+    mean = float(np.average(values, weights=trust))
+    scatter = float(np.average((np.array(values) - mean) ** 2, weights=trust))
+    chance = 1.0 / float(trust.sum())
+    return Exponent(mean, chance + max(0.0, scatter - (len(values) - 1) * chance))
 
 
 def _short(name: str, fit: Fit) -> str:

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +28,8 @@ VERSION = 1
 #: no estimate and no variance of a map is larger, in any unit
 LARGEST = 1e30
 MAP = "a Parquet file of kinid map"
+#: stands for the model where values were predicted from a picture
+PICTURE = "picture"
 #: of entries of a covariance, relative
 TOLERANCE = 1e-6
 #: standard errors to either side that hold 95 %
@@ -84,6 +85,16 @@ class PropertyMap:
 
     def __len__(self) -> int:
         return len(self.probes)
+
+    @property
+    def predicted(self) -> bool:
+        """Whether it holds predictions and no measurements, which say nothing of how well they are predicted."""
+        return self.model == PICTURE
+
+    @property
+    def words(self) -> str:
+        """What it holds."""
+        return f"{len(self)} " + ("cells predicted from a picture" if self.predicted else f"probes with {self.model}")
 
     def _check(self, probe: Probe) -> None:
         p = len(self.properties)
@@ -195,9 +206,9 @@ class PropertyMap:
         Raises:
             InputError: no probe that tells this property.
         """
-        return self.interpolator(name).uniform
+        return None if self.predicted else self.interpolator(name).uniform
 
-    def grid(self, cells: int = 100, margin: float = 0.5) -> tuple[Array, Array]:
+    def grid(self, cells: int = 100, margin: float = 0.45) -> tuple[Array, Array]:
         """Ticks along both tangents of a plane [m] that span the probes and `margin` of their spacing around them.
 
         Args:
@@ -309,11 +320,6 @@ class PropertyMap:
                 "a Parquet file of kinid map",
                 "make it with kinid map LOGS -o MAP.parquet",
             ) from None
-
-    def without(self, sources: Sequence[str]) -> PropertyMap:
-        """The map without the probes of some sources."""
-        gone = set(sources)
-        return replace(self, probes=tuple(p for p in self.probes if p.source not in gone))
 
 
 def _numbers(values: NDArray[np.generic], name: str, path: Path) -> Array:

@@ -88,6 +88,9 @@ class Picture:
                         f"{most / 1e6:.3g} million pixels at most",
                         f"make it smaller: a tip is tens of pixels wide then, too; {raised(pixels, MOST_PIXELS)}",
                     )
+                if image.mode.startswith("I"):  # 16 bits of grey, which a conversion to colours would clip to 8
+                    grey = np.asarray(image, dtype=np.float64) / 65535.0
+                    return cls(np.repeat(grey[..., None], 3, axis=2), low, high)
                 return cls(np.asarray(image.convert("RGB"), dtype=np.float64) / 255.0, low, high)
         except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as error:
             raise InputError(

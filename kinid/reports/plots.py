@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.contact.analysis import Analysis
+from kinid.contact.flag import touches
 from kinid.contact.series import ContactSeries
 from kinid.reports.render import render
 from kinid.robotics.inverse_dynamics import JointTorques
@@ -36,6 +37,8 @@ TORQUES = (("measured", INK), ("inverse dynamics", VERMILION), ("residual", BLUE
 MOST_POINTS = 3000
 #: points of all lines of a picture: a page of more is slow to send and to open
 MOST_DRAWN = 35 * MOST_POINTS
+#: touches that are shaded, the longest ones
+MOST_SHADED = 60
 #: rows of a picture over time: the label of an axis, and its lines: name, values (n,), colour
 Rows = Sequence[tuple[str, Sequence[tuple[str, Array, str]]]]
 
@@ -76,7 +79,9 @@ def time_figure(touch: ContactSeries) -> Figure:
     # one shape a touch over the whole height, added at once: adding them one by one takes seconds
     shade = {"type": "rect", "xref": "x", "yref": "paper", "y0": 0, "y1": 1, "layer": "below"}
     shade |= {"fillcolor": ORANGE, "opacity": 0.1, "line": {"width": 0}}
-    spans = _runs(touch.in_contact, touch.t - touch.t[0])
+    time = touch.t - touch.t[0]
+    spans = [(float(time[a]), float(time[b - 1])) for a, b in touches(touch.t, touch.in_contact, touch.valid)]
+    spans = sorted(spans, key=lambda span: span[0] - span[1])[:MOST_SHADED]
     figure.update_layout(shapes=[shade | {"x0": begin, "x1": end} for begin, end in spans])
     return figure
 
@@ -206,13 +211,6 @@ def line(
     """A line over time in one row of a figure."""
     look = {"mode": "lines", "line": {"color": colour, "width": 1.4, "dash": dash}}
     figure.add_scatter(x=x, y=y, name=name, legendgroup=name, showlegend=legend, row=row, col=1, **look)
-
-
-def _runs(flag: NDArray[np.bool_], t: Array, most: int = 60) -> list[tuple[float, float]]:
-    """Spans of time in which a flag is up; the longest ones where there are too many to shade."""
-    edges = np.diff(flag.astype(np.int8), prepend=0, append=0)
-    spans = list(zip(t[np.flatnonzero(edges == 1)].tolist(), t[np.flatnonzero(edges == -1) - 1].tolist()))
-    return sorted(spans, key=lambda span: span[0] - span[1])[:most]
 
 
 def finish(figure: Figure, height: int, *, small: bool = False) -> None:

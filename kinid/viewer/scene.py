@@ -101,7 +101,7 @@ def map_scene(
         "probes": packed(grown.places, "<f4"),
         "size": size,
         "probe_words": _probe_words(grown),
-        "facts": f"{len(grown)} probes with {grown.model}; between them: {METHOD_WORDS[method]}",
+        "facts": f"{grown.words}; between them: {METHOD_WORDS[method]}",
     }
     if shape:
         out |= {"positions": packed(vertices, "<f4"), "faces": packed(faces, "<u4")}
@@ -112,12 +112,13 @@ def _probe_words(grown: PropertyMap) -> list[str]:
     """What each probe measured, in words."""
     flat = 1e3 * grown.flat(grown.places) if isinstance(grown.surface, Plane) else None
     known = [item for item in grown.properties if np.isfinite(grown.values(item.name)).any()]
-    columns = [(item, grown.values(item.name), grown.deviations(item.name)) for item in known]
+    columns = [(item, grown.values(item.name), 1.96 * grown.deviations(item.name)) for item in known]
     out = []
     for i, misfit in enumerate(grown.misfit):
         said = [
-            f"{item.name} " + (f"{values[i]:.4g} ± {sd[i]:.2g} {item.unit}" if np.isfinite(values[i]) else "unknown")
-            for item, values, sd in columns
+            f"{item.name} "
+            + (f"{values[i]:.4g} ± {half[i]:.2g} {item.unit} (95 %)" if np.isfinite(values[i]) else "unknown")
+            for item, values, half in columns
         ]
         said += [f"residual {misfit:.3g} times the noise"] if np.isfinite(misfit) else []
         place = "" if flat is None else f" at ({number(flat[i, 0])}, {number(flat[i, 1])}) mm"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -62,6 +63,8 @@ def test_logs_are_taken_in_as_they_come(tmp_path: Path, clock: Clock) -> None:
     assert all(told[f"poke_0_{i}.parquet"].startswith("error 0.0") for i in range(6))
     page = (folder / ".kinid" / "watch.html").read_text(encoding="utf-8")
     assert all(name in page for name in told)
+    # error and noise of each log, both with their unit
+    assert len(re.findall(r'<td class="num">[\d.e-]+ N</td>', page)) == 2 * 7
     assert len(Store(str(folder / ".kinid")).files("contact")) == 7
 
 

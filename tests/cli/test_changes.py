@@ -39,6 +39,17 @@ def test_borders_are_printed_and_written(run: Run, crossed: Path, tmp_path: Path
     assert np.sign(np.cos(found[0]["direction"])) == 1.0
     assert found[0]["before"]["stiffness"] > found[0]["after"]["stiffness"]
     assert "2.2" in said or "2.3" in said
+    assert "doubt" not in said
+
+
+def test_a_border_that_may_be_none_is_doubted(run: Run, tmp_path: Path) -> None:
+    material = ECOFLEX.replace(relaxation=((0.5, 1.0),))
+    script = five_phases(Slide(speed=5e-3, length=8e-3, directions=(0.0,)))
+    log = write_experiment(tmp_path, prepare("slide", seed=3).replace(material=material, script=script).run(), {})
+    code, said, _ = run("changes", log, "--json", tmp_path / "borders.json")
+    assert code == 0
+    assert "may be none: the way back across it shows none" in said
+    assert all(border["doubt"] for border in json.loads((tmp_path / "borders.json").read_text()))
 
 
 def test_wrong_questions_are_refused(run: Run, refused: Callable[..., None], crossed: Path) -> None:

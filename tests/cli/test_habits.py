@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 import typer
 
+import kinid
 from kinid.cli import app, complete
 from kinid.effects import catalogue
 from kinid.mapping.property_map import Probe, Property, PropertyMap
@@ -148,3 +149,25 @@ def test_the_laboratory_sums_up_for_scripts(run: Run, tmp_path: Path) -> None:
     facts = json.loads((tmp_path / "two.json").read_text())
     assert facts["count"] == facts["made"] == len(facts["logs"]) == 2
     assert all(Path(log).is_file() for log in facts["logs"])
+
+
+def test_words_in_brackets_are_printed_wherever_they_stand(capsys: pytest.CaptureFixture[str]) -> None:
+    """No message, heading or cell is markup: "[sensor]" is a table of the rig, "[mm]" a unit, "log[1]" a file."""
+    from rich.table import Table
+
+    from kinid.cli.show import console, right, say
+
+    table = Table("place [mm]", *right("[N]"), title="log[red].csv")
+    table.add_row("[bold]", "[/]")
+    out = console()
+    out.print(table)
+    out.print("add [sensor] bias")
+    say(out, "or [tool]")
+    said = capsys.readouterr().out
+    assert all(word in said for word in ("place [mm]", "[N]", "log[red].csv", "[bold]", "[/]", "[sensor]", "[tool]"))
+
+
+def test_what_is_shown_comes_from_that_console() -> None:
+    """Another one would read brackets as markup; those for progress stand on the error stream, and escape."""
+    own = {path.name for path in Path(kinid.__file__).parent.rglob("*.py") if " Console(" in path.read_text("utf-8")}
+    assert own == {"show.py", "batch.py", "campaign.py"}

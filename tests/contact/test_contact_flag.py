@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from kinid.contact.flag import force_noise
+from kinid.contact.flag import touches as touched
 from kinid.contact.series import ContactSeries, contact_series
 from kinid.data.log import Log
 from kinid.data.rig import Rig
@@ -150,3 +151,16 @@ def test_force_noise_sees_noise_and_not_motion() -> None:
         assert force_noise(slow + level * rng.normal(size=len(t))) == pytest.approx(level, rel=0.05)
     assert force_noise(np.zeros(100)) == 1e-9
     assert force_noise(np.zeros(3)) == 1e-9
+
+
+def test_a_touch_that_is_interrupted_for_a_moment_is_one() -> None:
+    """What is counted is what is shaded: 20 ms without force, or a sample that is lost, end no touch; 0.2 s do."""
+    t = np.arange(1000) / 500
+    flag = (t > 0.2) & (t < 1.8)
+    flag[(t > 0.5) & (t < 0.52)] = False
+    flag[(t > 1.0) & (t < 1.2)] = False
+    valid = np.ones(1000, np.bool_)
+    valid[700], flag[700] = False, False
+    found = touched(t, flag, valid)
+    np.testing.assert_allclose([(t[a], t[b - 1]) for a, b in found], [(0.202, 1.0), (1.2, 1.798)], atol=2e-3)
+    assert touched(t, np.zeros(1000, np.bool_), valid) == []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from functools import cache
 
 import numpy as np
@@ -60,6 +61,7 @@ def test_all_borders_are_found_where_they_are(case: str) -> None:
             assert felt.stiffness == pytest.approx(material.stiffness, rel=0.1)
             assert felt.friction == pytest.approx(material.friction, rel=0.1)
     assert [change.t for change in found] == sorted(change.t for change in found)
+    assert not any(change.doubt for change in found)
 
 
 def _direction(change: Change) -> float:
@@ -69,6 +71,23 @@ def _direction(change: Change) -> float:
 def test_one_material_has_no_border() -> None:
     for seed in range(62, 65):
         assert find_changes(slid((), (ECOFLEX,), 0.0, seed)) == []
+
+
+@pytest.mark.parametrize(("ratio", "constant"), [(0.34, 0.6), (0.5, 1.0), (0.3, 3.0)])
+def test_steps_that_go_with_time_are_doubted(ratio: float, constant: float) -> None:
+    """One material that relaxes behind each turn: what looks like a border isn't there on the way back."""
+    found = find_changes(slid((), (ECOFLEX.replace(relaxation=((ratio, constant),)),), 0.0, 61))
+    assert found
+    assert all(change.doubt for change in found)
+
+
+def test_a_border_that_a_single_way_shows_is_doubted() -> None:
+    borders, stripes, angle = CASES["one"]
+    touch = slid(borders, stripes, angle, 61)
+    back = find_changes(touch)[1].t
+    once = dataclasses.replace(touch, in_contact=touch.in_contact & (np.abs(touch.t - back) > 2.0))
+    (alone,) = find_changes(once)
+    assert alone.doubt == "nothing slid back across it"
 
 
 def test_what_cannot_be_asked_is_said() -> None:

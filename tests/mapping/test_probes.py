@@ -123,6 +123,51 @@ def test_the_command(small, tmp_path):
     assert len(wrong.stderr.strip().splitlines()) == 1
 
 
+@pytest.fixture(scope="module")
+def power_law():
+    """A setting in which a poke and a slide of 36 mm touch one material whose force grows with a power of depth."""
+    from kinid.lab.experiments import prepare
+    from kinid.lab.materials import Material
+
+    motions = MOTIONS["poke"], Slide(depth=2.5e-3, speed=0.012, length=0.018, directions=(0.0,))
+    material = Material("rubber", stiffness=6900.0, exponent=1.35, loss=1.1, friction=0.5)
+    base = prepare("slide", seed=1)
+
+    def touched(*kinds):
+        script = five_phases(*(motions[k] for k in kinds), height=0.008, free=0.4, hold=0.4, approach=0.8, tilt=0.1)
+        return base.replace(material=material, script=script, seed=3)
+
+    return touched
+
+
+@pytest.mark.parametrize("model", [("hunt-crossley", "coulomb-friction"), ("hooke", "hertz-exponent")])
+def test_pieces_of_a_slide_are_of_the_quantity_that_pokes_tell(power_law, model):
+    setup = power_law(0, 1)
+    properties, probes = Prober.of(setup.rig, model).of_log(setup.run().log, "both")
+    made = PropertyMap(Prober.of(setup.rig).surface, properties, tuple(probes))
+    stiffness, error = made.values("stiffness"), made.deviations("stiffness")
+    assert len(made) > 12
+    assert np.isfinite(stiffness).all()
+    # the secant over 2.5 mm would be 850 N/m
+    assert np.abs(stiffness / stiffness[0] - 1).max() < 0.05
+    # no piece is surer than the exponent that it was told with
+    n = made.deviations("exponent")[0]
+    assert (error[1:] > 0.9 * stiffness[1:] * n * np.log(1 / 3e-3)).all()
+
+
+def test_a_slide_alone_leaves_stiffness_open_and_the_map_says_so(power_law, tmp_path, capsys):
+    from kinid.cli.show_map import in_map, show_map
+
+    setup = power_law(1)
+    prober = Prober.of(setup.rig, ["hunt-crossley", "coulomb-friction"])
+    properties, probes = prober.of_log(setup.run().log, "slide")
+    made = PropertyMap(prober.surface, properties, tuple(probes), prober.name)
+    assert np.isnan(made.values("stiffness")).all()
+    assert np.allclose(made.values("friction"), 0.5, rtol=0.05)
+    show_map(made, in_map(made), len(made), {}, tmp_path / "rig.toml")
+    assert f"stiffness: open at {len(made)} pieces of slides" in capsys.readouterr().out
+
+
 @pytest.mark.slow
 def test_a_hundred_pokes_map_the_mould(tmp_path):
     """Away from borders (10 mm, the grid's own spacing) the map is within 5 %: measured 2.5 % on average, 3.2 % rms."""

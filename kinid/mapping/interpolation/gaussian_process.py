@@ -89,7 +89,8 @@ class GaussianProcess(Interpolator):
             # errors that are large explain any step, also one that all around agree on: what neighbours tell of each
             # other counts
             if better > evidence or np.mean(other.left_out**2) < np.mean(found.left_out**2):
-                return replace(other, shared=shared)
+                uniform = None if other.uniform is None else other.uniform.with_shared(shared)
+                return replace(other, shared=shared, uniform=uniform)
         return found
 
     @classmethod
@@ -196,7 +197,9 @@ class GaussianProcess(Interpolator):
         """What the mean may be off by at each probe, as the residuals around it say, (n,)."""
         own = diagonal(self.noise, self.covariance)
         # the covariance of the property times the weights is the guess, so that its diagonal times them is what is left
-        return misfit(self.ground.places, own * self.weights, np.sqrt(own), self.ground.spacing)
+        return misfit(
+            self.ground.places, own * self.weights, np.sqrt(own), self.ground.spacing, self.uniform is not None
+        )
 
     @property
     def _off(self) -> Array:
@@ -273,23 +276,22 @@ class GaussianProcess(Interpolator):
         n, prior = len(self.values), self.covariance.size**2
         correlation = self.covariance.correlation(distances(self.ground.places, self.ground.places))
         spacing, noise = self.ground.spacing, diagonal(self.noise, self.covariance)
-        mean, variance = np.empty(n), np.empty(n)
+        voted = []
         for i in range(n):
             others = np.arange(n) != i
-            zones, share = belonging(
-                self.ground.places[i : i + 1], self.ground.places[others], self.zones[others], spacing
-            )
-            means, variances = np.zeros(2), np.zeros(2)
-            for side in (0, 1):
-                row = prior * correlation[i] * np.where(self.zones == zones[0, side], 1.0, self.across)
-                row[i] = 0.0
-                # the inverse without row and column i (Schur complement)
-                told = inverse @ row - inverse[:, i] * (inverse[i] @ row) / own[i]
-                means[side] = told[others] @ (self.values - self.mean)[others]
-                variances[side] = max(prior - float(told @ row), 1e-12 * prior) + noise[i]
-            mean[i] = share[0] @ means
-            variance[i] = share[0] @ (variances + (means - mean[i]) ** 2)
-        return mean + self.mean, variance
+            voted.append(belonging(self.ground.places[[i]], self.ground.places[others], self.zones[others], spacing))
+        zones, share = (np.concatenate(part) for part in zip(*voted))  # (n, 2) each
+        means, variances = np.empty((n, 2)), np.empty((n, 2))
+        for side in (0, 1):
+            row = prior * correlation * np.where(self.zones == zones[:, side, None], 1.0, self.across)
+            np.fill_diagonal(row, 0.0)
+            # the inverse without row and column i (Schur complement), for row i
+            told = row @ inverse
+            told -= inverse * (np.diag(told) / own)[:, None]
+            means[:, side] = told @ (self.values - self.mean)
+            variances[:, side] = np.maximum(prior - np.einsum("ij,ij->i", told, row), 1e-12 * prior) + noise
+        mean = np.sum(share * means, axis=1)
+        return mean + self.mean, np.sum(share * (variances + (means - mean[:, None]) ** 2), axis=1)
 
 
 def interpolator(method: str, ground: PlaneGround, values: Array, noise: Array | None = None) -> Interpolator:

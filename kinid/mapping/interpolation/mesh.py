@@ -292,8 +292,10 @@ class MeshProcess(Interpolator):
     @cached_property
     def misfit(self) -> Array:
         """What the mean may be off by at each probe, as the residuals around it say, (n,)."""
-        residual = self.noise**2 * (self._inverse @ (self.values - self.mean))
-        return misfit(self.ground.places, residual, self.noise, self.ground.spacing)
+        residual, uniform = self.values - self.mean, self.uniform is not None
+        if not uniform:
+            residual = self.noise**2 * (self._inverse @ residual)
+        return misfit(self.ground.places, residual, self.noise, self.ground.spacing, uniform)
 
     def at(self, queries: ArrayLike, sd: bool = True) -> Guess:
         """At vertices, by their numbers (m,)."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,9 +34,14 @@ class Uniform:
     standard_error: float
     scatter: float
 
+    def with_shared(self, shared: Array) -> Uniform:
+        """The same where all probes are off by an error that they make together, (n,): no mean of many takes it off."""
+        return replace(self, standard_error=float(np.hypot(self.standard_error, np.sqrt(np.mean(shared**2)))))
+
     def words(self, unit: str) -> str:
         """As a reader wants it, with the interval that holds 95 %."""
-        return f"uniform, {self.value:.4g} ± {1.96 * self.standard_error:.2g} {unit}"
+        number = f"{self.value:.4g} ± {1.96 * self.standard_error:.2g} {unit}".removesuffix(" 1")
+        return f"uniform, {number} (95 %)"
 
 
 def sample_of(n: int) -> NDArray[np.int64]:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from kinid.errors import InputError
+from kinid.mapping.png import to_png
 from kinid.mapping.vision import UNKNOWN, MaterialClassifier, Picture, held_out, zones_of
 
 pytest.importorskip("sklearn")
@@ -82,6 +83,13 @@ def test_pictures_come_from_files(tmp_path):
     image.fromarray(pixels).save(tmp_path / "a.png")
     picture = Picture.read(tmp_path / "a.png", (0.0, 0.0), (0.02, 0.03))
     assert picture.features(np.array([[0.002, 0.015], [0.018, 0.015]]))[:, 0] == pytest.approx([1.0, 0.0])
+    # what exports write: 16 bits of grey, the same as 8 to a share of a step
+    grey = np.add.outer(np.linspace(0.0, 0.7, 20), np.linspace(0.0, 0.3, 30))
+    (tmp_path / "deep.png").write_bytes(to_png(grey, 0.0, 1.0))
+    image.fromarray(np.round(255 * grey).astype(np.uint8)).save(tmp_path / "shallow.png")
+    deep, shallow = (Picture.read(tmp_path / f"{name}.png", (0.0, 0.0), (0.02, 0.03)) for name in ("deep", "shallow"))
+    assert np.allclose(deep.pixels, grey[..., None], atol=1e-4)
+    assert np.allclose(deep.pixels, shallow.pixels, atol=0.6 / 255)
     (tmp_path / "b.png").write_bytes(b"nothing")
     with pytest.raises(InputError, match="no picture"):
         Picture.read(tmp_path / "b.png", (0.0, 0.0), (1.0, 1.0))
@@ -224,6 +232,7 @@ def test_the_command_says_both_figures_and_what_is_unknown(tmp_path):
         "--corners=-0.05,-0.05,0.05,0.05",
     ]
     more = ["--onto", str(tmp_path / "b.png"), "-o", str(tmp_path / "p.parquet"), "--json", str(tmp_path / "f.json")]
+    more += ["--plot", str(tmp_path / "p.html")]
     done = subprocess.run([*call, *more], capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
@@ -233,6 +242,11 @@ def test_the_command_says_both_figures_and_what_is_unknown(tmp_path):
     assert facts["held_out"]["spatial_blocks"]["recognised"] <= facts["held_out"]["random_folds"]["recognised"] + 0.05
     predicted = PropertyMap.read(tmp_path / "p.parquet")
     assert len(predicted) + facts["unknown_cells"] == 900
+    # what was predicted is no measurement: nothing on its page is tested against itself
+    page = (tmp_path / "p.html").read_text(encoding="utf-8")
+    assert f"{len(predicted)} cells predicted from a picture" in page
+    assert "How well probes are predicted" not in page
+    assert predicted.uniform("stiffness") is None
     # the strange corner has no cells
     flat = predicted.flat(predicted.places)
     assert not ((flat[:, 0] > 0.004) & (flat[:, 1] < -0.018)).any()
