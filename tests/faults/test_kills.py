@@ -22,7 +22,6 @@ WORKS = {
     "map": "map pokes -o map.parquet --model kelvin-voigt",
     "diagnosis": "diagnose bench/tester.csv --model hooke --max-effects 1 --json found.json --report found.html",
 }
-few = ["map"]  # a diagnosis writes at its end alone, and a campaign's two kills stand with the campaign
 
 
 def start(work: str, folder: Path) -> subprocess.Popen[bytes]:
@@ -59,9 +58,8 @@ def desk(folder: Path, pokes: Path) -> Path:
     return folder
 
 
-@pytest.mark.parametrize(
-    ("work", "many"), [*((work, 1) for work in few), *(pytest.param(w, MANY, marks=pytest.mark.slow) for w in WORKS)]
-)
+@pytest.mark.slow  # a campaign's two kills, and a recording's, run in each test of the whole
+@pytest.mark.parametrize(("work", "many"), [("map", 1), *((work, MANY) for work in WORKS)])
 def test_a_kill_loses_nothing(work: str, many: int, pokes: Path, tmp_path: Path) -> None:
     whole, folder = desk(tmp_path / "whole", pokes), desk(tmp_path / "killed", pokes)
     begun = time.monotonic()
