@@ -122,7 +122,7 @@ def licence(name: str) -> str:
     except PackageNotFoundError:
         raise ValueError(f"{name} isn't installed: add it to READ") from None
     kinds = [c.split(" :: ")[-1] for c in said.get_all("Classifier") or () if c.startswith("License ::")]
-    for text in (said["License-Expression"], said["License"], *kinds):
+    for text in (said.get("License-Expression"), said.get("License"), *kinds):
         if text and _terms(found := NAMES.get(text, text)) <= PERMISSIVE | OF_THEIR_OWN_FILES:
             return found
     raise ValueError(

@@ -69,9 +69,9 @@ def mould(names: Names, said: str) -> None:
     assert len(names["grown"]) == 36
     misfit, film = names["grown"].misfit, names["film"]
     assert film.any()
-    # a surface that is open within its tolerance takes up a part of what a film leaves: 5 times the noise without, 4.9
-    # with it
-    assert np.median(misfit[film]) > 4 > 1.5 > np.median(misfit[~film])
+    # a surface that is open within its tolerance takes up a part of what a film leaves: 5 times the noise without, 3.8
+    # with it, where it acts itself and not its first order
+    assert np.median(misfit[film]) > 3 > 1.5 > np.median(misfit[~film])
 
 
 def picture(names: Names, said: str) -> None:
