@@ -126,7 +126,7 @@ def licence(name: str) -> str:
         if text and _terms(found := NAMES.get(text, text)) <= PERMISSIVE | OF_THEIR_OWN_FILES:
             return found
     raise ValueError(
-        f"{name} says {said['License-Expression'] or said['License'] or kinds}: read its licence file, add it to READ"
+        f"{name} says {said.get('License-Expression') or said.get('License') or kinds}: read its licence file, add it to READ"
     )
 
 
