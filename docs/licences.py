@@ -122,11 +122,12 @@ def licence(name: str) -> str:
     except PackageNotFoundError:
         raise ValueError(f"{name} isn't installed: add it to READ") from None
     kinds = [c.split(" :: ")[-1] for c in said.get_all("Classifier") or () if c.startswith("License ::")]
-    for text in (said.get("License-Expression"), said.get("License"), *kinds):
-        if text and _terms(found := NAMES.get(text, text)) <= PERMISSIVE | OF_THEIR_OWN_FILES:
+    texts = [text for text in (said.get("License-Expression"), said.get("License"), *kinds) if text]
+    for text in texts:
+        if _terms(found := NAMES.get(text, text)) <= PERMISSIVE | OF_THEIR_OWN_FILES:
             return found
     raise ValueError(
-        f"{name} says {said.get('License-Expression') or said.get('License') or kinds}: read its licence file, add it to READ"
+        f"{name} says {', '.join(texts) or 'nothing'}: read its licence file, add it to READ"
     )
 
 
