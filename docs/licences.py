@@ -126,9 +126,7 @@ def licence(name: str) -> str:
     for text in texts:
         if _terms(found := NAMES.get(text, text)) <= PERMISSIVE | OF_THEIR_OWN_FILES:
             return found
-    raise ValueError(
-        f"{name} says {', '.join(texts) or 'nothing'}: read its licence file, add it to READ"
-    )
+    raise ValueError(f"{name} says {', '.join(texts) or 'nothing'}: read its licence file, add it to READ")
 
 
 def _terms(expression: str) -> set[str]:
