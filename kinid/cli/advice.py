@@ -64,25 +64,23 @@ def _untouched(logs: Sequence[str], rig: Path | None) -> str:
     return ""
 
 
-def to_diagnose_all(logs: Sequence[Path], rig: Path | None, model: Model, on: str | None, workers: int | None) -> str:
-    """The command that asks what a model of many logs lacks."""
+def to_diagnose_all(
+    logs: Sequence[Path], rig: Path | None, model: Model, on: str | None = None, workers: int | None = None
+) -> str:
+    """The command that asks what a model of logs lacks."""
     from kinid.effects import effect_options
 
-    told = {"--rig": rig, "--model": ",".join(model.names) or "none", "--on": on, "--workers": workers}
-    options = [word for name, value in told.items() if value is not None for word in (name, str(value))]
+    given = {"--rig": rig, "--model": ",".join(model.names) or "none", "--on": on, "--workers": workers}
+    options = [word for name, value in given.items() if value is not None for word in (name, str(value))]
     return shlex.join(["kinid", *effect_options(), "diagnose", *map(str, logs), *options])
 
 
 def to_diagnose(log: Path, rig: Path | None, model: Model, data: Log, the_rig: Rig) -> str:
     """The command that asks what a model of a log lacks, or why that log can't be asked."""
     from kinid.diagnosis.inquiry import diagnosable
-    from kinid.effects import effect_options
 
     try:
         diagnosable(data, the_rig, model)
     except InputError as error:
         return f"this log can't be diagnosed: {error.found}; instead, {error.mend}"
-    named = [] if rig is None else ["--rig", str(rig)]
-    return shlex.join(
-        ["kinid", *effect_options(), "diagnose", str(log), *named, "--model", ",".join(model.names) or "none"]
-    )
+    return to_diagnose_all([log], rig, model)

@@ -106,11 +106,11 @@ def _robot(robot: str | None, folder: Path) -> tuple[str | None, Robot | None]:
 
 def _asked_frames(frames: Mapping[str, str]) -> dict[str, str]:
     """Those fields of [robot] that a user knows, of these with what there is."""
-    told = {
+    named = {
         name: typer.prompt(f"[robot] {name}, of {there}; empty if unknown", default="")
         for name, there in frames.items()
     }
-    return {name: frame for name, frame in told.items() if frame}
+    return {name: frame for name, frame in named.items() if frame}
 
 
 def _open(

@@ -170,9 +170,9 @@ def _in_a_row(rows: list[tuple[int, str]]) -> list[str]:
 
 def _by_joint(columns: Mapping[str, Array], joints: Sequence[str]) -> dict[str, list[str]]:
     """Columns of each joint quantity that carry the names of all of a robot's joints, in their order."""
-    bare = [re.sub(r"[\W_]+", "", joint.lower()) for joint in joints]
+    bare = [_bare(joint) for joint in joints]
     same = "".join(letters[0] for letters in itertools.takewhile(lambda each: len(set(each)) == 1, zip(*bare)))
-    names = {re.sub(r"[\W_]+", "", name.lower()): name for name in columns} | {_plain(n)[0]: n for n in columns}
+    names = {_bare(name): name for name in columns} | {_plain(n)[0]: n for n in columns}
     out: dict[str, list[str]] = {}
     for group, words in JOINTS.items():
         for word in words.split():
@@ -210,7 +210,12 @@ def _plain(name: str) -> tuple[str, str | None]:
                 unit, name = each, name[: -len(each) - 1]
                 break
     unit = {each.lower(): each for each in units}.get(canonical(unit).lower()) if unit else None
-    return re.sub(r"[\W_]+", "", name.lower()), unit
+    return _bare(name), unit
+
+
+def _bare(name: str) -> str:
+    """A name without case and separators."""
+    return re.sub(r"[\W_]+", "", name.lower())
 
 
 def _axis(plain: str, name: str) -> str | None:

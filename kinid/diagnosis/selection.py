@@ -130,10 +130,10 @@ def screen_and_refit(state: State, settings: DiagnosisSettings) -> Screening:
     """Screen the catalogue and refit what promises most; and what does beside that, where it is but as usual."""
     points = screen_catalogue(state)
     refits = _promising(state, points, settings)
-    usual = [t for t in refits if _evident(t, state, settings) and not _remarkable(t, settings)]
-    if usual and len(usual) == len(refits):
-        others = {name: at for name, at in points.items() if name not in {t.effect.id for t in usual}}
-        refits += _promising(state, others, settings)
+    # one that is more ends the question: asking costs a search each
+    if refits and all(_evident(t, state, settings) and not _remarkable(t, settings) for t in refits):
+        usual = {t.effect.id for t in refits}
+        refits += _promising(state, {name: at for name, at in points.items() if name not in usual}, settings)
     return Screening(state, points, tuple(sorted(refits, key=_rank)))
 
 

@@ -66,15 +66,17 @@ def predict_with(
     nuisance: Nuisance, model: Model, values: Array, signals: Signals, near: Course | None = None
 ) -> Array:
     """Readings with one tolerance of an open quantity, (channels, n)."""
-    larger = model + nuisance.effect
-    before = larger.place(nuisance.effect.id, signals.layout).start
-    null = amplitudes(nuisance.effect, signals.layout, base_of(model))
-    own = np.array([null.get(i, p.nominal) for i, p in enumerate(nuisance.effect.parameters(signals.layout))])
-    own[nuisance.index] += nuisance.sd
-    return larger.predict(signals, np.insert(values, before, own), near)
+    return with_calibration(model, values, (nuisance,), np.ones(1), signals, near)
 
 
-def with_calibration(model: Model, values: Array, open_: Sequence[Nuisance], shift: Array, signals: Signals) -> Array:
+def with_calibration(
+    model: Model,
+    values: Array,
+    open_: Sequence[Nuisance],
+    shift: Array,
+    signals: Signals,
+    near: Course | None = None,
+) -> Array:
     """Predict readings with each nuisance at so many of its tolerances, no more than are trusted, (channels, n).
 
     The effects themselves act, not their first order, in which a fit found the amounts: a delay across a step is none.
@@ -89,7 +91,7 @@ def with_calibration(model: Model, values: Array, open_: Sequence[Nuisance], shi
             own[effect.id] = np.array([null.get(i, p.nominal) for i, p in enumerate(effect.parameters(layout))])
         own[effect.id][nuisance.index] += amount * nuisance.sd
     together = [own[effect.id] for effect in whole.effects]
-    return whole.predict(signals, np.concatenate(together) if together else values)
+    return whole.predict(signals, np.concatenate(together) if together else values, near)
 
 
 def nuisance_columns(problem: Problem, model: Model, values: Array, here: Course, open_: tuple[Nuisance, ...]) -> Array:

@@ -161,7 +161,7 @@ def refined_form(state: State) -> State:
         rest, sigma = _rest(state), state.error.sigma
         fields = [field for field in REFINED_FIELDS if getattr(rest, field) > 0.0]
         values = np.array([getattr(rest, field) for field in fields])
-        ends = np.array([REFINED_FIELDS[field] for field in fields]).reshape(-1, 2)
+        ends = np.array([REFINED_FIELDS[field] for field in fields])
         if "joint_speed" in fields:
             at = fields.index("joint_speed")
             ends[at, 1] = max(ends[at, 0], min(ends[at, 1], _rest_speed(state)))

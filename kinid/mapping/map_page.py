@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.estimators.estimate import NORMAL_95
 from kinid.mapping.interpolation import METHOD_WORDS
 from kinid.mapping.property_map import PropertyMap
 from kinid.reports.plots import round_span
@@ -135,7 +136,9 @@ def _probes(grown: PropertyMap, name: str) -> Scatter:
         x=flat[:, 0],
         y=flat[:, 1],
         mode="markers",
-        text=[f"{v:.4g} ± {1.96 * e:.2g} {unit} (95 %)" for v, e in zip(grown.values(name), grown.deviations(name))],
+        text=[
+            f"{v:.4g} ± {NORMAL_95 * e:.2g} {unit} (95 %)" for v, e in zip(grown.values(name), grown.deviations(name))
+        ],
         hoverinfo="text",
         showlegend=False,
         marker={"size": 4, "color": "white", "line": {"width": 1, "color": "black"}},

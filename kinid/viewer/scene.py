@@ -14,6 +14,7 @@ from kinid.contact.series import ContactSeries, contact_series, tip_motion
 from kinid.data.log import Log
 from kinid.data.rig import Rig
 from kinid.errors import KinidError
+from kinid.estimators.estimate import NORMAL_95
 from kinid.mapping.interpolation import METHOD_WORDS
 from kinid.mapping.map_page import colour_range
 from kinid.mapping.property_map import PropertyMap
@@ -112,7 +113,7 @@ def _probe_words(grown: PropertyMap) -> list[str]:
     """What each probe measured, in words."""
     flat = 1e3 * grown.flat(grown.places) if isinstance(grown.surface, Plane) else None
     known = [item for item in grown.properties if np.isfinite(grown.values(item.name)).any()]
-    columns = [(item, grown.values(item.name), 1.96 * grown.deviations(item.name)) for item in known]
+    columns = [(item, grown.values(item.name), NORMAL_95 * grown.deviations(item.name)) for item in known]
     out = []
     for i, misfit in enumerate(grown.misfit):
         said = [

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.estimators.estimate import NORMAL_95
+
 Array = NDArray[np.float64]
 
 #: fewer probes cannot tell a uniform property from one that varies
@@ -40,7 +42,7 @@ class Uniform:
 
     def words(self, unit: str) -> str:
         """As a reader wants it, with the interval that holds 95 %."""
-        number = f"{self.value:.4g} ± {1.96 * self.standard_error:.2g} {unit}".removesuffix(" 1")
+        number = f"{self.value:.4g} ± {NORMAL_95 * self.standard_error:.2g} {unit}".removesuffix(" 1")
         return f"uniform, {number} (95 %)"
 
 
