@@ -71,6 +71,7 @@ def demo(
     No network, no server, no robot: contact-frame quantities, estimates, the comparison of models, the diagnosis with
     the error falling, a small map, a report and scenes for the browser. Stopped and started again, it goes on.
     """
+    from kinid.cli import ahead
     from kinid.writers import check_outputs, make_folder, write_json, write_text
 
     if json_file is not None and json_file.absolute().parent != out.absolute():
@@ -81,6 +82,7 @@ def demo(
     write_json(out / MANIFEST, settings)
     tell = _Teller(7 if (measured := _measured(real)) is not None else 6)
 
+    ahead.start()
     log, mould = out / "log.parquet", out / "mould"
     model = _explore(tell, out, log, seed)
     _learn(tell, out, log, model)

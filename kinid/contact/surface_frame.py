@@ -73,10 +73,10 @@ class SurfaceFrame:
         robot, motion = self.robot, self.motion
         chain = robot.chain(robot.sensor_frame if reading is not None and robot.sensor_frame else robot.tip_frame or "")
         kernel.contacts(
-            chain.select(motion.q),
-            chain.select(motion.dq),
-            chain.select(motion.ddq),
-            np.ascontiguousarray(reading.wrench) if reading is not None else np.empty((0, 6)),
+            _unwritten(chain.select(motion.q)),
+            _unwritten(chain.select(motion.dq)),
+            _unwritten(chain.select(motion.ddq)),
+            _unwritten(np.ascontiguousarray(reading.wrench) if reading is not None else np.empty((0, 6))),
             chain.turns,
             chain.shifts,
             chain.prismatic,
@@ -143,3 +143,10 @@ def _travel(position: Array, tangents: Array) -> Array:
         steps = np.einsum("nij,nj->in", between, np.diff(position[rows], axis=0))
         out[:, rows] = np.concatenate([np.zeros((2, 1)), np.cumsum(steps, axis=1)], axis=1)
     return out
+
+
+def _unwritten(rows: Array) -> Array:
+    """The same rows, not to be written to: the kernel is compiled once for what may be written and what may not."""
+    view = rows.view()
+    view.flags.writeable = False
+    return view

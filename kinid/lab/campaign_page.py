@@ -58,6 +58,7 @@ class Overview:
         """Look at a poke that is done; now and then write the page."""
         from kinid.contact.series import contact_series
         from kinid.robotics.reading import read
+        from kinid.signal.derivative import Differentiator
 
         path = self.folder / f"{self.grid.name(index)}.parquet"
         try:
@@ -65,7 +66,8 @@ class Overview:
                 rig = Rig.load(self.folder / "rig.toml")
                 self._robot = rig, Robot.load(rig)
             rig, robot = self._robot
-            touch = contact_series(read(path, rig), rig, robot=robot)
+            # forces and depths at a glance: rates are of no interest, and smoothing would take as long as the poke
+            touch = contact_series(read(path, rig), rig, robot=robot, differentiator=Differentiator())
         except KinidError:
             self.unreadable.append(path.name)
             return
