@@ -30,7 +30,7 @@ STAND_IN_MARK = "○"
 
 def show_diagnosis(result: Diagnosis) -> None:
     """Verdict first; what is absent or cannot be seen is summed up in a line each."""
-    from kinid.reports.diagnosis_words import acting, doubts, headline, leftover
+    from kinid.reports.diagnosis_words import acting, beside, doubts, headline, leftover
 
     out = console()
     colour = COLOUR.get(result.verdict, "bold")
@@ -40,7 +40,7 @@ def show_diagnosis(result: Diagnosis) -> None:
     say(out, *(f"doubt: {warning}" for warning in doubts(result)))
     regions = [region for region in result.where if region.share > 0][:MOST_REGIONS]
     if regions:
-        out.print("\nwhere the model fails", style="bold")
+        out.print(f"\nwhere the model fails{beside(result)}", style="bold")
         say(out, *(f"  {region.says}" for region in regions))
     out.print(Text.assemble(("\nheld-out error", "bold"), f" [{result.unit} rms]"))
     _steps(out, result)

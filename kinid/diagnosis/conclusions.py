@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -26,6 +27,8 @@ Array = NDArray[np.float64]
 
 #: errors that differ by a smaller share are the same [1]
 SAME_ERROR = 5e-3
+#: name, state and marks after each addition
+Path = list[tuple[str, State, tuple[Mark, ...]]]
 
 
 class Conclusions:
@@ -53,7 +56,9 @@ class Conclusions:
         progress("where the error sits")
         noise = self.whole.noise
         doubts = [*warnings, *self._warnings(last), *(w for w in fit.warnings if "kinid diagnose" not in w)]
-        sits = where(self.whole, before, noise)
+        corrected = self._corrected(path)
+        beyond = self.held_out(*path[len(corrected) - 1][1:]) if corrected else before
+        sits = where(self.whole, beyond, noise)
         return Diagnosis(
             found.model,
             fit.model,
@@ -65,6 +70,7 @@ class Conclusions:
             self.unit,
             findings,
             tuple(dict.fromkeys(doubts)),
+            corrected,
             sits,
             where(self.whole, after, noise) if path else sits,
             left,
@@ -84,11 +90,11 @@ class Conclusions:
     def _error(self, residual: Array) -> float:
         return rms(residual[self.rows][:, self.whole.valid])
 
-    def _path(self) -> list[tuple[str, State, tuple[Mark, ...]]]:
-        """Name, state and marks after each addition: marks that lower the error, effects by their gain, other marks."""
+    def _path(self) -> Path:
+        """The additions in their order: marks that lower the error, effects by their gain, other marks."""
         selection, marks = self.found.selection, self.found.cleaned.marks
         start, last = selection.states[0], selection.states[-1]
-        out: list[tuple[str, State, tuple[Mark, ...]]] = []
+        out: Path = []
         base = self._error(self.held_out(start, ()))
         visible = [
             m
@@ -108,6 +114,11 @@ class Conclusions:
         hidden = [m for m in marks if m not in visible]
         return out + [(mark.effect.id, last, (*visible, *hidden[: i + 1])) for i, mark in enumerate(hidden)]
 
+    def _corrected(self, path: Path) -> tuple[str, ...]:
+        """What comes first on the path and is every log's own; nothing where nothing else follows."""
+        own = tuple(name for name, _, _ in itertools.takewhile(lambda step: effects.get(step[0]).per_log, path))
+        return own if len(own) < len(path) else ()
+
     def _partial(self, start: State, last: State, names: list[str]) -> State:
         """The model with some of the additions, from the values of all."""
         kept = {*start.model.names, *names}
@@ -116,7 +127,7 @@ class Conclusions:
         values = np.array([v for key, v in zip(full, last.values) if key.split(".", 1)[0] in model])
         return search(last.problem, model, values, start.error)
 
-    def _steps(self, before: Array, path: list[tuple[str, State, tuple[Mark, ...]]], noise: float) -> list[Step]:
+    def _steps(self, before: Array, path: Path, noise: float) -> list[Step]:
         first, names = self._error(before), list(self.found.model.names)
         steps = [Step(None, tuple(names), self._error(self._train(self.found.plain, ())), first)]
         beyond = max(first**2 - noise**2, 1e-300)

@@ -226,13 +226,15 @@ class Diagnosis(Findings):
     """Where a model fails, and which effects it lacks; the attributes of `Findings`, and what is at hand with its log.
 
     Attributes:
-        where: cells in which the error of `model` sits, the largest share first. left_where: the same of the best
-            model.
+        corrected: what was added first and is every log's own (a sensor's zero, a surface's place, a clock).
+        where: cells in which the error of `model` sits beside that, the largest share first. left_where: the same of
+            the best model.
         left: what the best model leaves beside noise and tolerance.
         experiment: what was looked at. residual: of `model`, held out, (channels, n); residual_after: of the best one.
         fit: of the best model, to everything.
     """
 
+    corrected: tuple[str, ...]
     where: tuple[Cell, ...]
     left_where: tuple[Cell, ...]
     left: LackOfFit
@@ -262,6 +264,7 @@ class Diagnosis(Findings):
                 "noise_floor": self.noise_floor,
             },
             "steps": [step.to_dict() for step in self.steps],
+            "corrected": list(self.corrected),
             "where": [cell.to_dict() for cell in self.where],
             "tolerance": self.left.tolerance,
             "explained": self.explained,

@@ -48,6 +48,7 @@ def diagnosis_page(result: Diagnosis, title: str, provenance: Provenance | None 
         r=result,
         headline=words.headline(result),
         leftover=words.leftover(result),
+        beside=words.beside(result),
         doubts=words.doubts(result),
         ladder=ladder(result),
         after=shown.after is not None,

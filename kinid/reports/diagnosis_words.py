@@ -69,6 +69,11 @@ def headline(result: Diagnosis) -> str:
     return f"{unknown}. {', and '.join(said)}: {error}; {noise}."
 
 
+def beside(result: Diagnosis) -> str:
+    """What where the model fails leaves out, as words behind that; "" where nothing."""
+    return f", beside {listed(result.corrected)}" if result.corrected else ""
+
+
 def leftover(result: Diagnosis) -> str:
     """What the best model leaves, and what it may leave, in sentences."""
     left = result.left

@@ -91,6 +91,7 @@ def found() -> Diagnosis:
         "N",
         effects,
         ("the log is short",),
+        (),
         where(experiment, before, experiment.noise),
         where(experiment, after, experiment.noise),
         lack_of_fit(fits[1].state, after),

@@ -258,6 +258,19 @@ def test_a_bias_beyond_what_calibration_is_trusted_to_is_told_beside_what_was_ad
         assert "0.04" in found["sensor-bias"].says
 
 
+def test_where_the_model_fails_is_said_beside_a_bias() -> None:
+    """A bias that the rig doesn't state is most of the error; where the model fails is of what it leaves."""
+    log = poked()
+    biased = dataclasses.replace(log, contact={**log.contact, "normal_force": log.contact["normal_force"] + 2.0})
+    plain, found = (kinid.diagnose(of, RIG, model=kinid.Model("kelvin-voigt")) for of in (log, biased))
+    assert (plain.corrected, plain.added) == ((), ("relaxation",))
+    assert (found.corrected, found.added) == (("sensor-bias",), ("sensor-bias", "relaxation"))
+    # the same law is missing in the same log: the worst place is the same, and as wrong, to what the bias' own fit adds
+    assert (found.where[0].channel, found.where[0].phase) == (plain.where[0].channel, plain.where[0].phase)
+    assert found.where[0].rms == pytest.approx(plain.where[0].rms, rel=0.1)
+    assert found.to_dict()["corrected"] == ["sensor-bias"]
+
+
 @pytest.mark.parametrize("size", [0.1, 0.4])
 def test_what_is_left_that_looks_like_an_effect_does_not_leave_it_absent(size: float) -> None:
     """A pull at a tool that leaves, only within 0.8 mm of the surface: not the catalogue's adhesion, but no proof of
