@@ -44,7 +44,9 @@ def compile_ahead() -> None:
     arm = kinid.Rig.parse({"robot": {"model": "lwr4plus"}, "tool": {"mass": 0.0}})
     robot = kinid.Robot.load(arm)
     sway = np.array([0.02, 0.01, 0.02, 0.015, 0.01, 0.01, 0.01])
-    q = np.array([0.0, 0.5, 0.0, -1.5, 0.0, 1.1, 0.0]) + sway * np.sin(2.0 * np.pi * np.outer(t, np.linspace(0.5, 1.1, 7)))
+    q = np.array([0.0, 0.5, 0.0, -1.5, 0.0, 1.1, 0.0]) + sway * np.sin(
+        2.0 * np.pi * np.outer(t, np.linspace(0.5, 1.1, 7))
+    )
     noise = np.random.default_rng(0).standard_normal
     q += 2e-6 * noise(q.shape)
     tip = robot.kinematics(robot.tip_frame or "", q, np.gradient(q, 1.0 / RATE, axis=0))

@@ -18,6 +18,7 @@ from kinid.identification.fit import Fit, fit_model, fit_of
 from kinid.identification.lack_of_fit import LackOfFit, error_rows, error_unit, lack_of_fit, rms
 from kinid.identification.solver import search
 from kinid.identification.state import State
+from kinid.identification.warnings import listed
 from kinid.identification.whole import held_out_residual, train_residual
 from kinid.modeling.applicability import base_of
 from kinid.modeling.model import Model
@@ -169,12 +170,12 @@ class Conclusions:
         remains = (
             f"{left.excess:.2g} {left.unit} are left beside noise, {100 * left.share_of_reading:.2g} % of the reading"
         )
-        names = " and ".join(with_alternatives(added, findings))
+        names = listed(with_alternatives(added, findings))
         helped = f"{names} {take} off {100 * steps[-1].explained:.0f} % of the error"
         inside = "what is left is noise" if left.excess < 0.5 * left.noise else f"{remains}; {allowed}"
         if left.matters:
             verdict = Verdict.UNEXPLAINED
-            more = " and ".join(e.id for e in findings if e.left_out)
+            more = listed([e.id for e in findings if e.left_out])
             left_out = f"no more effects were asked for, and {more} would take off more"
             says = f"{remains}, where {allowed}; "
             says += left_out if more else "no further effect of the catalogue takes off what chance wouldn't"
