@@ -88,10 +88,14 @@ class Relaxation(Effect):
     def implausible(
         self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None
     ) -> str:
-        """Shares of all branches together, too, and the range of each of them."""
+        """Shares of all branches together, too, the range of each, and what flows faster than samples follow."""
         held = [value for name, value in values.items() if name.startswith("ratio")]
         if sum(held) > 1.0 + 1e-9:
             return f"branches hold {sum(held):.3g} of the elastic force: no more than all of it relaxes"
+        fastest = min((value for name, value in values.items() if name.startswith("time-constant")), default=np.inf)
+        period = float(np.median(signals.dt[signals.dt > 0.0])) if signals is not None and len(signals) > 1 else 0.0
+        if fastest < period:
+            return f"a time constant of {fastest:.2g} s, less than the {period:.2g} s between samples: that is damping"
         first = [{name.rstrip("0123456789"): value} for name, value in values.items()]
         return next((why for one in first if (why := super(Relaxation, self).implausible(one, model_values))), "")
 

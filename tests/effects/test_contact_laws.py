@@ -815,3 +815,14 @@ def test_negative_friction_is_told() -> None:
     assert "negative" not in layer.implausible({"stiffness": -300.0, "depth": 1e-3}, {"hooke.stiffness": 500.0})
     assert "more than" in layer.implausible({"stiffness": -700.0, "depth": 1e-3}, {"hooke.stiffness": 500.0})
     assert "no more than all" in Relaxation(2).implausible({"ratio": 0.6, "ratio2": 0.6}, {})
+
+
+def test_a_branch_that_is_faster_than_samples_follow_is_damping() -> None:
+    s = poke()
+    period = float(np.median(np.diff(s.t)))
+    for found, share in (("damping", 0.9), ("", 1.1)):
+        why = Relaxation(2).implausible(
+            {"ratio": 0.3, "time-constant": 0.5, "ratio2": 0.3, "time-constant2": share * period}, {}, s
+        )
+        assert found in why
+        assert bool(why) == bool(found)
