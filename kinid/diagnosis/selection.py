@@ -91,15 +91,10 @@ def _evident(candidate: Refit, before: State, settings: DiagnosisSettings) -> bo
     e = candidate.evidence
     return (
         e.significance > _needed(e, settings)
-        and e.share > _least_share(candidate.state, candidate.effect.id, settings)
+        and e.share > settings.min_share
         and e.change > settings.min_reading_share
         and not implausible(candidate.state, before)
     )
-
-
-def _least_share(state: State, name: str, settings: DiagnosisSettings) -> float:
-    """Share of what is left that an effect of a model must take off to be worth its parameters."""
-    return settings.least_share(len(state.model[name].parameters(state.problem.layout)))
 
 
 def _needed(evidence: Evidence, settings: DiagnosisSettings) -> float:
@@ -121,9 +116,9 @@ def _remarkable(candidate: Refit, settings: DiagnosisSettings) -> bool:
         (null[i] - usual[i], null[i] + usual[i]) if i in null else (-np.inf, np.inf) for i in range(len(parameters))
     ]
     evidence = compare_states(acceptance.bounded(state, {effect.id: ranges}, state), state, state.error.sigma)
-    return evidence.significance > _needed(evidence, settings) and evidence.share > _least_share(
-        state, effect.id, settings
-    )
+    # what has many parameters a channel bends to anything, a little
+    worth = settings.min_share * max(1.0, len(parameters) / len(layout.channels))
+    return evidence.significance > _needed(evidence, settings) and evidence.share > worth
 
 
 def lowers_error(after: State, before: State) -> bool:
@@ -323,7 +318,7 @@ def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: 
             needed = max(needed, settings.beyond_doubt * (1.0 - evidence.beyond))
         # what seemed much beside a model that lacked others may be no more than every rig has
         usual = last and not _remarkable(Refit(best.model[name], reduced, best, evidence), settings)
-        if usual or evidence.significance < needed or evidence.share < _least_share(best, name, settings):
+        if usual or evidence.significance < needed or evidence.share < settings.min_share:
             found.alternatives.pop(name, None)
             found.pruned.add(name)
             found.added.remove(name)

@@ -13,13 +13,13 @@ class DiagnosisSettings:
         min_significance: held-out gain over its standard error [1]; an effect is accepted above it.
         beyond_doubt: inside the tolerance, times the share of what is beyond noise that an addition leaves, the
             significance that it must have: no form of a material is exact [1].
-        min_share: of the squared error that is left, what an effect must take off [1].
+        min_share: of the squared error that is left, what an effect must take off [1]; what is more of it than usual,
+            for each parameter that it has a channel.
         min_reading_share: root mean square of an effect's change of the readings over that of the readings [1]; less
             than this no sensor's linearity bears out.
         alternative_significance: alternatives within so many standard errors of each other are not told apart [1].
         alternative_share: nor are those of which neither takes off more than this share of what the other leaves [1].
-        parameter_price: of the squared error that is left, what an effect must take off for each of its parameters; of
-            the best gain, what each parameter must bring that a simpler effect does without [1].
+        parameter_price: of the best gain, what each parameter must bring that a simpler effect does without [1].
         refits: effects that are refitted in a round [1].
         promising_share: of the best predicted gain of a round, what another effect must promise to be refitted [1].
         max_effects: effects that are added at most [1].
@@ -40,7 +40,3 @@ class DiagnosisSettings:
     max_effects: int = 8
     tolerance: float = 0.02
     stand_in_ratio: float = 1.0
-
-    def least_share(self, parameters: int) -> float:
-        """Of the squared error that is left, what an effect of so many parameters must take off [1]."""
-        return max(self.min_share, self.parameter_price * parameters)

@@ -143,7 +143,7 @@ def _unseen(
     refit = found.selection.evidence.get(effect.id) if latest is None else latest.evidence
     if (
         refit is not None
-        and refit.share > settings.least_share(len(points[0].effect.parameters(last.problem.layout)))
+        and refit.share > settings.min_share
         and refit.significance > DOUBTFUL_SHARE * settings.min_significance
     ):
         much, sure = 100 * refit.share, refit.significance
