@@ -21,6 +21,7 @@ from kinid.diagnosis.acceptance import (
 )
 from kinid.diagnosis.screening import Candidate, screen, screen_catalogue
 from kinid.diagnosis.settings import DiagnosisSettings
+from kinid.effects import Effect
 from kinid.identification.estimation import estimate_problem
 from kinid.identification.lack_of_fit import error_rows, inside_tolerance
 from kinid.identification.nuisance import MAX_SHIFT
@@ -91,10 +92,17 @@ def _evident(candidate: Refit, before: State, settings: DiagnosisSettings) -> bo
     e = candidate.evidence
     return (
         e.significance > _needed(e, settings)
-        and e.share > settings.min_share
+        and e.share > _worth(candidate.effect, candidate.state, settings)
         and e.change > settings.min_reading_share
         and not implausible(candidate.state, before)
     )
+
+
+def _worth(effect: Effect, state: State, settings: DiagnosisSettings) -> float:
+    """Share that an effect must take off: what copies each channel into each other one bends to anything, a little."""
+    layout = state.problem.layout
+    a_channel = len(effect.parameters(layout)) / len(layout.channels) if effect.couples else 1.0
+    return settings.min_share * max(1.0, a_channel)
 
 
 def _needed(evidence: Evidence, settings: DiagnosisSettings) -> float:
@@ -116,9 +124,7 @@ def _remarkable(candidate: Refit, settings: DiagnosisSettings) -> bool:
         (null[i] - usual[i], null[i] + usual[i]) if i in null else (-np.inf, np.inf) for i in range(len(parameters))
     ]
     evidence = compare_states(acceptance.bounded(state, {effect.id: ranges}, state), state, state.error.sigma)
-    # what has many parameters a channel bends to anything, a little
-    worth = settings.min_share * max(1.0, len(parameters) / len(layout.channels))
-    return evidence.significance > _needed(evidence, settings) and evidence.share > worth
+    return evidence.significance > _needed(evidence, settings) and evidence.share > settings.min_share
 
 
 def lowers_error(after: State, before: State) -> bool:
@@ -318,7 +324,7 @@ def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: 
             needed = max(needed, settings.beyond_doubt * (1.0 - evidence.beyond))
         # what seemed much beside a model that lacked others may be no more than every rig has
         usual = last and not _remarkable(Refit(best.model[name], reduced, best, evidence), settings)
-        if usual or evidence.significance < needed or evidence.share < settings.min_share:
+        if usual or evidence.significance < needed or evidence.share < _worth(best.model[name], best, settings):
             found.alternatives.pop(name, None)
             found.pruned.add(name)
             found.added.remove(name)

@@ -13,8 +13,8 @@ class DiagnosisSettings:
         min_significance: held-out gain over its standard error [1]; an effect is accepted above it.
         beyond_doubt: inside the tolerance, times the share of what is beyond noise that an addition leaves, the
             significance that it must have: no form of a material is exact [1].
-        min_share: of the squared error that is left, what an effect must take off [1]; what is more of it than usual,
-            for each parameter that it has a channel.
+        min_share: of the squared error that is left, what an effect must take off; one that couples channels, for each
+            parameter that it has a channel [1].
         min_reading_share: root mean square of an effect's change of the readings over that of the readings [1]; less
             than this no sensor's linearity bears out.
         alternative_significance: alternatives within so many standard errors of each other are not told apart [1].
