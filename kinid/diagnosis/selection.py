@@ -23,7 +23,7 @@ from kinid.diagnosis.screening import Candidate, screen, screen_catalogue
 from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.effects import Effect
 from kinid.identification.estimation import estimate_problem
-from kinid.identification.lack_of_fit import error_rows, inside_tolerance
+from kinid.identification.lack_of_fit import error_rows, inside_tolerance, much_left
 from kinid.identification.nuisance import MAX_SHIFT
 from kinid.identification.state import State
 from kinid.identification.whole import held_out_residual
@@ -39,7 +39,10 @@ MAX_ERROR_RISE = 1.01
 REST_FORM_REFITS, MAX_ALTERNATIVES, MIN_GAIN_SHARE = 2, 3, 0.5
 #: two refits that have less than this share of their changes in common explain different parts of the error
 MIN_OVERLAP = 0.5
-#: share of what is left by its own weights that an effect takes off that others' weights hide
+#: effects that may stand for others; where more were needed, what is left is of many kinds
+FEW = 2
+#: share of what is left by its own weights that an effect takes off that others' weights hide; and of the squared error
+#: that another way has to take off
 MOST = 0.5
 
 
@@ -128,10 +131,13 @@ def _remarkable(candidate: Refit, settings: DiagnosisSettings) -> bool:
 
 
 def lowers_error(after: State, before: State) -> bool:
-    """Whether the reported error, held out, at the log's own rate and not weighed, doesn't rise."""
-    rows = error_rows(before.problem.whole)
-    old, new = (float(np.nanmean(held_out_residual(state)[rows] ** 2)) for state in (before, after))
-    return new <= MAX_ERROR_RISE * old
+    """Whether the reported error doesn't rise."""
+    return _reported(after) <= MAX_ERROR_RISE * _reported(before)
+
+
+def _reported(state: State) -> float:
+    """Mean square of the error that is reported: held out, at the log's own rate and not weighed."""
+    return float(np.nanmean(held_out_residual(state)[error_rows(state.problem.whole)] ** 2))
 
 
 def screen_and_refit(state: State, settings: DiagnosisSettings) -> Screening:
@@ -269,6 +275,14 @@ def select(
         _add(found, replace(asked, state=relearn_errors(asked.state)))
         if why := _unsupported(found.evidence[name], found.states[-1], before, settings):
             found.unsupported[name] = why
+    _grow(found, settings, forced, progress)
+    return found if forced else _other_way(found, settings, progress) or found
+
+
+def _grow(
+    found: Selection, settings: DiagnosisSettings, forced: Sequence[str], progress: Callable[[str], None]
+) -> None:
+    """Add effects until none is worth a name; then swap and take back."""
     while True:
         progress("screening the catalogue" if not found.added else f"screening beside {', '.join(found.added)}")
         screening = screen_and_refit(found.states[-1], settings)
@@ -286,7 +300,26 @@ def select(
         _prune(found, settings, keep={*forced, end.effect.id})
     _compare_alternatives(found, settings, forced)
     _prune(found, settings, keep=set(forced), last=True)
-    return found
+
+
+def _other_way(found: Selection, settings: DiagnosisSettings, progress: Callable[[str], None]) -> Selection | None:
+    """The way that begins with the next best effect, where it halves the squared error; None elsewhere.
+
+    One effect that stands for two is better than either alone: no swap of one for another finds them.
+    """
+    first, last = found.rounds[0], found.states[-1]
+    others = [t for t in first.refits if t.effect.id not in found.added and acceptable(t, first.before, settings)]
+    if not 0 < len(found.added) <= FEW or not others or not much_left(last):
+        return None
+    other = Selection([first.before], rounds=[first], fits=found.fits)
+    end = best_end(choose(others, first.before, settings) or others[0], found.fits)
+    if end is None:
+        return None
+    _add(other, end)
+    _grow(other, settings, (), progress)
+    evidence = compare_states(last, other.states[-1], last.error.sigma)
+    better = evidence.significance > settings.min_significance
+    return other if better and _reported(other.states[-1]) < MOST * _reported(last) else None
 
 
 def removable(model: Model, name: str) -> bool:

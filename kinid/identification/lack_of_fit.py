@@ -83,6 +83,12 @@ def inside_tolerance(state: State) -> bool:
     return _slow(state, rows) <= (TOLERANCE * reading_rms(state.problem.whole)) ** 2
 
 
+def much_left(state: State) -> bool:
+    """Whether more than noise is left in means of neighbours than noise itself."""
+    rows = error_rows(state.problem.whole)
+    return _slow(state, rows) > float(np.mean(reading_noise(state.problem)[rows] ** 2))
+
+
 def _slow(state: State, rows: Mask) -> float:
     """Mean square of what is left beside noise in means of neighbours, which fits are made to: the rest is faster."""
     problem = state.problem
