@@ -121,8 +121,10 @@ class State:
 
     @cached_property
     def standard_errors(self) -> Array:
-        """Standard error from the information and the memory of the residual, infinite where held, (p,)."""
+        """Standard error from the information and the memory of the residual, infinite where held or unknown, (p,)."""
         out = np.full(len(self.values), np.inf)
+        if not np.isfinite(self.information).all():  # where predictions overflow, nothing is known
+            return out
         p = np.flatnonzero(self.free[: len(self.values)])
         size = np.sqrt(np.diag(self.information))
         inverse = np.linalg.pinv(self.information / np.outer(size, size), rcond=1e-12, hermitian=True) / np.outer(

@@ -396,3 +396,16 @@ def test_rivals_stand_in_the_first_line(tester: Tester) -> None:
 def test_contact_without_a_contact_law_is_said() -> None:
     found = kinid.diagnose(poked(), RIG, model=kinid.Model(), max_effects=0)
     assert [w for w in found.warnings if "no contact law" in w and "kelvin-voigt" in w]
+
+
+def test_an_effect_whose_predictions_overflow_ends_no_diagnosis(tester: Tester) -> None:
+    """A spring behind a dashpot that pushes runs away; what is hidden is found all the same."""
+    rng = np.random.default_rng(3)
+    rng.standard_normal((3, len(tester.t)))
+    depth = np.maximum(tester.depth + 0.5e-3, 0.0)
+    force = np.where(depth > 0.0, 22e3 * depth**1.5 * (1.0 + 0.15 * tester.rate), 0.0)
+    force = np.interp(tester.t - 0.008, tester.t, force) + NOISE * rng.standard_normal(len(depth))
+    log = kinid.Log(t=tester.t, phase=tester.phase, contact={"depth": tester.depth, "normal_force": force})
+    found = kinid.diagnose(log, RIG, model=kinid.Model("hertz", "hunt-crossley-damping"))
+    assert set(found.added) == {"surface-offset", "time-offset"}
+    assert found.fit["surface-offset.offset"].value == pytest.approx(0.5e-3, rel=0.1)
