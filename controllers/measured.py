@@ -54,13 +54,13 @@ class Measured:
         if unknown not in get_args(Unknown):
             ways = get_args(Unknown)
             raise InputError(f"unknown {unknown!r}", f"one of {', '.join(ways)}", closest(unknown, ways))
-        told = {p.name: p.unit for p in grown.properties if np.isfinite(grown.values(p.name)).any()}
-        if "stiffness" not in told:
+        units = {p.name: p.unit for p in grown.properties if np.isfinite(grown.values(p.name)).any()}
+        if "stiffness" not in units:
             raise InputError(
-                f"a map of {', '.join(told) or 'nothing'}", "one that holds stiffness", "map with a model that has one"
+                f"a map of {', '.join(units) or 'nothing'}", "one that holds stiffness", "map with a model that has one"
             )
         self.unknown: Unknown = unknown
-        self.absent = tuple(role for role in ROLES if role not in told)
+        self.absent = tuple(role for role in ROLES if role not in units)
         self.surface: Touchable
         self.plane: Plane | None = None
         if isinstance(grown.surface, Mesh):
@@ -69,12 +69,12 @@ class Measured:
         else:
             self.surface = self.plane = Plane(grown.surface.point, grown.surface.axes)
             self._ticks = grown.grid(CELLS, EDGE)
-        self._table, self._known = self._tabled(grown, method, told)
+        self._table, self._known = self._tabled(grown, method, units)
 
-    def _tabled(self, grown: Map, method: str, told: dict[str, str]) -> tuple[Array, NDArray[np.bool_]]:
+    def _tabled(self, grown: Map, method: str, units: dict[str, str]) -> tuple[Array, NDArray[np.bool_]]:
         """The table, (nx, ny, roles) or (vertices, roles), and where it is known."""
         columns, known = [], np.ones(1, dtype=np.bool_)
-        for role in told.keys() & ROLES.keys():
+        for role in units.keys() & ROLES.keys():
             if self.plane is None:
                 guess = grown.interpolator(role, method).at(np.arange(self._vertices.n, dtype=np.int64), sd=False)
             else:
@@ -86,7 +86,7 @@ class Measured:
             raise InputError("a map that knows no place", "probes near each other", "poke more")
         table = np.empty((*known.shape, len(ROLES)))
         self._nowhere = np.empty(len(ROLES))
-        absent = {**ROLES, "exponent": fixed_exponent(told["stiffness"])}
+        absent = {**ROLES, "exponent": fixed_exponent(units["stiffness"])}
         for k, role in enumerate(ROLES):
             column = dict(columns).get(role, np.full(known.shape, absent[role]))
             self._nowhere[k] = column[known].max() if self.unknown == "hardest" else column[known].min()

@@ -27,7 +27,7 @@ def story(folder: Path, out: Path) -> None:
     """Put a demo's pages together."""
     from PIL import Image
 
-    from kinid.mapping.map_page import misfit_figure
+    from kinid.mapping.map_page import residual_figure
     from kinid.mapping.property_map import PropertyMap
 
     draw: Any = runpy.run_path(str(Path(__file__).parent.parent / "notebooks" / "execute.py"))
@@ -42,7 +42,7 @@ def story(folder: Path, out: Path) -> None:
     grown = PropertyMap.read(folder / "map.parquet")
     maps = [
         _page(_stiffness(grown), f"Map of a mould from {len(grown)} pokes", RIGHT // 2, HEIGHT - HEAD),
-        _page(misfit_figure(grown), "Where on it the model fails", RIGHT // 2, HEIGHT - HEAD),
+        _page(residual_figure(grown), "Where on it the model fails", RIGHT // 2, HEIGHT - HEAD),
     ]
     whole = Image.new("RGB", (LEFT + RIGHT, HEIGHT), "white")
     whole.paste(arm.crop((0, max(0, arm.height - HEIGHT), LEFT, arm.height)), (0, 0))

@@ -165,7 +165,7 @@ def along(
     phi: Compiled,
     gain: Compiled,
     at: Compiled,
-    told: Compiled,
+    settings: Compiled,
     sample: Compiled,
 ) -> None:
     """The force against the slip: T = μ |u| (N − N₀) + c v − zero; `sample` = direction (2), |u|, load, v, T."""
@@ -179,9 +179,9 @@ def along(
     phi[FRICTION], phi[VISCOUS] = (at[LOAD] - theta[ZERO_NORMAL]) * bent, slow
     phi[ZERO1], phi[ZERO2] = -a, -b
     phi[ZERO_NORMAL] = -theta[FRICTION] * bent
-    told_by = theta[FRICTION] * bent * (load - theta[ZERO_NORMAL]) + theta[VISCOUS] * speed
-    error = resisting - (told_by - a * theta[ZERO1] - b * theta[ZERO2])
-    turning = told[3] * theta[FRICTION] * at[LOAD] * (1.0 - min(bent, 1.0))
+    predicted = theta[FRICTION] * bent * (load - theta[ZERO_NORMAL]) + theta[VISCOUS] * speed
+    error = resisting - (predicted - a * theta[ZERO1] - b * theta[ZERO2])
+    turning = settings[3] * theta[FRICTION] * at[LOAD] * (1.0 - min(bent, 1.0))
     variance = at[NOISE] + turning * turning + apart
     total = variance + quadratic(STATES, u, d, phi)
     normalised = error / math.sqrt(total)
@@ -189,7 +189,7 @@ def along(
     at[TOGETHER] = keep * at[TOGETHER] + normalised * at[LAST_ERROR]
     at[SQUARES] = keep * at[SQUARES] + normalised * normalised
     at[LAST_ERROR] = normalised
-    at[RESISTING] = keep * at[RESISTING] + told_by * told_by
+    at[RESISTING] = keep * at[RESISTING] + predicted * predicted
     at[FAST] = keep * at[FAST] + speed * speed
     at[WEIGHTS] = keep * at[WEIGHTS] + 1.0
     if turning * turning + apart < at[NOISE]:
@@ -207,20 +207,22 @@ def learn(
     phi: Compiled,
     gain: Compiled,
     at: Compiled,
-    told: Compiled,
+    settings: Compiled,
     sample: Compiled,
 ) -> int:
     """One sample in contact; `sample` = normal force, slip rates (2), tangential forces (2)."""
     load, v1, v2, f1, f2 = sample
-    bent1 = (1.0 - ELASTIC) * at[BENT1] + at[AHEAD1] / told[2] if told[2] > 0.0 else v1
-    bent2 = (1.0 - ELASTIC) * at[BENT2] + at[AHEAD2] / told[2] if told[2] > 0.0 else v2
+    bent1 = (1.0 - ELASTIC) * at[BENT1] + at[AHEAD1] / settings[2] if settings[2] > 0.0 else v1
+    bent2 = (1.0 - ELASTIC) * at[BENT2] + at[AHEAD2] / settings[2] if settings[2] > 0.0 else v2
     bent = math.sqrt(bent1 * bent1 + bent2 * bent2)
-    slow = math.sqrt(at[RATE1] ** 2 + at[RATE2] ** 2) <= told[0] or bent <= (LEAST_BENT if told[2] > 0.0 else 0.0)
+    slow = math.sqrt(at[RATE1] ** 2 + at[RATE2] ** 2) <= settings[0] or bent <= (
+        LEAST_BENT if settings[2] > 0.0 else 0.0
+    )
     code = NOT_SLIDING if slow or at[TOUCHED] < INSTRUMENT else VALID
     if code == VALID:
         a, b = bent1 / bent, bent2 / bent
-        size = bent if told[2] > 0.0 else 1.0
-        along(theta, d, u, phi, gain, at, told, (a, b, size, load, a * v1 + b * v2, -(a * f1 + b * f2)))
+        size = bent if settings[2] > 0.0 else 1.0
+        along(theta, d, u, phi, gain, at, settings, (a, b, size, load, a * v1 + b * v2, -(a * f1 + b * f2)))
     average(at, load, v1, v2)
     return code
 
@@ -243,14 +245,14 @@ def judge(theta: Compiled, own1: float, own2: float, at: Compiled, accuracy: flo
 
 
 @inlined
-def pass_time(d: Compiled, u: Compiled, work: Compiled, at: Compiled, told: Compiled, now: float) -> float:
+def pass_time(d: Compiled, u: Compiled, work: Compiled, at: Compiled, settings: Compiled, now: float) -> float:
     """Values and zeros walk until now, NaN where no time is known; returns the time since the last sample [s]."""
-    step = told[10]
+    step = settings[10]
     if not math.isnan(now):
         step = max(now - at[TIME], 0.0) if not math.isnan(at[TIME]) else step
         at[TIME] = now
     for i in range(STATES):
-        walk = told[5 + i] if i < ZERO1 else told[8 if i == ZERO_NORMAL else 7]
+        walk = settings[5 + i] if i < ZERO1 else settings[8 if i == ZERO_NORMAL else 7]
         add_noise(STATES, u, d, i, walk * walk * step, work)
     return float(step)
 
@@ -264,7 +266,7 @@ def friction(
     force: Compiled,
     contact: Compiled,
     times: Compiled,
-    told: Compiled,
+    settings: Compiled,
     window: Compiled,
     length: int,
     threshold: float,
@@ -283,15 +285,15 @@ def friction(
         fine = abs(load[k]) < HUGE and abs(v1) < HUGE and abs(v2) < HUGE and abs(f1) < HUGE and abs(f2) < HUGE
         code, step = NOT_FINITE, 0.0
         if fine:  # nothing else changes anything that was learnt
-            step = pass_time(d, u, work, at, told, times[k if len(times) > 1 else 0])
+            step = pass_time(d, u, work, at, settings, times[k if len(times) > 1 else 0])
             code = NO_CONTACT
         if fine and not contact[k]:
             lift(at)
-            rest_zeros(theta, d, u, phi, gain, axes, load[k], force[k], told[4])
+            rest_zeros(theta, d, u, phi, gain, axes, load[k], force[k], settings[4])
         elif fine:
-            bend(at, 0.5 * (v1 + at[LAST1]) * step, 0.5 * (v2 + at[LAST2]) * step, told[2])
-            if load[k] > told[1]:
-                code = learn(theta, d, u, phi, gain, at, told, (load[k], v1, v2, f1, f2))
+            bend(at, 0.5 * (v1 + at[LAST1]) * step, 0.5 * (v2 + at[LAST2]) * step, settings[2])
+            if load[k] > settings[1]:
+                code = learn(theta, d, u, phi, gain, at, settings, (load[k], v1, v2, f1, f2))
         if fine:
             at[LAST1], at[LAST2] = v1, v2
         own1, own2 = 0.0, 0.0
@@ -303,7 +305,7 @@ def friction(
             state[-1] += 1.0
             innovations[k] = at[LAST_ERROR] * math.sqrt(at[NOISE])
             scratch[0, 0], scratch[0, 1] = load[k], math.sqrt(v1 * v1 + v2 * v2)
-            code = judge(theta, own1, own2, at, told[9], state[-1])
+            code = judge(theta, own1, own2, at, settings[9], state[-1])
         if length > 0:
             excite(2, shape, gram, scale, cursor, length, scratch[0], scratch[1], scratch[3:])
             code = NOT_EXCITED if code == VALID and cursor[3] < threshold else code

@@ -139,7 +139,7 @@ class _FrictionMachine(Machine):
         numbers[_TIME], numbers[_NOISE] = math.nan, settings.noise**2
         filled = 2 * _STATES + _STATES**2
         state = np.concatenate([start.state[:filled], np.zeros(3 * _STATES), numbers, [0.0]])
-        told = (settings.least_speed, settings.least_load, settings.bristle, settings.reversal, settings.noise)
+        fixed = (settings.least_speed, settings.least_load, settings.bristle, settings.reversal, settings.noise)
         super().__init__(
             NAMES,
             Memory(state, np.full(2, np.inf)),
@@ -147,7 +147,7 @@ class _FrictionMachine(Machine):
             settings.excitation,
             ((), (axes,), (axes,), ()),
             flags=1,
-            settings=(*told, *settings.walk, *settings.drift, settings.accuracy, settings.period),
+            settings=(*fixed, *settings.walk, *settings.drift, settings.accuracy, settings.period),
         )
 
     def advance(self, columns: Columns, t: Array | None, out: Out) -> None:

@@ -112,7 +112,7 @@ class _KalmanMachine(ContactMachine):
             np.maximum(np.max([np.diagonal(prior.covariance) for _, prior in members], axis=0), 1e-300),
         )
         accuracy = (math.inf, math.inf, settings.accuracy, math.inf, 0.0, 0.0, 0.0, 0.0)  # it is asked of n alone
-        told = (settings.noise, math.log(self._r), settings.loudest, settings.period, float(settings.patience))
+        fixed = (settings.noise, math.log(self._r), settings.loudest, settings.period, float(settings.patience))
         super().__init__(
             NAMES,
             memory,
@@ -120,7 +120,7 @@ class _KalmanMachine(ContactMachine):
             settings.excitation,
             COLUMNS,
             flags=1,
-            settings=(*told, *settings.walk, *settings.fading, *accuracy),
+            settings=(*fixed, *settings.walk, *settings.fading, *accuracy),
         )
 
     @property

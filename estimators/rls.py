@@ -127,7 +127,7 @@ class LeastSquaresMachine(Machine):
         settings: of the least squares.
         columns: shapes of what a sample is made of, where rows are made from it; by default regressor and output.
         flags: as in `Machine`.
-        told: numbers that the making of rows needs.
+        row_settings: numbers that the making of rows needs.
     """
 
     def __init__(
@@ -135,7 +135,7 @@ class LeastSquaresMachine(Machine):
         settings: RecursiveLeastSquares,
         columns: tuple[tuple[int, ...], ...] | None = None,
         flags: int = 0,
-        told: tuple[float, ...] = (),
+        row_settings: tuple[float, ...] = (),
     ) -> None:
         p = len(settings.names)
         nothing = (0.0,) * p
@@ -151,7 +151,7 @@ class LeastSquaresMachine(Machine):
             columns or ((p,), ()),
             flags=flags,
             spare=p + 2 if columns else 1,  # a row is regressor, output, code
-            settings=(float(self.directional), *accuracy, *told),
+            settings=(float(self.directional), *accuracy, *row_settings),
         )
         self._all_used = np.zeros(1, np.int8)
         self._rows = (np.empty((0, p)), np.empty(0), np.empty(0, np.int8))

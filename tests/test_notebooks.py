@@ -67,11 +67,11 @@ def hidden_effect(names: Names, said: str) -> None:
 
 def mould(names: Names, said: str) -> None:
     assert len(names["grown"]) == 36
-    misfit, film = names["grown"].misfit, names["film"]
+    residual_over_noise, film = names["grown"].residual_over_noise, names["film"]
     assert film.any()
     # a surface that is open within its tolerance takes up a part of what a film leaves: 5 times the noise without, 3.8
     # with it, where it acts itself and not its first order
-    assert np.median(misfit[film]) > 3 > 1.5 > np.median(misfit[~film])
+    assert np.median(residual_over_noise[film]) > 3 > 1.5 > np.median(residual_over_noise[~film])
 
 
 def picture(names: Names, said: str) -> None:

@@ -27,6 +27,11 @@ REPLACED = {
     "doubts_of": "warnings_of",
     "let_go": "separated",
     "rivalries": "indistinguishable_classes",
+    "told": "what it is: a mask by what it masks, settings, event_bits, labels",
+    "told_apart": "identifiability",
+    "ground": "sample_sites",
+    "zones": "segments",
+    "misfit": "local_bias; residual_over_noise of a probe",
 }
 SOURCES = [
     path

@@ -32,7 +32,7 @@ class Store:
 
     def write(self, name: str, data: bytes) -> None:
         """A file, in place of one that may be there."""
-        with _told(f"no way to write {self.address}/{name}", "a place that can be written"):
+        with _as_input_error(f"no way to write {self.address}/{name}", "a place that can be written"):
             system, root = _system(self.address)
             path = f"{root}/{name}"
             if _protocol(system) in WHOLE:
@@ -50,14 +50,14 @@ class Store:
 
     def read(self, name: str) -> bytes:
         """What a file holds."""
-        with _told(f"no way to read {self.address}/{name}", "a file that is there"):
+        with _as_input_error(f"no way to read {self.address}/{name}", "a file that is there"):
             system, root = _system(self.address)
             out: bytes = system.cat_file(f"{root}/{name}")
             return out
 
     def found(self, name: str) -> bytes | None:
         """The same; None where there is no such file."""
-        with _told(f"no way to read {self.address}/{name}", "a place that can be read"):
+        with _as_input_error(f"no way to read {self.address}/{name}", "a place that can be read"):
             system, root = _system(self.address)
             system.invalidate_cache()
             return self.read(name) if system.exists(f"{root}/{name}") else None
@@ -66,7 +66,7 @@ class Store:
         """Files in a folder and below, by their names in it: size [bytes] and what else is known; hidden ones aren't
         told.
         """
-        with _told(f"no way to list {self.address}", "a folder"):
+        with _as_input_error(f"no way to list {self.address}", "a folder"):
             system, root = _system(self.address)
             top = f"{root}/{folder}".rstrip("/")
             system.invalidate_cache()
@@ -76,7 +76,7 @@ class Store:
 
     def remove(self, name: str) -> None:
         """A file that is there."""
-        with _told(f"no way to remove {self.address}/{name}", "a place that can be written"):
+        with _as_input_error(f"no way to remove {self.address}/{name}", "a place that can be written"):
             system, root = _system(self.address)
             system.rm_file(f"{root}/{name}")
 
@@ -108,7 +108,7 @@ def fetched(address: str) -> Iterator[Path]:
 
     with tempfile.TemporaryDirectory(prefix="kinid-") as folder:
         copy = Path(folder) / address.rsplit("/", 1)[-1]
-        with _told(f"no way to read {address}", "a log there"):
+        with _as_input_error(f"no way to read {address}", "a log there"):
             system, path = _system(address)
             system.get_file(path, str(copy))
         yield copy
@@ -139,7 +139,7 @@ def _protocol(system: Any) -> str:
 
 
 @contextmanager
-def _told(found: str, expected: str) -> Iterator[None]:
+def _as_input_error(found: str, expected: str) -> Iterator[None]:
     """What a system of files raises, as one line."""
     try:
         yield

@@ -44,7 +44,7 @@ class Watch:
     runner: Runner
     progress: Callable[[str, str], None] = lambda *_: None
     #: of logs that were taken in, by key: facts of the fit, or why they are put aside
-    _told: dict[str, Json | str] = field(default_factory=dict)
+    _outcomes: dict[str, Json | str] = field(default_factory=dict)
     #: since when files are what they are, by key
     _since: dict[str, float] = field(default_factory=dict)
     _there: list[Item] = field(default_factory=list)
@@ -60,8 +60,8 @@ class Watch:
         self._there = self._items()
         for item in self._there:
             if _within("fit", item) in there:
-                self._told[item.key] = self._facts(item)
-        return len(self._told)
+                self._outcomes[item.key] = self._facts(item)
+        return len(self._outcomes)
 
     def look(self) -> int:
         """Take in what is new and whole; how many logs that was.
@@ -70,7 +70,7 @@ class Watch:
             InputError: a folder or a rig that can't be read, or results that can't be written.
         """
         self._there, now = self._items(), time.monotonic()
-        new = [item for item in self._there if item.key not in self._told]
+        new = [item for item in self._there if item.key not in self._outcomes]
         self._since = {item.key: self._since.get(item.key, now) for item in new}
         whole = [item for item in new if now - self._since[item.key] >= SETTLED]
         jobs = Job("contact"), Job("fit", self.model)
@@ -78,32 +78,32 @@ class Watch:
             sweep(job.kind, whole, self.store, self.store.files(job.kind))
         for place, result in self.runner.run(partial(take_in, jobs, self.store), whole):
             item = whole[place]
-            self._told[item.key] = result.why if isinstance(result, Lost) else self._facts(item)
+            self._outcomes[item.key] = result.why if isinstance(result, Lost) else self._facts(item)
             self.progress(item.name, self.said(item))
         if whole or self.store.found(PAGE) is None:
-            told = [(item.name, self._told[item.key]) for item in self._there if item.key in self._told]
-            self.store.write(PAGE, watch_page(self.folder, self.model, told, self.odd).encode())
+            outcomes = [(item.name, self._outcomes[item.key]) for item in self._there if item.key in self._outcomes]
+            self.store.write(PAGE, watch_page(self.folder, self.model, outcomes, self.odd).encode())
         return len(whole)
 
     @property
     def odd(self) -> dict[str, str]:
         """Logs that don't belong to the others, with why."""
-        found = {item.name: self._told.get(item.key) for item in self._there}
+        found = {item.name: self._outcomes.get(item.key) for item in self._there}
         return odd_values({name: _figures(facts) for name, facts in found.items() if isinstance(facts, dict)})
 
     def to_dict(self) -> Json:
         """What is known of all logs, for JSON."""
-        told = {item.name: self._told[item.key] for item in self._there if item.key in self._told}
+        outcomes = {item.name: self._outcomes[item.key] for item in self._there if item.key in self._outcomes}
         return {
             "model": list(self.model),
-            "logs": {name: facts for name, facts in told.items() if not isinstance(facts, str)},
-            "put_aside": {name: why for name, why in told.items() if isinstance(why, str)},
+            "logs": {name: facts for name, facts in outcomes.items() if not isinstance(facts, str)},
+            "put_aside": {name: why for name, why in outcomes.items() if isinstance(why, str)},
             "odd": self.odd,
         }
 
     def said(self, item: Item) -> str:
         """What there is to say of a log, in a line."""
-        facts = self._told[item.key]
+        facts = self._outcomes[item.key]
         if isinstance(facts, str):
             return f"put aside: {facts}"
         odd = self.odd.get(item.name)

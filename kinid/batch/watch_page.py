@@ -17,26 +17,26 @@ MOST_LISTED, MOST_FIGURES, MOST_DRAWN = 200, 12, 2000
 
 
 def watch_page(
-    folder: str, model: Sequence[str], told: Sequence[tuple[str, Json | str]], odd: Mapping[str, str]
+    folder: str, model: Sequence[str], outcomes: Sequence[tuple[str, Json | str]], odd: Mapping[str, str]
 ) -> str:
     """One offline HTML page.
 
     Args:
-        folder, model: that are watched, and fitted. told: each log with facts of its fit, or why it is put aside, in
-            order. odd: name → why.
+        folder, model: that are watched, and fitted. outcomes: each log with facts of its fit, or why it is put aside,
+            in order. odd: name → why.
     """
-    fits = [(name, facts) for name, facts in told if not isinstance(facts, str)]
+    fits = [(name, facts) for name, facts in outcomes if not isinstance(facts, str)]
     names = list(dict.fromkeys(name for _, facts in fits for name in facts["parameters"]))[:MOST_FIGURES]
     return render(
         "watch.html",
         f"{folder}: {' + '.join(model)}",
         folder=folder,
         fits=fits,
-        aside=len(told) - len(fits),
+        aside=len(outcomes) - len(fits),
         odd=odd,
         names=names,
         figures=[(name, figure) for name in names for figure in _values(name, fits[-MOST_DRAWN:], odd)],
-        listed=list(reversed(told[-MOST_LISTED:])),
+        listed=list(reversed(outcomes[-MOST_LISTED:])),
         estimate=_estimate,
     )
 

@@ -1,7 +1,7 @@
 """Coupling between the axes: estimated as effects of a model, told apart as far as the log allows, and taken out again.
 
 What a sensor's cross-talk, a turned sensor, a tilted surface and a material that pulls sideways do to a pure poke looks
-alike. They are fitted together; `told_apart` says which of them the log separates.
+alike. They are fitted together; `identifiability` says which of them the log separates.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ FORCES = ("tangential_force1", "tangential_force2", "normal_force")
 ALIKE = 0.98
 
 
-def told_apart(fit: Fit) -> list[str]:
+def identifiability(fit: Fit) -> list[str]:
     """Which coupling parameters this log separates, one line each for those that it doesn't; empty when all are."""
     open_ = [
         name

@@ -261,8 +261,8 @@ def _where(fit: PooledFit) -> tuple[Cell, ...]:
     for log, (squares, cells) in zip(fit.pool.problems.logs, fit.pool.visits(_cells, given)):
         total += squares
         found += [(squares, dataclasses.replace(cell, says=f"{log.name}: {cell.says}")) for cell in cells]
-    told = [dataclasses.replace(cell, share=cell.share * squares / max(total, 1e-300)) for squares, cell in found]
-    return tuple(sorted(told, key=lambda cell: -cell.share)[:MOST_CELLS])
+    weighted = [dataclasses.replace(cell, share=cell.share * squares / max(total, 1e-300)) for squares, cell in found]
+    return tuple(sorted(weighted, key=lambda cell: -cell.share)[:MOST_CELLS])
 
 
 def _cells(state: State, by_block: Steps) -> tuple[float, list[Cell]]:

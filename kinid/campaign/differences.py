@@ -30,10 +30,10 @@ class Difference:
     chance: float
 
     def __str__(self) -> str:
-        told = ", ".join(
+        by_group = ", ".join(
             f"{value:.4g} {self.unit} ({group})".replace(" 1 ", " ") for group, value in self.values.items()
         )
-        return f"{self.parameter} differs by {self.column}: {told}"
+        return f"{self.parameter} differs by {self.column}: {by_group}"
 
     def to_dict(self) -> Json:
         """For JSON."""
@@ -58,9 +58,9 @@ def differences(fit: PooledFit) -> tuple[Difference, ...]:
     out = []
     for column in columns:
         for name in names:
-            told = [(log.groups.get(column, ""), log.alone[name]) for log in logs if name in log.alone]
-            told = [(group, p) for group, p in told if np.isfinite(p.high)]
-            groups = {group: np.array([p.value for g, p in told if g == group]) for group, _ in told}
+            estimates = [(log.groups.get(column, ""), log.alone[name]) for log in logs if name in log.alone]
+            estimates = [(group, p) for group, p in estimates if np.isfinite(p.high)]
+            groups = {group: np.array([p.value for g, p in estimates if g == group]) for group, _ in estimates}
             inside = sum(len(values) for values in groups.values()) - len(groups)
             if len(groups) < 2 or inside < 2:
                 continue
@@ -70,5 +70,5 @@ def differences(fit: PooledFit) -> tuple[Difference, ...]:
             chance = float(f_distribution.sf(between / max(within, 1e-300), len(groups) - 1, inside))
             if chance < CHANCE / max(1, len(names) * len(columns)):
                 means = {group: float(values.mean()) for group, values in groups.items()}
-                out.append(Difference(column, name, told[0][1].unit, means, chance))
+                out.append(Difference(column, name, estimates[0][1].unit, means, chance))
     return tuple(sorted(out, key=lambda one: one.chance))

@@ -38,7 +38,7 @@ def reasons(fit: PooledFit, campaign: Campaign, name: str, why: str) -> str:
     turned = _axes(state)
     if turned:
         return f"{why}; {turned}"
-    best, told = ENOUGH, ""
+    best, remedy = ENOUGH, ""
     squares = float(np.sum((state.residual / state.error.sigma) ** 2))
     with np.errstate(all="ignore"):
         for point in points_of(state)[0]:
@@ -57,8 +57,8 @@ def reasons(fit: PooledFit, campaign: Campaign, name: str, why: str) -> str:
                     for i, null, c, step in zip(point.moving, point.null, coefficient, point.steps)
                 ]
                 best = share
-                told = f"{point.effect.id} ({', '.join(amounts[:3])}) would take off {100 * share:.0f} % of that"
-    return f"{why}; {told}" if told else why
+                remedy = f"{point.effect.id} ({', '.join(amounts[:3])}) would take off {100 * share:.0f} % of that"
+    return f"{why}; {remedy}" if remedy else why
 
 
 def _as_others_say(fit: PooledFit, whole: Experiment) -> State:

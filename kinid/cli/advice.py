@@ -32,17 +32,17 @@ def filled(message: str, words: Sequence[str]) -> str:
     Args:
         message: of an error. words: of the command line, without the program's name.
     """
-    told = dict(zip(words, words[1:]))
+    options = dict(zip(words, words[1:]))
     if words and words[0] in OF_LOGS:
         # what stands behind an option is its value
         given = [word for before, word in zip(words, words[1:]) if not before.startswith("-") and os.path.exists(word)]
-        rig = ["--rig", told["--rig"]] if "--rig" in told else []
+        rig = ["--rig", options["--rig"]] if "--rig" in options else []
         if given:
-            named = Path(told["--rig"]) if rig else None
+            named = Path(options["--rig"]) if rig else None
             message = FOUND_BY_TOUCHES.sub(lambda advice: advice[0] + _untouched(given, named), message)
             message = re.sub(r"\bLOG\b", lambda _: shlex.join([*given, *rig]), message)
-    if "--model" in told:
-        message = re.sub(r"\bMODEL\b", lambda _: shlex.quote(told["--model"]), message)
+    if "--model" in options:
+        message = re.sub(r"\bMODEL\b", lambda _: shlex.quote(options["--model"]), message)
     if os.environ.get(EFFECTS):
         from kinid.effects import effect_options
 

@@ -187,11 +187,11 @@ def _summary(out: Path, measured: bool, seconds: float) -> Json:
     if measured:
         files["measured arm"] = "lwr4plus-motion.html"
     added = [e for e in found["effects"] if e["id"] in found["added"]]
-    told = {e["id"]: {name: p["value"] for name, p in e["parameters"].items()} for e in added}
+    parameters = {e["id"]: {name: p["value"] for name, p in e["parameters"].items()} for e in added}
     return {
         "verdict": found["verdict"],
         "added": found["added"],
-        "parameters": told,
+        "parameters": parameters,
         "truth": truth,
         "error": found["error"],
         "seconds": round(seconds, 1),

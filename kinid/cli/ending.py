@@ -55,7 +55,7 @@ def ended(command: Callable[[], int | None], words: Sequence[str], version: str)
                 raise
             # the libraries that print end a program whose reader has gone
             error = error.__context__ if isinstance(error.__context__, BrokenPipeError) else error
-        return _told(error, words, version)
+        return _exit_code(error, words, version)
 
 
 def _make_streams_lenient() -> None:
@@ -69,7 +69,7 @@ def _make_streams_lenient() -> None:
                 stream.reconfigure(errors="replace")
 
 
-def _told(error: BaseException, words: Sequence[str], version: str) -> int:
+def _exit_code(error: BaseException, words: Sequence[str], version: str) -> int:
     """One line about what ended a command, and its exit code."""
     if isinstance(error, BrokenPipeError):  # the reader of a pipe has gone: nobody is left to tell
         _let_go_of_output()
@@ -133,7 +133,7 @@ def _unforeseen(error: BaseException, words: Sequence[str], version: str) -> int
         f"kinid {version}, Python {platform.python_version()}, {platform.platform()}\n"
         f"{shlex.join(['kinid', *words])}\n\n{''.join(traceback.format_exception(error))}"
     )
-    told = f"{type(error).__name__}: {str(error)[:200]}" if str(error) else type(error).__name__
+    summary = f"{type(error).__name__}: {str(error)[:200]}" if str(error) else type(error).__name__
     try:
         handle, path = tempfile.mkstemp(prefix="kinid-error-", suffix=".txt")
         with os.fdopen(handle, "w", encoding="utf-8", errors="backslashreplace") as file:
@@ -141,7 +141,7 @@ def _unforeseen(error: BaseException, words: Sequence[str], version: str) -> int
         where = f"please report it with {path}, which holds the traceback"
     except OSError:
         where = "please report it; there was no way to write its traceback to a file"
-    return _say(f"an error that was not foreseen: {told}; {where}", UNFORESEEN)
+    return _say(f"an error that was not foreseen: {summary}; {where}", UNFORESEEN)
 
 
 def _let_go_of_output() -> None:

@@ -161,7 +161,7 @@ def teleoperation(out: Path, asked: Asked, measured_map: Path | None, place: tup
         page = lab.write(out, found)
     console().print(
         f"{found.material} at ({1e3 * place[0]:g}, {1e3 * place[1]:g}) mm: true {found.truth.stiffness:.4g} N/m and "
-        f"{found.truth.damping:.3g} N·s/m; {found.told} says {found.believed.stiffness:.4g} N/m and "
+        f"{found.truth.damping:.3g} N·s/m; {found.map_source} says {found.believed.stiffness:.4g} N/m and "
         f"{found.believed.damping:.3g} N·s/m",
     )
     console().print(found.study.table())

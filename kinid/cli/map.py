@@ -168,8 +168,8 @@ def _grow(
     while True:
         before = len(grown) if grown is not None else 0
         todo = [path for path in found if path not in skipped]
-        told = partial(probed, runner, prober)
-        for latest in build(todo, prober, grown, lambda path, why: skipped.update({path: why}), told):
+        elsewhere = partial(probed, runner, prober)
+        for latest in build(todo, prober, grown, lambda path, why: skipped.update({path: why}), elsewhere):
             grown = latest
             if time.monotonic() - last > EVERY:
                 grown.write(out)

@@ -127,8 +127,8 @@ def poke(
             f"{len(places)} places, {travel:.3f} m of travel between them "
             f"({tour_length(places, range(len(places))):.3f} m row by row)"
         )
-    told = [list(places[k]) for k in order]
-    facts = {"signal": moved.to_dict(), "hold": hold, "tilt": list(lean), "travel": travel, "places": told}
+    visited = [list(places[k]) for k in order]
+    facts = {"signal": moved.to_dict(), "hold": hold, "tilt": list(lean), "travel": travel, "places": visited}
     finish(o, motion, planner.rig, facts)
 
 

@@ -88,10 +88,10 @@ def finish(o: Options, motion: Trajectory, rig: Rig, facts: dict[str, object]) -
     from kinid.cli.show import console, right, written
     from kinid.writers import write_json, write_text
 
-    told = remarks(o, motion, model_of(o)[1] if o.model is not None or o.fit is not None else ())
+    lines = remarks(o, motion, model_of(o)[1] if o.model is not None or o.fit is not None else ())
     motion.write(o.out)
     if o.json is not None:
-        summary = {**facts, "motion": _summary(motion), "remarks": told}
+        summary = {**facts, "motion": _summary(motion), "remarks": lines}
         write_json(o.json, summary)
     if o.plot is not None:
         from kinid.planning.figures import plan_page
@@ -116,7 +116,7 @@ def finish(o: Options, motion: Trajectory, rig: Rig, facts: dict[str, object]) -
         typer.echo("values and limits in rad, N·m and s; of a joint that slides in m, N and s")
     for note in motion.provenance.get("notes", ()):
         typer.echo(f"note: {note}")
-    for line in told:
+    for line in lines:
         typer.echo(line)
     written(o.written)
 

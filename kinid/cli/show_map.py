@@ -63,7 +63,7 @@ def map_facts(grown: PropertyMap, known: Sequence[Known], new: int, left_out: Ma
         "probes": len(grown),
         "new": new,
         "properties": properties,
-        "failing": int(np.nansum(grown.misfit > FAILING)),
+        "failing": int(np.nansum(grown.residual_over_noise > FAILING)),
         "left_out_logs": dict(left_out),
     }
 
@@ -82,7 +82,7 @@ def _next(grown: PropertyMap, rig: Path) -> str:
     from kinid.cli.contact import load
     from kinid.modeling.model import Model
 
-    worst = grown.probes[int(np.nanargmax(grown.misfit))].source
+    worst = grown.probes[int(np.nanargmax(grown.residual_over_noise))].source
     log = Path(worst if Path(worst).is_file() else worst.rpartition("#")[0])  # of several touches "#0", "#1" …
     if not log.is_file():
         return f"record a log at the worst of them ({worst}), which isn't there any more, and diagnose that"
@@ -104,9 +104,9 @@ def show_map(grown: PropertyMap, known: Sequence[Known], new: int, left_out: Map
         numbers = (f"{low:.5g}", f"{high:.5g}", f"{error:.3g}") if p.probes else ("unknown", "unknown", "–")
         table.add_row(p.name, p.unit, *numbers)
     out.print(table)
-    if told := [p for p in known if p.probes]:
-        table = plain_table("error of probes left out", *right(*told[0].held_out))
-        for p in told:
+    if probed := [p for p in known if p.probes]:
+        table = plain_table("error of probes left out", *right(*probed[0].held_out))
+        for p in probed:
             table.add_row(p.name, *("–" if e is None else f"{e:.3g}" for e in p.held_out.values()))
         out.print(table)
     if open_ := _open_pieces(grown):
@@ -116,7 +116,7 @@ def show_map(grown: PropertyMap, known: Sequence[Known], new: int, left_out: Map
             "poke in the same log, too, or map whole slides with --along 0",
         )
     say(out, *(f"{p.name}: {p.uniform.words(p.unit)}" for p in known if p.uniform is not None))
-    if failing := int(np.nansum(grown.misfit > FAILING)):
+    if failing := int(np.nansum(grown.residual_over_noise > FAILING)):
         say(
             out,
             f"doubt: at {failing} of {probes} places the model leaves more than {FAILING} times the noise",

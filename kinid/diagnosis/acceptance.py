@@ -90,11 +90,11 @@ def compare_states(before: State, after: State, sigma: Array) -> Evidence:
     noise = (before.error.noise / sigma) ** 2
     share = float(gain.sum() / max(1e-300, squares.sum()))
     beyond = share / max(NOISE_UNCERTAINTY, 1.0 - float(noise.sum() / max(1e-300, squares.sum())))
-    left = _misfit(before.problem, new**2, np.mean(noise, axis=1)) + _prior_cost(after, before)
+    left = _deviance(before.problem, new**2, np.mean(noise, axis=1)) + _prior_cost(after, before)
     return Evidence(total, error, left, share, beyond, float(rms.max()))
 
 
-def _misfit(problem: Problem, squares: Array, floor: Array) -> float:
+def _deviance(problem: Problem, squares: Array, floor: Array) -> float:
     """Minus twice the logarithm of the likelihood of what is left (channels, g), each channel with a variance of its
     own, no less than `floor`, and blocks that leave many times what others do weighed down as an error model does.
     """

@@ -48,8 +48,8 @@ class Samples:
         layout = self.layout
         return ", ".join(
             f"{channel} {joined} {value:.4g} {unit}"
-            for channel, unit, value, told in zip(layout.channels, layout.units, values, hit)
-            if told
+            for channel, unit, value, is_hit in zip(layout.channels, layout.units, values, hit)
+            if is_hit
         )
 
 

@@ -120,9 +120,9 @@ def fit_model(
             "make it from the experiment's own time",
         )
     known = starting_values(model, experiment, start)
-    told = experiment if train is None else dataclasses.replace(experiment, valid=experiment.valid & train)
+    shown = experiment if train is None else dataclasses.replace(experiment, valid=experiment.valid & train)
     with threadpool_limits(1, user_api="blas"):  # many small products: threads would only wait for each other
-        state = estimate(model, told, known)
+        state = estimate(model, shown, known)
         return fit_of(state, experiment, held_out=held_out, train=train, warnings=warnings, known=known)
 
 

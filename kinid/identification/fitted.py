@@ -91,15 +91,15 @@ class FittedModel(Shown):
         path = Path(path)
         facts = fit_facts(path)
         parameters = parameters_in(facts["parameters"], path)
-        told: Json = facts["error"] if isinstance(facts.get("error"), dict) else {}
-        train, held_out, noise = (number_in(told, name, path) for name in ("train", "held_out", "noise_floor"))
+        errors: Json = facts["error"] if isinstance(facts.get("error"), dict) else {}
+        train, held_out, noise = (number_in(errors, name, path) for name in ("train", "held_out", "noise_floor"))
         warnings = facts.get("warnings") or ()
         if not isinstance(warnings, list | tuple):
             raise InputError(f"warnings = {str(warnings)[:40]} in {path}", "a list of texts", MEND)
         return FittedModel(
             model_in(facts, path),
             parameters,
-            FitError(train, held_out, noise, str(told.get("unit", "N"))),
+            FitError(train, held_out, noise, str(errors.get("unit", "N"))),
             tuple(map(str, warnings)),
             layout_in(facts, path),
             rest_in(facts, path),

@@ -85,7 +85,7 @@ def smooth(
     errors = np.zeros((random.shape[0], ORDER))
     _deviations(after, sd[n - 1])
     _draw(after, back, random[:, n - 1], errors, lower, drawn[:, n - 1])
-    first, last, ahead, foretold = (many_chunks - 1) * CHUNK, -1.0, np.empty(ORDER), np.empty_like(p)
+    first, last, ahead, predicted = (many_chunks - 1) * CHUNK, -1.0, np.empty(ORDER), np.empty_like(p)
     for k in range(n - 2, -1, -1):
         if k < first:
             first -= CHUNK
@@ -96,9 +96,9 @@ def smooth(
             last = tau[k + 1]
             model(last, move, added)
         s, now = drive[k + 1], filtered[k - first]
-        ahead[:], foretold[:] = state[k], now
-        moved(ahead, foretold, move, added, s)
-        _back(now, move, foretold, lower, back)
+        ahead[:], predicted[:] = state[k], now
+        moved(ahead, predicted, move, added, s)
+        _back(now, move, predicted, lower, back)
         _towards(back, state[k + 1], ahead, state[k])
         _left(back, move, left)
         own[:] = 0.0
@@ -121,12 +121,12 @@ def _deviations(covariance: Array, out: Array) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _towards(back: Array, after: Array, foretold: Array, state: Array) -> None:
+def _towards(back: Array, after: Array, predicted: Array, state: Array) -> None:
     """Add G (x₊ − F x) to a state."""
     for i in range(ORDER):
         step = 0.0
         for j in range(ORDER):
-            step += back[i, j] * (after[j] - foretold[j])
+            step += back[i, j] * (after[j] - predicted[j])
         state[i] += step
 
 
@@ -177,16 +177,16 @@ def _around(a: Array, middle: Array, s: float, out: Array) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _back(now: Array, move: Array, foretold: Array, lower: Array, out: Array) -> None:
+def _back(now: Array, move: Array, predicted: Array, lower: Array, out: Array) -> None:
     """G = P Fᵀ (F P Fᵀ + s Q)⁻¹ by an L D Lᵀ decomposition."""
     d = np.empty(ORDER)
     for j in range(ORDER):
-        d[j] = foretold[j, j]
+        d[j] = predicted[j, j]
         for k in range(j):
             d[j] -= lower[j, k] * lower[j, k] * d[k]
-        d[j] = max(d[j], 1e-15 * abs(foretold[j, j]) + LEAST)
+        d[j] = max(d[j], 1e-15 * abs(predicted[j, j]) + LEAST)
         for i in range(j + 1, ORDER):
-            v = foretold[i, j]
+            v = predicted[i, j]
             for k in range(j):
                 v -= lower[i, k] * lower[j, k] * d[k]
             lower[i, j] = v / d[j]

@@ -25,7 +25,7 @@ RARE = np.exp(UNLIKELY)
 def bank(
     tau: Array, y: Array, noise: Array, levels: Array, start: Array, spread: Array, out: NDArray[np.float32]
 ) -> None:
-    """Log-likelihood of each position, foretold from those before it, for several intensities that stay as they are.
+    """Log-likelihood of each position, predicted from those before it, for several intensities that stay as they are.
 
     Args:
         tau: step before each sample, (n,). y: positions, (n,). noise: their variances, (n,). levels: intensities, (m,).

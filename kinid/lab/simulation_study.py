@@ -117,9 +117,9 @@ def _rows(
         size = float(np.sqrt(np.mean(clean[part] ** 2)))
         off = [float("nan")] * 3
         for i in range(min(3, len(track.names))):
-            told = part & holds
-            ratio = track.theta[told, i] / truth[told, i] - 1.0
-            off[i] = float(np.sqrt(np.mean(ratio**2))) if told.any() else float("nan")
+            counted = part & holds
+            ratio = track.theta[counted, i] / truth[counted, i] - 1.0
+            off[i] = float(np.sqrt(np.mean(ratio**2))) if counted.any() else float("nan")
         out.append(Row(name, start, min(end, float(t[-1])), float(error[part].max()) / size, *off))
     return out
 

@@ -54,8 +54,8 @@ class Comparison:
     Attributes:
         material: its name. truth, believed: as it is, and as the fit to its poke says. study: see `kinid.controllers`.
         measured: Z_t by simulation at `CHECKED`, by delay and linear method. mistaken: error of reflection from a map
-            that is `MISTAKEN` times too stiff and too damped. place: along both tangents [m]. told: by what the map is
-            known.
+            that is `MISTAKEN` times too stiff and too damped. place: along both tangents [m]. map_source: by what the
+            map is known.
     """
 
     material: str
@@ -65,7 +65,7 @@ class Comparison:
     measured: dict[tuple[float, str], NDArray[np.complex128]]
     mistaken: float
     place: tuple[float, float] = (0.0, 0.0)
-    told: str = "a fit to one virtual poke"
+    map_source: str = "a fit to one virtual poke"
 
     def to_dict(self) -> dict[str, object]:
         """The facts, for JSON."""
@@ -74,7 +74,7 @@ class Comparison:
         return {
             "material": self.material,
             "place": self.place,
-            "map_by": self.told,
+            "map_by": self.map_source,
             "true": dataclasses.asdict(self.truth),
             "map": dataclasses.asdict(self.believed),
             "unit": {"delay": "s, one-way", "stiffness": "N/m", "damping": "N·s/m"},
@@ -158,8 +158,8 @@ def compare(
     }
     hard = Environment(MISTAKEN * truth.stiffness, MISTAKEN * truth.damping)
     error = transparency_error(hard.impedance(found.frequency), found.environment)
-    told = "a fit to one virtual poke" if measured_map is None else measured_map.name
-    return Comparison(material, truth, believed, found, measured, error, place, told)
+    map_source = "a fit to one virtual poke" if measured_map is None else measured_map.name
+    return Comparison(material, truth, believed, found, measured, error, place, map_source)
 
 
 def write(folder: Path, comparison: Comparison) -> Path:

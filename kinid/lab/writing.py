@@ -70,8 +70,8 @@ def write_experiment(
     with replacing(path) as temporary:
         write_log(temporary, result.log, targets(result, np.arange(0, len(result.q), LOG_EVERY)))
         known = {**digests(folder, files), path.name: digest(temporary)}
-        told = as_truth(result, truth) | {"files": known}
-        write_json(folder / "truth" / f"{name}.json", told)
+        facts = as_truth(result, truth) | {"files": known}
+        write_json(folder / "truth" / f"{name}.json", facts)
     return path
 
 
@@ -239,8 +239,8 @@ def _messages(result: Result, streams: Streams) -> Iterator[_Message]:
         return bytes(store.serialize_cdr(types[kind](**fields), kind))
 
     (joints, joint_stamps), (wrench, wrench_stamps) = streams
-    told = np.column_stack(list(targets(result, joints).values())).tolist()
-    for row, at, target in zip(joints, _nanoseconds(joint_stamps), told):
+    poses = np.column_stack(list(targets(result, joints).values())).tolist()
+    for row, at, target in zip(joints, _nanoseconds(joint_stamps), poses):
         yield _Message(
             at,
             JOINTS,

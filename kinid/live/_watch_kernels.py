@@ -31,13 +31,13 @@ SETTINGS = 9
 RANGE = SETTINGS
 #: state: whether the tool touches; samples towards the other; time since which the normal law's estimate, and that of
 #: friction, stand [s]; sums upwards and downwards of the normal force and of friction; mean squares of innovation and
-#: force; since when something is (and is told): divergence, no excitation, saturation, a force above
+#: force; since when something is (and is reported): divergence, no excitation, saturation, a force above
 TOUCHING, TOWARDS, NORMAL_SINCE, FRICTION_SINCE = range(SETTINGS + 6, SETTINGS + 10)
 SUMS = SETTINGS + 10
 MEAN_INNOVATION, MEAN_FORCE = SUMS + 4, SUMS + 5
 SINCE = SUMS + 6
-TOLD = SINCE + 4
-EXCITED = TOLD + 4
+REPORTED = SINCE + 4
+EXCITED = REPORTED + 4
 MEAN_SQUARES = EXCITED + 1
 LAST_TIME = MEAN_SQUARES + 2
 #: logarithm of force over depth on the way so far, and just now; time on that way, and since it has changed [s]
@@ -48,7 +48,7 @@ PLACES = LAST_TIME + 7
 #: samples in a row that make or end a touch; time constants of the mean squares that tell a divergence, and of the
 #: usual size of innovations [s]
 ROW, MEMORY, USUAL = 3, 0.1, 0.3
-#: what lasts so long is told: divergence, no excitation, saturation, a force above [s]
+#: what lasts so long is reported: divergence, no excitation, saturation, a force above [s]
 LASTING = (0.1, 1.0, 0.0, 0.005)
 #: an excitation that stood for less, altogether, is none that can be lost [s]
 STOOD = 0.1
@@ -120,7 +120,7 @@ def _cumulate(
         return False
     size = max(np.sqrt(w[squares]), w[NOISE], ALWAYS * abs(load))
     z = min(max(innovation / size, -CLIP), CLIP)
-    # with the clipped one: what is being told mustn't hide itself
+    # with the clipped one: what is being reported mustn't hide itself
     w[squares] += share * (size * size * z * z - w[squares])
     w[sums] = max(0.0, w[sums] + z - w[DRIFT])
     w[sums + 1] = max(0.0, w[sums + 1] - z - w[DRIFT])
@@ -165,16 +165,16 @@ def _passes(dt: float, quantities: Compiled, w: Compiled) -> bool:
 
 @njit(error_model="numpy", forceinline=True)
 def _lasts(t: float, which: int, is_so: bool, longest: float, w: Compiled) -> bool:
-    """Whether something has been so for its time, and hasn't been told since."""
+    """Whether something has been so for its time, and hasn't been reported since."""
     if not is_so:
         w[SINCE + which] = np.inf
-        w[TOLD + which] = 0.0
+        w[REPORTED + which] = 0.0
         return False
     if w[SINCE + which] == np.inf:
         w[SINCE + which] = t
-    if w[TOLD + which] > 0.0 or t - w[SINCE + which] < longest:
+    if w[REPORTED + which] > 0.0 or t - w[SINCE + which] < longest:
         return False
-    w[TOLD + which] = 1.0
+    w[REPORTED + which] = 1.0
     return True
 
 
@@ -182,19 +182,19 @@ def _lasts(t: float, which: int, is_so: bool, longest: float, w: Compiled) -> bo
 def _watch(
     t: float, wrench: Compiled, quantities: Compiled, normal: Compiled, friction: Compiled, w: Compiled
 ) -> Compiled:
-    """What is to be told of this sample, as bits."""
-    told = 0
+    """Bits of the events of this sample."""
+    event_bits = 0
     full = False
     for i in range(6):
         full |= abs(wrench[i]) >= FULL * w[RANGE + i]
     if _lasts(t, 2, full, LASTING[2], w):
-        told |= SATURATED
+        event_bits |= SATURATED
     force = quantities[chain.NORMAL]
     if not abs(force) < np.inf:
-        return told
+        return event_bits
     dt = min(max(t - w[LAST_TIME], 0.0), MEMORY)
     w[LAST_TIME] = t
-    told |= _touch(quantities, w)
+    event_bits |= _touch(quantities, w)
     touching = w[TOUCHING] > 0.0
     share = dt / (dt + MEMORY)
     _turn(dt, quantities, w)
@@ -205,7 +205,7 @@ def _watch(
     if changed:
         _begin(w)
         if touching:
-            told |= CHANGE
+            event_bits |= CHANGE
     status = int(normal[len(normal) + _STATUS])
     innovation = normal[len(normal) + _INNOVATION]
     settled = touching and status == VALID and t - w[NORMAL_SINCE] > w[SETTLED]
@@ -216,18 +216,18 @@ def _watch(
         w[UNEXPLAINED] * w[UNEXPLAINED] * w[MEAN_FORCE], 25.0 * w[NOISE] * w[NOISE]
     )
     if _lasts(t, 0, wrong, LASTING[0], w):
-        told |= DIVERGENCE
+        event_bits |= DIVERGENCE
     if touching and status == VALID:
         w[EXCITED] += dt
     if _lasts(t, 1, touching and status == NOT_EXCITED and w[EXCITED] >= STOOD, LASTING[1], w):
-        told |= EXCITATION
+        event_bits |= EXCITATION
         w[EXCITED] = 0.0
     allowed = w[ABOVE_SHARE] * abs(force - innovation) + 5.0 * np.sqrt(
         max(normal[len(normal) + _NOISE], w[MEAN_SQUARES], w[NOISE] * w[NOISE])
     )
     if _lasts(t, 3, settled and innovation > allowed, LASTING[3], w):
-        told |= ABOVE
-    return told
+        event_bits |= ABOVE
+    return event_bits
 
 
 def _learn(
@@ -250,8 +250,8 @@ def _learn(
     friction_once(t, friction_shape, friction_memory)  # type: ignore[name-defined]  # noqa: F821
     p, k = len(shape), len(friction_shape)
     quantities = carve(contact).quantities  # type: ignore[name-defined]  # noqa: F821
-    told: int = _watch(t, wrench, quantities, memory[: 2 * p + 6], friction_memory[: 2 * k + 6], watch)
-    return told
+    event_bits: int = _watch(t, wrench, quantities, memory[: 2 * p + 6], friction_memory[: 2 * k + 6], watch)
+    return event_bits
 
 
 _GIVEN = types.Array(float64, 1, "A", readonly=True)
@@ -268,7 +268,7 @@ def compile_learn(once: Compiled, parameters: int, friction_once: Compiled) -> C
 
     Returns:
         A function of time, wrench, the contact's store behind its step; for the normal law and for friction the rows,
-        the place of the inputs, the shape and the store; and the watch. It answers with the bits of what is to be told.
+        the place of the inputs, the shape and the store; and the watch. It answers with the bits of its events.
     """
     # kernels are constants of the compiled code, as in causal.compile_step_and_learn
     known = {**globals(), "once": once, "friction_once": friction_once, "carve": causal._carve}

@@ -55,7 +55,7 @@ class Clock:
         if stamp is None:
             stamp = received
         code = kernels.put(self.state, counts, self.slot, self.stamps, self.rows, stamp, received, self.row, needed)
-        return code if code > 0 else self._told(-code, stamp)
+        return code if code > 0 else self._reported(-code, stamp)
 
     @property
     def started(self) -> bool:
@@ -81,7 +81,7 @@ class Clock:
         """Add something to all stamps that come [ns]."""
         self.state[kernels.SHIFT] += by
 
-    def _told(self, code: int, stamp: int) -> int | None:
+    def _reported(self, code: int, stamp: int) -> int | None:
         """Tell what became of a sample that isn't as it should be; its stamp where it is kept."""
         step = 1e-6 * float(self.state[kernels.STEP])
         if code == kernels.GAP:

@@ -125,8 +125,8 @@ class Growing(Sink):
             return None
         at = self._plane.point + np.asarray(place[:2]) @ self._plane.axes[:2]
         probe = self.map.probes[int(np.argmin(((self._places - at) ** 2).sum(axis=1)))]
-        told = np.isfinite(np.diag(probe.covariance))
-        return {p.name: float(v) for p, v, is_told in zip(self.map.properties, probe.values, told) if is_told}
+        known = np.isfinite(np.diag(probe.covariance))
+        return {p.name: float(v) for p, v, is_known in zip(self.map.properties, probe.values, known) if is_known}
 
     def _join(self) -> bool:
         """The touch so far as a probe; whether it was one."""

@@ -101,21 +101,21 @@ class Pipeline:
             (SingleStage(noise=noise) if law == SingleStage.__name__ else KelvinVoigt()).online().machine
         )
         self.friction: Machine = Friction().online().machine
-        self._told = np.full(kernels.PLACES, 0.0)
+        self._watch_state = np.full(kernels.PLACES, 0.0)
         self._set_up(rig, on, noise)
         self._take = compile_step()
         self._learn = kernels.compile_learn(self.normal.once, len(self.normal.shape), self.friction.once)
         self._normal = _inputs(self.normal, ("depth", "depth_rate", "normal_force", "in_contact"))
         rubbing = ("normal_force", "slip_rate1", "slip_rate2", "tangential_force1", "tangential_force2", "in_contact")
         self._friction = _inputs(self.friction, rubbing)
-        self._rest = (self.contact.store, *self._normal, *self._friction, self._told)
+        self._rest = (self.contact.store, *self._normal, *self._friction, self._watch_state)
         self._none = np.empty(0)
         self.quantities = self.contact.quantities
 
     @property
     def touching(self) -> bool:
         """Whether the tool touches, with hysteresis."""
-        return bool(self._told[kernels.TOUCHING] > 0.0)
+        return bool(self._watch_state[kernels.TOUCHING] > 0.0)
 
     @property
     def estimates(self) -> dict[str, Estimate]:
@@ -133,7 +133,7 @@ class Pipeline:
         return float(self.quantities[_NORMAL]) - innovation if innovation != 0.0 else math.nan
 
     def step(self, t: float, q: Array, wrench: Array, dq: Array) -> int:
-        """Work out one sample; bits of `kinid.live.events` of what is to be told, for `explain`.
+        """Work out one sample; bits of its events (`kinid.live.events`), for `explain`.
 
         It allocates nothing but what Python's call does.
 
@@ -150,20 +150,20 @@ class Pipeline:
             return -code
         return self._learn(t, wrench, *self._rest)
 
-    def explain(self, told: int, t: float) -> list[Event]:
+    def explain(self, event_bits: int, t: float) -> list[Event]:
         """The events that the bits of the last sample stand for; a change opens the estimators' covariance.
 
         Args:
-            told: bits, > 0. t: time of that sample [s].
+            event_bits: > 0. t: time of that sample [s].
         """
         out = []
         x = self.quantities
         place, force = (float(x[_SLIP1]), float(x[_SLIP2]), float(x[_DEPTH])), float(x[_NORMAL])
         for bit, kind, says in _BITS:
-            if told & bit:
+            if event_bits & bit:
                 slides = bit == events.CHANGE and math.hypot(x[_SLIP_RATE1], x[_SLIP_RATE2]) > SLIDING
                 out.append(Event("border" if slides else kind, t, says(self), place, force))
-        if told & events.CHANGE and self.watch.reopen:
+        if event_bits & events.CHANGE and self.watch.reopen:
             self.reopen()
             out.append(Event("reopened", t, f"each parameter may be off by {100 * SPREAD:.0f} %", place, force))
         return out
@@ -181,10 +181,10 @@ class Pipeline:
         """
         names = self.normal.names
         if all(name in values for name in names) and values[names[0]] > 0.0:
-            told = np.array([values[name] for name in names])
+            known = np.array([values[name] for name in names])
             if "exponent" in names:  # that machine keeps the logarithm of its law
-                told = logarithmic(Prior(told, np.eye(3)), math.log(SingleStage().reference_depth), 1.0).values
-            self.normal.room.state[: len(names)] = told
+                known = logarithmic(Prior(known, np.eye(3)), math.log(SingleStage().reference_depth), 1.0).values
+            self.normal.room.state[: len(names)] = known
             reopen(self.normal)
         if "friction" in values:
             self.friction.room.state[0] = values["friction"]
@@ -197,15 +197,15 @@ class Pipeline:
         self.friction.restart()
 
     def _set_up(self, rig: Rig, on: float, noise: float) -> None:
-        w, told = self.watch, self._told
-        told[kernels.ON], told[kernels.OFF], told[kernels.NOISE] = on, 0.5 * on, noise
-        told[kernels.DRIFT], told[kernels.THRESHOLD], told[kernels.SETTLED] = w.drift, w.threshold, w.settled
-        told[kernels.SECANT_SHARE] = w.secant
-        told[kernels.UNEXPLAINED], told[kernels.ABOVE_SHARE] = w.unexplained, w.above
-        told[kernels.RANGE : kernels.RANGE + 6] = np.inf if rig.sensor.range is None else rig.sensor.range
-        told[kernels.NORMAL_SINCE] = told[kernels.FRICTION_SINCE] = np.inf
-        told[kernels.SINCE : kernels.SINCE + 4] = np.inf
-        told[kernels.LAST_TIME] = 0.0
+        w, state = self.watch, self._watch_state
+        state[kernels.ON], state[kernels.OFF], state[kernels.NOISE] = on, 0.5 * on, noise
+        state[kernels.DRIFT], state[kernels.THRESHOLD], state[kernels.SETTLED] = w.drift, w.threshold, w.settled
+        state[kernels.SECANT_SHARE] = w.secant
+        state[kernels.UNEXPLAINED], state[kernels.ABOVE_SHARE] = w.unexplained, w.above
+        state[kernels.RANGE : kernels.RANGE + 6] = np.inf if rig.sensor.range is None else rig.sensor.range
+        state[kernels.NORMAL_SINCE] = state[kernels.FRICTION_SINCE] = np.inf
+        state[kernels.SINCE : kernels.SINCE + 4] = np.inf
+        state[kernels.LAST_TIME] = 0.0
 
 
 def reopen(machine: Machine) -> None:

@@ -147,13 +147,13 @@ class Session:
     def _sample(self) -> None:
         """The pair that is ready, through the pipeline."""
         aligner = self.aligner
-        told = self.pipeline.step(aligner.t, aligner.q, aligner.wrench, aligner.dq)
+        event_bits = self.pipeline.step(aligner.t, aligner.q, aligner.wrench, aligner.dq)
         self.samples += 1
-        if told:
-            if told < 0:
+        if event_bits:
+            if event_bits < 0:
                 self._report("not-finite", "a pair that can't be used")
                 return
-            for event in self.pipeline.explain(told, aligner.t):
+            for event in self.pipeline.explain(event_bits, aligner.t):
                 self._note(event)
                 if event.kind == "reopened":
                     self.trust.parted()

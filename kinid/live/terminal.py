@@ -23,7 +23,7 @@ class Lines:
     """Events as lines, of which a burst is cut short. Args: console."""
 
     def __init__(self, console: Console) -> None:
-        self._console, self._second, self._told, self._left = console, 0, 0, 0
+        self._console, self._second, self._printed, self._left = console, 0, 0, 0
 
     def __call__(self, event: Event) -> None:
         """Print an event."""
@@ -31,11 +31,11 @@ class Lines:
         if second != self._second:
             if self._left:
                 self._console.print(f"… and {self._left} more events", soft_wrap=True)
-            self._second, self._told, self._left = second, 0, 0
-        if self._told >= LINES:
+            self._second, self._printed, self._left = second, 0, 0
+        if self._printed >= LINES:
             self._left += 1
             return
-        self._told += 1
+        self._printed += 1
         self._console.print(str(event), soft_wrap=True)
 
 

@@ -131,8 +131,8 @@ def paths(touch: ContactSeries, *, shortest: float = 4e-3, bin_size: float = BIN
         if len(np.unique(cell)) < FEWEST:
             continue
         count = np.bincount(cell)
-        told = count > 0
-        x, *mean = [np.bincount(cell, row)[told] / count[told] for row in (along[keep], *rows[:, keep])]
+        filled = count > 0
+        x, *mean = [np.bincount(cell, row)[filled] / count[filled] for row in (along[keep], *rows[:, keep])]
         out.append(SlidePath(x, mean[0], mean[1], mean[2], place.mean(axis=1) - u * (u @ place.mean(axis=1)), u))
     if not out:
         raise InputError(

@@ -207,10 +207,10 @@ def _binned(touch: ContactSeries, rows: slice, place: Array, u: Array) -> Leg | 
     columns = np.stack([along, touch.normal_force[rows], resisting, touch.depth[rows], touch.t[rows]])[:, keep]
     cell = ((columns[0] - columns[0].min()) / BIN).astype(int)
     count = np.bincount(cell)
-    told = count > 0
-    if np.count_nonzero(told) < FEWEST:
+    filled = count > 0
+    if np.count_nonzero(filled) < FEWEST:
         return None
-    x, normal, tangential, depth, t = (np.bincount(cell, row)[told] / count[told] for row in columns)
+    x, normal, tangential, depth, t = (np.bincount(cell, row)[filled] / count[filled] for row in columns)
     return Leg(x, np.stack([normal / depth, tangential / normal]), t, place[:, 0], u)
 
 

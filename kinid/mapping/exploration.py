@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from kinid.errors import InputError
 from kinid.mapping.boundaries import Border, SlidePath
-from kinid.mapping.interpolation import REACH, Interpolator, PlaneGround, Prior
+from kinid.mapping.interpolation import REACH, Interpolator, PlaneSites, Prior
 from kinid.mapping.interpolation.triangles import Triangles
 
 Array = NDArray[np.float64]
@@ -77,10 +77,10 @@ def next_poke(grown: Interpolator, region: Region, *, apart: float) -> Choice:
     if not (np.isfinite(apart) and apart > 0):
         raise InputError(f"pokes {apart} m apart", "a positive distance [m]", "say the smallest detail that matters")
     grown = _over_probes(grown)
-    tree = cKDTree(grown.ground.places)
+    tree = cKDTree(grown.sample_sites.places)
     # the region's corners stand as the nearest probe does
     far = np.array([corner for corner in region.corners if tree.query(corner)[0] > apart]).reshape(-1, 2)
-    places = np.vstack([grown.ground.places, far])
+    places = np.vstack([grown.sample_sites.places, far])
     height = np.append(grown.heights[0], grown.heights[0][tree.query(far)[1]] if len(far) else [])
     corners = Delaunay(places).simplices
     a, b, c = (places[corners[:, k]] for k in range(3))
@@ -106,15 +106,15 @@ def _over_probes(grown: Interpolator) -> Triangles:
     """Triangles over the probes of any interpolator on a plane."""
     if isinstance(grown, Triangles):
         return grown
-    ground, values = getattr(grown, "ground", None), getattr(grown, "values", None)
-    if not isinstance(ground, PlaneGround) or values is None:
+    sample_sites, values = getattr(grown, "sample_sites", None), getattr(grown, "values", None)
+    if not isinstance(sample_sites, PlaneSites) or values is None:
         raise InputError(
             f"{type(grown).__name__}, which is no map on a plane",
             "one on a plane",
             "ask for PropertyMap.interpolator(…, 'triangles') of a map on a plane",
         )
     noise = getattr(grown, "noise", None)
-    return Triangles(ground, values, np.zeros(len(values)) if noise is None else np.asarray(noise, dtype=float))
+    return Triangles(sample_sites, values, np.zeros(len(values)) if noise is None else np.asarray(noise, dtype=float))
 
 
 def explore(
@@ -138,19 +138,19 @@ def explore(
     places = np.asarray(start, dtype=float).reshape(-1, 2)
     if len(places) < 3:
         raise InputError(f"{len(places)} starting places", "3 at least", "start with more")
-    told = np.array([poke(place) for place in places])
+    measured = np.array([poke(place) for place in places])
     # the start is spread over the region: what it reaches is known from then on
     reach = max(
-        PlaneGround(places).reach, REACH * float(np.sqrt(np.prod(np.subtract(region.high, region.low)) / len(places)))
+        PlaneSites(places).reach, REACH * float(np.sqrt(np.prod(np.subtract(region.high, region.low)) / len(places)))
     )
     while True:
-        grown = Triangles(PlaneGround(places, reach), told[:, 0], told[:, 1], prior)
+        grown = Triangles(PlaneSites(places, reach), measured[:, 0], measured[:, 1], prior)
         yield grown
         if len(places) >= most:
             return
         place = next_poke(grown, region, apart=apart).place
         places = np.vstack([places, place])
-        told = np.vstack([told, poke(place)])
+        measured = np.vstack([measured, poke(place)])
 
 
 def pokes_after_slides(slides: Sequence[tuple[SlidePath, Sequence[Border]]], *, beside: float, apart: float) -> Array:

@@ -90,15 +90,15 @@ def patches(grown: PropertyMap, cells: int = CELLS, method: str = "gp") -> Patch
     names = [p.name for p in grown.properties]
     if "stiffness" not in names:
         raise InputError(f"a map of {', '.join(names)}", "one that holds stiffness", "map with a model that has one")
-    told = [role in names and bool(np.isfinite(grown.values(role)).any()) for role in ROLES]
-    assumed = tuple(role for role, there in zip(ROLES, told) if not there)
+    known_roles = [role in names and bool(np.isfinite(grown.values(role)).any()) for role in ROLES]
+    assumed = tuple(role for role, there in zip(ROLES, known_roles) if not there)
     if isinstance(grown.surface, Mesh):
-        return _of_faces(grown, grown.surface, told, assumed, method)
+        return _of_faces(grown, grown.surface, known_roles, assumed, method)
     edges = grown.grid(cells)
     ticks = (0.5 * (edges[0][1:] + edges[0][:-1]), 0.5 * (edges[1][1:] + edges[1][:-1]))
     half = np.array([0.5 * (edges[0][1] - edges[0][0]), 0.5 * (edges[1][1] - edges[1][0])])
     fields, known = [], np.ones((len(ticks[0]), len(ticks[1])), np.bool_)
-    for role, there in zip(ROLES, told):
+    for role, there in zip(ROLES, known_roles):
         if there:
             guess = grown.over_grid(role, ticks, method)
             fields.append(np.maximum(guess.mean, 0.0))
@@ -159,7 +159,9 @@ def cells_of(grown: PropertyMap, cell: float) -> int:
     return 2
 
 
-def _of_faces(grown: PropertyMap, mesh: Mesh, told: list[bool], assumed: tuple[str, ...], method: str) -> Patches:
+def _of_faces(
+    grown: PropertyMap, mesh: Mesh, known_roles: list[bool], assumed: tuple[str, ...], method: str
+) -> Patches:
     """A square for each face whose corners are all known, of its area, at its middle, lying in it."""
     if (count := len(mesh.faces)) > (most := size_limit(MOST_FACES)):
         mend = f"export a coarser mesh, {raised(count, MOST_FACES)}"
@@ -170,7 +172,7 @@ def _of_faces(grown: PropertyMap, mesh: Mesh, told: list[bool], assumed: tuple[s
     area = 0.5 * np.linalg.norm(normal, axis=1)
     fields = np.full((len(corner), len(ROLES)), np.nan)
     known = area > 0
-    for k, (role, there) in enumerate(zip(ROLES, told)):
+    for k, (role, there) in enumerate(zip(ROLES, known_roles)):
         if there:
             guess = grown.interpolator(role, method).at(np.arange(len(mesh.vertices), dtype=np.int64))
             fields[:, k] = np.maximum(guess.mean[mesh.faces].mean(axis=1), 0.0)

@@ -55,7 +55,7 @@ def map_page(grown: PropertyMap, title: str, method: str = "gp") -> str:
         flat=flat,
         method=METHOD_WORDS[method],
         methods=[f"#{METHOD_WORDS[one]}" for one in grown.methods],
-        misfit=misfit_figure(grown) if flat and np.isfinite(grown.misfit).any() else None,
+        residual_over_noise=residual_figure(grown) if flat and np.isfinite(grown.residual_over_noise).any() else None,
     )
 
 
@@ -145,13 +145,13 @@ def _probes(grown: PropertyMap, name: str) -> Scatter:
     )
 
 
-def misfit_figure(grown: PropertyMap) -> Figure:
+def residual_figure(grown: PropertyMap) -> Figure:
     """Residual over noise at each probe of a plane."""
     from plotly.graph_objects import Figure as NewFigure
     from plotly.graph_objects import Scatter
 
     flat = 1e3 * grown.flat(grown.places)
-    misfit = grown.misfit
+    residual_over_noise = grown.residual_over_noise
     bar = {
         "title": {"text": "residual / noise", "side": "right"},
         "thickness": 12,
@@ -163,12 +163,12 @@ def misfit_figure(grown: PropertyMap) -> Figure:
             x=flat[:, 0],
             y=flat[:, 1],
             mode="markers",
-            text=[f"{v:.2f} times the noise" for v in misfit],
+            text=[f"{v:.2f} times the noise" for v in residual_over_noise],
             hoverinfo="text",
             marker={
                 "size": 13,
                 "line": {"width": 1, "color": "#9ca3af"},
-                "color": np.log10(np.maximum(misfit, 0.1)),
+                "color": np.log10(np.maximum(residual_over_noise, 0.1)),
                 "colorscale": "Inferno",
                 "cmin": 0.0,
                 "cmax": 1.5,
@@ -189,15 +189,15 @@ def mesh_figure(grown: PropertyMap, name: str, method: str = "gp") -> Figure:
     assert not isinstance(grown.surface, Plane)
     vertices, faces = grown.surface.vertices, grown.surface.faces
     guess = grown.interpolator(name, method).at(np.arange(len(vertices)))
-    told = guess.known[faces].all(axis=1)
+    known = guess.known[faces].all(axis=1)
     unit = grown.properties[grown.index(name)].unit
     x, y, z = vertices.T
     figure, (low, high) = NewFigure(), colour_range(grown, name)
     scale = {"colorscale": SCALE, "cmin": low, "cmax": high, "colorbar": {"title": {"text": unit}}}
     for part, options in (
-        (faces[~told], {"color": UNKNOWN}),
+        (faces[~known], {"color": UNKNOWN}),
         (
-            faces[told],
+            faces[known],
             {"intensity": np.nan_to_num(guess.mean), **scale},
         ),
     ):

@@ -29,7 +29,7 @@ from kinid.mapping.vision import (
     random_folds,
     sklearn,
     spatial_blocks,
-    zones_of,
+    value_classes,
 )
 from kinid.robotics.surface import Plane
 from kinid.writers import Json
@@ -87,21 +87,21 @@ class Sighted:
             InputError: values that aren't all positive, fewer than two classes, or probes beside the picture.
         """
         values, flat = grown.values(name), grown.flat(grown.places)
-        told = np.isfinite(values) & picture.shows(flat)
-        if told.sum() < 2 * FEWEST:
+        usable = np.isfinite(values) & picture.shows(flat)
+        if usable.sum() < 2 * FEWEST:
             raise InputError(
-                f"{told.sum()} of {len(grown)} probes of {name} in the picture",
+                f"{usable.sum()} of {len(grown)} probes of {name} in the picture",
                 f"{2 * FEWEST} at least",
                 "correct the picture's corners, or poke more places",
             )
-        if not (values[told] > 0).all():
+        if not (values[usable] > 0).all():
             raise InputError(
                 f"{name} that is not positive everywhere", "a positive property", "choose another --property"
             )
-        flat, values = flat[told], values[told]
-        features, zone = picture.features(flat), zones_of(values)
-        kept = np.isin(zone, np.flatnonzero(np.bincount(zone) >= FEWEST))
-        labels = np.array([f"class {z + 1}" for z in zone.tolist()])
+        flat, values = flat[usable], values[usable]
+        features, kind = picture.features(flat), value_classes(values)
+        kept = np.isin(kind, np.flatnonzero(np.bincount(kind) >= FEWEST))
+        labels = np.array([f"class {z + 1}" for z in kind.tolist()])
         classifier = MaterialClassifier.learn(features[kept], labels[kept].tolist(), calibrated=calibrated)
         block = float(np.ptp(flat, axis=0).max()) / BLOCKS
         figures = held_out(features[kept], labels[kept].tolist(), flat[kept], calibrated=calibrated, block=block)
@@ -169,8 +169,8 @@ class Sighted:
                 return np.full(len(q), np.nan), np.full(len(q), np.nan)
             features = picture.features(q)
             log, sd = self.regression.predict((features - self.centre) / self.scale, return_std=True)
-            told = (self.classifier.at(features).label != UNKNOWN) & picture.shows(q)
-            return np.where(told, np.exp(log), np.nan), np.where(told, np.exp(log) * sd, np.nan)
+            recognised = (self.classifier.at(features).label != UNKNOWN) & picture.shows(q)
+            return np.where(recognised, np.exp(log), np.nan), np.where(recognised, np.exp(log) * sd, np.nan)
 
         return at
 
@@ -181,13 +181,13 @@ class Sighted:
         ticks = [low + s * (np.arange(n) + 0.5) / n for low, s, n in zip(picture.low, span, counts)]
         q = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, 2)
         mean, sd = self.prior(picture)(q)
-        told = np.isfinite(mean)
+        finite = np.isfinite(mean)
         empty = PropertyMap(surface, (self.item,), (), PICTURE)
         probes = [
             Probe(p, np.array([m]), np.array([[s**2]]), source=f"picture#{i}")
-            for i, (p, m, s) in enumerate(zip(empty.raised(q[told]), mean[told], sd[told]))
+            for i, (p, m, s) in enumerate(zip(empty.raised(q[finite]), mean[finite], sd[finite]))
         ]
-        return empty.added(*probes), int((~told).sum())
+        return empty.added(*probes), int((~finite).sum())
 
 
 def _regression() -> GaussianProcessRegressor:

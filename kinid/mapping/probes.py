@@ -231,13 +231,13 @@ class Prober:
             rows = cell == k
             if rows.sum() < 3:
                 continue
-            told = {name: float(values[rows].mean()) for name, values in felt.items()}
+            means = {name: float(values[rows].mean()) for name, values in felt.items()}
             own = {name: values[rows].var(ddof=1) / max(rows.sum() / SHARED, 1.0) for name, values in felt.items()}
-            variance = [own[n] + shared[n] * told[n] ** 2 if n in told else np.inf for n in names]
+            variance = [own[n] + shared[n] * means[n] ** 2 if n in means else np.inf for n in names]
             covariance = np.where(np.eye(len(names)) > 0, variance, 0.0)
             place = self.surface.point + flat[rows].mean(axis=0) @ self.surface.axes[:2]
             name = f"{source}#piece{k}" if "#" not in source else f"{source}.piece{k}"
-            out.append(Probe(place, np.array([told.get(n, 0.0) for n in names]), covariance, source=name))
+            out.append(Probe(place, np.array([means.get(n, 0.0) for n in names]), covariance, source=name))
         return out
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from kinid.errors import InputError, near
 from kinid.inputs import parse_json
-from kinid.mapping.interpolation import MESH_METHODS, METHODS, Guess, Interpolator, PlaneGround
+from kinid.mapping.interpolation import MESH_METHODS, METHODS, Guess, Interpolator, PlaneSites
 from kinid.mapping.interpolation.gaussian_process import interpolator
 from kinid.mapping.interpolation.uniform import Uniform
 from kinid.robotics.surface import Mesh, Plane
@@ -110,8 +110,8 @@ class PropertyMap:
             )
         for item, value, variance in zip(self.properties, probe.values, np.diag(probe.covariance)):
             _check_estimate(item, float(value), float(variance), probe.source)
-        told = np.isfinite(np.diag(probe.covariance))
-        cov, sd = np.asarray(probe.covariance)[np.ix_(told, told)], np.sqrt(np.diag(probe.covariance)[told])
+        finite = np.isfinite(np.diag(probe.covariance))
+        cov, sd = np.asarray(probe.covariance)[np.ix_(finite, finite)], np.sqrt(np.diag(probe.covariance)[finite])
         most = np.outer(sd, sd)  # of each entry; rounding is relative to it
         bounded, symmetric = np.abs(cov) <= (1 + TOLERANCE) * most, np.abs(cov - cov.T) <= TOLERANCE * most
         if not (bounded.all() and symmetric.all()):
@@ -151,7 +151,7 @@ class PropertyMap:
         return np.asarray(np.sqrt(np.array([max(float(p.covariance[k, k]), 0.0) for p in self.probes])))
 
     @property
-    def misfit(self) -> Array:
+    def residual_over_noise(self) -> Array:
         """What the model left at each probe over what noise leaves, (n,): far above 1 the model fails there."""
         return np.array([p.residual / p.noise if p.noise > 0 else np.nan for p in self.probes])
 
@@ -195,10 +195,10 @@ class PropertyMap:
         if not tells.any():
             raise InputError(f"no probe that tells {name}", "one at least", "map logs that excite it")
         if isinstance(self.surface, Plane):
-            return interpolator(method, PlaneGround(self.flat(self.places)[tells]), values[tells], noise[tells])
-        from kinid.mapping.interpolation.mesh import MeshGround, on_mesh
+            return interpolator(method, PlaneSites(self.flat(self.places)[tells]), values[tells], noise[tells])
+        from kinid.mapping.interpolation.mesh import MeshSites, on_mesh
 
-        return on_mesh(method, MeshGround(self.surface, self.places[tells]), values[tells], noise[tells])
+        return on_mesh(method, MeshSites(self.surface, self.places[tells]), values[tells], noise[tells])
 
     def uniform(self, name: str) -> Uniform | None:
         """The one value of a property that is the same everywhere, with its error; None where it varies.
@@ -215,7 +215,7 @@ class PropertyMap:
             cells: along the longer side.
         """
         flat = self.flat(self.places)
-        edge = margin * PlaneGround(flat).spacing
+        edge = margin * PlaneSites(flat).spacing
         low, high = flat.min(axis=0) - edge, flat.max(axis=0) + edge
         step = float((high - low).max()) / cells
         counts = np.maximum(2, np.round((high - low) / step).astype(int) + 1)

@@ -270,7 +270,7 @@ def spatial_blocks(places: Array, block: float, folds: int = FOLDS, seed: int = 
     return np.asarray(np.random.default_rng(seed).permutation(count)[number] % min(folds, count), dtype=np.int64)
 
 
-def zones_of(values: Array, most: int = 6) -> NDArray[np.int64]:
+def value_classes(values: Array, most: int = 6) -> NDArray[np.int64]:
     """Classes of positive values by their size, (n,): as many as a mixture of lognormals asks for (BIC)."""
     mixture = sklearn("mixture")
     y = np.log(np.asarray(values, dtype=float))[:, None]

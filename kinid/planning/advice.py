@@ -84,8 +84,8 @@ class Advisor:
                 # a diagnosis that took minutes isn't lost for want of an advice
                 return False, f"no trajectory could be planned for it ({type(error).__name__})"
             else:
-                told = f"record {best.proposal.title}, to tell {' from '.join(chosen)}"
-                return True, f"{told}: {shlex.join(self._command(model, chosen, values))}"
+                purpose = f"record {best.proposal.title}, to tell {' from '.join(chosen)}"
+                return True, f"{purpose}: {shlex.join(self._command(model, chosen, values))}"
         assert first is not None  # there was a pair to plan for
         return False, f"no trajectory is known for it: {first.found}; instead, {first.mend}"
 

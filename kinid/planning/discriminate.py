@@ -28,7 +28,7 @@ from kinid.modeling.applicability import base_of, candidate_effects
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
 from kinid.modeling.parameter_names import full_name
-from kinid.planning.discrimination import SURE, Discrimination, Pair, Verdict, why_told
+from kinid.planning.discrimination import SURE, Discrimination, Pair, Verdict, why_separable
 from kinid.planning.distances import cells, even, left, rest, where
 from kinid.planning.expected import expected_law
 from kinid.planning.experiments import Bench, Proposal, proposals
@@ -211,13 +211,13 @@ def counting(verdicts: Sequence[Verdict]) -> dict[Pair, NDArray[np.bool_]]:
     own forms.
     """
     best = {pair: np.max([verdict.distances[pair] for verdict in verdicts], axis=0) for pair in verdicts[0].distances}
-    told = {pair: float(each.max()) >= HOPELESS for pair, each in best.items()}
+    separable = {pair: float(each.max()) >= HOPELESS for pair, each in best.items()}
     least = {pair: min(SURE, 0.5 * float(each.max())) for pair, each in best.items()}
     kept = {
-        (a, b): each >= least[a, b] if told[a, b] or not told[b, a] else np.zeros(len(each), np.bool_)
+        (a, b): each >= least[a, b] if separable[a, b] or not separable[b, a] else np.zeros(len(each), np.bool_)
         for (a, b), each in best.items()
     }
-    if not any(told.values()) or max(criterion(verdict, kept) for verdict in verdicts) >= HOPELESS:
+    if not any(separable.values()) or max(criterion(verdict, kept) for verdict in verdicts) >= HOPELESS:
         return kept
     # places that no one path visits, for instance: what is told by the experiment that tells most
     seen = [
@@ -328,7 +328,7 @@ def discriminate(
         if v.proposal.name not in refused
     )
     lost = {
-        f"{form.told()} from {b}": None
+        f"{form.described()} from {b}": None
         for (a, b), seen in kept.items()
         if seen.any()
         for form, ok in zip(judge.forms[a], seen)
@@ -340,7 +340,7 @@ def discriminate(
         verdict.proposal,
         motion,
         criterion(verdict, kept),
-        why_told(judge.effects, judge.forms, verdict, kept),
+        why_separable(judge.effects, judge.forms, verdict, kept),
         table,
         left_out,
         tuple(lost),

@@ -79,7 +79,7 @@ class Discrimination:
         }
 
 
-def why_told(
+def why_separable(
     effects: Sequence[Effect],
     forms: Mapping[str, Sequence[Form]],
     verdict: Verdict,
@@ -96,7 +96,7 @@ def why_told(
         if kept[pair].any()
     }
     parts += [
-        f"{b} can imitate {forms[a][0].told()}; of two that explain the readings, the simpler one is believed"
+        f"{b} can imitate {forms[a][0].described()}; of two that explain the readings, the simpler one is believed"
         for (a, b), seen in kept.items()
         if not seen.any()
     ]
@@ -104,7 +104,7 @@ def why_told(
     form, (phase, channel, share) = forms[pair[0]][worst[pair]], verdict.lies[pair][worst[pair]]
     distance = float(verdict.distances[pair][worst[pair]])
     parts.append(
-        f"hardest is {form.told()}: of what {pair[1]} can't imitate of it, {np.sqrt(distance):.3g} standard "
+        f"hardest is {form.described()}: of what {pair[1]} can't imitate of it, {np.sqrt(distance):.3g} standard "
         f"deviations, "
         f"{100 * share:.0f} % lies in {channel} in phase {phase}"
     )

@@ -67,10 +67,10 @@ def cells(experiment: Experiment, touch: NDArray[np.int64] | None) -> tuple[list
     several = touch is not None and touch.max() > 0
     number = touch[experiment.rows] if touch is not None else np.zeros(n, dtype=np.int64)
     cells, at = np.unique(which + len(names) * number, return_inverse=True)
-    told = [
+    labels = [
         f"{names[cell % len(names)]}" + (f" of touch {cell // len(names) + 1}" if several else "") for cell in cells
     ]
-    return told, at
+    return labels, at
 
 
 def where(squares: Array, names: list[str], at: NDArray[np.int64], channels: tuple[str, ...]) -> tuple[str, str, float]:

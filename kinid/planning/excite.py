@@ -134,15 +134,15 @@ def optimise(
         reached["speed"],
         reached["deepest"],
         tuple(name for name, value in share.items() if value > 0.98),
-        matrix[np.ix_(design.told, design.told)],
+        matrix[np.ix_(design.identifiable, design.identifiable)],
     )
 
 
 def _check_useful(design: Design, expected: dict[str, Interval]) -> None:
     """Refuse a poke after which nothing is known better than to its own size."""
-    told = design.told
-    size = sizes(design.law.vector, design.parameters)[told]
-    wide = {name: each for k, (name, each) in enumerate(expected.items()) if k in told}
+    identifiable = design.identifiable
+    size = sizes(design.law.vector, design.parameters)[identifiable]
+    wide = {name: each for k, (name, each) in enumerate(expected.items()) if k in identifiable}
     if all(each.half > USELESS * s for each, s in zip(wide.values(), size)):
         name, each = next(iter(wide.items()))
         raise InputError(

@@ -50,7 +50,7 @@ class Form:
         out[self.index] += self.step
         return out
 
-    def told(self) -> str:
+    def described(self) -> str:
         """In words."""
         null = self.effect.null
         shapes = [

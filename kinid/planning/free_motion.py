@@ -145,7 +145,7 @@ class Design:
             return False
         return True
 
-    def told(self, swing: Swing, rate: float) -> tuple[Array, Experiment]:
+    def information(self, swing: Swing, rate: float) -> tuple[Array, Experiment]:
         """Information about the model's parameters of a motion logged at the rate of the design."""
         t = np.arange(round(swing.duration * rate)) / rate
         experiment = self.experiment(t, *swing(t)[:3])
@@ -180,7 +180,7 @@ class Design:
 
     def cost(self, swing: Swing) -> float:
         """What the search makes least."""
-        return cost(self.told(swing, DESIGN_RATE)[0], self.criterion)
+        return cost(self.information(swing, DESIGN_RATE)[0], self.criterion)
 
 
 def excite_free(
@@ -249,7 +249,7 @@ def _finished(design: Design, swing: Swing, value: float, rate: float) -> FreeEx
     )
     if design.scene is not None:
         design.scene.check(q, "the free motion")
-    matrix, experiment = design.told(swing, 4 * DESIGN_RATE)
+    matrix, experiment = design.information(swing, 4 * DESIGN_RATE)
     named = design.model.parameters(experiment.layout)
     assumed = np.array([design.values.get(name, p.nominal) for name, p in named.items()])
     expected = intervals(matrix, assumed, named)

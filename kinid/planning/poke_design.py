@@ -111,11 +111,11 @@ class Design:
 
     def cost(self, signal: Multisine) -> float:
         """The criterion, over the parameters that a poke tells."""
-        told = self.told
-        return cost(self.information(signal, DESIGN_RATE)[np.ix_(told, told)], self.criterion)
+        identifiable = self.identifiable
+        return cost(self.information(signal, DESIGN_RATE)[np.ix_(identifiable, identifiable)], self.criterion)
 
     @cached_property
-    def told(self) -> NDArray[np.int64]:
+    def identifiable(self) -> NDArray[np.int64]:
         """Numbers of the parameters that a poke within the bounds tells at all: not those of friction, say.
 
         Raises:
@@ -127,10 +127,10 @@ class Design:
         diagonal = np.diag(
             self.information(Multisine(0.5 * (low + high), wide, self.bounds.duration, self.bounds.fade), DESIGN_RATE)
         )
-        told = np.flatnonzero(diagonal > OPEN * max(float(diagonal.max()), 1e-300))
-        if not len(told):
+        identifiable = np.flatnonzero(diagonal > OPEN * max(float(diagonal.max()), 1e-300))
+        if not len(identifiable):
             raise InputError(f"{self.law.model}, of which a poke tells nothing", "a contact law", "name another model")
-        return told
+        return identifiable
 
     def force(self, t: Array, motion: Array) -> Array:
         """Expected normal force along a motion (4, n) [N], (n,)."""
@@ -247,9 +247,9 @@ def search(design: Design, begin: Multisine) -> Multisine:
 
     bounds, sines, (low, high) = design.bounds, design.sines, design.room
     count = len(np.arange(round(bounds.duration * DESIGN_RATE))[::2])
-    told = _told_to_casadi(design, count)
+    callback = _casadi_callback(design, count)
     x = casadi.MX.sym("x", 1 + 3 * sines)
-    value, kept = told(x)
+    value, kept = callback(x)
     options: Json = {
         "ipopt.hessian_approximation": "limited-memory",
         "ipopt.max_iter": STEPS,
@@ -273,7 +273,7 @@ def search(design: Design, begin: Multisine) -> Multisine:
     return design.signal(np.array(found["x"]).ravel())
 
 
-def _told_to_casadi(design: Design, count: int) -> casadi.Callback:
+def _casadi_callback(design: Design, count: int) -> casadi.Callback:
     """Criterion, then depth, speed, force and joints at every other sample, each by its bound, as casadi asks it."""
     import casadi
 
@@ -281,10 +281,10 @@ def _told_to_casadi(design: Design, count: int) -> casadi.Callback:
     t = (np.arange(round(bounds.duration * DESIGN_RATE)) / DESIGN_RATE)[::2]
     limit = bounds.force if np.isfinite(bounds.force) else 1e6
 
-    class Told(casadi.Callback):
+    class CriterionAndBounds(casadi.Callback):
         def __init__(self) -> None:
             casadi.Callback.__init__(self)
-            self.construct("told", {"enable_fd": True, "fd_method": "forward"})
+            self.construct("criterion_and_bounds", {"enable_fd": True, "fd_method": "forward"})
 
         def get_n_in(self) -> int:
             return 1
@@ -306,4 +306,4 @@ def _told_to_casadi(design: Design, count: int) -> casadi.Callback:
             kept = np.concatenate([depth, motion[1] / bounds.speed, design.force(t, motion) / limit, used])
             return [casadi.DM(design.cost(signal)), casadi.DM(kept)]
 
-    return Told()
+    return CriterionAndBounds()

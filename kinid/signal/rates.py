@@ -182,10 +182,10 @@ def _jackknife(squares: Array, products: Array) -> tuple[Array, Array]:
     """Least squares of blocks' sums, (3,), and its standard errors from leaving out one block in turn, (3,)."""
     whole, right = squares.sum(axis=0), products.sum(axis=0)
     size = np.sqrt(np.diag(whole))
-    told = size > 0
-    told[1:] &= size[1:] > 0
+    excited = size > 0
+    excited[1:] &= size[1:] > 0
     values, errors = np.array([0.0, 1.0, 0.0]), np.full(3, np.inf)
-    at = np.flatnonzero(told)
+    at = np.flatnonzero(excited)
     scale = np.outer(size[at], size[at])
     if not len(at) or np.linalg.cond(whole[np.ix_(at, at)] / scale) > 1e8:
         return values, errors

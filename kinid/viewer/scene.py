@@ -84,15 +84,15 @@ def map_scene(
         layers.append(
             _layer(item.name, item.unit, guess.mean, low, high, VIRIDIS, doubt, bool(np.isfinite(guess.sd).any()))
         )
-    misfit = grown.misfit
-    if np.isfinite(misfit).any():
+    residual_over_noise = grown.residual_over_noise
+    if np.isfinite(residual_over_noise).any():
         # of the nearest probe: a residual belongs to a place, nothing is guessed between
         from scipy.spatial import cKDTree
 
-        told = np.isfinite(misfit)
-        near = cKDTree(grown.places[told]).query(vertices)[1]
+        finite = np.isfinite(residual_over_noise)
+        near = cKDTree(grown.places[finite]).query(vertices)[1]
         known = grown.interpolator(grown.properties[0].name, "nearest").at(queries).known
-        field = np.where(known, np.log10(np.maximum(misfit[told][near], 1.0)), np.nan)
+        field = np.where(known, np.log10(np.maximum(residual_over_noise[finite][near], 1.0)), np.nan)
         layer = _layer(FAILS, "residual / noise", field, 0.0, 1.5, INFERNO, np.zeros(len(field)), False)
         layers.append(layer | {"low": "1", "high": "30"})
     out: Json = {
@@ -115,13 +115,13 @@ def _probe_words(grown: PropertyMap) -> list[str]:
     known = [item for item in grown.properties if np.isfinite(grown.values(item.name)).any()]
     columns = [(item, grown.values(item.name), NORMAL_95 * grown.deviations(item.name)) for item in known]
     out = []
-    for i, misfit in enumerate(grown.misfit):
+    for i, residual_over_noise in enumerate(grown.residual_over_noise):
         said = [
             f"{item.name} "
             + (f"{values[i]:.4g} ± {half[i]:.2g} {item.unit} (95 %)" if np.isfinite(values[i]) else "unknown")
             for item, values, half in columns
         ]
-        said += [f"residual {misfit:.3g} times the noise"] if np.isfinite(misfit) else []
+        said += [f"residual {residual_over_noise:.3g} times the noise"] if np.isfinite(residual_over_noise) else []
         place = "" if flat is None else f" at ({number(flat[i, 0])}, {number(flat[i, 1])}) mm"
         out.append(f"Probe{place}: {', '.join(said)}")
     return out
@@ -129,8 +129,8 @@ def _probe_words(grown: PropertyMap) -> list[str]:
 
 def layers_of(grown: PropertyMap) -> list[str]:
     """Names of what a map can be coloured by: the properties that some probe tells, and where the model fails."""
-    told = [item.name for item in grown.properties if np.isfinite(grown.values(item.name)).any()]
-    return [*told, FAILS] if np.isfinite(grown.misfit).any() else told
+    names = [item.name for item in grown.properties if np.isfinite(grown.values(item.name)).any()]
+    return [*names, FAILS] if np.isfinite(grown.residual_over_noise).any() else names
 
 
 def robot_scene(rig: Rig, robot: Robot) -> Json:
@@ -234,20 +234,20 @@ def patch_scene(rig: Rig, side: float = 0.12) -> Json | None:
     return _block(surface, np.full(2, -0.5 * side), np.full(2, 0.5 * side), 0.0)
 
 
-def map_patch(grown: PropertyMap, ground: float) -> Json | None:
+def map_patch(grown: PropertyMap, ground_height: float) -> Json | None:
     """A block under all of a map on a plane, that stands on a ground at this height [m]; None on a mesh."""
     if not isinstance(grown.surface, Plane):
         return None
     low, high = _extent(grown)
     edge = 0.06 * float((high - low).max())
-    return _block(grown.surface, low - edge, high + edge, ground)
+    return _block(grown.surface, low - edge, high + edge, ground_height)
 
 
-def _block(surface: Plane, low: Array, high: Array, ground: float) -> Json:
+def _block(surface: Plane, low: Array, high: Array, ground_height: float) -> Json:
     """From corner to corner along both tangents [m]; down to the ground where that is not far and the surface lies
     level.
     """
-    side, height = float((high - low).max()), float(surface.point[2]) - ground
+    side, height = float((high - low).max()), float(surface.point[2]) - ground_height
     level = surface.normal[2] > 0.99 and 0.05 * side < height < 3.0 * side
     thick = height if level else 0.25 * side
     matrix = np.eye(4)

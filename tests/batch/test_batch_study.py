@@ -71,14 +71,14 @@ def test_time_is_straight_and_memory_flat(tmp_path: Path, capsys: pytest.Capture
                 items, sharing = items_of([folder])
                 if what == "pooled":
                     campaign = campaign_of(items, sharing, ByRunner.of(by, None, items))
-                    told = measured(partial(campaign.fit, MODEL))
+                    cost = measured(partial(campaign.fit, MODEL))
                 else:
                     job, store = Job(what, MODEL.names), Store(str(tmp_path / f"{what}_{count}"))
-                    told = measured(partial(run, job, items, store, by))
+                    cost = measured(partial(run, job, items, store, by))
                     assert len(store.files(what)) == count
-                found.setdefault(what, []).append(told)
+                found.setdefault(what, []).append(cost)
                 with capsys.disabled():
-                    print(f"{what}: {count} logs, {told[0]:.2f} s, {told[1]:.0f} MB", flush=True)
+                    print(f"{what}: {count} logs, {cost[0]:.2f} s, {cost[1]:.0f} MB", flush=True)
     for what, several in found.items():
         seconds, memory = np.array(several[1:]).T
         line = np.polyval(np.polyfit(COUNTS, seconds, 1), COUNTS)

@@ -40,9 +40,9 @@ def test_other_workers_write_the_same_bytes(logs: Path, tmp_path: Path, processe
     assert done_in(logs, tmp_path / "b", processes) == whole
     manifest = json.loads(whole["manifest.json"])
     assert (manifest["logs"], manifest["done"], list(manifest["put_aside"])) == (6, 5, ["cut_off.parquet"])
-    told = pq.read_table(tmp_path / "a" / "manifest.parquet").to_pylist()
-    assert sum(bool(row["part"]) for row in told) == 5
-    assert all((tmp_path / "a" / row["part"]).stat().st_size == row["bytes"] for row in told if row["part"])
+    rows = pq.read_table(tmp_path / "a" / "manifest.parquet").to_pylist()
+    assert sum(bool(row["part"]) for row in rows) == 5
+    assert all((tmp_path / "a" / row["part"]).stat().st_size == row["bytes"] for row in rows if row["part"])
 
 
 @pytest.mark.slow

@@ -57,12 +57,12 @@ def test_logs_are_taken_in_as_they_come(tmp_path: Path, clock: Clock) -> None:
     w.look()
     clock.now += watching.SETTLED
     assert w.look() == 1
-    told = dict(said)
-    assert told["broken.parquet"].startswith("put aside: found")
-    assert told["poke_9_0.parquet"].startswith("odd: kelvin-voigt.stiffness is 9")
-    assert all(told[f"poke_0_{i}.parquet"].startswith("error 0.0") for i in range(6))
+    lines = dict(said)
+    assert lines["broken.parquet"].startswith("put aside: found")
+    assert lines["poke_9_0.parquet"].startswith("odd: kelvin-voigt.stiffness is 9")
+    assert all(lines[f"poke_0_{i}.parquet"].startswith("error 0.0") for i in range(6))
     page = (folder / ".kinid" / "watch.html").read_text(encoding="utf-8")
-    assert all(name in page for name in told)
+    assert all(name in page for name in lines)
     # error and noise of each log, both with their unit
     assert len(re.findall(r'<td class="num">[\d.e-]+ N</td>', page)) == 2 * 7
     assert len(Store(str(folder / ".kinid")).files("contact")) == 7

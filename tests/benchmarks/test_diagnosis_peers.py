@@ -172,14 +172,14 @@ def test_beside_peers(benchmark: Any, capsys: pytest.CaptureFixture[str]) -> Non
         for case in chosen():
             found = kinid.diagnose(case.log, case.rig, model=kinid.Model(*case.model))
             data = linear(case)
-            told = dict(zip(names, (list(found.added), stlsq(data, pysindy), forward(data))))
+            answers = dict(zip(names, (list(found.added), stlsq(data, pysindy), forward(data))))
             with capsys.disabled():
                 print(
-                    f"\n{case.name:<52} " + " | ".join(f"{name}: {brief(t)}" for name, t in told.items()),
+                    f"\n{case.name:<52} " + " | ".join(f"{name}: {brief(t)}" for name, t in answers.items()),
                     end="",
                     flush=True,
                 )
-            for name, t in told.items():
+            for name, t in answers.items():
                 if case.truth:
                     first[name] += t[:1] == list(case.truth)
                     exact[name] += set(t) == case.truth

@@ -84,11 +84,11 @@ def test_from_another_process(benchmark, tmp_path) -> None:
     step = session.pipeline.step
 
     def timed(*sample):
-        told = step(*sample)
+        event_bits = step(*sample)
         late.append(time.monotonic_ns() - session.aligner.stamp)
         if len(late) >= cycles:
             session.stop()
-        return told
+        return event_bits
 
     session.pipeline.step = timed
     command = [sys.executable, "-c", SENDS, str(source.port), str(cycles), str(tmp_path / "log.npz")]

@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
 
-from kinid.mapping.interpolation import PlaneGround
+from kinid.mapping.interpolation import PlaneSites
 from kinid.mapping.interpolation.gaussian_process import GaussianProcess, interpolator
 from kinid.mapping.property_map import Probe, Property, PropertyMap
 from kinid.robotics.surface import Plane
@@ -50,7 +50,7 @@ def surface() -> Surface:
 
 def ours(surface: Surface) -> GaussianProcess:
     places, values, noise, _, _ = surface
-    return GaussianProcess.fit(PlaneGround(places, reach=1.0), values, np.full(len(values), noise))
+    return GaussianProcess.fit(PlaneSites(places, reach=1.0), values, np.full(len(values), noise))
 
 
 def scipy_rbf(surface: Surface) -> RBFInterpolator:
@@ -121,7 +121,7 @@ def test_the_speed_of_a_map(benchmark: Any, surface: Surface) -> None:
     added = timed(lambda: whole.added(places[0] + 1e-4, float(values[0]), noise))
     asked, asked_sd = timed(lambda: whole.at(queries, sd=False)), timed(lambda: whole.at(queries))
     sk, rbf = timed(lambda: scikit_learn(surface), 1), timed(lambda: scipy_rbf(surface)(10 * queries), 2)
-    flat = timed(lambda: interpolator("triangles", PlaneGround(places), values, np.full(600, noise)).at(queries), 2)
+    flat = timed(lambda: interpolator("triangles", PlaneSites(places), values, np.full(600, noise)).at(queries), 2)
     print(
         f"\n600 probes {fit:.3f} s ({sk / fit:.1f} × faster than scikit-learn's fit); added {1e3 * added:.2f} ms; "
         f"200 × 200 queries {asked:.3f} s, with uncertainty {asked_sd:.3f} s; scipy's spline with its queries "

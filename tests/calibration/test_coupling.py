@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scripted import RIG, Material, Scripted, scripted_poke
 
-from kinid.calibration.coupling import compensate, load_fit, told_apart
+from kinid.calibration.coupling import compensate, identifiability, load_fit
 from kinid.contact.series import contact_series
 from kinid.data.log import Log
 from kinid.data.rig import Rig
@@ -99,7 +99,7 @@ def test_what_is_said_is_what_coupling_did() -> None:
 
 def test_what_one_log_can_not_tell_apart_is_said(slippery: Scripted) -> None:
     """One slide along the first tangent: across it, a tilt and a material that pulls sideways look the same."""
-    said = told_apart(
+    said = identifiability(
         fit_model(
             Model("kelvin-voigt", "surface-tilt", "coupled-stiffness"),
             contact_series(slippery.log, RIG_READ),
@@ -113,7 +113,7 @@ def test_what_one_log_can_not_tell_apart_is_said(slippery: Scripted) -> None:
     turned = fit_model(
         Model("kelvin-voigt", "surface-tilt", "sensor-misalignment"), slippery.log, RIG_READ, held_out=False
     )
-    assert not told_apart(turned)
+    assert not identifiability(turned)
 
 
 def test_a_tilted_surface_is_measured() -> None:

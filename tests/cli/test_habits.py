@@ -126,9 +126,9 @@ def test_the_shell_completes(typed: str, offered: str) -> None:
 @pytest.mark.parametrize("command", ["view", "picture"])
 def test_the_shell_completes_properties_of_the_map_that_was_typed(command: str, tmp_path: Path) -> None:
     """Such as some probe tells; without a map there are none to offer."""
-    told = (Property("stiffness", "N/m"), Property("friction", "1"), Property("damping", "N·s/m"))
+    properties = (Property("stiffness", "N/m"), Property("friction", "1"), Property("damping", "N·s/m"))
     probe = Probe(np.zeros(3), np.array([500.0, 0.5, 0.0]), np.diag([1.0, 0.01, np.inf]))
-    PropertyMap(Plane(np.zeros(3), np.eye(3)), told, (probe,)).write(tmp_path / "map.parquet")
+    PropertyMap(Plane(np.zeros(3), np.eye(3)), properties, (probe,)).write(tmp_path / "map.parquet")
     assert completions(f"kinid {command} {tmp_path / 'map.parquet'} --property fr") == ["friction"]
     assert completions(f"kinid {command} {tmp_path / 'map.parquet'} --property dam") == []
     assert completions(f"kinid {command} {tmp_path / 'absent.parquet'} --property fr") == []

@@ -326,15 +326,15 @@ def test_bias_learned_from_free_motion(phase: bool, swing: Callable[..., Any], w
     """Free by label, or because the tip is clear of the surface."""
     bias = [3.0, -2.0, 5.0, 0.1, -0.2, 0.05]
     truth = make_rig(sensor={"bias": bias, "crosstalk": (np.eye(6) + 0.02 * np.ones((6, 6))).tolist()})
-    told = make_rig(sensor={"crosstalk": truth.sensor.crosstalk})
+    stated = make_rig(sensor={"crosstalk": truth.sensor.crosstalk})
     log, force, truth = free_then_pressed(swing, weighed, truth, phase)
-    told = make_rig(sensor={"crosstalk": truth.sensor.crosstalk}, surface={"point": truth.surface.point})
-    touch = contact_series(log, told)
+    stated = make_rig(sensor={"crosstalk": truth.sensor.crosstalk}, surface={"point": truth.surface.point})
+    touch = contact_series(log, stated)
     facts = next(step.facts for step in touch.provenance.steps if step.name == "wrench")
     assert facts["bias_from"] == "median of free motion"
     np.testing.assert_allclose(facts["bias"], bias, atol=1e-10)
     np.testing.assert_allclose(touch.normal_force, force @ np.array(truth.axes)[2], atol=1e-9)
-    raw = contact_series(log, told, bias="none")
+    raw = contact_series(log, stated, bias="none")
     assert np.abs(raw.normal_force - touch.normal_force).max() > 1
 
 

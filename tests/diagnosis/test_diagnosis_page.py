@@ -339,9 +339,9 @@ def test_a_stand_in_is_said_to_be_one(found: Diagnosis, capsys: pytest.CaptureFi
     alone = dataclasses.replace(result, added=("hysteresis",), steps=found.steps, effects=(follows,))
     assert "does not hold. hysteresis is a stand-in for it: the" in headline(alone)
     show_diagnosis(result)
-    told = capsys.readouterr().out
-    assert "○ stand-in" in told
-    assert "indistinguishable" not in told
+    printed = capsys.readouterr().out
+    assert "○ stand-in" in printed
+    assert "indistinguishable" not in printed
     page = Outline(diagnosis_page(result, "log")).text
     assert "○ stand-in" in page
     assert follows.says in page

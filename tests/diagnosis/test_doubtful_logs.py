@@ -88,13 +88,13 @@ def test_a_material_remembers_over_short_gaps() -> None:
     cells = kinid.Log(
         t=whole.t, contact={**whole.contact, "normal_force": np.where(gone, np.nan, whole.contact["normal_force"])}
     )
-    told = []
+    estimates = []
     for log in (whole, rows, cells):
         found = kinid.diagnose(log, RIG, model=kinid.Model("kelvin-voigt"))
         assert (found.verdict, found.added) == ("missing", ("relaxation",))
-        told.append((found.fit["relaxation.ratio"].value, found.fit["relaxation.time-constant"].value))
-    print("ratio, time constant:", ", ".join(f"{r:.4f}, {tau:.4f} s" for r, tau in told))
-    np.testing.assert_allclose(told[1:], [told[0], told[0]], rtol=0.02)
+        estimates.append((found.fit["relaxation.ratio"].value, found.fit["relaxation.time-constant"].value))
+    print("ratio, time constant:", ", ".join(f"{r:.4f}, {tau:.4f} s" for r, tau in estimates))
+    np.testing.assert_allclose(estimates[1:], [estimates[0], estimates[0]], rtol=0.02)
 
 
 @pytest.mark.parametrize("shaky", [0.0, 1e-6])
@@ -147,8 +147,8 @@ def test_damping_that_no_material_has_is_doubted() -> None:
     late = kinid.Model("kelvin-voigt", "relaxation").fit(kinid.contact_series(poked(late=0.015), RIG))
     assert late["kelvin-voigt.damping"].value < 0
     assert [w for w in late.warnings if "kelvin-voigt.damping is negative" in w]
-    told = kinid.diagnose(poked(late=0.015), RIG, model=kinid.Model("kelvin-voigt"), add=["relaxation"], max_effects=1)
-    assert [w for w in told.warnings if "kelvin-voigt.damping is negative" in w]
+    found = kinid.diagnose(poked(late=0.015), RIG, model=kinid.Model("kelvin-voigt"), add=["relaxation"], max_effects=1)
+    assert [w for w in found.warnings if "kelvin-voigt.damping is negative" in w]
     fine = kinid.Model("kelvin-voigt", "relaxation").fit(kinid.contact_series(poked(), RIG))
     assert not [w for w in fine.warnings if "negative" in w]
 
@@ -240,8 +240,10 @@ def test_a_bias_does_not_hide_free_motion() -> None:
     assert [w for w in kinid.Model("hooke").fit(kinid.contact_series(inside, RIG)).warnings if "no free motion" in w]
 
 
-@pytest.mark.parametrize(("bias", "told"), [(0.022, False), (0.06, True)])
-def test_a_bias_beyond_what_calibration_is_trusted_to_is_told_beside_what_was_added(bias: float, told: bool) -> None:
+@pytest.mark.parametrize(("bias", "reported"), [(0.022, False), (0.06, True)])
+def test_a_bias_beyond_what_calibration_is_trusted_to_is_told_beside_what_was_added(
+    bias: float, reported: bool
+) -> None:
     """Calibration has a standard deviation of 20 mN and is trusted to twice that: 22 mN are inside.
 
     (Before, 20 mN were an end of its range, so that 22 mN were beyond.)
@@ -249,9 +251,9 @@ def test_a_bias_beyond_what_calibration_is_trusted_to_is_told_beside_what_was_ad
     log = poked()
     biased = dataclasses.replace(log, contact={**log.contact, "normal_force": log.contact["normal_force"] + bias})
     found = kinid.diagnose(biased, RIG, model=kinid.Model("kelvin-voigt"))
-    assert found.added == (("relaxation", "sensor-bias") if told else ("relaxation",))
+    assert found.added == (("relaxation", "sensor-bias") if reported else ("relaxation",))
     assert found.steps[-1].held_out < 1.1 * NOISE
-    if told:
+    if reported:
         assert found.fit["sensor-bias.offset[normal_force]"].value == pytest.approx(bias, abs=0.002)
     else:
         assert found["sensor-bias"].verdict == "absent"
@@ -349,9 +351,9 @@ def test_exchanged_slips_and_a_missing_force_are_doubted(
     found = kinid.diagnose(
         kinid.Log(t=t, contact=contact), RIG, model=kinid.Model("hooke", "coulomb-friction"), max_effects=0
     )
-    told = [w for w in found.warnings if "exchanged" in w or "without tangential_force" in w]
-    assert len(told) == bool(doubt)
-    assert all(doubt in w for w in told)
+    doubts = [w for w in found.warnings if "exchanged" in w or "without tangential_force" in w]
+    assert len(doubts) == bool(doubt)
+    assert all(doubt in w for w in doubts)
 
 
 def test_what_was_not_searched_for_is_neither_absent_nor_as_good_as_what_was_asked_for(tester: Tester) -> None:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 from hidden.cases import case
-from hidden.study import REPORT, Figure, Job, Told, figures, jobs, report, run, side_by_side, write
+from hidden.study import REPORT, Answer, Figure, Job, figures, jobs, report, run, side_by_side, write
 
 import kinid
 
@@ -22,7 +22,7 @@ import kinid
 SEED = 2001
 
 
-def told(kind: str, *worlds: tuple[str, int, int]) -> list[Told]:
+def answers(kind: str, *worlds: tuple[str, int, int]) -> list[Answer]:
     """What is said of cases number `first` to `last` of a kind in each world."""
     found = [
         run(Job(kind, number, SEED, world, refit=False))
@@ -36,7 +36,7 @@ def told(kind: str, *worlds: tuple[str, int, int]) -> list[Told]:
 
 def test_one_hidden_effect_is_named() -> None:
     """Of a dozen, one may be mistaken for another that fits about as well: that is what 95 % asked for leaves."""
-    found = told("single", ("force-depth", 0, 10), ("wrench", 0, 1), ("joints", 1, 2))
+    found = answers("single", ("force-depth", 0, 10), ("wrench", 0, 1), ("joints", 1, 2))
     visible = [t for t in found if t.counts]
     assert len(visible) >= 9  # they are drawn to be from a fifth of the noise on; most of them matter
     assert sum(t.first for t in visible) >= len(visible) - 1
@@ -78,22 +78,22 @@ def test_an_offset_within_a_step_of_the_converter_is_no_finding() -> None:
 
 
 def test_nothing_hidden_nothing_found() -> None:
-    assert all(t.right for t in told("none", ("force-depth", 0, 4)))
+    assert all(t.right for t in answers("none", ("force-depth", 0, 4)))
 
 
 def test_what_no_catalogue_holds_is_said_to_be_unexplained() -> None:
     """Nine of ten are asked for; of four one may look like noise."""
-    assert sum(t.verdict == "unexplained" for t in told("outside", ("force-depth", 0, 4))) >= 3
+    assert sum(t.verdict == "unexplained" for t in answers("outside", ("force-depth", 0, 4))) >= 3
 
 
 def test_two_hidden_effects_are_named() -> None:
-    found = told("pair", ("force-depth", 0, 2))
+    found = answers("pair", ("force-depth", 0, 2))
     assert all(t.hits >= 1 for t in found)
     assert any(t.hits == 2 for t in found)
 
 
 def test_what_a_log_can_not_show_is_not_called_absent() -> None:
-    found = told("not-excited", ("force-depth", 0, 4), ("joints", 0, 1))
+    found = answers("not-excited", ("force-depth", 0, 4), ("joints", 0, 1))
     assert sum(t.unseen for t in found) >= 20
     assert not [t.line() for t in found if t.absent]
 
@@ -133,9 +133,9 @@ def test_the_whole_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
 # counted
 
 
-def case_of(kind: str = "single", truth: tuple[str, ...] = ("a",), **more: object) -> Told:
+def case_of(kind: str = "single", truth: tuple[str, ...] = ("a",), **more: object) -> Answer:
     values = {"verdict": "missing", "before": 1.0, "after": 0.5, "best": 0.5} | more
-    return Told("x", kind, "force-depth", truth, "", **values)  # type: ignore[arg-type]
+    return Answer("x", kind, "force-depth", truth, "", **values)  # type: ignore[arg-type]
 
 
 def test_cases_are_counted_as_they_are() -> None:

@@ -140,9 +140,9 @@ def test_noise_swings_at_no_frequency_though_errors_are_elsewhere(seed: int) -> 
     rng = np.random.default_rng(4)
     for at in rng.choice(holds[round(3.5 * RATE) :], 40):
         residual[0, at : at + 5] += 0.5 * rng.choice([-1, 1])
-    told = [c.says for c in where(e, residual, e.noise) if "holds of the normal" in c.says]
-    assert told
-    assert not [says for says in told if "swings" in says or "line at" in says]
+    sayings = [c.says for c in where(e, residual, e.noise) if "holds of the normal" in c.says]
+    assert sayings
+    assert not [says for says in sayings if "swings" in says or "line at" in says]
 
 
 def test_frequencies_are_those_of_the_piece_that_holds_the_error() -> None:

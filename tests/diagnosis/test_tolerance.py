@@ -150,8 +150,8 @@ def test_what_a_look_at_the_residual_shows_is_never_not_excited(tester: Tester, 
     assert np.sqrt(size) > 0.9 * full.left.rms  # it is there to be seen
     for most in (0, 1, 8):
         found = kinid.diagnose(log, RIG, model=kinid.Model(model), max_effects=most)
-        told = found[effect]
-        assert told.verdict in ("present", "indistinguishable") or told.left_out, (most, told.verdict, told.says)
+        asked = found[effect]
+        assert asked.verdict in ("present", "indistinguishable") or asked.left_out, (most, asked.verdict, asked.says)
 
 
 @pytest.mark.parametrize(
@@ -181,9 +181,9 @@ def test_an_effect_of_five_times_what_is_left_shows(tester: Tester, effect: str,
     noise = worth / share * np.random.default_rng(7).standard_normal(len(clean))
     log = kinid.Log(t=tester.t, contact={"depth": tester.depth, "normal_force": clean + noise}, phase=tester.phase)
     found = kinid.diagnose(log, RIG, model=model)
-    told = found[effect]
-    print(effect, share, found.verdict, found.added, told.verdict)
-    assert told.verdict != "not-excited", told.says
+    asked = found[effect]
+    print(effect, share, found.verdict, found.added, asked.verdict)
+    assert asked.verdict != "not-excited", asked.says
     assert found.verdict != "adequate"
 
 

@@ -219,10 +219,10 @@ def test_relaxation_is_the_network_of_springs_and_dashpots(
     errors = []
     for n in (1500, 6000):
         s = poke(n)
-        force, told = model.predict(s, values)[0], network(s.t, spring, branches)
-        assert told.min() < -0.1  # a tool that retracts faster than the material follows leaves it
-        told = np.maximum(told, 0.0)
-        errors.append(np.abs(force - told).max())
+        force, expected = model.predict(s, values)[0], network(s.t, spring, branches)
+        assert expected.min() < -0.1  # a tool that retracts faster than the material follows leaves it
+        expected = np.maximum(expected, 0.0)
+        errors.append(np.abs(force - expected).max())
     # straight lines between samples: dt²/8 of the force's curvature, 3 N/0.1 s² · (4 s/1500 · 2)²/8 = 1e-3 N at most,
     # and second order in the step
     assert errors[0] < 1e-3

@@ -324,9 +324,11 @@ def test_a_valid_estimate_is_as_accurate_as_is_asked(law):
     x, v, k, b = study()
     y, sigma = noisy(force(x, v, k, b, EXPONENT), 100.0, 0)
     asked = (lambda share: (share, share)) if law is KelvinVoigt else (lambda share: share)
-    told = {"forgetting": Constant(0.998), "offset": None} if law is not TwoStage else {"forgetting": Constant(0.998)}
-    told |= {} if law is KelvinVoigt else {"noise": sigma}
-    free, strict = (law(**told, accuracy=asked(share)).run(x, v, y, T) for share in (np.inf, 0.02))
+    options = (
+        {"forgetting": Constant(0.998), "offset": None} if law is not TwoStage else {"forgetting": Constant(0.998)}
+    )
+    options |= {} if law is KelvinVoigt else {"noise": sigma}
+    free, strict = (law(**options, accuracy=asked(share)).run(x, v, y, T) for share in (np.inf, 0.02))
     assert not (strict.valid & ~free.valid).any()
     assert strict.valid.sum() < free.valid.sum()
     sure = strict.valid

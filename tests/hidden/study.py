@@ -53,7 +53,7 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Told:
+class Answer:
     """What diagnosis said of a case.
 
     Attributes:
@@ -144,14 +144,14 @@ def jobs(seed: int = REPORT, plan: dict[str, Sequence[int]] = FULL) -> list[Job]
     return sorted(made, key=lambda job: job.world != "wrench")
 
 
-def run(job: Job) -> Told:
+def run(job: Job) -> Answer:
     """Make the case and ask."""
     return ask(case(job.kind, job.number, job.seed, job.world), job.world, job.refit)
 
 
-def ask(hidden: Case, world: str, refit: bool = True) -> Told:
+def ask(hidden: Case, world: str, refit: bool = True) -> Answer:
     """What diagnosis says of a case; a crash is an answer, too."""
-    told = {
+    facts = {
         "name": hidden.name,
         "kind": hidden.kind,
         "world": world,
@@ -162,7 +162,7 @@ def ask(hidden: Case, world: str, refit: bool = True) -> Told:
     try:
         found = kinid.diagnose(hidden.log, hidden.rig, model=kinid.Model(*hidden.model))
         seconds = time.perf_counter() - began
-        told |= {
+        facts |= {
             "verdict": found.verdict,
             "added": found.added,
             "before": found.steps[0].held_out,
@@ -174,17 +174,17 @@ def ask(hidden: Case, world: str, refit: bool = True) -> Told:
         if hidden.kind == "not-excited":
             verdicts = {effect.id: effect.verdict for effect in found.effects}
             named = [name for name in hidden.truth if name in verdicts]
-            told |= {
+            facts |= {
                 "absent": tuple(sorted(name for name in named if verdicts[name] == "absent")),
                 "unseen": len(named),
             }
         elif hidden.kind in ("single", "pair"):
-            told |= _references(hidden, found, refit)
+            facts |= _references(hidden, found, refit)
         else:
-            told["best"] = found.steps[0].held_out if hidden.kind == "none" else np.nan
+            facts["best"] = found.steps[0].held_out if hidden.kind == "none" else np.nan
     except Exception as error:
-        told["crash"] = f"{type(error).__name__}: {error}"
-    return Told(**told)
+        facts["crash"] = f"{type(error).__name__}: {error}"
+    return Answer(**facts)
 
 
 def _references(hidden: Case, found: kinid.Diagnosis, refit: bool) -> dict[str, Any]:
@@ -204,13 +204,13 @@ def _with(hidden: Case, names: Iterable[str]) -> float:
     return found.steps[-1].held_out
 
 
-def side_by_side(work: Sequence[Job], processes: int = 2, tell: Callable[[str], None] = lambda _: None) -> list[Told]:
+def side_by_side(work: Sequence[Job], processes: int = 2, tell: Callable[[str], None] = lambda _: None) -> list[Answer]:
     """All of them, on so many cores."""
     out = []
     with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
-        for told in pool.map(run, work):
-            tell(told.line())
-            out.append(told)
+        for answer in pool.map(run, work):
+            tell(answer.line())
+            out.append(answer)
     return out
 
 
@@ -287,11 +287,11 @@ class Figures:
         ]
 
 
-def figures(told: Sequence[Told]) -> Figures:
+def figures(answers: Sequence[Answer]) -> Figures:
     """Count."""
 
-    def of(kind: str) -> list[Told]:
-        return [t for t in told if t.kind == kind]
+    def of(kind: str) -> list[Answer]:
+        return [t for t in answers if t.kind == kind]
 
     single = [t for t in of("single") if t.counts or t.crash]
     pair = [t for t in of("pair") if t.counts or t.crash]
@@ -322,16 +322,16 @@ def figures(told: Sequence[Told]) -> Figures:
         Figure(
             "not excited, but called absent", sum(len(t.absent) for t in of("not-excited")), unseen, 0.0, least=False
         ),
-        Figure("crashes", sum(bool(t.crash) for t in told), len(told), 0.0, least=False),
+        Figure("crashes", sum(bool(t.crash) for t in answers), len(answers), 0.0, least=False),
     )
     sizes = [len(t.declared_first) for t in single if t.added]
     return Figures(shares, float(np.mean(sizes)) if sizes else float("nan"), ratios)
 
 
-def confusion(told: Sequence[Told]) -> list[str]:
+def confusion(answers: Sequence[Answer]) -> list[str]:
     """What is hidden, and what was named first how often; all that is not what it should be stands in brackets."""
     rows: dict[str, Counter[str]] = {}
-    for t in told:
+    for t in answers:
         if t.kind == "not-excited":
             continue
         hidden = (
@@ -359,31 +359,39 @@ def confusion(told: Sequence[Told]) -> list[str]:
     ]
 
 
-def report(told: Sequence[Told]) -> str:
+def report(answers: Sequence[Answer]) -> str:
     """Figures, confusion matrix, and every case in a line."""
     worlds = ", ".join(
-        f"{sum(t.world == world for t in told)} {world}" for world in dict.fromkeys(t.world for t in told)
+        f"{sum(t.world == world for t in answers)} {world}" for world in dict.fromkeys(t.world for t in answers)
     )
-    counted = sum(t.counts for t in told if t.kind == "single")
+    counted = sum(t.counts for t in answers if t.kind == "single")
     head = (
-        f"{len(told)} cases ({worlds}); {counted} of {sum(t.kind == 'single' for t in told)} single "
+        f"{len(answers)} cases ({worlds}); {counted} of {sum(t.kind == 'single' for t in answers)} single "
         "effects matter by 1 %"
     )
-    lines = [head, *figures(told).lines(), "", "hidden → named first", *confusion(told), "", *(t.line() for t in told)]
+    lines = [
+        head,
+        *figures(answers).lines(),
+        "",
+        "hidden → named first",
+        *confusion(answers),
+        "",
+        *(t.line() for t in answers),
+    ]
     return "\n".join(lines) + "\n"
 
 
-def write(told: Sequence[Told], folder: Path, name: str) -> None:
+def write(answers: Sequence[Answer], folder: Path, name: str) -> None:
     """The report as text, and all that it was made of as JSON."""
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / f"{name}.txt").write_text(report(told), encoding="utf-8")
-    found = figures(told)
+    (folder / f"{name}.txt").write_text(report(answers), encoding="utf-8")
+    found = figures(answers)
     facts = {
         "figures": [asdict(f) | {"share": f.share, "reached": f.reached} for f in found.shares],
         "mean_set_size": found.set_size,
         "median_error_ratio": found.median_ratio,
-        "confusion": confusion(told),
-        "cases": [asdict(t) | {"counts": t.counts, "right": t.right} for t in told],
+        "confusion": confusion(answers),
+        "cases": [asdict(t) | {"counts": t.counts, "right": t.right} for t in answers],
     }
     (folder / f"{name}.json").write_text(json.dumps(_finite(facts), indent=1, allow_nan=False) + "\n", encoding="utf-8")
 

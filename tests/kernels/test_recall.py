@@ -25,7 +25,7 @@ def path(seed: int, many: int = 400) -> tuple[Array, Array, Array]:
     return depth, rng.standard_normal(many) * 3e-3 + 9e-3 * np.cos(9.0 * t), dt
 
 
-def told(recall: Recall, dx: Array, dv: Array, dt: Array) -> Array:
+def remembered_change(recall: Recall, dx: Array, dv: Array, dt: Array) -> Array:
     """What a memory says of a path that is moved."""
     out = np.empty(len(dt))
     remembered(dx, dv, dt, recall.keep, recall.before, recall.now, recall.reach, recall.size, out)
@@ -49,7 +49,7 @@ def test_bristles_that_are_moved(length: float) -> None:
     changed = 0.5 * (z(rate + h) - z(rate - h))
     assert np.abs(changed).max() > 1e-10 / length
     # but for a sample that the step moves over a kink
-    off = np.abs(told(recall, np.zeros(len(dt)), h, dt) - changed)
+    off = np.abs(remembered_change(recall, np.zeros(len(dt)), h, dt) - changed)
     assert np.quantile(off, 0.98) < 1e-5 * np.abs(changed).max()
 
 
@@ -83,7 +83,9 @@ def test_the_deepest_that_is_moved(kind: str) -> None:
         step[i] = 1e-10
         changed = 0.5 * (law(depth + step, depth) - law(depth - step, depth))
         changed[i] = 0.0
-        np.testing.assert_allclose(told(recall, step, np.zeros(n), dt), changed, atol=1e-4 * 1e-10 / length)
+        np.testing.assert_allclose(
+            remembered_change(recall, step, np.zeros(n), dt), changed, atol=1e-4 * 1e-10 / length
+        )
 
 
 @pytest.mark.parametrize("parts", [0, 1, 3])
@@ -103,6 +105,6 @@ def test_forwards_solves_what_remembered_says(parts: int) -> None:
     rate = np.zeros(n)
     goes_on = dt > 0.0
     rate[goes_on] = np.diff(y, prepend=y[0])[goes_on] / dt[goes_on]
-    memory = told(recall, -c * y, -c * rate, dt)
+    memory = remembered_change(recall, -c * y, -c * rate, dt)
     memory[~goes_on] = 0.0  # where all begins anew nothing is remembered
     np.testing.assert_allclose(y + c * (stiff * y + lossy * rate) - memory, rest, atol=1e-9)

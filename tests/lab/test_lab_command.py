@@ -53,8 +53,8 @@ def test_streams_of_a_campaign_and_an_effect_in_a_part_of_the_surface(app: typer
     result = CliRunner().invoke(app, [*words, "-o", str(tmp_path / "c")])
     assert result.exit_code == 0, result.output
     assert (tmp_path / "c" / "poke_0000.mcap").is_file()
-    told = json.loads((tmp_path / "c" / "truth" / "poke_0000.json").read_text())["hidden"]
-    assert told["where"] == [[0.0, -0.05], [0.05, 0.0]]
+    facts = json.loads((tmp_path / "c" / "truth" / "poke_0000.json").read_text())["hidden"]
+    assert facts["where"] == [[0.0, -0.05], [0.05, 0.0]]
 
 
 def test_teleoperation(app: typer.Typer, tmp_path: Path) -> None:
@@ -73,9 +73,9 @@ def test_teleoperation_reflects_a_map_that_was_measured(app: typer.Typer, tmp_pa
     words = ["teleoperation", "--material", "mould", "--map", str(tmp_path / "map.parquet")]
     result = CliRunner().invoke(app, [*words, "--at", "0.02,0.02", "-o", str(tmp_path / "t")])
     assert result.exit_code == 0, result.output
-    told = json.loads((tmp_path / "t" / "teleoperation.json").read_text())
-    assert told["map"] == {"stiffness": pytest.approx(900.0, rel=0.01), "damping": pytest.approx(12.0, rel=0.01)}
-    assert told["place"] == [0.02, 0.02]
+    facts = json.loads((tmp_path / "t" / "teleoperation.json").read_text())
+    assert facts["map"] == {"stiffness": pytest.approx(900.0, rel=0.01), "damping": pytest.approx(12.0, rel=0.01)}
+    assert facts["place"] == [0.02, 0.02]
     away = CliRunner().invoke(app, [*words, "--at", "-0.04,-0.04", "-o", str(tmp_path / "u")])
     assert "doesn't know" in str(away.exception)
 

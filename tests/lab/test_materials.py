@@ -63,9 +63,9 @@ def test_patches_hold_their_own_law_and_the_last_one_wins() -> None:
     np.testing.assert_allclose(both.press(x, y, np.full(3, 0.01)), [3.0, 1.0, 900.0 * 0.01**1.5])
     assert both.packed().shape[0] == 3
     assert both.raster()[1].max() == 2
-    told = both.truth()["patches"]
-    assert isinstance(told, list)
-    assert told[1]["material"]["relaxation"] == ((0.5, 1.0),)
+    patches = both.truth()["patches"]
+    assert isinstance(patches, list)
+    assert patches[1]["material"]["relaxation"] == ((0.5, 1.0),)
 
 
 def test_what_has_no_place_can_t_be_planted_at_one() -> None:

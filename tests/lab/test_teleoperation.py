@@ -73,9 +73,9 @@ def test_materials_that_are_not_linear_or_not_the_same_everywhere_are_linearised
         ("band", (0.0, 0.0)),
         ("sponge", (0.0, 0.0)),
     ):
-        truth, told = at_place(materials.material(name), *place), poked(name, 1, place)
-        print(f"{name} at {place}: true {truth.stiffness:.1f} N/m, a poke says {told.stiffness:.1f}")
-        assert told.stiffness == pytest.approx(truth.stiffness, rel=0.05)
+        truth, fitted = at_place(materials.material(name), *place), poked(name, 1, place)
+        print(f"{name} at {place}: true {truth.stiffness:.1f} N/m, a poke says {fitted.stiffness:.1f}")
+        assert fitted.stiffness == pytest.approx(truth.stiffness, rel=0.05)
     assert at_place(materials.ECOFLEX, 0.0, 0.0) == Environment(732.0, 9.9)
     with pytest.raises(InputError, match="material 'wood'"):
         teleoperation.compare("wood")

@@ -114,10 +114,10 @@ def test_clocks_that_differ_are_stated_and_a_hidden_delay_is_not(tmp_path: Path,
         delay = float(truth["parameters"]["delay"])  # type: ignore[index]
     result = setup.run()
     write_experiment(tmp_path, result, {})
-    told = json.loads((tmp_path / "truth" / "log.json").read_text())["streams"]
-    assert 1e-6 < abs(told["wrench"]["offset"]) <= 2e-3
+    streams = json.loads((tmp_path / "truth" / "log.json").read_text())["streams"]
+    assert 1e-6 < abs(streams["wrench"]["offset"]) <= 2e-3
     rig = Rig.load(tmp_path / "rig.toml")
-    assert rig.streams.wrench_clock_offset == pytest.approx(-told["wrench_after_joints"], abs=1e-6)
+    assert rig.streams.wrench_clock_offset == pytest.approx(-streams["wrench_after_joints"], abs=1e-6)
     assert rig.streams == nominal.rig.streams
     deaf = rig.model_copy(update={"streams": StreamsSpec()})
     late = {name: _wrench_after_joints(tmp_path, each, result) for name, each in (("stated", rig), ("not", deaf))}
@@ -126,7 +126,7 @@ def test_clocks_that_differ_are_stated_and_a_hidden_delay_is_not(tmp_path: Path,
         f"{1e3 * late['stated']:.2f} ms"
     )
     # 0.03 N of noise on slopes of 20 N/s over 1500 samples: 0.04 ms
-    assert late["not"] == pytest.approx(told["wrench_after_joints"] + delay, abs=2e-4 + 0.05 * delay)
+    assert late["not"] == pytest.approx(streams["wrench_after_joints"] + delay, abs=2e-4 + 0.05 * delay)
     assert late["stated"] == pytest.approx(delay, abs=2e-4 + 0.05 * delay)
 
 

@@ -14,7 +14,7 @@ MS = 1_000_000
 START = 1_700_000_000_000_000_000
 
 
-class Told(list[tuple[str, str]]):
+class Reports(list[tuple[str, str]]):
     """What an aligner reports."""
 
     def __call__(self, kind: str, says: str) -> None:
@@ -45,8 +45,8 @@ def test_pairs_are_those_of_a_log(period: float, offset: float) -> None:
     keep[100:110] = False  # a gap that isn't bridged
     t_joints = t_joints[keep]
     q, w = rng.normal(size=(len(t_joints), 2)), rng.normal(size=(len(t_wrench), 6))
-    told, out = Told(), []
-    aligner = Aligner(NAMES, told, wrench_offset=offset)
+    reports, out = Reports(), []
+    aligner = Aligner(NAMES, reports, wrench_offset=offset)
     items = [(int(t), 0, i) for i, t in enumerate(t_joints)] + [(int(t), 1, i) for i, t in enumerate(t_wrench)]
     for stamp, kind, i in sorted(items):
         aligner.put(Wrench(stamp, stamp, w[i]) if kind else Joints(stamp, stamp, q[i]))
@@ -65,21 +65,21 @@ def test_pairs_are_those_of_a_log(period: float, offset: float) -> None:
     assert len(common) > 0.9 * len(expected)
     # the same line through the same samples; times of a log are rounded to a part in 10¹⁶
     np.testing.assert_allclose([found[s] for s in common], [expected[s] for s in common], atol=1e-9)
-    assert "gap" in told.kinds
+    assert "gap" in reports.kinds
 
 
 def test_late_and_repeated_samples_are_left_out_and_told() -> None:
-    told = Told()
-    aligner = Aligner(NAMES, told)
+    reports = Reports()
+    aligner = Aligner(NAMES, reports)
     for k in (0, 1, 2, 4, 3, 4, 5):
         aligner.put(joints(k, received=START + 10 * MS))
-    assert told.kinds == ["late", "repeated"]
+    assert reports.kinds == ["late", "repeated"]
 
 
 @pytest.mark.parametrize("jump", [3.0, -3.0, 0.4, -0.4])
 def test_time_goes_on_over_a_jump_of_the_clock(jump: float) -> None:
-    told, times = Told(), []
-    aligner = Aligner(NAMES, told)
+    reports, times = Reports(), []
+    aligner = Aligner(NAMES, reports)
     for k in range(400):
         moved = round(jump * 1e9) if k >= 200 else 0
         at = START + k * MS
@@ -87,9 +87,9 @@ def test_time_goes_on_over_a_jump_of_the_clock(jump: float) -> None:
         aligner.put(wrench(k, at, at + moved))
         while aligner.pair():
             times.append(aligner.t)
-    assert told.kinds.count("clock-jump") == 2
+    assert reports.kinds.count("clock-jump") == 2
     # a jump back costs the samples until it is sure: two of each stream
-    assert set(told.kinds) == {"clock-jump"} | ({"late"} if jump < 0 else set())
+    assert set(reports.kinds) == {"clock-jump"} | ({"late"} if jump < 0 else set())
     steps = np.diff(times)
     assert steps.min() > 0.0
     assert steps.max() < 4e-3
@@ -97,43 +97,43 @@ def test_time_goes_on_over_a_jump_of_the_clock(jump: float) -> None:
 
 
 def test_a_pause_is_no_jump_and_a_burst_is_told_as_one() -> None:
-    told = Told()
-    aligner = Aligner(NAMES, told)
+    reports = Reports()
+    aligner = Aligner(NAMES, reports)
     for k in [*range(100), *range(600, 700)]:
         aligner.put(joints(k))
-    assert told.kinds == ["gap"]
+    assert reports.kinds == ["gap"]
     for k in range(700, 800):  # all come at once, when the last is due
         aligner.put(joints(k, START + 800 * MS))
-    assert told.kinds == ["gap", "delayed"]
+    assert reports.kinds == ["gap", "delayed"]
 
 
 def test_clocks_of_different_epochs_are_put_together() -> None:
-    told = Told()
-    aligner = Aligner(NAMES, told)
+    reports = Reports()
+    aligner = Aligner(NAMES, reports)
     pairs = 0
     for k in range(50):
         at = START + k * MS
         aligner.put(Joints(at, 5 * MS * 1000 + k * MS, [0.0, 0.0]))  # a clock that counts from the robot's start
         aligner.put(wrench(k))
         pairs += aligner.pair()
-    assert told.kinds == ["clock-offset"]
+    assert reports.kinds == ["clock-offset"]
     assert pairs >= 48
 
 
 def test_clocks_that_begin_at_zero_or_below() -> None:
-    told = Told()
-    aligner = Aligner(NAMES, told)
+    reports = Reports()
+    aligner = Aligner(NAMES, reports)
     for k in range(-5, 5):
         aligner.put(Joints(START + k * MS, k * MS, [1.0, 2.0]))
         aligner.put(Wrench(START + k * MS, k * MS, [0.0] * 6))
         assert aligner.pair()
     assert aligner.t == pytest.approx(9e-3, abs=1e-12)
-    assert told == []
+    assert reports == []
 
 
 def test_joints_are_found_by_their_names() -> None:
-    told = Told()
-    aligner = Aligner(NAMES, told)
+    reports = Reports()
+    aligner = Aligner(NAMES, reports)
     aligner.put(Joints(START, START, [2.0, 1.0], names=("b", "a")))
     aligner.put(wrench(0))
     assert aligner.pair()
@@ -141,7 +141,7 @@ def test_joints_are_found_by_their_names() -> None:
     for names in (("a", "c"), ("a",), ()):
         assert aligner.put(Joints(START + MS, START + MS, [0.0] * len(names), names=names)) is None
     assert aligner.put(Joints(START + MS, START + MS, [0.0] * 3)) is None
-    assert told.kinds == ["joint-names"] * 4
+    assert reports.kinds == ["joint-names"] * 4
 
 
 @pytest.mark.parametrize(
@@ -157,8 +157,8 @@ def test_joints_are_found_by_their_names() -> None:
     ],
 )
 def test_what_is_no_sample_is_told(sample: Joints | Wrench, kind: str) -> None:
-    told = Told()
-    aligner = Aligner(NAMES, told)
+    reports = Reports()
+    aligner = Aligner(NAMES, reports)
     aligner.put(joints(0))
     assert aligner.put(sample) is None
-    assert told.kinds == [kind]
+    assert reports.kinds == [kind]

@@ -147,10 +147,10 @@ def test_an_opened_estimator_follows_the_new_material(
         step = pipeline.step
 
         def watched(t: float, *sample: Any, step: Any = step, pipeline: Any = pipeline, late: Any = late) -> int:
-            told: int = step(t, *sample)
+            event_bits: int = step(t, *sample)
             if t > over.border + 0.2:
                 late.append(pipeline.estimates["friction"].innovation)
-            return told
+            return event_bits
 
         pipeline.step = watched  # type: ignore[method-assign]
         session.run()

@@ -57,7 +57,7 @@ class Watched(Pipeline):
     touched, wrong, valid = 0.0, 0.0, 0.0
 
     def step(self, t: float, q: Array, wrench: Array, dq: Array) -> int:
-        told = super().step(t, q, wrench, dq)
+        event_bits = super().step(t, q, wrench, dq)
         if self.touching and t < (self.touched or t) + 1.0:
             self.touched = self.touched or t
             estimate = self.estimates["normal"]
@@ -65,7 +65,7 @@ class Watched(Pipeline):
                 self.wrong = t - self.touched
             if estimate.valid:
                 self.valid = self.valid or t - self.touched
-        return told
+        return event_bits
 
 
 def test_starting_from_the_map_is_sooner(tmp_path: Path, rig: Rig, rows: list[Item]) -> None:

@@ -20,15 +20,15 @@ def log(scripted: Scripted, tmp_path: Path) -> Path:
 
 
 def test_a_log_is_watched_recorded_and_read_again(run: Run, log: Path) -> None:
-    record, told = log.parent / "out.mcap", log.parent / "out.json"
+    record, summary = log.parent / "out.mcap", log.parent / "out.json"
     code, out, err = run(
         *("live", log, "--model", "kelvin-voigt,coulomb-friction", "--speed", 0, "--tare", 2),
-        *("--record", record, "--json", told),
+        *("--record", record, "--json", summary),
     )
     assert code == 0, err
     assert "touch at" in out
     assert "7500 samples over 15 s" in out
-    facts = json.loads(told.read_text())
+    facts = json.loads(summary.read_text())
     assert facts["events"]["touch"] == 1
     assert facts["list"][0]["kind"] == "touch"
     assert facts["estimates"]["normal"]["values"]["stiffness"] == pytest.approx(732, rel=0.02)

@@ -96,10 +96,10 @@ def test_a_recording_gives_the_same_estimates_again(recorded: tuple[Path, Sessio
     assert log.q is not None
     assert log.wrench is not None
     for t, q, wrench in zip(log.t.tolist(), np.array(log.q), np.array(log.wrench)):
-        told = pipeline.step(t, q, wrench, none)
-        assert told >= 0
-        if told:
-            pipeline.explain(told, t)
+        event_bits = pipeline.step(t, q, wrench, none)
+        assert event_bits >= 0
+        if event_bits:
+            pipeline.explain(event_bits, t)
     for part, estimate in session.pipeline.estimates.items():
         # asked for; what differs is how times are rounded
         np.testing.assert_allclose(pipeline.estimates[part].values, estimate.values, rtol=1e-9)

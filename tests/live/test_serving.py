@@ -54,9 +54,9 @@ class Viewer:
         self.info = json.loads(self.connection.recv(5))
         self.channels = {}
         while len(self.channels) < len(TOPICS):
-            told = json.loads(self.connection.recv(5))
-            if told["op"] == "advertise":
-                self.channels.update({channel["id"]: channel for channel in told["channels"]})
+            message = json.loads(self.connection.recv(5))
+            if message["op"] == "advertise":
+                self.channels.update({channel["id"]: channel for channel in message["channels"]})
         wanted = [{"id": number, "channelId": number} for number in self.channels]
         self.connection.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
 

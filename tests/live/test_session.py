@@ -193,23 +193,25 @@ def test_each_of_many_faults_is_told(many: int, rig: Rig) -> None:
     for k, fault, _ in planted:
         fault(streams, k)
     items = streams.items()
-    source, told = Prepared(items), []
+    source, reports = Prepared(items), []
 
     def tell(event: Event) -> None:
         item = items[source.at]
         assert item is not None
-        told.append((event.kind, (item.received - 1_000_000_000) / MS))
+        reports.append((event.kind, (item.received - 1_000_000_000) / MS))
 
     session = Session(source, Pipeline(rig, MODEL), NAMES, tell=tell)
     session.run()
     missed = [
-        (kind, k) for k, _, kind in planted if not any(name == kind and k <= at < k + EACH - 100 for name, at in told)
+        (kind, k)
+        for k, _, kind in planted
+        if not any(name == kind and k <= at < k + EACH - 100 for name, at in reports)
     ]
     print(f"{len(planted)} faults, {len(missed)} not told; events {dict(session.counts)}")
     assert missed == []
     assert session.counts["stream-lost"] == session.counts["stream-returned"]
     # what else is told belongs to a fault: nothing comes between them
-    assert all((at % EACH) < 400 for _, at in told)
+    assert all((at % EACH) < 400 for _, at in reports)
     # no more is lost than what was lost
     died = sum(250 for _, fault, _ in planted if fault is die)
     assert session.samples > len(streams.joints) - died - 10 * len(planted)

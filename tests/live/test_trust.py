@@ -73,9 +73,9 @@ def test_a_good_session_is_silent_and_its_table_has_units(run: Run, scripted: Sc
     assert code == 0, err
     assert "N·s/m" in out
     assert "doubt" not in out
-    told = json.loads(facts.read_text())
-    assert told["estimates"]["normal"]["units"] == {"stiffness": "N/m", "damping": "N·s/m"}
-    assert told["doubts"] == []
+    summary = json.loads(facts.read_text())
+    assert summary["estimates"]["normal"]["units"] == {"stiffness": "N/m", "damping": "N·s/m"}
+    assert summary["doubts"] == []
     # a word in brackets is printed as it is
     assert "add [sensor] bias" in run(*args, "--duration", 1)[1]
 

@@ -116,7 +116,7 @@ def test_each_fault_on_the_way_is_told(many: int, rig: Rig) -> None:
     rng = np.random.default_rng(28)
     kinds = [*KINDS, *rng.choice(KINDS, many - len(KINDS)).tolist()]
     rng.shuffle(kinds)
-    port, told = free(), list[tuple[int, str]]()
+    port, reports = free(), list[tuple[int, str]]()
     pipeline = Pipeline(rig, ("kelvin-voigt", "coulomb-friction"))
     plan = [(EACH * (1 + i), kind) for i, kind in enumerate(kinds)]
     with process(port, "peer", EACH * (many + 1), plan) as robot:
@@ -124,7 +124,7 @@ def test_each_fault_on_the_way_is_told(many: int, rig: Rig) -> None:
         source = open_source(f"zenoh://127.0.0.1:{port}", Asked(rig, NAMES))
 
         def tell(event: Event) -> None:
-            told.append((time.monotonic_ns(), event.kind))
+            reports.append((time.monotonic_ns(), event.kind))
 
         session, lines = Session(source, pipeline, NAMES, tell=tell), list[str]()
 
@@ -144,7 +144,7 @@ def test_each_fault_on_the_way_is_told(many: int, rig: Rig) -> None:
     missed = [
         (kind, at)
         for (at, kind), end in zip(planted, ends)
-        if not any(at <= t < end and kind == name for t, name in told)
+        if not any(at <= t < end and kind == name for t, name in reports)
     ]
     print(f"{len(planted)} faults, {len(missed)} not told; events {dict(session.counts)}")
     assert missed == []
@@ -180,9 +180,9 @@ def test_what_cannot_be_reached_is_one_line(monkeypatch: pytest.MonkeyPatch) -> 
     import kinid.live.sources.zenoh as source
 
     monkeypatch.setattr(source, "ANSWERS", 0.2)
-    with pytest.raises(InputError, match=r"nobody who answers at zenoh://127.0.0.1:\d+/0") as told:
+    with pytest.raises(InputError, match=r"nobody who answers at zenoh://127.0.0.1:\d+/0") as refused:
         Client(f"127.0.0.1:{free()}")
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(refused.value)
     with pytest.raises(InputError, match="correct .streams. wrench"):
         Client(f"127.0.0.1:{free()}", Rig.parse_text('[streams]\nwrench = "/ft//wrench"\n'))
     monkeypatch.setitem(sys.modules, "zenoh", None)

@@ -11,7 +11,7 @@ import kinid
 from kinid.errors import InputError
 from kinid.mapping.boundaries import SlidePath, by_slope, changes, paths
 from kinid.mapping.exploration import Region, explore, next_poke, pokes_after_slides
-from kinid.mapping.interpolation import METHODS, PlaneGround
+from kinid.mapping.interpolation import METHODS, PlaneSites
 from kinid.mapping.interpolation.gaussian_process import interpolator
 from kinid.mapping.interpolation.triangles import Triangles
 
@@ -137,7 +137,7 @@ def explored(seed, count, prior=None, moved=True):
     ticks = np.linspace(-0.045, 0.045, 10)
     grid = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), -1).reshape(-1, 2)
     values = poke(grid)
-    even = Triangles(PlaneGround(grid, reach=1.0), values, 0.005 * values)
+    even = Triangles(PlaneSites(grid, reach=1.0), values, 0.005 * values)
     expect = None if prior is None else prior(at)
     *_, grown = explore(
         lambda p: ((v := float(poke(p[None])[0])), 0.005 * v),
@@ -148,7 +148,7 @@ def explored(seed, count, prior=None, moved=True):
         prior=expect,
     )
     # what the grid's mid-cells and rim are to it, all the region is to the exploration
-    wide = Triangles(PlaneGround(grown.ground.places, reach=1.0), grown.values, grown.noise, expect)
+    wide = Triangles(PlaneSites(grown.sample_sites.places, reach=1.0), grown.values, grown.noise, expect)
     return error(wide.at(q).mean, truth), error(even.at(q).mean, truth)
 
 
@@ -207,9 +207,9 @@ def test_eight_slides_and_thirty_five_pokes_are_better_than_a_grid_of_a_hundred(
 
         *_, poked = explore(poke, REGION, start, apart=4e-3, most=35)
         places, values = zip(*(felt_along(way) for way in ways))
-        places, values = np.vstack([poked.ground.places, *places]), np.concatenate([poked.values, *values])
+        places, values = np.vstack([poked.sample_sites.places, *places]), np.concatenate([poked.values, *values])
         even = at(grid) * (1 + 0.005 * rng.standard_normal(100))
-        few, many = (Triangles(PlaneGround(p, reach=1.0), v, 0.005 * v) for p, v in ((places, values), (grid, even)))
+        few, many = (Triangles(PlaneSites(p, reach=1.0), v, 0.005 * v) for p, v in ((places, values), (grid, even)))
         errors.append([error(grown.at(q).mean, at(q)) for grown in (few, many)])
     few, many = np.mean(errors, axis=0)
     print(f"eight slides and 35 pokes {100 * few:.2f} %, a grid of 100 pokes {100 * many:.2f} %, {len(errors)} moulds")
@@ -236,7 +236,7 @@ def test_what_is_expected_saves_pokes_and_a_wrong_guess_costs_little():
 def test_the_next_poke_halves_the_widest_open_border():
     ticks = np.linspace(-0.045, 0.045, 4)
     places = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), -1).reshape(-1, 2)
-    grown = Triangles(PlaneGround(places), np.where(places[:, 0] < 0.02, 500.0, 1000.0), np.full(16, 1.0))
+    grown = Triangles(PlaneSites(places), np.where(places[:, 0] < 0.02, 500.0, 1000.0), np.full(16, 1.0))
     assert next_poke(grown, REGION, apart=4e-3).place[0] == pytest.approx(0.03)
     with pytest.raises(InputError, match="every place poked"):
         next_poke(grown, REGION, apart=0.05)
@@ -246,7 +246,7 @@ def test_the_next_poke_halves_the_widest_open_border():
 def test_any_map_on_a_plane_says_where_to_poke_next(method):
     ticks = np.linspace(-0.045, 0.045, 4)
     places = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), -1).reshape(-1, 2)
-    grown = interpolator(method, PlaneGround(places), np.where(places[:, 0] < 0.02, 500.0, 1000.0), np.full(16, 1.0))
+    grown = interpolator(method, PlaneSites(places), np.where(places[:, 0] < 0.02, 500.0, 1000.0), np.full(16, 1.0))
     assert next_poke(grown, REGION, apart=4e-3).place[0] == pytest.approx(0.03)
     with pytest.raises(InputError, match="a positive distance"):
         next_poke(grown, REGION, apart=float("nan"))
@@ -255,12 +255,12 @@ def test_any_map_on_a_plane_says_where_to_poke_next(method):
 def test_a_map_on_a_mesh_has_no_next_poke():
     import trimesh
 
-    from kinid.mapping.interpolation.mesh import MeshGround, on_mesh
+    from kinid.mapping.interpolation.mesh import MeshSites, on_mesh
     from kinid.robotics.surface import Mesh
 
     ball = trimesh.creation.icosphere(subdivisions=1, radius=0.05)
     mesh = Mesh(np.asarray(ball.vertices), np.asarray(ball.faces))
-    grown = on_mesh("nearest", MeshGround(mesh, mesh.vertices[:5]), np.ones(5))
+    grown = on_mesh("nearest", MeshSites(mesh, mesh.vertices[:5]), np.ones(5))
     with pytest.raises(InputError, match="'triangles'"):
         next_poke(grown, REGION, apart=4e-3)
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import check_grad
 
 from kinid.errors import InputError
-from kinid.mapping.interpolation import METHODS, PlaneGround
+from kinid.mapping.interpolation import METHODS, PlaneSites
 from kinid.mapping.interpolation.covariance import distances, evidence
 from kinid.mapping.interpolation.gaussian_process import GaussianProcess, interpolator
 from kinid.mapping.interpolation.segments import belonging
@@ -39,7 +39,7 @@ def smooth():
 @pytest.mark.parametrize(("method", "limit"), [("gp", 0.010), ("biharmonic", 0.010), ("nearest", 0.04)])
 def test_a_smooth_surface_comes_back(smooth, method, limit):
     places, values, noise, queries, truth = smooth
-    guess = interpolator(method, PlaneGround(places), values, noise).at(queries)
+    guess = interpolator(method, PlaneSites(places), values, noise).at(queries)
     assert guess.known.mean() > 0.9
     error = np.sqrt(np.nanmean((guess.mean - truth) ** 2)) / np.ptp(truth)
     assert error < limit
@@ -47,7 +47,7 @@ def test_a_smooth_surface_comes_back(smooth, method, limit):
 
 def test_the_process_states_its_uncertainty_truly(smooth):
     places, values, noise, queries, truth = smooth
-    process = GaussianProcess.fit(PlaneGround(places), values, noise)
+    process = GaussianProcess.fit(PlaneSites(places), values, noise)
     guess = process.at(queries)
     inside = np.abs(guess.mean - truth)[guess.known] < 1.96 * guess.sd[guess.known]
     # 3600 correlated answers: the share scatters by some per cent about 95 %
@@ -57,7 +57,7 @@ def test_the_process_states_its_uncertainty_truly(smooth):
 
 def test_many_queries_at_once_are_answered_as_single_ones(smooth):
     places, values, noise, queries, _ = smooth
-    process = GaussianProcess.fit(PlaneGround(places), values, noise)
+    process = GaussianProcess.fit(PlaneSites(places), values, noise)
     many, few = process.at(queries), process.at(queries[:50])
     size = process.covariance.size
     # single precision: 1e-3 of the prior for deviations, as stated
@@ -67,9 +67,9 @@ def test_many_queries_at_once_are_answered_as_single_ones(smooth):
 
 def test_a_probe_added_is_a_probe_fitted(smooth):
     places, values, noise, queries, _ = smooth
-    whole = GaussianProcess.fit(PlaneGround(places[:80]), values[:80], noise[:80])
+    whole = GaussianProcess.fit(PlaneSites(places[:80]), values[:80], noise[:80])
     part = GaussianProcess._built(
-        PlaneGround(places[:79]),
+        PlaneSites(places[:79]),
         values[:79],
         noise[:79],
         whole.covariance,
@@ -97,16 +97,16 @@ def test_the_evidence_has_the_derivative_that_is_used(smooth, kind):
 def test_leaving_out_in_closed_form_is_leaving_out(smooth, method):
     places, values, noise, _, _ = smooth
     places, values, noise = places[:30], values[:30], noise[:30] if method == "gp" else None
-    whole = interpolator(method, PlaneGround(places, reach=1.0), values, noise)
+    whole = interpolator(method, PlaneSites(places, reach=1.0), values, noise)
     i = 7
     rest = np.arange(30) != i
-    ground = PlaneGround(places[rest], reach=1.0)
+    sample_sites = PlaneSites(places[rest], reach=1.0)
     if method == "gp":
         other = GaussianProcess._built(
-            ground, values[rest], noise[rest], whole.covariance, whole.mean, np.zeros(29, dtype=np.int64), 1.0
+            sample_sites, values[rest], noise[rest], whole.covariance, whole.mean, np.zeros(29, dtype=np.int64), 1.0
         )
     else:
-        other = interpolator(method, ground, values[rest])
+        other = interpolator(method, sample_sites, values[rest])
     alone = other.at(places[i : i + 1]).mean[0]
     assert whole.left_out[i] == pytest.approx(values[i] - alone, rel=1e-5, abs=1e-7)
 
@@ -116,7 +116,7 @@ def test_a_sharp_edge_stays_sharp():
     ticks = np.linspace(-0.045, 0.045, 10)
     places = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), -1).reshape(-1, 2)
     values = np.where(places[:, 0] < 0, 500.0, 1000.0) * (1 + 0.005 * rng.standard_normal(100))
-    process = GaussianProcess.fit(PlaneGround(places), values, 0.005 * values)
+    process = GaussianProcess.fit(PlaneSites(places), values, 0.005 * values)
     assert process.across < 1.0
     sides = process.at(np.array([[-0.004, 0.012], [0.004, 0.012], [0.0, 0.012]]))
     # half-way between probes on each side: a smooth surface would be a quarter of the step off
@@ -129,7 +129,7 @@ def test_a_smooth_slope_has_no_edges():
     ticks = np.linspace(-0.045, 0.045, 9)
     places = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), -1).reshape(-1, 2)
     values = 1000 + 5000 * places[:, 0] + np.random.default_rng(0).normal(scale=2.0, size=81)
-    assert GaussianProcess.fit(PlaneGround(places), values, np.full(81, 2.0)).across == 1.0
+    assert GaussianProcess.fit(PlaneSites(places), values, np.full(81, 2.0)).across == 1.0
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -137,7 +137,7 @@ def test_empty_places_are_unknown(method):
     rng = np.random.default_rng(2)
     places = rng.uniform(0, 0.1, (200, 2))
     places = places[np.hypot(*(places - 0.05).T) > 0.03]
-    guess = interpolator(method, PlaneGround(places), np.sin(30 * places[:, 0]), np.full(len(places), 0.01)).at(
+    guess = interpolator(method, PlaneSites(places), np.sin(30 * places[:, 0]), np.full(len(places), 0.01)).at(
         np.array([[0.05, 0.05], [0.3, 0.3], places[0]])
     )
     assert guess.known.tolist() == [False, False, True]
@@ -148,23 +148,21 @@ def test_empty_places_are_unknown(method):
 def test_the_unit_of_length_does_not_matter_to_the_spline():
     rng = np.random.default_rng(3)
     places, values = rng.uniform(0, 0.1, (25, 2)), rng.normal(size=25)
-    metres = interpolator("biharmonic", PlaneGround(places, reach=1.0), values).at(places[:5] + 1e-3).mean
+    metres = interpolator("biharmonic", PlaneSites(places, reach=1.0), values).at(places[:5] + 1e-3).mean
     feet = (
-        interpolator("biharmonic", PlaneGround(places / 0.3048, reach=4.0), values)
-        .at((places[:5] + 1e-3) / 0.3048)
-        .mean
+        interpolator("biharmonic", PlaneSites(places / 0.3048, reach=4.0), values).at((places[:5] + 1e-3) / 0.3048).mean
     )
     assert np.allclose(metres, feet, rtol=1e-6, atol=1e-8, equal_nan=True)
 
 
 def test_bad_input_is_said():
-    ground = PlaneGround(np.zeros((2, 2)) + [[0.0, 0], [0.01, 0]])
+    sample_sites = PlaneSites(np.zeros((2, 2)) + [[0.0, 0], [0.01, 0]])
     with pytest.raises(InputError, match="method 'krig'"):
-        interpolator("krig", ground, np.ones(2))
+        interpolator("krig", sample_sites, np.ones(2))
     with pytest.raises(InputError, match="a number for each place"):
-        interpolator("gp", ground, np.array([1.0, np.nan]))
+        interpolator("gp", sample_sites, np.array([1.0, np.nan]))
     with pytest.raises(InputError, match="places of shape"):
-        PlaneGround(np.array([[0.0, np.nan]]))
+        PlaneSites(np.array([[0.0, np.nan]]))
 
 
 @pytest.mark.real
@@ -189,7 +187,7 @@ def test_a_measured_phantom_is_mapped_no_worse_than_by_scikit_learn(real_data):
     ours, theirs = [], []
     for k in (0, 1):
         train, test = fold != k, fold == k
-        mine = GaussianProcess.fit(PlaneGround(flat[train], reach=1.0), slope[train], error[train]).at(flat[test])
+        mine = GaussianProcess.fit(PlaneSites(flat[train], reach=1.0), slope[train], error[train]).at(flat[test])
         ours.append(np.where(mine.known, mine.mean, slope[train].mean()) - slope[test])
         spread = slope[train].std()
         kernel = kernels.ConstantKernel(1.0) * kernels.Matern(0.01, (1e-3, 1.0), nu=1.5) + kernels.WhiteKernel(0.1)
@@ -214,7 +212,7 @@ def test_edges_of_triangles_run_along_a_border():
     def truth(q):
         return np.where(q[:, 1] > 0.02 + 0.55 * q[:, 0], 1000.0, 500.0)
 
-    mapped = interpolator("triangles", PlaneGround(places, reach=1.0), truth(places), np.ones(60)).at(inside)
+    mapped = interpolator("triangles", PlaneSites(places, reach=1.0), truth(places), np.ones(60)).at(inside)
     plain = np.exp(LinearNDInterpolator(places, np.log(truth(places)))(inside))
     wrong = np.abs(mapped.mean / truth(inside) - 1)
     assert np.nanmean(wrong) < 0.85 * np.nanmean(np.abs(plain / truth(inside) - 1))
@@ -234,12 +232,12 @@ def test_triangles_meet_their_probes_and_are_exact_on_a_plane():
     rng = np.random.default_rng(10)
     places = rng.uniform(0, 0.1, (40, 2))
     values = np.exp(1 + 3 * places[:, 0] - 5 * places[:, 1])
-    mapped = interpolator("triangles", PlaneGround(places, reach=1.0), values, np.full(40, 1e-6))
+    mapped = interpolator("triangles", PlaneSites(places, reach=1.0), values, np.full(40, 1e-6))
     assert np.allclose(mapped.at(places).mean, values)
     middle = rng.uniform(0.03, 0.07, (50, 2))
     assert np.allclose(mapped.at(middle).mean, np.exp(1 + 3 * middle[:, 0] - 5 * middle[:, 1]))
     for count in (1, 2, 3):
-        few = interpolator("triangles", PlaneGround(places[:count], reach=1.0), values[:count], np.full(count, 1e-6))
+        few = interpolator("triangles", PlaneSites(places[:count], reach=1.0), values[:count], np.full(count, 1e-6))
         assert np.allclose(few.at(places[:count]).mean, values[:count])
 
 
@@ -258,7 +256,7 @@ def stubborn(agree: bool):
 
 def test_where_probes_agree_against_the_surface_it_is_not_sure():
     places, values, noise, corner = stubborn(True)
-    guess = GaussianProcess.fit(PlaneGround(places), values, noise).at(places)
+    guess = GaussianProcess.fit(PlaneSites(places), values, noise).at(places)
     away = np.abs(guess.mean - values)
     assert (guess.sd[corner] >= 0.5 * away[corner]).all()
     # those who agree with the surface know their places as before
@@ -274,53 +272,53 @@ def test_probes_that_agree_far_better_than_their_errors_are_believed_among_thems
     rng = np.random.default_rng(3)
     values = np.where(corner, 1700.0, np.where(places[:, 0] < 0.025, 1000.0, 2400.0)) + 3.0 * rng.standard_normal(36)
     noise = np.where(corner, 430.0, 3.0)
-    grown = GaussianProcess.fit(PlaneGround(places), values, noise)
+    grown = GaussianProcess.fit(PlaneSites(places), values, noise)
     guess = grown.at(places)
     assert np.allclose(guess.mean, values, atol=40.0)
     assert (guess.sd[corner] > 400.0).all()
     assert (guess.sd[~corner] < 40.0).all()
     # large errors that are each a probe's own are not believed
     alone = np.where(corner, 2400.0 + 430.0 * rng.standard_normal(36), values)
-    own = GaussianProcess.fit(PlaneGround(places), alone, noise)
+    own = GaussianProcess.fit(PlaneSites(places), alone, noise)
     assert own.shared is None
     assert np.abs(own.at(places).mean[corner] - 2400.0).max() < 200.0
 
 
 def test_left_out_a_probe_is_of_the_zone_of_most_of_its_neighbours():
     places = np.array([[-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [1.0, 0.0]])
-    zones, share = belonging(np.zeros((1, 2)), places, np.array([0, 0, 0, 1]), 1.0)
-    assert zones.tolist() == [[0, 1]]
+    segments, share = belonging(np.zeros((1, 2)), places, np.array([0, 0, 0, 1]), 1.0)
+    assert segments.tolist() == [[0, 1]]
     assert share[0] == pytest.approx([0.75, 0.25])
     # beside one of them it is of that one's
-    zones, share = belonging(np.array([[0.9, 0.0]]), places, np.array([0, 0, 0, 1]), 1.0)
-    assert zones[0, 0] == 1
+    segments, share = belonging(np.array([[0.9, 0.0]]), places, np.array([0, 0, 0, 1]), 1.0)
+    assert segments[0, 0] == 1
     assert share[0, 0] > 0.98
-    zones, share = belonging(np.zeros((2, 2)), places, np.zeros(4, dtype=int), 1.0)
-    assert (zones.tolist(), share.tolist()) == ([[0, 0]] * 2, [[1.0, 0.0]] * 2)
+    segments, share = belonging(np.zeros((2, 2)), places, np.zeros(4, dtype=int), 1.0)
+    assert (segments.tolist(), share.tolist()) == ([[0, 0]] * 2, [[1.0, 0.0]] * 2)
 
 
 def test_errors_to_both_sides_are_chance():
     places, values, noise, corner = stubborn(False)
-    process = GaussianProcess.fit(PlaneGround(places), values, noise)
-    assert not process.misfit[corner].any()
+    process = GaussianProcess.fit(PlaneSites(places), values, noise)
+    assert not process.local_bias[corner].any()
     assert (process.at(places[corner]).sd < 0.5 * 450.0).all()
 
 
 def test_chance_alone_is_seldom_taken_for_disagreement(smooth):
     places, values, noise, _, _ = smooth
-    process = GaussianProcess.fit(PlaneGround(places), values, noise)
+    process = GaussianProcess.fit(PlaneSites(places), values, noise)
     # the process takes up what neighbours share, so that fewer stay beyond two standard errors than the 5 % of white
     # noise, each of them with its neighbours
-    assert np.mean(process.misfit > 0) < 0.2
+    assert np.mean(process.local_bias > 0) < 0.2
     own = np.sqrt(noise**2 + process.covariance.nugget**2)
-    assert np.max(process.misfit / own) < 2.5
+    assert np.max(process.local_bias / own) < 2.5
 
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("query", [[[np.nan, 0.0]], [[np.inf, 0.0]], [[0.0, 0.0, 0.0]], [["here", "there"]]])
 def test_places_that_are_none_are_refused(method, query):
-    ground = PlaneGround(np.random.default_rng(0).uniform(0, 0.1, (12, 2)))
-    between = interpolator(method, ground, np.arange(12.0) + 1.0, np.ones(12))
+    sample_sites = PlaneSites(np.random.default_rng(0).uniform(0, 0.1, (12, 2)))
+    between = interpolator(method, sample_sites, np.arange(12.0) + 1.0, np.ones(12))
     with pytest.raises(InputError, match=r"along the plane's tangents \[m\]"):
         between.at(query)
     assert len(between.at(np.zeros((0, 2))).mean) == 0
@@ -329,5 +327,5 @@ def test_places_that_are_none_are_refused(method, query):
 def test_probes_all_at_one_place_are_their_mean_there() -> None:
     """They say nothing of distances, which a search for a length fell over."""
     values = np.random.default_rng(0).normal(500.0, 1.0, 8)
-    guess = interpolator("gp", PlaneGround(np.zeros((8, 2))), values, np.full(8, 1.0)).at(np.zeros((1, 2)))
+    guess = interpolator("gp", PlaneSites(np.zeros((8, 2))), values, np.full(8, 1.0)).at(np.zeros((1, 2)))
     assert guess.mean[0] == pytest.approx(values.mean(), abs=0.5)  # a standard error of eight values is 0.35

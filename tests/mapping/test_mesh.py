@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from kinid.errors import InputError
-from kinid.mapping.interpolation.mesh import MeshGround, on_mesh, shares
+from kinid.mapping.interpolation.mesh import MeshSites, on_mesh, shares
 from kinid.robotics.surface import Mesh
 
 
@@ -27,8 +27,8 @@ def test_a_smooth_function_of_a_ball_comes_back(ball, method, limit):
     def height(p):
         return 1000 + 300 * p[:, 2] / 0.05 + 150 * p[:, 0] * p[:, 1] / 0.05**2
 
-    ground = MeshGround(ball, places, reach=1.0)
-    guess = on_mesh(method, ground, height(places), np.full(120, 5.0)).at(np.arange(len(ball.vertices)))
+    sample_sites = MeshSites(ball, places, reach=1.0)
+    guess = on_mesh(method, sample_sites, height(places), np.full(120, 5.0)).at(np.arange(len(ball.vertices)))
     truth = height(ball.vertices)
     assert np.sqrt(np.nanmean((guess.mean - truth) ** 2)) / np.ptp(truth) < limit
 
@@ -39,7 +39,7 @@ def test_the_process_knows_how_sure_it_is(ball):
     places[:, 2] = np.abs(places[:, 2])  # the lower half is never touched
     places *= 0.05 / np.linalg.norm(places, axis=1, keepdims=True)
     values = 1000 + 4000 * places[:, 0]
-    guess = on_mesh("gp", MeshGround(ball, places), values, np.full(60, 5.0)).at(np.arange(len(ball.vertices)))
+    guess = on_mesh("gp", MeshSites(ball, places), values, np.full(60, 5.0)).at(np.arange(len(ball.vertices)))
     top, bottom = ball.vertices[:, 2] > 0.02, ball.vertices[:, 2] < -0.03
     assert guess.known[top].mean() > 0.8
     assert not guess.known[bottom].any()
@@ -60,7 +60,7 @@ def test_distance_runs_along_the_surface():
     faces = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
     mesh = Mesh(vertices, faces)
     places = np.array([[0.02, 0.01, 0.0], [0.02, 0.01, 2e-3]])
-    probe, _ = MeshGround(mesh, places, reach=1.0).nearest
+    probe, _ = MeshSites(mesh, places, reach=1.0).nearest
     for i, place in enumerate(places):
         beside = np.argmin(np.linalg.norm(mesh.vertices - place, axis=1))
         assert probe[beside] == i
@@ -80,7 +80,7 @@ def test_places_are_mixtures_of_corners(ball):
 @pytest.mark.parametrize("method", ["gp", "biharmonic", "nearest"])
 def test_a_mesh_is_asked_by_vertices(ball, method):
     places = ball.vertices[::20]
-    between = on_mesh(method, MeshGround(ball, places), places[:, 2], np.full(len(places), 1e-3))
+    between = on_mesh(method, MeshSites(ball, places), places[:, 2], np.full(len(places), 1e-3))
     for query in (ball.vertices[:3], [0.5], [np.nan], [-1], [len(ball.vertices)], ["first"]):
         with pytest.raises(InputError, match=f"vertex numbers, whole, 0 to {len(ball.vertices) - 1}"):
             between.at(query)
@@ -94,6 +94,6 @@ def test_where_probes_agree_against_the_surface_it_is_not_sure(ball):
     pole = v[:, 2] > 0.043
     values[pole], noise[pole] = 1700.0, 450.0
     assert pole.sum() >= 5
-    guess = on_mesh("gp", MeshGround(ball, v), values, noise).at(np.arange(0, len(ball.vertices), 3))
+    guess = on_mesh("gp", MeshSites(ball, v), values, noise).at(np.arange(0, len(ball.vertices), 3))
     assert (guess.sd[pole] >= 0.5 * np.abs(guess.mean - values)[pole]).all()
     assert np.median(guess.sd[~pole]) < 20.0

@@ -17,7 +17,7 @@ from kinid.lab.materials import MOULD
 from kinid.lab.protocol import Slide, five_phases
 from kinid.mapping.boundaries import changes, paths
 from kinid.mapping.exploration import Region, explore, pokes_after_slides
-from kinid.mapping.interpolation import PlaneGround
+from kinid.mapping.interpolation import PlaneSites
 from kinid.mapping.interpolation.triangles import Triangles
 from kinid.mapping.probes import Prober, build, expected, logs_in
 from kinid.mapping.property_map import PropertyMap
@@ -59,8 +59,8 @@ def test_four_silicones_from_raw_logs(small):
     assert np.allclose(grown.values("stiffness")[:3], [510, 732, 994], rtol=0.01)
     assert np.allclose(grown.values("damping")[:3], [7.2, 9.9, 14.5], rtol=0.05)
     # under the film one spring is not enough, and the map says so
-    assert (grown.misfit[:3] < 1.5).all()
-    assert grown.misfit[3] > 5
+    assert (grown.residual_over_noise[:3] < 1.5).all()
+    assert grown.residual_over_noise[3] > 5
     assert grown.values("stiffness")[3] == pytest.approx(felt(*flat[3:].T)[0], rel=0.05)
 
 
@@ -231,11 +231,11 @@ def test_slides_and_thirty_five_pokes_from_raw_logs():
     ticks = np.linspace(-0.045, 0.045, 10)
     grid = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), -1).reshape(-1, 2)
     q, truth = region.grid(45), felt(*region.grid(45).T)
-    few = (np.vstack([poked.ground.places, places]), np.append(poked.values, values))
+    few = (np.vstack([poked.sample_sites.places, places]), np.append(poked.values, values))
     errors = []
     raw = np.array([poke(place)[0] for place in grid])
-    for where, what in (few, (grid, raw), (grid, felt(*grid.T)), (poked.ground.places, poked.values)):
-        guess = Triangles(PlaneGround(where, reach=1.0), what, 0.005 * what).at(q).mean
+    for where, what in (few, (grid, raw), (grid, felt(*grid.T)), (poked.sample_sites.places, poked.values)):
+        guess = Triangles(PlaneSites(where, reach=1.0), what, 0.005 * what).at(q).mean
         errors.append(float(np.mean(np.abs(guess / truth - 1))))
     print(
         "eight slides and 35 pokes {:.2%}; a grid of 100 pokes {:.2%}, were they exact {:.2%}; "

@@ -89,9 +89,9 @@ class Fitting:
                 damping = max(10 * damping, 1e-4)
             if not now <= cost:
                 break
-            told = cost - float(((r - j @ ((there - values)[self.free] / self.scale[self.free])) ** 2).sum())
+            predicted_gain = cost - float(((r - j @ ((there - values)[self.free] / self.scale[self.free])) ** 2).sum())
             values, base, gained, cost, damping = there, readings, cost - now, now, damping / 10
-            if gained <= 1e-4 * cost or abs(gained - told) <= 1e-3 * told:
+            if gained <= 1e-4 * cost or abs(gained - predicted_gain) <= 1e-3 * predicted_gain:
                 break
         return values
 

@@ -61,16 +61,16 @@ def study(
 
     def plain(source: Any, model: tuple[str, ...]) -> Answer | None:
         if (source.name, model) not in without:
-            told: Row = {"kind": "without", "name": source.name, "model": list(model)}
+            row: Row = {"kind": "without", "name": source.name, "model": list(model)}
             said = None
             start = time.perf_counter()
             try:
                 said = ask(engine, *unchanged(source, model, real), model)
-                told |= _said(said)
+                row |= _said(said)
             except Exception as error:
-                told |= _raised(error)
+                row |= _raised(error)
             without[source.name, model] = said
-            keep(told | {"seconds": round(time.perf_counter() - start, 2)})
+            keep(row | {"seconds": round(time.perf_counter() - start, 2)})
         return without[source.name, model]
 
     for source, effect, size in chosen(seed, sizes, only, every):
@@ -142,14 +142,14 @@ def table(rows: Sequence[Row], key: str) -> list[str]:
 
 
 def _counts(rows: Sequence[Row]) -> str:
-    told = [row for row in rows if "named" in row]
-    new = [row for row in told if row["known"] and not row["already"]] + [row for row in rows if "crash" in row]
+    answered = [row for row in rows if "named" in row]
+    new = [row for row in answered if row["known"] and not row["already"]] + [row for row in rows if "crash" in row]
     named, exact, first = (sum(bool(row.get(key)) for row in new) for key in ("named", "exact", "first"))
     share = f"{100 * named / len(new):4.0f} %" if new else "     –"
-    every = [row for row in told if row["known"]]
+    every = [row for row in answered if row["known"]]
     false, swapped = (sum(len(row[key]) for row in every) for key in ("false", "swapped"))
     of_all = f"{sum(row['named'] for row in every)}/{len(every)}"
-    quick = float(np.median([row["seconds"] for row in told])) if told else float("nan")
+    quick = float(np.median([row["seconds"] for row in answered])) if answered else float("nan")
     return (
         f"{len(new):>5} {named:>4} {share} {exact:>6} {first:>6} {of_all:>10} {false:>4} ({swapped:>2}) in "
         f"{len(every):<4} "

@@ -170,20 +170,20 @@ def reached(rows: list[dict[str, Any]], bars: dict[str, float | None]) -> None:
         "crash" in row or "refused" in row or {"added", "named", "false", "seconds", "near", "reached"} <= set(row)
         for row in cases
     )
-    told = [row for row in cases if "named" in row]
-    new = [row for row in told if row["known"] and not row["already"]]
+    answered = [row for row in cases if "named" in row]
+    new = [row for row in answered if row["known"] and not row["already"]]
     found = {
         f"named at {size}": float(np.mean([row["named"] for row in new if row["size"] == size] or [np.nan]))
         for size in (2, 5)
     }
-    found["false a case"] = float(np.mean([len(row["false"]) for row in told if row["known"]]))
+    found["false a case"] = float(np.mean([len(row["false"]) for row in answered if row["known"]]))
     holds = [
         row["after"] < row["before"]
         for row in rows
         if row["kind"] == "transfer" and row.get("added") and "after" in row
     ]
     found["transfers"] = float(np.mean(holds)) if holds else np.nan
-    print(f"\n{found}; {len(new)} of {len(cases)} cases count, {len(cases) - len(told)} crashed or refused", end="")
+    print(f"\n{found}; {len(new)} of {len(cases)} cases count, {len(cases) - len(answered)} crashed or refused", end="")
     for name, bar in bars.items():
         if bar is not None:
             assert (found[name] <= bar) if name.startswith("false") else (found[name] >= bar), name

@@ -221,7 +221,9 @@ def test_a_bias_that_the_rig_does_not_state_is_said_as_the_rig_would_state_it(po
     assert pasted is not None
     stated = RIG.replace("[sensor]", f"[sensor]\nbias = {pasted[1]}")
     np.testing.assert_allclose(Rig.parse_text(stated).sensor.bias, poke.bias, atol=0.03)  # a few steps of the converter
-    told = from_wrench(poke.log, Rig.parse_text(stated))
-    np.testing.assert_allclose(told.measured, from_wrench(poke.log, rig, bias="auto").measured, atol=1e-3)  # 4 digits
-    for experiment, asked in ((told, model), (raw, model + "sensor-bias")):
+    as_stated = from_wrench(poke.log, Rig.parse_text(stated))
+    np.testing.assert_allclose(
+        as_stated.measured, from_wrench(poke.log, rig, bias="auto").measured, atol=1e-3
+    )  # 4 digits
+    for experiment, asked in ((as_stated, model), (raw, model + "sensor-bias")):
         assert not any("doesn't state" in line for line in check_excitation(asked, experiment))

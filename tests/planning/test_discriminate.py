@@ -41,16 +41,16 @@ def test_beats_experiments_drawn_at_random(
     chosen = criterion(first, ranking.kept)
     if best is not None:
         assert first.proposal.name == best
-    told = []
+    criteria = []
     for seed in range(4):
         drawn = drawn_at_random(seed, first.duration, DEPTH, contact=model != ("none",))
         verdict = ranking.judge.verdict(drawn)
         assert verdict.duration == pytest.approx(first.duration, abs=1.5)  # ways there and back differ
-        told.append(criterion(verdict, ranking.kept))
-    print(pair, first.proposal.name, f"{chosen:.4g}", [f"{value:.4g}" for value in sorted(told)])
-    assert chosen > max(told)
+        criteria.append(criterion(verdict, ranking.kept))
+    print(pair, first.proposal.name, f"{chosen:.4g}", [f"{value:.4g}" for value in sorted(criteria)])
+    assert chosen > max(criteria)
     # a motion of all joints at random turns the tool well already; a poke or a slide at random misses what it takes
-    assert chosen > (1.2 if model == ("none",) else 1.5) * np.median(told)
+    assert chosen > (1.2 if model == ("none",) else 1.5) * np.median(criteria)
 
 
 def test_distance_is_what_a_refit_leaves(rig: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -199,9 +199,12 @@ def test_a_long_piece_is_smoothed_as_a_short_one_is() -> None:
     made = smoothed(t, x)
     middle = made._tracks[0].pieces[0][1]
     state, sd, _ = middle.smoothed()
-    foretold, own = state[:-1] @ np.triu([[1, 1, 1 / 2, 1 / 6], [0, 1, 1, 1 / 2], [0, 0, 1, 1], [0, 0, 0, 1]]).T, sd[1:]
+    predicted, own = (
+        state[:-1] @ np.triu([[1, 1, 1 / 2, 1 / 6], [0, 1, 1, 1 / 2], [0, 0, 1, 1], [0, 0, 0, 1]]).T,
+        sd[1:],
+    )
     assert (np.abs(np.diff(sd[:, 0])) < 0.5 * own[:, 0]).all()
-    assert (np.abs(state[1:, 0] - foretold[:, 0]) < 3.0 * own[:, 0] + 1e-6).all()
+    assert (np.abs(state[1:, 0] - predicted[:, 0]) < 3.0 * own[:, 0] + 1e-6).all()
 
 
 def test_stamps_that_are_off_are_errors_of_time(swing: Callable[..., Any]) -> None:

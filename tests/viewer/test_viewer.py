@@ -300,9 +300,9 @@ def opened(url, profile, size="900,600"):
     )
 
 
-def told_by(text, profile, size="900,600"):
+def posted_by(text, profile, size="900,600"):
     """What a page posts to /told, and everything that it asks of its server."""
-    told, done, asked = [], threading.Event(), []
+    posted, done, asked = [], threading.Event(), []
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self):
@@ -315,7 +315,7 @@ def told_by(text, profile, size="900,600"):
             self.wfile.write(body)
 
         def do_POST(self):
-            told.append(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))
+            posted.append(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))
             self.send_response(204)
             self.end_headers()
             done.set()
@@ -333,7 +333,7 @@ def told_by(text, profile, size="900,600"):
         browser.wait(20)
         server.shutdown()
         server.server_close()
-    return told[0], asked
+    return posted[0], asked
 
 
 @needs_chromium
@@ -343,7 +343,7 @@ def test_in_a_real_browser(grown, tmp_path):
     """
     path = tmp_path / "map.parquet"
     grown.write(path)
-    out, asked = told_by(page(View(path).scene()).replace("</body>", PROBE), tmp_path / "profile")
+    out, asked = posted_by(page(View(path).scene()).replace("</body>", PROBE), tmp_path / "profile")
     print(out)
     assert "failed" not in out
     assert out["ready"]
@@ -414,7 +414,7 @@ def touched(tmp_path_factory):
 @pytest.mark.parametrize("size", ["1280,800", "390,844"])
 def test_every_view_frames_what_it_shows_and_no_cards_overlap(touched, tmp_path, size):
     text = page(View(touched / "maps" / "map.parquet").scene())
-    out, _ = told_by(text.replace("</body>", FRAMED), tmp_path / "profile", size)
+    out, _ = posted_by(text.replace("</body>", FRAMED), tmp_path / "profile", size)
     assert "failed" not in out
     assert out["errors"] == []
     assert list(out["views"]) == ["surface", "above", "arm"]

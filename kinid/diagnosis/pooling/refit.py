@@ -236,10 +236,10 @@ def _believable(tried: PooledRefit, settings: DiagnosisSettings) -> bool:
     numbers = range(len(pool)) if tried.effect.per_log else range(1)
     given = [(pool.alone[i], name, _values(pool, i), _errors_of(pool, held_out, inverse, i), settings) for i in numbers]
     if tried.effect.per_log:
-        told = pool.problems.each(_believed, given, [alone.rest for alone in pool.alone])
+        verdicts = pool.problems.each(_believed, given, [alone.rest for alone in pool.alone])
     else:
-        told = [_believed(pool.problems.of(0, pool.alone[0].rest), *given[0])]
-    return all(possible for possible, _ in told) and any(remarkable for _, remarkable in told)
+        verdicts = [_believed(pool.problems.of(0, pool.alone[0].rest), *given[0])]
+    return all(possible for possible, _ in verdicts) and any(remarkable for _, remarkable in verdicts)
 
 
 def _believed(

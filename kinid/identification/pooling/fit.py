@@ -40,7 +40,7 @@ class _Errors(NamedTuple):
 
     error: FitError
     by_log: float
-    misfit: float
+    by_log_averaged: float
     left: LackOfFit
     samples: int
 
@@ -159,12 +159,12 @@ def _looked_at(state: State, asked: Asked, by_block: Steps, by_log: Steps | None
     blocks = LogState.made(state, by_block)
     left = lack_of_fit(blocks, seen)
     unseen = rms(held_out_residual(blocks)[rows][:, whole.valid])
-    apart_error = misfit = float("nan")
+    apart_error = by_log_averaged = float("nan")
     if by_log is not None:
         apart = LogState.made(state, by_log)
-        apart_error, misfit = rms(held_out_residual(apart)[rows][:, whole.valid]), rms(apart.held_out[rows])
+        apart_error, by_log_averaged = rms(held_out_residual(apart)[rows][:, whole.valid]), rms(apart.held_out[rows])
     error = FitError(rms(seen[rows][:, whole.valid]), unseen, left.noise, error_unit(whole))
-    errors = _Errors(error, apart_error, misfit, left, int(whole.valid.sum()) * int(rows.sum()))
+    errors = _Errors(error, apart_error, by_log_averaged, left, int(whole.valid.sum()) * int(rows.sum()))
     return Shares.of(state, asked), errors
 
 
@@ -189,7 +189,7 @@ def _log_result(pool: Pool, held_out: HeldOut, number: int, covariance: Array, m
         made.by_log,
         alone.held_out,
         made.left,
-        made.misfit,
+        made.by_log_averaged,
         found / max(freedom, 1.0),
         freedom,
     )

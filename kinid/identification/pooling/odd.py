@@ -36,11 +36,11 @@ def odd_logs(logs: Sequence[LogResult], scales: Mapping[str, float]) -> dict[str
     if len(logs) < FEWEST:
         return {}
     found: list[tuple[float, str, str]] = []
-    error = np.log(np.maximum([log.misfit for log in logs], 1e-12))
+    error = np.log(np.maximum([log.by_log_averaged for log in logs], 1e-12))
     usual = float(np.exp(np.median(error)))
     for log, away in zip(logs, _deviations(error, USUAL)):
-        if away > BEYOND and log.misfit > TIMES * usual:
-            words = f"what the other logs say leaves {log.misfit:.3g} {log.error.unit}, {usual:.2g} is usual"
+        if away > BEYOND and log.by_log_averaged > TIMES * usual:
+            words = f"what the other logs say leaves {log.by_log_averaged:.3g} {log.error.unit}, {usual:.2g} is usual"
             found.append((away, log.name, words))
     # half of all logs disagree by less than the median of χ², where nothing but chance makes them
     middle = [log.disagreement * log.freedom / float(chi2.median(max(1.0, log.freedom))) for log in logs]
@@ -71,13 +71,13 @@ def odd_values(logs: Mapping[str, Mapping[str, tuple[float, float, str]]]) -> di
     """
     found: list[tuple[float, str, str]] = []
     for name in dict.fromkeys(name for figures in logs.values() for name in figures):
-        told = {log: figures[name] for log, figures in logs.items() if name in figures}
-        told = {log: figure for log, figure in told.items() if np.isfinite(figure[:2]).all()}
-        if len(told) < FEWEST:
+        known = {log: figures[name] for log, figures in logs.items() if name in figures}
+        known = {log: figure for log, figure in known.items() if np.isfinite(figure[:2]).all()}
+        if len(known) < FEWEST:
             continue
-        values, errors = np.array([(value, error) for value, error, _ in told.values()]).T
+        values, errors = np.array([(value, error) for value, error, _ in known.values()]).T
         away = np.abs(_deviations(values, float(np.median(errors)), errors))
-        for (log, (value, _, unit)), times in zip(told.items(), away):
+        for (log, (value, _, unit)), times in zip(known.items(), away):
             if times > BEYOND:
                 words = f"{name} is {value:.3g} {unit}, {np.median(values):.3g} is usual".replace(" 1,", ",")
                 found.append((float(times), log, words))

@@ -26,7 +26,7 @@ class LogResult:
         error: seen, held out by blocks, noise. by_log: error where nothing of what is shared came from this log; its
             own parameters come from its other fold. alone_error: held-out error of the fit of this log alone.
         left: what is left beside noise and tolerance.
-        misfit: by_log in means of neighbours, beside whatever zero its sensor has.
+        by_log_averaged: by_log in means of neighbours, beside whatever zero its sensor has.
         disagreement: of its shared parameters with those of the other logs, χ² over its expectation `freedom`.
     """
 
@@ -39,7 +39,7 @@ class LogResult:
     by_log: float
     alone_error: float
     left: LackOfFit
-    misfit: float
+    by_log_averaged: float
     disagreement: float
     freedom: float
 

@@ -253,12 +253,12 @@ def _relearnt(state: State) -> tuple[ErrorModel, Normals]:
 def _spread(pool: Pool) -> None:
     """The spread of each population anew."""
     for name in pool.populations:
-        told = []
+        estimates = []
         for number, at in enumerate(pool.at):
             names = pool.alone[number].names
             for place in np.flatnonzero(at.population):
                 if names[at.own[place]] == name:
                     prior = pool.own_prior(number)
-                    told.append(log_alone(pool.normals[number], at, prior, pool.spot.own[number], int(place)))
-        deviations, variances = np.array(told).T
+                    estimates.append(log_alone(pool.normals[number], at, prior, pool.spot.own[number], int(place)))
+        deviations, variances = np.array(estimates).T
         pool.populations[name] = learn_population(deviations, variances)

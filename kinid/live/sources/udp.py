@@ -90,16 +90,18 @@ class Socket:
 def parse(line: bytes, received: int) -> Iterator[Item]:
     """Samples of one line; a notice of what isn't one."""
     try:
-        told: Json = json.loads(line)
-        stamp = int(told["t_ns"]) if "t_ns" in told else round(1e9 * told["t"]) if "t" in told else None
-        wrench, q = told.get("wrench"), told.get("q")
+        sample: Json = json.loads(line)
+        stamp = int(sample["t_ns"]) if "t_ns" in sample else round(1e9 * sample["t"]) if "t" in sample else None
+        wrench, q = sample.get("wrench"), sample.get("q")
         if q is None and wrench is None:
             raise ValueError("neither q nor wrench")
         out: list[Item] = []
         if q is not None:
-            names = told.get("names")
+            names = sample.get("names")
             known = None if names is None else tuple(map(str, names))
-            out.append(Joints(received, stamp, _numbers(q), _numbers(told.get("dq")), _numbers(told.get("tau")), known))
+            out.append(
+                Joints(received, stamp, _numbers(q), _numbers(sample.get("dq")), _numbers(sample.get("tau")), known)
+            )
         if wrench is not None:
             out.append(Wrench(received, stamp, _numbers(wrench)))
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:

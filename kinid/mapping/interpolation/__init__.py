@@ -1,8 +1,8 @@
 """From estimates at places to guesses anywhere: nearest, biharmonic, triangles, Gaussian process; each says how well it
 does.
 
-All of them stand on a `Ground`, which knows how places lie to each other: Euclidean on a plane (`PlaneGround`), along
-the surface on a mesh (`kinid.mapping.interpolation.mesh.MeshGround`). Where there is nothing near, a guess is unknown,
+All of them stand on `sample_sites`, which know how places lie to each other: Euclidean on a plane (`PlaneSites`), along
+the surface on a mesh (`kinid.mapping.interpolation.mesh.MeshSites`). Where there is nothing near, a guess is unknown,
 not invented.
 """
 
@@ -87,7 +87,7 @@ class Interpolator(ABC):
 
 
 @dataclass(frozen=True, eq=False)
-class PlaneGround:
+class PlaneSites:
     """Places of n probes on a plane [m], (n, 2), and how far their word carries [m]; default from their spacing."""
 
     places: Array
@@ -147,7 +147,7 @@ class PlaneGround:
 class Nearest(Interpolator):
     """The value of the nearest probe; no uncertainty is stated."""
 
-    ground: PlaneGround
+    sample_sites: PlaneSites
     values: Array
 
     def at(self, queries: ArrayLike, sd: bool = True) -> Guess:
@@ -155,13 +155,13 @@ class Nearest(Interpolator):
         from scipy.spatial import cKDTree
 
         q = on_plane(queries)
-        at = cKDTree(self.ground.places).query(q)[1]
-        return _guess(self.values[at], np.full(len(q), np.nan), self.ground.known(q))
+        at = cKDTree(self.sample_sites.places).query(q)[1]
+        return _guess(self.values[at], np.full(len(q), np.nan), self.sample_sites.known(q))
 
     @property
     def left_out(self) -> Array:
         """Value less that of the nearest other probe, (n,)."""
-        return less_the_nearest(self.ground.places, self.values)
+        return less_the_nearest(self.sample_sites.places, self.values)
 
 
 def less_the_nearest(places: Array, values: Array) -> Array:
@@ -189,12 +189,12 @@ class Biharmonic(Interpolator):
     variances is the one that leaving out each in turn likes best; without noise, values are met exactly.
     """
 
-    ground: PlaneGround
+    sample_sites: PlaneSites
     values: Array
     noise: Array | None = None
 
     def __post_init__(self) -> None:
-        places = self.ground.places
+        places = self.sample_sites.places
         scale = float(np.ptp(places, axis=0).max()) or 1.0
         centre = places.mean(axis=0)
         unit = (places - centre) / scale
@@ -225,7 +225,7 @@ class Biharmonic(Interpolator):
         """The spline; no uncertainty is stated."""
         q = on_plane(queries)
         centre, scale = self._frame  # type: ignore[attr-defined]
-        unit, own = (q - centre) / scale, (self.ground.places - centre) / scale
+        unit, own = (q - centre) / scale, (self.sample_sites.places - centre) / scale
         solution: Array = self._solution  # type: ignore[attr-defined]
         n = len(own)
         mean = np.empty(len(q))
@@ -233,7 +233,7 @@ class Biharmonic(Interpolator):
             rows = slice(a, a + 4096)
             trend = np.column_stack([np.ones(len(unit[rows])), unit[rows]])[:, : len(solution) - n]
             mean[rows] = _green(unit[rows], own) @ solution[:n] + trend @ solution[n:]
-        return _guess(mean, np.full(len(q), np.nan), self.ground.known(q))
+        return _guess(mean, np.full(len(q), np.nan), self.sample_sites.known(q))
 
     @property
     def left_out(self) -> Array:
@@ -288,7 +288,7 @@ def expected(prior: Prior, q: Array, logarithmic: bool) -> tuple[Array, Array]:
     nothing.
     """
     mean, sd = prior(q)
-    told = np.isfinite(mean) & (sd > 0) & (mean > 0 if logarithmic else True)
+    finite = np.isfinite(mean) & (sd > 0) & (mean > 0 if logarithmic else True)
     if logarithmic:
-        mean, sd = np.log(np.where(told, mean, 1.0)), sd / np.where(told, mean, 1.0)
-    return np.where(told, mean, np.nan), np.where(told, sd, np.nan)
+        mean, sd = np.log(np.where(finite, mean, 1.0)), sd / np.where(finite, mean, 1.0)
+    return np.where(finite, mean, np.nan), np.where(finite, sd, np.nan)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.mapping.interpolation import PlaneGround
+from kinid.mapping.interpolation import PlaneSites
 from kinid.mapping.interpolation.uniform import sample_of
 
 Array = NDArray[np.float64]
@@ -80,36 +80,38 @@ def distances(
 
 
 def learn(
-    ground: PlaneGround,
+    sample_sites: PlaneSites,
     values: Array,
     noise: Array,
     spread: float,
     kinds: tuple[float, ...],
-    zones: Index,
+    segments: Index,
     across: float,
     near: Covariance | None = None,
 ) -> tuple[Covariance, float]:
     """The covariance with the largest marginal likelihood on the probes of `sample_of`, searched for from `near` on.
 
-    With it the logarithm of that likelihood, less what choosing each zone costs: ln n, as in Schwarz' criterion.
+    With it the logarithm of that likelihood, less what choosing each segment costs: ln n, as in Schwarz' criterion.
     """
     from scipy.optimize import minimize
 
     n = len(values)
-    if n < 4 or not np.ptp(ground.places, axis=0).any():  # one place says nothing of distances
-        return Covariance(1.5, max(ground.spacing, 1e-6), spread, 1e-3 * spread), 0.0
+    if n < 4 or not np.ptp(sample_sites.places, axis=0).any():  # one place says nothing of distances
+        return Covariance(1.5, max(sample_sites.spacing, 1e-6), spread, 1e-3 * spread), 0.0
     chosen = sample_of(n)
-    places, y, variance = ground.places[chosen], values[chosen], noise[chosen] ** 2
+    places, y, variance = sample_sites.places[chosen], values[chosen], noise[chosen] ** 2
     distance = distances(places, places)
-    shared = np.where(zones[chosen][:, None] == zones[chosen], 1.0, across)
+    shared = np.where(segments[chosen][:, None] == segments[chosen], 1.0, across)
     longest = 3.0 * max(float(distance.max()), 1e-9)
-    shortest = max(0.2 * ground.spacing, 1e-4 * longest)
+    shortest = max(0.2 * sample_sites.spacing, 1e-4 * longest)
     bounds = [
         (np.log(shortest), np.log(longest)),
         (np.log(1e-2 * spread), np.log(1e2 * spread)),
         (np.log(1e-4 * spread), np.log(2 * spread)),
     ]
-    start = np.array([np.log(np.clip(3 * ground.spacing, shortest, longest)), np.log(spread), np.log(0.03 * spread)])
+    start = np.array(
+        [np.log(np.clip(3 * sample_sites.spacing, shortest, longest)), np.log(spread), np.log(0.03 * spread)]
+    )
     if near is not None:
         start = np.log(np.clip([near.length, near.size, near.nugget], *np.exp(np.array(bounds).T)))
     best: tuple[float, Covariance] | None = None
@@ -128,7 +130,7 @@ def learn(
             best = (float(found.fun), learnt)
         start = found.x
     assert best is not None
-    cost = len(np.unique(zones)) * np.log(len(y)) if across < 1.0 else 0.0
+    cost = len(np.unique(segments)) * np.log(len(y)) if across < 1.0 else 0.0
     return best[1], -best[0] - cost
 
 
@@ -166,7 +168,7 @@ def evidence(
     return float(value), np.array([by_length, by_size, by_nugget])
 
 
-def constant(ground: PlaneGround, spread: float, scatter: float) -> Covariance:
+def constant(sample_sites: PlaneSites, spread: float, scatter: float) -> Covariance:
     """Of a property that is one value everywhere, which the prior hardly pulls, with what single probes scatter by."""
-    extent = max(float(np.ptp(ground.places, axis=0).max()), 1e-9)
+    extent = max(float(np.ptp(sample_sites.places, axis=0).max()), 1e-9)
     return Covariance(2.5, UNIFORM_LENGTH * extent, UNIFORM_SIZE * spread, scatter)

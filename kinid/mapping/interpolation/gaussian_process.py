@@ -1,9 +1,9 @@
 """A Gaussian process over a plane whose probes have each their own noise, and whose smoothness the data choose.
 
 Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006: regression §2.2, marginal likelihood §5.4.1,
-leaving out in closed form §5.4.2. Covariances are Matérn's with ν = 1/2, 3/2 or 5/2. Where probes part into zones with
-a sharp step between them, and the evidence says so too, zones share only a part of their covariance, and near a border
-a guess is a mixture of both sides.
+leaving out in closed form §5.4.2. Covariances are Matérn's with ν = 1/2, 3/2 or 5/2. Where probes part into segments
+with a sharp step between them, and the evidence says so too, segments share only a part of their covariance, and near a
+border a guess is a mixture of both sides.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinid.errors import InputError, near
-from kinid.mapping.interpolation import METHODS, Biharmonic, Guess, Interpolator, Nearest, PlaneGround, on_plane
+from kinid.mapping.interpolation import METHODS, Biharmonic, Guess, Interpolator, Nearest, PlaneSites, on_plane
 from kinid.mapping.interpolation.covariance import Covariance, constant, diagonal, distances, learn
-from kinid.mapping.interpolation.local_bias import misfit, shared_error, spread_over
+from kinid.mapping.interpolation.local_bias import local_bias, shared_error, spread_over
 from kinid.mapping.interpolation.segments import belonging, candidates, neighbours, scaled
 from kinid.mapping.interpolation.uniform import Uniform, uniform_value
 
@@ -28,7 +28,7 @@ Index = NDArray[np.int64]
 SMOOTHNESS = (0.5, 1.5, 2.5)
 #: queries are answered in blocks of this size, which stay in a processor's cache
 BLOCK = 512
-#: shares of covariance between zones that are tried
+#: shares of covariance between segments that are tried
 ACROSS = (0.0, 0.5)
 #: where the process knows no more than this share of its prior, the place is unknown
 IGNORANCE = 0.9
@@ -40,24 +40,24 @@ class GaussianProcess(Interpolator):
     """Fitted to n probes; make it with `fit`, enlarge it with `added`.
 
     Attributes:
-        ground: places. values: (n,). noise: standard deviation of each (n,). covariance: what was learnt. mean: of the
-            prior.
+        sample_sites: places. values: (n,). noise: standard deviation of each (n,). covariance: what was learnt. mean:
+            of the prior.
         factor: lower Cholesky factor of all probes' covariance, (n, n). weights: its solution for the values, (n,).
-        zones: of the probes, (n,). across: share of the covariance that zones have in common; 1 without edges.
-        step: a larger difference between neighbours (of logarithms, where all values are positive) parts zones.
+        segments: of the probes, (n,). across: share of the covariance that segments have in common; 1 without edges.
+        step: a larger difference between neighbours (of logarithms, where all values are positive) parts segments.
         shared: the part of each probe's error that its neighbours make too, (n,); it isn't in `noise`, but in what is
             stated.
         uniform: the one value, where the probes say that the property has one.
     """
 
-    ground: PlaneGround
+    sample_sites: PlaneSites
     values: Array
     noise: Array
     covariance: Covariance
     mean: float
     factor: Array
     weights: Array
-    zones: Index
+    segments: Index
     across: float = 1.0
     step: float = float("inf")
     shared: Array | None = None
@@ -66,7 +66,7 @@ class GaussianProcess(Interpolator):
     @classmethod
     def fit(
         cls,
-        ground: PlaneGround,
+        sample_sites: PlaneSites,
         values: Array,
         noise: Array | None = None,
         smoothness: float | None = None,
@@ -75,17 +75,17 @@ class GaussianProcess(Interpolator):
         """Learn smoothness (unless given), length, size and nugget by the marginal likelihood, and edges.
 
         Args:
-            ground: places. values: (n,). noise: standard deviations (n,), infinite ones count for nothing.
-            smoothness: one of `SMOOTHNESS`. edges: look for zones with sharp steps between them.
+            sample_sites: places. values: (n,). noise: standard deviations (n,), infinite ones count for nothing.
+            smoothness: one of `SMOOTHNESS`. edges: look for segments with sharp steps between them.
         """
         values = np.asarray(values, dtype=float)
         noise = np.zeros(len(values)) if noise is None else np.asarray(noise, dtype=float)
         spread = float(np.std(values)) or max(abs(float(values[0])), 1.0)
         noise = np.clip(np.where(np.isfinite(noise), noise, 1e3 * spread), 0.0, 1e3 * spread)
-        shared = shared_error(ground.places, values, noise, neighbours(ground.places))
-        found, evidence = cls._fitted(ground, values, noise, spread, smoothness, edges)
+        shared = shared_error(sample_sites.places, values, noise, neighbours(sample_sites.places))
+        found, evidence = cls._fitted(sample_sites, values, noise, spread, smoothness, edges)
         if shared.any():
-            other, better = cls._fitted(ground, values, np.sqrt(noise**2 - shared**2), spread, smoothness, edges)
+            other, better = cls._fitted(sample_sites, values, np.sqrt(noise**2 - shared**2), spread, smoothness, edges)
             # errors that are large explain any step, also one that all around agree on: what neighbours tell of each
             # other counts
             if better > evidence or np.mean(other.left_out**2) < np.mean(found.left_out**2):
@@ -95,58 +95,58 @@ class GaussianProcess(Interpolator):
 
     @classmethod
     def _fitted(
-        cls, ground: PlaneGround, values: Array, noise: Array, spread: float, smoothness: float | None, edges: bool
+        cls, sample_sites: PlaneSites, values: Array, noise: Array, spread: float, smoothness: float | None, edges: bool
     ) -> tuple[GaussianProcess, float]:
         """As `fit`, with errors that are each a probe's own; and its evidence."""
         trust = 1.0 / (noise**2 + spread**2)
         mean = float(trust @ values / trust.sum())
         kinds = (smoothness,) if smoothness else SMOOTHNESS
         one = np.zeros(len(values), dtype=np.int64)
-        best = (*learn(ground, values - mean, noise, spread, kinds, one, 1.0), one, 1.0, float("inf"))
-        for limit, zones in candidates(ground.places, values, noise) if edges else []:
+        best = (*learn(sample_sites, values - mean, noise, spread, kinds, one, 1.0), one, 1.0, float("inf"))
+        for limit, segments in candidates(sample_sites.places, values, noise) if edges else []:
             for across in ACROSS:
                 kind = (best[0].smoothness,)
-                learnt, evidence = learn(ground, values - mean, noise, spread, kind, zones, across, best[0])
+                learnt, evidence = learn(sample_sites, values - mean, noise, spread, kind, segments, across, best[0])
                 if evidence > best[1]:
-                    best = (learnt, evidence, zones, across, limit)
-        learnt, evidence, zones, across, step = best
+                    best = (learnt, evidence, segments, across, limit)
+        learnt, evidence, segments, across, step = best
         uniform = uniform_value(values, noise, evidence)
         if uniform is not None:
-            learnt, mean = constant(ground, spread, uniform.scatter), uniform.value
-            return replace(cls._built(ground, values, noise, learnt, mean, one, 1.0), uniform=uniform), evidence
-        return cls._built(ground, values, noise, learnt, mean, zones, across, step), evidence
+            learnt, mean = constant(sample_sites, spread, uniform.scatter), uniform.value
+            return replace(cls._built(sample_sites, values, noise, learnt, mean, one, 1.0), uniform=uniform), evidence
+        return cls._built(sample_sites, values, noise, learnt, mean, segments, across, step), evidence
 
     @classmethod
     def _built(
         cls,
-        ground: PlaneGround,
+        sample_sites: PlaneSites,
         values: Array,
         noise: Array,
         learnt: Covariance,
         mean: float,
-        zones: Index,
+        segments: Index,
         across: float,
         step: float = float("inf"),
     ) -> GaussianProcess:
         from scipy.linalg import cho_solve, cholesky
 
-        system = learnt.size**2 * learnt.correlation(distances(ground.places, ground.places))
+        system = learnt.size**2 * learnt.correlation(distances(sample_sites.places, sample_sites.places))
         if across < 1.0:
-            system[zones[:, None] != zones] *= across
+            system[segments[:, None] != segments] *= across
         system[np.diag_indices_from(system)] += diagonal(noise, learnt)
         factor = cholesky(system, lower=True, overwrite_a=True, check_finite=False)
         weights = cho_solve((factor, True), values - mean, check_finite=False)
-        return cls(ground, values, noise, learnt, mean, factor, weights, zones, across, step)
+        return cls(sample_sites, values, noise, learnt, mean, factor, weights, segments, across, step)
 
     def added(self, place: Array, value: float, noise: float) -> GaussianProcess:
         """With one more probe, without learning anew: a row of the factor."""
         from scipy.linalg import cho_solve, solve_triangular
 
         place = np.asarray(place, dtype=float).reshape(1, 2)
-        distance = distances(place, self.ground.places)
-        zone = self._zone_of(distance[0], value)
+        distance = distances(place, self.sample_sites.places)
+        segment = self._segment_of(distance[0], value)
         row = self.covariance.size**2 * self.covariance.correlation(distance)[0]
-        row[self.zones != zone] *= self.across
+        row[self.segments != segment] *= self.across
         side = solve_triangular(self.factor, row, lower=True, check_finite=False)
         noises = np.append(self.noise, noise)
         corner = self.covariance.size**2 + diagonal(noises[-1:], self.covariance)[0] - side @ side
@@ -156,21 +156,28 @@ class GaussianProcess(Interpolator):
         factor[n, n] = np.sqrt(max(float(corner), 1e-12 * self.covariance.size**2))
         values = np.append(self.values, value)
         weights = cho_solve((factor, True), values - self.mean, check_finite=False)
-        ground = replace(self.ground, places=np.vstack([self.ground.places, place]))
-        zones = np.append(self.zones, zone)
+        sample_sites = replace(self.sample_sites, places=np.vstack([self.sample_sites.places, place]))
+        segments = np.append(self.segments, segment)
         shared = None if self.shared is None else np.append(self.shared, 0.0)
         return replace(
-            self, ground=ground, values=values, noise=noises, factor=factor, weights=weights, zones=zones, shared=shared
+            self,
+            sample_sites=sample_sites,
+            values=values,
+            noise=noises,
+            factor=factor,
+            weights=weights,
+            segments=segments,
+            shared=shared,
         )
 
-    def _zone_of(self, distance: Array, value: float) -> int:
-        """Zone of a new probe: that of the neighbour whose value is nearest to it, or a new one beyond the step."""
+    def _segment_of(self, distance: Array, value: float) -> int:
+        """Segment of a new probe: that of the neighbour whose value is nearest to it, or a new one beyond the step."""
         if self.across >= 1.0:
-            return int(self.zones[0])
+            return int(self.segments[0])
         near = np.argsort(distance)[:6]
         values, _ = scaled(np.append(self.values, value), np.append(self.noise, 0.0))
         step = np.abs(values[near] - values[-1])
-        return int(self.zones[near[step.argmin()]]) if step.min() <= self.step else int(self.zones.max()) + 1
+        return int(self.segments[near[step.argmin()]]) if step.min() <= self.step else int(self.segments.max()) + 1
 
     def at(self, queries: ArrayLike, sd: bool = True) -> Guess:
         """Mean and standard deviation of the property itself (no probe's noise), (m,) each.
@@ -181,54 +188,58 @@ class GaussianProcess(Interpolator):
         """
         q = on_plane(queries)
         if self.across >= 1.0:
-            mean, variance = self._of_zone(q, None, sd)
+            mean, variance = self._of_segment(q, None, sd)
         else:
             mean, variance = self._mixture(q, sd)
-        known = self.ground.known(q)
+        known = self.sample_sites.known(q)
         deviation = np.sqrt(variance)
         if sd and self.across >= 1.0:
             known &= deviation <= IGNORANCE * self.covariance.size
         if sd:
-            deviation = np.hypot(deviation, spread_over(self.ground.places, self._off, q))
+            deviation = np.hypot(deviation, spread_over(self.sample_sites.places, self._off, q))
         return Guess(np.where(known, mean, np.nan), np.where(known, deviation, np.nan), known)
 
     @cached_property
-    def misfit(self) -> Array:
+    def local_bias(self) -> Array:
         """What the mean may be off by at each probe, as the residuals around it say, (n,)."""
         own = diagonal(self.noise, self.covariance)
         # the covariance of the property times the weights is the guess, so that its diagonal times them is what is left
-        return misfit(
-            self.ground.places, own * self.weights, np.sqrt(own), self.ground.spacing, self.uniform is not None
+        return local_bias(
+            self.sample_sites.places,
+            own * self.weights,
+            np.sqrt(own),
+            self.sample_sites.spacing,
+            self.uniform is not None,
         )
 
     @property
     def _off(self) -> Array:
         """What the mean may be off by at each probe beyond chance, (n,)."""
-        return self.misfit if self.shared is None else np.hypot(self.misfit, self.shared)
+        return self.local_bias if self.shared is None else np.hypot(self.local_bias, self.shared)
 
     def _mixture(self, q: Array, sd: bool) -> tuple[Array, Array]:
-        """Mean and variance over the two zones that a query may lie in."""
-        zones, share = belonging(q, self.ground.places, self.zones, self.ground.spacing)
+        """Mean and variance over the two segments that a query may lie in."""
+        segments, share = belonging(q, self.sample_sites.places, self.segments, self.sample_sites.spacing)
         means, variances = np.zeros((len(q), 2)), np.zeros((len(q), 2))
         for side in (0, 1):
             asked = share[:, side] > 0.01
-            for zone in np.unique(zones[asked, side]):
-                rows = np.flatnonzero(asked & (zones[:, side] == zone))
-                means[rows, side], variances[rows, side] = self._of_zone(q[rows], int(zone), sd)
+            for segment in np.unique(segments[asked, side]):
+                rows = np.flatnonzero(asked & (segments[:, side] == segment))
+                means[rows, side], variances[rows, side] = self._of_segment(q[rows], int(segment), sd)
         share = np.where(share > 0.01, share, 0.0)
         share /= share.sum(axis=1, keepdims=True)
         mean = np.sum(share * means, axis=1)
         return mean, np.sum(share * (variances + (means - mean[:, None]) ** 2), axis=1)
 
-    def _of_zone(self, q: Array, zone: int | None, sd: bool) -> tuple[Array, Array]:
-        """Mean and variance at places (m, 2) that lie in a zone; of no zone where there are no edges."""
+    def _of_segment(self, q: Array, segment: int | None, sd: bool) -> tuple[Array, Array]:
+        """Mean and variance at places (m, 2) that lie in a segment; of no segment where there are no edges."""
         mean, variance = np.empty(len(q)), np.full(len(q), np.nan)
         many = len(q) * len(self.values) > 1_000_000
         kind: type[np.floating] = np.float32 if many else np.float64
-        centre = self.ground.places.mean(axis=0)
-        places, asked = (self.ground.places - centre).astype(kind), (q - centre).astype(kind)
+        centre = self.sample_sites.places.mean(axis=0)
+        places, asked = (self.sample_sites.places - centre).astype(kind), (q - centre).astype(kind)
         prior = self.covariance.size**2
-        shared = np.ones(len(places)) if zone is None else np.where(self.zones == zone, 1.0, self.across)
+        shared = np.ones(len(places)) if segment is None else np.where(self.segments == segment, 1.0, self.across)
         weights = (self.weights * prior * shared).astype(kind)
         inverse = None
         if sd:
@@ -247,13 +258,13 @@ class GaussianProcess(Interpolator):
             )
             mean[rows] = k @ weights
             if inverse is not None:
-                told = product(1.0, inverse, k.T, lower=1, overwrite_b=1)  # in place: k's rows are its columns
-                variance[rows] = prior * np.maximum(1.0 - np.einsum("ij,ij->i", told.T, told.T), 0.0)
+                whitened = product(1.0, inverse, k.T, lower=1, overwrite_b=1)  # in place: k's rows are its columns
+                variance[rows] = prior * np.maximum(1.0 - np.einsum("ij,ij->i", whitened.T, whitened.T), 0.0)
         return mean + self.mean, variance
 
     @property
     def left_out(self) -> Array:
-        """Value less what the others say of its place, (n,): of the zone that they say it is in."""
+        """Value less what the others say of its place, (n,): of the segment that they say it is in."""
         return self.values - self._left_out_guess[0]
 
     @property
@@ -272,49 +283,55 @@ class GaussianProcess(Interpolator):
         own = np.diag(inverse)
         if self.across >= 1.0:
             return self.values - self.weights / own, 1.0 / own
-        # left out, a probe's zone is no longer known: it is mixed from those of its neighbours
+        # left out, a probe's segment is no longer known: it is mixed from those of its neighbours
         n, prior = len(self.values), self.covariance.size**2
-        correlation = self.covariance.correlation(distances(self.ground.places, self.ground.places))
-        spacing, noise = self.ground.spacing, diagonal(self.noise, self.covariance)
+        correlation = self.covariance.correlation(distances(self.sample_sites.places, self.sample_sites.places))
+        spacing, noise = self.sample_sites.spacing, diagonal(self.noise, self.covariance)
         voted = []
         for i in range(n):
             others = np.arange(n) != i
-            voted.append(belonging(self.ground.places[[i]], self.ground.places[others], self.zones[others], spacing))
-        zones, share = (np.concatenate(part) for part in zip(*voted))  # (n, 2) each
+            voted.append(
+                belonging(
+                    self.sample_sites.places[[i]], self.sample_sites.places[others], self.segments[others], spacing
+                )
+            )
+        segments, share = (np.concatenate(part) for part in zip(*voted))  # (n, 2) each
         means, variances = np.empty((n, 2)), np.empty((n, 2))
         for side in (0, 1):
-            row = prior * correlation * np.where(self.zones == zones[:, side, None], 1.0, self.across)
+            row = prior * correlation * np.where(self.segments == segments[:, side, None], 1.0, self.across)
             np.fill_diagonal(row, 0.0)
             # the inverse without row and column i (Schur complement), for row i
-            told = row @ inverse
-            told -= inverse * (np.diag(told) / own)[:, None]
-            means[:, side] = told @ (self.values - self.mean)
-            variances[:, side] = np.maximum(prior - np.einsum("ij,ij->i", told, row), 1e-12 * prior) + noise
+            row_weights = row @ inverse
+            row_weights -= inverse * (np.diag(row_weights) / own)[:, None]
+            means[:, side] = row_weights @ (self.values - self.mean)
+            variances[:, side] = np.maximum(prior - np.einsum("ij,ij->i", row_weights, row), 1e-12 * prior) + noise
         mean = np.sum(share * means, axis=1)
         return mean + self.mean, np.sum(share * (variances + (means - mean[:, None]) ** 2), axis=1)
 
 
-def interpolator(method: str, ground: PlaneGround, values: Array, noise: Array | None = None) -> Interpolator:
-    """One of `METHODS` for values (n,) with standard deviations `noise` (n,) at the places of a ground.
+def interpolator(method: str, sample_sites: PlaneSites, values: Array, noise: Array | None = None) -> Interpolator:
+    """One of `METHODS` for values (n,) with standard deviations `noise` (n,) at sample sites.
 
     Raises:
         InputError: no such method, or values that don't go with the places.
     """
     values = np.asarray(values, dtype=float)
-    if values.shape != (len(ground.places),) or not np.isfinite(values).all():
+    if values.shape != (len(sample_sites.places),) or not np.isfinite(values).all():
         raise InputError(
-            f"values of shape {values.shape} for {len(ground.places)} places",
+            f"values of shape {values.shape} for {len(sample_sites.places)} places",
             "a number for each place",
             "leave out places without a value",
         )
     if method == "nearest":
-        return Nearest(ground, values)
+        return Nearest(sample_sites, values)
     if method == "biharmonic":
-        return Biharmonic(ground, values, noise)
+        return Biharmonic(sample_sites, values, noise)
     if method == "triangles":
         from kinid.mapping.interpolation.triangles import Triangles
 
-        return Triangles(ground, values, np.zeros(len(values)) if noise is None else np.asarray(noise, dtype=float))
+        return Triangles(
+            sample_sites, values, np.zeros(len(values)) if noise is None else np.asarray(noise, dtype=float)
+        )
     if method == "gp":
-        return GaussianProcess.fit(ground, values, noise)
+        return GaussianProcess.fit(sample_sites, values, noise)
     raise InputError(f"method '{method}'", f"one of {', '.join(METHODS)}", near(method, METHODS))

@@ -27,7 +27,7 @@ PLAUSIBLE = 2.0
 SAME = 10.0
 
 
-def misfit(places: Array, residual: Array, error: Array, spacing: float, uniform: bool = False) -> Array:
+def local_bias(places: Array, residual: Array, error: Array, spacing: float, uniform: bool = False) -> Array:
     """What a guess may be off by at each probe, (n,); 0 where residuals are as small, or as mixed in sign, as chance
     has it.
 

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinid.errors import InputError, near
 from kinid.mapping.interpolation import MESH_METHODS, REACH, Guess, Interpolator, Mask, less_the_nearest
-from kinid.mapping.interpolation.local_bias import misfit, spread_over
+from kinid.mapping.interpolation.local_bias import local_bias, spread_over
 from kinid.mapping.interpolation.uniform import Uniform, uniform_value
 from kinid.robotics.surface import Mesh
 
@@ -36,7 +36,7 @@ IGNORANCE = 0.9
 
 
 @dataclass(frozen=True, eq=False)
-class MeshGround:
+class MeshSites:
     """A mesh, and n probes on it, each a mixture of the three corners of its face.
 
     Attributes:
@@ -165,20 +165,20 @@ def shares(mesh: Mesh, places: Array) -> csr_array:
 class MeshNearest(Interpolator):
     """The value of the probe that is nearest along the surface."""
 
-    ground: MeshGround
+    sample_sites: MeshSites
     values: Array
 
     def at(self, queries: ArrayLike, sd: bool = True) -> Guess:
         """At vertices, by their numbers (m,)."""
-        probe, distance = self.ground.nearest
-        q = self.ground.vertices(queries)
-        known: Mask = np.asarray(distance[q] <= self.ground.reach)
+        probe, distance = self.sample_sites.nearest
+        q = self.sample_sites.vertices(queries)
+        known: Mask = np.asarray(distance[q] <= self.sample_sites.reach)
         return Guess(np.where(known, self.values[probe[q]], np.nan), np.full(len(q), np.nan), known)
 
     @property
     def left_out(self) -> Array:
         """Value less that of the nearest other probe: by straight distance, which close neighbours share, (n,)."""
-        return less_the_nearest(self.ground.places, self.values)
+        return less_the_nearest(self.sample_sites.places, self.values)
 
 
 @final
@@ -187,11 +187,11 @@ class MeshProcess(Interpolator):
     """Gaussian process on the vertices of a mesh; `biharmonic` is its limit without a length and without uncertainty.
 
     Attributes:
-        ground, values, noise: of the probes. length: range √(8 ν)/κ [m], where the correlation has fallen to 0.14.
-        size: standard deviation of the property. states: whether it states its uncertainty.
+        sample_sites, values, noise: of the probes. length: range √(8 ν)/κ [m], where the correlation has fallen to
+            0.14. size: standard deviation of the property. states: whether it states its uncertainty.
     """
 
-    ground: MeshGround
+    sample_sites: MeshSites
     values: Array
     noise: Array
     length: float
@@ -201,7 +201,7 @@ class MeshProcess(Interpolator):
     uniform: Uniform | None = None
 
     @classmethod
-    def fit(cls, ground: MeshGround, values: Array, noise: Array | None = None) -> MeshProcess:
+    def fit(cls, sample_sites: MeshSites, values: Array, noise: Array | None = None) -> MeshProcess:
         """Length and size by the marginal likelihood on a grid of lengths; the size in closed form but for the
         noise.
         """
@@ -211,9 +211,9 @@ class MeshProcess(Interpolator):
         noise = np.clip(np.where(np.isfinite(noise), noise, 1e3 * spread), 1e-4 * spread, 1e3 * spread)
         mean = float(np.average(values, weights=1 / (noise**2 + spread**2)))
         best: tuple[float, float, float] | None = None
-        widest = np.sqrt(ground.area)
-        for length in np.geomspace(max(1.5 * ground.spacing, 0.02 * widest), 3 * widest, 7):
-            unit = cls(ground, values, noise, float(length), 1.0, mean)._between
+        widest = np.sqrt(sample_sites.area)
+        for length in np.geomspace(max(1.5 * sample_sites.spacing, 0.02 * widest), 3 * widest, 7):
+            unit = cls(sample_sites, values, noise, float(length), 1.0, mean)._between
             for size in spread * np.array([0.5, 1.0, 2.0, 4.0]):
                 system = size**2 * unit + np.diag(noise**2)
                 sign, logarithm = np.linalg.slogdet(system)
@@ -224,12 +224,12 @@ class MeshProcess(Interpolator):
         assert best is not None
         uniform = uniform_value(values, noise, -best[0])
         if uniform is not None:
-            flat = cls.biharmonic(ground, values, np.hypot(noise, uniform.scatter))
+            flat = cls.biharmonic(sample_sites, values, np.hypot(noise, uniform.scatter))
             return replace(flat, mean=uniform.value, states=True, uniform=uniform)
-        return cls(ground, values, noise, best[1], best[2], mean)
+        return cls(sample_sites, values, noise, best[1], best[2], mean)
 
     @classmethod
-    def biharmonic(cls, ground: MeshGround, values: Array, noise: Array | None = None) -> MeshProcess:
+    def biharmonic(cls, sample_sites: MeshSites, values: Array, noise: Array | None = None) -> MeshProcess:
         """The surface of least ∫ (Δu)² through the values, softened where their noise asks for it."""
         values = np.asarray(values, dtype=float)
         spread = float(np.std(values)) or 1.0
@@ -238,8 +238,8 @@ class MeshProcess(Interpolator):
             if noise is None
             else np.maximum(np.nan_to_num(noise, posinf=1e3 * spread), 1e-4 * spread)
         )
-        far = 30.0 * float(np.sqrt(ground.area))
-        return cls(ground, values, held, far, 30.0 * spread, float(values.mean()), states=False)
+        far = 30.0 * float(np.sqrt(sample_sites.area))
+        return cls(sample_sites, values, held, far, 30.0 * spread, float(values.mean()), states=False)
 
     @cached_property
     def _solver(self) -> SuperLU:
@@ -247,7 +247,7 @@ class MeshProcess(Interpolator):
         from scipy.sparse import diags_array
         from scipy.sparse.linalg import splu
 
-        stiffness, mass = self.ground.elements
+        stiffness, mass = self.sample_sites.elements
         return splu((self._kappa2 * diags_array(mass) + stiffness).tocsc())
 
     @property
@@ -257,8 +257,8 @@ class MeshProcess(Interpolator):
     @cached_property
     def _columns(self) -> Array:
         """Covariance of every vertex with every probe for size 1, (vertices, n)."""
-        _, mass = self.ground.elements
-        half = self._solver.solve(self.ground.shares.toarray().T)
+        _, mass = self.sample_sites.elements
+        half = self._solver.solve(self.sample_sites.shares.toarray().T)
         # the covariance is τ⁻² (κ² M + L)⁻¹ M (κ² M + L)⁻¹, and that of a point with itself 1/(4 π κ² τ²) on a wide
         # plane
         return np.asarray(4 * np.pi * self._kappa2 * self._solver.solve(mass[:, None] * half))
@@ -266,7 +266,7 @@ class MeshProcess(Interpolator):
     @cached_property
     def _between(self) -> Array:
         """Covariance of the probes with each other for size 1, (n, n)."""
-        return np.asarray(self.ground.shares @ self._columns)
+        return np.asarray(self.sample_sites.shares @ self._columns)
 
     @cached_property
     def _inverse(self) -> Array:
@@ -276,37 +276,39 @@ class MeshProcess(Interpolator):
     def _vertices(self) -> tuple[Array, Array, Array]:
         """Mean, standard deviation and prior's standard deviation at every vertex."""
         if self.uniform is not None:
-            every = np.ones(len(self.ground.mesh.vertices))
+            every = np.ones(len(self.sample_sites.mesh.vertices))
             return self.uniform.value * every, self.uniform.standard_error * every, np.inf * every
         columns = self.size**2 * self._columns
         mean = self.mean + columns @ (self._inverse @ (self.values - self.mean))
         n = len(columns)
         prior = np.full(n, self.size**2)
         if n <= MOST_EXACT:
-            _, mass = self.ground.elements
+            _, mass = self.sample_sites.elements
             half = self._solver.solve(np.eye(n))
             prior = self.size**2 * 4 * np.pi * self._kappa2 * np.einsum("ij,i,ij->j", half, mass, half)
-        told = np.einsum("ij,jk,ik->i", columns, self._inverse, columns, optimize=True)
-        return mean, np.sqrt(np.maximum(prior - told, 0.0)), np.sqrt(prior)
+        explained = np.einsum("ij,jk,ik->i", columns, self._inverse, columns, optimize=True)
+        return mean, np.sqrt(np.maximum(prior - explained, 0.0)), np.sqrt(prior)
 
     @cached_property
-    def misfit(self) -> Array:
+    def local_bias(self) -> Array:
         """What the mean may be off by at each probe, as the residuals around it say, (n,)."""
         residual, uniform = self.values - self.mean, self.uniform is not None
         if not uniform:
             residual = self.noise**2 * (self._inverse @ residual)
-        return misfit(self.ground.places, residual, self.noise, self.ground.spacing, uniform)
+        return local_bias(self.sample_sites.places, residual, self.noise, self.sample_sites.spacing, uniform)
 
     def at(self, queries: ArrayLike, sd: bool = True) -> Guess:
         """At vertices, by their numbers (m,)."""
-        q = self.ground.vertices(queries)
-        known: Mask = np.asarray(self.ground.nearest[1][q] <= self.ground.reach)
+        q = self.sample_sites.vertices(queries)
+        known: Mask = np.asarray(self.sample_sites.nearest[1][q] <= self.sample_sites.reach)
         if not self.states:
             mean = self.mean + self.size**2 * self._columns[q] @ (self._inverse @ (self.values - self.mean))
             return Guess(np.where(known, mean, np.nan), np.full(len(q), np.nan), known)
         mean, deviation, prior = (part[q] for part in self._vertices)
         known &= deviation <= IGNORANCE * prior
-        deviation = np.hypot(deviation, spread_over(self.ground.places, self.misfit, self.ground.mesh.vertices[q]))
+        deviation = np.hypot(
+            deviation, spread_over(self.sample_sites.places, self.local_bias, self.sample_sites.mesh.vertices[q])
+        )
         return Guess(np.where(known, mean, np.nan), np.where(known, deviation, np.nan), known)
 
     @property
@@ -315,16 +317,16 @@ class MeshProcess(Interpolator):
         return np.asarray((self._inverse @ (self.values - self.mean)) / np.diag(self._inverse))
 
 
-def on_mesh(method: str, ground: MeshGround, values: Array, noise: Array | None = None) -> Interpolator:
+def on_mesh(method: str, sample_sites: MeshSites, values: Array, noise: Array | None = None) -> Interpolator:
     """One of `kinid.mapping.interpolation.MESH_METHODS` along a mesh.
 
     Raises:
         InputError: no such method.
     """
     if method == "nearest":
-        return MeshNearest(ground, np.asarray(values, dtype=float))
+        return MeshNearest(sample_sites, np.asarray(values, dtype=float))
     if method == "biharmonic":
-        return MeshProcess.biharmonic(ground, values, noise)
+        return MeshProcess.biharmonic(sample_sites, values, noise)
     if method == "gp":
-        return MeshProcess.fit(ground, values, noise)
+        return MeshProcess.fit(sample_sites, values, noise)
     raise InputError(f"method '{method}'", f"one of {', '.join(MESH_METHODS)}", near(method, MESH_METHODS))

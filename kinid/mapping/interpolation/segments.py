@@ -1,4 +1,4 @@
-"""Edges between probes: zones that a sharp step parts, so that a guess on one side doesn't smear into the other."""
+"""Edges between probes: segments that a sharp step parts, so that a guess on one side doesn't smear into the other."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ Index = NDArray[np.int64]
 GAP = 1.3
 #: so many ways to part them are tried at most
 TRIES = 2
-#: a zone has so many probes at least, and this share of all probes lies in such zones
+#: a segment has so many probes at least, and this share of all probes lies in such segments
 FEWEST, SHARE = 3, 0.7
 #: shares of the values' range that part where no gap shows
 SHARES = (0.03, 0.08)
-#: how fast belonging to a zone fades beyond its nearest probe, in spacings
+#: how fast belonging to a segment fades beyond its nearest probe, in spacings
 FADE = 0.15
-#: so many of the nearest probes say which zone a place is in
+#: so many of the nearest probes say which segment a place is in
 VOTERS = 8
 
 
@@ -42,7 +42,7 @@ def neighbours(places: Array) -> Index:
 
 
 def candidates(places: Array, values: Array, noise: Array) -> list[tuple[float, Index]]:
-    """Ways to part probes into zones: the step that parts, and each probe's zone (n,); those with clear gaps first."""
+    """Ways to part probes into segments: the step that parts, and each probe's (n,); those with clear gaps first."""
     pairs = neighbours(places)
     if len(pairs) < 6:
         return []
@@ -59,29 +59,29 @@ def candidates(places: Array, values: Array, noise: Array) -> list[tuple[float, 
     out: list[tuple[float, Index]] = []
     for limit in limits:
         alike = pairs[(step <= limit) | (step <= floor)]
-        for zones in (connected(len(places), alike), _cores(len(places), alike)):
-            counts = np.bincount(zones)
-            fresh = all(not np.array_equal(zones, other) for _, other in out)
+        for segments in (connected(len(places), alike), _cores(len(places), alike)):
+            counts = np.bincount(segments)
+            fresh = all(not np.array_equal(segments, other) for _, other in out)
             if fresh and (counts >= FEWEST).sum() >= 2 and counts[counts >= FEWEST].sum() >= SHARE * len(places):
-                out.append((limit, zones))
+                out.append((limit, segments))
     return out
 
 
 def _cores(n: int, pairs: Index) -> Index:
-    """Zones of probes: connected through such as have several neighbours of their kind (Ester et al., DBSCAN, 1996).
+    """Segments of probes: connected through such as have several neighbours of their kind (Ester et al., DBSCAN, 1996).
 
-    A probe that lies on a border has hardly any: it joins nothing together, and is a zone of its own.
+    A probe that lies on a border has hardly any: it joins nothing together, and is a segment of its own.
     """
     like = np.bincount(pairs.ravel(), minlength=n)
     core = like >= np.minimum(FEWEST, np.maximum(1, np.quantile(like, 0.5)))
-    zones = connected(n, pairs[core[pairs].all(axis=1)])
-    # a probe at the rim of its zone belongs to the one core that it is like
+    segments = connected(n, pairs[core[pairs].all(axis=1)])
+    # a probe at the rim of its segment belongs to the one core that it is like
     for a, b in pairs[core[pairs].sum(axis=1) == 1].tolist():
         if core[a]:
-            zones[b] = zones[a]
+            segments[b] = segments[a]
         else:
-            zones[a] = zones[b]
-    return np.asarray(np.unique(zones, return_inverse=True)[1], dtype=np.int64)
+            segments[a] = segments[b]
+    return np.asarray(np.unique(segments, return_inverse=True)[1], dtype=np.int64)
 
 
 def scaled(values: Array, noise: Array) -> tuple[Array, Array]:
@@ -102,18 +102,18 @@ def connected(n: int, pairs: Index) -> Index:
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
-def belonging(queries: Array, places: Array, zones: Index, spacing: float) -> tuple[Index, Array]:
-    """The two likeliest zones of each query and how sure it lies in each, (m, 2) both; the second is 0 where there is
-    one only.
+def belonging(queries: Array, places: Array, segments: Index, spacing: float) -> tuple[Index, Array]:
+    """The two likeliest segments of each query and how sure it lies in each, (m, 2) both; the second is 0 where there
+    is one only.
 
-    The probes around vote, with weights that fade with their distance: beside one nearest probe a place is of its zone,
-    and among several that are as near, of the zone of most of them.
+    The probes around vote, with weights that fade with their distance: beside one nearest probe a place is of its
+    segment, and among several that are as near, of the segment of most of them.
     """
     from scipy.spatial import cKDTree
 
     distance, index = cKDTree(places).query(queries, k=np.arange(1, min(VOTERS, len(places)) + 1))
-    weight, kinds = np.exp(-(distance - distance[:, :1]) / (FADE * spacing)), np.unique(zones)
-    votes = np.column_stack([np.sum(weight * (zones[index] == kind), axis=1) for kind in kinds])
+    weight, kinds = np.exp(-(distance - distance[:, :1]) / (FADE * spacing)), np.unique(segments)
+    votes = np.column_stack([np.sum(weight * (segments[index] == kind), axis=1) for kind in kinds])
     if len(kinds) == 1:
         return np.repeat(kinds[None], len(queries), axis=0).repeat(2, axis=1), np.tile([1.0, 0.0], (len(queries), 1))
     order = np.argsort(-votes, axis=1)[:, :2]

@@ -15,7 +15,7 @@ from typing import final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinid.mapping.interpolation import RIM, Guess, Interpolator, PlaneGround, Prior, expected, on_plane
+from kinid.mapping.interpolation import RIM, Guess, Interpolator, PlaneSites, Prior, expected, on_plane
 from kinid.mapping.interpolation.segments import scaled
 
 Array = NDArray[np.float64]
@@ -35,10 +35,10 @@ class Triangles(Interpolator):
     """Over n probes; logarithms of the values are interpolated where all are surely positive.
 
     Attributes:
-        ground: places. values: (n,). noise: standard deviation of each (n,). prior: what was expected before.
+        sample_sites: places. values: (n,). noise: standard deviation of each (n,). prior: what was expected before.
     """
 
-    ground: PlaneGround
+    sample_sites: PlaneSites
     values: Array
     noise: Array
     prior: Prior | None = None
@@ -58,7 +58,7 @@ class Triangles(Interpolator):
         """How far the probes lie from what the prior expects, over its standard deviation; 1 at least."""
         if self.prior is None:
             return 1.0
-        mean, sd = expected(self.prior, self.ground.places, self.logarithmic)
+        mean, sd = expected(self.prior, self.sample_sites.places, self.logarithmic)
         away = ((self.heights[0] - mean) / sd)[np.isfinite(mean)]
         return max(1.0, float(np.sqrt(np.mean(away**2)))) if len(away) else 1.0
 
@@ -79,9 +79,11 @@ class Triangles(Interpolator):
         if self.prior is None:
             return mean, variance
         before, sd = expected(self.prior, q, self.logarithmic)
-        told = np.isfinite(before)
-        weight = np.where(told, variance / (variance + (self.surprise * np.where(told, sd, 1.0)) ** 2 + 1e-300), 0.0)
-        return np.where(told, mean + weight * (np.where(told, before, 0.0) - mean), mean), (1.0 - weight) * variance
+        finite = np.isfinite(before)
+        weight = np.where(
+            finite, variance / (variance + (self.surprise * np.where(finite, sd, 1.0)) ** 2 + 1e-300), 0.0
+        )
+        return np.where(finite, mean + weight * (np.where(finite, before, 0.0) - mean), mean), (1.0 - weight) * variance
 
     def halfway(self, steps: Array, q: Array) -> Array:
         """Standard deviation half-way between two places whose heights differ by steps (m,) if nothing else is near,
@@ -102,8 +104,8 @@ class Triangles(Interpolator):
         """Places, heights and their noise with a frame's four corners around, which stand as the nearest probe does."""
         from scipy.spatial import cKDTree
 
-        places, (height, noise) = self.ground.places, self.heights
-        edge = RIM * self.ground.spacing
+        places, (height, noise) = self.sample_sites.places, self.heights
+        edge = RIM * self.sample_sites.spacing
         (a, b), (c, d) = places.min(axis=0) - edge, places.max(axis=0) + edge
         frame = np.array([[a, b], [a, d], [c, b], [c, d]])
         near = cKDTree(places).query(frame)[1]
@@ -121,7 +123,7 @@ class Triangles(Interpolator):
         if self.logarithmic:
             mean = np.exp(mean)
             variance = mean**2 * variance
-        known = self.ground.known(q)
+        known = self.sample_sites.known(q)
         nothing = np.full(len(q), np.nan)
         return Guess(
             np.where(known, mean, np.nan), np.where(known, np.sqrt(variance), np.nan) if sd else nothing, known

@@ -96,8 +96,8 @@ def not_excited(case: Case) -> str:
     noisy = reading + sigma[:, None] * np.random.default_rng(3).standard_normal(reading.shape)
     found = solve(lambda v: model.predict(signals, v), noisy, _free(case), sigma=sigma)
     own = dict(zip(case.own, found.standard_errors[case.places]))
-    told = [name for name in open_ if np.isfinite(own[name])]
-    demand(not told, f"an interval of {_some(told)}, which such a log doesn't show")
+    bounded = [name for name in open_ if np.isfinite(own[name])]
+    demand(not bounded, f"an interval of {_some(bounded)}, which such a log doesn't show")
     return f"left open: {_some(open_)}" + (f"; seen at rest, too: {_some(seen)}" if seen else "")
 
 

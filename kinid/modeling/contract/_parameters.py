@@ -77,8 +77,10 @@ def admissible(case: Case) -> str:
         demand(low < high, f"{name} possible from {low:g} to {high:g}")
         for end, beyond in ((low, low - p.scale), (high, high + p.scale)):
             own = {key: every[f"{case.name}.{key}"] for key in case.own} | {name: beyond}
-            told = not np.isfinite(end) or kind.implausible(own, every | {f"{case.name}.{name}": beyond}, case.signals)
-            demand(told, f"{name} = {beyond:g} taken for possible")
+            refused = not np.isfinite(end) or kind.implausible(
+                own, every | {f"{case.name}.{name}": beyond}, case.signals
+            )
+            demand(refused, f"{name} = {beyond:g} taken for possible")
     return f"{len(kind.admissible)} ranges" if kind.admissible else "any value"
 
 

@@ -3,8 +3,8 @@ const THREE = MeshCat.THREE, $ = id => document.getElementById(id);
 // without a graphics card, four samples a pixel cost more than half of the frames: there, only what stands still has them
 let card = true;
 function renderer() {
-  const probe = document.createElement("canvas").getContext("webgl"), told = probe && probe.getExtension("WEBGL_debug_renderer_info");
-  const name = told ? probe.getParameter(told.UNMASKED_RENDERER_WEBGL) : "";
+  const probe = document.createElement("canvas").getContext("webgl"), driver = probe && probe.getExtension("WEBGL_debug_renderer_info");
+  const name = driver ? probe.getParameter(driver.UNMASKED_RENDERER_WEBGL) : "";
   card = !/swiftshader|llvmpipe|software|basic render/i.test(name);
   const out = new THREE.WebGLRenderer({antialias: card, alpha: true});
   out.shadowMap.enabled = true;

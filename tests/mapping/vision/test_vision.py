@@ -7,7 +7,7 @@ import pytest
 
 from kinid.errors import InputError
 from kinid.mapping.png import to_png
-from kinid.mapping.vision import UNKNOWN, MaterialClassifier, Picture, held_out, zones_of
+from kinid.mapping.vision import UNKNOWN, MaterialClassifier, Picture, held_out, value_classes
 
 pytest.importorskip("sklearn")
 
@@ -95,11 +95,11 @@ def test_pictures_come_from_files(tmp_path):
         Picture.read(tmp_path / "b.png", (0.0, 0.0), (1.0, 1.0))
 
 
-def test_zones_follow_from_the_values():
+def test_classes_follow_from_the_values():
     rng = np.random.default_rng(5)
     truth = rng.integers(0, 3, 90)
     values = np.array([500.0, 1000.0, 2400.0])[truth] * (1 + 0.01 * rng.standard_normal(90))
-    assert np.array_equal(zones_of(values), truth)
+    assert np.array_equal(value_classes(values), truth)
 
 
 def test_one_class_is_no_classes(seen):
@@ -137,10 +137,10 @@ def test_values_follow_from_another_picture():
     q = np.random.default_rng(6).uniform(-0.04, 0.04, (400, 2))
     mean, sd = sighted.prior(mould_picture(seed=9))(q)
     truth = MOULD.at(*q.T)["stiffness"] + MOULD.at(*q.T)["layer"]
-    told = np.isfinite(mean)
-    assert told.mean() > 0.75
-    assert np.median(np.abs(mean / truth - 1)[told]) < 0.1
-    assert np.mean((np.abs(mean - truth) < 2 * sd)[told]) > 0.85
+    finite = np.isfinite(mean)
+    assert finite.mean() > 0.75
+    assert np.median(np.abs(mean / truth - 1)[finite]) < 0.1
+    assert np.mean((np.abs(mean - truth) < 2 * sd)[finite]) > 0.85
     assert sighted.errors[1] > 0.8 * sighted.errors[0]
 
 
@@ -269,7 +269,7 @@ def test_a_picture_saves_pokes_from_raw_logs(tmp_path):
     from kinid.lab.materials import MOULD
     from kinid.lab.protocol import five_phases
     from kinid.mapping.exploration import Region, explore
-    from kinid.mapping.interpolation import PlaneGround
+    from kinid.mapping.interpolation import PlaneSites
     from kinid.mapping.interpolation.triangles import Triangles
     from kinid.mapping.picture_map import Sighted
     from kinid.mapping.probes import Prober, build, logs_in
@@ -311,7 +311,7 @@ def test_a_picture_saves_pokes_from_raw_logs(tmp_path):
     for name, prior in (("without", None), ("with", sighted.prior(mould_picture(seed=9, mould=turned)))):
         runs[name] = []
         for some in explore(poke, region, region.grid(3), apart=4e-3, most=36, prior=prior):
-            wide = Triangles(PlaneGround(some.ground.places, reach=1.0), some.values, some.noise, prior)
+            wide = Triangles(PlaneSites(some.sample_sites.places, reach=1.0), some.values, some.noise, prior)
             runs[name].append(float(np.mean(np.abs(wide.at(q).mean / k - 1))))
     least = min(runs["without"])
     needed = {
