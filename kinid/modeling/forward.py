@@ -12,16 +12,18 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
 from kinid.effects import Effect, Signals, Stage
 from kinid.effects._deflection import solve_series_compliance
 from kinid.effects._derived import derived
 from kinid.kernels.frames import contact_wrench
 from kinid.kernels.memory import bristles
+from kinid.kernels.zero_phase import symmetric
 
 Array = NDArray[np.float64]
 
+#: standard deviations of a Gaussian beyond which a filter's tail counts for nothing
+SMOOTHING_REACH = 3.0
 #: in place of an effect's number, where the chain itself acts; its parameters are none
 CHAIN = -1
 NONE = np.zeros(0)
@@ -204,8 +206,12 @@ def _smooth(s: Signals, _: Array) -> None:
     if s.rest.smoothing > 0.0:
         period = derived("period", lambda: np.array(np.median(s.dt[s.dt > 0.0])), s.dt)
         width = s.rest.smoothing / float(period)
-        smooth = [gaussian_filter1d(s.reading[:, run], width, axis=1, mode="nearest", truncate=3.0) for run in s.runs]
-        s.reading = np.concatenate(smooth, axis=1)
+        weights = np.exp(-0.5 * (np.arange(round(SMOOTHING_REACH * width) + 1) / width) ** 2)
+        weights /= weights[0] + 2.0 * weights[1:].sum()
+        smooth = np.empty(s.reading.shape)
+        edges = np.array([*(run.start for run in s.runs), len(s)])
+        symmetric(weights, edges, np.ascontiguousarray(s.reading), smooth)
+        s.reading = smooth
 
 
 def _as_read(s: Signals, _: Array) -> None:

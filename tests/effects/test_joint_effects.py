@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.signal import decimate
 
 import kinid
+from kinid import Model
 from kinid.data.log import Log
 from kinid.data.rig import Rig
 from kinid.effects import JointMotion, Layout, Signals, get
@@ -20,7 +21,6 @@ from kinid.effects._axes import BRISTLE
 from kinid.effects.joint_torque_ripple import JointTorqueRipple
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.from_logs import from_joint_torques
-from kinid.modeling.model import Model
 from kinid.robotics.robot import Robot
 from kinid.signal.derivative import Differentiator
 
