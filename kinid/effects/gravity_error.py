@@ -9,7 +9,7 @@ import numpy as np
 from kinid.effects._derived import derived
 from kinid.effects._effect import Effect
 from kinid.effects._example import Example, Motion
-from kinid.effects._signals import Array, Layout, Signals
+from kinid.effects._signals import Array, JointMotion, Layout, Signals
 from kinid.parameter import Parameter
 
 #: samples whose torques per first moment are kept at a time
@@ -81,13 +81,24 @@ class GravityError(Effect):
         motion = s.joints
         if motion is None or motion.gravity is None or not len(p):
             return
-        s.reading = s.reading + np.tensordot(p[:3], motion.gravity, axes=1)
         at = motion.moments
-        if at is None or not p[3:].any():
-            return
         if len(s) <= AT_ONCE:
-            s.reading += np.tensordot(p[3:], derived("first moments", lambda: at(motion.q.T), motion.q), axes=1)
+            s.reading = s.reading + derived(
+                "gravity error", lambda: _torques(motion, p), motion.q, motion.gravity, at=tuple(p.tolist())
+            )
+            return
+        s.reading = s.reading + np.tensordot(p[:3], motion.gravity, axes=1)
+        if at is None or not p[3:].any():
             return
         for begin in range(0, len(s), AT_ONCE):
             part = slice(begin, begin + AT_ONCE)
             s.reading[:, part] += np.tensordot(p[3:], at(motion.q[:, part].T), axes=1)
+
+
+def _torques(motion: JointMotion, p: Array) -> Array:
+    """Of gravity's error and of the links' moments, (N, n)."""
+    assert motion.gravity is not None
+    out, at = np.tensordot(p[:3], motion.gravity, axes=1), motion.moments
+    if at is not None and p[3:].any():
+        out += np.tensordot(p[3:], derived("first moments", lambda: at(motion.q.T), motion.q), axes=1)
+    return np.asarray(out)

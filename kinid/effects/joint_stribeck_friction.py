@@ -8,6 +8,7 @@ from typing import final
 import numpy as np
 
 from kinid.effects._axes import axes, directions
+from kinid.effects._derived import derived
 from kinid.effects._effect import Effect
 from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
@@ -75,8 +76,10 @@ class JointStribeckFriction(Effect):
 
     def joint(self, s: Signals, p: Array) -> None:
         """Add the torque."""
-        assert s.joints is not None
+        motion = s.joints
+        assert motion is not None
         positions = [a.position for a in axes(s.layout)]
         slide = 0.1 if "rad" in positions else 1.0
         speed = p[-1] * np.array([1.0 if position == "rad" else slide for position in positions])
-        s.reading = s.reading + p[:-1, None] * directions(s) * np.exp(-((s.joints.dq / speed[:, None]) ** 2))
+        slow = derived("slowness", lambda: np.exp(-((motion.dq / speed[:, None]) ** 2)), motion.dq, at=(float(p[-1]),))
+        s.reading = s.reading + p[:-1, None] * directions(s) * slow
