@@ -305,11 +305,11 @@ def _grow(
 def _other_way(found: Selection, settings: DiagnosisSettings, progress: Callable[[str], None]) -> Selection | None:
     """The way that begins with the next best effect, where it halves the squared error; None elsewhere.
 
-    One effect that stands for two is better than either alone: no swap of one for another finds them.
+    One effect that stands for two is better than either alone, and either alone may explain too little to be found.
     """
     first, last = found.rounds[0], found.states[-1]
-    others = [t for t in first.refits if t.effect.id not in found.added and acceptable(t, first.before, settings)]
-    if not 0 < len(found.added) <= FEW or not others or not much_left(last):
+    others = [t for t in first.refits if t.effect.id not in found.added and not implausible(t.state, t.before)]
+    if not others or len(found.added) > FEW or settings.max_effects < 2 or not much_left(last):
         return None
     other = Selection([first.before], rounds=[first], fits=found.fits)
     end = best_end(choose(others, first.before, settings) or others[0], found.fits)

@@ -411,3 +411,17 @@ def test_an_effect_whose_predictions_overflow_ends_no_diagnosis(tester: Tester) 
     found = kinid.diagnose(log, RIG, model=kinid.Model("hertz", "hunt-crossley-damping"))
     assert set(found.added) == {"surface-offset", "time-offset"}
     assert found.fit["surface-offset.offset"].value == pytest.approx(0.5e-3, rel=0.1)
+
+
+@pytest.mark.parametrize(("offset", "late"), [(0.25e-3, 0.0082), (0.25e-3, 0.0081), (0.3e-3, 0.0084)])
+def test_two_that_explain_too_little_alone_are_found_together(tester: Tester, offset: float, late: float) -> None:
+    """A surface and a clock that are off by a little more than calibration is trusted to."""
+    t, rate = tester.t / 2.0, 2.0 * tester.rate
+    depth = np.maximum(tester.depth + offset, 0.0)
+    force = np.where(depth > 0.0, 757.0 * depth * (1.0 + 0.2 * rate), 0.0)
+    force = np.interp(t - late, t, force) + NOISE * np.random.default_rng(37).standard_normal(len(t))
+    log = kinid.Log(t=t, phase=tester.phase, contact={"depth": tester.depth, "normal_force": force})
+    found = kinid.diagnose(log, RIG, model=kinid.Model("hooke", "hunt-crossley-damping"))
+    assert set(found.added) == {"surface-offset", "time-offset"}
+    assert found.steps[-1].held_out < 1.1 * NOISE
+    assert found.fit["time-offset.delay"].value == pytest.approx(late, rel=0.1)
