@@ -7,7 +7,6 @@ A short made-up log of an arm is taken through contact frame, fit and diagnosis;
 
 from __future__ import annotations
 
-import atexit
 import subprocess
 import sys
 from pathlib import Path
@@ -21,18 +20,18 @@ STIFFNESS, DAMPING, FRICTION = 700.0, 10.0, 0.8
 
 
 def start() -> None:
-    """Compile in a process of its own, which ends with this one at the latest; nothing where that was done before."""
+    """Compile in a process of its own, which ends by itself; nothing where that was done before."""
     from kinid.kernels.chain import contacts
 
     if any(Path(contacts.stats.cache_path).glob(f"*{contacts.py_func.__name__}*")):
         return
-    process = subprocess.Popen(
+    subprocess.Popen(
         [sys.executable, "-m", __spec__.name],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
+        start_new_session=True,  # Ctrl-C is for what is shown
     )
-    atexit.register(process.kill)
 
 
 def compile_ahead() -> None:
