@@ -186,7 +186,7 @@ def choose(refits: Sequence[Refit], before: State, settings: DiagnosisSettings) 
     relearnt = parallel_map(lambda t: t.relearnt, accepted[:MAX_ALTERNATIVES])
     best = min(relearnt, key=_rank)
     # of two where one is a part of the other, the part comes first: the rest of it has to prove itself beside that
-    part = next((t for t in accepted if t.effect.id in {*best.effect.includes, *best.effect.generalises}), None)
+    part = next((t for t in accepted if t.effect.id in best.effect.includes), None)
     if part is not None:
         return part.relearnt
     equals = [
