@@ -46,6 +46,57 @@ def replacing(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def lock(handle: int, found: str, expected: str, mend: str) -> None:
+    """Lock an open file or folder against other processes that ask, for as long as it is open.
+
+    The lock is the kernel's (flock): it ends with the process that holds it. File systems without such locks keep
+    nobody apart.
+
+    Raises:
+        InputError: another process holds it; the parts of its message are given.
+    """
+    try:
+        import fcntl
+
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise InputError(found, expected, mend) from None
+    except (ImportError, OSError):
+        pass
+
+
+@contextmanager
+def alone_with(path: Path) -> Iterator[None]:
+    """Keep other processes that ask from a file that is read, added to and replaced, until the block ends.
+
+    The file is a new one each time it is written, so that what is locked stands beside it, as `.NAME.lock`. A process
+    that is killed leaves that behind, unlocked: it keeps nobody out.
+
+    Raises:
+        InputError: another process is at work on the file, or its folder can't be written to.
+    """
+    real = Path(_real(path))
+    beside = real.with_name(f".{real.name}.lock")
+    try:
+        handle = os.open(beside, os.O_RDWR | os.O_CREAT, 0o666)
+    except OSError as error:
+        raise InputError(
+            f"no way to write {path} ({error.strerror})", "a folder that can be written", "choose another -o/--out"
+        ) from None
+    busy = f"another process at work on {path}", "a file to itself", "wait until it is done, or write to another file"
+    try:
+        lock(handle, *busy)
+        # whoever held it before may have removed it since it was opened: a lock on what is gone keeps nobody out
+        if not (beside.exists() and os.path.samestat(os.fstat(handle), beside.stat())):
+            raise InputError(*busy)
+        try:
+            yield
+        finally:
+            beside.unlink(missing_ok=True)
+    finally:
+        os.close(handle)
+
+
 def _real(path: Path) -> str:
     """Where a name leads; `Path.resolve` fails on a ring of links."""
     return os.path.realpath(path)

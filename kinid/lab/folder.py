@@ -4,7 +4,6 @@ digest.
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import json
 import os
@@ -13,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from kinid.errors import InputError
-from kinid.writers import make_folder, write_text
+from kinid.writers import lock, make_folder, write_text
 
 #: what an experiment, a campaign or a study leaves in its folder
 LEFT = (
@@ -34,8 +33,7 @@ LEFT = (
 def at_work(folder: Path) -> Iterator[None]:
     """Make a folder, and keep other processes that ask out of it until the block ends, however it ends.
 
-    The lock is the kernel's (flock on the folder itself): it leaves no file, and ends with the process that holds it.
-    File systems without such locks keep nobody apart.
+    What is locked is the folder itself, so that no file is left.
 
     Raises:
         InputError: a folder that can't be made, or in which another process is at work.
@@ -43,16 +41,8 @@ def at_work(folder: Path) -> Iterator[None]:
     make_folder(folder)
     handle = os.open(folder, os.O_RDONLY)
     try:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise InputError(
-                f"another process at work in {folder}",
-                "a folder to itself",
-                "wait until it is done, or choose another folder with -o",
-            ) from None
-        except OSError:
-            pass
+        found, mend = f"another process at work in {folder}", "wait until it is done, or choose another folder with -o"
+        lock(handle, found, "a folder to itself", mend)
         yield
     finally:
         os.close(handle)
