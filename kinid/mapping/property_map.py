@@ -6,7 +6,6 @@ grows sees the map as it was after some probe. The surface, a mesh included, is 
 
 from __future__ import annotations
 
-import base64
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError, near
-from kinid.inputs import parse_json
+from kinid.inputs import check_regular, parse_json
 from kinid.mapping.interpolation import MESH_METHODS, METHODS, Guess, Interpolator, PlaneSites
 from kinid.mapping.interpolation.gaussian_process import interpolator
 from kinid.mapping.interpolation.uniform import Uniform
+from kinid.mapping.surface_facts import surface_from_dict, surface_to_dict
 from kinid.robotics.surface import Mesh, Plane
 from kinid.writers import Json, replacing
 
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 VERSION = 1
 #: no estimate and no variance of a map is larger, in any unit
 LARGEST = 1e30
-MAP = "a Parquet file of kinid map"
+KIND, MAP = "property map", "a Parquet file of kinid map"
 #: stands for the model where values were predicted from a picture
 PICTURE = "picture"
 #: of entries of a covariance, relative
@@ -265,10 +265,10 @@ class PropertyMap:
             {name: pa.array(column) if isinstance(column, np.ndarray) else column for name, column in columns.items()}
         )
         about = {
-            "kind": "property map",
+            "kind": KIND,
             "version": VERSION,
             "model": self.model,
-            "surface": _surface_to_dict(self.surface),
+            "surface": surface_to_dict(self.surface),
             "properties": [{"name": p.name, "unit": p.unit} for p in self.properties],
         }
         table = table.replace_schema_metadata({"kinid": json.dumps(about)})
@@ -285,22 +285,21 @@ class PropertyMap:
         import pyarrow as pa
         from pyarrow import parquet
 
+        check_regular(path, "map", MAP, "make it anew")
         try:
             # opened once: a map that is replaced between two looks at its name would be half old and half new.
             # No thread of Arrow's may let go of a Python object after this: at exit that ends the process by an abort
             with pa.OSFile(str(path)) as file:
                 table = parquet.ParquetFile(file).read(use_threads=False)
-        except (OSError, pa.ArrowInvalid) as error:
-            raise InputError(
-                f"no readable map at {path} ({str(error)[:80]})", "a Parquet file of kinid map", "make it anew"
-            ) from None
+        except (OSError, ValueError) as error:  # Arrow's own are of both kinds
+            raise InputError(f"no readable map at {path} ({str(error)[:80]})", MAP, "make it anew") from None
         try:
             meta = (table.schema.metadata or {})[b"kinid"]
             about = parse_json(meta, f"map in {path}", MAP, "make it anew", open_ends=True)
-            if about["kind"] != "property map" or about["version"] != VERSION:
-                raise KeyError("kind")
+            if not isinstance(about, dict) or (about["kind"], about["version"]) != (KIND, VERSION):
+                raise ValueError(f"it says of itself that it is {str(about)[:40]}")
             properties = tuple(Property(str(p["name"]), str(p["unit"])) for p in about["properties"])
-            surface = _surface_from_dict(about["surface"])
+            surface = surface_from_dict(about["surface"])
             names, n = [p.name for p in properties], table.num_rows
             column = {
                 name: _numbers(table[name].to_numpy(), name, path) for name in table.column_names if name != "source"
@@ -315,9 +314,10 @@ class PropertyMap:
             rows = zip(places, values, covariances, column["residual"].tolist(), column["noise"].tolist(), sources)
             return cls(surface, properties, tuple(Probe(*row) for row in rows), str(about["model"]))
         except (KeyError, ValueError, TypeError, AttributeError) as error:
+            why = f"without {error.args[0]}" if isinstance(error, KeyError) else str(error)[:80]
             raise InputError(
-                f"{path}, which is no property map ({str(error)[:80]})",
-                "a Parquet file of kinid map",
+                f"{path}, which is no property map ({why})",
+                MAP,
                 "make it with kinid map LOGS -o MAP.parquet",
             ) from None
 
@@ -362,39 +362,15 @@ def _of(source: str) -> str:
 
 
 def is_map(path: Path) -> bool:
-    """Whether a Parquet file says that it is a property map."""
+    """Whether a Parquet file says that it is a property map, or has the columns of one."""
     import pyarrow as pa
     from pyarrow import parquet
 
     try:
+        check_regular(path, "map", MAP, "make it anew")
         with pa.OSFile(str(path)) as file:
-            metadata = parquet.read_schema(file).metadata or {}
-        return bool(json.loads(metadata.get(b"kinid", b"{}")).get("kind") == "property map")
+            schema = parquet.read_schema(file)
+        said = KIND.encode() in (schema.metadata or {}).get(b"kinid", b"")
+        return said or any(name.startswith("cov.") for name in schema.names)
     except Exception:  # whatever is wrong with it, it is no map
         return False
-
-
-def _surface_to_dict(surface: Plane | Mesh) -> Json:
-    if isinstance(surface, Plane):
-        return {"point": surface.point.tolist(), "axes": surface.axes.tolist()}
-    tangent = None if surface.tangent is None else surface.tangent.tolist()
-    return {
-        "vertices": _packed(surface.vertices, "<f8"),
-        "faces": _packed(surface.faces, "<i8"),
-        "edge_radius": surface.edge_radius,
-        "tangent": tangent,
-        "source": surface.source,
-    }
-
-
-def _surface_from_dict(facts: Json) -> Plane | Mesh:
-    if "axes" in facts:
-        return Plane(np.array(facts["point"], dtype=float), np.array(facts["axes"], dtype=float))
-    vertices = np.frombuffer(base64.b64decode(facts["vertices"]), "<f8").reshape(-1, 3)
-    faces = np.frombuffer(base64.b64decode(facts["faces"]), "<i8").reshape(-1, 3)
-    tangent = None if facts["tangent"] is None else np.array(facts["tangent"], dtype=float)
-    return Mesh(vertices, faces, float(facts["edge_radius"]), tangent, str(facts["source"]))
-
-
-def _packed(values: NDArray[np.generic], kind: str) -> str:
-    return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")
