@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.errors import InputError
+from kinid.errors import InputError, check_name
 
 #: an object of JSON that is read again, by key
 Json = dict[str, Any]
@@ -106,10 +106,11 @@ def check_table_name(path: Path) -> None:
     """Refuse a table's name early, before any work is done.
 
     Raises:
-        InputError: an ending that no table has, or a folder that isn't there.
+        InputError: an ending that no table has, a name that is no UTF-8, or a folder that isn't there.
     """
     if path.suffix.lower() not in TABLE_SUFFIXES:
         raise InputError(f"output '{path.name}'", f"a name ending in {', '.join(TABLE_SUFFIXES)}", "rename it")
+    check_name(path)
     check_folder(path)
 
 
@@ -176,10 +177,10 @@ def write_table(path: Path, columns: Mapping[str, Column], provenance: Mapping[s
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file whole or not at all."""
+    """Write a text file whole or not at all; names in it that are no UTF-8 stand there as escapes, as JSON has them."""
     check_folder(path)
     with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
 def write_json(path: Path, facts: object, *, allow_nan: bool = True) -> None:

@@ -113,8 +113,10 @@ def live(
     check_outputs((record, json_file, map_file), (path, rig))
     if record is not None and record.suffix.lower() != ".mcap":
         raise InputError(f"--record {record.name}", "a name ending in .mcap", "rename it")
-    if map_file is not None and map_file.suffix.lower() != ".parquet":
-        raise InputError(f"--map {map_file.name}", "a name ending in .parquet", "rename it")
+    if map_file is not None:
+        from kinid.mapping.property_map import check_map_name
+
+        check_map_name(map_file)
     opened, the_rig, robot = _open(source, rig, speed)
     with closing(opened), nullcontext() if map_file is None else alone_with(map_file):
         outputs = Outputs(record, map_file, port if serve else None, json_file)

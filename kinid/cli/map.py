@@ -10,7 +10,7 @@ import typer
 
 from kinid.cli import complete
 from kinid.cli.batch import On, Workers, running
-from kinid.cli.options import check_map_name, check_method, names
+from kinid.cli.options import check_method, names
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
@@ -125,6 +125,8 @@ def _check(out: Path, follow: float, cell: float | None, export: Path | None) ->
             "the size of the export's patches [m]",
             "name a folder with --export" if export is None else "correct it",
         )
+    from kinid.mapping.property_map import check_map_name
+
     check_map_name(out)
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.errors import InputError, near
+from kinid.errors import InputError, check_name, near
 from kinid.inputs import check_regular, parse_json
 from kinid.mapping.interpolation import MESH_METHODS, METHODS, Guess, Interpolator, PlaneSites
 from kinid.mapping.interpolation.gaussian_process import interpolator
@@ -242,8 +242,7 @@ class PropertyMap:
         Raises:
             InputError: a name that doesn't end in .parquet, or a folder that can't be written to.
         """
-        if path.suffix.lower() != ".parquet":
-            raise InputError(f"map '{path.name}'", "a name ending in .parquet", "rename it")
+        check_map_name(path)
         import pyarrow as pa
         from pyarrow import parquet
 
@@ -320,6 +319,17 @@ class PropertyMap:
                 MAP,
                 "make it with kinid map LOGS -o MAP.parquet",
             ) from None
+
+
+def check_map_name(path: Path) -> None:
+    """Refuse a map's name, before any work is done where it is asked early.
+
+    Raises:
+        InputError: an ending that no map has, or a name that is no UTF-8.
+    """
+    if path.suffix.lower() != ".parquet":
+        raise InputError(f"map '{path.name}'", "a name ending in .parquet", "rename it")
+    check_name(path)
 
 
 def _numbers(values: NDArray[np.generic], name: str, path: Path) -> Array:
