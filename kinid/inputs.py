@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import os
@@ -63,6 +64,12 @@ def check_regular(path: Path, noun: str, what: str, mend: str) -> None:
         kinds = {stat.S_ISDIR: "a folder", stat.S_ISFIFO: "a pipe", stat.S_ISSOCK: "a socket"}
         reason = next((kind for is_kind, kind in kinds.items() if is_kind(mode)), "a device")
         raise InputError(f"no readable {noun} at {str(path)[:200]} ({reason}, no regular file)", what, mend)
+
+
+def digest(path: Path) -> str:
+    """SHA-256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def read_text(path: Path, noun: str, what: str, mend: str, most: int = MOST_BYTES) -> str:

@@ -4,7 +4,6 @@ digest.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 from collections.abc import Iterable, Iterator
@@ -12,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from kinid.errors import InputError
+from kinid.inputs import digest
 from kinid.writers import lock, make_folder, write_text
 
 #: what an experiment, a campaign or a study leaves in its folder
@@ -106,11 +106,6 @@ def done(folder: Path, name: str = "log") -> None:
 def digests(folder: Path, files: Iterable[Path]) -> dict[str, str]:
     """SHA-256 of files, by their names within a folder."""
     return {path.relative_to(folder).as_posix(): digest(path) for path in files}
-
-
-def digest(path: Path) -> str:
-    """SHA-256 of a file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def is_whole(folder: Path, name: str) -> bool:

@@ -28,6 +28,8 @@ VERSION = 1
 #: no estimate and no variance of a map is larger, in any unit
 LARGEST = 1e30
 KIND, MAP = "property map", "a Parquet file of kinid map"
+#: columns of text
+TEXTS = ("source", "digest")
 #: stands for the model where values were predicted from a picture
 PICTURE = "picture"
 #: of entries of a covariance, relative
@@ -51,7 +53,7 @@ class Probe:
     Attributes:
         place: on the surface, base frame [m], (3,). values: (p,). covariance: (p, p), infinite where a property is
         open. residual, noise: what the model left, and what noise alone would have left [N]. source: where it came
-        from.
+        from. digest: of the log that it came from, SHA-256, by which the same log is known under another name.
     """
 
     place: Array
@@ -60,6 +62,7 @@ class Probe:
     residual: float = float("nan")
     noise: float = float("nan")
     source: str = ""
+    digest: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,7 +250,7 @@ class PropertyMap:
         from pyarrow import parquet
 
         names = [p.name for p in self.properties]
-        columns: Json = {"source": pa.array([p.source for p in self.probes], pa.string())}
+        columns: Json = {text: pa.array([getattr(p, text) for p in self.probes], pa.string()) for text in TEXTS}
         places = self.places
         columns |= {axis: places[:, i] for i, axis in enumerate("xyz")}
         if isinstance(self.surface, Plane) and len(self.probes):
@@ -301,7 +304,7 @@ class PropertyMap:
             surface = surface_from_dict(about["surface"])
             names, n = [p.name for p in properties], table.num_rows
             column = {
-                name: _numbers(table[name].to_numpy(), name, path) for name in table.column_names if name != "source"
+                name: _numbers(table[name].to_numpy(), name, path) for name in table.column_names if name not in TEXTS
             }
             covariances = np.empty((n, len(names), len(names)))
             for i, a in enumerate(names):
@@ -309,8 +312,11 @@ class PropertyMap:
                     covariances[:, i, j] = covariances[:, j, i] = column[f"cov.{a}.{names[j]}"]
             places = np.column_stack([column[axis] for axis in "xyz"])
             values = np.column_stack([column[name] for name in names])
-            sources = [str(source or "") for source in table["source"].to_pylist()]
-            rows = zip(places, values, covariances, column["residual"].tolist(), column["noise"].tolist(), sources)
+            texts = (  # a map of an earlier kinid doesn't know its logs' digests
+                [str(text or "") for text in table[name].to_pylist()] if name in table.column_names else [""] * n
+                for name in TEXTS
+            )
+            rows = zip(places, values, covariances, column["residual"].tolist(), column["noise"].tolist(), *texts)
             return cls(surface, properties, tuple(Probe(*row) for row in rows), str(about["model"]))
         except (KeyError, ValueError, TypeError, AttributeError) as error:
             why = f"without {error.args[0]}" if isinstance(error, KeyError) else str(error)[:80]
