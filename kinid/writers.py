@@ -6,7 +6,7 @@ import json
 import os
 import secrets
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -178,9 +178,14 @@ def write_table(path: Path, columns: Mapping[str, Column], provenance: Mapping[s
 
 def write_text(path: Path, text: str) -> None:
     """Write a text file whole or not at all; names in it that are no UTF-8 stand there as escapes, as JSON has them."""
+    write_bytes(path, text.encode("utf-8", "backslashreplace"))
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all."""
     check_folder(path)
     with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
+        temporary.write_bytes(data)
 
 
 def write_json(path: Path, facts: object, *, allow_nan: bool = True) -> None:
@@ -198,6 +203,24 @@ def _plain(value: object) -> object:
     if isinstance(value, np.ndarray):
         return value.tolist()
     return value.item() if isinstance(value, np.generic) else str(value)
+
+
+@contextmanager
+def made_folder(path: Path) -> Iterator[None]:
+    """Make a folder for results, with its parents; those of them that are new and still empty go where the block fails.
+
+    Raises:
+        InputError: it can't be made.
+    """
+    new = [each for each in (path, *path.parents) if not each.exists()]
+    try:
+        make_folder(path)
+        yield
+    except BaseException:
+        for each in new:
+            with suppress(OSError):
+                each.rmdir()
+        raise
 
 
 def make_folder(path: Path) -> None:

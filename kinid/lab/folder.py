@@ -7,12 +7,12 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from kinid.errors import InputError
 from kinid.inputs import digest
-from kinid.writers import lock, make_folder, write_text
+from kinid.writers import lock, made_folder, make_folder, write_text
 
 #: what an experiment, a campaign or a study leaves in its folder
 LEFT = (
@@ -38,14 +38,14 @@ def at_work(folder: Path) -> Iterator[None]:
     Raises:
         InputError: a folder that can't be made, or in which another process is at work.
     """
-    make_folder(folder)
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        found, mend = f"another process at work in {folder}", "wait until it is done, or choose another folder with -o"
-        lock(handle, found, "a folder to itself", mend)
-        yield
-    finally:
-        os.close(handle)
+    with made_folder(folder):
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            found = f"another process at work in {folder}"
+            lock(handle, found, "a folder to itself", "wait until it is done, or choose another folder with -o")
+            yield
+        finally:
+            os.close(handle)
 
 
 def check_free(folder: Path) -> None:
@@ -89,18 +89,32 @@ def _own(path: Path, name: str) -> bool:
     return folders in (("truth",), ("streams",)) and stem.startswith((f"{name}.", f"{name}_"))
 
 
-def begin(folder: Path, name: str = "log") -> None:
-    """Take away what an experiment that was stopped has left, if anything, and say that another one begins."""
+@contextmanager
+def making(folder: Path, name: str = "log") -> Iterator[None]:
+    """Say that an experiment begins, and that it is whole when the block ends well; else take away what it has written.
+
+    One that is killed can't: what it has left is taken away here, before another one begins.
+    """
+    _clear(folder, name)
+    begun = folder / "truth" / f"{name}.begun"
+    try:
+        make_folder(begun.parent)
+        write_text(begun, "")
+        yield
+    except BaseException:
+        _clear(folder, name)
+        raise
+    begun.unlink(missing_ok=True)
+
+
+def _clear(folder: Path, name: str) -> None:
+    """Take away what an experiment that isn't whole has left."""
     if unfinished(folder, name):
         for path in [p for p in folder.rglob("*") if p.is_file()]:
             path.unlink()
-    make_folder(folder / "truth")
-    write_text(folder / "truth" / f"{name}.begun", "")
-
-
-def done(folder: Path, name: str = "log") -> None:
-    """Say that an experiment is whole."""
-    (folder / "truth" / f"{name}.begun").unlink(missing_ok=True)
+    for empty in (folder / "truth", folder / "streams"):
+        with suppress(OSError):
+            empty.rmdir()
 
 
 def digests(folder: Path, files: Iterable[Path]) -> dict[str, str]:
