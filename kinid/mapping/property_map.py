@@ -296,7 +296,7 @@ class PropertyMap:
         except (OSError, ValueError) as error:  # Arrow's own are of both kinds
             raise InputError(f"no readable map at {path} ({str(error)[:80]})", MAP, "make it anew") from None
         try:
-            meta = (table.schema.metadata or {})[b"kinid"]
+            meta = (table.schema.metadata or {}).get(b"kinid", b"{}")
             about = parse_json(meta, f"map in {path}", MAP, "make it anew", open_ends=True)
             if not isinstance(about, dict) or (about["kind"], about["version"]) != (KIND, VERSION):
                 raise ValueError(f"it says of itself that it is {str(about)[:40]}")

@@ -7,7 +7,6 @@ import base64
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.errors import InputError
 from kinid.robotics.surface import Mesh, Plane
 from kinid.writers import Json
 
@@ -30,10 +29,10 @@ def surface_from_dict(facts: object) -> Plane | Mesh:
     """The surface again.
 
     Raises:
-        InputError: what can't be a plane or a mesh. KeyError, TypeError, ValueError: a field that is absent or another.
+        InputError: a plane or a mesh that can't be. KeyError, TypeError, ValueError: facts of neither.
     """
     if not isinstance(facts, dict):
-        raise InputError(f"a surface that is {str(facts)[:40]}", "a plane or a mesh", "make the map anew")
+        raise TypeError(f"a surface that is {str(facts)[:40]}")
     if "axes" in facts:
         return Plane(np.array(facts["point"], dtype=float), np.array(facts["axes"], dtype=float))
     vertices = np.frombuffer(base64.b64decode(facts["vertices"]), "<f8").reshape(-1, 3)

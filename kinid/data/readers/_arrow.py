@@ -74,8 +74,9 @@ def _words(column: pa.ChunkedArray, path: Path) -> NDArray[np.str_]:
     coded = coded.combine_chunks() if isinstance(coded, pa.ChunkedArray) else coded
     words = [(word or "").strip() for word in coded.dictionary.cast(pa.string()).to_pylist()]
     check_unpacked(path, float(np.dtype("U1").itemsize) * max(map(len, words), default=0) * max(len(coded), len(words)))
-    texts: NDArray[np.str_] = np.asarray([*words, ""], dtype=np.str_)
-    return texts[coded.indices.fill_null(len(words)).to_numpy(zero_copy_only=False)]
+    rows = coded.indices.fill_null(len(words)).to_numpy(zero_copy_only=False)
+    texts: NDArray[np.str_] = np.asarray([*words, ""], dtype=np.str_)[rows]
+    return texts
 
 
 def _unread(found: str, path: Path) -> InputError:
