@@ -15,10 +15,14 @@ import pyarrow.parquet
 import pytest
 
 import kinid
+from kinid.data.guess import columns_of
 from kinid.errors import InputError
 from kinid.inputs import FACTOR, MOST_BYTES, MOST_LEVELS, parse_toml, read_text, size_limit
+from kinid.live.sources import Asked, open_source
+from kinid.mapping.probes import logs_in
 from kinid.mapping.property_map import PropertyMap, is_map
 from kinid.planning.touches import grid
+from kinid.planning.trajectory import read_trajectory
 
 
 def test_a_message_names_the_factor_that_would_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -125,6 +129,10 @@ READ: dict[str, Callable[[Path], object]] = {
     "rig.toml": kinid.Rig.load,
     "fit.json": kinid.Fit.load,
     "map.parquet": PropertyMap.read,
+    "plan.npz": read_trajectory,
+    "columns.csv": columns_of,
+    "of-a-map.csv": lambda path: logs_in([path]),
+    "ring": lambda path: open_source(f"shm:{path}", Asked(None, ("joint_1",), 1.0)),
 }
 
 

@@ -19,7 +19,7 @@ from kinid.data.rig import Rig
 from kinid.effects import Stage
 from kinid.errors import InputError, KinidError
 from kinid.identification.fit import Fit
-from kinid.inputs import digest, read_json
+from kinid.inputs import check_regular, digest, read_json
 from kinid.mapping.boundaries import SlidePath, paths
 from kinid.mapping.property_map import Probe, Property, PropertyMap
 from kinid.modeling.model import Model
@@ -60,6 +60,7 @@ def logs_in(paths: Sequence[Path]) -> list[Path]:
     out: list[Path] = []
     for path in paths:
         if not path.is_dir():
+            check_regular(path, "log", "a log in a file", "copy it into one")
             if not path.is_file():
                 raise InputError(f"no log at {path}", "a log, or a folder of logs", "correct the name")
             out.append(path)
