@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 
 from kinid.data.log import Log
 from kinid.data.readers import csv, read
-from kinid.data.readers._guard import MOST_UNPACKED
 from kinid.data.rig import Rig
 from kinid.errors import InputError
 from kinid.inputs import FACTOR
@@ -189,14 +188,14 @@ def test_a_packed_table_of_measured_numbers_may_be_as_large_as_a_plain_one(
     text = "t,depth\n" + "".join(f"{1e-3 * i},{x}\n" for i, x in enumerate(noise))
     monkeypatch.setattr(csv, "MOST_TEXT", 1000)
     assert len(read_text(tmp_path, gzip.compress(text.encode()), name="a.csv.gz").t) == 2000
-    assert csv.MOST_TEXT * csv.MOST_PACKED < MOST_UNPACKED
+    assert csv.MOST_TEXT * csv.MOST_PACKED < csv.MOST_UNPACKED
 
 
 def test_a_plain_table_has_a_limit_that_can_be_raised(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A file with holes in it says that it is larger than any memory."""
     path = tmp_path / "a.csv"
     path.write_text("t,depth\n0,1\n1,2\n", encoding="utf-8")
-    os.truncate(path, 20 * MOST_UNPACKED)
+    os.truncate(path, 20 * csv.MOST_UNPACKED)
     with pytest.raises(InputError, match=rf"40 GB of text in .*2 GB at most.*{FACTOR}=20"):
         read(path, Rig())
     monkeypatch.setenv(FACTOR, "1e-9")
