@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Mapping
+from pathlib import PurePath
 
 
 class KinidError(Exception):
@@ -43,6 +44,21 @@ def expect(value: object, kinds: type | tuple[type, ...], what: str, expected: s
     if not isinstance(value, kinds):
         shown = f" {value!r}" if isinstance(value, str | int | float) and len(repr(value)) < 60 else ""
         raise InputError(f"{type(value).__name__}{shown} for {what}", expected, mend)
+
+
+def check_name(path: PurePath) -> None:
+    """Refuse a name of a table that is no UTF-8: Arrow takes no other.
+
+    Raises:
+        InputError: the name.
+    """
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        shown = str(path).encode(errors="backslashreplace").decode()[:200]
+        raise InputError(
+            f"the name {shown}, which is no UTF-8", "a name in UTF-8", "rename the file or its folder"
+        ) from None
 
 
 def near(name: str, valid: Iterable[str], limit: int = 12, also: Mapping[str, str] | None = None) -> str:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import os
+import re
 import stat
 import tomllib
 from pathlib import Path
@@ -18,6 +20,10 @@ MOST_BYTES = 2_000_000
 MOST_LEVELS = 50
 #: no quantity of any file is larger, or has more digits
 LARGEST, DIGITS = 1e100, 100
+#: a key of TOML with more parts than there may be levels: tomllib takes memory with the square of their number. The
+#: search begins where a word does and never goes back, so that it takes time with the length of the text
+_PART = r"""(?:(?<![\w-])[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
+_DEEP_KEY = re.compile(rf"(?:{_PART}[ \t]*+\.[ \t]*+){{{MOST_LEVELS}}}")
 #: names in the environment what all limits of size are multiplied by
 FACTOR = "KINID_LIMIT_FACTOR"
 
@@ -45,6 +51,27 @@ def raised(size: float, most: float) -> str:
     return f"or raise the limit by {FACTOR}={math.ceil(min(size / most, LARGEST)):.6g}"
 
 
+def check_regular(path: Path, noun: str, what: str, mend: str) -> None:
+    """Refuse what has no end, or nobody at its other end: a device, a pipe or a socket; opening it may wait forever.
+
+    What isn't there is left to whoever opens it. Arguments as of `read_text`.
+
+    Raises:
+        InputError: what it is.
+    """
+    if os.path.exists(path) and not os.path.isfile(path):
+        mode = path.stat().st_mode
+        kinds = {stat.S_ISDIR: "a folder", stat.S_ISFIFO: "a pipe", stat.S_ISSOCK: "a socket"}
+        reason = next((kind for is_kind, kind in kinds.items() if is_kind(mode)), "a device")
+        raise InputError(f"no readable {noun} at {str(path)[:200]} ({reason}, no regular file)", what, mend)
+
+
+def digest(path: Path) -> str:
+    """SHA-256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
 def read_text(path: Path, noun: str, what: str, mend: str, most: int = MOST_BYTES) -> str:
     """A text file in UTF-8.
 
@@ -57,14 +84,13 @@ def read_text(path: Path, noun: str, what: str, mend: str, most: int = MOST_BYTE
     """
     allowed = size_limit(most)
     try:
+        check_regular(path, noun, f"{what} in UTF-8", mend)
         found = path.stat()
-        if not stat.S_ISREG(found.st_mode):
-            reason = "no regular file"
-        elif found.st_size > allowed:
+        if found.st_size > allowed:
             reason = f"{found.st_size / 1e6:.3g} MB, {allowed / 1e6:.3g} MB at most"
             mend = f"{mend}, {raised(found.st_size, most)}"
         else:
-            return path.read_text(encoding="utf-8")
+            return path.read_text(encoding="utf-8-sig")  # Windows' editors begin a text with a mark
     except UnicodeDecodeError:
         reason = "not UTF-8"
     except (OSError, ValueError) as error:  # a name that holds a zero byte is a ValueError
@@ -110,9 +136,11 @@ def parse_toml(text: str, where: str, what: str) -> dict[str, Any]:
         InputError: no TOML, or nested too deeply.
     """
     try:
-        return tomllib.loads(text)
+        if _DEEP_KEY.search(text) or _deeper(tables := tomllib.loads(text), MOST_LEVELS):
+            raise RecursionError
+        return tables
     except RecursionError:
-        raise InputError(f"{where}, nested too deeply to be read", what, "correct it") from None
+        raise InputError(f"{where}, nested more than {MOST_LEVELS} levels deep", what, "correct it") from None
     except ValueError as error:  # TOML's own error, and a whole number with too many digits
         raise InputError(f"{where}: {str(error)[:200]}", "valid TOML", "correct that line") from None
 

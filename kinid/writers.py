@@ -6,14 +6,14 @@ import json
 import os
 import secrets
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.errors import InputError
+from kinid.errors import InputError, check_name
 
 #: an object of JSON that is read again, by key
 Json = dict[str, Any]
@@ -46,6 +46,57 @@ def replacing(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def lock(handle: int, found: str, expected: str, mend: str) -> None:
+    """Lock an open file or folder against other processes that ask, for as long as it is open.
+
+    The lock is the kernel's (flock): it ends with the process that holds it. File systems without such locks keep
+    nobody apart.
+
+    Raises:
+        InputError: another process holds it; the parts of its message are given.
+    """
+    try:
+        import fcntl
+
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise InputError(found, expected, mend) from None
+    except (ImportError, OSError):
+        pass
+
+
+@contextmanager
+def alone_with(path: Path) -> Iterator[None]:
+    """Keep other processes that ask from a file that is read, added to and replaced, until the block ends.
+
+    The file is a new one each time it is written, so that what is locked stands beside it, as `.NAME.lock`. A process
+    that is killed leaves that behind, unlocked: it keeps nobody out.
+
+    Raises:
+        InputError: another process is at work on the file, or its folder can't be written to.
+    """
+    real = Path(_real(path))
+    beside = real.with_name(f".{real.name}.lock")
+    try:
+        handle = os.open(beside, os.O_RDWR | os.O_CREAT, 0o666)
+    except OSError as error:
+        raise InputError(
+            f"no way to write {path} ({error.strerror})", "a folder that can be written", "choose another -o/--out"
+        ) from None
+    busy = f"another process at work on {path}", "a file to itself", "wait until it is done, or write to another file"
+    try:
+        lock(handle, *busy)
+        # whoever held it before may have removed it since it was opened: a lock on what is gone keeps nobody out
+        if not (beside.exists() and os.path.samestat(os.fstat(handle), beside.stat())):
+            raise InputError(*busy)
+        try:
+            yield
+        finally:
+            beside.unlink(missing_ok=True)
+    finally:
+        os.close(handle)
+
+
 def _real(path: Path) -> str:
     """Where a name leads; `Path.resolve` fails on a ring of links."""
     return os.path.realpath(path)
@@ -55,10 +106,11 @@ def check_table_name(path: Path) -> None:
     """Refuse a table's name early, before any work is done.
 
     Raises:
-        InputError: an ending that no table has, or a folder that isn't there.
+        InputError: an ending that no table has, a name that is no UTF-8, or a folder that isn't there.
     """
     if path.suffix.lower() not in TABLE_SUFFIXES:
         raise InputError(f"output '{path.name}'", f"a name ending in {', '.join(TABLE_SUFFIXES)}", "rename it")
+    check_name(path)
     check_folder(path)
 
 
@@ -125,10 +177,15 @@ def write_table(path: Path, columns: Mapping[str, Column], provenance: Mapping[s
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file whole or not at all."""
+    """Write a text file whole or not at all; names in it that are no UTF-8 stand there as escapes, as JSON has them."""
+    write_bytes(path, text.encode("utf-8", "backslashreplace"))
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all."""
     check_folder(path)
     with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_bytes(data)
 
 
 def write_json(path: Path, facts: object, *, allow_nan: bool = True) -> None:
@@ -146,6 +203,24 @@ def _plain(value: object) -> object:
     if isinstance(value, np.ndarray):
         return value.tolist()
     return value.item() if isinstance(value, np.generic) else str(value)
+
+
+@contextmanager
+def made_folder(path: Path) -> Iterator[None]:
+    """Make a folder for results, with its parents; those of them that are new and still empty go where the block fails.
+
+    Raises:
+        InputError: it can't be made.
+    """
+    new = [each for each in (path, *path.parents) if not each.exists()]
+    try:
+        make_folder(path)
+        yield
+    except BaseException:
+        for each in new:
+            with suppress(OSError):
+                each.rmdir()
+        raise
 
 
 def make_folder(path: Path) -> None:

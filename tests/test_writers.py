@@ -5,7 +5,10 @@ from __future__ import annotations
 import csv
 import json
 import os
+import signal
 import stat
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +18,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from kinid.errors import InputError
-from kinid.writers import check_outputs, check_table_name, replacing, write_table, write_text
+from kinid.writers import alone_with, check_outputs, check_table_name, replacing, write_table, write_text
 
 COLUMNS: dict[str, Any] = {
     "t": np.array([0.0, 0.1, 0.2]),
@@ -171,3 +174,34 @@ def test_text_is_utf_8_and_replaces(tmp_path: Path) -> None:
 def test_no_output_goes_down_a_pipe() -> None:
     with pytest.raises(InputError, match="named -"):
         check_outputs((Path("-"),), ())
+
+
+#: takes a file and keeps it
+HOLDER = """
+import sys, time
+from pathlib import Path
+from kinid.writers import alone_with
+with alone_with(Path(sys.argv[1])):
+    print("held", flush=True)
+    time.sleep(60)
+"""
+
+
+def test_a_file_that_is_added_to_is_of_one_process(tmp_path: Path) -> None:
+    """The second one is refused under any name of the file, other files of the folder are free; a kill frees it."""
+    path, link = tmp_path / "map.parquet", tmp_path / "link.parquet"
+    link.symlink_to(path)
+    process = subprocess.Popen([sys.executable, "-c", HOLDER, str(path)], stdout=subprocess.PIPE)
+    assert process.stdout is not None
+    assert process.stdout.readline() == b"held\n"
+    for name in (path, link):
+        with pytest.raises(InputError, match="another process at work on"), alone_with(name):
+            pass
+    with alone_with(tmp_path / "other.parquet"):
+        pass
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    process.stdout.close()
+    with alone_with(path):
+        assert left(tmp_path) == [".map.parquet.lock", "link.parquet"]
+    assert left(tmp_path) == ["link.parquet"]

@@ -12,7 +12,6 @@ from kinid.batch.runners import Lost, Runner
 from kinid.batch.store import fetched, is_remote
 from kinid.data.rig import Rig
 from kinid.mapping.probes import Found, Prober, logs_in
-from kinid.robotics.reading import read
 
 
 def found_in(paths: Sequence[str]) -> list[str]:
@@ -43,7 +42,7 @@ def probed(runner: Runner, prober: Prober, sources: Sequence[str]) -> Iterator[t
 def _probe(rig: Rig, model: tuple[str, ...], along: float, source: str) -> Found:
     prober = _prober(rig.model_dump_json(), str(rig.folder), model, along)
     with fetched(source) as path:
-        return prober.of_log(read(path, prober.rig, robot=prober.robot), source)
+        return prober.probes(path, source)
 
 
 @cache

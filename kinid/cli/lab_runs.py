@@ -52,7 +52,7 @@ def single(
     out: Path, asked: Asked, experiment: str | None, trajectory: Path | None, rig: Path | None, mcap: bool
 ) -> dict[str, object]:
     """One experiment, by its name or as it was planned."""
-    from kinid.lab.folder import begin, check_free, done
+    from kinid.lab.folder import check_free, making
     from kinid.lab.writing import check_mcap, write_experiment
 
     if mcap:
@@ -78,10 +78,8 @@ def single(
         from kinid.lab.planned import guarded
 
         result, guard = guarded(result)
-    with _writing(out):
-        begin(out)
+    with _writing(out), making(out):
         path = write_experiment(out, result, truth, mcap=mcap)
-        done(out)
     return {"experiment": truth["experiment"], "seed": asked.seed} | _show(path, result, nominal, mcap, guard)
 
 
@@ -208,13 +206,15 @@ def campaign(
 def _made(task: Campaign, out: Path) -> int:
     """How many touches of a campaign were made now."""
     from kinid.lab import campaign as lab
+    from kinid.lab.folder import is_whole
 
     with _progress() as progress:
         bar = progress.add_task(f"{task.count} {task.touch}s on {task.material}", total=task.count)
         try:
             return lab.run(task, out, lambda index: progress.update(bar, completed=index + 1))
         except KeyboardInterrupt:
-            whole = round(progress.tasks[0].completed)
+            # the one that was being looked at counts, too
+            whole = sum(is_whole(out, task.name(index)) for index in range(task.count))
             typer.echo(
                 f"stopped: {whole} of {task.count} {task.touch}s are whole in {out}; the same command again goes on "
                 "there",

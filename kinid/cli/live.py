@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -105,21 +106,21 @@ def live(
         raise InputError(f"--bandwidth {bandwidth:g}", "a frequency > 0 Hz", "leave it out for 40")
     if not 0 <= port < 65536:
         raise InputError(f"--port {port}", "a port from 0 to 65535", "leave it out for 8765")
-    from kinid.writers import check_outputs
+    from kinid.writers import alone_with, check_outputs
 
     path = _log_of(source)
     rig = rig or (path.parent / "rig.toml" if path is not None else None)
     check_outputs((record, json_file, map_file), (path, rig))
     if record is not None and record.suffix.lower() != ".mcap":
         raise InputError(f"--record {record.name}", "a name ending in .mcap", "rename it")
-    if map_file is not None and map_file.suffix.lower() != ".parquet":
-        raise InputError(f"--map {map_file.name}", "a name ending in .parquet", "rename it")
+    if map_file is not None:
+        from kinid.mapping.property_map import check_map_name
+
+        check_map_name(map_file)
     opened, the_rig, robot = _open(source, rig, speed)
-    try:
+    with closing(opened), nullcontext() if map_file is None else alone_with(map_file):
         outputs = Outputs(record, map_file, port if serve else None, json_file)
         _run(opened, the_rig, robot, names, outputs, duration, tare, bandwidth, quiet)
-    finally:
-        opened.close()
 
 
 def _log_of(source: str) -> Path | None:

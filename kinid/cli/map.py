@@ -10,7 +10,7 @@ import typer
 
 from kinid.cli import complete
 from kinid.cli.batch import On, Workers, running
-from kinid.cli.options import check_map_name, check_method, names
+from kinid.cli.options import check_method, names
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def map_(
     from kinid.cli.show import written
     from kinid.cli.show_map import in_map, map_facts, show_map
     from kinid.mapping.property_map import PropertyMap
-    from kinid.writers import check_outputs, write_json, write_text
+    from kinid.writers import alone_with, check_outputs, write_json, write_text
 
     check_method(method)
     _check(out, follow, cell, export)
@@ -91,8 +91,8 @@ def map_(
     rig_file = rig or folder / "rig.toml"
     check_outputs((out, plot, json_file), [rig_file, *map(Path, found)])
     prober = _prober(rig_file, model, along, cell)
-    start = PropertyMap.read(out) if out.is_file() and not anew else None
-    with running(on, workers) as runner:
+    with alone_with(out), running(on, workers) as runner:
+        start = PropertyMap.read(out) if out.is_file() and not anew else None
         grown, skipped = _grow(given, found, prober, start, out, follow, runner)
     if plot is not None:
         from kinid.mapping.map_page import map_page
@@ -125,6 +125,8 @@ def _check(out: Path, follow: float, cell: float | None, export: Path | None) ->
             "the size of the export's patches [m]",
             "name a folder with --export" if export is None else "correct it",
         )
+    from kinid.mapping.property_map import check_map_name
+
     check_map_name(out)
 
 

@@ -82,13 +82,3 @@ def check_method(method: str) -> None:
 
     if method not in METHODS:
         raise InputError(f"--method {method}", f"one of {', '.join(METHODS)}", "choose one of them")
-
-
-def check_map_name(path: Path) -> None:
-    """Refuse a map's name early, before any work is done.
-
-    Raises:
-        InputError: an ending that no map has.
-    """
-    if path.suffix.lower() != ".parquet":
-        raise InputError(f"map '{path.name}'", "a name ending in .parquet", "rename it")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kinid.cli import complete
-from kinid.cli.options import check_map_name, numbers
+from kinid.cli.options import numbers
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def picture(
     unknown.
     """
     from kinid.mapping.picture_map import Sighted
-    from kinid.mapping.property_map import PropertyMap
+    from kinid.mapping.property_map import PropertyMap, check_map_name
     from kinid.mapping.vision import Picture
     from kinid.robotics.surface import Plane
     from kinid.writers import check_outputs, write_json, write_text

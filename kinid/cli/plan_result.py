@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from kinid.cli.plan_arguments import Options, model_of
-from kinid.inputs import read_json
+from kinid.errors import InputError
 
 if TYPE_CHECKING:
     from kinid.data.rig import Rig
@@ -53,9 +53,13 @@ def _doubted(o: Options) -> list[str]:
     """What a fit says of itself that its intervals don't hold."""
     if o.fit is None:
         return []
-    warnings = read_json(o.fit, "fit", "what kinid fit --json wrote", "fit anew with --json").get("warnings") or ()
+    from kinid.identification.saved import MEND, fit_facts
+
+    warnings = fit_facts(o.fit).get("warnings") or []
+    if not isinstance(warnings, list):
+        raise InputError(f"warnings = {str(warnings)[:40]} in {o.fit}", "a list of texts", MEND)
     return [
-        f"the fit says: {warning}; its intervals promise too much" for warning in warnings if "rejected" in str(warning)
+        f"the fit says: {said}; its intervals promise too much" for said in map(str, warnings) if "rejected" in said
     ]
 
 

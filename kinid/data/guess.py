@@ -20,6 +20,7 @@ from kinid.data.plausible import KINDS
 from kinid.data.readers import csv as text
 from kinid.data.rig import WRENCH
 from kinid.errors import InputError, KinidError
+from kinid.inputs import check_regular
 from kinid.units import canonical
 
 Array = NDArray[np.float64]
@@ -72,6 +73,7 @@ def columns_of(path: Path) -> dict[str, Array]:
     Raises:
         InputError: a format without named columns, or a file that can't be read.
     """
+    check_regular(path, "log", "a log in a file", "copy it into one")
     if not path.is_file():
         raise InputError(f"no file {path}", "a log", "check the path")
     if not path.name.lower().endswith(SUFFIXES):

@@ -360,7 +360,8 @@ def _as_input_error(error: ValidationError, where: str, rig: type[Rig]) -> Input
     expected = _PLAIN.get(first["type"]) or first["msg"].removeprefix("Input should be ")
     found = f"{table} {shown + ' = ' if shown else ''}{value} in {where}{tail}"
     if not place and "name" in first.get("ctx", {}):  # of the whole rig, one name is what is wrong
-        found = f"'{first['ctx']['name']}' in [columns] of {where}{tail}"
+        name = first["ctx"]["name"]
+        found = f"'{name}' in {'' if name in rig.model_fields else '[columns] of '}{where}{tail}"
     return InputError(found, expected, "correct that line of the rig")
 
 

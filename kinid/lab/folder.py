@@ -4,16 +4,15 @@ digest.
 
 from __future__ import annotations
 
-import fcntl
-import hashlib
 import json
 import os
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from kinid.errors import InputError
-from kinid.writers import make_folder, write_text
+from kinid.inputs import digest
+from kinid.writers import lock, made_folder, make_folder, write_text
 
 #: what an experiment, a campaign or a study leaves in its folder
 LEFT = (
@@ -34,28 +33,19 @@ LEFT = (
 def at_work(folder: Path) -> Iterator[None]:
     """Make a folder, and keep other processes that ask out of it until the block ends, however it ends.
 
-    The lock is the kernel's (flock on the folder itself): it leaves no file, and ends with the process that holds it.
-    File systems without such locks keep nobody apart.
+    What is locked is the folder itself, so that no file is left.
 
     Raises:
         InputError: a folder that can't be made, or in which another process is at work.
     """
-    make_folder(folder)
-    handle = os.open(folder, os.O_RDONLY)
-    try:
+    with made_folder(folder):
+        handle = os.open(folder, os.O_RDONLY)
         try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise InputError(
-                f"another process at work in {folder}",
-                "a folder to itself",
-                "wait until it is done, or choose another folder with -o",
-            ) from None
-        except OSError:
-            pass
-        yield
-    finally:
-        os.close(handle)
+            found = f"another process at work in {folder}"
+            lock(handle, found, "a folder to itself", "wait until it is done, or choose another folder with -o")
+            yield
+        finally:
+            os.close(handle)
 
 
 def check_free(folder: Path) -> None:
@@ -99,28 +89,37 @@ def _own(path: Path, name: str) -> bool:
     return folders in (("truth",), ("streams",)) and stem.startswith((f"{name}.", f"{name}_"))
 
 
-def begin(folder: Path, name: str = "log") -> None:
-    """Take away what an experiment that was stopped has left, if anything, and say that another one begins."""
+@contextmanager
+def making(folder: Path, name: str = "log") -> Iterator[None]:
+    """Say that an experiment begins, and that it is whole when the block ends well; else take away what it has written.
+
+    One that is killed can't: what it has left is taken away here, before another one begins.
+    """
+    _clear(folder, name)
+    begun = folder / "truth" / f"{name}.begun"
+    try:
+        make_folder(begun.parent)
+        write_text(begun, "")
+        yield
+    except BaseException:
+        _clear(folder, name)
+        raise
+    begun.unlink(missing_ok=True)
+
+
+def _clear(folder: Path, name: str) -> None:
+    """Take away what an experiment that isn't whole has left."""
     if unfinished(folder, name):
         for path in [p for p in folder.rglob("*") if p.is_file()]:
             path.unlink()
-    make_folder(folder / "truth")
-    write_text(folder / "truth" / f"{name}.begun", "")
-
-
-def done(folder: Path, name: str = "log") -> None:
-    """Say that an experiment is whole."""
-    (folder / "truth" / f"{name}.begun").unlink(missing_ok=True)
+    for empty in (folder / "truth", folder / "streams"):
+        with suppress(OSError):
+            empty.rmdir()
 
 
 def digests(folder: Path, files: Iterable[Path]) -> dict[str, str]:
     """SHA-256 of files, by their names within a folder."""
     return {path.relative_to(folder).as_posix(): digest(path) for path in files}
-
-
-def digest(path: Path) -> str:
-    """SHA-256 of a file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def is_whole(folder: Path, name: str) -> bool:

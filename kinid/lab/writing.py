@@ -17,7 +17,8 @@ from scipy.spatial.transform import Rotation
 from kinid.data.log import Log
 from kinid.data.rig import WRENCH
 from kinid.errors import MissingDependencyError
-from kinid.lab.folder import digest, digests
+from kinid.inputs import digest
+from kinid.lab.folder import digests
 from kinid.lab.setup import LOG_EVERY, Result, Setup
 from kinid.writers import Column, make_folder, replacing, write_json, write_table, write_text
 

@@ -34,7 +34,7 @@ from kinid.inputs import raised, size_limit
 from kinid.mapping.png import to_png
 from kinid.mapping.property_map import PropertyMap
 from kinid.robotics.surface import Mesh
-from kinid.writers import Json, make_folder, replacing, write_text
+from kinid.writers import Json, made_folder, write_bytes, write_text
 
 Array = NDArray[np.float64]
 
@@ -324,60 +324,55 @@ def export(grown: PropertyMap, folder: Path, cells: int = CELLS, method: str = "
         InputError: as `patches`, or a folder that can't be written to.
     """
     made = patches(grown, cells, method)
-    make_folder(folder)
-    out = [folder / name for name in ("map.xml", "map.sdf", "map.glb", "map.json")]
-    write_text(out[0], to_mujoco(made))
-    write_text(out[1], to_sdf(made))
-    _write_bytes(out[2], to_gltf(made))
-    about: Json = {"assumed": {role: FRICTION if role == "friction" else 0.0 for role in made.assumed}}
-    about["alone"] = {
-        "tip_radius": float(made.half.min()),
-        "unit": "m",
-        "means": "a tip up to this radius, on the middle of a patch, feels that patch alone; a wider one feels "
-        "several, and their stiffnesses add up",
-        "deepest": float(min(made.half.min(), 0.5 * made.thick)),
-        "deepest_means": "a round tip pressed deeper than its radius and this goes aside, not out",
-    }
-    roles = {k: role for k, role in enumerate(ROLES) if role not in made.assumed}
-    units = {role: grown.properties[grown.index(role)].unit for role in roles.values()}
-    if isinstance(grown.surface, Mesh):
-        about |= {
-            "faces": made.cells[:, 0].tolist(),
-            "centres": made.centres.tolist(),
-            "normals": made.axes[:, 2].tolist(),
-            "properties": {
-                role: {"unit": units[role], "values": made.values[:, k].tolist()} for k, role in roles.items()
-            },
+    with made_folder(folder):
+        out = [folder / name for name in ("map.xml", "map.sdf", "map.glb", "map.json")]
+        write_text(out[0], to_mujoco(made))
+        write_text(out[1], to_sdf(made))
+        write_bytes(out[2], to_gltf(made))
+        about: Json = {"assumed": {role: FRICTION if role == "friction" else 0.0 for role in made.assumed}}
+        about["alone"] = {
+            "tip_radius": float(made.half.min()),
+            "unit": "m",
+            "means": "a tip up to this radius, on the middle of a patch, feels that patch alone; a wider one feels "
+            "several, and their stiffnesses add up",
+            "deepest": float(min(made.half.min(), 0.5 * made.thick)),
+            "deepest_means": "a round tip pressed deeper than its radius and this goes aside, not out",
         }
-    else:
-        about |= {
-            "frame": {"origin": made.centres.mean(axis=0).tolist(), "axes": made.axes[0].tolist()},
-            "cell": (2 * made.half[0]).tolist(),
-            "rows": "along tangent 1",
-            "columns": "along tangent 2",
-            "properties": {},
-        }
-        for k, role in roles.items():
-            field = np.full(made.shape, np.nan)
-            field[tuple(made.cells.T)] = made.values[:, k]
-            low, high = float(np.nanmin(field)), float(np.nanmax(field))
-            path = folder / f"{role}.png"
-            _write_bytes(path, to_png(field, low, high))
-            out.append(path)
-            about["properties"][role] = {
-                "image": path.name,
-                "unit": units[role],
-                "low": low,
-                "high": high,
-                "value": "low + (grey − 1)/65534 · (high − low); grey 0 is unknown",
+        roles = {k: role for k, role in enumerate(ROLES) if role not in made.assumed}
+        units = {role: grown.properties[grown.index(role)].unit for role in roles.values()}
+        if isinstance(grown.surface, Mesh):
+            about |= {
+                "faces": made.cells[:, 0].tolist(),
+                "centres": made.centres.tolist(),
+                "normals": made.axes[:, 2].tolist(),
+                "properties": {
+                    role: {"unit": units[role], "values": made.values[:, k].tolist()} for k, role in roles.items()
+                },
             }
-    write_text(out[3], json.dumps(about, indent=1, ensure_ascii=False) + "\n")
-    return out
-
-
-def _write_bytes(path: Path, data: bytes) -> None:
-    with replacing(path) as temporary:
-        temporary.write_bytes(data)
+        else:
+            about |= {
+                "frame": {"origin": made.centres.mean(axis=0).tolist(), "axes": made.axes[0].tolist()},
+                "cell": (2 * made.half[0]).tolist(),
+                "rows": "along tangent 1",
+                "columns": "along tangent 2",
+                "properties": {},
+            }
+            for k, role in roles.items():
+                field = np.full(made.shape, np.nan)
+                field[tuple(made.cells.T)] = made.values[:, k]
+                low, high = float(np.nanmin(field)), float(np.nanmax(field))
+                path = folder / f"{role}.png"
+                write_bytes(path, to_png(field, low, high))
+                out.append(path)
+                about["properties"][role] = {
+                    "image": path.name,
+                    "unit": units[role],
+                    "low": low,
+                    "high": high,
+                    "value": "low + (grey − 1)/65534 · (high − low); grey 0 is unknown",
+                }
+        write_text(out[3], json.dumps(about, indent=1, ensure_ascii=False) + "\n")
+        return out
 
 
 def _text(values: Iterable[float]) -> str:

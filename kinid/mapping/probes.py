@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -18,7 +19,7 @@ from kinid.data.rig import Rig
 from kinid.effects import Stage
 from kinid.errors import InputError, KinidError
 from kinid.identification.fit import Fit
-from kinid.inputs import read_json
+from kinid.inputs import check_regular, digest, read_json
 from kinid.mapping.boundaries import SlidePath, paths
 from kinid.mapping.property_map import Probe, Property, PropertyMap
 from kinid.modeling.model import Model
@@ -59,6 +60,7 @@ def logs_in(paths: Sequence[Path]) -> list[Path]:
     out: list[Path] = []
     for path in paths:
         if not path.is_dir():
+            check_regular(path, "log", "a log in a file", "copy it into one")
             if not path.is_file():
                 raise InputError(f"no log at {path}", "a log, or a folder of logs", "correct the name")
             out.append(path)
@@ -138,14 +140,19 @@ class Prober:
         """Of the model."""
         return str(self.model)
 
-    def probes(self, path: Path) -> Found:
+    def probes(self, path: Path, source: str | None = None) -> Found:
         """Of a log in a file: its properties, and a probe for each touch.
+
+        Args:
+            path: of the file. source: what it is called, where that isn't its path.
 
         Raises:
             InputError: a log that can't carry the model.
         """
         log = read(path, self.rig, robot=self.robot)
-        return self.of_log(log, str(path))
+        properties, probes = self.of_log(log, source or str(path))
+        known = digest(path) if path.is_file() else ""  # a bag may be a folder
+        return properties, [dataclasses.replace(probe, digest=known) for probe in probes]
 
     def each(self, sources: Sequence[str]) -> Iterator[tuple[str, Found | str]]:
         """The same of many files, or why one has none."""
@@ -248,7 +255,7 @@ def build(
     skipped: Callable[[str, str], None] | None = None,
     elsewhere: Callable[[Sequence[str]], Iterator[tuple[str, Found | str]]] | None = None,
 ) -> Iterator[PropertyMap]:
-    """The map as it grows, log by log; logs that `start` holds already are passed over.
+    """The map as it grows, log by log; logs that `start` holds already, by their path, are passed over.
 
     Args:
         paths: of logs. prober: fits them. start: a map to go on with. skipped: told of logs that can't be used, and
@@ -256,7 +263,8 @@ def build(
             default: they are made here.
 
     Raises:
-        InputError: as `Prober.probes`; or a start that has another surface, model or properties.
+        InputError: as `Prober.probes`; a log that is there under another name; or a start that has another surface,
+            model or properties.
     """
     if start is not None and (start.model != prober.name or not same_surface(start.surface, prober.surface)):
         raise InputError(
@@ -265,15 +273,21 @@ def build(
             "write to another file",
         )
     grown = start
-    there = set() if start is None else {p.source.split("#")[0] for p in start.probes}
-    todo = [str(path) for path in paths if str(path) not in there]
+    before = () if start is None else start.probes
+    there = {os.path.realpath(p.source.split("#")[0]) for p in before}
+    # behind other names, of links or of copies, the same log would count as two that agree
+    known = {p.digest: p.source for p in before if p.digest}
+    todo = [str(path) for path in paths if os.path.realpath(path) not in there]
     for source, found in (elsewhere or prober.each)(todo):
         try:
             if isinstance(found, str):
                 raise KinidError(found)
             properties, probes = found
+            if twin := next((known[probe.digest] for probe in probes if probe.digest in known), ""):
+                raise InputError(f"the same log twice, {twin} and {source}", "each log once", "leave one of them out")
             empty = PropertyMap(prober.surface, properties, (), prober.name) if grown is None else grown
             grown = empty.added(*probes)
+            known |= {probe.digest: source for probe in probes if probe.digest}
         except KinidError as error:
             if skipped is None:
                 raise

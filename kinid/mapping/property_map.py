@@ -6,7 +6,6 @@ grows sees the map as it was after some probe. The surface, a mesh included, is 
 
 from __future__ import annotations
 
-import base64
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,11 +13,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.errors import InputError, near
-from kinid.inputs import parse_json
+from kinid.errors import InputError, check_name, near
+from kinid.inputs import check_regular, parse_json
 from kinid.mapping.interpolation import MESH_METHODS, METHODS, Guess, Interpolator, PlaneSites
 from kinid.mapping.interpolation.gaussian_process import interpolator
 from kinid.mapping.interpolation.uniform import Uniform
+from kinid.mapping.surface_facts import surface_from_dict, surface_to_dict
 from kinid.robotics.surface import Mesh, Plane
 from kinid.writers import Json, replacing
 
@@ -27,7 +27,9 @@ Array = NDArray[np.float64]
 VERSION = 1
 #: no estimate and no variance of a map is larger, in any unit
 LARGEST = 1e30
-MAP = "a Parquet file of kinid map"
+KIND, MAP = "property map", "a Parquet file of kinid map"
+#: columns of text
+TEXTS = ("source", "digest")
 #: stands for the model where values were predicted from a picture
 PICTURE = "picture"
 #: of entries of a covariance, relative
@@ -51,7 +53,7 @@ class Probe:
     Attributes:
         place: on the surface, base frame [m], (3,). values: (p,). covariance: (p, p), infinite where a property is
         open. residual, noise: what the model left, and what noise alone would have left [N]. source: where it came
-        from.
+        from. digest: of the log that it came from, SHA-256, by which the same log is known under another name.
     """
 
     place: Array
@@ -60,6 +62,7 @@ class Probe:
     residual: float = float("nan")
     noise: float = float("nan")
     source: str = ""
+    digest: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,13 +245,12 @@ class PropertyMap:
         Raises:
             InputError: a name that doesn't end in .parquet, or a folder that can't be written to.
         """
-        if path.suffix.lower() != ".parquet":
-            raise InputError(f"map '{path.name}'", "a name ending in .parquet", "rename it")
+        check_map_name(path)
         import pyarrow as pa
         from pyarrow import parquet
 
         names = [p.name for p in self.properties]
-        columns: Json = {"source": pa.array([p.source for p in self.probes], pa.string())}
+        columns: Json = {text: pa.array([getattr(p, text) for p in self.probes], pa.string()) for text in TEXTS}
         places = self.places
         columns |= {axis: places[:, i] for i, axis in enumerate("xyz")}
         if isinstance(self.surface, Plane) and len(self.probes):
@@ -265,10 +267,10 @@ class PropertyMap:
             {name: pa.array(column) if isinstance(column, np.ndarray) else column for name, column in columns.items()}
         )
         about = {
-            "kind": "property map",
+            "kind": KIND,
             "version": VERSION,
             "model": self.model,
-            "surface": _surface_to_dict(self.surface),
+            "surface": surface_to_dict(self.surface),
             "properties": [{"name": p.name, "unit": p.unit} for p in self.properties],
         }
         table = table.replace_schema_metadata({"kinid": json.dumps(about)})
@@ -285,25 +287,24 @@ class PropertyMap:
         import pyarrow as pa
         from pyarrow import parquet
 
+        check_regular(path, "map", MAP, "make it anew")
         try:
             # opened once: a map that is replaced between two looks at its name would be half old and half new.
             # No thread of Arrow's may let go of a Python object after this: at exit that ends the process by an abort
             with pa.OSFile(str(path)) as file:
                 table = parquet.ParquetFile(file).read(use_threads=False)
-        except (OSError, pa.ArrowInvalid) as error:
-            raise InputError(
-                f"no readable map at {path} ({str(error)[:80]})", "a Parquet file of kinid map", "make it anew"
-            ) from None
+        except (OSError, ValueError) as error:  # Arrow's own are of both kinds
+            raise InputError(f"no readable map at {path} ({str(error)[:80]})", MAP, "make it anew") from None
         try:
-            meta = (table.schema.metadata or {})[b"kinid"]
+            meta = (table.schema.metadata or {}).get(b"kinid", b"{}")
             about = parse_json(meta, f"map in {path}", MAP, "make it anew", open_ends=True)
-            if about["kind"] != "property map" or about["version"] != VERSION:
-                raise KeyError("kind")
+            if not isinstance(about, dict) or (about["kind"], about["version"]) != (KIND, VERSION):
+                raise ValueError(f"it says of itself that it is {str(about)[:40]}")
             properties = tuple(Property(str(p["name"]), str(p["unit"])) for p in about["properties"])
-            surface = _surface_from_dict(about["surface"])
+            surface = surface_from_dict(about["surface"])
             names, n = [p.name for p in properties], table.num_rows
             column = {
-                name: _numbers(table[name].to_numpy(), name, path) for name in table.column_names if name != "source"
+                name: _numbers(table[name].to_numpy(), name, path) for name in table.column_names if name not in TEXTS
             }
             covariances = np.empty((n, len(names), len(names)))
             for i, a in enumerate(names):
@@ -311,15 +312,30 @@ class PropertyMap:
                     covariances[:, i, j] = covariances[:, j, i] = column[f"cov.{a}.{names[j]}"]
             places = np.column_stack([column[axis] for axis in "xyz"])
             values = np.column_stack([column[name] for name in names])
-            sources = [str(source or "") for source in table["source"].to_pylist()]
-            rows = zip(places, values, covariances, column["residual"].tolist(), column["noise"].tolist(), sources)
+            texts = (  # a map of an earlier kinid doesn't know its logs' digests
+                [str(text or "") for text in table[name].to_pylist()] if name in table.column_names else [""] * n
+                for name in TEXTS
+            )
+            rows = zip(places, values, covariances, column["residual"].tolist(), column["noise"].tolist(), *texts)
             return cls(surface, properties, tuple(Probe(*row) for row in rows), str(about["model"]))
         except (KeyError, ValueError, TypeError, AttributeError) as error:
+            why = f"without {error.args[0]}" if isinstance(error, KeyError) else str(error)[:80]
             raise InputError(
-                f"{path}, which is no property map ({str(error)[:80]})",
-                "a Parquet file of kinid map",
+                f"{path}, which is no property map ({why})",
+                MAP,
                 "make it with kinid map LOGS -o MAP.parquet",
             ) from None
+
+
+def check_map_name(path: Path) -> None:
+    """Refuse a map's name, before any work is done where it is asked early.
+
+    Raises:
+        InputError: an ending that no map has, or a name that is no UTF-8.
+    """
+    if path.suffix.lower() != ".parquet":
+        raise InputError(f"map '{path.name}'", "a name ending in .parquet", "rename it")
+    check_name(path)
 
 
 def _numbers(values: NDArray[np.generic], name: str, path: Path) -> Array:
@@ -362,39 +378,15 @@ def _of(source: str) -> str:
 
 
 def is_map(path: Path) -> bool:
-    """Whether a Parquet file says that it is a property map."""
+    """Whether a Parquet file says that it is a property map, or has the columns of one."""
     import pyarrow as pa
     from pyarrow import parquet
 
     try:
+        check_regular(path, "map", MAP, "make it anew")
         with pa.OSFile(str(path)) as file:
-            metadata = parquet.read_schema(file).metadata or {}
-        return bool(json.loads(metadata.get(b"kinid", b"{}")).get("kind") == "property map")
+            schema = parquet.read_schema(file)
+        said = KIND.encode() in (schema.metadata or {}).get(b"kinid", b"")
+        return said or any(name.startswith("cov.") for name in schema.names)
     except Exception:  # whatever is wrong with it, it is no map
         return False
-
-
-def _surface_to_dict(surface: Plane | Mesh) -> Json:
-    if isinstance(surface, Plane):
-        return {"point": surface.point.tolist(), "axes": surface.axes.tolist()}
-    tangent = None if surface.tangent is None else surface.tangent.tolist()
-    return {
-        "vertices": _packed(surface.vertices, "<f8"),
-        "faces": _packed(surface.faces, "<i8"),
-        "edge_radius": surface.edge_radius,
-        "tangent": tangent,
-        "source": surface.source,
-    }
-
-
-def _surface_from_dict(facts: Json) -> Plane | Mesh:
-    if "axes" in facts:
-        return Plane(np.array(facts["point"], dtype=float), np.array(facts["axes"], dtype=float))
-    vertices = np.frombuffer(base64.b64decode(facts["vertices"]), "<f8").reshape(-1, 3)
-    faces = np.frombuffer(base64.b64decode(facts["faces"]), "<i8").reshape(-1, 3)
-    tangent = None if facts["tangent"] is None else np.array(facts["tangent"], dtype=float)
-    return Mesh(vertices, faces, float(facts["edge_radius"]), tangent, str(facts["source"]))
-
-
-def _packed(values: NDArray[np.generic], kind: str) -> str:
-    return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")

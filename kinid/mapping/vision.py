@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError, MissingDependencyError
-from kinid.inputs import raised, size_limit
+from kinid.inputs import check_regular, raised, size_limit
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 
 #: a picture of more pixels is refused before it is unpacked: each costs some hundred bytes on the way to its features
 MOST_PIXELS = 16_000_000
+#: what is expected of a file, and how to mend another one
+PICTURE = ("a PNG or JPEG image", "correct the name")
 #: half the side of the patch that features are taken from [pixels]
 HALF = 4
 #: names of the features
@@ -79,6 +81,7 @@ class Picture:
             from PIL import Image, UnidentifiedImageError
         except ImportError:
             raise MissingDependencyError("pillow", "vision") from None
+        check_regular(path, "picture", *PICTURE)
         try:
             with Image.open(path, formats=("PNG", "JPEG")) as image:
                 pixels = image.width * image.height
@@ -92,10 +95,8 @@ class Picture:
                     grey = np.asarray(image, dtype=np.float64) / 65535.0
                     return cls(np.repeat(grey[..., None], 3, axis=2), low, high)
                 return cls(np.asarray(image.convert("RGB"), dtype=np.float64) / 255.0, low, high)
-        except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as error:
-            raise InputError(
-                f"no picture at {path} ({str(error)[:60]})", "a PNG or JPEG image", "correct the name"
-            ) from None
+        except (OSError, ValueError, UnidentifiedImageError, Image.DecompressionBombError) as error:
+            raise InputError(f"no picture at {path} ({str(error)[:60]})", *PICTURE) from None
 
     def shows(self, places: Array) -> NDArray[np.bool_]:
         """Whether places (n, 2) [m] are in the picture, (n,)."""

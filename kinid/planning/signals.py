@@ -71,7 +71,9 @@ class Multisine(Signal):
             raise InputError(f"a motion of {self.duration} s", "a positive duration", "correct it")
         if not (np.isfinite(self.fade) and 0 < self.fade <= self.duration / 2):
             raise InputError(
-                f"a fade of {self.fade} s in a motion of {self.duration} s", "at most half of it", "choose another"
+                f"a motion of {self.duration} s that is faded in and out over {self.fade} s each",
+                "one at least twice as long as its fade",
+                f"make it longer: --duration {2 * FADE:g} or more",
             )
         for sine in self.sines:
             if len(sine) not in (2, 3) or not np.isfinite(sine).all() or sine[1] <= 0:
@@ -136,7 +138,9 @@ class Sampled(Signal):
             )
         if not 0 < self.fade <= (t[-1] - t[0]) / 2:
             raise InputError(
-                f"a fade of {self.fade} s in a motion of {t[-1] - t[0]:.3g} s", "at most half of it", "choose another"
+                f"a signal of {t[-1] - t[0]:.3g} s that is faded in and out over {self.fade} s each",
+                "one at least twice as long as its fade",
+                "give a longer one",
             )
         from scipy.interpolate import make_interp_spline
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kinid.data.log import frozen
 from kinid.data.readers._guard import readable
 from kinid.errors import InputError
-from kinid.inputs import parse_json
+from kinid.inputs import check_regular, parse_json
 from kinid.writers import TABLE_SUFFIXES, Json, write_table
 
 Array = NDArray[np.float64]
@@ -222,6 +222,7 @@ def read_columns(path: Path) -> Columns:
 
 def _table(path: Path) -> tuple[Columns, Json]:
     """Columns of a file, and its provenance."""
+    check_regular(path, "table", "a table as Parquet, CSV or NPZ", "copy it into a file")
     if not path.is_file():
         raise InputError(f"no file {path}", "a table as Parquet, CSV or NPZ", "check its name")
     if path.suffix.lower() not in TABLE_SUFFIXES:

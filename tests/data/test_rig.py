@@ -189,6 +189,11 @@ def test_what_can_not_be_is_refused(tmp_path: Path, text: str, found: str, expec
     assert "rig.toml" in error.found
 
 
+def test_a_table_that_is_true_is_no_column(tmp_path: Path) -> None:
+    assert "[columns]" not in refused(tmp_path, "surface = true").found
+    assert "'q' in [columns] of" in refused(tmp_path, '[columns]\nq = { unit = "N" }').found
+
+
 @pytest.mark.parametrize(
     ("text", "found", "mend"),
     [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pkgutil
 import subprocess
 import sys
 from pathlib import Path
@@ -137,25 +138,43 @@ def test_an_experiment_that_was_killed_is_made_again(app: typer.Typer, tmp_path:
         assert {p.relative_to(out): p.read_bytes() for p in out.rglob("*") if p.is_file()} == whole
 
 
-def test_a_campaign_that_is_interrupted_says_how_it_goes_on(
-    app: typer.Typer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("stop", [OSError(28, "No space left on device"), KeyboardInterrupt()], ids=["full", "stopped"])
+def test_an_experiment_that_fails_leaves_nothing(
+    stop: BaseException, app: typer.Typer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from kinid.lab import campaign
+    """Neither its rig and truth nor the mark that it had begun; what else is in the folder stays."""
 
-    made, poke = [], campaign._poke
+    def stops(*_: object) -> None:
+        raise stop
 
-    def stops(*args: Any) -> None:
+    monkeypatch.setattr("kinid.lab.writing.write_log", stops)
+    (tmp_path / "mine").mkdir()
+    for out in (tmp_path / "new" / "x", tmp_path / "mine"):
+        assert CliRunner().invoke(app, [*FIRST, "-o", str(out)]).exit_code != 0
+    assert [path.name for path in tmp_path.rglob("*")] == ["mine"]
+
+
+@pytest.mark.parametrize(
+    ("step", "whole"), [("kinid.lab.campaign.write_experiment", 1), ("kinid.lab.campaign_page.Overview.add", 2)]
+)
+def test_a_campaign_that_is_interrupted_says_how_it_goes_on(
+    step: str, whole: int, app: typer.Typer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As its second poke is made, or is looked at, when it is whole already."""
+    made, do = [], pkgutil.resolve_name(step)
+
+    def stops(*args: Any, **named: Any) -> None:
         if made:
             raise KeyboardInterrupt
-        made.append(poke(*args))
+        made.append(do(*args, **named))
 
-    monkeypatch.setattr(campaign, "_poke", stops)
+    monkeypatch.setattr(step, stops)
     words = ["mould", "--campaign", "1x3", "-o", str(tmp_path / "c")]
     stopped = CliRunner().invoke(app, words)
     assert stopped.exit_code == 130
-    assert "1 of 3 pokes are whole" in stopped.output
-    monkeypatch.setattr(campaign, "_poke", poke)
-    assert "2 pokes made (1 were there already)" in CliRunner().invoke(app, words).output
+    assert f"{whole} of 3 pokes are whole" in stopped.output
+    monkeypatch.undo()
+    assert f"{3 - whole} pokes made ({whole} were there already)" in CliRunner().invoke(app, words).output
 
 
 def test_the_overview_of_a_campaign_is_the_same_each_time(app: typer.Typer, tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 
@@ -10,7 +11,9 @@ import numpy as np
 import pytest
 
 import kinid
+from kinid.cli.map import map_
 from kinid.errors import InputError
+from kinid.inputs import digest
 from kinid.lab import campaign as campaigns
 from kinid.lab.campaign import MOTIONS, Campaign
 from kinid.lab.materials import MOULD
@@ -21,6 +24,7 @@ from kinid.mapping.interpolation import PlaneSites
 from kinid.mapping.interpolation.triangles import Triangles
 from kinid.mapping.probes import Prober, build, expected, logs_in
 from kinid.mapping.property_map import PropertyMap
+from kinid.writers import alone_with
 
 #: of the virtual arm's impedance controller [N/m]: under it the tip goes less deep where the material is stiff
 IMPEDANCE = 5200.0
@@ -73,6 +77,32 @@ def test_a_map_goes_on_where_it_was(small):
     assert expected([small]) == 4
     with pytest.raises(InputError, match="a map of"):
         list(build(logs, Prober.of(kinid.Rig.load(small / "rig.toml"), ["hooke"]), half))
+
+
+def test_a_log_counts_once_under_all_its_names(small, tmp_path, monkeypatch):
+    """By its path it is passed over unread, as a copy or by a link it is left out, in one go and in the next."""
+    prober, (log, other, *_) = Prober.of(kinid.Rig.load(small / "rig.toml")), logs_in([small])
+    (tmp_path / "link.parquet").symlink_to(log)
+    shutil.copy(log, tmp_path / "copy.parquet")
+    skipped = {}
+    *_, grown = build([log, tmp_path / "copy.parquet", other], prober, None, skipped.__setitem__)
+    assert len(grown) == 2
+    assert list(skipped) == [str(tmp_path / "copy.parquet")]
+    assert "the same log twice" in skipped[str(tmp_path / "copy.parquet")]
+    with pytest.raises(InputError, match="the same log twice"):
+        list(build([tmp_path / "copy.parquet"], prober, grown))
+    monkeypatch.chdir(small)
+    for same in (log.name, f"../{small.name}/{log.name}", tmp_path / "link.parquet"):
+        assert not list(build([same], prober, grown))
+    grown.write(tmp_path / "map.parquet")
+    again = PropertyMap.read(tmp_path / "map.parquet")
+    assert [probe.digest for probe in again.probes] == [digest(log), digest(other)]
+
+
+def test_a_map_that_another_process_adds_to_is_left_alone(small, tmp_path):
+    with alone_with(tmp_path / "map.parquet"), pytest.raises(InputError, match="another process at work on"):
+        map_([small], tmp_path / "map.parquet")
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_command(small, tmp_path):

@@ -167,12 +167,15 @@ def test_values_that_no_map_has_are_refused(column, values, says, tmp_path):
         (b'{"kind": "property map", "version": 1' + b"0" * 400 + b"}", "401 digits"),
         (b"[1]", "no property map"),
         (b"{", "no JSON"),
+        (b"{}", "without kind"),
+        (b'{"kind": "property map", "version": 1, "properties": [], "surface": null}', "a surface that is None"),
     ],
-    ids=["deep", "long", "list", "cut"],
+    ids=["deep", "long", "list", "cut", "empty", "no surface"],
 )
 def test_what_a_map_says_of_itself_has_limits(about, says, tmp_path):
     path = tmp_path / "m.parquet"
     PropertyMap(Plane(np.zeros(3), AXES), PROPERTIES, (probe(0, np.random.default_rng(0)),)).write(path)
     parquet.write_table(parquet.read_table(path).replace_schema_metadata({b"kinid": about}), path)
+    assert is_map(path)  # it is no log, whatever is wrong with it
     with pytest.raises(InputError, match=says):
         PropertyMap.read(path)

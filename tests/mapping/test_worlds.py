@@ -112,6 +112,17 @@ def test_patches_without_a_size_are_refused():
         cells_of(PropertyMap(mesh, (Property("stiffness", "N/m"),), (probe,)), 0.01)
 
 
+def test_a_disk_that_is_full_is_left_without_a_folder(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.replace", full)
+    for out in (tmp_path / "new" / "worlds", tmp_path):
+        with pytest.raises(InputError, match="No space left"):
+            export(made(), out, 8)
+    assert not list(tmp_path.iterdir())
+
+
 def test_sdf_holds_the_same_numbers(exported):
     folder, cells, _ = exported
     collisions = ET.parse(folder / "map.sdf").getroot().findall("./model/link/collision")

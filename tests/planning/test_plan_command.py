@@ -212,6 +212,7 @@ def test_excite_in_contact_and_in_the_air(run: Any, tmp_path: Path) -> None:
             "two values",
         ),
         (("poke", "-o", "p.parquet", "--json", "-"), "named -"),
+        (("poke", "-o", "p.parquet", "--duration", 0.5), "--duration 0.6 or more"),
         (("slide", "-o", "p.parquet", "--through", "0,0;0.01,0", "--at", "0.1,0"), "--at with --through"),
         (("excite", "-o", "p.parquet", "--model", "tool-mass", "--force-limit", 3), "--force-limit in the air"),
         (("poke", "-o", "rig.toml"), "ending"),
@@ -266,6 +267,10 @@ def test_what_a_plan_rests_on_is_said(run: Any, tmp_path: Path) -> None:
         assert ("the fit says: the residual is 3.1 times the noise" in out) == bool(warnings)
         assert ("its intervals promise too much" in out) == bool(warnings)
         assert len(json.loads((tmp_path / "p.json").read_text())["remarks"]) == len(warnings)
+    (tmp_path / "fit.json").write_text(json.dumps({**fit, "warnings": 3}))
+    code, _, err = run(*short, "--fit", "fit.json")
+    assert code == 2
+    assert "warnings = 3 in fit.json" in err
 
 
 def test_the_preview_of_a_plan_speaks_of_expected_forces(run: Any, tmp_path: Path) -> None:

@@ -15,7 +15,8 @@ from types import ModuleType
 
 from kinid.data.log import Log
 from kinid.data.rig import Rig
-from kinid.errors import InputError
+from kinid.errors import InputError, check_name
+from kinid.inputs import check_regular
 
 __all__ = ["formats", "read"]
 
@@ -69,6 +70,8 @@ def _module(path: Path) -> ModuleType:
         )
     if not path.exists():
         raise InputError(f"no file {path}", "a log", "check the path")
+    check_name(path)
+    check_regular(path, "log", "a log in a file", "copy it into one")
     known = formats()
     ending = next((known_as for known_as in known if path.name.lower().endswith(known_as)), None)
     if ending is None:

@@ -30,6 +30,9 @@ SUFFIXES: tuple[str, ...] = (*PLAIN, *PACKED)
 
 _SNIFFED = 1 << 16  # bytes at the start that the layout is told from
 _PIECE = 1 << 22  # bytes that are searched at once
+#: text that a small packed file may hold [bytes]: parsing takes several times as much; and times that text of measured
+#: numbers, which shrinks to a third or so, may be larger than its packed file beyond that
+MOST_TEXT, MOST_PACKED = 100_000_000, 10
 _SPACE = " "
 _COMMENT = ("#", "%")
 _ABSENT = ["", "nan", "NaN", "NAN", "Nan", "-nan", "-NaN"]
@@ -56,14 +59,17 @@ def read(path: Path, rig: Rig, joints: Sequence[str] | None = None) -> Log:
     text = _opened(path)
     layout = _sniff(text, path)
 
+    def label(i: int) -> str:
+        return layout.names[i] if layout.names else str(i)
+
     def load(groups: Sequence[Sequence[int]]) -> Iterator[Arrays]:
         from kinid.data.readers._arrow import to_numpy
 
         columns = _parse(text, layout, sorted({i for group in groups for i in group}), path)
         last = {i: g for g, group in enumerate(groups) for i in group}
         for g, group in enumerate(groups):
-            with readable(path, "text in UTF-8"):
-                arrays = [to_numpy(columns.pop(i) if last[i] == g else columns[i]) for i in group]
+            with readable(path, "text"):
+                arrays = [to_numpy(columns.pop(i) if last[i] == g else columns[i], label(i), path) for i in group]
             yield arrays
 
     return to_log(Table(str(path), "text", layout.names, layout.width, frozenset(), load), rig, joints)
@@ -82,10 +88,16 @@ def _opened(path: Path) -> Text:
     """The text of a file.
 
     Raises:
-        InputError: it can't be read.
+        InputError: it can't be read, or is too large.
     """
     if path.name.lower().endswith(PACKED):
         return _unpacked(path)
+    if (size := path.stat().st_size) > size_limit(MOST_UNPACKED):
+        raise InputError(
+            f"{size / 1e9:.3g} GB of text in {path}",
+            f"{size_limit(MOST_UNPACKED) / 1e9:.3g} GB at most",
+            f"cut it, convert it to Parquet, {raised(size, MOST_UNPACKED)}",
+        )
     with readable(path, "text"), path.open("rb") as file:
         return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
 
@@ -96,15 +108,15 @@ def _unpacked(path: Path) -> bytes:
     Raises:
         InputError: too much, or a damaged file.
     """
-    pieces, size, most = [], 0, size_limit(MOST_UNPACKED)
+    text, most = io.BytesIO(), size_limit(MOST_TEXT)
+    most = min(max(most, MOST_PACKED * path.stat().st_size), size_limit(MOST_UNPACKED))
     with readable(path, "gzip"), gzip.open(path, "rb") as file:
         while piece := file.read(_PIECE):
-            size += len(piece)
-            if size > most:
+            text.write(piece)
+            if (size := text.tell()) > most:
                 found, mend = f"more than {most / 1e9:.3g} GB of text in {path}", "cut it, unpack it first"
-                raise InputError(found, "less", f"{mend}, {raised(2 * size, MOST_UNPACKED)}")
-            pieces.append(piece)
-    return b"".join(pieces)
+                raise InputError(found, "less", f"{mend}, {raised(2 * size, MOST_TEXT)}")
+    return text.getvalue()
 
 
 def _sniff(text: Text, path: Path) -> _Layout:
@@ -178,7 +190,7 @@ def _parse(text: Text, layout: _Layout, wanted: Sequence[int], path: Path) -> di
     """Arrow columns by position.
 
     Raises:
-        InputError: rows of differing length.
+        InputError: rows of differing length, or cells that are no UTF-8.
     """
     import pyarrow as pa
     import pyarrow.csv
@@ -200,12 +212,14 @@ def _parse(text: Text, layout: _Layout, wanted: Sequence[int], path: Path) -> di
                 parse_options=pyarrow.csv.ParseOptions(delimiter=layout.delimiter),
                 convert_options=convert,
             )
-            return {i: table.column(keys[i]) for i in wanted}
+            break
         except pa.ArrowInvalid as error:
             if threads:
                 continue  # only a parse in one thread knows the number of the row
             raise _ragged(str(error), path) from None
-    raise AssertionError("unreachable")
+    if any(pa.types.is_binary(kind) for kind in table.schema.types):
+        raise InputError(f"{path}, which can't be read as text in UTF-8", "a table", "export it as CSV in UTF-8")
+    return {i: table.column(keys[i]) for i in wanted}
 
 
 def _has_comments(text: Text, start: int) -> bool:

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from kinid.data.log import Log
 from kinid.data.readers._columns import Arrays, Table, to_log
 from kinid.data.readers._guard import check_unpacked, readable
 from kinid.data.rig import Rig
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 SUFFIXES: tuple[str, ...] = (".parquet", ".pq")
 
@@ -25,20 +29,29 @@ def read(path: Path, rig: Rig, joints: Sequence[str] | None = None) -> Log:
 def _read(path: Path, rig: Rig, joints: Sequence[str] | None) -> Log:
     import pyarrow.parquet
 
-    from kinid.data.readers._arrow import is_block, to_numpy
+    from kinid.data.readers._arrow import is_block, is_text, to_numpy
 
     with readable(path, "Parquet"):
         # a mapped file would stay in memory, page by page, as it is read
         file = pyarrow.parquet.ParquetFile(path, memory_map=False)
-        schema = file.schema_arrow
-    check_unpacked(path, 8.0 * file.metadata.num_rows * len(schema.names))
+        schema, facts = file.schema_arrow, file.metadata
+        stored = sum(facts.row_group(i).total_byte_size for i in range(facts.num_row_groups))
+    check_unpacked(path, max(8.0 * facts.num_rows * len(schema.names), stored))
+    with readable(path, "Parquet"):
+        # words stay a list of what there is and a number a row: many rows may share a long one
+        if words := [field.name for field in schema if is_text(field.type)]:
+            file.close()
+            file = pyarrow.parquet.ParquetFile(path, metadata=facts, memory_map=False, read_dictionary=words)
     names = tuple(schema.names)
+
+    def column(name: str) -> pa.ChunkedArray:
+        return file.read(columns=[name], use_threads=False).column(name)
 
     def load(groups: Sequence[Sequence[int]]) -> Iterator[Arrays]:
         for group in groups:
             with readable(path, "Parquet"):
                 # one by one, so that the memory for decoding is that of one column
-                arrays = [to_numpy(file.read(columns=[names[i]], use_threads=False).column(names[i])) for i in group]
+                arrays = [to_numpy(column(names[i]), names[i], path) for i in group]
             yield arrays
             arrays.clear()  # whoever has read them still holds the list while the next is read
 

@@ -22,6 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from kinid.errors import InputError
+from kinid.inputs import check_regular
 from kinid.live.messages import Item, Joints, Notice, Source, Wrench
 from kinid.live.sources import IDLE, Asked
 
@@ -57,6 +58,7 @@ class Ring:
 
     def __init__(self, path: Path, joints: int) -> None:
         self.name, self._joints = f"shm:{path}", joints
+        check_regular(path, "ring", "the file of a sender that has begun", "begin the sender first")
         try:
             with path.open("rb") as file:
                 self._map = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)

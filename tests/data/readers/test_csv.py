@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import os
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from kinid.data.log import Log
 from kinid.data.readers import csv, read
 from kinid.data.rig import Rig
 from kinid.errors import InputError
+from kinid.inputs import FACTOR
 
 BY_NUMBER = {"t": {"column": 0}, "depth": {"column": 1}}
 
@@ -172,6 +174,31 @@ def test_a_packed_table_is_whole_and_small_enough(tmp_path: Path, monkeypatch: p
     for damaged in (packed[:-20], b"no gzip at all"):
         with pytest.raises(InputError, match="can't be read as gzip"):
             read_text(tmp_path, damaged, name="a.csv.gz")
-    monkeypatch.setattr(csv, "MOST_UNPACKED", 1000)
-    with pytest.raises(InputError, match=r"more than 1e-06 GB of text in .*unpack it first"):
+    monkeypatch.setattr(csv, "MOST_TEXT", 1000)
+    most = csv.MOST_PACKED * len(packed) / 1e9
+    with pytest.raises(InputError, match=rf"more than {most:.3g} GB of text in .*unpack it first"):
         read_text(tmp_path, packed, name="a.csv.gz")
+
+
+def test_a_packed_table_of_measured_numbers_may_be_as_large_as_a_plain_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They hardly shrink; what does, and is large, is refused before memory holds several times as much."""
+    noise = np.random.default_rng(1).normal(size=2000)
+    text = "t,depth\n" + "".join(f"{1e-3 * i},{x}\n" for i, x in enumerate(noise))
+    monkeypatch.setattr(csv, "MOST_TEXT", 1000)
+    assert len(read_text(tmp_path, gzip.compress(text.encode()), name="a.csv.gz").t) == 2000
+    assert csv.MOST_TEXT * csv.MOST_PACKED < csv.MOST_UNPACKED
+
+
+def test_a_plain_table_has_a_limit_that_can_be_raised(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file with holes in it says that it is larger than any memory."""
+    path = tmp_path / "a.csv"
+    path.write_text("t,depth\n0,1\n1,2\n", encoding="utf-8")
+    os.truncate(path, 20 * csv.MOST_UNPACKED)
+    with pytest.raises(InputError, match=rf"40 GB of text in .*2 GB at most.*{FACTOR}=20"):
+        read(path, Rig())
+    monkeypatch.setenv(FACTOR, "1e-9")
+    path.write_text("t,depth\n0,1\n1,2\n", encoding="utf-8")
+    with pytest.raises(InputError, match="2e-09 GB at most"):
+        read(path, Rig())

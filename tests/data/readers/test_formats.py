@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from kinid.data.readers import formats, read
 from kinid.data.rig import WRENCH, Rig
 from kinid.errors import InputError, MissingDependencyError
+from kinid.writers import write_table
 
 N, JOINTS = 250, 7
 EMPTY = Rig()
@@ -311,12 +313,35 @@ def test_parquet_types(tmp_path: Path) -> None:
     np.testing.assert_array_equal(log.tau, [[1, np.nan], [0, np.nan], [np.nan, np.nan]])
     assert log.phase is not None
     assert log.phase.tolist() == ["a", "", "b"]
-    with pytest.raises(InputError, match="type struct"):
+    with pytest.raises(InputError, match=r"column 'other' of type struct.*leave that column out"):
         read(tmp_path / "a.parquet", Rig.parse({"columns": {"depth": {"column": "other"}}}))
     ragged = pa.table({"t": [0.0, 1.0], "q": [[1.0, 2.0], [1.0]]})
     pa.parquet.write_table(ragged, tmp_path / "b.parquet")
-    with pytest.raises(InputError, match="differing lengths"):
+    with pytest.raises(InputError, match="column 'q' of lists of differing lengths"):
         read(tmp_path / "b.parquet")
+
+
+def test_a_name_that_is_no_utf8_is_said(tmp_path: Path) -> None:
+    path = tmp_path / os.fsdecode(b"o\xff.parquet")
+    with pytest.raises(InputError, match=r"the name .*o\\udcff\.parquet, which is no UTF-8.*rename"):
+        write_table(path, {"t": np.arange(3.0)})
+    path.write_bytes(b"something")
+    with pytest.raises(InputError, match=r"the name .*rename"):
+        read(path)
+
+
+def test_a_long_word_that_many_rows_share_takes_no_memory(tmp_path: Path) -> None:
+    """In an array it would be as long in each of them: 80 GB here."""
+    n, word = 20_000, "a" * 1_000_000
+    for name, words in (("long", [word]), ("short", ["approach", "hold"])):
+        phase = pa.DictionaryArray.from_arrays(np.arange(n, dtype=np.int32) % len(words), pa.array(words, pa.string()))
+        table = pa.table({"t": np.arange(n) * 1e-3, "q1": np.zeros(n), "phase": phase})
+        pa.parquet.write_table(table, tmp_path / f"{name}.parquet")
+    with pytest.raises(InputError, match=r"80 GB of columns in .*long\.parquet"):
+        read(tmp_path / "long.parquet")
+    log = read(tmp_path / "short.parquet")
+    assert log.phase is not None
+    assert log.phase.tolist() == ["approach", "hold"] * (n // 2)
 
 
 @pytest.mark.parametrize(("suffix", "library"), [(".bag", "rosbags"), (".db3", "rosbags"), (".mcap", "mcap")])

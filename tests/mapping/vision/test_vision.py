@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import struct
+import zlib
+
 import numpy as np
 import pytest
 
@@ -90,9 +94,26 @@ def test_pictures_come_from_files(tmp_path):
     deep, shallow = (Picture.read(tmp_path / f"{name}.png", (0.0, 0.0), (0.02, 0.03)) for name in ("deep", "shallow"))
     assert np.allclose(deep.pixels, grey[..., None], atol=1e-4)
     assert np.allclose(deep.pixels, shallow.pixels, atol=0.6 / 255)
-    (tmp_path / "b.png").write_bytes(b"nothing")
+
+
+def test_what_is_no_picture_is_refused(tmp_path):
+    """A text, a picture with a remark that unpacks to more than one has, and a pipe, which nobody writes to."""
+    image = pytest.importorskip("PIL.Image")
+    path = tmp_path / "a.png"
+    path.write_bytes(b"nothing")
     with pytest.raises(InputError, match="no picture"):
-        Picture.read(tmp_path / "b.png", (0.0, 0.0), (1.0, 1.0))
+        Picture.read(path, (0.0, 0.0), (1.0, 1.0))
+    image.new("RGB", (20, 20)).save(path)
+    remark = b"zTXtComment\0\0" + zlib.compress(bytes(5_000_000))
+    chunk = struct.pack(">I", len(remark) - 4) + remark + struct.pack(">I", zlib.crc32(remark))
+    png, end = path.read_bytes(), len(b"\x89PNG\r\n\x1a\n") + 25  # behind the header
+    path.write_bytes(png[:end] + chunk + png[end:])
+    with pytest.raises(InputError, match=r"no picture.*too large"):
+        Picture.read(path, (0.0, 0.0), (1.0, 1.0))
+    path.unlink()
+    os.mkfifo(path)
+    with pytest.raises(InputError, match="a pipe"):
+        Picture.read(path, (0.0, 0.0), (1.0, 1.0))
 
 
 def test_classes_follow_from_the_values():
