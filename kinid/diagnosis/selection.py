@@ -192,7 +192,9 @@ def choose(refits: Sequence[Refit], before: State, settings: DiagnosisSettings) 
     equals = [
         t
         for t in relearnt
-        if indistinguishable(best, t, best.state.error.sigma, settings) or _simpler(t, best, before, settings)
+        if t is best
+        or indistinguishable(best, t, best.state.error.sigma, settings)
+        or _simpler(t, best, before, settings)
     ]
     return min(equals, key=lambda t: (len(t.state.values), -t.evidence.gain))
 
@@ -213,8 +215,9 @@ def _simpler(one: Refit, best: Refit, before: State, settings: DiagnosisSettings
 
 
 def _rank(candidate: Refit) -> tuple[float, float]:
-    """What a refit leaves; where several leave nothing but noise, what they gain."""
-    return candidate.evidence.left, -candidate.evidence.gain
+    """What a refit leaves; where several leave nothing but noise, what they gain. Where predictions overflow, last."""
+    left = candidate.evidence.left
+    return (left, -candidate.evidence.gain) if np.isfinite(left) else (np.inf, 0.0)
 
 
 def best_end(candidate: Refit, fits: dict[tuple[str, ...], State]) -> Refit | None:
@@ -225,7 +228,7 @@ def best_end(candidate: Refit, fits: dict[tuple[str, ...], State]) -> Refit | No
     """
     model, before = candidate.state.model, candidate.before
     fit = fits[model.names] = within_possible(estimate_problem(model, before.problem), before)
-    ends = sorted((candidate.relearnt, candidate.ended(fit)), key=lambda t: t.evidence.left)
+    ends = sorted((candidate.relearnt, candidate.ended(fit)), key=_rank)
     return next((end for end in ends if lowers_error(end.state, candidate.before)), None)
 
 
