@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic_core import PydanticCustomError
 
 from kinid.units import TORQUES
@@ -16,6 +17,11 @@ HEAVIEST, MOST_BIAS, MOST_SCALE = 1000.0, 1e5, 1e9
 FARTHEST, MOST_OFFSET = 1e3, 1e9
 #: of gravity, from the Moon's to beyond Jupiter's [m/s²]
 GRAVITY = (1.0, 30.0)
+#: largest radius of gyration of a tool about its com [m]
+WIDEST = 2.0
+#: how far cross-talk may be from the identity: forces by forces and moments by moments, forces by moments [1/m], and
+#: moments by forces [m]
+MIXED, MIXED_FORCES, MIXED_MOMENTS = 0.5, 50.0, 0.5
 #: softest structure [m/N]: an arm that yields by a centimetre under a newton is none
 SOFTEST = 0.01
 #: kinds of units by quantity of the log format; a drive's current or voltage stands for a torque
@@ -64,6 +70,50 @@ def gravity(values: tuple[float, ...]) -> tuple[float, ...]:
             "gravity", "a gravity of about 9.81 m/s², in the base frame: [0, 0, -9.81] for an upright arm"
         )
     return values
+
+
+def inertia(mass: float, matrix: NDArray[np.float64]) -> None:
+    """Refuse an inertia about the com that no body of this mass has; estimates are never perfect, so what is refused
+    is clearly none's.
+    """
+    moments = np.linalg.eigvalsh(matrix)
+    largest = float(np.abs(moments).max())
+    if moments[0] < -0.05 * largest or moments[2] > 1.25 * (moments[0] + moments[1]) + 1e-12:
+        raise PydanticCustomError(
+            "inertia",
+            "an inertia that a body can have: moments positive, none above the others' sum",
+            {"field": "inertia"},
+        )
+    if largest > mass * WIDEST**2:
+        raise PydanticCustomError(
+            "inertia",
+            "an inertia in kg·m² of a tool of {mass} kg that is no wider than {widest} m: {most} kg·m² at most",
+            {"field": "inertia", "mass": f"{mass:g}", "widest": f"{2 * WIDEST:g}", "most": f"{mass * WIDEST**2:.3g}"},
+        )
+
+
+def crosstalk(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
+    """Cross-talk that a sensor has: invertible, and each entry near the identity's."""
+    mixing = np.abs(np.asarray(rows) - np.eye(6))
+    most = np.kron([[MIXED, MIXED_FORCES], [MIXED_MOMENTS, MIXED]], np.ones((3, 3)))
+    if not (mixing <= most).all() or np.linalg.cond(np.asarray(rows)) > 1e6:
+        raise PydanticCustomError(
+            "invertible",
+            "an invertible matrix near the identity: within {like} of it for forces by forces and moments by moments, "
+            "{forces} 1/m for forces by moments, {moments} m for moments by forces",
+            {"like": MIXED, "forces": f"{MIXED_FORCES:g}", "moments": MIXED_MOMENTS},
+        )
+    return rows
+
+
+def inside_range(words: str, values: tuple[float, ...] | None, most: tuple[float, ...] | None) -> None:
+    """Refuse what a sensor states of itself and its own range doesn't hold."""
+    if values is not None and most is not None and any(abs(v) > m for v, m in zip(values, most)):
+        raise PydanticCustomError(
+            "range",
+            "a {words} within the sensor's range of {most}, in N and N·m",
+            {"field": words, "words": words, "most": f"[{', '.join(f'{m:g}' for m in most)}]"},
+        )
 
 
 def compliance(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
