@@ -110,6 +110,44 @@ def test_a_surface_metres_away(touched: tuple[Log, Rig, Robot]) -> None:
     assert "check [surface] point" in doubts(log, changed(rig, surface={"point": (0.55, 0.0, 1.1)}), robot)
 
 
+@pytest.mark.parametrize(
+    ("height", "words"),
+    [
+        (0.09, "mm or more outside"),
+        (0.11, "mm or more inside"),
+        (0.2, "mm or more inside"),
+        (0.0, "mm or more outside"),
+    ],
+)
+@pytest.mark.parametrize("labelled", [True, False])
+def test_a_surface_that_touches_begin_far_from(
+    touched: tuple[Log, Rig, Robot], height: float, words: str, labelled: bool
+) -> None:
+    log, rig, robot = touched
+    phase = np.where(np.arange(len(log)) < 2000, "free", "touch") if labelled else None
+    said = doubts(dataclasses.replace(log, phase=phase), changed(rig, surface={"point": (0.55, 0.0, height)}), robot)
+    assert f"{words} the surface: correct [surface] point" in said
+    assert "kinid contact LOG --find-surface" in said
+    assert "|" not in said
+
+
+def test_a_surface_that_is_known_no_better_is_not_doubted(touched: tuple[Log, Rig, Robot]) -> None:
+    log, rig, robot = touched
+    assert doubts(log, changed(rig, surface={"point": (0.55, 0.0, 0.108), "offset_sd": 0.005}), robot) == ""
+
+
+@pytest.mark.parametrize("length", [1.0, 1.62, 9.6, 10.0])
+def test_gravity_of_a_length_that_no_place_on_earth_has(touched: tuple[Log, Rig, Robot], length: float) -> None:
+    log, rig, _ = touched
+    rig = changed(rig, robot={"gravity": (0.0, 0.0, -length)})
+    assert f"[robot] gravity is {length:g} m/s² long" in doubts(log, rig, Robot.load(rig))
+
+
+def test_a_noise_beyond_all_readings(touched: tuple[Log, Rig, Robot]) -> None:
+    log, rig, robot = touched
+    assert "[sensor] noise of 35 N" in doubts(log, changed(rig, sensor={"noise": (35.0, 0, 0, 0, 0, 0)}), robot)
+
+
 def test_joints_beyond_their_limits(touched: tuple[Log, Rig, Robot]) -> None:
     log, rig, robot = touched
     assert log.q is not None
