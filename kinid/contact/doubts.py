@@ -38,7 +38,7 @@ def contact_doubts(log: Log, rig: Rig, robot: Robot | None, touch: ContactSeries
     if log.q is None or robot is None:
         return []
     stuck = _stuck(log)
-    out = [*stuck, *_elsewhere(robot), *_beyond_joints(log, robot), *_beyond_range(log, rig), *_loud(log, rig)]
+    out = [*stuck, *_beyond_joints(log, robot), *_beyond_range(log, rig)]
     if touch is not None:
         deepest = float(np.nanmax(touch.depth)) if np.isfinite(touch.depth).any() else 0.0
         if deepest > DEEPEST:
@@ -54,9 +54,15 @@ def contact_doubts(log: Log, rig: Rig, robot: Robot | None, touch: ContactSeries
     # each of these would show as one of those behind it; where no label says what free motion is, touches of a surface
     # that is too low pass for it
     off, place = (0.0, []) if stuck else misplaced(log, rig, robot, touch)
-    hidden = off < 0.0 and len(log.labelled_free) < FEWEST
+    hidden = place if off < 0.0 and len(log.labelled_free) < FEWEST else []
     out += (
-        stuck or turned_normal(rig, touch) or (place if hidden else []) or tool_doubts(log, rig, robot, touch) or place
+        stuck
+        or _elsewhere(robot)
+        or turned_normal(rig, touch)
+        or hidden
+        or tool_doubts(log, rig, robot, touch)
+        or place
+        or _too_loud(log, rig)
     )
     return out + _not_read(log)
 
@@ -72,7 +78,7 @@ def _elsewhere(robot: Robot) -> list[str]:
     ]
 
 
-def _loud(log: Log, rig: Rig) -> list[str]:
+def _too_loud(log: Log, rig: Rig) -> list[str]:
     """A noise of the sensor that is larger than all that its forces ever change by."""
     if log.wrench is None or rig.sensor.noise is None or not log.valid.any():
         return []

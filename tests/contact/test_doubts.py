@@ -105,6 +105,44 @@ def test_a_reading_beyond_the_sensors_range(touched: tuple[Log, Rig, Robot]) -> 
     assert "fz reaches" in doubts(log, changed(rig, sensor={"range": (40, 40, 1.0, 2, 2, 2)}), robot)
 
 
+def with_bias(log: Log, rig: Rig, robot: Robot, off: float = 0.0) -> Rig:
+    """The rig with the bias stated that free motion shows, off along fz."""
+    bias = np.array(contact_series(log, rig, robot=robot).bias)
+    bias[2] += off
+    return changed(rig, sensor={"bias": tuple(bias)})
+
+
+@pytest.mark.parametrize(("off", "doubted"), [(0.0, False), (0.5, False), (10.0, True), (-10.0, True)])
+@pytest.mark.parametrize("turning", [True, False])
+def test_a_stated_bias_that_free_motion_contradicts(
+    touched: tuple[Log, Rig, Robot], off: float, doubted: bool, turning: bool
+) -> None:
+    log, rig, robot = touched
+    first = 0 if turning else 2000
+    phase = np.where(np.arange(len(log)) < 2200, "free", "touch")
+    log = Log(t=log.t[first:], q=log.q[first:], wrench=log.wrench[first:], phase=phase[first:])  # type: ignore[index]
+    said = doubts(log, with_bias(log, rig, robot, off), robot)
+    assert ("correct [sensor] bias" in said) == doubted
+    assert "|" not in said
+    assert doubted or said == ""
+    if off < 0.0:  # what pulls like a heavier tool may be one
+        assert "or [tool] mass, as 1.2" in said
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_a_tool_without_mass_whose_load_free_motion_shows(touched: tuple[Log, Rig, Robot], stated: bool) -> None:
+    log, rig, robot = touched
+    own = with_bias(log, rig, robot) if stated else rig
+    assert "the rig says 0 kg: correct [tool] mass" in doubts(log, changed(own, tool={"mass": 0.0}), robot)
+
+
+def test_a_unit_that_was_stated_by_mistake(touched: tuple[Log, Rig, Robot]) -> None:
+    log, rig, robot = touched
+    rig = Rig.parse({**rig.model_dump(exclude_none=True, exclude={"folder"}), "columns": {"wrench": {"unit": "mN"}}})
+    said = doubts(dataclasses.replace(log, wrench=1e-3 * np.asarray(log.wrench)), rig, robot)
+    assert 'wrench = { unit = "N" }' in said
+
+
 def test_a_surface_metres_away(touched: tuple[Log, Rig, Robot]) -> None:
     log, rig, robot = touched
     assert "check [surface] point" in doubts(log, changed(rig, surface={"point": (0.55, 0.0, 1.1)}), robot)
