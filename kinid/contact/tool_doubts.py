@@ -90,7 +90,8 @@ def tool_doubts(log: Log, rig: Rig, robot: Robot, touch: ContactSeries | None) -
         pull = tool_load(ToolSpec(mass=1.0, com=rig.carried.com), kinematics, robot.gravity)[air, :3]
         left = wrench[air, :3] - load[air, :3] - rig.sensor.stated_bias[:3]
         found = _force_doubt(wrench[air, :3], pull, kinematics.rotation[air], rig, robot.gravity)
-        stated = rig.sensor.bias is not None and (touch is None or np.array_equal(touch.bias, rig.sensor.bias))
+        used = rig.sensor.bias if touch is None or touch.bias is None else tuple(touch.bias)
+        stated = rig.sensor.bias is not None and used == rig.sensor.bias
         found = _of_bias(left, pull, rig) if found is None and stated else found
     if found is None and beside is not None:
         order, _ = _order(*beside, MOMENTS, SCALE)

@@ -84,7 +84,7 @@ def inertia(mass: float, matrix: NDArray[np.float64]) -> None:
             "an inertia that a body can have: moments positive, none above the others' sum",
             {"field": "inertia"},
         )
-    if largest > mass * WIDEST**2:
+    if largest > mass * WIDEST**2 > 0.0:
         raise PydanticCustomError(
             "inertia",
             "an inertia in kg·m² of a tool of {mass} kg that is no wider than {widest} m: {most} kg·m² at most",

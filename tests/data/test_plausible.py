@@ -35,7 +35,6 @@ SURFACE = "[surface]\nnormal = [0, 0, 1]\n"
         (f"[sensor]\ncrosstalk = {(1000 * np.eye(6)).tolist()}", "near the identity: within 0.5"),
         (f"[sensor]\ncrosstalk = {(np.eye(6) + np.eye(6, k=-3)).tolist()}", "0.5 m for moments by forces"),
         (TOOL + "inertia = [100, 100, 100, 0, 0, 0]", "0.96 kg·m² at most"),
-        ("[tool]\nmass = 0\ninertia = [1e-4, 1e-4, 1e-4, 0, 0, 0]", "0 kg·m² at most"),
         ('[columns]\nq = { unit = "N" }', "a unit of q, as rad"),
         ('[columns]\nq3 = { unit = "Nm" }', "a unit of q3, as rad"),
         ('[columns]\nfx = { unit = "mm" }', "a unit of fx, as N"),
