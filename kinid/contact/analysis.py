@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from kinid.contact.doubts import contact_doubts, left_out
 from kinid.contact.flag import touches
 from kinid.contact.series import ContactSeries, contact_series, tip_motion
+from kinid.contact.torque_doubts import torque_doubts
 from kinid.data.log import Log, Provenance, Step
 from kinid.data.rig import CONTACT, Rig
 from kinid.errors import InputError
@@ -117,7 +118,7 @@ def analyse(
     absent = left_out(log, rig, robot)
     if absent is not None:
         provenance = provenance.after(absent)
-    doubts = contact_doubts(log, rig, robot, contact)
+    doubts = [*contact_doubts(log, rig, robot, contact), *torque_doubts(torques, rig)]
     if doubts:
         provenance = provenance.after(Step("doubts", {}, tuple(doubts)))
     return Analysis(contact, tip, torques, provenance)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from kinid.contact.series import ContactSeries
 from kinid.contact.surface_doubts import misplaced, turned_normal
+from kinid.contact.time_doubts import time_doubts
 from kinid.contact.tool_doubts import FEWEST, FORCES, MOMENTS, tool_doubts
 from kinid.data.log import Log, Step
 from kinid.data.rig import WRENCH, Rig
@@ -21,8 +22,6 @@ Mask = NDArray[np.bool_]
 DEEPEST = 0.3
 #: share of the sensor's range beyond which a reading is cut off or of another unit
 FULL = 0.99
-#: time between samples of a log of touches [s] beyond which its unit is doubted
-SLOWEST = 0.2
 #: length of gravity on Earth, with room for who rounds it [m/s²]
 EARTH = (9.7, 9.9)
 #: joints stood still through touches whose force changed by so many times its noise
@@ -46,17 +45,14 @@ def contact_doubts(log: Log, rig: Rig, robot: Robot | None, touch: ContactSeries
                 f"the tip is {deepest:.3g} m inside the surface: check [surface] point and normal, which points out of "
                 "the material, and [robot] tip_frame"
             )
-        if log.period > SLOWEST and len(log) > FEWEST and touch.in_contact.any():
-            out.append(
-                f"{log.period:.3g} s between samples of a touch: is the time in another unit? Say so in [columns] of "
-                'the rig: t = { unit = "ms" }'
-            )
+    late = time_doubts(log, touch is not None and bool(touch.in_contact.any()))
     # each of these would show as one of those behind it; where no label says what free motion is, touches of a surface
     # that is too low pass for it
     off, place = (0.0, []) if stuck else misplaced(log, rig, robot, touch)
     hidden = place if off < 0.0 and len(log.labelled_free) < FEWEST else []
     out += (
         stuck
+        or late
         or _elsewhere(robot)
         or turned_normal(rig, touch)
         or hidden

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from kinid.contact.series import ContactSeries
 from kinid.data.log import Log
-from kinid.data.plausible import FORCE
+from kinid.data.plausible import FORCE, TORQUE
 from kinid.data.rig import Rig, ToolSpec
 from kinid.robotics.motion import joint_motion
 from kinid.robotics.robot import Kinematics, Robot
@@ -47,6 +47,8 @@ WORST_CONDITION = 1e8
 TIMES, LARGE = 30.0, 100.0
 #: moments are of another unit than forces where they are so many times what these do at their levers
 UNIT_OF_MOMENTS = 30.0
+#: … of one axis, where those are more than this share of what is expected of all
+LARGE_AXIS = 0.2
 #: … and on other axes where another order fits with its scale within this factor: levers are known so well
 SCALE = 2.0
 #: drift of a bias since it was stated, as a share of the sensor's range; which is this [N] where it isn't stated
@@ -84,7 +86,7 @@ def tool_doubts(log: Log, rig: Rig, robot: Robot, touch: ContactSeries | None) -
         contact = wrench[:, :3] - touch.bias[:3] - load[:, :3]
         expected = load[:, 3:] + np.cross(robot.tip_in_sensor(), contact)
         beside = wrench[:, 3:] - wrench[:, 3:].mean(axis=0), expected - expected.mean(axis=0)
-        found = _unit_of_moments(*beside)
+        found = _unit_of_moments(*beside, rig)
     if found is None and rig.tool is not None and len(clear) >= FEWEST:
         air = np.isin(rows, clear)
         pull = tool_load(ToolSpec(mass=1.0, com=rig.carried.com), kinematics, robot.gravity)[air, :3]
@@ -221,7 +223,7 @@ def _of_mass(force: Array, load: Array, rig: Rig) -> str | None:
         f"in free motion the sensor reads a tool of {read:.3g} ± {2 * error:.2g} kg, the rig says {mass:g} kg: correct "
         "[tool] mass"
     )
-    unit = _unit_meant(read / mass, rig) if mass > 0.0 else None
+    unit = unit_meant(read / mass, rig, ("wrench", "fx"), FORCE) if mass > 0.0 else None
     if unit is None or not TOOLS[0] <= mass <= TOOLS[1]:
         return f"{correct}; or the tool's parts beyond the sensor are others, or the sensor's gain is"
     if TOOLS[0] <= read <= TOOLS[1]:
@@ -232,11 +234,11 @@ def _of_mass(force: Array, load: Array, rig: Rig) -> str | None:
     )
 
 
-def _unit_meant(times: float, rig: Rig) -> str | None:
-    """The unit of a wrench that reads so many times too much with what the rig says of it."""
-    said = rig.columns.get("wrench") or rig.columns.get("fx")
+def unit_meant(times: float, rig: Rig, names: tuple[str, ...], units: tuple[str, ...]) -> str | None:
+    """The unit of what reads so many times too much with what the rig says of it under the first of some names."""
+    said = next((rig.columns[name] for name in names if name in rig.columns), None)
     true = (1.0 if said is None else said.to_si) / times
-    return next((unit for unit in FORCE if abs(true / factor(unit, "[columns]") - 1.0) < MASS_SHARE), None)
+    return next((unit for unit in units if abs(true / factor(unit, "[columns]") - 1.0) < MASS_SHARE), None)
 
 
 def _of_bias(left: Array, load: Array, rig: Rig) -> str | None:
@@ -264,14 +266,37 @@ def _of_bias(left: Array, load: Array, rig: Rig) -> str | None:
     )
 
 
-def _unit_of_moments(moment: Array, expected: Array) -> str | None:
-    """Whether the moment is a multiple of that of the forces at their levers that only another unit gives."""
-    whole, size = float(np.sum(moment**2)), float(np.sum(expected**2))
-    slope = float(np.sum(moment * expected)) / size if size > 0.0 else 0.0
-    if slope <= 0.0 or whole - slope**2 * size > LEFT * whole or abs(np.log(slope)) < np.log(UNIT_OF_MOMENTS):
+def _unit_of_moments(moment: Array, expected: Array, rig: Rig) -> str | None:
+    """Whether the moment, or one axis of it, is a multiple of that of the forces at their levers that only another unit
+    gives.
+    """
+    sizes = np.sqrt(np.mean(expected**2, axis=0))
+    large = [k for k in range(3) if sizes[k] > LARGE_AXIS * np.linalg.norm(sizes)]
+    alone = {MOMENTS[k]: slope for k in large if (slope := in_proportion(moment[:, k], expected[:, k])) is not None}
+    if len(alone) < len(large):
+        units = {name: unit_meant(slope, rig, (name, "wrench"), TORQUE) for name, slope in alone.items()}
+        say = ", ".join(f'{name} = {{ unit = "{unit}" }}' for name, unit in units.items() if unit is not None)
+        times = " and ".join(f"{name} is {slope:.3g}" for name, slope in alone.items())
+        if say:
+            return (
+                f"{times} times the moment of the forces at the tool's com and tip, the others aren't: another unit? "
+                f"Say so in [columns] of the rig: {say}"
+            )
+    slope = in_proportion(moment, expected)
+    if slope is None:
         return None
     wrong, unit, names = ("they", "Nmm", MOMENTS) if slope > 1.0 else ("the forces", "mN", FORCES)
     return (
         f"the moments are {slope:.3g} times those of the forces at the tool's com and tip: are {wrong} in another "
         "unit? Say so in [columns] of the rig: " + ", ".join(f'{name} = {{ unit = "{unit}" }}' for name in names)
     )
+
+
+def in_proportion(readings: Array, expected: Array) -> float | None:
+    """How many times what is expected the readings are, both of one shape, where only another unit explains that; else
+    None.
+    """
+    whole, size = float(np.sum(readings**2)), float(np.sum(expected**2))
+    slope = float(np.sum(readings * expected)) / size if size > 0.0 else 0.0
+    other = slope > 0.0 and abs(np.log(slope)) > np.log(UNIT_OF_MOMENTS) and whole - slope**2 * size <= LEFT * whole
+    return slope if other else None

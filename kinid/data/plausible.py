@@ -35,12 +35,17 @@ TIME = ("s", "ms", "us", "µs", "ns", "min", "h")
 FORCE = ("N", "mN", "kN", "kgf", "gf", "lbf")
 TORQUE = tuple(sorted(TORQUES, key=lambda name: "·" in name))
 ELECTRIC = ("A", "mA", "V", "mV")
+#: of a joint's quantities, where it turns and where it slides
+TURNS_OR_SLIDES = {
+    "q": (ANGLE, LENGTH),
+    "q_cmd": (ANGLE, LENGTH),
+    "dq": (ANGLE_RATE, SPEED),
+    "ddq": (ANGLE_ACCELERATION, ACCELERATION),
+    "tau": (TORQUE, FORCE),
+}
 KINDS: dict[str, tuple[str, ...]] = {
     "t": TIME,
-    "q": ANGLE + LENGTH,
-    "q_cmd": ANGLE + LENGTH,
-    "dq": ANGLE_RATE + SPEED,
-    "ddq": ANGLE_ACCELERATION + ACCELERATION,
+    **{name: turns + slides for name, (turns, slides) in TURNS_OR_SLIDES.items()},
     "tau": TORQUE + FORCE + ELECTRIC,
     "wrench": FORCE + TORQUE + ELECTRIC,
     **dict.fromkeys(("fx", "fy", "fz", "normal_force", "tangential_force1", "tangential_force2"), FORCE + ELECTRIC),

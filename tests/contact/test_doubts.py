@@ -17,6 +17,7 @@ from kinid.data.rig import Rig
 from kinid.errors import InputError
 from kinid.identification.fit import fit_model
 from kinid.modeling.model import Model
+from kinid.robotics.inverse_dynamics import joint_torques
 from kinid.robotics.reading import read
 from kinid.robotics.robot import Robot
 from kinid.robotics.wrench import tool_load
@@ -194,9 +195,16 @@ def test_joints_beyond_their_limits(touched: tuple[Log, Rig, Robot]) -> None:
     assert "joint_4 from" in doubts(dataclasses.replace(log, q=q), rig, robot)
 
 
-def test_time_in_milliseconds(touched: tuple[Log, Rig, Robot]) -> None:
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [(1e3, "between samples of a touch"), (1e-3, "2e-06 s between samples"), (60.0, "taken for poses at rest")],
+)
+def test_time_in_another_unit(touched: tuple[Log, Rig, Robot], factor: float, words: str) -> None:
     log, rig, robot = touched
-    assert 't = { unit = "ms" }' in doubts(dataclasses.replace(log, t=1e3 * np.asarray(log.t)), rig, robot)
+    said = doubts(dataclasses.replace(log, t=factor * np.asarray(log.t)), rig, robot)
+    assert words in said
+    assert "is the time in another unit? Say so in [columns] of the rig: t = { unit = " in said
+    assert "|" not in said
 
 
 @pytest.mark.parametrize("labelled", [True, False])
@@ -231,6 +239,29 @@ def test_forces_and_moments_of_different_units(
     said = doubts(dataclasses.replace(log, wrench=wrench), changed(rig, sensor={"range": (1e6,) * 6}), robot)
     assert words in said
     assert "|" not in said
+
+
+@pytest.mark.parametrize(("factor", "said", "unit"), [(1e3, {}, "Nmm"), (1e-3, {"unit": "N·mm"}, "Nm")])
+def test_one_moment_in_another_unit(
+    touched: tuple[Log, Rig, Robot], factor: float, said: dict[str, str], unit: str
+) -> None:
+    log, rig, robot = touched
+    assert log.wrench is not None
+    whole = rig.model_dump(exclude_none=True, exclude={"folder"})
+    rig = Rig.parse(whole | {"sensor": {}, "columns": {"ty": said} if said else {}})
+    wrench = np.array(log.wrench)
+    wrench[:, 4] *= factor
+    words = doubts(dataclasses.replace(log, wrench=wrench), rig, robot)
+    assert "ty is " in words
+    assert f'ty = {{ unit = "{unit}" }}' in words.replace("·", "")
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1.0, None), (1e3, "Nmm"), (1e-3, "kNm")])
+def test_joint_torques_in_another_unit(touched: tuple[Log, Rig, Robot], factor: float, unit: str | None) -> None:
+    log, rig, robot = touched
+    torques = joint_torques(dataclasses.replace(log, tau=np.zeros((len(log), 7))), rig, robot=robot).predicted
+    said = doubts(dataclasses.replace(log, tau=factor * torques), rig, robot)
+    assert said == "" if unit is None else f'tau = {{ unit = "{unit}" }}' in said
 
 
 def test_moments_on_other_axes_than_forces(touched: tuple[Log, Rig, Robot]) -> None:
