@@ -186,6 +186,15 @@ def left_out(log: Log, rig: Rig, robot: Robot | None) -> Step | None:
     return Step("left out", {"quantities": what, "because": f"{name} has no {named}, of {frames}"})
 
 
+def unused_offset(log: Log, rig: Rig) -> Step | None:
+    """The rig's clock offset, where it is more than rounding and the log is a table, which has one clock for all."""
+    offset = rig.streams.wrench_clock_offset or 0.0
+    if abs(offset) < 0.5 * log.period or any("clock_offset" in step.facts for step in log.provenance.steps):
+        return None
+    why = "the log is a table, whose rows are of one time"
+    return Step("left out", {"quantities": f"[streams] wrench_clock_offset of {offset:.4g} s", "because": why})
+
+
 def _not_read(log: Log) -> list[str]:
     """Columns that nothing was read from, where the log lacks the wrench that they may be."""
     facts = [step.facts.get("ignored") for step in log.provenance.steps]

@@ -15,6 +15,8 @@ from kinid.units import TORQUES
 HEAVIEST, MOST_BIAS, MOST_SCALE = 1000.0, 1e5, 1e9
 #: largest coordinate of a point [m] and largest offset of a column, in SI
 FARTHEST, MOST_OFFSET = 1e3, 1e9
+#: between two clocks, one of which may count from 1970 [s]
+MOST_CLOCK = 1e10
 #: of gravity, from the Moon's to beyond Jupiter's [m/s²]
 GRAVITY = (1.0, 30.0)
 #: largest radius of gyration of a tool about its com [m]

@@ -190,7 +190,9 @@ class StreamsSpec(_Table):
     joint_commands: str | None = None  # topic of sensor_msgs/JointState with commanded positions
     reference: Literal["joints", "wrench"] | None = None  # whose clock the log keeps; default: the wrench's
     max_gap: Positive | None = None  # [s] samples further from a neighbour stay empty
-    wrench_clock_offset: Finite | None = None  # [s] added to the wrench's time stamps
+    wrench_clock_offset: (
+        Annotated[Finite, AfterValidator(plausible.within(plausible.MOST_CLOCK, "an offset"))] | None
+    ) = None  # [s] added to the wrench's time stamps
 
 
 #: quantities that `[columns]` may name: groups, single columns (with a number behind q, dq, …) and contact quantities

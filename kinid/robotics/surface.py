@@ -246,7 +246,8 @@ def _read(path: Path) -> tuple[Array, Index]:
         ) from None
     try:
         # from memory, so that an OBJ file can't have materials read from elsewhere
-        mesh = trimesh.load(io.BytesIO(data), file_type=kind[1:], force="mesh", process=False)
+        with np.errstate(all="ignore"):  # of vertices that aren't finite, which are refused below
+            mesh = trimesh.load(io.BytesIO(data), file_type=kind[1:], force="mesh", process=False)
         return np.array(mesh.vertices, dtype=np.float64), np.array(mesh.faces, dtype=np.int64)
     except Exception as error:  # trimesh's readers raise whatever comes up in a broken file
         raise InputError(

@@ -187,6 +187,18 @@ def test_a_noise_beyond_all_readings(touched: tuple[Log, Rig, Robot]) -> None:
     assert "[sensor] noise of 35 N" in doubts(log, changed(rig, sensor={"noise": (35.0, 0, 0, 0, 0, 0)}), robot)
 
 
+@pytest.mark.parametrize(("offset", "left_out"), [(5.0, True), (1e-4, False)])
+def test_a_clock_offset_that_a_table_has_no_use_for_is_said(
+    touched: tuple[Log, Rig, Robot], offset: float, left_out: bool
+) -> None:
+    log, rig, robot = touched
+    own = Rig.parse(
+        {**rig.model_dump(exclude_none=True, exclude={"folder"}), "streams": {"wrench_clock_offset": offset}}
+    )
+    steps = [str(step) for step in analyse(log, own, robot=robot).provenance.steps]
+    assert any("wrench_clock_offset of 5 s" in step for step in steps) == left_out
+
+
 def test_joints_beyond_their_limits(touched: tuple[Log, Rig, Robot]) -> None:
     log, rig, robot = touched
     assert log.q is not None

@@ -35,6 +35,7 @@ SURFACE = "[surface]\nnormal = [0, 0, 1]\n"
         (f"[sensor]\ncrosstalk = {(1000 * np.eye(6)).tolist()}", "near the identity: within 0.5"),
         (f"[sensor]\ncrosstalk = {(np.eye(6) + np.eye(6, k=-3)).tolist()}", "0.5 m for moments by forces"),
         (TOOL + "inertia = [100, 100, 100, 0, 0, 0]", "0.96 kg·m² at most"),
+        ("[streams]\nwrench_clock_offset = 1e300", "an offset within"),
         ('[columns]\nq = { unit = "N" }', "a unit of q, as rad"),
         ('[columns]\nq3 = { unit = "Nm" }', "a unit of q3, as rad"),
         ('[columns]\nfx = { unit = "mm" }', "a unit of fx, as N"),
