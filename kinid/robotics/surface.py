@@ -157,7 +157,7 @@ class Mesh(Surface):
         if faces.min() < 0 or faces.max() >= len(vertices) or not (np.abs(vertices) < FARTHEST).all():
             raise InputError(
                 f"vertices of {self.source} that are absent, not numbers or too far away",
-                f"faces of vertices with finite coordinates in m, below {FARTHEST:g}",
+                f"a mesh of vertices with finite coordinates in m, below {FARTHEST:g}",
                 "save it again from its source",
             )
         vertices, faces, slivers = _clean(vertices, faces)
