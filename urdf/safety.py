@@ -92,14 +92,15 @@ class _Reader:
             raise InputError(
                 f"elements nested more than {MOST_LEVELS} levels deep {self._where()}", "a URDF", "name another file"
             )
-        self.contents.start(tuple(self.tags), attributes, self.parser.CurrentLineNumber)
         for value in attributes.values():
             if "${" in value:
                 raise self._xacro(f"'{value}' ")
+        self.contents.start(tuple(self.tags), attributes, self.parser.CurrentLineNumber)
         if tag in ("mesh", "texture") and (name := attributes.get("filename")):
             self._inside(name)
 
     def _end(self, _: str) -> None:
+        self.contents.close(tuple(self.tags), self.parser.CurrentLineNumber)
         self.tags.pop()
 
     def _inside(self, name: str) -> None:

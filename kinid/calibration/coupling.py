@@ -20,7 +20,8 @@ from kinid.data.rig import Rig
 from kinid.effects import Signals, catalogue
 from kinid.errors import InputError
 from kinid.identification.fit import Fit
-from kinid.inputs import read_json
+from kinid.identification.fitted import parameters_in
+from kinid.identification.saved import fit_facts, model_in, units_in
 from kinid.modeling.from_logs import from_contact, from_wrench
 from kinid.modeling.model import Model
 from kinid.parameter import ParameterId
@@ -89,20 +90,11 @@ def load_fit(path: Path) -> tuple[Model, dict[str, float]]:
     """Model and values from what `kinid fit --json` wrote, or of the best model of `kinid diagnose --json`.
 
     Raises:
-        InputError: no such file, or not a fit.
+        InputError: no such file, not a fit, or a value that is no number or in another unit.
     """
-    try:
-        facts = read_json(path, "fit", "what kinid fit --json wrote", "run kinid fit LOG --model MODEL --json FIT.json")
-        facts = facts.get("fit", facts)
-        model = Model(*facts["model"])
-        values = {str(name): float(p["value"]) for name, p in facts["parameters"].items()}
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(
-            f"{path}, which is no fit ({error.__class__.__name__})",
-            "what kinid fit --json wrote",
-            "run kinid fit LOG --model MODEL --json FIT.json",
-        ) from None
-    return model, values
+    facts = fit_facts(path)
+    found = parameters_in(facts["parameters"], path, units_in(facts, path))
+    return model_in(facts, path), {name: p.value for name, p in found.items()}
 
 
 def compensate(touch: ContactSeries, log: Log, rig: Rig, model: Model, values: Mapping[str, float]) -> Compensated:

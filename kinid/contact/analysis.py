@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.contact.doubts import contact_doubts, left_out
+from kinid.contact.doubts import contact_doubts, left_out, unused_offset
 from kinid.contact.flag import touches
 from kinid.contact.series import ContactSeries, contact_series, tip_motion
+from kinid.contact.torque_doubts import torque_doubts
 from kinid.data.log import Log, Provenance, Step
 from kinid.data.rig import CONTACT, Rig
 from kinid.errors import InputError
@@ -114,10 +115,9 @@ def analyse(
     provenance = made.provenance if made else log.provenance
     if made is None and tip is not None:
         provenance = provenance.after(*tip.steps)
-    absent = left_out(log, rig, robot)
-    if absent is not None:
-        provenance = provenance.after(absent)
-    doubts = contact_doubts(log, rig, robot, contact)
+    absent = (left_out(log, rig, robot), unused_offset(log, rig))
+    provenance = provenance.after(*(step for step in absent if step is not None))
+    doubts = [*contact_doubts(log, rig, robot, contact), *torque_doubts(torques, rig)]
     if doubts:
         provenance = provenance.after(Step("doubts", {}, tuple(doubts)))
     return Analysis(contact, tip, torques, provenance)

@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.contact.series import ContactSeries
+from kinid.contact.surface_doubts import misplaced, turned_normal
+from kinid.contact.time_doubts import time_doubts
 from kinid.contact.tool_doubts import FEWEST, FORCES, MOMENTS, tool_doubts
 from kinid.data.log import Log, Step
 from kinid.data.rig import WRENCH, Rig
@@ -20,15 +22,10 @@ Mask = NDArray[np.bool_]
 DEEPEST = 0.3
 #: share of the sensor's range beyond which a reading is cut off or of another unit
 FULL = 0.99
-#: time between samples of a log of touches [s] beyond which its unit is doubted
-SLOWEST = 0.2
+#: length of gravity on Earth, with room for who rounds it [m/s²]
+EARTH = (9.7, 9.9)
 #: joints stood still through touches whose force changed by so many times its noise
 TOUCHED = 30.0
-#: a normal is turned where forces outside the surface are so many times those inside, and where this share of what is
-#: far from the surface is inside, …
-OUTSIDE, FAR = 3.0, 0.9
-#: … and nothing is felt inside just below it, within this share of the greatest depth, in so many samples
-BELOW, FEWEST_BELOW = 0.1, 10
 
 
 def contact_doubts(log: Log, rig: Rig, robot: Robot | None, touch: ContactSeries | None) -> list[str]:
@@ -48,14 +45,46 @@ def contact_doubts(log: Log, rig: Rig, robot: Robot | None, touch: ContactSeries
                 f"the tip is {deepest:.3g} m inside the surface: check [surface] point and normal, which points out of "
                 "the material, and [robot] tip_frame"
             )
-        if log.period > SLOWEST and len(log) > FEWEST and touch.in_contact.any():
-            out.append(
-                f"{log.period:.3g} s between samples of a touch: is the time in another unit? Say so in [columns] of "
-                'the rig: t = { unit = "ms" }'
-            )
-    # each of these would show as one of those behind it
-    out += stuck or (_turned_normal(rig, touch) if touch is not None else []) or tool_doubts(log, rig, robot, touch)
+    late = time_doubts(log, touch is not None and bool(touch.in_contact.any()))
+    # each of these would show as one of those behind it; where no label says what free motion is, touches of a surface
+    # that is too low pass for it
+    off, place = (0.0, []) if stuck else misplaced(log, rig, robot, touch)
+    hidden = place if off < 0.0 and len(log.labelled_free) < FEWEST else []
+    out += (
+        stuck
+        or late
+        or _elsewhere(robot)
+        or turned_normal(rig, touch)
+        or hidden
+        or tool_doubts(log, rig, robot, touch)
+        or place
+        or _too_loud(log, rig)
+    )
     return out + _not_read(log)
+
+
+def _elsewhere(robot: Robot) -> list[str]:
+    """Gravity of a length that no place on Earth has."""
+    length = float(np.linalg.norm(robot.gravity))
+    if EARTH[0] <= length <= EARTH[1]:
+        return []
+    return [
+        f"[robot] gravity is {length:.4g} m/s² long, which it is nowhere on Earth (9.76 to 9.83): correct it, "
+        "unless the robot stands elsewhere"
+    ]
+
+
+def _too_loud(log: Log, rig: Rig) -> list[str]:
+    """A noise of the sensor that is larger than all that its forces ever change by."""
+    if log.wrench is None or rig.sensor.noise is None or not log.valid.any():
+        return []
+    noise, most = max(rig.sensor.noise[:3]), float(np.ptp(np.asarray(log.wrench)[log.valid, :3], axis=0).max())
+    if not 0.0 < most < noise:
+        return []
+    return [
+        f"[sensor] noise of {noise:.3g} N, where no force of the log changes by more than {most:.3g} N, so that "
+        "nothing counts as a touch: correct it, to the standard deviation at rest in N, or take it out"
+    ]
 
 
 def _beyond_joints(log: Log, robot: Robot) -> list[str]:
@@ -141,39 +170,6 @@ def _frozen(log: Log, q: Array, wrench: Array) -> list[str]:
     ]
 
 
-def _turned_normal(rig: Rig, touch: ContactSeries) -> list[str]:
-    """Whether the normal points into the material: the tool is inside where it is far away and feels nothing, and
-    outside where it is pushed, along the normal turned round.
-    """
-    rows = touch.valid & np.isfinite(touch.normal_force)
-    depth, force = touch.depth[rows], touch.normal_force[rows]
-    inside = depth > 0.0
-    if rig.surface is None or min(int(inside.sum()), int((~inside).sum())) < FEWEST:
-        return []
-    far = np.abs(depth) > 0.5 * np.abs(depth).max()
-    rest = force - np.median(force[inside])
-    still, pushed = float(np.sqrt(np.mean(rest[inside] ** 2))), rest[~inside]
-    loaded, below = pushed[np.abs(pushed) > OUTSIDE * still], rest[inside & (depth < BELOW * depth.max())]
-    if (
-        np.mean(inside[far]) < FAR
-        or np.sqrt(np.mean(pushed**2)) < OUTSIDE * still
-        or np.mean(loaded < 0.0) < FAR
-        or len(below) < FEWEST_BELOW
-        or abs(np.median(below)) > OUTSIDE * still
-    ):
-        return []
-    normal = rig.surface.normal
-    mend = (
-        "turn the mesh's faces outward"
-        if normal is None
-        else f"turn it in the rig: normal = [{', '.join(f'{0.0 - x:g}' for x in normal)}]"
-    )
-    return [
-        f"{-pushed.min():.3g} N against the normal at negative depths, and none up to {1e3 * depth.max():.3g} mm "
-        f"inside: [surface] normal points into the material, not out of it; {mend}"
-    ]
-
-
 def left_out(log: Log, rig: Rig, robot: Robot | None) -> Step | None:
     """What isn't computed of a log with joints, because its rig has no [surface] and its robot not all frames."""
     if log.q is None or robot is None or rig.surface is not None:
@@ -188,6 +184,15 @@ def left_out(log: Log, rig: Rig, robot: Robot | None) -> Step | None:
     else:
         return None
     return Step("left out", {"quantities": what, "because": f"{name} has no {named}, of {frames}"})
+
+
+def unused_offset(log: Log, rig: Rig) -> Step | None:
+    """The rig's clock offset, where it is more than rounding and the log is a table, which has one clock for all."""
+    offset = rig.streams.wrench_clock_offset or 0.0
+    if abs(offset) < 0.5 * log.period or any("clock_offset" in step.facts for step in log.provenance.steps):
+        return None
+    why = "the log is a table, whose rows are of one time"
+    return Step("left out", {"quantities": f"[streams] wrench_clock_offset of {offset:.4g} s", "because": why})
 
 
 def _not_read(log: Log) -> list[str]:

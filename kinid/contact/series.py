@@ -165,11 +165,19 @@ def contact_series(
         provenance = provenance.then("surface", notes=list(surface.notes))
     provenance = provenance.after(*steps)
     if reading is not None:
-        provenance = provenance.then("wrench", tool="removed" if rig.tool else "none in the rig", **reading.facts)
+        provenance = provenance.then("wrench", tool=_removed(rig), **reading.facts)
     made = _series(log, rig, table, valid, provenance, smoothed, forces=reading is not None)
     if reading is None:
         return made
     return replace(made, bias=reading.bias, moment=table[kernel.MOMENT1 :] if moments else None)
+
+
+def _removed(rig: Rig) -> str:
+    """What was taken off for the tool, in words: a mass without a com says nothing of moments."""
+    if rig.tool is None:
+        return "none in the rig"
+    unknown = rig.tool.mass > 0.0 and "com" not in rig.tool.model_fields_set
+    return "removed, its com taken for the sensor's origin ([tool] states none)" if unknown else "removed"
 
 
 def _series(

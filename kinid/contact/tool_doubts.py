@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 
 from kinid.contact.series import ContactSeries
 from kinid.data.log import Log
-from kinid.data.rig import Rig
+from kinid.data.plausible import FORCE, TORQUE
+from kinid.data.rig import Rig, ToolSpec
 from kinid.robotics.motion import joint_motion
 from kinid.robotics.robot import Kinematics, Robot
 from kinid.robotics.wrench import tool_load
+from kinid.units import factor
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -45,10 +47,12 @@ WORST_CONDITION = 1e8
 TIMES, LARGE = 30.0, 100.0
 #: moments are of another unit than forces where they are so many times what these do at their levers
 UNIT_OF_MOMENTS = 30.0
+#: … of one axis, where those are more than this share of what is expected of all
+LARGE_AXIS = 0.2
 #: … and on other axes where another order fits with its scale within this factor: levers are known so well
 SCALE = 2.0
-#: factors of units of force, and how [columns] states them
-UNITS = {1e3: "mN", 1e-3: "kN", 1 / 9.80665: "kgf", 1e3 / 9.80665: "gf", 1 / 4.4482216: "lbf"}
+#: drift of a bias since it was stated, as a share of the sensor's range; which is this [N] where it isn't stated
+DRIFT, STRONG = 0.01, 100.0
 FORCES, MOMENTS = ("fx", "fy", "fz"), ("tx", "ty", "tz")
 #: permutations of three axes with signs: index and sign of the axis that each is, (48, 3); the first changes nothing
 AXES, SIGNS = (
@@ -82,10 +86,15 @@ def tool_doubts(log: Log, rig: Rig, robot: Robot, touch: ContactSeries | None) -
         contact = wrench[:, :3] - touch.bias[:3] - load[:, :3]
         expected = load[:, 3:] + np.cross(robot.tip_in_sensor(), contact)
         beside = wrench[:, 3:] - wrench[:, 3:].mean(axis=0), expected - expected.mean(axis=0)
-        found = _unit_of_moments(*beside)
-    if found is None and rig.carried.mass > 0.0 and len(clear) >= FEWEST:
+        found = _unit_of_moments(*beside, rig)
+    if found is None and rig.tool is not None and len(clear) >= FEWEST:
         air = np.isin(rows, clear)
-        found = _force_doubt(wrench[air, :3], load[air, :3], kinematics.rotation[air], rig, robot.gravity)
+        pull = tool_load(ToolSpec(mass=1.0, com=rig.carried.com), kinematics, robot.gravity)[air, :3]
+        left = wrench[air, :3] - load[air, :3] - rig.sensor.stated_bias[:3]
+        found = _force_doubt(wrench[air, :3], pull, kinematics.rotation[air], rig, robot.gravity)
+        used = rig.sensor.bias if touch is None or touch.bias is None else tuple(touch.bias)
+        stated = rig.sensor.bias is not None and used == rig.sensor.bias
+        found = _of_bias(left, pull, rig) if found is None and stated else found
     if found is None and beside is not None:
         order, _ = _order(*beside, MOMENTS, SCALE)
         of = "the moments of the forces at the tool's com and tip"
@@ -110,11 +119,10 @@ def _force_doubt(force: Array, load: Array, rotation: Array, rig: Rig, gravity: 
     """Whether the force in free motion is the load of the rig's tool.
 
     Args:
-        force, load: measured, and of the rig's tool, in sensor axes [N], (n, 3). rotation: sensor to base, (n, 3, 3).
-        rig: with a tool. gravity: in base axes [m/s²], (3,).
+        force, load: measured, and of 1 kg at the tool's com, in sensor axes [N], (n, 3). rotation: sensor to base,
+            (n, 3, 3). rig: with a tool. gravity: in base axes [m/s²], (3,).
     """
     mass = rig.carried.mass
-    load = load / mass
     turning = load - load.mean(axis=0)
     if np.sqrt(np.mean(np.sum(turning**2, axis=1))) < TURNING * np.linalg.norm(gravity):
         level, weight = float(np.linalg.norm(np.median(force, axis=0))), mass * float(np.linalg.norm(gravity))
@@ -139,7 +147,7 @@ def _force_doubt(force: Array, load: Array, rotation: Array, rig: Rig, gravity: 
             f"gravity in free motion points along [{measured}] m/s² in the base frame, not along [{stated}]: correct "
             "[robot] gravity"
         )
-    return _of_mass(force, turning, mass)
+    return _of_mass(force, turning, rig)
 
 
 def _order(readings: Array, expected: Array, names: tuple[str, ...], scale: float = np.inf) -> tuple[str | None, float]:
@@ -202,9 +210,9 @@ def _gravity(force: Array, load: Array, rotation: Array, gravity: Array, mass: f
     return (found, left) if able and left < BETTER * as_is else (None, np.inf)
 
 
-def _of_mass(force: Array, load: Array, mass: float) -> str | None:
+def _of_mass(force: Array, load: Array, rig: Rig) -> str | None:
     """What the change of the force says, (n, 3), beside that of the load of 1 kg, (n, 3)."""
-    size = float(np.sum(load**2))
+    mass, size = rig.carried.mass, float(np.sum(load**2))
     read = float(np.sum(force * load)) / size
     left = force - read * load
     # samples of a slow motion hang together: the error of each axis is taken for one of a few independent ones
@@ -215,7 +223,7 @@ def _of_mass(force: Array, load: Array, mass: float) -> str | None:
         f"in free motion the sensor reads a tool of {read:.3g} ± {2 * error:.2g} kg, the rig says {mass:g} kg: correct "
         "[tool] mass"
     )
-    unit = next((unit for times, unit in UNITS.items() if abs(read / (times * mass) - 1.0) < MASS_SHARE), None)
+    unit = unit_meant(read / mass, rig, ("wrench", "fx"), FORCE) if mass > 0.0 else None
     if unit is None or not TOOLS[0] <= mass <= TOOLS[1]:
         return f"{correct}; or the tool's parts beyond the sensor are others, or the sensor's gain is"
     if TOOLS[0] <= read <= TOOLS[1]:
@@ -226,14 +234,69 @@ def _of_mass(force: Array, load: Array, mass: float) -> str | None:
     )
 
 
-def _unit_of_moments(moment: Array, expected: Array) -> str | None:
-    """Whether the moment is a multiple of that of the forces at their levers that only another unit gives."""
-    whole, size = float(np.sum(moment**2)), float(np.sum(expected**2))
-    slope = float(np.sum(moment * expected)) / size if size > 0.0 else 0.0
-    if slope <= 0.0 or whole - slope**2 * size > LEFT * whole or abs(np.log(slope)) < np.log(UNIT_OF_MOMENTS):
+def unit_meant(times: float, rig: Rig, names: tuple[str, ...], units: tuple[str, ...]) -> str | None:
+    """The unit of what reads so many times too much with what the rig says of it under the first of some names."""
+    said = next((rig.columns[name] for name in names if name in rig.columns), None)
+    true = (1.0 if said is None else said.to_si) / times
+    return next((unit for unit in units if abs(true / factor(unit, "[columns]") - 1.0) < MASS_SHARE), None)
+
+
+def _of_bias(left: Array, load: Array, rig: Rig) -> str | None:
+    """Whether a steady force is left in free motion, (n, 3), beside the tool's load and the bias that the rig states.
+
+    Sensors drift by some of their range, and a tool's mass isn't known to the last gram.
+
+    Args:
+        load: of 1 kg, (n, 3).
+    """
+    assert rig.sensor.bias is not None
+    level, pull, mass = np.median(left, axis=0), np.median(load, axis=0), rig.carried.mass
+    full = np.asarray(rig.sensor.range or 6 * (STRONG,))[:3]
+    slack = (MASS_SHARE * mass + MASS_LEAST) * np.linalg.norm(pull) + DRIFT * full
+    size = float(np.linalg.norm(level))
+    if (np.abs(level) <= slack).all() or np.sqrt(np.mean((left - level) ** 2)) > LEFT * size:
+        return None
+    bias = ", ".join(f"{b:.3g}" for b in level + rig.sensor.bias[:3])
+    more = float(level @ pull / (pull @ pull))
+    heavier = np.linalg.norm(level - more * pull) < LEFT * size and TOOLS[0] <= mass + more <= TOOLS[1]
+    return (
+        f"{size:.3g} N is left in free motion beside the tool's load and the stated bias: correct [sensor] bias, as "
+        f"[{bias}, …], or take it out and it is learnt from free motion"
+        + (f"; or [tool] mass, as {mass + more:.3g} kg would explain it" if heavier else "")
+    )
+
+
+def _unit_of_moments(moment: Array, expected: Array, rig: Rig) -> str | None:
+    """Whether the moment, or one axis of it, is a multiple of that of the forces at their levers that only another unit
+    gives.
+    """
+    sizes = np.sqrt(np.mean(expected**2, axis=0))
+    large = [k for k in range(3) if sizes[k] > LARGE_AXIS * np.linalg.norm(sizes)]
+    alone = {MOMENTS[k]: slope for k in large if (slope := in_proportion(moment[:, k], expected[:, k])) is not None}
+    if len(alone) < len(large):
+        units = {name: unit_meant(slope, rig, (name, "wrench"), TORQUE) for name, slope in alone.items()}
+        say = ", ".join(f'{name} = {{ unit = "{unit}" }}' for name, unit in units.items() if unit is not None)
+        times = " and ".join(f"{name} is {slope:.3g}" for name, slope in alone.items())
+        if say:
+            return (
+                f"{times} times the moment of the forces at the tool's com and tip, the others aren't: another unit? "
+                f"Say so in [columns] of the rig: {say}"
+            )
+    slope = in_proportion(moment, expected)
+    if slope is None:
         return None
     wrong, unit, names = ("they", "Nmm", MOMENTS) if slope > 1.0 else ("the forces", "mN", FORCES)
     return (
         f"the moments are {slope:.3g} times those of the forces at the tool's com and tip: are {wrong} in another "
         "unit? Say so in [columns] of the rig: " + ", ".join(f'{name} = {{ unit = "{unit}" }}' for name in names)
     )
+
+
+def in_proportion(readings: Array, expected: Array) -> float | None:
+    """How many times what is expected the readings are, both of one shape, where only another unit explains that; else
+    None.
+    """
+    whole, size = float(np.sum(readings**2)), float(np.sum(expected**2))
+    slope = float(np.sum(readings * expected)) / size if size > 0.0 else 0.0
+    other = slope > 0.0 and abs(np.log(slope)) > np.log(UNIT_OF_MOMENTS) and whole - slope**2 * size <= LEFT * whole
+    return slope if other else None

@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic_core import PydanticCustomError
 
 from kinid.units import TORQUES
@@ -14,8 +15,15 @@ from kinid.units import TORQUES
 HEAVIEST, MOST_BIAS, MOST_SCALE = 1000.0, 1e5, 1e9
 #: largest coordinate of a point [m] and largest offset of a column, in SI
 FARTHEST, MOST_OFFSET = 1e3, 1e9
+#: between two clocks, one of which may count from 1970 [s]
+MOST_CLOCK = 1e10
 #: of gravity, from the Moon's to beyond Jupiter's [m/s²]
 GRAVITY = (1.0, 30.0)
+#: largest radius of gyration of a tool about its com [m]
+WIDEST = 2.0
+#: how far cross-talk may be from the identity: forces by forces and moments by moments, forces by moments [1/m], and
+#: moments by forces [m]
+MIXED, MIXED_FORCES, MIXED_MOMENTS = 0.5, 50.0, 0.5
 #: softest structure [m/N]: an arm that yields by a centimetre under a newton is none
 SOFTEST = 0.01
 #: kinds of units by quantity of the log format; a drive's current or voltage stands for a torque
@@ -29,12 +37,17 @@ TIME = ("s", "ms", "us", "µs", "ns", "min", "h")
 FORCE = ("N", "mN", "kN", "kgf", "gf", "lbf")
 TORQUE = tuple(sorted(TORQUES, key=lambda name: "·" in name))
 ELECTRIC = ("A", "mA", "V", "mV")
+#: of a joint's quantities, where it turns and where it slides
+TURNS_OR_SLIDES = {
+    "q": (ANGLE, LENGTH),
+    "q_cmd": (ANGLE, LENGTH),
+    "dq": (ANGLE_RATE, SPEED),
+    "ddq": (ANGLE_ACCELERATION, ACCELERATION),
+    "tau": (TORQUE, FORCE),
+}
 KINDS: dict[str, tuple[str, ...]] = {
     "t": TIME,
-    "q": ANGLE + LENGTH,
-    "q_cmd": ANGLE + LENGTH,
-    "dq": ANGLE_RATE + SPEED,
-    "ddq": ANGLE_ACCELERATION + ACCELERATION,
+    **{name: turns + slides for name, (turns, slides) in TURNS_OR_SLIDES.items()},
     "tau": TORQUE + FORCE + ELECTRIC,
     "wrench": FORCE + TORQUE + ELECTRIC,
     **dict.fromkeys(("fx", "fy", "fz", "normal_force", "tangential_force1", "tangential_force2"), FORCE + ELECTRIC),
@@ -64,6 +77,50 @@ def gravity(values: tuple[float, ...]) -> tuple[float, ...]:
             "gravity", "a gravity of about 9.81 m/s², in the base frame: [0, 0, -9.81] for an upright arm"
         )
     return values
+
+
+def inertia(mass: float, matrix: NDArray[np.float64]) -> None:
+    """Refuse an inertia about the com that no body of this mass has; estimates are never perfect, so what is refused
+    is clearly none's.
+    """
+    moments = np.linalg.eigvalsh(matrix)
+    largest = float(np.abs(moments).max())
+    if moments[0] < -0.05 * largest or moments[2] > 1.25 * (moments[0] + moments[1]) + 1e-12:
+        raise PydanticCustomError(
+            "inertia",
+            "an inertia that a body can have: moments positive, none above the others' sum",
+            {"field": "inertia"},
+        )
+    if largest > mass * WIDEST**2 > 0.0:
+        raise PydanticCustomError(
+            "inertia",
+            "an inertia in kg·m² of a tool of {mass} kg that is no wider than {widest} m: {most} kg·m² at most",
+            {"field": "inertia", "mass": f"{mass:g}", "widest": f"{2 * WIDEST:g}", "most": f"{mass * WIDEST**2:.3g}"},
+        )
+
+
+def crosstalk(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
+    """Cross-talk that a sensor has: invertible, and each entry near the identity's."""
+    mixing = np.abs(np.asarray(rows) - np.eye(6))
+    most = np.kron([[MIXED, MIXED_FORCES], [MIXED_MOMENTS, MIXED]], np.ones((3, 3)))
+    if not (mixing <= most).all() or np.linalg.cond(np.asarray(rows)) > 1e6:
+        raise PydanticCustomError(
+            "invertible",
+            "an invertible matrix near the identity: within {like} of it for forces by forces and moments by moments, "
+            "{forces} 1/m for forces by moments, {moments} m for moments by forces",
+            {"like": MIXED, "forces": f"{MIXED_FORCES:g}", "moments": MIXED_MOMENTS},
+        )
+    return rows
+
+
+def inside_range(words: str, values: tuple[float, ...] | None, most: tuple[float, ...] | None) -> None:
+    """Refuse what a sensor states of itself and its own range doesn't hold."""
+    if values is not None and most is not None and any(abs(v) > m for v, m in zip(values, most)):
+        raise PydanticCustomError(
+            "range",
+            "a {words} within the sensor's range of {most}, in N and N·m",
+            {"field": words, "words": words, "most": f"[{', '.join(f'{m:g}' for m in most)}]"},
+        )
 
 
 def compliance(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:

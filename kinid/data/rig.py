@@ -55,13 +55,6 @@ def _unit(unit: str) -> str:
     return name
 
 
-def _invertible(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
-    matrix = np.asarray(rows)
-    if not np.isfinite(matrix).all() or np.linalg.cond(matrix) > 1e6:
-        raise PydanticCustomError("invertible", "an invertible matrix (near the identity for a real sensor)")
-    return rows
-
-
 Vec3 = Annotated[tuple[float, float, float], AfterValidator(_finite)]
 Direction = Annotated[tuple[float, float, float], AfterValidator(_finite), AfterValidator(_direction)]
 Vec6 = Annotated[tuple[float, float, float, float, float, float], AfterValidator(_finite)]
@@ -69,7 +62,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Unit = Annotated[str, AfterValidator(_unit)]
 Matrix3 = tuple[Vec3, Vec3, Vec3]
-Matrix6 = Annotated[tuple[Vec6, Vec6, Vec6, Vec6, Vec6, Vec6], AfterValidator(_invertible)]
+Matrix6 = Annotated[tuple[Vec6, Vec6, Vec6, Vec6, Vec6, Vec6], AfterValidator(plausible.crosstalk)]
 
 
 class _Table(BaseModel):
@@ -105,13 +98,7 @@ class ToolSpec(_Table):
     def _possible(self) -> ToolSpec:
         if math.hypot(*self.com) > 2.0:
             raise PydanticCustomError("com", "a com within 2 m of the sensor, in m")
-        moments = np.linalg.eigvalsh(self.inertia_matrix)
-        # estimates are never perfect: what is refused is clearly no body's
-        largest = float(np.abs(moments).max())
-        if moments[0] < -0.05 * largest or moments[2] > 1.25 * (moments[0] + moments[1]) + 1e-12:
-            raise PydanticCustomError(
-                "inertia", "an inertia that a body can have: moments positive, none above the others' sum"
-            )
+        plausible.inertia(self.mass, self.inertia_matrix)
         return self
 
     @property
@@ -153,6 +140,12 @@ class SensorSpec(_Table):
     )
     crosstalk: Matrix6 | None = None  # measured = crosstalk · true
     wrench_frame: Literal["sensor", "base"] = "sensor"  # axes that the log's wrench is expressed in
+
+    @model_validator(mode="after")
+    def _within_range(self) -> SensorSpec:
+        plausible.inside_range("bias", self.bias, self.range)
+        plausible.inside_range("noise", self.noise, self.range)
+        return self
 
     @property
     def crosstalk_matrix(self) -> Array:
@@ -197,7 +190,9 @@ class StreamsSpec(_Table):
     joint_commands: str | None = None  # topic of sensor_msgs/JointState with commanded positions
     reference: Literal["joints", "wrench"] | None = None  # whose clock the log keeps; default: the wrench's
     max_gap: Positive | None = None  # [s] samples further from a neighbour stay empty
-    wrench_clock_offset: Finite | None = None  # [s] added to the wrench's time stamps
+    wrench_clock_offset: (
+        Annotated[Finite, AfterValidator(plausible.within(plausible.MOST_CLOCK, "an offset"))] | None
+    ) = None  # [s] added to the wrench's time stamps
 
 
 #: quantities that `[columns]` may name: groups, single columns (with a number behind q, dq, …) and contact quantities
@@ -341,7 +336,10 @@ def _as_input_error(error: ValidationError, where: str, rig: type[Rig]) -> Input
     place = [str(part) for part in first["loc"] if part not in ("folder", "str", "int")]
     table = f"[{place[0]}]" if place else "the tables"
     shown = ".".join(place[1:]) if len(place) > 1 else ""
-    value = repr(first["input"])
+    given = first["input"]
+    if len(place) == 1 and (field := first.get("ctx", {}).get("field")) is not None:  # of the whole table, one line
+        shown, given = field, given[field]
+    value = repr(given)
     value = value if len(value) <= 60 else value[:57] + "..."
     tail = f" (and {more} more problem{'s' if more > 1 else ''})" if more else ""
     if first["type"] == "extra_forbidden":

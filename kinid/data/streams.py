@@ -16,6 +16,8 @@ from kinid.errors import InputError
 MAX_GAP_PERIODS = 3.5
 #: a stream at least this many times faster than the reference is averaged, else it is interpolated
 FASTER = 1.1
+#: streams share this share of their time less, and this much [s], only with a clock offset that is wrong
+LOST, LOST_LEAST = 0.05, 0.5
 #: two times are the same when they differ by less than this part of a sample time: the rounding of stamps
 _SAME = 1e-6
 
@@ -154,8 +156,21 @@ def merge(
         interpolated |= {} if faster else {stream.name: stream.period}
         facts["method"] = "average over the reference's interval" if faster else "linear interpolation"
         facts |= {"empty": missing} | ({"max_gap": float(limit)} if limit < float("inf") else {})
-        steps.append(Step("merge", facts))
+        steps.append(Step("merge", facts, _parted((reference, other), (clock, stream))))
     return Merged(clock.t, {name: frozen(v) for name, v in brought.items()}, tuple(steps), interpolated)
+
+
+def _parted(raw: tuple[Stream, Stream], shifted: tuple[Stream, Stream]) -> tuple[str, ...]:
+    """A doubt where stated offsets take time away that two streams share without them: they were recorded together."""
+    before, after = (
+        min(float(s.t.max()) for s in pair) - max(float(s.t.min()) for s in pair) for pair in (raw, shifted)
+    )
+    if before - after <= max(LOST * before, LOST_LEAST):
+        return ()
+    return (
+        f"the streams {raw[0].name} and {raw[1].name} share {after:.4g} s with the stated clock offset, {before:.4g} s "
+        "without it: correct [streams] wrench_clock_offset of the rig [s], or take it out",
+    )
 
 
 def _on_own_clock(stream: Stream, offsets: Mapping[str, float]) -> tuple[Stream, dict[str, object]]:

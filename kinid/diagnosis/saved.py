@@ -74,7 +74,7 @@ def _step(facts: Json, path: Path) -> Step:
 
 
 def _effect(facts: Json, path: Path) -> EffectVerdict:
-    found = parameters_in(facts["parameters"], path)
+    found = parameters_in(facts["parameters"], path, {})
     return EffectVerdict(
         str(facts["id"]),
         EffectStatus(facts["verdict"]),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from kinid.data.rig import Rig
 from kinid.effects import Layout, Signals
 from kinid.effects._signals import RestForm
 from kinid.errors import InputError, expect
-from kinid.identification.saved import MEND, WHAT, fit_facts, layout_in, model_in, number_in, rest_in
+from kinid.identification.saved import MEND, WHAT, fit_facts, layout_in, model_in, number_in, rest_in, units_in
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
 from kinid.modeling.parameter_names import full_name
@@ -90,7 +90,7 @@ class FittedModel(Shown):
         expect(path, (str, Path), "a fit's file", "a path", "name the file")
         path = Path(path)
         facts = fit_facts(path)
-        parameters = parameters_in(facts["parameters"], path)
+        parameters = parameters_in(facts["parameters"], path, units_in(facts, path))
         errors: Json = facts["error"] if isinstance(facts.get("error"), dict) else {}
         train, held_out, noise = (number_in(errors, name, path) for name in ("train", "held_out", "noise_floor"))
         warnings = facts.get("warnings") or ()
@@ -224,18 +224,24 @@ class FittedModel(Shown):
         }
 
 
-def parameters_in(facts: Json, path: Path) -> dict[str, FittedParameter]:
+def parameters_in(facts: Json, path: Path, units: Mapping[str, str]) -> dict[str, FittedParameter]:
     """Estimates by name, of a file.
 
+    Args:
+        facts: of each parameter. units: that the model has them in, as far as the file tells.
+
     Raises:
-        InputError: one without a value, or whose numbers are none.
+        InputError: one without a value, whose numbers are none, or in another unit.
     """
     out = {}
     for name, found in facts.items():
         if not isinstance(found, dict) or found.get("value") is None:
             raise InputError(f"{name} without a value in {path}", WHAT, MEND)
+        unit = found.get("unit", units.get(name, "1"))
+        if unit != units.get(name, unit) or not isinstance(unit, str):
+            raise InputError(f"{name} in {str(unit)[:40]} in {path}", f"it in {units.get(name, 'its unit')}", MEND)
         ends = (number_in(found, "low", path, open_end=-np.inf), number_in(found, "high", path, open_end=np.inf))
-        out[name] = FittedParameter(name, number_in(found, "value", path), *ends, str(found.get("unit", "1")))
+        out[name] = FittedParameter(name, number_in(found, "value", path), *ends, unit)
     return out
 
 

@@ -57,6 +57,13 @@ def number_in(facts: Json, name: str, path: Path, *, open_end: float = np.nan) -
     return float(value)
 
 
+def units_in(facts: Json, path: Path) -> dict[str, str]:
+    """The unit of each parameter of a saved fit's model; none where the file doesn't say what it was made to."""
+    if "layout" not in facts:
+        return {}
+    return {name: p.unit for name, p in model_in(facts, path).parameters(layout_in(facts, path)).items()}
+
+
 def layout_in(facts: Json, path: Path) -> Layout:
     """The channels that a saved fit was made to.
 

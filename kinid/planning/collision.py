@@ -6,8 +6,6 @@ material isn't: it is taken to be a block below the plane around the places that
 
 from __future__ import annotations
 
-import contextlib
-import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,6 +18,7 @@ import kinid.urdf
 from kinid.errors import InputError
 from kinid.robotics.robot import Robot
 from kinid.robotics.surface import Mesh, Plane, Surface
+from kinid.robotics.urdf_model import off_screen, parsed
 
 if TYPE_CHECKING:
     import coal
@@ -171,10 +170,10 @@ def representatives(q: Array, spread: float) -> NDArray[np.int64]:
 
 def _shapes(robot: Robot, path: Path) -> tuple[pin.Model, pin.GeometryModel]:
     """Pinocchio's model and collision shapes of a URDF, its joints those of the robot."""
-    full = pin.buildModelFromUrdf(str(path))
+    full = parsed(path)
     folders = [str(parent) for parent in (path.parent, *path.parents[:5])]
     try:
-        with contextlib.redirect_stderr(io.StringIO()):
+        with off_screen():
             geometry = pin.buildGeomFromUrdf(full, str(path), pin.GeometryType.COLLISION, package_dirs=folders)
     except (ValueError, RuntimeError) as error:
         raise InputError(

@@ -11,6 +11,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 import kinid.urdf
+from kinid.data.plausible import TURNS_OR_SLIDES
 from kinid.data.rig import Rig, RobotSpec, ToolSpec
 from kinid.errors import InputError, expect, near
 from kinid.robotics.urdf_model import find_frame, joint_axis, lock, names_to, parsed, z_onto
@@ -107,7 +108,9 @@ class Robot:
                 "a robot to turn joints into motion",
                 'add [robot] with model = "lwr4plus" or your URDF',
             )
-        return cls.from_spec(rig.robot, rig.folder)
+        robot = cls.from_spec(rig.robot, rig.folder)
+        _refuse_other_units(rig, robot)
+        return robot
 
     @classmethod
     def from_spec(cls, spec: RobotSpec, folder: Path = Path()) -> Robot:
@@ -335,6 +338,22 @@ class Robot:
 
     def _parent(self, frame: str) -> int:
         return int(self.frame(frame).parentJoint)
+
+
+def _refuse_other_units(rig: Rig, robot: Robot) -> None:
+    """Refuse a length of a joint that turns, and an angle of one that slides; of a block, where all joints are so."""
+    for name, spec in rig.columns.items():
+        stem = name.rstrip("0123456789")
+        joints = robot.joint_names if stem == name else robot.joint_names[int(name[len(stem) :]) - 1 :][:1]
+        slides = {robot.is_prismatic(joint) for joint in joints} if stem in TURNS_OR_SLIDES else set()
+        if len(slides) == 1 and spec.unit in TURNS_OR_SLIDES[stem][0 if slides == {True} else 1]:
+            known, does = (1, "slide") if slides == {True} else (0, "turn")
+            which = f"{joints[0]} {does}s" if stem != name else f"all joints {does}"
+            raise InputError(
+                f"{name} in {spec.unit} in [columns], where {which}",
+                f"a unit as {', '.join(unit for unit in TURNS_OR_SLIDES[stem][known] if '·' not in unit)}",
+                "correct that line of the rig",
+            )
 
 
 def _refuse_millimetres(model: pin.Model, path: Path) -> None:

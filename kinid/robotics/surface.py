@@ -157,7 +157,7 @@ class Mesh(Surface):
         if faces.min() < 0 or faces.max() >= len(vertices) or not (np.abs(vertices) < FARTHEST).all():
             raise InputError(
                 f"vertices of {self.source} that are absent, not numbers or too far away",
-                f"faces of vertices with finite coordinates in m, below {FARTHEST:g}",
+                f"a mesh of vertices with finite coordinates in m, below {FARTHEST:g}",
                 "save it again from its source",
             )
         vertices, faces, slivers = _clean(vertices, faces)
@@ -246,7 +246,8 @@ def _read(path: Path) -> tuple[Array, Index]:
         ) from None
     try:
         # from memory, so that an OBJ file can't have materials read from elsewhere
-        mesh = trimesh.load(io.BytesIO(data), file_type=kind[1:], force="mesh", process=False)
+        with np.errstate(all="ignore"):  # of vertices that aren't finite, which are refused below
+            mesh = trimesh.load(io.BytesIO(data), file_type=kind[1:], force="mesh", process=False)
         return np.array(mesh.vertices, dtype=np.float64), np.array(mesh.faces, dtype=np.int64)
     except Exception as error:  # trimesh's readers raise whatever comes up in a broken file
         raise InputError(

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
@@ -19,10 +21,7 @@ Array = NDArray[np.float64]
 
 def parsed(path: Path) -> pin.Model:
     """Pinocchio's model of a URDF; what its parser writes to the process's error stream goes into the message."""
-    with _scratch() as said:
-        sys.stderr.flush()
-        kept = os.dup(2)
-        os.dup2(said.fileno(), 2)
+    with off_screen() as said:
         try:
             return pin.buildModelFromUrdf(str(path))
         except (ValueError, RuntimeError) as error:
@@ -32,6 +31,17 @@ def parsed(path: Path) -> pin.Model:
             raise InputError(
                 f"{path}, which Pinocchio can't read ({cause})", "a URDF of one arm", "correct it there"
             ) from None
+
+
+@contextmanager
+def off_screen() -> Iterator[IO[bytes]]:
+    """What the process, its C++ libraries too, writes to its error stream meanwhile, in a file instead."""
+    with _scratch() as said:
+        sys.stderr.flush()
+        kept = os.dup(2)
+        os.dup2(said.fileno(), 2)
+        try:
+            yield said
         finally:
             os.dup2(kept, 2)
             os.close(kept)

@@ -23,6 +23,7 @@ from kinid.residuals.words import number
 from kinid.robotics.robot import Robot
 from kinid.robotics.surface import Plane
 from kinid.robotics.surface import load as load_surface
+from kinid.robotics.urdf_model import off_screen
 from kinid.writers import Json
 
 Array = NDArray[np.float64]
@@ -139,7 +140,8 @@ def robot_scene(rig: Rig, robot: Robot) -> Json:
     path = kinid.urdf.path(rig.robot.model, rig.folder)
     joints: list[list[Json]] = [[] for _ in range(robot.model.njoints)]
     try:
-        shapes = pin.buildGeomFromUrdf(robot.model, str(path), pin.GeometryType.VISUAL).geometryObjects
+        with off_screen():
+            shapes = pin.buildGeomFromUrdf(robot.model, str(path), pin.GeometryType.VISUAL).geometryObjects
     except (ValueError, RuntimeError):  # meshes that aren't where the URDF says
         shapes = []
     for item in shapes:

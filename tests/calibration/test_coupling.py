@@ -135,3 +135,28 @@ def test_a_file_that_is_no_fit_is_refused(tmp_path: Path, slippery: Scripted) ->
     assert found == {"hooke.stiffness": 3.0}
     with pytest.raises(InputError, match="without a coupling effect"):
         compensate(contact_series(slippery.log, RIG_READ), slippery.log, RIG_READ, model, found)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"unit": "N/mm"}, "hooke.stiffness in N/mm in .*expected it in N/m"),
+        ({"unit": "s"}, "expected it in N/m"),
+        ({"unit": 3}, "hooke.stiffness in 3"),
+        ({"value": True}, "value = True"),
+        ({"value": "500"}, "value = 500"),
+        ({"value": None}, "without a value"),
+    ],
+)
+def test_a_fit_with_another_unit_or_no_number_is_refused(
+    changes: dict[str, object], words: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "fit.json"
+    fit = {
+        "model": ["hooke"],
+        "parameters": {"hooke.stiffness": {"value": 500.0, "unit": "N/m"} | changes},
+        "layout": {"kind": "contact", "channels": ["normal_force"], "joints": []},
+    }
+    path.write_text(json.dumps(fit))
+    with pytest.raises(InputError, match=words):
+        load_fit(path)

@@ -17,6 +17,7 @@ from kinid.data.rig import Rig
 from kinid.errors import InputError
 from kinid.identification.fit import fit_model
 from kinid.modeling.model import Model
+from kinid.robotics.inverse_dynamics import joint_torques
 from kinid.robotics.reading import read
 from kinid.robotics.robot import Robot
 from kinid.robotics.wrench import tool_load
@@ -105,9 +106,97 @@ def test_a_reading_beyond_the_sensors_range(touched: tuple[Log, Rig, Robot]) -> 
     assert "fz reaches" in doubts(log, changed(rig, sensor={"range": (40, 40, 1.0, 2, 2, 2)}), robot)
 
 
+def with_bias(log: Log, rig: Rig, robot: Robot, off: float = 0.0) -> Rig:
+    """The rig with the bias stated that free motion shows, off along fz."""
+    bias = np.array(contact_series(log, rig, robot=robot).bias)
+    bias[2] += off
+    return changed(rig, sensor={"bias": tuple(bias)})
+
+
+@pytest.mark.parametrize(("off", "doubted"), [(0.0, False), (0.5, False), (10.0, True), (-10.0, True)])
+@pytest.mark.parametrize("turning", [True, False])
+def test_a_stated_bias_that_free_motion_contradicts(
+    touched: tuple[Log, Rig, Robot], off: float, doubted: bool, turning: bool
+) -> None:
+    log, rig, robot = touched
+    first = 0 if turning else 2000
+    phase = np.where(np.arange(len(log)) < 2200, "free", "touch")
+    log = Log(t=log.t[first:], q=log.q[first:], wrench=log.wrench[first:], phase=phase[first:])  # type: ignore[index]
+    said = doubts(log, with_bias(log, rig, robot, off), robot)
+    assert ("correct [sensor] bias" in said) == doubted
+    assert "|" not in said
+    assert doubted or said == ""
+    if off < 0.0:  # what pulls like a heavier tool may be one
+        assert "or [tool] mass, as 1.2" in said
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_a_tool_without_mass_whose_load_free_motion_shows(touched: tuple[Log, Rig, Robot], stated: bool) -> None:
+    log, rig, robot = touched
+    own = with_bias(log, rig, robot) if stated else rig
+    assert "the rig says 0 kg: correct [tool] mass" in doubts(log, changed(own, tool={"mass": 0.0}), robot)
+
+
+def test_a_unit_that_was_stated_by_mistake(touched: tuple[Log, Rig, Robot]) -> None:
+    log, rig, robot = touched
+    rig = Rig.parse({**rig.model_dump(exclude_none=True, exclude={"folder"}), "columns": {"wrench": {"unit": "mN"}}})
+    said = doubts(dataclasses.replace(log, wrench=1e-3 * np.asarray(log.wrench)), rig, robot)
+    assert 'wrench = { unit = "N" }' in said
+
+
 def test_a_surface_metres_away(touched: tuple[Log, Rig, Robot]) -> None:
     log, rig, robot = touched
     assert "check [surface] point" in doubts(log, changed(rig, surface={"point": (0.55, 0.0, 1.1)}), robot)
+
+
+@pytest.mark.parametrize(
+    ("height", "words"),
+    [
+        (0.09, "mm or more outside"),
+        (0.11, "mm or more inside"),
+        (0.2, "mm or more inside"),
+        (0.0, "mm or more outside"),
+    ],
+)
+@pytest.mark.parametrize("labelled", [True, False])
+def test_a_surface_that_touches_begin_far_from(
+    touched: tuple[Log, Rig, Robot], height: float, words: str, labelled: bool
+) -> None:
+    log, rig, robot = touched
+    phase = np.where(np.arange(len(log)) < 2000, "free", "touch") if labelled else None
+    said = doubts(dataclasses.replace(log, phase=phase), changed(rig, surface={"point": (0.55, 0.0, height)}), robot)
+    assert f"{words} the surface: correct [surface] point" in said
+    assert "kinid contact LOG --find-surface" in said
+    assert "|" not in said
+
+
+def test_a_surface_that_is_known_no_better_is_not_doubted(touched: tuple[Log, Rig, Robot]) -> None:
+    log, rig, robot = touched
+    assert doubts(log, changed(rig, surface={"point": (0.55, 0.0, 0.108), "offset_sd": 0.005}), robot) == ""
+
+
+@pytest.mark.parametrize("length", [1.0, 1.62, 9.6, 10.0])
+def test_gravity_of_a_length_that_no_place_on_earth_has(touched: tuple[Log, Rig, Robot], length: float) -> None:
+    log, rig, _ = touched
+    rig = changed(rig, robot={"gravity": (0.0, 0.0, -length)})
+    assert f"[robot] gravity is {length:g} m/s² long" in doubts(log, rig, Robot.load(rig))
+
+
+def test_a_noise_beyond_all_readings(touched: tuple[Log, Rig, Robot]) -> None:
+    log, rig, robot = touched
+    assert "[sensor] noise of 35 N" in doubts(log, changed(rig, sensor={"noise": (35.0, 0, 0, 0, 0, 0)}), robot)
+
+
+@pytest.mark.parametrize(("offset", "left_out"), [(5.0, True), (1e-4, False)])
+def test_a_clock_offset_that_a_table_has_no_use_for_is_said(
+    touched: tuple[Log, Rig, Robot], offset: float, left_out: bool
+) -> None:
+    log, rig, robot = touched
+    own = Rig.parse(
+        {**rig.model_dump(exclude_none=True, exclude={"folder"}), "streams": {"wrench_clock_offset": offset}}
+    )
+    steps = [str(step) for step in analyse(log, own, robot=robot).provenance.steps]
+    assert any("wrench_clock_offset of 5 s" in step for step in steps) == left_out
 
 
 def test_joints_beyond_their_limits(touched: tuple[Log, Rig, Robot]) -> None:
@@ -118,9 +207,16 @@ def test_joints_beyond_their_limits(touched: tuple[Log, Rig, Robot]) -> None:
     assert "joint_4 from" in doubts(dataclasses.replace(log, q=q), rig, robot)
 
 
-def test_time_in_milliseconds(touched: tuple[Log, Rig, Robot]) -> None:
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [(1e3, "between samples of a touch"), (1e-3, "2e-06 s between samples"), (60.0, "taken for poses at rest")],
+)
+def test_time_in_another_unit(touched: tuple[Log, Rig, Robot], factor: float, words: str) -> None:
     log, rig, robot = touched
-    assert 't = { unit = "ms" }' in doubts(dataclasses.replace(log, t=1e3 * np.asarray(log.t)), rig, robot)
+    said = doubts(dataclasses.replace(log, t=factor * np.asarray(log.t)), rig, robot)
+    assert words in said
+    assert "is the time in another unit? Say so in [columns] of the rig: t = { unit = " in said
+    assert "|" not in said
 
 
 @pytest.mark.parametrize("labelled", [True, False])
@@ -155,6 +251,29 @@ def test_forces_and_moments_of_different_units(
     said = doubts(dataclasses.replace(log, wrench=wrench), changed(rig, sensor={"range": (1e6,) * 6}), robot)
     assert words in said
     assert "|" not in said
+
+
+@pytest.mark.parametrize(("factor", "said", "unit"), [(1e3, {}, "Nmm"), (1e-3, {"unit": "N·mm"}, "Nm")])
+def test_one_moment_in_another_unit(
+    touched: tuple[Log, Rig, Robot], factor: float, said: dict[str, str], unit: str
+) -> None:
+    log, rig, robot = touched
+    assert log.wrench is not None
+    whole = rig.model_dump(exclude_none=True, exclude={"folder"})
+    rig = Rig.parse(whole | {"sensor": {}, "columns": {"ty": said} if said else {}})
+    wrench = np.array(log.wrench)
+    wrench[:, 4] *= factor
+    words = doubts(dataclasses.replace(log, wrench=wrench), rig, robot)
+    assert "ty is " in words
+    assert f'ty = {{ unit = "{unit}" }}' in words.replace("·", "")
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1.0, None), (1e3, "Nmm"), (1e-3, "kNm")])
+def test_joint_torques_in_another_unit(touched: tuple[Log, Rig, Robot], factor: float, unit: str | None) -> None:
+    log, rig, robot = touched
+    torques = joint_torques(dataclasses.replace(log, tau=np.zeros((len(log), 7))), rig, robot=robot).predicted
+    said = doubts(dataclasses.replace(log, tau=factor * torques), rig, robot)
+    assert said == "" if unit is None else f'tau = {{ unit = "{unit}" }}' in said
 
 
 def test_moments_on_other_axes_than_forces(touched: tuple[Log, Rig, Robot]) -> None:

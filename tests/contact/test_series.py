@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from kinid.contact import series as contact
 from kinid.contact.series import ContactSeries
 from kinid.data.log import Log
-from kinid.data.rig import CONTACT, Rig
+from kinid.data.rig import CONTACT, Rig, ToolSpec
 from kinid.errors import InputError
 from kinid.robotics.robot import Robot
 from kinid.signal.derivative import Differentiator
@@ -336,6 +336,19 @@ def test_bias_learned_from_free_motion(phase: bool, swing: Callable[..., Any], w
     np.testing.assert_allclose(touch.normal_force, force @ np.array(truth.axes)[2], atol=1e-9)
     raw = contact_series(log, stated, bias="none")
     assert np.abs(raw.normal_force - touch.normal_force).max() > 1
+
+
+def test_a_com_that_nobody_stated_is_said(poke: Any) -> None:
+    rig, _, log, *_ = poke
+    said = [
+        next(
+            step.facts["tool"]
+            for step in contact_series(log, one, trust_wrench=True).provenance.steps
+            if step.name == "wrench"
+        )
+        for one in (rig, rig.model_copy(update={"tool": ToolSpec(mass=0.3)}))
+    ]
+    assert said == ["removed", "removed, its com taken for the sensor's origin ([tool] states none)"]
 
 
 def test_a_wrench_in_base_axes(poke: Any) -> None:

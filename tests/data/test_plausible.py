@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from kinid.data.rig import Rig
@@ -9,6 +10,7 @@ from kinid.errors import InputError
 
 ROBOT = '[robot]\nmodel = "ur5"\n'
 TOOL = "[tool]\nmass = 0.24\n"
+SENSOR = "[sensor]\nrange = [40, 40, 120, 2, 2, 2]\n"
 SURFACE = "[surface]\nnormal = [0, 0, 1]\n"
 
 
@@ -28,6 +30,12 @@ SURFACE = "[surface]\nnormal = [0, 0, 1]\n"
         (ROBOT + "gravity = [0, 0, -9810]", "a gravity of about 9.81"),
         (ROBOT + "compliance = [[-1e-5, 0, 0], [0, 1e-5, 0], [0, 0, 1e-5]]", "a compliance in m/N, not negative"),
         (ROBOT + "compliance = [[1e5, 0, 0], [0, 1e5, 0], [0, 0, 1e5]]", "1 / stiffness"),
+        (SENSOR + "bias = [1000, 0, 0, 0, 0, 0]", "a bias within the sensor's range of [40, 40, 120, 2, 2, 2]"),
+        (SENSOR + "noise = [0.1, 0.1, 0.1, 3, 0, 0]", "a noise within the sensor's range"),
+        (f"[sensor]\ncrosstalk = {(1000 * np.eye(6)).tolist()}", "near the identity: within 0.5"),
+        (f"[sensor]\ncrosstalk = {(np.eye(6) + np.eye(6, k=-3)).tolist()}", "0.5 m for moments by forces"),
+        (TOOL + "inertia = [100, 100, 100, 0, 0, 0]", "0.96 kg·m² at most"),
+        ("[streams]\nwrench_clock_offset = 1e300", "an offset within"),
         ('[columns]\nq = { unit = "N" }', "a unit of q, as rad"),
         ('[columns]\nq3 = { unit = "Nm" }', "a unit of q3, as rad"),
         ('[columns]\nfx = { unit = "mm" }', "a unit of fx, as N"),
@@ -51,6 +59,7 @@ def test_what_no_robot_has_is_refused(text: str, expected: str) -> None:
         '[columns]\nq = { unit = "deg" }\ntau = { unit = "A", scale = 0.12 }\nfx = { unit = "1", scale = 0.001 }',
         '[columns]\nq1 = { unit = "mm" }',  # a linear axis
         "[tool]\nmass = 0",
+        f"[sensor]\ncrosstalk = {(np.eye(6) + 0.2 * np.eye(6, k=3)).tolist()}",  # N per N·m: a lever's reciprocal
     ],
 )
 def test_what_a_robot_may_have_is_taken(text: str) -> None:

@@ -25,7 +25,7 @@ compliance = [[1e-4, 0, 0], [0, 1e-4, 0], [0, 0, 2e-4]]
 [tool]
 mass = 0.24
 com = [0.0, 0.0, 0.049]
-inertia = [4, 5, 6, 0.1, 0.2, 0.3]
+inertia = [0.4, 0.5, 0.6, 0.01, 0.02, 0.03]
 
 [surface]
 point = [0.55, 0.0, 0.10]
@@ -35,7 +35,7 @@ tangent = [1, 0, 0]
 [sensor]
 range = [40, 40, 120, 2, 2, 2]
 noise = [0.015, 0.014, 0.029, 0.0005, 0.0006, 0.0003]
-bias = [1, 2, 3, 4, 5, 6]
+bias = [1, 2, 3, 0.4, 0.5, 0.6]
 wrench_frame = "base"
 
 [columns]
@@ -82,7 +82,7 @@ def test_everything_that_may_stand_in_a_rig(tmp_path: Path) -> None:
     assert rig.robot.joints == ("joint_1", "joint_2")
     assert rig.robot.compliance is not None
     assert rig.robot.compliance[2] == (0.0, 0.0, 2e-4)
-    np.testing.assert_array_equal(rig.tool.inertia_matrix, [[4, 0.1, 0.2], [0.1, 5, 0.3], [0.2, 0.3, 6]])
+    np.testing.assert_array_equal(rig.tool.inertia_matrix, [[0.4, 0.01, 0.02], [0.01, 0.5, 0.03], [0.02, 0.03, 0.6]])
     assert rig.sensor.wrench_frame == "base"
     assert rig.columns["depth"].column == 2
     assert rig.columns["q"].columns == ("a", "b")

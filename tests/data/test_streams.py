@@ -87,6 +87,16 @@ def test_a_slower_stream_is_interpolated_and_never_extrapolated() -> None:
     assert np.isnan(got[-1])
 
 
+@pytest.mark.parametrize(
+    ("behind", "offset", "doubted"), [(0.0, 5.0, True), (0.0, -5.0, True), (0.0, 0.02, False), (1e9, 1e9, False)]
+)
+def test_an_offset_that_parts_streams_recorded_together_is_doubted(behind: float, offset: float, doubted: bool) -> None:
+    t = np.arange(3000) / 100.0
+    made = merge(stream(t + behind, t), [stream(t, t, "wrench")], offsets={"wrench": offset})
+    said = [warning for step in made.steps for warning in step.warnings]
+    assert [("wrench_clock_offset" in words) for words in said] == [True] * doubted
+
+
 def test_a_pause_is_not_bridged_unless_allowed() -> None:
     t = np.concatenate([np.arange(0, 1, 0.1), np.arange(1.6, 2.5, 0.1)])
     slow, clock = stream(t, t, "slow"), stream(np.arange(0.05, 2.4, 0.05), np.zeros(47), "clock")

@@ -276,3 +276,22 @@ def test_a_urdf_in_millimetres_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="links in metres") as refused:
         Robot.load(tmp_path / "arm.urdf")
     assert "by 1000" in refused.value.mend
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ('q = { unit = "m" }', "q in m in .columns., where all joints turn; expected a unit as rad"),
+        ('q3 = { unit = "mm" }', "q3 in mm in .columns., where joint_3 turns"),
+        ('dq = { unit = "mm/s" }', "expected a unit as rad/s"),
+        ('tau = { unit = "N" }', "expected a unit as Nm"),
+    ],
+)
+def test_a_unit_of_a_joint_of_another_kind_is_refused(line: str, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        Robot.load(Rig.parse_text(f'[robot]\nmodel = "lwr4plus"\n[columns]\n{line}'))
+
+
+def test_units_that_a_robots_joints_have_are_taken() -> None:
+    units = 'q = { unit = "deg" }\ntau = { unit = "A", scale = 30 }\ntau2 = { unit = "mN·m" }'
+    Robot.load(Rig.parse_text(f'[robot]\nmodel = "lwr4plus"\n[columns]\n{units}'))

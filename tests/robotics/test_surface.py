@@ -307,6 +307,11 @@ def test_asks_to_flip_a_mesh_that_is_inside_out():
         ("nan.obj", b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "not numbers"),
         ("cut.stl", b"\0" * 80 + b"\x0c\0\0\0" + b"\0" * 70, "cut.stl"),
         ("huge.stl", b"\0" * 80 + b"\xff\xff\xff\x7f" + b"\0" * 50, "huge.stl"),
+        (
+            "inf.stl",
+            b"\0" * 80 + b"\1\0\0\0" + np.float32([0, 0, 1, np.inf, 0, 0, 1, 0, 0, 0, 1, 0]).tobytes() + b"\0\0",
+            "not numbers",
+        ),
         ("zero\0.stl", None, "name of a file"),
         ("folder.stl/", None, "no readable mesh"),
     ],

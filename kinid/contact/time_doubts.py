@@ -1,0 +1,48 @@
+"""Whether the clock of a log with joints can be in seconds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinid.contact.tool_doubts import FEWEST
+from kinid.data.log import Log
+from kinid.robotics.motion import STATIC_PERIOD
+
+#: time between samples [s]: no robot logs faster than the first, and a touch is not logged slower than the second
+FASTEST, SLOWEST = 5e-5, 0.2
+#: poses that an arm stood still at are further apart in time than this [s]
+SETTLED = 1.0
+#: a motion goes on from sample to sample where its steps change by no more than this share, of those that are more
+#: than the second share of the largest
+SMOOTH, MOVES = 0.1, 0.1
+
+
+def time_doubts(log: Log, touched: bool) -> list[str]:
+    """At most one sentence.
+
+    Args:
+        log: with joints. touched: whether it holds a touch.
+    """
+    if len(log) <= FEWEST:
+        return []
+    say = "Say so in [columns] of the rig: t = { unit = "
+    if log.period < FASTEST:
+        return [f'{log.period:.3g} s between samples: is the time in another unit? {say}"s" }}, or "ms", …']
+    if log.period > SLOWEST and touched:
+        return [f'{log.period:.3g} s between samples of a touch: is the time in another unit? {say}"ms" }}']
+    if log.dq is None and STATIC_PERIOD <= log.period < SETTLED and _goes_on(log):
+        return [
+            f"{log.period:.3g} s between samples, which is taken for poses at rest, and the joints go on from one to "
+            f'the next: is the time in another unit? {say}"s" }}; or log the joints\' velocities'
+        ]
+    return []
+
+
+def _goes_on(log: Log) -> bool:
+    """Whether the joint that moves most does so smoothly from sample to sample."""
+    assert log.q is not None
+    q = log.q[log.valid]
+    one = q[:, int(np.argmax(np.ptp(q, axis=0)))] if len(q) > FEWEST else np.zeros(FEWEST)
+    step, change = np.abs(np.diff(one))[1:], np.abs(np.diff(one, 2))
+    moves = step > MOVES * step.max()
+    return int(moves.sum()) >= FEWEST and bool(np.median(change[moves] / step[moves]) < SMOOTH)
