@@ -35,7 +35,6 @@ NOT_REACHED = {
     "Hz left 1.7",
     "named_first[lwr4plus-motion-1-joint-torque-gain": "gains of 10 % leave no more than the arm's own springs",
     "test_silicone_remembers": "two cycles, held out: relaxation is 2.6 standard errors beyond a surface offset",
-    "test_two_effects_that_help_only_together": "no pairs are tried",
     "test_fit.py::test_a_drive_needs_friction": "the estimate of the motion leaves 2.3 N where a band of 50 Hz left "
     "2.2",
     "test_fit.py::test_detectors_read_their_values": "the interval of a stiffness behind a converter misses by 0.1 N/m",

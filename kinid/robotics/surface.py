@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinid.data.log import frozen, frozen_as
 from kinid.data.rig import Rig
 from kinid.errors import InputError, near
+from kinid.inputs import check_regular
 
 if TYPE_CHECKING:
     from kinid.kernels.mesh import MeshTree
@@ -236,14 +237,12 @@ def _read(path: Path) -> tuple[Array, Index]:
     kind = path.suffix.lower()
     if kind not in FORMATS:
         raise InputError(f"mesh file {path.name}", f"one of {', '.join(FORMATS)}", "convert it")
+    wanted = "the file that [surface] mesh names, relative to rig.toml"
+    check_regular(path, "mesh", wanted, "name a mesh file")
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise InputError(
-            f"no readable mesh at {path} ({error.strerror})",
-            "the file that [surface] mesh names, relative to rig.toml",
-            _meshes_near(path),
-        ) from None
+        raise InputError(f"no readable mesh at {path} ({error.strerror})", wanted, _meshes_near(path)) from None
     try:
         # from memory, so that an OBJ file can't have materials read from elsewhere
         with np.errstate(all="ignore"):  # of vertices that aren't finite, which are refused below
