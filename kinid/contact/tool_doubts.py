@@ -123,8 +123,9 @@ def _force_doubt(force: Array, load: Array, rotation: Array, rig: Rig, gravity: 
             (n, 3, 3). rig: with a tool. gravity: in base axes [m/s²], (3,).
     """
     mass = rig.carried.mass
-    turning = load - load.mean(axis=0)
-    if np.sqrt(np.mean(np.sum(turning**2, axis=1))) < TURNING * np.linalg.norm(gravity):
+    turning, still = load - load.mean(axis=0), np.einsum("nji,j->ni", rotation, gravity)
+    still -= still.mean(axis=0)
+    if np.sqrt(np.mean(np.sum(still**2, axis=1))) < TURNING * np.linalg.norm(gravity):
         level, weight = float(np.linalg.norm(np.median(force, axis=0))), mass * float(np.linalg.norm(gravity))
         if rig.sensor.bias is None and level > max(TIMES * weight, LARGE):
             return (
@@ -147,7 +148,7 @@ def _force_doubt(force: Array, load: Array, rotation: Array, rig: Rig, gravity: 
             f"gravity in free motion points along [{measured}] m/s² in the base frame, not along [{stated}]: correct "
             "[robot] gravity"
         )
-    return _of_mass(force, turning, rig)
+    return _of_mass(force, turning, still, rig)
 
 
 def _order(readings: Array, expected: Array, names: tuple[str, ...], scale: float = np.inf) -> tuple[str | None, float]:
@@ -210,10 +211,15 @@ def _gravity(force: Array, load: Array, rotation: Array, gravity: Array, mass: f
     return (found, left) if able and left < BETTER * as_is else (None, np.inf)
 
 
-def _of_mass(force: Array, load: Array, rig: Rig) -> str | None:
-    """What the change of the force says, (n, 3), beside that of the load of 1 kg, (n, 3)."""
-    mass, size = rig.carried.mass, float(np.sum(load**2))
-    read = float(np.sum(force * load)) / size
+def _of_mass(force: Array, load: Array, still: Array, rig: Rig) -> str | None:
+    """What the change of the force says, (n, 3), beside that of the load of 1 kg, (n, 3).
+
+    The weight alone, `still`, is the instrument: noise of the accelerations would make the load larger and the mass
+    smaller than they are (W. A. Fuller, Measurement Error Models, 1987, 1.4).
+    """
+    shared = float(np.sum(load * still))
+    mass, size = rig.carried.mass, shared**2 / float(np.sum(still**2))
+    read = float(np.sum(force * still)) / shared
     left = force - read * load
     # samples of a slow motion hang together: the error of each axis is taken for one of a few independent ones
     error = float(np.sqrt(np.mean(left**2) * 3.0 / size * max(len(load) / FEWEST, 1.0)))

@@ -10,6 +10,7 @@ import pytest
 from pyarrow import parquet
 
 import kinid
+from kinid.contact.analysis import analyse
 from kinid.data.rig import Rig, StreamsSpec
 from kinid.identification.fit import fit_model
 from kinid.lab.experiments import prepare
@@ -148,7 +149,10 @@ def test_bag_and_table_give_the_same_estimates(tmp_path: Path, seed: int) -> Non
     rig = Rig.load(tmp_path / "rig.toml")
     fits = []
     for name in ("log.parquet", "log.mcap"):
-        touch = kinid.contact_series(kinid.read(tmp_path / name, rig), rig)
+        log = kinid.read(tmp_path / name, rig)
+        # accelerations between the joints' own samples are noisy: once, they made the tool lighter than it is
+        assert analyse(log, rig).provenance.warnings == ()
+        touch = kinid.contact_series(log, rig)
         fits.append(fit_model(Model("kelvin-voigt"), touch, channels=("normal_force",), held_out=False))
     table, bag = fits
     for name in ("stiffness", "damping"):
