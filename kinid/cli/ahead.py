@@ -37,6 +37,7 @@ def start() -> None:
 def compile_ahead() -> None:
     """Contact frame, fit and diagnosis of a log that is made here."""
     import kinid
+    from kinid.cli.demo import MODEL
     from kinid.planning.advice import Advisor
 
     t = np.arange(SAMPLES) / RATE
@@ -68,7 +69,7 @@ def compile_ahead() -> None:
         }
     )
     log = kinid.Log(t=t, q=q, wrench=wrench)
-    found = kinid.diagnose(log, rig, model=kinid.Model("kelvin-voigt", "coulomb-friction"))
+    found = kinid.diagnose(log, rig, model=kinid.Model(*MODEL.split(",")))
     Advisor(found, rig, Path("rig.toml")).advised()
 
 
