@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 #: errors that differ by a smaller share are the same [1]
 SAME_ERROR = 5e-3
 #: name, state and marks after each addition
-Path = list[tuple[str, State, tuple[Mark, ...]]]
+ModelPath = list[tuple[str, State, tuple[Mark, ...]]]
 
 
 class Conclusions:
@@ -57,7 +57,7 @@ class Conclusions:
         progress("where the error sits")
         noise = self.whole.noise
         doubts = [*warnings, *self._warnings(last), *(w for w in fit.warnings if "kinid diagnose" not in w)]
-        corrected = self._corrected(path)
+        corrected = _corrected(path)
         beyond = self.held_out(*path[len(corrected) - 1][1:]) if corrected else before
         sits = where(self.whole, beyond, noise)
         return Diagnosis(
@@ -91,11 +91,11 @@ class Conclusions:
     def _error(self, residual: Array) -> float:
         return rms(residual[self.rows][:, self.whole.valid])
 
-    def _path(self) -> Path:
+    def _path(self) -> ModelPath:
         """The additions in their order: marks that lower the error, effects by their gain, other marks."""
         selection, marks = self.found.selection, self.found.cleaned.marks
         start, last = selection.states[0], selection.states[-1]
-        out: Path = []
+        out: ModelPath = []
         base = self._error(self.held_out(start, ()))
         visible = [
             m
@@ -115,11 +115,6 @@ class Conclusions:
         hidden = [m for m in marks if m not in visible]
         return out + [(mark.effect.id, last, (*visible, *hidden[: i + 1])) for i, mark in enumerate(hidden)]
 
-    def _corrected(self, path: Path) -> tuple[str, ...]:
-        """What comes first on the path and is every log's own; nothing where nothing else follows."""
-        own = tuple(name for name, _, _ in itertools.takewhile(lambda step: effects.get(step[0]).per_log, path))
-        return own if len(own) < len(path) else ()
-
     def _partial(self, start: State, last: State, names: list[str]) -> State:
         """The model with some of the additions, from the values of all."""
         kept = {*start.model.names, *names}
@@ -128,7 +123,7 @@ class Conclusions:
         values = np.array([v for key, v in zip(full, last.values) if key.split(".", 1)[0] in model])
         return search(last.problem, model, values, start.error)
 
-    def _steps(self, before: Array, path: Path, noise: float) -> list[Step]:
+    def _steps(self, before: Array, path: ModelPath, noise: float) -> list[Step]:
         first, names = self._error(before), list(self.found.model.names)
         steps = [Step(None, tuple(names), self._error(self._train(self.found.plain, ())), first)]
         beyond = max(first**2 - noise**2, 1e-300)
@@ -217,3 +212,9 @@ def _waits(name: str, rest: Sequence[str]) -> bool:
     """Whether an effect acts on another one, or holds another one, that isn't in the model yet."""
     effect = effects.get(name)
     return bool({*effect.requires, *effect.includes} & (set(rest) - {name}))
+
+
+def _corrected(path: ModelPath) -> tuple[str, ...]:
+    """What comes first on the path and is every log's own; nothing where nothing else follows."""
+    own = tuple(name for name, _, _ in itertools.takewhile(lambda step: effects.get(step[0]).per_log, path))
+    return own if len(own) < len(path) else ()

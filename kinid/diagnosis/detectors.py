@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from kinid import effects
 from kinid.effects import Detection, Effect, Samples
-from kinid.identification.dataset import sample_period
+from kinid.effects._derived import sample_period
 from kinid.modeling.experiment import Experiment
 
 Array = NDArray[np.float64]

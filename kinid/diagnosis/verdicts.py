@@ -16,7 +16,7 @@ from kinid.diagnosis.screening import Candidate, screen
 from kinid.diagnosis.selection import acceptable
 from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.effects import Effect
-from kinid.identification.dataset import sample_period
+from kinid.effects._derived import sample_period
 from kinid.identification.fitted import FittedParameter
 from kinid.identification.lack_of_fit import LackOfFit, error_rows
 from kinid.identification.nuisance import MAX_SHIFT

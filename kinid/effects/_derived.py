@@ -33,6 +33,11 @@ def derived(name: str, make: Callable[[], Array], *sources: Array, at: tuple[flo
     return found
 
 
+def sample_period(s: Signals) -> float:
+    """Median time between samples [s]; 1 where no two samples follow each other."""
+    return float(derived("sample period", lambda: np.array(np.median(s.dt[s.dt > 0.0]) if s.dt.any() else 1.0), s.dt))
+
+
 def power_of_depth(s: Signals, exponent: float) -> Array:
     """δ₊ⁿ, (n,): most parameters of a power law leave both as they are."""
     return derived("power of the depth", lambda: np.power(s.penetration, exponent), s.depth, at=(float(exponent),))

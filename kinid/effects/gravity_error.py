@@ -81,24 +81,23 @@ class GravityError(Effect):
         motion = s.joints
         if motion is None or motion.gravity is None or not len(p):
             return
-        at = motion.moments
-        if len(s) <= AT_ONCE:
-            s.reading = s.reading + derived(
-                "gravity error", lambda: _torques(motion, p), motion.q, motion.gravity, at=tuple(p.tolist())
-            )
+        if len(s) > AT_ONCE:  # what is kept of a short log would be much of a long one
+            s.reading = s.reading + _torques(motion, p)
             return
-        s.reading = s.reading + np.tensordot(p[:3], motion.gravity, axes=1)
-        if at is None or not p[3:].any():
-            return
-        for begin in range(0, len(s), AT_ONCE):
-            part = slice(begin, begin + AT_ONCE)
-            s.reading[:, part] += np.tensordot(p[3:], at(motion.q[:, part].T), axes=1)
+        s.reading = s.reading + derived(
+            "gravity error", lambda: _torques(motion, p), motion.q, motion.gravity, at=tuple(p.tolist())
+        )
 
 
 def _torques(motion: JointMotion, p: Array) -> Array:
     """Of gravity's error and of the links' moments, (N, n)."""
     assert motion.gravity is not None
-    out, at = np.tensordot(p[:3], motion.gravity, axes=1), motion.moments
-    if at is not None and p[3:].any():
-        out += np.tensordot(p[3:], derived("first moments", lambda: at(motion.q.T), motion.q), axes=1)
-    return np.asarray(out)
+    out, at, n = np.asarray(np.tensordot(p[:3], motion.gravity, axes=1)), motion.moments, motion.q.shape[1]
+    if at is None or not p[3:].any():
+        return out
+    if n <= AT_ONCE:
+        return out + np.tensordot(p[3:], derived("first moments", lambda: at(motion.q.T), motion.q), axes=1)
+    for begin in range(0, n, AT_ONCE):
+        part = slice(begin, begin + AT_ONCE)
+        out[:, part] += np.tensordot(p[3:], at(motion.q[:, part].T), axes=1)
+    return out

@@ -8,6 +8,7 @@ from typing import final
 
 import numpy as np
 
+from kinid.effects._derived import sample_period
 from kinid.effects._effect import Effect
 from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Signals
@@ -93,7 +94,7 @@ class Relaxation(Effect):
         if sum(held) > 1.0 + 1e-9:
             return f"branches hold {sum(held):.3g} of the elastic force: no more than all of it relaxes"
         fastest = min((value for name, value in values.items() if name.startswith("time-constant")), default=np.inf)
-        period = float(np.median(signals.dt[signals.dt > 0.0])) if signals is not None and len(signals) > 1 else 0.0
+        period = sample_period(signals) if signals is not None and signals.dt.any() else 0.0
         if fastest < period:
             return f"a time constant of {fastest:.2g} s, less than the {period:.2g} s between samples: that is damping"
         first = [{name.rstrip("0123456789"): value} for name, value in values.items()]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.effects import Signals
+from kinid.effects._derived import sample_period
 from kinid.modeling.experiment import Experiment
 from kinid.writers import Json
 
@@ -17,12 +18,6 @@ Mask = NDArray[np.bool_]
 
 #: samples that predictions are made at, at most; and where they are denser than `DENSE_RATE` [Hz]
 MAX_SAMPLES, MAX_DENSE, DENSE_RATE = 40_000, 10_000, 160.0
-
-
-def sample_period(signals: Signals) -> float:
-    """Median time between samples [s]; 1 where no two samples follow each other."""
-    steps = signals.dt[signals.dt > 0]
-    return float(np.median(steps)) if len(steps) else 1.0
 
 
 def group_edges(signals: Signals, valid: Mask, size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

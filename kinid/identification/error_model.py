@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from kinid.identification.dataset import sample_period
+from kinid.effects._derived import sample_period
 from kinid.identification.problem import Problem
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model

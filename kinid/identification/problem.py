@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.effects import Layout, Signals
+from kinid.effects._derived import sample_period
 from kinid.effects._samples import lattice
 from kinid.effects._signals import RestForm
-from kinid.identification.dataset import averaged, group_edges, hold_out_folds, sample_period
+from kinid.identification.dataset import averaged, group_edges, hold_out_folds
 from kinid.kernels.averages import weighted_changes, weighted_sums
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.forward import Course

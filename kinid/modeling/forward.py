@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from kinid.effects import Effect, Signals, Stage
 from kinid.effects._deflection import solve_series_compliance
-from kinid.effects._derived import derived
+from kinid.effects._derived import derived, sample_period
 from kinid.kernels.frames import contact_wrench
 from kinid.kernels.memory import bristles
 from kinid.kernels.zero_phase import symmetric
@@ -204,14 +204,18 @@ def _read(s: Signals, _: Array) -> None:
 def _smooth(s: Signals, _: Array) -> None:
     """Torques as a filter without delay leaves them; near enough to a Gaussian, whatever its order is."""
     if s.rest.smoothing > 0.0:
-        period = derived("period", lambda: np.array(np.median(s.dt[s.dt > 0.0])), s.dt)
-        width = s.rest.smoothing / float(period)
-        weights = np.exp(-0.5 * (np.arange(round(SMOOTHING_REACH * width) + 1) / width) ** 2)
-        weights /= weights[0] + 2.0 * weights[1:].sum()
+        width = s.rest.smoothing / sample_period(s)
+        weights = derived("smoothing", lambda: _gaussian(width), s.dt, at=(width,))
         smooth = np.empty(s.reading.shape)
         edges = np.array([*(run.start for run in s.runs), len(s)])
         symmetric(weights, edges, np.ascontiguousarray(s.reading), smooth)
         s.reading = smooth
+
+
+def _gaussian(width: float) -> Array:
+    """Weights of a sample and of its neighbours on one side, of a Gaussian that is so many samples wide, (r + 1,)."""
+    weights = np.exp(-0.5 * (np.arange(int(SMOOTHING_REACH * width + 0.5) + 1) / width) ** 2)
+    return np.asarray(weights / (weights[0] + 2.0 * weights[1:].sum()))
 
 
 def _as_read(s: Signals, _: Array) -> None:

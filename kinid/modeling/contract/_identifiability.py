@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from kinid.effects import JointMotion, Samples, Signals, Stage
+from kinid.effects._derived import sample_period
 from kinid.estimators.batch import solve
 from kinid.modeling.contract._case import Case, Rule, demand
 from kinid.modeling.model import Model
@@ -168,7 +169,7 @@ def _gain(case: Case, reading: Array) -> tuple[float, float]:
 def _mark(case: Case, reading: Array, wanted: bool) -> str:
     """Whether a detector finds its mark in readings."""
     signals, n = case.signals, len(case.signals)
-    period = float(np.median(signals.dt[signals.dt > 0.0]))
+    period = sample_period(signals)
     shown = Samples(
         reading, reading, np.full(len(reading), 1e-9), np.ones(n, np.bool_), signals.t, period, signals.layout
     )
