@@ -73,12 +73,12 @@ def averaged_signals(signals: Signals, begin: NDArray[np.int64], end: NDArray[np
 
 def averaged(experiment: Experiment) -> tuple[Experiment, tuple[Signals, ...]]:
     """Average an experiment and its motion draws over neighbouring samples where there are more than needed."""
-    signals, draws = experiment.signals, experiment.motion_draws
+    signals = experiment.signals
     size = math.ceil(len(signals) / MAX_SAMPLES)
     rate = 1.0 / sample_period(signals)
     size = max(size, min(math.ceil(len(signals) / MAX_DENSE), round(rate / DENSE_RATE)))
     if size <= 1:
-        return experiment, draws
+        return experiment, experiment.motion_draws
     begin, end = group_edges(signals, experiment.valid, size)
     count = (end - begin).astype(float)
     small = dataclasses.replace(
@@ -92,7 +92,8 @@ def averaged(experiment: Experiment) -> tuple[Experiment, tuple[Signals, ...]]:
         rows=experiment.rows[begin],
         touch=None,
     )
-    return small, tuple(averaged_signals(draw, begin, end) for draw in draws)
+    # one draw at a time: each is as large as the log
+    return small, tuple(averaged_signals(draw, begin, end) for draw in experiment.each_draw())
 
 
 def hold_out_folds(signals: Signals, block: NDArray[np.int64]) -> Mask:

@@ -60,8 +60,8 @@ def smooth(
     spread: Array,
     state: Array,
     sd: Array,
-    random: Array,
-    drawn: Array,
+    random: np.random.Generator,
+    drawn: NDArray[np.float32],
 ) -> None:
     """Fixed-interval smoother (Rauch, Tung & Striebel 1965), and draws of its error through the same gains.
 
@@ -71,7 +71,7 @@ def smooth(
     Args:
         tau, z, noise, drive, start, spread: as for `score`.
         state, sd: get the state and the standard deviations of its parts, (n, d).
-        random: standard normal numbers, (m, n, d). drawn: gets errors of position, velocity, acceleration, (m, n, 3).
+        random: where normal numbers come from. drawn: gets errors of position, velocity, acceleration, (m, n, 3).
     """
     n, many_chunks = tau.shape[0], -(-tau.shape[0] // CHUNK)
     x, p, gain, move = start.copy(), spread.copy(), np.empty(ORDER), np.empty(ORDER)
@@ -82,10 +82,16 @@ def smooth(
         a, b = chunk * CHUNK, min(n, (chunk + 1) * CHUNK)
         _filter(tau, z, noise, drive, a, b, x, p, gain, move, added, state, filtered)
     after, own, back, left, lower = p.copy(), np.empty_like(p), np.zeros_like(p), np.empty_like(p), np.empty_like(p)
-    errors = np.zeros((random.shape[0], ORDER))
+    errors, new = np.zeros((drawn.shape[0], ORDER)), np.empty(ORDER)
     _deviations(after, sd[n - 1])
-    _draw(after, back, random[:, n - 1], errors, lower, drawn[:, n - 1])
-    first, last, ahead, predicted = (many_chunks - 1) * CHUNK, -1.0, np.empty(ORDER), np.empty_like(p)
+    _draw(after, back, random, errors, lower, new, drawn[:, n - 1])
+    first, last, ahead, row, predicted = (
+        (many_chunks - 1) * CHUNK,
+        -1.0,
+        np.empty(ORDER),
+        np.empty(ORDER),
+        np.empty_like(p),
+    )
     for k in range(n - 2, -1, -1):
         if k < first:
             first -= CHUNK
@@ -98,17 +104,17 @@ def smooth(
         s, now = drive[k + 1], filtered[k - first]
         ahead[:], predicted[:] = state[k], now
         moved(ahead, predicted, move, added, s)
-        _back(now, move, predicted, lower, back)
+        _back(now, move, predicted, lower, row, back)
         _towards(back, state[k + 1], ahead, state[k])
         _left(back, move, left)
         own[:] = 0.0
-        _around(left, now, 1.0, own)
+        _around(left, now, 1.0, row, own)
         if len(errors) > 0:  # what an error is made of, before what comes after it
-            _around(back, added, s, own)
-            _draw(own, back, random[:, k], errors, lower, drawn[:, k])
+            _around(back, added, s, row, own)
+            _draw(own, back, random, errors, lower, new, drawn[:, k])
         else:
             after += s * added
-        _around(back, after, 1.0, own)
+        _around(back, after, 1.0, row, own)
         after[:] = own
         _deviations(own, sd[k])
 
@@ -141,28 +147,37 @@ def _left(back: Array, move: Array, out: Array) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _draw(covariance: Array, back: Array, random: Array, errors: Array, lower: Array, out: Array) -> None:
+def _draw(
+    covariance: Array,
+    back: Array,
+    random: np.random.Generator,
+    errors: Array,
+    lower: Array,
+    new: Array,
+    out: NDArray[np.float32],
+) -> None:
     """Errors e = G e₊ + c, c with a covariance; their first three parts are drawn.
 
     Args:
-        random: standard normal numbers, (m, d). errors: e₊, and then e, (m, d). lower: scratch. out: (m, 3).
+        random: of normal numbers. errors: e₊, and then e, (m, d). lower, new: scratch. out: (m, 3).
     """
     _root(covariance, lower)
-    new = np.empty(ORDER)
     for b in range(errors.shape[0]):
-        for i in range(ORDER):
-            new[i] = 0.0
-            for j in range(i + 1):
-                new[i] += lower[i, j] * random[b, j]
-            for j in range(ORDER):
+        new[:] = 0.0
+        for j in range(ORDER):
+            normal = random.standard_normal()
+            for i in range(j, ORDER):
+                new[i] += lower[i, j] * normal
+            for i in range(ORDER):
                 new[i] += back[i, j] * errors[b, j]
-        errors[b], out[b] = new, new[:3]
+        errors[b] = new
+        for i in range(3):
+            out[b, i] = new[i]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _around(a: Array, middle: Array, s: float, out: Array) -> None:
-    """Add s A M Aᵀ, M symmetric."""
-    row = np.empty(ORDER)
+def _around(a: Array, middle: Array, s: float, row: Array, out: Array) -> None:
+    """Add s A M Aᵀ, M symmetric; `row` is scratch, (d,)."""
     for i in range(ORDER):
         for j in range(ORDER):
             row[j] = 0.0
@@ -177,9 +192,8 @@ def _around(a: Array, middle: Array, s: float, out: Array) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _back(now: Array, move: Array, predicted: Array, lower: Array, out: Array) -> None:
-    """G = P Fᵀ (F P Fᵀ + s Q)⁻¹ by an L D Lᵀ decomposition."""
-    d = np.empty(ORDER)
+def _back(now: Array, move: Array, predicted: Array, lower: Array, d: Array, out: Array) -> None:
+    """G = P Fᵀ (F P Fᵀ + s Q)⁻¹ by an L D Lᵀ decomposition; `lower` and `d` are scratch."""
     for j in range(ORDER):
         d[j] = predicted[j, j]
         for k in range(j):

@@ -19,6 +19,9 @@ MOST = 1e12
 #: log-likelihoods so far below the greatest are all alike
 UNLIKELY = -40.0
 RARE = np.exp(UNLIKELY)
+#: a gain that changes by no more than this share from sample to sample has settled: of the slowest filter it is then
+#: within a millionth of where it goes to
+SETTLED = 1e-10
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -34,32 +37,46 @@ def bank(
     m = levels.shape[0]
     x, p = np.empty((ORDER, m)), np.empty((ORDER, ORDER, m))
     gain, move, added = np.empty((ORDER, m)), np.empty(ORDER), np.empty((ORDER, ORDER))
-    f, e = np.empty(m), np.empty(m)
+    f, e, entropy = np.empty(m), np.empty(m), np.empty(m)
     for j in range(m):
         x[:, j] = start
         p[:, :, j] = spread
-    last = -1.0
+    last, noise_before = -1.0, -1.0
+    moving, before, slope = m, 0.0, 0.0  # gains of the levels below `moving` haven't settled: those above are faster
     for t in range(tau.shape[0]):
         z, r = y[t], noise[t]
         if tau[t] != last:
-            last = tau[t]
+            last, moving = tau[t], m
             model(last, move, added)
+        if r != noise_before:
+            noise_before, moving = r, m
         if last > 0.0:
-            _predict(x, p, move, added, levels)
-        for j in range(m):
+            _predict(x, p, move, added, levels, moving)
+        for j in range(moving):
             f[j] = 1.0 / (max(p[0, 0, j], 0.0) + r + LEAST)
-            e[j] = z - x[0, j]
-        _update(x, p, e, f, r, gain)
+            entropy[j] = np.log(f[j])
         for j in range(m):
-            out[t, j] = 0.5 * (np.log(f[j]) - min(e[j] * e[j] * f[j], MOST))
+            e[j] = z - x[0, j]
+        _update(x, p, e, f, r, gain, moving)
+        for j in range(m):
+            out[t, j] = 0.5 * (entropy[j] - min(e[j] * e[j] * f[j], MOST))
+        if moving > 0:
+            now, steep = gain[0, moving - 1], gain[ORDER - 1, moving - 1]
+            if abs(now - before) <= SETTLED * now and abs(steep - slope) <= SETTLED * steep:
+                moving -= 1
+                before = slope = 0.0
+            else:
+                before, slope = now, steep
 
 
 # the innermost loops below run over the intensities, whose numbers lie side by side: they compile to SIMD instructions
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _predict(x: Array, p: Array, move: Array, added: Array, levels: Array) -> None:
-    """Of each intensity: states (d, m) and covariances (d, d, m) before the next sample, as `state_space.moved`."""
+def _predict(x: Array, p: Array, move: Array, added: Array, levels: Array, moving: int) -> None:
+    """Of each intensity: states (d, m) before the next sample, as `state_space.moved`; covariances (d, d, m) of the
+    first `moving` of them.
+    """
     m = levels.shape[0]
     for i in range(ORDER):
         for k in range(i + 1, ORDER):
@@ -67,35 +84,37 @@ def _predict(x: Array, p: Array, move: Array, added: Array, levels: Array) -> No
             for j in range(m):
                 x[i, j] += g * x[k, j]
             for b in range(ORDER):
-                for j in range(m):
+                for j in range(moving):
                     p[i, b, j] += g * p[k, b, j]
     for i in range(ORDER):
         for b in range(i, ORDER):
             for k in range(b + 1, ORDER):
                 g = move[k - b]
-                for j in range(m):
+                for j in range(moving):
                     p[i, b, j] += g * p[i, k, j]
             q = added[i, b]
-            for j in range(m):
+            for j in range(moving):
                 p[i, b, j] += q * levels[j]
                 p[b, i, j] = p[i, b, j]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _update(x: Array, p: Array, e: Array, f: Array, r: float, gain: Array) -> None:
-    """Of each intensity: after a position with innovations e, one over their variances f, and noise r."""
-    m = e.shape[0]
+def _update(x: Array, p: Array, e: Array, f: Array, r: float, gain: Array, moving: int) -> None:
+    """Of each intensity: after a position with innovations e, one over their variances f, and noise r; gains and
+    covariances of the first `moving` of them.
+    """
     for i in range(ORDER):
-        for j in range(m):
+        for j in range(moving):
             gain[i, j] = p[0, i, j] * f[j]
+        for j in range(e.shape[0]):
             x[i, j] += gain[i, j] * e[j]
     for i in range(1, ORDER):
         for b in range(i, ORDER):
-            for j in range(m):
+            for j in range(moving):
                 p[i, b, j] -= gain[i, j] * p[0, b, j]
                 p[b, i, j] = p[i, b, j]
     for i in range(ORDER):
-        for j in range(m):
+        for j in range(moving):
             p[0, i, j] = p[i, 0, j] = r * gain[i, j]
 
 

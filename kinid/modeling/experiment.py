@@ -56,7 +56,12 @@ class Experiment:
     @cached_property
     def motion_draws(self) -> tuple[Signals, ...]:
         """The signals driven by samples of the motion as it may have been, given its noise; or none."""
-        return () if self.drawn is None else tuple(self.drawn(self.signals, self.rows))
+        return tuple(self.each_draw())
+
+    def each_draw(self) -> Iterator[Signals]:
+        """`motion_draws` one after the other, without keeping them."""
+        if self.drawn is not None:
+            yield from self.drawn(self.signals, self.rows)
 
     @property
     def raw(self) -> Array:

@@ -55,8 +55,7 @@ class SeriesDraws:
         mean = (
             np.zeros((0, 0)) if surface is None else contact_motion(self.log, self.rig, robot, surface, motion)[:, rows]
         )
-        for number in range(DRAWS):
-            moved = motion.draw(number)
+        for moved in motion.draws(DRAWS):
             out = signals
             if surface is not None:
                 out = _moved(out, contact_motion(self.log, self.rig, robot, surface, moved)[:, rows] - mean)
@@ -66,12 +65,13 @@ class SeriesDraws:
 
     def _of_own_quantities(self, signals: Signals, rows: Rows) -> Iterator[Signals]:
         smoothed = {name: made for name, _, made in own_motion(self.log, None) if isinstance(made, Smoothed)}
+        errors = {name: made.errors(DRAWS) for name, made in smoothed.items()}
         for number in range(DRAWS):
             away = np.zeros((len(CONTACT), len(rows)))
             for name, rate in (("depth", DEPTH_RATE), ("slip1", SLIP_RATE[0]), ("slip2", SLIP_RATE[1])):
-                if name in smoothed:
-                    error = smoothed[name].error(number)
-                    away[CONTACT.index(name)], away[rate] = error[0][rows, 0], error[1][rows, 0]
+                if name in errors:
+                    value, first, _ = errors[name]
+                    away[CONTACT.index(name)], away[rate] = value[number, rows, 0], first[number, rows, 0]
             yield _moved(signals, away)
 
 
@@ -92,10 +92,10 @@ class JointDraws:
     def __call__(self, signals: Signals, rows: Rows) -> Iterator[Signals]:
         """The signals with each of the motions in turn."""
         motion = axes_motion(self.log)
-        if motion.smoothed is None or signals.joints is None:
+        if signals.joints is None:
             return
-        for number in range(DRAWS):
-            moved = joint_signals(motion.draw(number), rows, self.robot, self.bare, self.carried)
+        for drawn in motion.draws(DRAWS):
+            moved = joint_signals(drawn, rows, self.robot, self.bare, self.carried)
             yield dataclasses.replace(signals, joints=dataclasses.replace(moved, tool=signals.joints.tool))
 
 

@@ -23,13 +23,10 @@ T = TypeVar("T")
 STATIC_PERIOD = 0.1
 #: positions within this are no degrees, or too few to tell [rad]
 MORE_THAN_A_TURN = 2 * np.pi + 0.1
-#: the motion of the latest log is kept while the log is, where it holds no more positions than this: contact frame,
-#: inertial loads and draws ask for the same one
-MANY_KEPT = 1_000_000
 
 
 class _Latest(Generic[T]):
-    """What was made of the latest log, while that lives and is short."""
+    """What was made of the latest log, while that lives: contact frame, inertial loads and draws ask for the same."""
 
     def __init__(self) -> None:
         self._made: weakref.WeakKeyDictionary[Log, T] = weakref.WeakKeyDictionary()
@@ -40,8 +37,7 @@ class _Latest(Generic[T]):
         if made is None:
             made = make()
             self._made.clear()
-            if (log.t if log.q is None else log.q).size <= MANY_KEPT:
-                self._made[log] = made
+            self._made[log] = made
         return made
 
 
@@ -77,12 +73,11 @@ class JointMotion:
         none = np.zeros_like(self.q)
         return none, none, none
 
-    def draw(self, number: int) -> JointMotion:
-        """The motion with a sample of its own error, the same for the same number."""
-        if self.smoothed is None:
-            return self
-        made = self.smoothed.draw(number)
-        return replace(self, q=made.value, dq=made.first, ddq=made.second, smoothed=made)
+    def draws(self, number: int) -> Iterator[JointMotion]:
+        """The motion with so many samples of its own error, the same at each call; none where the error isn't known."""
+        if self.smoothed is not None:
+            for made in self.smoothed.draws(number):
+                yield replace(self, q=made.value, dq=made.first, ddq=made.second, smoothed=made)
 
 
 _MOTIONS = _Latest[JointMotion]()

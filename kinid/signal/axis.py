@@ -10,6 +10,7 @@ freedom).
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +35,8 @@ STRIDE, LEAST, MOST = 1e3, 2.0 ** (-24 * ORDER), 2.0 ** (10 * ORDER)
 #: log-likelihood that each degree of freedom of an intensity that varies must be worth; a search that gains less is at
 #: its end
 WORTH, SETTLED = 1.0, 0.01
+#: a single intensity that would change by a smaller share has been found
+ARRIVED = 0.01
 #: a search gains at most so many times more than its last climb did
 REMAINS = 10.0
 #: an intensity that was a single one must be worth so many times as much to vary: a verdict of the motion, not of a
@@ -58,6 +61,7 @@ class Axis:
         noise: variance of a position. jerk: intensity of each step, (n,).
         quieter: share of its variance that each kind of measurement may turn out to have, (c,).
         single: one intensity does for all steps.
+        constant: the likeliest of the intensities that are alike at all steps, as far as known; 0 for not at all.
     """
 
     tau: Array
@@ -67,6 +71,7 @@ class Axis:
     jerk: Array
     quieter: list[float]
     single: bool = False
+    constant: float = 0.0
 
     @classmethod
     def of(cls, tau: Array, position: Array, variance: Array, noise: float, quieter: float) -> Axis:
@@ -86,6 +91,7 @@ class Axis:
         forth, back = np.empty(len(there)), np.empty(len(there))
         levels = LEVELS * self.noise
         intensity.bank(tau, y, r, levels, *_before(tau, y, r), out)
+        self.constant = float(levels[0] * (levels[1] / levels[0]) ** _highest(out.sum(axis=0, dtype=np.float64)))
         intensity.local_level(out, SWITCH, forth)
         # backwards; the intensity of a step belongs to the sample at its end
         tau, y, r = np.r_[0.0, tau[:0:-1]], y[::-1].copy(), r[::-1].copy()
@@ -127,37 +133,49 @@ class Axis:
                     self.variance[:, kind] *= share
                     self.quieter[kind] = min(1.0, self.quieter[kind] / share)
         varied, worth = score(self.jerk), WORTH * (AGAIN if self.single else 1.0)
-        fitted, single, plain = float(out[:, 1].sum()), np.full(n, np.exp(np.mean(np.log(self.jerk)))), -np.inf
-        for _ in range(2 * CLIMBS):
-            before, plain = plain, score(single)
-            if varied - plain < worth * fitted:
-                break
-            if plain - before < max(SETTLED * fitted, (varied - plain - worth * fitted) / REMAINS):
-                return  # it is settled, or what it can still gain won't do
-            single = grown(single, float(out[:, 0].sum() / max(out[:, 1].sum(), 1e-300)))
-        else:
-            return
-        for _ in range(CLIMBS):
-            single = grown(single, float(out[:, 0].sum() / max(out[:, 1].sum(), 1e-300)))
-            score(single)
-        self.jerk, self.single = single, True
+        fitted = float(out[:, 1].sum())
+        enough, settled = varied - worth * fitted, SETTLED * fitted
+        if self._found_constant(score, out, enough, settled):
+            self.jerk, self.single = np.full(n, self.constant), True
 
-    def sound(self) -> tuple[Array, Array, Array]:
+    def _found_constant(self, score: Callable[[Array], float], out: Array, enough: float, settled: float) -> bool:
+        """Whether some intensity that is the same at all steps is as likely as `enough`; it becomes `constant`.
+
+        The logarithm of found over expected energy is zero where it is likeliest: secants go there. A search that
+        gains less than `settled`, or too little for what is missing, is at its end.
+        """
+        lowest, highest, stride = np.log(LEAST * self.noise), np.log(MOST * self.noise), np.log(STRIDE)
+        at = float(np.log(self.constant)) if self.constant else float(np.mean(np.log(self.jerk)))
+        before, wanted_before, plain = at, np.nan, -np.inf
+        for _ in range(3 * CLIMBS):
+            self.constant = float(np.exp(at))
+            last, plain = plain, score(np.full(len(self.tau), self.constant))
+            if plain <= enough and plain - last < max(settled, (enough - plain) / REMAINS):
+                return False
+            wanted = float(np.log(max(out[:, 0].sum(), 1e-300) / max(out[:, 1].sum(), 1e-300)))
+            slope = (wanted - wanted_before) / (at - before) if at != before else np.nan
+            step = float(np.clip(-wanted / slope if slope < 0.0 else HASTE * wanted, -stride, stride))
+            if plain > enough and abs(step) < ARRIVED:
+                break
+            before, wanted_before, at = at, wanted, float(np.clip(at + step, lowest, highest))
+        return plain > enough
+
+    def sound(self) -> tuple[Array, Array]:
         """What `smoothed` gives, of positions alone, or of noisier ones, where it isn't sound.
 
         No finite log shall end without an estimate: measurements that differ a billion times in size can lose all
         digits.
         """
-        made = self.smoothed()
+        made = self.smoothed()[:2]
         for louder in (1.0, 1e6, 1e12):
-            if self._sound(*made[:2]):
+            if self._sound(*made):
                 break
             self.value, self.variance = self.value[:, :1].copy(), louder * self.variance[:, :1]
             size = float(np.ptp(self.value))
             self.variance = np.maximum(self.variance, (FINEST * max(size, float(np.abs(self.value).max()))) ** 2 + TINY)
             self.noise = max(louder * self.noise, float(self.variance.min()))
             self.jerk = self._from_bank() if louder == 1.0 else np.full(len(self.tau), self.noise)
-            made = self.smoothed()
+            made = self.smoothed()[:2]
         return made
 
     def _sound(self, state: Array, sd: Array) -> bool:
@@ -177,14 +195,22 @@ class Axis:
             self.variance[there, 0],
         )
 
-    def smoothed(self, random: Array | None = None) -> tuple[Array, Array, Array]:
-        """State and its standard deviations (n, d), and draws of its error (m, n, 3) from normal numbers (m, n, d)."""
-        n = len(self.tau)
-        state, sd = np.empty((n, ORDER)), np.empty((n, ORDER))
-        random = np.empty((0, n, ORDER)) if random is None else random
-        drawn = np.empty((len(random), n, 3))
+    def smoothed(self, draws: int = 0, seed: Sequence[int] = ()) -> tuple[Array, Array, NDArray[np.float32]]:
+        """State and its standard deviations (n, d), and so many draws of the error of its first parts (m, n, 3)."""
+        n, random = len(self.tau), np.random.default_rng(seed)
+        state, sd, drawn = np.empty((n, ORDER)), np.empty((n, ORDER)), np.empty((draws, n, 3), np.float32)
         fixed_interval.smooth(self.tau, self.value, self.variance, self.jerk, *self.begin(), state, sd, random, drawn)
         return state, sd, drawn
+
+
+def _highest(values: Array) -> float:
+    """Where the parabola through the highest of some values (m,) and its neighbours is highest, in steps."""
+    at = int(np.argmax(values))
+    if not 0 < at < len(values) - 1:
+        return float(at)
+    left, middle, right = values[at - 1 : at + 2]
+    bend = 2.0 * middle - left - right
+    return at + float(np.clip(0.5 * (right - left) / bend, -0.5, 0.5)) if bend > 0.0 else float(at)
 
 
 def _before(tau: Array, y: Array, r: Array) -> tuple[Array, Array]:

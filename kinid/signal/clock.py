@@ -20,6 +20,8 @@ Rows = NDArray[np.int64]
 #: stamps are looked at that are this far from an even clock, in samples; noise that an even one takes off, on a
 #: logarithmic scale
 JITTER, EVEN = 1e-6, -0.4
+#: digits to which steps of an even clock are told, in samples: where they are the same number, filters settle
+ROUND = 8
 #: noise of the axes that times of their own take off: of two axes that move together, any noise can lose half of its
 #: variance
 OWN_TIMES, FEW = -0.6, 0.95
@@ -48,7 +50,7 @@ def time_steps(t: Array, value: Array, runs: Sequence[Rows], unit: float) -> lis
     longest = max(range(len(runs)), key=lambda i: len(runs[i]))
     rows, steps = runs[longest], stamped
     if np.abs(stamped[longest] - even[longest]).max(initial=0.0) <= JITTER:
-        return stamped
+        return [np.round(tick, ROUND) for tick in stamped]
     if _quieter(value[rows], value[rows], stamped[longest], even[longest]) < EVEN:
         scale = float(stamped[longest].sum() / even[longest].sum())
         steps = [tick * scale for tick in even]

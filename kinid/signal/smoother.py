@@ -8,7 +8,7 @@ them (bias, gain, delay, noise and its memory), put right where it is off, and s
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from kinid.kernels.state_space import ORDER
 from kinid.signal.axis import Axis
 from kinid.signal.clock import time_steps
-from kinid.signal.noise import Positions, positions, wrong
+from kinid.signal.noise import positions, wrong
 from kinid.signal.pieces import GAP_FACTOR, runs
 from kinid.signal.rates import Learnt, figures, learn, together
 
@@ -36,9 +36,10 @@ WORTH_THREADS = 50_000
 
 @dataclass(eq=False)
 class Track:
-    """One axis: its pieces, where each lies among the samples, and what is known of its measurements."""
+    """One axis: its pieces, where each lies among the samples, and noise and step of its positions."""
 
-    positions: Positions
+    noise: float
+    step: float
     pieces: list[tuple[Rows, Axis]]
     unit: float  # h, the median sample time [s]
 
@@ -64,28 +65,31 @@ class Smoothed:
     @property
     def facts(self) -> dict[str, object]:
         """Noise and step of the positions, and what was found of logged rates, as plain types."""
-        known = [track.positions for track in self._tracks]
-        out: dict[str, object] = {"noise": [one.noise for one in known]}
-        out |= {"step": [one.step for one in known]} if any(one.step for one in known) else {}
+        tracks = self._tracks
+        out: dict[str, object] = {"noise": [one.noise for one in tracks]}
+        out |= {"step": [one.step for one in tracks]} if any(one.step for one in tracks) else {}
         rates = {"velocities": self.velocities, "accelerations": self.accelerations}
         return out | {name: figures(found) for name, found in rates.items() if found}
 
-    def draw(self, number: int) -> Smoothed:
-        """The motion with a sample of the estimate's error, the same for the same number."""
-        value, first, second = (x + e for x, e in zip((self.value, self.first, self.second), self.error(number)))
-        return replace(self, value=value, first=first, second=second)
+    def draws(self, number: int) -> Iterator[Smoothed]:
+        """The motion with so many samples of the estimate's error, the same at each call."""
+        for error in zip(*self.errors(number)):
+            value, first, second = (x + e for x, e in zip((self.value, self.first, self.second), error))
+            yield replace(self, value=value, first=first, second=second)
 
-    def error(self, number: int) -> tuple[Array, Array, Array]:
-        """A sample of the estimate's error with its memory (Durbin & Koopman 2002), (n, k) each; 0 where unknown."""
-        out = [np.zeros_like(self.value) for _ in range(3)]
+    def errors(self, number: int) -> tuple[Single, Single, Single]:
+        """Samples of the error of position, velocity and acceleration with its memory (Durbin & Koopman 2002).
+
+        Each (number, n, k); 0 where unknown.
+        """
+        out = [np.zeros((number, *self.value.shape), np.float32) for _ in range(3)]
 
         def add(j: int) -> None:
             track = self._tracks[j]
             for i, (rows, axis) in enumerate(track.pieces):
-                random = np.random.default_rng([number, j, i]).standard_normal((1, len(rows), ORDER))
-                drawn = axis.smoothed(random)[2][0]
+                drawn = axis.smoothed(number, (j, i))[2]
                 for order in range(3):
-                    out[order][rows, j] = drawn[:, order] / track.unit**order
+                    out[order][:, rows, j] = drawn[:, :, order] / track.unit**order
 
         _each(add, range(len(self._tracks)), self.value.size)
         return out[0], out[1], out[2]
@@ -119,7 +123,7 @@ def smooth_motion(
 
     def finish(j: int) -> None:
         for own, axis in tracks[j].pieces:
-            state, deviation, _ = axis.sound()
+            state, deviation = axis.sound()
             for order, stated in ((0, None), (1, first), (2, second)):
                 if order and len(own) < 2:  # a single row has the rates that were stated, if any
                     out[order][own, j] = np.nan if stated is None else stated[own, j]
@@ -150,7 +154,7 @@ def _track(x: Array, runs: Sequence[Rows], steps: Sequence[Array], unit: float, 
         axis = Axis.of(tau, known.value[own], variance, known.noise**2, quieter)
         axis.climb()
         made.append((rows, axis))
-    return Track(known, made, unit)
+    return Track(known.noise, known.step, made, unit)
 
 
 def _with_rates(

@@ -113,10 +113,10 @@ def test_draws_scatter_as_the_standard_deviations_say(
 ) -> None:
     t, _, x = measured
     made = smoothed(t, x)
-    drawn = np.stack([np.stack(made.error(k))[:, :, 0] for k in range(40)])
+    drawn = np.stack(made.errors(40), axis=1)[..., 0].astype(np.float64)
     ratio = drawn.std(axis=0).mean(axis=1) / np.stack(made.sd)[:, :, 0].mean(axis=1)
     np.testing.assert_allclose(ratio, 1.0, atol=0.1)
-    np.testing.assert_array_equal(made.draw(3).first, made.draw(3).first)
+    np.testing.assert_array_equal(*([one.first for one in made.draws(2)] for _ in range(2)))
     # a drawn velocity is the derivative of the drawn position
     assert rms(np.gradient(drawn[0, 0], t) - drawn[0, 1]) < 0.03 * rms(drawn[0, 1])
 
@@ -137,7 +137,7 @@ def test_without_a_position_there_is_nothing_and_with_one_a_place() -> None:
     t = 0.01 * np.arange(500.0)
     none = smoothed(t, np.full(500, np.nan))
     assert np.isnan(none.first).all()
-    assert none.error(0)[0].shape == (500, 1)
+    assert none.errors(2)[0].shape == (2, 500, 1)
     alone = np.full(500, np.nan)
     alone[7] = 0.25
     assert smoothed(t, alone).value[7, 0] == pytest.approx(0.25)
