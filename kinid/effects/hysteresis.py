@@ -16,16 +16,16 @@ from kinid.parameter import Parameter
 
 @final
 class Hysteresis(Effect):
-    """N += min(a F_e + f, F_e) z with dz = (sgn δ̇ − z) |dδ| / ℓ: a Dahl loop over depth, in proportion to the elastic
+    """N += min(r F_e + a, F_e) z with dz = (sgn δ̇ − z) |dδ| / ℓ: a Dahl loop over depth, in proportion to the elastic
     force or of one width (Bouc's), or both; ℓ [m].
 
     z runs from 0 at touch to ±1 over ℓ and depends on the path alone, not on time (Bouc-Wen with γ = 0, n = 1). The
-    amplitude a is relative, 0…1: loops of soft materials close at the surface, and nothing pulls.
+    ratio r is 0…1, the amplitude a a force: loops of soft materials close at the surface, and nothing pulls.
     """
 
     id = "hysteresis"
     title = "rate-independent loop over depth"
-    equation = "N += min(a F_e + f, F_e) z, dz = (sgn δ̇ − z) |dδ| / ℓ"
+    equation = "N += min(r F_e + a, F_e) z, dz = (sgn δ̇ − z) |dδ| / ℓ"
     source = (
         "P. R. Dahl, Aerospace Corp. TOR-0158(3107-18)-1, 1968; R. Bouc, 1967; Y. K. Wen, J. Eng. Mech. Div. 102, 1976"
     )
@@ -37,17 +37,17 @@ class Hysteresis(Effect):
     }
     excited_by = "the same path in and out at two speeds, with partial unloading"
     affine = False  # a loop is no wider than the force it is in
-    null = {"amplitude": 0.0, "force": 0.0}
+    null = {"ratio": 0.0, "amplitude": 0.0}
     grid = {"length": (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)}
     # more would pull, less would give energy; longer than any poke
-    admissible = {"amplitude": (0.0, 1.0), "force": (0.0, 1e3), "length": (0.0, 0.05)}
-    example = Example(("kelvin-voigt",), {"amplitude": 0.23, "force": 0.1, "length": 0.8e-3})
+    admissible = {"ratio": (0.0, 1.0), "amplitude": (0.0, 1e3), "length": (0.0, 0.05)}
+    example = Example(("kelvin-voigt",), {"ratio": 0.23, "amplitude": 0.1, "length": 0.8e-3})
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
-        """Amplitude, force, length."""
+        """Ratio, amplitude, length."""
         return (
-            Parameter("amplitude", "a", "1", 0.1, 0.0, 1.0, scale=0.02),
-            Parameter("force", "f", "N", 0.0, 0.0, 1e3, scale=0.05),
+            Parameter("ratio", "r", "1", 0.1, 0.0, 1.0, scale=0.02),
+            Parameter("amplitude", "a", "N", 0.0, 0.0, 1e3, scale=0.05),
             Parameter("length", "ℓ", "m", 1e-3, 1e-6, 0.2, scale=1e-4),
         )
 

@@ -74,7 +74,7 @@ def test_a_loop_whose_beginning_is_lost_is_a_loop(lost: tuple[float, float]) -> 
     log = kinid.Log(t=t[kept], contact={"depth": depth[kept], "normal_force": force[kept]})
     found = kinid.diagnose(log, RIG, model=kinid.Model("hooke"))
     assert (found.verdict, found.added) == ("missing", ("hysteresis",))
-    assert found.fit["hysteresis.amplitude"].value == pytest.approx(0.2, rel=0.1)  # its length trades
+    assert found.fit["hysteresis.ratio"].value == pytest.approx(0.2, rel=0.1)  # its length trades
     assert any("the log begins in contact" in w for w in found.warnings) is (lost[0] < 0)
 
 

@@ -164,7 +164,7 @@ def test_an_effect_of_five_times_what_is_left_shows(tester: Tester, effect: str,
     """
     size = {
         "relaxation": {"ratio": 0.3, "time-constant": 0.4},
-        "hysteresis": {"amplitude": 0.3, "length": 1e-3},
+        "hysteresis": {"ratio": 0.3, "length": 1e-3},
         "stress-softening": {"ratio": 0.3, "length": 1e-3},
         "adhesion": {"force": 0.6, "length": 4e-4},
         "time-offset": {"delay": 0.02},

@@ -668,7 +668,7 @@ PASSIVE: dict[str, dict[str, Any]] = {
     "viscous-damping": {"damping": st.floats(0, 30)},
     "hunt-crossley-damping": {"damping": st.floats(0, 10)},
     "relaxation": {"ratio": share, "time-constant": st.floats(0.01, 10)},
-    "hysteresis": {"amplitude": share, "length": length},
+    "hysteresis": {"ratio": share, "length": length},
     "stress-softening": {"ratio": share, "length": length},
     "adhesion": {"force": st.floats(0, 2), "length": length},
     "stiffening-layer": {"stiffness": st.floats(0, 3000), "depth": st.floats(0, 4e-3)},
@@ -751,7 +751,7 @@ def test_small_oscillations_are_damped_not_driven(amplitude: float) -> None:
     s = signals(t, np.full(len(t), 2e-3), none, np.stack([sway, none]), np.stack([rate, none]))
     force = Model("hooke", "coulomb-friction", "presliding").predict(s, {"presliding.length": ell})[1]
     poking = signals(t, 0.05 + sway, rate)
-    loop = normal(Model("hooke", "hysteresis"), poking, hysteresis__amplitude=0.5, hysteresis__length=ell)
+    loop = normal(Model("hooke", "hysteresis"), poking, hysteresis__ratio=0.5, hysteresis__length=ell)
     for put_in, amounts in (work(-force[last], sway[last]), work(loop[last], sway[last])):
         assert put_in >= -1e-6 * amounts
         if amplitude > memory.ELASTIC:

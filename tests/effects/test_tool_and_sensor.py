@@ -243,7 +243,7 @@ def test_behind_an_arm_a_loop_still_obeys_its_own_law(amplitude: float, length: 
     depth = 4e-3 * np.sin(0.8 * t) + 1e-3 * np.sin(3.1 * t)
     along = 3.2e-3 * np.cos(0.8 * t) + 3.1e-3 * np.cos(3.1 * t)
     model = Model("hooke", "hysteresis")
-    values = {"hooke.stiffness": 800.0, "hysteresis.amplitude": amplitude, "hysteresis.length": length}
+    values = {"hooke.stiffness": 800.0, "hysteresis.ratio": amplitude, "hysteresis.length": length}
     force = (model + "structural-compliance").predict(signals(t, depth, along), {**values, COMPLIANCE: compliance})[0]
     rate = along - compliance * np.diff(force, prepend=force[0]) / 2e-3
     again = model.predict(signals(t, depth - compliance * force, rate), values)[0]
@@ -255,13 +255,13 @@ def test_behind_an_arm_a_loop_still_obeys_its_own_law(amplitude: float, length: 
     ("extra", "values"),
     [
         (("adhesion",), {"adhesion.force": 0.38, "adhesion.length": 1.1e-3}),
-        (("adhesion", "hysteresis"), {"adhesion.force": 0.31, "hysteresis.amplitude": 0.3, "hysteresis.length": 2e-4}),
+        (("adhesion", "hysteresis"), {"adhesion.force": 0.31, "hysteresis.ratio": 0.3, "hysteresis.length": 2e-4}),
         (
             ("stress-softening", "hysteresis"),
             {
                 "stress-softening.ratio": 0.3,
                 "stress-softening.length": 1e-4,
-                "hysteresis.amplitude": 0.1,
+                "hysteresis.ratio": 0.1,
                 "hysteresis.length": 2e-3,
             },
         ),

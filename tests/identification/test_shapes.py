@@ -60,7 +60,7 @@ def fitted(names: tuple[str, ...], values: dict[str, float]) -> Fit:
 
 CASES = [
     *(
-        (("kelvin-voigt", "hysteresis"), {**VOIGT, "hysteresis.amplitude": 0.3, "hysteresis.length": x})
+        (("kelvin-voigt", "hysteresis"), {**VOIGT, "hysteresis.ratio": 0.3, "hysteresis.length": x})
         for x in (1e-4, 6e-3)
     ),
     *(

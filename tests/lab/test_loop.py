@@ -136,7 +136,7 @@ def test_two_implementations_of_one_law_agree(changes: dict[str, object], model:
         "hunt-crossley-damping.damping": 3.0,
         "relaxation.ratio": 0.4,
         "relaxation.time-constant": 0.1,
-        "hysteresis.amplitude": 0.3,
+        "hysteresis.ratio": 0.3,
         "hysteresis.length": 5e-4,
         "stress-softening.ratio": 0.4,
         "stress-softening.length": 1e-3,

@@ -23,6 +23,33 @@ import kinid
 
 Row = dict[str, Any]
 
+#: groups and parameters as some authors call them, and as they are called here; what is not among them is not compared
+GROUPS = {"one": "single", "quiet": "none", "two": "pair", "outside": "outside", "not-excited": "not-excited"}
+VECTORS, OFFSETS = (
+    (("tool-com", "com"), ("tip-offset", "offset")),
+    (("sensor-bias", "offset"), ("sensor-drift", "drift")),
+)
+CHANNELS = ("fx", "fy", "fz", "tx", "ty", "tz")
+WORDS = {
+    "tool-mass.dm": "tool-mass.mass",
+    "structural-compliance.C": "structural-compliance.compliance",
+    "viscous-damping.c": "viscous-damping.damping",
+    "viscous-friction.c": "viscous-friction.damping",
+    "hunt-crossley-damping.lambda": "hunt-crossley-damping.damping",
+    "friction-anisotropy.a": "friction-anisotropy.ratio",
+    "load-dependent-friction.p": "load-dependent-friction.exponent",
+    "time-offset.offset": "time-offset.delay",
+    "relaxation.tau": "relaxation.time-constant",
+    "sensor-lag.tau": "sensor-lag.time-constant",
+    "hertz-exponent.n": "hertz-exponent.exponent",
+    "stribeck-friction.dmu": "stribeck-friction.coefficient",
+    "stribeck-friction.v_s": "stribeck-friction.speed",
+    "friction-rounding.v_r": "friction-rounding.speed",
+    "stiffening-layer.K": "stiffening-layer.stiffness",
+    **{f"{name}.d{axis}": f"{name}.{vector}[{axis}]" for name, vector in VECTORS for axis in "xyz"},
+    **{f"{name}.{channel}": f"{name}.{vector}[{channel}]" for name, vector in OFFSETS for channel in CHANNELS},
+}
+
 
 def ask(job: tuple[Path, Row, bool]) -> Row:
     """One case: what is said of it, and the true model's error; a crash is an answer, too."""
@@ -59,6 +86,8 @@ def as_written(case: Row) -> Row:
     """A case whose models are words with commas, whatever form its author gave them."""
     if "base" in case:
         case = _of_base_and_truth(case)
+    elif case["group"] in GROUPS:
+        case = _of_model_and_truth(case)
     out = dict(case)
     for key in ("model", "true_model"):
         out[key] = case[key] if isinstance(case[key], str) else ",".join(case[key])
@@ -67,6 +96,23 @@ def as_written(case: Row) -> Row:
     out["near"] = [*(case.get("near") or []), *((case.get("class") or []) if case["group"] == "outside" else [])]
     out["values"] = {k: v for k, v in (case.get("values") or {}).items() if isinstance(v, int | float)}
     return out
+
+
+def _of_model_and_truth(case: Row) -> Row:
+    """The same where the group is told in other words."""
+    base = [name for name in case["model"].split(",") if name != "none"]
+    lacks = [name for name in case["truth"] if name not in base]
+    hidden = [] if case["group"] in ("quiet", "outside", "not-excited") else case["truth"]
+    unexcited = case["group"] == "not-excited"
+    return {
+        **case,
+        "group": GROUPS[case["group"]],
+        "model": case["model"],
+        "true_model": case["model"] if unexcited or not lacks else ",".join([*base, *lacks]),
+        "hidden": hidden,
+        "unexcited": case["truth"],
+        "values": {WORDS.get(key, key): value for key, value in (case.get("values") or {}).items()},
+    }
 
 
 def _of_base_and_truth(case: Row) -> Row:

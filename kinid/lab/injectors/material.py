@@ -46,8 +46,8 @@ def _relaxation(s: Setup, rng: np.random.Generator) -> Injected:
 
 
 def _hysteresis(s: Setup, rng: np.random.Generator) -> Injected:
-    amplitude, length = float(rng.uniform(0.1, 0.3)), float(rng.uniform(0.1, 0.3)) * 0.3 * load(s)[0]
-    return _material(s, {"amplitude": amplitude, "length": length}, hysteresis=(amplitude, length))
+    ratio, length = float(rng.uniform(0.1, 0.3)), float(rng.uniform(0.1, 0.3)) * 0.3 * load(s)[0]
+    return _material(s, {"ratio": ratio, "length": length}, hysteresis=(ratio, length))
 
 
 def _softening(s: Setup, rng: np.random.Generator) -> Injected:
