@@ -6,7 +6,7 @@ import copy
 import dataclasses
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
@@ -60,7 +60,8 @@ class SensorMotion:
         specific: gravity less acceleration of the sensor's origin, g − a [m/s²], (3, n).
         omega, alpha: angular velocity [rad/s] and acceleration [rad/s²], (3, n).
         load: wrench of the rig's tool (weight and inertia) [N, N·m], (6, n); zero without a tool in the rig.
-        mass: mass of the rig's tool [kg]; com: its centre [m], (3,).
+        mass: mass of the rig's tool [kg]; com: its centre [m], (3,). moments: of inertia about the sensor's axes, as
+            the rig states them [kg·m²], (3,); 0 where it states none.
     """
 
     to_contact: Array
@@ -71,6 +72,7 @@ class SensorMotion:
     load: Array
     mass: float
     com: Array
+    moments: Array = field(default_factory=lambda: np.zeros(3))
 
 
 @dataclass(frozen=True, eq=False)

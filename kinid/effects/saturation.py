@@ -157,11 +157,12 @@ class Saturation(Effect):
             if len(np.unique(x[:: max(1, len(x) // 5000)])) <= FEWEST_VALUES or _resting(flat[channel]) < FLAT:
                 flat[channel] = False
             # nor is a coarse one that reaches its highest step now and then, or one that is repeated, unless the model
-            # goes on
-            step = lattice(x) if flat[channel].any() else 0.0
-            chance = step > SHARED * samples.noise[channel] or np.mean(np.diff(x[~flat[channel]]) == 0.0) > REPEATED
+            # goes on, or noise that is wider than a step stops there
+            step, noise = lattice(x) if flat[channel].any() else 0.0, float(samples.noise[channel])
+            chance = step > SHARED * noise or np.mean(np.diff(x[~flat[channel]]) == 0.0) > REPEATED
+            chance = chance and not (0.0 < step <= noise and _stops(np.abs(x), limit, step, noise))
             if samples.expected is not None and flat[channel].any() and chance:
-                flat[channel] &= _cut_off_there(samples, channel, limit, max(step, float(samples.noise[channel]))).any()
+                flat[channel] &= _cut_off_there(samples, channel, limit, max(step, noise)).any()
         return limits, flat
 
     def initial_guesses(self, signals: Signals) -> tuple[Array, ...]:
@@ -182,6 +183,12 @@ def _resting(flags: Mask) -> int:
     edges = np.flatnonzero(np.diff(np.r_[0, flags.astype(np.int8), 0]))
     rows = edges[1::2] - edges[::2]
     return int(rows[rows >= 3].sum())
+
+
+def _stops(sizes: Array, top: float, step: float, noise: float) -> bool:
+    """Whether sizes on a lattice (n,) have their largest value far more often than any within the noise below it."""
+    number = np.bincount(np.round((top - sizes[sizes > top - BEYOND * noise - 0.5 * step]) / step).astype(int))
+    return bool(number[0] > DENSER * number[1:].max(initial=0))
 
 
 def _cut_off_there(samples: Samples, channel: int, level: float, sigma: float) -> Mask:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import final
 
 import numpy as np
@@ -11,6 +12,9 @@ from kinid.effects._example import Example, Motion
 from kinid.effects._signals import Array, Layout, Signals
 from kinid.effects._vectors import cross
 from kinid.parameter import Parameter
+
+#: share within which moments of inertia are known from a drawing, or a mass that is off while the shape is right
+DRAWN = 0.1
 
 
 @final
@@ -43,6 +47,11 @@ class ToolInertia(Effect):
             Parameter(f"inertia[{entry}]", "ΔI", "kg·m²", 0.0, -10.0, 10.0, scale=1e-4, linear=True)
             for entry in ("xx", "yy", "zz", "xy", "xz", "yz")
         )
+
+    def calibration_sd(self, signals: Signals) -> Mapping[str, float]:
+        """A share of what the rig states: drawings know a tool's outline better than its screws and cables."""
+        stated = () if signals.sensor is None else zip(("xx", "yy", "zz"), signals.sensor.moments.tolist())
+        return {f"inertia[{entry}]": DRAWN * moment for entry, moment in stated if moment > 0.0}
 
     def tool(self, s: Signals, p: Array) -> None:
         """Add what turns it."""

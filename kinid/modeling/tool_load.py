@@ -40,6 +40,7 @@ def sensor_motion(
         load=np.empty((6, n)),
         mass=tool.mass,
         com=np.asarray(tool.com),
+        moments=np.asarray(tool.inertia[:3]),
     )
     for begin in range(0, n, AT_ONCE):
         at, part = slice(begin, begin + AT_ONCE), rows[begin : begin + AT_ONCE]
