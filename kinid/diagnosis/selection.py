@@ -19,6 +19,7 @@ from kinid.diagnosis.acceptance import (
     within_possible,
     without_effect,
 )
+from kinid.diagnosis.rivals import MIN_OVERLAP, covers, indistinguishable, overlap
 from kinid.diagnosis.screening import Candidate, screen, screen_catalogue
 from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.effects import Effect
@@ -37,8 +38,6 @@ Array = NDArray[np.float64]
 MAX_ERROR_RISE = 1.01
 #: refits whose form of friction at rest is chosen anew; alternatives to the best, and the share of its gain they need
 REST_FORM_REFITS, MAX_ALTERNATIVES, MIN_GAIN_SHARE = 2, 3, 0.5
-#: two refits that have less than this share of their changes in common explain different parts of the error
-MIN_OVERLAP = 0.5
 #: effects that may stand for others; where more were needed, what is left is of many kinds
 FEW = 2
 #: share of what is left by its own weights that an effect takes off that others' weights hide; and of the squared error
@@ -178,7 +177,7 @@ def choose(refits: Sequence[Refit], before: State, settings: DiagnosisSettings) 
     usual = [t for t in evident if not _remarkable(t, settings)]
     # what a usual amount of another effect explains as well is no finding
     accepted = [
-        t for t in evident if t not in usual and not any(_covers(u, t, before.error.sigma, settings) for u in usual)
+        t for t in evident if t not in usual and not any(covers(u, t, before.error.sigma, settings) for u in usual)
     ]
     accepted = [t for t in accepted if t.evidence.gain > MIN_GAIN_SHARE * max(a.evidence.gain for a in accepted)]
     if len(accepted) < 2:
@@ -210,7 +209,7 @@ def _simpler(one: Refit, best: Refit, before: State, settings: DiagnosisSettings
     return (
         saved > 0
         and one.evidence.gain >= worth * best.evidence.gain
-        and _overlap(one, best, before.error.sigma) >= MIN_OVERLAP
+        and overlap(one, best, before.error.sigma) >= MIN_OVERLAP
     )
 
 
@@ -230,33 +229,6 @@ def best_end(candidate: Refit, fits: dict[tuple[str, ...], State]) -> Refit | No
     fit = fits[model.names] = within_possible(estimate_problem(model, before.problem), before)
     ends = sorted((candidate.relearnt, candidate.ended(fit)), key=_rank)
     return next((end for end in ends if lowers_error(end.state, candidate.before)), None)
-
-
-def indistinguishable(one: Refit, other: Refit, sigma: Array, settings: DiagnosisSettings) -> bool:
-    """Whether two refits of one state explain the same, as well, with errors weighed by σ (channels, g)."""
-    between = compare_states(other.state, one.state, sigma)
-    return not _clear(between, settings) and _overlap(one, other, sigma) >= MIN_OVERLAP
-
-
-def _clear(between: Evidence, settings: DiagnosisSettings) -> bool:
-    """Whether two refits differ by more than chance, and by a share that is worth a word."""
-    return (
-        abs(between.gain) > settings.alternative_significance * between.error
-        and abs(between.share) > settings.alternative_share
-    )
-
-
-def _covers(one: Refit, other: Refit, sigma: Array, settings: DiagnosisSettings) -> bool:
-    """Whether a refit explains what another one explains, as well or better."""
-    between = compare_states(one.state, other.state, sigma)
-    better = _clear(between, settings) and between.gain > 0.0 and between.share > 0.0
-    return not better and _overlap(one, other, sigma) >= MIN_OVERLAP
-
-
-def _overlap(one: Refit, other: Refit, sigma: Array) -> float:
-    """Squared cosine between what two refits change, held out: 1 where they explain the same, 0 where other parts."""
-    a, b = (((t.before.held_out - t.state.held_out) / sigma).ravel() for t in (one, other))
-    return float(a @ b) ** 2 / max(1e-300, float(a @ a) * float(b @ b))
 
 
 def select(
@@ -373,15 +345,14 @@ def _compare_alternatives(found: Selection, settings: DiagnosisSettings, forced:
         name, last = added, found.states[-1]
         if not removable(last.model, name):
             continue
-        if len(found.added) == 1 and not forced:
-            screening, reduced = found.rounds[0], found.rounds[0].before
+        alone = len(found.added) == 1 and not forced
+        reduced = found.rounds[0].before if alone else without_effect(last, name)
+        if not alone and implausible(reduced, last):
+            continue
+        if alone and any(t.effect.id == name for t in found.rounds[0].refits):
+            screening = found.rounds[0]
         else:
-            reduced = without_effect(last, name)
-            if implausible(reduced, last):
-                continue
-            screening = screen_and_refit(
-                reduced, replace(settings, refits=MAX_ALTERNATIVES, promising_share=MIN_GAIN_SHARE)
-            )
+            screening = _beside_its_rivals(reduced, name, settings)
         current = next((t for t in screening.refits if t.effect.id == name), None)
         if current is None:
             current = Refit(last.model[name], reduced, last, compare_states(reduced, last, reduced.error.sigma))
@@ -404,6 +375,18 @@ def _compare_alternatives(found: Selection, settings: DiagnosisSettings, forced:
             for t in others
             if indistinguishable(current, t, reduced.error.sigma, settings) and acceptable(t, reduced, settings)
         )
+
+
+def _beside_its_rivals(state: State, name: str, settings: DiagnosisSettings) -> Screening:
+    """Screen the catalogue and refit an effect, those that promise most, and those that promise as much as it does."""
+    points = screen_catalogue(state)
+    promise = {other: at[0].predicted_gain for other, at in points.items()}
+    own, most = promise.get(name, 0.0), max(promise.values(), default=0.0)
+    best = [n for n in sorted(promise, key=lambda n: -promise[n]) if promise[n] > MIN_GAIN_SHARE * most]
+    alike = sorted((n for n in promise if promise[n] > MIN_GAIN_SHARE * own), key=lambda n: abs(promise[n] - own))
+    chosen = {*best[:MAX_ALTERNATIVES], *alike[:MAX_ALTERNATIVES]}
+    few = replace(settings, refits=len(chosen), promising_share=0.0)
+    return Screening(state, points, tuple(_promising(state, {n: points[n] for n in points if n in chosen}, few)))
 
 
 def _preferred(other: Refit, current: Refit, before: State, settings: DiagnosisSettings) -> bool:

@@ -160,7 +160,8 @@ class Saturation(Effect):
             # goes on, or noise that is wider than a step stops there
             step, noise = lattice(x) if flat[channel].any() else 0.0, float(samples.noise[channel])
             chance = step > SHARED * noise or np.mean(np.diff(x[~flat[channel]]) == 0.0) > REPEATED
-            chance = chance and not (0.0 < step <= noise and _stops(np.abs(x), limit, step, noise))
+            own = float(samples.white(raw, samples.valid & ~flat[channel])[channel])  # what stands still has none
+            chance = chance and not (0.0 < step <= own and _stops(np.abs(x), limit, step, own))
             if samples.expected is not None and flat[channel].any() and chance:
                 flat[channel] &= _cut_off_there(samples, channel, limit, max(step, noise)).any()
         return limits, flat

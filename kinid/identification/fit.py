@@ -24,6 +24,7 @@ from kinid.identification.lack_of_fit import LackOfFit, error_rows, error_unit, 
 from kinid.identification.nuisance import with_calibration
 from kinid.identification.state import State, parameter_bounds, shown_values
 from kinid.identification.whole import held_out_residual, train_residual
+from kinid.modeling.applicability import amplitudes, base_of
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
 from kinid.modeling.parameter_names import starting_values
@@ -208,4 +209,11 @@ def _at_bound(state: State) -> Mask:
     low, high = parameter_bounds(state.model, state.problem)
     fixed = np.array([p.fixed for p in state.model.parameters(state.problem.layout).values()], np.bool_)
     room = 1e-6 * state.scale
-    return ~fixed & ((state.values <= low + room) | (state.values >= high - room))
+    out: Mask = ~fixed & ((state.values <= low + room) | (state.values >= high - room))
+    layout, base = state.problem.layout, base_of(state.model)
+    for effect in state.model.effects:  # one of several amplitudes that isn't needed, as a channel that isn't clipped
+        begin, null = state.model.place(effect.id, layout).start, amplitudes(effect, layout, base)
+        nothing = [begin + i for i, value in null.items() if abs(state.values[begin + i] - value) <= room[begin + i]]
+        if len(nothing) < len(null):
+            out[nothing] = False
+    return out

@@ -6,7 +6,8 @@ Their equations are written here; each asks for one sentence that must be there,
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 import kinid
 from kinid.errors import InputError
 from kinid.reports.diagnosis_words import headline
+from kinid.robotics.robot import Robot
 
 if TYPE_CHECKING:
     from conftest import Tester
@@ -425,3 +427,20 @@ def test_two_that_explain_too_little_alone_are_found_together(tester: Tester, of
     assert set(found.added) == {"surface-offset", "time-offset"}
     assert found.steps[-1].held_out < 1.1 * NOISE
     assert found.fit["time-offset.delay"].value == pytest.approx(late, rel=0.1)
+
+
+def test_a_tool_that_is_lighter_as_a_whole_is_not_told_from_a_gain(
+    swing: Callable[..., Any], weighed: Callable[..., Any]
+) -> None:
+    """Its moments of inertia are off as its mass is: what only they would tell is no evidence for the sensor."""
+    t = np.arange(0.0, 24.0, 5e-3)
+    q, dq, ddq = swing(np.deg2rad([0.0, -40.0, 0.0, 85.0, 0.0, -55.0, 0.0]), seed=4, size=0.4, speed=2.5)(t)
+    tool = {"mass": 0.7, "com": [0.01, 0.0, 0.06], "inertia": [2e-3, 2e-3, 1e-3, 0.0, 0.0, 0.0]}
+    rig = kinid.Rig.parse({"robot": {"model": "lwr4plus"}, "tool": tool, "sensor": {"bias": [0.0] * 6}})
+    load = weighed(rig, Robot.load(rig), q, dq, ddq)
+    noise = np.random.default_rng(8).standard_normal((len(t), 6)) * [0.02, 0.02, 0.02, 5e-4, 5e-4, 5e-4]
+    log = kinid.Log(t, q=q + 2e-6 * np.random.default_rng(9).standard_normal(q.shape), wrench=0.88 * load + noise)
+    found = kinid.diagnose(log, rig, model=kinid.Model())
+    assert len(found.added) == 1
+    first = found.added[0]
+    assert {first, *found[first].equivalent_to} == {"sensor-gain", "tool-mass"}

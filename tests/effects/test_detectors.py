@@ -210,6 +210,20 @@ def test_an_end_of_the_range_off_a_lattice(steps: float) -> None:
         assert found["quantization"].values[0] == pytest.approx(step, rel=1e-6)
 
 
+@pytest.mark.parametrize("steps", [0.5, 0.7])
+def test_noise_wider_than_a_step_does_not_stop_at_one_reading_by_chance(steps: float) -> None:
+    """On a lattice finer than the noise a flat top is one, whatever the model expects; a load that rests has none."""
+    load, _, layout = load_of("contact")
+    white, sigma = noise_of(load)
+    step = steps * float(sigma[0])
+    limit = step * round(0.7 * load.max() / step)
+    clipped = step * np.round(np.clip(load + white, -limit, limit) / step)
+    shown = samples(clipped, np.minimum(load, limit)[None], layout)  # nothing goes on beyond
+    assert found_in(shown)["saturation"].values[0] == pytest.approx(limit, rel=1e-12)
+    resting = step * np.round((np.minimum(load, limit) + white) / step)
+    assert not found_in(samples(resting, np.minimum(load, limit)[None], layout))
+
+
 def test_repeated_readings_are_no_flat_top() -> None:
     """A slow sensor in a fast log: each reading stands for eight samples, the largest one too."""
     load, columns, layout = load_of("joints")
