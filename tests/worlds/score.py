@@ -1,6 +1,9 @@
 """What the diagnosis says of a foreign world's logs, beside what is hidden in them.
 
-    python -m worlds.score DATA OUT.json [--without-dq] [--only GROUP,KIND,CASE,…]      from the folder of the tests
+    python -m worlds.score DATA OUT.json [--without-dq] [--only GROUP,KIND,CASE,…] [--engine baseline]
+
+from the folder of the tests. The baseline of a hundred lines names effects and knows no verdicts: what it leaves and
+what it holds for excited is not asked.
 
 DATA is what a world's `generate.py --seed S --out DATA` wrote. Figures are printed as JSON; OUT.json holds every case.
 """
@@ -18,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from measured.scoring import ask as measured
 
 import kinid
 
@@ -51,9 +55,9 @@ WORDS = {
 }
 
 
-def ask(job: tuple[Path, Row, bool]) -> Row:
+def ask(job: tuple[Path, Row, bool, str]) -> Row:
     """One case: what is said of it, and the true model's error; a crash is an answer, too."""
-    root, case, without_dq = job
+    root, case, without_dq, engine = job
     folder, out = root / case["case"], {**case, "crash": ""}
     stem = "log_nodq" if without_dq and any(p.stem == "log_nodq" for p in folder.iterdir()) else "log"
     try:
@@ -61,6 +65,8 @@ def ask(job: tuple[Path, Row, bool]) -> Row:
         log = kinid.read(next(p for p in folder.iterdir() if p.stem == stem), rig)
         if without_dq:
             log = dataclasses.replace(log, dq=None)
+        if engine == "baseline":
+            return out | _of_baseline(log, rig, case)
         began = time.perf_counter()
         found = kinid.diagnose(log, rig, model=kinid.Model(*case["model"].split(",")))
         out |= {
@@ -82,11 +88,22 @@ def ask(job: tuple[Path, Row, bool]) -> Row:
     return out
 
 
+def _of_baseline(log: kinid.Log, rig: kinid.Rig, case: Row) -> Row:
+    """What the baseline names: adequate is where it adds nothing."""
+    said = measured("baseline", log, rig, tuple(name for name in case["model"].split(",") if name != "none"))
+    return {
+        "verdict": "unexplained" if said.added else "adequate",
+        "added": list(said.added),
+        "verdicts": dict.fromkeys(said.added, "present"),
+        "alternatives": {name: list(rivals) for name, rivals in said.equivalent.items() if rivals},
+    }
+
+
 def as_written(case: Row) -> Row:
     """A case whose models are words with commas, whatever form its author gave them."""
     if "base" in case:
         case = _of_base_and_truth(case)
-    elif case["group"] in GROUPS:
+    elif case["group"] in GROUPS and "truth" in case:
         case = _of_model_and_truth(case)
     out = dict(case)
     for key in ("model", "true_model"):
@@ -197,6 +214,7 @@ def main() -> None:
     parser.add_argument("out", type=Path)
     parser.add_argument("--without-dq", action="store_true")
     parser.add_argument("--only", default="")
+    parser.add_argument("--engine", choices=("diagnosis", "baseline"), default="diagnosis")
     given = parser.parse_args()
     only = set(filter(None, given.only.split(",")))
     cases = [
@@ -205,7 +223,7 @@ def main() -> None:
         if not only or only & {c["case"], c["kind"], c["group"]}
     ]
     with ProcessPoolExecutor(2, get_context("spawn")) as pool:
-        rows = list(pool.map(ask, [(given.data, case, given.without_dq) for case in cases]))
+        rows = list(pool.map(ask, [(given.data, case, given.without_dq, given.engine) for case in cases]))
     given.out.write_text(json.dumps(rows, indent=1, default=str) + "\n", encoding="utf-8")
     print(json.dumps(figures(rows), indent=1))
 
