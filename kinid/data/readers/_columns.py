@@ -151,7 +151,7 @@ def _check_rate(t: Array, rate: float | None, source: str, label: str) -> None:
     own = 1.0 / max(float(np.median(np.diff(t))), 1e-300)
     if not abs(own / rate - 1.0) <= RATE_KNOWN:
         raise InputError(
-            f"t = {{ rate = {rate:g} }} in [columns], and {own:.4g} rows/s by the times in column '{label}' of {source}",
+            f"t = {{ rate = {rate:g} }} in [columns], and {own:.4g} rows/s by the times in '{label}' of {source}",
             "one of them",
             f"take rate out of t in [columns], or correct it; or leave '{label}' out of the log",
         )

@@ -293,5 +293,5 @@ def test_a_rate_beside_a_column_of_times_agrees_with_it(rate: float, right: bool
     if right:
         np.testing.assert_array_equal(log_of(arrays, {"t": {"rate": rate}}).t, T)
         return
-    with pytest.raises(InputError, match=r"2 rows/s by the times in column 't'"):
+    with pytest.raises(InputError, match=r"2 rows/s by the times in 't'"):
         log_of(arrays, {"t": {"rate": rate}})
