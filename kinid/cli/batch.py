@@ -103,6 +103,12 @@ def each_log(
         facts = {"done": outcome.done, "before": outcome.before, "put_aside": outcome.aside}
         write_json(json_file, facts)
     show_outcome(outcome)
+    if outcome.aside and not outcome.done:
+        raise InputError(
+            f"{len(outcome.aside)} logs, none of which could be used ({next(iter(outcome.aside.values()))})",
+            "one at least",
+            "mend what is said of each, and start it again",
+        )
     written([path for path in (json_file, out) if path is not None])
 
 

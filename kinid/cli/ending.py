@@ -98,6 +98,8 @@ def _of_a_file(error: OSError) -> str:
         shown = name if len(name) <= LONGEST_NAME else f"{name[:LONGEST_NAME]}…"
         found = f"found {shown} ({error.strerror}); expected a file or a folder that can be used"
         return f"{found}; to mend it, check its name and its permissions"
+    if isinstance(error, FileNotFoundError) and _is_nowhere():
+        return "found no working folder: it has been removed; expected one; to mend it, change to another folder"
     if error.errno in REFUSED_OUTPUT:
         _let_go_of_output()
         found = f"found an output that can't be written to ({error.strerror}); expected room for what is printed"
@@ -105,6 +107,15 @@ def _of_a_file(error: OSError) -> str:
             f"{found}, and for temporary files and compiled code; to mend it, make room, or name other places for them"
         )
     return ""
+
+
+def _is_nowhere() -> bool:
+    """Whether the folder that the command was started in has been removed."""
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        return True
+    return False
 
 
 def _stop(*_: object) -> None:

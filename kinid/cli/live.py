@@ -214,9 +214,17 @@ def _run(
     if outputs.json_file is not None:
         facts: Json = {**session.summary(), "list": [event.to_dict() for event in kept]}
         write_text(outputs.json_file, json.dumps(facts, indent=1) + "\n")
-    written(
-        [path for path in (outputs.record, outputs.map_file, outputs.json_file) if path is not None and path.exists()]
-    )
+    made = [
+        path for path in (outputs.record, outputs.map_file, outputs.json_file) if path is not None and path.exists()
+    ]
+    failed = next((sink.error for sink in sinks if sink.error), "")
+    written([] if failed else made)
+    if failed:
+        raise InputError(
+            f"a recording, a map or a server that ended before the session did ({failed})",
+            "room for all of the session",
+            f"make room, and record again; what came before is in {' and '.join(map(str, made)) or 'no file'}",
+        )
 
 
 def _sinks(
