@@ -9,6 +9,7 @@ from kinid.contact.series import ContactSeries
 from kinid.contact.surface_doubts import misplaced, turned_normal
 from kinid.contact.time_doubts import time_doubts
 from kinid.contact.tool_doubts import FEWEST, FORCES, MOMENTS, tool_doubts
+from kinid.contact.touch_doubts import unfelt
 from kinid.data.log import Log, Step
 from kinid.data.rig import WRENCH, Rig
 from kinid.robotics.robot import Robot
@@ -59,6 +60,7 @@ def contact_doubts(log: Log, rig: Rig, robot: Robot | None, touch: ContactSeries
         or tool_doubts(log, rig, robot, touch)
         or place
         or _too_loud(log, rig)
+        or unfelt(rig, touch)
     )
     return out + _not_read(log)
 
@@ -161,8 +163,8 @@ def _frozen(log: Log, q: Array, wrench: Array) -> list[str]:
             "not read; record it anew, or name its columns in [columns] of the rig"
         ]
     moved = np.r_[False, (np.diff(q, axis=0) != 0.0).any(axis=1)]
-    held = frozen(log.t, wrench, moved) if noisy(force) else None
-    if held is None:
+    held = frozen(log.t, wrench, moved)
+    if held is None or not noisy(np.asarray(wrench)[(log.t < held[0]) | (log.t > held[0] + held[1]), largest]):
         return []
     return [
         f"the wrench repeats one reading for {held[1]:.2g} s from {held[0]:.4g} s on, while the joints move: the "
