@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from contextlib import closing, nullcontext
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -118,7 +118,10 @@ def live(
 
         check_map_name(map_file)
     opened, the_rig, robot = _open(source, rig, speed)
-    with closing(opened), nullcontext() if map_file is None else alone_with(map_file):
+    with closing(opened), ExitStack() as alone:
+        for file in (map_file, record):
+            if file is not None:
+                alone.enter_context(alone_with(file))
         outputs = Outputs(record, map_file, port if serve else None, json_file)
         _run(opened, the_rig, robot, names, outputs, duration, tare, bandwidth, quiet)
 

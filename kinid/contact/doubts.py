@@ -12,6 +12,7 @@ from kinid.contact.tool_doubts import FEWEST, FORCES, MOMENTS, tool_doubts
 from kinid.contact.touch_doubts import unfelt
 from kinid.data.log import Log, Step
 from kinid.data.rig import WRENCH, Rig
+from kinid.robotics.motion import SLACK, whole_turns
 from kinid.robotics.robot import Robot
 from kinid.signal.noise import white_noise
 from kinid.signal.stuck import constant, frozen, noisy
@@ -92,17 +93,23 @@ def _too_loud(log: Log, rig: Rig) -> list[str]:
 def _beyond_joints(log: Log, robot: Robot) -> list[str]:
     """Joints that leave what the robot's model allows, by more than a degree."""
     assert log.q is not None
-    out, slack = [], np.deg2rad(1.0)
+    out = []
     if log.q.shape[1] != robot.joint_count:
         return []
+    turns = whole_turns(log.q, robot)
     with np.errstate(invalid="ignore"):
         low, high = np.nanmin(log.q, axis=0), np.nanmax(log.q, axis=0)
     for j, name in enumerate(robot.joint_names):
-        if low[j] < robot.lower[j] - slack or high[j] > robot.upper[j] + slack:
+        if low[j] < robot.lower[j] - SLACK or high[j] > robot.upper[j] + SLACK:
+            mend = (
+                f"check the joints' order in [robot] joints, and unit, scale (sign) and offset of q{j + 1} in [columns]"
+            )
+            if turns[j]:
+                off = -2.0 * np.pi * turns[j]
+                mend = f"whole turns bring it there, [columns] q{j + 1} = {{ offset = {off:.6g} }}"
             out.append(
                 f"{name} from {low[j]:.3g} to {high[j]:.3g}, beyond its limits of {robot.lower[j]:.3g} to "
-                f"{robot.upper[j]:.3g} in the robot's model: check the joints' order in [robot] joints, and unit, "
-                f"scale (sign) and offset of q{j + 1} in [columns]"
+                f"{robot.upper[j]:.3g} in the robot's model: {mend}"
             )
     return out[:3]
 

@@ -65,7 +65,8 @@ class Picture:
                 f"(rows, columns, 3) of {2 * HALF + 1} pixels at least",
                 "give an RGB image",
             )
-        if not (self.high[0] > self.low[0] and self.high[1] > self.low[1]):
+        size = np.subtract(self.high, self.low) if np.isfinite((*self.low, *self.high)).all() else np.zeros(2)
+        if not (size > 0.0).all():
             raise InputError(
                 f"a picture from {self.low} to {self.high} m", "two corners, the lower one first", "correct it"
             )

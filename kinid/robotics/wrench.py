@@ -198,7 +198,7 @@ def refuse_contradicted(
             ""
             if upward is not None
             else "a base that is tilted or hung needs [robot] gravity, touches taken for free motion "
-            "a [surface] normal out of the material; "
+            "a [surface] normal out of the material, joints in another unit or order [columns] q or [robot] joints; "
         )
         + "--trust-wrench passes it as it is",
     )

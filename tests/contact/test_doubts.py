@@ -208,6 +208,16 @@ def test_joints_beyond_their_limits(touched: tuple[Log, Rig, Robot]) -> None:
     assert "joint_4 from" in doubts(dataclasses.replace(log, q=q), rig, robot)
 
 
+@pytest.mark.parametrize("turns", [-1, 1, 2])
+def test_a_joint_that_is_off_by_a_turn_is_in_no_other_unit(touched: tuple[Log, Rig, Robot], turns: int) -> None:
+    log, rig, robot = touched
+    q = np.array(log.q)
+    q[:, 4] += 2 * np.pi * turns
+    said = doubts(dataclasses.replace(log, q=q), rig, robot)
+    assert f"q5 = {{ offset = {-2 * np.pi * turns:.6g} }}" in said
+    assert "|" not in said
+
+
 @pytest.mark.parametrize(
     ("factor", "words"),
     [(1e3, "between samples of a touch"), (1e-3, "2e-06 s between samples"), (60.0, "taken for poses at rest")],

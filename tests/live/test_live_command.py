@@ -12,6 +12,7 @@ import pytest
 from scripted import Scripted
 
 from kinid.mapping.property_map import PropertyMap
+from kinid.writers import alone_with
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -108,3 +109,14 @@ def test_a_recording_that_ends_early_is_no_success(
     result = run("live", log, "--model", "kelvin-voigt", "--speed", 0, "--quiet", "--record", record)
     refused(result, "No space left", f"what came before is in {record}")
     assert "wrote" not in result[1]
+
+
+def test_a_recording_that_another_process_writes_is_left_alone(
+    run: Run, log: Path, refused: Callable[..., None]
+) -> None:
+    record = log.parent / "out.mcap"
+    with alone_with(record):
+        refused(
+            run("live", log, "--model", "kelvin-voigt", "--speed", 0, "--record", record), "another process at work"
+        )
+    assert not record.exists()
