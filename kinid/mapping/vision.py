@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 #: a picture of more pixels is refused before it is unpacked: each costs some hundred bytes on the way to its features
 MOST_PIXELS = 16_000_000
 #: what is expected of a file, and how to mend another one
-PICTURE = ("a PNG or JPEG image", "correct the name")
+PICTURE = ("a PNG or JPEG image", "name another file, or save the picture anew")
 #: half the side of the patch that features are taken from [pixels]
 HALF = 4
 #: names of the features

@@ -19,7 +19,7 @@ CONTEXT = multiprocessing.get_context("spawn")
 
 @contextmanager
 def _without_interrupts() -> Iterator[None]:
-    """Ctrl-C waits until the block ends; a process that begins within it never hears of one, not even while it loads."""
+    """Ctrl-C waits until the block ends; a process that begins within it never hears of one, though it still loads."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
