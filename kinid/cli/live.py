@@ -172,7 +172,7 @@ def _run(
     quiet: bool,
 ) -> None:
     """One session."""
-    from kinid.cli.show import console, written
+    from kinid.cli.show import console
     from kinid.live.events import Event
     from kinid.live.pipeline import Pipeline
     from kinid.live.session import Session
@@ -217,9 +217,19 @@ def _run(
     if outputs.json_file is not None:
         facts: Json = {**session.summary(), "list": [event.to_dict() for event in kept]}
         write_text(outputs.json_file, json.dumps(facts, indent=1) + "\n")
-    made = [
-        path for path in (outputs.record, outputs.map_file, outputs.json_file) if path is not None and path.exists()
-    ]
+    _end(outputs, sinks)
+
+
+def _end(outputs: Outputs, sinks: list[Sink]) -> None:
+    """Say what was written.
+
+    Raises:
+        InputError: a sink has given up.
+    """
+    from kinid.cli.show import written
+
+    files = (outputs.record, outputs.map_file, outputs.json_file)
+    made = [path for path in files if path is not None and path.exists()]
     failed = next((sink.error for sink in sinks if sink.error), "")
     written([] if failed else made)
     if failed:
