@@ -6,6 +6,9 @@ import difflib
 from collections.abc import Iterable, Mapping
 from pathlib import PurePath
 
+#: characters of a word that a message repeats, at most; of a part of it, twice as many
+LONGEST = 600
+
 
 class KinidError(Exception):
     """Root of every error that kinid raises on purpose."""
@@ -21,8 +24,15 @@ class InputError(KinidError):
     """
 
     def __init__(self, found: str, expected: str, mend: str) -> None:
-        self.found, self.expected, self.mend = (" ".join(part.split()) for part in (found, expected, mend))
+        self.found, self.expected, self.mend = (
+            shortened(" ".join(map(shortened, part.split())), 2 * LONGEST) for part in (found, expected, mend)
+        )
         super().__init__(f"found {self.found}; expected {self.expected}; to mend it, {self.mend}")
+
+
+def shortened(text: str, most: int = LONGEST) -> str:
+    """A text without its middle, where it is longer than so many characters."""
+    return text if len(text) <= most else f"{text[: most // 2]} … {text[-most // 2 :]}"
 
 
 class MissingDependencyError(KinidError):

@@ -37,13 +37,15 @@ def replacing(path: Path) -> Iterator[Path]:
         yield temporary
         os.replace(temporary, path)
     except OSError as error:
+        said = (error.strerror or str(error)).replace(str(temporary), str(path))
         raise InputError(
-            f"no way to write {path} ({error.strerror or error})",
+            f"no way to write {path} ({said})",
             "a folder that exists and can be written",
             "choose another -o/--out",
         ) from None
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):  # a file system that can only be read says so of what isn't there, too
+            temporary.unlink(missing_ok=True)
 
 
 def lock(handle: int, found: str, expected: str, mend: str) -> None:

@@ -147,3 +147,18 @@ def weighed() -> Callable[..., Any]:
         return out
 
     return load
+
+
+@pytest.fixture
+def refused() -> Callable[..., None]:
+    """One line on stderr that says what was found, expected and to be mended; exit 2; no traceback."""
+
+    def check(result: tuple[int, str, str], *words: str) -> None:
+        code, _, err = result
+        assert code == 2, err
+        assert err.count("\n") == 1, err
+        assert "Traceback" not in err
+        for word in ("found", "expected", "to mend it", *words):
+            assert word in err, err
+
+    return check

@@ -205,3 +205,11 @@ def test_a_file_that_is_added_to_is_of_one_process(tmp_path: Path) -> None:
     with alone_with(path):
         assert left(tmp_path) == [".map.parquet.lock", "link.parquet"]
     assert left(tmp_path) == ["link.parquet"]
+
+
+def test_a_library_that_names_the_temporary_file_is_said_to_mean_the_output(tmp_path: Path) -> None:
+    out = tmp_path / "out.parquet"
+    with pytest.raises(InputError) as refused, replacing(out) as temporary:
+        raise OSError(f"Failed to open local file '{temporary}'")
+    assert f"Failed to open local file '{out}'" in refused.value.found
+    assert temporary.name not in str(refused.value)

@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 
 from kinid.errors import InputError, near
+from kinid.inputs import check_regular
 from kinid.urdf.safety import check
 
 __all__ = ["check", "path", "shipped"]
@@ -62,6 +63,7 @@ def path(name_or_path: str, folder: Path) -> Path:
     if os.path.isfile(file):  # Path.is_file would raise where the system refuses to look
         return file
     if is_a_path:
+        check_regular(file, "robot", "a URDF file", "name a file in [robot] model")
         siblings = [f.name for f in file.parent.glob("*.urdf")]
         mend = near(file.name, siblings) if siblings else "correct [robot] model, relative to the rig's file"
         raise InputError(f"no robot at {file}", "a URDF file", mend)

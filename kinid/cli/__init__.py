@@ -119,11 +119,23 @@ def _folders_first(words: list[str]) -> list[str]:
     return first + rest + words[i:]
 
 
+def _check_threads() -> None:
+    """Refuse a number of threads that the compiler of the kernels would stumble over when it is loaded.
+
+    Raises:
+        InputError: no whole number of 1 or more.
+    """
+    threads = os.environ.get("NUMBA_NUM_THREADS", "1")
+    if not (threads.isascii() and threads.isdecimal() and int(threads) > 0):
+        raise InputError(f"NUMBA_NUM_THREADS={threads[:40]} in the environment", "a number, 1 or more", "take it out")
+
+
 def main() -> None:
     """Run the command line; whatever goes wrong ends in one line on stderr and an exit code that says which way."""
     words = sys.argv[1:]
 
     def command() -> int | None:
+        _check_threads()
         code: int | None = app(_folders_first(words), prog_name="kinid", standalone_mode=False)
         return code
 

@@ -91,7 +91,8 @@ def each_log(
     from kinid.writers import check_outputs, write_json
 
     if out is None:
-        raise InputError("many logs without -o", "a folder for their tables", "name one with -o")
+        found = "many logs without -o" if on is None and workers is None else "--on or --workers without -o"
+        raise InputError(found, "a folder for the tables of many logs", "name one with -o")
     check_outputs((json_file,), ())
     if out.is_file():
         raise InputError(f"a file at {out}", "a folder for the tables of many logs", "name another -o")
@@ -103,6 +104,12 @@ def each_log(
         facts = {"done": outcome.done, "before": outcome.before, "put_aside": outcome.aside}
         write_json(json_file, facts)
     show_outcome(outcome)
+    if outcome.aside and not outcome.done:
+        raise InputError(
+            f"{len(outcome.aside)} logs, none of which could be used ({next(iter(outcome.aside.values()))})",
+            "one at least",
+            "mend what is said of each, and start it again",
+        )
     written([path for path in (json_file, out) if path is not None])
 
 

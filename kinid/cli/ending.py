@@ -26,6 +26,8 @@ REFUSED_OUTPUT = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO, errno.EBAD
 COMPLETION = "_KINID_COMPLETE"
 #: characters of a file's name that are shown
 LONGEST_NAME = 100
+#: names of modules that hold effects of the user's own begin so, see `kinid.effects`
+OWN_EFFECTS = "kinid_effects_"
 #: parsers of text, which go as deep as the text does
 PARSERS = ("json", "tomllib")
 TOO_LARGE = "found input that needs more memory than there is; expected what fits; to mend it, give a part of it"
@@ -82,6 +84,8 @@ def _exit_code(error: BaseException, words: Sequence[str], version: str) -> int:
         code = _say(TOO_LARGE, BAD_INPUT)
     elif isinstance(error, RecursionError) and _in_parser(error):
         code = _say(TOO_DEEP, BAD_INPUT)
+    elif own := _of_an_own_effect(error):
+        code = _say(own, BAD_INPUT)
     elif isinstance(error, OSError) and (found := _of_a_file(error)):
         code = _say(found, BAD_INPUT)
     elif hasattr(error, "format_message") and hasattr(error, "exit_code"):
@@ -98,6 +102,8 @@ def _of_a_file(error: OSError) -> str:
         shown = name if len(name) <= LONGEST_NAME else f"{name[:LONGEST_NAME]}…"
         found = f"found {shown} ({error.strerror}); expected a file or a folder that can be used"
         return f"{found}; to mend it, check its name and its permissions"
+    if isinstance(error, FileNotFoundError) and _is_nowhere():
+        return "found no working folder: it has been removed; expected one; to mend it, change to another folder"
     if error.errno in REFUSED_OUTPUT:
         _let_go_of_output()
         found = f"found an output that can't be written to ({error.strerror}); expected room for what is printed"
@@ -105,6 +111,15 @@ def _of_a_file(error: OSError) -> str:
             f"{found}, and for temporary files and compiled code; to mend it, make room, or name other places for them"
         )
     return ""
+
+
+def _is_nowhere() -> bool:
+    """Whether the folder that the command was started in has been removed."""
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        return True
+    return False
 
 
 def _stop(*_: object) -> None:
@@ -125,6 +140,23 @@ def _misused(error: Any) -> int:
 def _in_parser(error: BaseException) -> bool:
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
     return bool(frames) and str(frames[-1].f_globals.get("__name__", "")).split(".")[0] in PARSERS
+
+
+def _of_an_own_effect(error: BaseException) -> str:
+    """What to say where the code of an effect of the user's own raised it; "" elsewhere."""
+    places = [
+        (frame.f_code.co_filename, line)
+        for frame, line in traceback.walk_tb(error.__traceback__)
+        if str(frame.f_globals.get("__name__", "")).startswith(OWN_EFFECTS)
+    ]
+    if not places:
+        return ""
+    said = f"{type(error).__name__}: {str(error)[:LONGEST_NAME]}".removesuffix(": ")
+    file, line = places[-1]
+    return (
+        f"found an effect of your own that fails, {file}, line {line} ({said}); expected a law that computes; to mend "
+        f"it, correct it there, and see what kinid effect check {shlex.quote(file)} says"
+    )
 
 
 def _unforeseen(error: BaseException, words: Sequence[str], version: str) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from contextlib import closing, nullcontext
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -118,7 +118,10 @@ def live(
 
         check_map_name(map_file)
     opened, the_rig, robot = _open(source, rig, speed)
-    with closing(opened), nullcontext() if map_file is None else alone_with(map_file):
+    with closing(opened), ExitStack() as alone:
+        for file in (map_file, record):
+            if file is not None:
+                alone.enter_context(alone_with(file))
         outputs = Outputs(record, map_file, port if serve else None, json_file)
         _run(opened, the_rig, robot, names, outputs, duration, tare, bandwidth, quiet)
 
@@ -169,7 +172,7 @@ def _run(
     quiet: bool,
 ) -> None:
     """One session."""
-    from kinid.cli.show import console, written
+    from kinid.cli.show import console
     from kinid.live.events import Event
     from kinid.live.pipeline import Pipeline
     from kinid.live.session import Session
@@ -214,9 +217,27 @@ def _run(
     if outputs.json_file is not None:
         facts: Json = {**session.summary(), "list": [event.to_dict() for event in kept]}
         write_text(outputs.json_file, json.dumps(facts, indent=1) + "\n")
-    written(
-        [path for path in (outputs.record, outputs.map_file, outputs.json_file) if path is not None and path.exists()]
-    )
+    _end(outputs, sinks)
+
+
+def _end(outputs: Outputs, sinks: list[Sink]) -> None:
+    """Say what was written.
+
+    Raises:
+        InputError: a sink has given up.
+    """
+    from kinid.cli.show import written
+
+    files = (outputs.record, outputs.map_file, outputs.json_file)
+    made = [path for path in files if path is not None and path.exists()]
+    failed = next((sink.error for sink in sinks if sink.error), "")
+    written([] if failed else made)
+    if failed:
+        raise InputError(
+            f"a recording, a map or a server that ended before the session did ({failed})",
+            "room for all of the session",
+            f"make room, and record again; what came before is in {' and '.join(map(str, made)) or 'no file'}",
+        )
 
 
 def _sinks(

@@ -80,6 +80,7 @@ def map_(
     from kinid.batch.store import address_of, is_remote
     from kinid.cli.show import written
     from kinid.cli.show_map import in_map, map_facts, show_map
+    from kinid.mapping.origin import refuse_changed
     from kinid.mapping.property_map import PropertyMap
     from kinid.writers import alone_with, check_outputs, write_json, write_text
 
@@ -93,6 +94,8 @@ def map_(
     prober = _prober(rig_file, model, along, cell)
     with alone_with(out), running(on, workers) as runner:
         start = PropertyMap.read(out) if out.is_file() and not anew else None
+        if start is not None:
+            refuse_changed(start, out.stat().st_mtime)
         grown, skipped = _grow(given, found, prober, start, out, follow, runner)
     if plot is not None:
         from kinid.mapping.map_page import map_page

@@ -66,8 +66,8 @@ def grid(text: str, option: str) -> tuple[int, int]:
     Raises:
         InputError: something else.
     """
-    parts = text.lower().replace("×", "x").split("x")
-    if len(parts) != 2 or not all(part.strip().isdigit() for part in parts):
+    parts = [part.strip() for part in text.lower().replace("×", "x").split("x")]
+    if len(parts) != 2 or not all(part.isdecimal() and len(part) < 10 and int(part) > 0 for part in parts):
         raise InputError(f"{option} {text}", "rows x columns, as 10x10", "correct it")
     return int(parts[0]), int(parts[1])
 

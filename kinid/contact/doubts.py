@@ -9,8 +9,10 @@ from kinid.contact.series import ContactSeries
 from kinid.contact.surface_doubts import misplaced, turned_normal
 from kinid.contact.time_doubts import time_doubts
 from kinid.contact.tool_doubts import FEWEST, FORCES, MOMENTS, tool_doubts
+from kinid.contact.touch_doubts import unfelt
 from kinid.data.log import Log, Step
 from kinid.data.rig import WRENCH, Rig
+from kinid.robotics.motion import SLACK, whole_turns
 from kinid.robotics.robot import Robot
 from kinid.signal.noise import white_noise
 from kinid.signal.stuck import constant, frozen, noisy
@@ -59,6 +61,7 @@ def contact_doubts(log: Log, rig: Rig, robot: Robot | None, touch: ContactSeries
         or tool_doubts(log, rig, robot, touch)
         or place
         or _too_loud(log, rig)
+        or unfelt(rig, touch)
     )
     return out + _not_read(log)
 
@@ -90,17 +93,23 @@ def _too_loud(log: Log, rig: Rig) -> list[str]:
 def _beyond_joints(log: Log, robot: Robot) -> list[str]:
     """Joints that leave what the robot's model allows, by more than a degree."""
     assert log.q is not None
-    out, slack = [], np.deg2rad(1.0)
+    out = []
     if log.q.shape[1] != robot.joint_count:
         return []
+    turns = whole_turns(log.q, robot)
     with np.errstate(invalid="ignore"):
         low, high = np.nanmin(log.q, axis=0), np.nanmax(log.q, axis=0)
     for j, name in enumerate(robot.joint_names):
-        if low[j] < robot.lower[j] - slack or high[j] > robot.upper[j] + slack:
+        if low[j] < robot.lower[j] - SLACK or high[j] > robot.upper[j] + SLACK:
+            mend = (
+                f"check the joints' order in [robot] joints, and unit, scale (sign) and offset of q{j + 1} in [columns]"
+            )
+            if turns[j]:
+                off = -2.0 * np.pi * turns[j]
+                mend = f"whole turns bring it there, [columns] q{j + 1} = {{ offset = {off:.6g} }}"
             out.append(
                 f"{name} from {low[j]:.3g} to {high[j]:.3g}, beyond its limits of {robot.lower[j]:.3g} to "
-                f"{robot.upper[j]:.3g} in the robot's model: check the joints' order in [robot] joints, and unit, "
-                f"scale (sign) and offset of q{j + 1} in [columns]"
+                f"{robot.upper[j]:.3g} in the robot's model: {mend}"
             )
     return out[:3]
 
@@ -161,8 +170,8 @@ def _frozen(log: Log, q: Array, wrench: Array) -> list[str]:
             "not read; record it anew, or name its columns in [columns] of the rig"
         ]
     moved = np.r_[False, (np.diff(q, axis=0) != 0.0).any(axis=1)]
-    held = frozen(log.t, wrench, moved) if noisy(force) else None
-    if held is None:
+    held = frozen(log.t, wrench, moved)
+    if held is None or not noisy(np.asarray(wrench)[(log.t < held[0]) | (log.t > held[0] + held[1]), largest]):
         return []
     return [
         f"the wrench repeats one reading for {held[1]:.2g} s from {held[0]:.4g} s on, while the joints move: the "

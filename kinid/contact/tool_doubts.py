@@ -32,6 +32,11 @@ FEWEST, MOST = 100, 2000
 TURNING = 0.05
 #: a mass is doubted beyond this share of it, this much [kg], and this many standard errors
 MASS_SHARE, MASS_LEAST, ERRORS = 0.1, 0.03, 5.0
+#: a com is doubted that is further than this from where the moments of the tool's weight put it [m], and directions
+#: that these tell less than this share of the best are left as stated
+FAR_COM, UNTOLD = 0.02, 0.1
+#: no clock is slow or fast by this factor: its times are of another unit or rate
+PACE = 1.25
 #: masses of tools [kg]: beside one in it, another beyond it is the one that is wrong
 TOOLS = (0.01, 50.0)
 #: another order of the axes explains so many times better (ratio of residual sums of squares), and leaves no more than
@@ -91,7 +96,7 @@ def tool_doubts(log: Log, rig: Rig, robot: Robot, touch: ContactSeries | None) -
         air = np.isin(rows, clear)
         pull = tool_load(ToolSpec(mass=1.0, com=rig.carried.com), kinematics, robot.gravity)[air, :3]
         left = wrench[air, :3] - load[air, :3] - rig.sensor.stated_bias[:3]
-        found = _force_doubt(wrench[air, :3], pull, kinematics.rotation[air], rig, robot.gravity)
+        found = _doubt_in_air(wrench[air], pull, kinematics.rotation[air], rig, robot.gravity)
         used = rig.sensor.bias if touch is None or touch.bias is None else tuple(touch.bias)
         stated = rig.sensor.bias is not None and used == rig.sensor.bias
         found = _of_bias(left, pull, rig) if found is None and stated else found
@@ -115,14 +120,14 @@ def _wrench(log: Log, rig: Rig, robot: Robot, rows: Rows) -> tuple[Array, Kinema
     return wrench, kinematics
 
 
-def _force_doubt(force: Array, load: Array, rotation: Array, rig: Rig, gravity: Array) -> str | None:
-    """Whether the force in free motion is the load of the rig's tool.
+def _doubt_in_air(wrench: Array, load: Array, rotation: Array, rig: Rig, gravity: Array) -> str | None:
+    """Whether force and moment in free motion are the load of the rig's tool.
 
     Args:
-        force, load: measured, and of 1 kg at the tool's com, in sensor axes [N], (n, 3). rotation: sensor to base,
-            (n, 3, 3). rig: with a tool. gravity: in base axes [m/s²], (3,).
+        wrench: measured, in sensor axes, (n, 6). load: of 1 kg at the tool's com, there [N], (n, 3). rotation: sensor
+            to base, (n, 3, 3). rig: with a tool. gravity: in base axes [m/s²], (3,).
     """
-    mass = rig.carried.mass
+    mass, force, moment = rig.carried.mass, wrench[:, :3], wrench[:, 3:]
     turning, still = load - load.mean(axis=0), np.einsum("nji,j->ni", rotation, gravity)
     still -= still.mean(axis=0)
     if np.sqrt(np.mean(np.sum(still**2, axis=1))) < TURNING * np.linalg.norm(gravity):
@@ -148,7 +153,40 @@ def _force_doubt(force: Array, load: Array, rotation: Array, rig: Rig, gravity: 
             f"gravity in free motion points along [{measured}] m/s² in the base frame, not along [{stated}]: correct "
             "[robot] gravity"
         )
-    return _of_mass(force, turning, still, rig)
+    return (
+        _of_com(force, moment - moment.mean(axis=0), turning, still, rig)
+        or _of_pace(force, turning, still, mass)
+        or _of_mass(force, turning, still, rig)
+    )
+
+
+def _of_com(force: Array, moment: Array, load: Array, still: Array, rig: Rig) -> str | None:
+    """Whether the moment in free motion is that of the tool's weight and inertia at the stated com.
+
+    The force is taken as its weight and inertia explain it, each with a factor of its own, so that neither a wrong mass
+    nor a wrong com counts in it.
+
+    Args:
+        force, moment, load, still: without their means, (n, 3): measured, and of 1 kg, its weight and inertia, and its
+            weight alone.
+    """
+    if rig.tool is None or "com" not in rig.tool.model_fields_set or rig.tool.mass == 0.0 or not moment.any():
+        return None
+    parts = np.stack([still, load - still], axis=2)
+    own = parts @ np.linalg.lstsq(parts.reshape(-1, 2), force.ravel(), rcond=None)[0]
+    if np.sum((force - own) ** 2) > LEFT * np.sum(force**2):
+        return None
+    unexplained = (moment - np.cross(rig.carried.com, own)).ravel()
+    levers = np.stack([np.cross(axis, own) for axis in np.eye(3)], axis=2).reshape(-1, 3)
+    off = np.linalg.lstsq(levers, unexplained, rcond=UNTOLD)[0]
+    as_is, left = float(np.sum(unexplained**2)), float(np.sum((unexplained - levers @ off) ** 2))
+    if np.linalg.norm(off) <= FAR_COM or left >= BETTER * as_is:
+        return None
+    found, stated = (
+        ", ".join(f"{x:.3g}" for x in np.round(com, 4) + 0.0)
+        for com in (rig.carried.com + off, np.array(rig.carried.com))
+    )
+    return f"the moments in free motion put the tool's com at [{found}] m, not at [{stated}]: correct [tool] com"
 
 
 def _order(readings: Array, expected: Array, names: tuple[str, ...], scale: float = np.inf) -> tuple[str | None, float]:
@@ -211,6 +249,32 @@ def _gravity(force: Array, load: Array, rotation: Array, gravity: Array, mass: f
     return (found, left) if able and left < BETTER * as_is else (None, np.inf)
 
 
+def _of_pace(force: Array, load: Array, still: Array, mass: float) -> str | None:
+    """Whether the tool's weight is as the rig says, and its inertia that of accelerations by another clock.
+
+    Noise of the accelerations makes the inertia seem smaller, too, but leaves most of what it does unexplained.
+
+    Args:
+        force, load, still: as of `_of_mass`. mass: of the rig [kg].
+    """
+    parts = np.stack([still.ravel(), (load - still).ravel()], axis=1)
+    weighed, moved = np.linalg.lstsq(parts, force.ravel(), rcond=None)[0]
+    inertial = force.ravel() - weighed * parts[:, 0]
+    rest = inertial - moved * parts[:, 1]
+    if (
+        abs(weighed - mass) > max(MASS_SHARE * mass, MASS_LEAST)
+        or min(weighed, moved) <= 0.0
+        or abs(np.log(moved / weighed)) < 2.0 * np.log(PACE)
+        or rest @ rest > BETTER * (inertial @ inertial)
+    ):
+        return None
+    return (
+        f"in free motion the tool weighs what the rig says, and its inertia is {moved / weighed:.3g} times that of the "
+        f"joints' accelerations, as if all times were {np.sqrt(weighed / moved):.3g} times as long: correct unit or "
+        "scale of t in [columns], or [tool] com"
+    )
+
+
 def _of_mass(force: Array, load: Array, still: Array, rig: Rig) -> str | None:
     """What the change of the force says, (n, 3), beside that of the load of 1 kg, (n, 3).
 
@@ -230,6 +294,9 @@ def _of_mass(force: Array, load: Array, still: Array, rig: Rig) -> str | None:
         "[tool] mass"
     )
     unit = unit_meant(read / mass, rig, ("wrench", "fx"), FORCE) if mass > 0.0 else None
+    unexplained = float(np.sum(left**2)) / float(np.sum(force**2))
+    if unexplained > LEFT:
+        return f"{correct}; this leaves {100 * unexplained:.2g} % of its changes: or joints and wrench are of two times"
     if unit is None or not TOOLS[0] <= mass <= TOOLS[1]:
         return f"{correct}; or the tool's parts beyond the sensor are others, or the sensor's gain is"
     if TOOLS[0] <= read <= TOOLS[1]:

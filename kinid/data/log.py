@@ -22,6 +22,8 @@ S = TypeVar("S", bound=np.generic)
 
 #: no angle, speed, acceleration, torque or force of a log is larger, in SI units
 LARGEST = 1e12
+#: no clock ticks faster than this [s], nor counts further
+FINEST, FARTHEST = 1e-12, 1e15
 #: arrays with a column a joint
 JOINTS = ("q", "dq", "ddq", "tau", "q_cmd")
 
@@ -235,6 +237,12 @@ def _check_time(t: Array, where: str) -> None:
             f"time that is not a number in row {row + 1} of {where}",
             "a finite time in every row",
             "remove the rows without a time",
+        )
+    if float(np.abs(t[[0, -1]]).max()) > FARTHEST or (len(t) > 1 and 0.0 < abs(t[-1] - t[0]) < FINEST * len(t)):
+        raise InputError(
+            f"time from {t[0]:.3g} to {t[-1]:.3g} in {len(t)} rows of {where}",
+            "seconds",
+            'name its unit, such as [columns] t = { unit = "us" }',
         )
     steps = np.diff(t)
     if (steps <= 0).any():

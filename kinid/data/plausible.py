@@ -11,10 +11,13 @@ from pydantic_core import PydanticCustomError
 
 from kinid.units import TORQUES
 
-#: heaviest tool [kg], largest bias [N, N·m], largest factor of a column
-HEAVIEST, MOST_BIAS, MOST_SCALE = 1000.0, 1e5, 1e9
+#: lightest tool that has a mass at all, and the heaviest [kg]; largest bias [N, N·m], largest factor of a column
+LIGHTEST, HEAVIEST, MOST_BIAS, MOST_SCALE = 1e-6, 1000.0, 1e5, 1e9
 #: largest coordinate of a point [m] and largest offset of a column, in SI
 FARTHEST, MOST_OFFSET = 1e3, 1e9
+#: standard deviations of a surface along its normal [m] and in its tilt [rad]: of one that is known no better, the log
+#: tells no depth
+LOOSEST, MOST_TILTED = 1.0, 1.0
 #: between two clocks, one of which may count from 1970 [s]
 MOST_CLOCK = 1e10
 #: of gravity, from the Moon's to beyond Jupiter's [m/s²]
@@ -26,6 +29,8 @@ WIDEST = 2.0
 MIXED, MIXED_FORCES, MIXED_MOMENTS = 0.5, 50.0, 0.5
 #: softest structure [m/N]: an arm that yields by a centimetre under a newton is none
 SOFTEST = 0.01
+#: a compliance is symmetric (Maxwell and Betti) but for its estimate's error, as a share of its largest entry
+ASYMMETRY = 0.1
 #: kinds of units by quantity of the log format; a drive's current or voltage stands for a torque
 ANGLE = ("rad", "deg", "mrad", "rev")
 ANGLE_RATE = ("rad/s", "deg/s", "rpm")
@@ -79,6 +84,13 @@ def gravity(values: tuple[float, ...]) -> tuple[float, ...]:
     return values
 
 
+def mass(value: float) -> float:
+    """A mass that a tool has, or 0."""
+    if 0.0 < value < LIGHTEST:
+        raise PydanticCustomError("mass", "a mass in kg, 0 or {least} at least", {"least": f"{LIGHTEST:g}"})
+    return value
+
+
 def inertia(mass: float, matrix: NDArray[np.float64]) -> None:
     """Refuse an inertia about the com that no body of this mass has; estimates are never perfect, so what is refused
     is clearly none's.
@@ -126,6 +138,10 @@ def inside_range(words: str, values: tuple[float, ...] | None, most: tuple[float
 def compliance(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
     """A structure that yields along the force and no further than any arm does."""
     matrix = np.asarray(rows)
+    if np.abs(matrix - matrix.T).max() > ASYMMETRY * np.abs(matrix).max():
+        raise PydanticCustomError(
+            "compliance", "a symmetric compliance in m/N: what a force along x moves along y, one along y moves along x"
+        )
     moments = np.linalg.eigvalsh(0.5 * (matrix + matrix.T))
     if moments[0] < -1e-3 * max(abs(moments[-1]), 1e-12) or moments[-1] > SOFTEST:
         raise PydanticCustomError(
@@ -148,12 +164,20 @@ def within(most: float, words: str) -> Any:
     return check
 
 
-def kind_of_unit(quantity: str, unit: str | None) -> None:
-    """Refuse a unit of another kind than its quantity's; "1" goes with anything."""
+def kind_of_unit(quantity: str, unit: str | None, scaled: bool) -> None:
+    """Refuse a unit of another kind than its quantity's; "1" goes with anything.
+
+    Args:
+        quantity, unit: as the rig says. scaled: whether it says a scale, too.
+    """
     stem = quantity if quantity in KINDS else quantity.rstrip("0123456789")
     if unit is not None and unit != "1" and stem in KINDS and unit not in KINDS[stem]:
         raise PydanticCustomError(
             "kind",
             "a unit of {name}, as {known}; '{unit}' is one of another quantity",
             {"name": quantity, "known": ", ".join(u for u in KINDS[stem] if "·" not in u), "unit": unit},
+        )
+    if unit in ELECTRIC and stem != "tau" and stem in KINDS and not scaled:
+        raise PydanticCustomError(
+            "kind", "newtons or newton metres in one {unit}, as {name}.scale", {"name": quantity, "unit": unit}
         )

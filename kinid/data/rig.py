@@ -90,7 +90,7 @@ class RobotSpec(_Table):
 class ToolSpec(_Table):
     """Everything beyond the sensor's measuring plane."""
 
-    mass: Annotated[float, Field(ge=0, le=plausible.HEAVIEST, allow_inf_nan=False)]
+    mass: Annotated[float, Field(ge=0, le=plausible.HEAVIEST, allow_inf_nan=False), AfterValidator(plausible.mass)]
     com: Vec3 = (0.0, 0.0, 0.0)  # [m], sensor frame
     inertia: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # [kg·m²] ixx iyy izz ixy ixz iyz about the com, sensor axes
 
@@ -116,8 +116,12 @@ class SurfaceSpec(_Table):
     tangent: Direction | None = None
     mesh: str | None = None
     edge_radius: Positive = 1e-3  # [m] the normal turns smoothly within this distance of an edge
-    offset_sd: Positive | None = None  # [m] standard deviation of where it stands along its normal
-    tilt_sd: Positive | None = None  # [rad] standard deviation of its tilt about each tangent
+    offset_sd: Annotated[Positive, AfterValidator(plausible.within(plausible.LOOSEST, "a deviation in m"))] | None = (
+        None  # [m] standard deviation of where it stands along its normal
+    )
+    tilt_sd: (
+        Annotated[Positive, AfterValidator(plausible.within(plausible.MOST_TILTED, "a deviation in rad"))] | None
+    ) = None  # [rad] standard deviation of its tilt about each tangent
 
     @model_validator(mode="after")
     def _plane_or_mesh(self) -> SurfaceSpec:
@@ -260,7 +264,7 @@ class Rig(_Table):
                     "a quantity of the log format ({near})",
                     {"name": name, "near": _meant(name, valid)},
                 )
-            plausible.kind_of_unit(name, spec.unit)
+            plausible.kind_of_unit(name, spec.unit, "scale" in spec.model_fields_set)
         return self
 
     @property

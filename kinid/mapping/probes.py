@@ -21,6 +21,7 @@ from kinid.errors import InputError, KinidError
 from kinid.identification.fit import Fit
 from kinid.inputs import check_regular, digest, read_json
 from kinid.mapping.boundaries import SlidePath, paths
+from kinid.mapping.origin import origin, refuse_another
 from kinid.mapping.property_map import Probe, Property, PropertyMap
 from kinid.modeling.model import Model
 from kinid.robotics.reading import read
@@ -122,7 +123,8 @@ class Prober:
         """For a rig; default model: `MODEL`.
 
         Raises:
-            InputError: no robot or no surface in the rig, no such effect, or pieces of slides without a length.
+            InputError: no robot or no surface in the rig, no such effect or none at all, or pieces of slides without a
+                length.
         """
         if not (along == 0 or 5e-4 <= along <= FAR):
             raise InputError(f"pieces of slides of {along} m", f"0.0005 to {FAR} m, or 0 for none", "correct it")
@@ -133,7 +135,14 @@ class Prober:
                 "the surface that is mapped",
                 "add [surface] with point and normal, or a mesh",
             )
-        return cls(rig, Model(*(model or MODEL)), Robot.load(rig), surface, along)
+        made = Model(*(MODEL if model is None else model))
+        if not made.effects:
+            raise InputError(
+                f"a map of the model '{made if model else ''}', which has no property of a material",
+                "effects that are fitted to each touch",
+                "name a law of contact, as kelvin-voigt",
+            )
+        return cls(rig, made, Robot.load(rig), surface, along)
 
     @property
     def name(self) -> str:
@@ -264,14 +273,17 @@ def build(
 
     Raises:
         InputError: as `Prober.probes`; a log that is there under another name; or a start that has another surface,
-            model or properties.
+            model or properties, or was made by another rig.
     """
+    made_with = origin(prober.rig)
     if start is not None and (start.model != prober.name or not same_surface(start.surface, prober.surface)):
         raise InputError(
             f"a map of {start.model}, perhaps on another surface",
             f"a map of {prober.name} on the rig's surface",
             "write to another file",
         )
+    if start is not None:
+        refuse_another(start.origin, made_with)
     grown = start
     before = () if start is None else start.probes
     there = {os.path.realpath(p.source.split("#")[0]) for p in before}
@@ -285,7 +297,7 @@ def build(
             properties, probes = found
             if twin := next((known[probe.digest] for probe in probes if probe.digest in known), ""):
                 raise InputError(f"the same log twice, {twin} and {source}", "each log once", "leave one of them out")
-            empty = PropertyMap(prober.surface, properties, (), prober.name) if grown is None else grown
+            empty = PropertyMap(prober.surface, properties, (), prober.name, made_with) if grown is None else grown
             grown = empty.added(*probes)
             known |= {probe.digest: source for probe in probes if probe.digest}
         except KinidError as error:

@@ -71,12 +71,14 @@ class PropertyMap:
 
     Attributes:
         surface: `Plane` or `Mesh`. properties: what is mapped. probes: in the order they came. model: that was fitted.
+        origin: what they were made with; empty where nobody says.
     """
 
     surface: Plane | Mesh
     properties: tuple[Property, ...]
     probes: tuple[Probe, ...] = ()
     model: str = ""
+    origin: Json = field(default_factory=dict, repr=False)
     _fitted: dict[tuple[str, str], Interpolator] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -272,6 +274,7 @@ class PropertyMap:
             "model": self.model,
             "surface": surface_to_dict(self.surface),
             "properties": [{"name": p.name, "unit": p.unit} for p in self.properties],
+            "origin": self.origin,
         }
         table = table.replace_schema_metadata({"kinid": json.dumps(about)})
         with replacing(path) as temporary:
@@ -317,7 +320,8 @@ class PropertyMap:
                 for name in TEXTS
             )
             rows = zip(places, values, covariances, column["residual"].tolist(), column["noise"].tolist(), *texts)
-            return cls(surface, properties, tuple(Probe(*row) for row in rows), str(about["model"]))
+            probes, origin = tuple(Probe(*row) for row in rows), dict(about.get("origin", {}))
+            return cls(surface, properties, probes, str(about["model"]), origin)
         except (KeyError, ValueError, TypeError, AttributeError) as error:
             why = f"without {error.args[0]}" if isinstance(error, KeyError) else str(error)[:80]
             raise InputError(

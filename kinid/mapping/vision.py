@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 #: a picture of more pixels is refused before it is unpacked: each costs some hundred bytes on the way to its features
 MOST_PIXELS = 16_000_000
 #: what is expected of a file, and how to mend another one
-PICTURE = ("a PNG or JPEG image", "correct the name")
+PICTURE = ("a PNG or JPEG image", "name another file, or save the picture anew")
 #: half the side of the patch that features are taken from [pixels]
 HALF = 4
 #: names of the features
@@ -65,7 +65,8 @@ class Picture:
                 f"(rows, columns, 3) of {2 * HALF + 1} pixels at least",
                 "give an RGB image",
             )
-        if not (self.high[0] > self.low[0] and self.high[1] > self.low[1]):
+        size = np.subtract(self.high, self.low) if np.isfinite((*self.low, *self.high)).all() else np.zeros(2)
+        if not (size > 0.0).all():
             raise InputError(
                 f"a picture from {self.low} to {self.high} m", "two corners, the lower one first", "correct it"
             )
@@ -84,17 +85,19 @@ class Picture:
         check_regular(path, "picture", *PICTURE)
         try:
             with Image.open(path, formats=("PNG", "JPEG")) as image:
-                pixels = image.width * image.height
-                if pixels > (most := size_limit(MOST_PIXELS)):
+                count = image.width * image.height
+                if count > (most := size_limit(MOST_PIXELS)):
                     raise InputError(
                         f"a picture of {image.width} × {image.height} pixels at {path}",
                         f"{most / 1e6:.3g} million pixels at most",
-                        f"make it smaller: a tip is tens of pixels wide then, too; {raised(pixels, MOST_PIXELS)}",
+                        f"make it smaller: a tip is tens of pixels wide then, too; {raised(count, MOST_PIXELS)}",
                     )
                 if image.mode.startswith("I"):  # 16 bits of grey, which a conversion to colours would clip to 8
                     grey = np.asarray(image, dtype=np.float64) / 65535.0
                     return cls(np.repeat(grey[..., None], 3, axis=2), low, high)
-                return cls(np.asarray(image.convert("RGB"), dtype=np.float64) / 255.0, low, high)
+                pixels = np.asarray(image.convert("RGB"), dtype=np.float64)
+                pixels /= 255.0
+                return cls(pixels, low, high)
         except (OSError, ValueError, UnidentifiedImageError, Image.DecompressionBombError) as error:
             raise InputError(f"no picture at {path} ({str(error)[:60]})", *PICTURE) from None
 
@@ -117,16 +120,19 @@ class Picture:
 
     @cached_property
     def _fields(self) -> Array:
-        """Features of every pixel, (rows, columns, 8)."""
+        """Features of every pixel, (rows, columns, 8); colour by colour, since a picture may fill much of the memory."""
         from scipy.ndimage import gaussian_gradient_magnitude, gaussian_laplace, uniform_filter
 
-        size = (2 * HALF + 1, 2 * HALF + 1, 1)
-        mean = uniform_filter(self.pixels, size, mode="nearest")
-        spread = np.sqrt(np.maximum(uniform_filter(self.pixels**2, size, mode="nearest") - mean**2, 0.0))
+        size, out = 2 * HALF + 1, np.empty((*self.pixels.shape[:2], len(FEATURES)))
+        for k in range(3):
+            colour = self.pixels[..., k]
+            out[..., k] = uniform_filter(colour, size, mode="nearest")
+            square = uniform_filter(colour**2, size, mode="nearest")
+            out[..., 3 + k] = np.sqrt(np.maximum(square - out[..., k] ** 2, 0.0))
         grey = self.pixels @ np.array([0.299, 0.587, 0.114])
-        gradient = uniform_filter(gaussian_gradient_magnitude(grey, 1.0, mode="nearest"), size[:2], mode="nearest")
-        curvature = uniform_filter(np.abs(gaussian_laplace(grey, 1.0, mode="nearest")), size[:2], mode="nearest")
-        return np.concatenate([mean, spread, gradient[..., None], curvature[..., None]], axis=2)
+        out[..., 6] = uniform_filter(gaussian_gradient_magnitude(grey, 1.0, mode="nearest"), size, mode="nearest")
+        out[..., 7] = uniform_filter(np.abs(gaussian_laplace(grey, 1.0, mode="nearest")), size, mode="nearest")
+        return out
 
 
 @dataclass(frozen=True, eq=False)

@@ -57,8 +57,8 @@ def usage(trajectory: Trajectory, limits: Limits, torque: Array | None = None) -
             known.
     """
     x, t = trajectory, trajectory.t
-    middle, half = 0.5 * (limits.lower + limits.upper), 0.5 * (limits.upper - limits.lower)
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore"):  # a joint that turns on and on has no limits
+        middle, half = 0.5 * (limits.lower + limits.upper), 0.5 * (limits.upper - limits.lower)
         shares = {"position": np.where(np.isfinite(half), np.abs(x.q - middle) / half, 0.0)}
     values = {
         "position": x.q,

@@ -73,7 +73,8 @@ def joints_figure(motion: Trajectory) -> Figure:
     each = [("position", motion.q), ("velocity", motion.dq), ("acceleration", motion.ddq)]
     if limits:
         low, high = (np.asarray(limits[side]) for side in ("lower", "upper"))
-        shares = [(motion.q - 0.5 * (low + high)) / (0.5 * (high - low))]
+        with np.errstate(invalid="ignore"):  # a joint that turns on and on has no limits
+            shares = [(motion.q - 0.5 * (low + high)) / (0.5 * (high - low))]
         shares += [values / np.asarray(limits[name]) for name, values in each[1:]]
         each = [(name, share) for (name, _), share in zip(each, shares)]
     colours = [COLOURS[j % len(COLOURS)] for j in range(len(motion.joint_names))]

@@ -132,11 +132,14 @@ def four_paths(length: float = 0.02, centre: Place = (0.0, 0.0), **options: Any)
 
 def grid(rows: int, columns: int, spacing: float, centre: Place = (0.0, 0.0)) -> list[Place]:
     """Places of a grid about a centre, along both tangents [m]."""
-    if not (1 <= rows * columns <= size_limit(MOST) and rows > 0) or not (np.isfinite(spacing) and spacing > 0):
+    if not (rows > 0 and columns > 0 and np.isfinite(spacing) and spacing > 0):
+        found = f"a grid of {rows} × {columns} places {spacing} m apart"
+        raise InputError(found, "one place at least, a positive spacing", "correct it")
+    if rows * columns > size_limit(MOST):
         raise InputError(
             f"a grid of {rows} × {columns} places {spacing} m apart",
-            f"1 to {size_limit(MOST):.6g} places, a positive spacing",
-            f"correct it, {raised(rows * columns, MOST)}",
+            f"{size_limit(MOST):.6g} places at most",
+            f"plan fewer, {raised(rows * columns, MOST)}",
         )
     x = centre[0] + (np.arange(rows) - (rows - 1) / 2) * spacing
     y = centre[1] + (np.arange(columns) - (columns - 1) / 2) * spacing

@@ -23,6 +23,8 @@ T = TypeVar("T")
 STATIC_PERIOD = 0.1
 #: positions within this are no degrees, or too few to tell [rad]
 MORE_THAN_A_TURN = 2 * np.pi + 0.1
+#: an encoder counts this number of turns too many, at most; limits are kept to this [rad]
+FEW_TURNS, SLACK = 2, np.deg2rad(1.0)
 
 
 class _Latest(Generic[T]):
@@ -167,6 +169,20 @@ def _differentiated(log: Log, q: Array, differentiator: Differentiator) -> Joint
     )
 
 
+def whole_turns(q: Array, robot: Robot) -> Array:
+    """Turns that bring each joint from beyond its limits into them, (N,); 0 where none do, or more than a few.
+
+    Args:
+        q: positions in the robot's order, (n, N).
+    """
+    low, high = np.fmin.reduce(q, axis=0), np.fmax.reduce(q, axis=0)
+    with np.errstate(invalid="ignore"):
+        turns = np.round((0.5 * (low + high) - 0.5 * (robot.lower + robot.upper)) / (2.0 * np.pi))
+        back = 2.0 * np.pi * turns
+        fits = (low - back >= robot.lower - SLACK) & (high - back <= robot.upper + SLACK) & (np.abs(turns) <= FEW_TURNS)
+    return np.where(fits & np.array([not robot.is_prismatic(name) for name in robot.joint_names]), turns, 0.0)
+
+
 def _refuse_degrees(q: Array, robot: Robot, where: str) -> None:
     """Positions far beyond the limits of a joint that would fit them as degrees are degrees; only limits can tell."""
     if max(np.fmax.reduce(q, axis=None), -np.fmin.reduce(q, axis=None)) <= MORE_THAN_A_TURN:
@@ -177,7 +193,9 @@ def _refuse_degrees(q: Array, robot: Robot, where: str) -> None:
     reach = np.maximum(np.abs(robot.lower), np.abs(robot.upper))
     limited = np.isfinite(reach) & ~np.array([robot.is_prismatic(name) for name in robot.joint_names])
     beyond = limited & (largest > np.maximum(1.5 * reach, MORE_THAN_A_TURN))
-    if beyond.any() and (np.deg2rad(largest[limited]) <= 1.1 * reach[limited]).all():
+    if not beyond.any() or whole_turns(q, robot)[beyond].all():  # what is a turn off is where it should be
+        return
+    if (np.deg2rad(largest[limited]) <= 1.1 * reach[limited]).all():
         j = int(np.flatnonzero(beyond)[0])
         raise InputError(
             f"q{j + 1} up to {largest[j]:.4g} in {where}, beyond {reach[j]:.4g} rad and plausible in degrees",

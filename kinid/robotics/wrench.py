@@ -198,7 +198,7 @@ def refuse_contradicted(
             ""
             if upward is not None
             else "a base that is tilted or hung needs [robot] gravity, touches taken for free motion "
-            "a [surface] normal out of the material; "
+            "a [surface] normal out of the material, joints in another unit or order [columns] q or [robot] joints; "
         )
         + "--trust-wrench passes it as it is",
     )
@@ -212,7 +212,7 @@ def _contradicting(
     """
     spread, turning = _spread(weight), _spread(force)
     own = float(np.sum((force - force.mean(axis=0)) * (weight - weight.mean(axis=0)))) / len(force)
-    turned_alike = own > 0.0 and turning - own**2 / spread < SUSPICION * turning
+    turned_alike = own > 0.0 and turning * spread - own**2 < SUSPICION * turning * spread  # a spread may be zero
     dead = turning <= 1e-18 * float(np.mean(force**2))
     if dead or turned_alike:  # a dead sensor, or a tool of another mass: no question of axes and sign
         return None

@@ -91,3 +91,13 @@ def test_what_is_wrong_is_one_line(
     assert said in err
     assert err.count("\n") == 1
     assert [path.name for path in logs.parent.iterdir()] == ["logs"]
+
+
+def test_logs_none_of_which_can_be_used_are_no_success(
+    run: Run, logs: Path, tmp_path: Path, refused: Callable[..., None]
+) -> None:
+    for log in logs.glob("*.parquet"):
+        log.write_bytes(log.read_bytes()[:1000])
+    result = run("contact", logs, "-o", tmp_path / "out")
+    refused(result, "2 logs, none of which could be used")
+    assert "0 logs done; 2 put aside" in result[1]

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import threading
+import time
 from pathlib import Path
 
 import pytest
 from batch import tasks
 
 from kinid.batch.runners import Lost, Runner, in_order, named, runner
+from kinid.batch.runners.processes import Processes
 from kinid.errors import InputError
 
 RUNNERS = ("serial", "processes", "dask")
@@ -66,3 +71,26 @@ def test_what_there_is_not_is_refused(on: str, workers: int | None, said: str, m
     monkeypatch.setattr("kinid.batch.runners.dask.PATIENCE", 0.2)
     with pytest.raises(InputError, match=said):
         runner(on, workers)
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="no signals are held back here")
+def test_ctrl_c_while_workers_begin_is_not_theirs(capfd: pytest.CaptureFixture[str]) -> None:
+    """A terminal sends it to all processes of a command, also to those that still load."""
+    with runner("processes", 2) as made:
+        assert isinstance(made, Processes)
+        hit: list[int] = []
+
+        def interrupt() -> None:
+            for _ in range(10):
+                for pid in made.pids():
+                    os.kill(pid, signal.SIGINT)
+                    hit.append(pid)
+                time.sleep(0.02)
+
+        thread = threading.Thread(target=interrupt)
+        results = made.run(tasks.square, range(8))
+        thread.start()
+        assert dict(results) == {i: i * i for i in range(8)}
+        thread.join()
+        assert set(hit) == set(made.pids())
+    assert capfd.readouterr().err == ""

@@ -133,3 +133,15 @@ def test_effects_of_the_catalogue_are_checked_by_their_files(desk: Path, run: Ru
     assert code == 0, err
     assert "N += c δ̇" in said
     assert "BROKEN" not in said
+
+
+def test_a_law_that_fails_is_named_with_its_line(desk: Path, run: Run, log: Path, refused: Callable[..., None]) -> None:
+    code, _, err = run("effect", "new", "my-law", "--stage", "normal", "--out", "mine/my_law.py")
+    assert code == 0, err
+    file = desk / "mine" / "my_law.py"
+    lines = file.read_text(encoding="utf-8").splitlines()
+    row = next(i for i, line in enumerate(lines) if "s.normal = " in line)
+    lines[row] = "        s.normal = float('nan') * (s.normal,)"
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    result = run("fit", log, "--model", "kelvin-voigt,my-law", "--effects", desk / "mine")
+    refused(result, "an effect of your own that fails", f"my_law.py, line {row + 1} (TypeError", "kinid effect check")

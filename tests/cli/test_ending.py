@@ -233,3 +233,17 @@ def test_a_name_that_the_system_refuses_is_bad_input(run, tmp_path):
     code, _, err = run("contact", tmp_path / "a.csv", "--rig", tmp_path / "ring.toml", "-o", tmp_path / "o.parquet")
     assert code == 2
     assert "Too many levels of symbolic links" in err
+
+
+def test_a_working_folder_that_has_been_removed_is_bad_input(run, tmp_path, monkeypatch, refused):
+    folder = tmp_path / "gone"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    folder.rmdir()
+    refused(run("contact", "log.parquet"), "no working folder")
+
+
+@pytest.mark.parametrize("threads", ["0", "x", "-1", "1.5", ""])
+def test_a_number_of_threads_that_is_none_is_bad_input(run, log, monkeypatch, refused, threads):
+    monkeypatch.setenv("NUMBA_NUM_THREADS", threads)
+    refused(run("contact", log), f"NUMBA_NUM_THREADS={threads}")

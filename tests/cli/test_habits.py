@@ -171,3 +171,11 @@ def test_what_is_shown_comes_from_that_console() -> None:
     """Another one would read brackets as markup; those for progress stand on the error stream, and escape."""
     own = {path.name for path in Path(kinid.__file__).parent.rglob("*.py") if " Console(" in path.read_text("utf-8")}
     assert own == {"show.py", "batch.py", "campaign.py"}
+
+
+def test_a_message_repeats_no_name_beyond_measure(run, log):
+    for model in ("a" * 5000, ",".join(["kelvin-voigt"] * 501)):
+        code, _, err = run("fit", log, "--model", model)
+        assert code == 2
+        assert err.count("\n") == 1
+        assert len(err) < 3000

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -207,6 +208,16 @@ def test_joints_beyond_their_limits(touched: tuple[Log, Rig, Robot]) -> None:
     assert "joint_4 from" in doubts(dataclasses.replace(log, q=q), rig, robot)
 
 
+@pytest.mark.parametrize("turns", [-1, 1, 2])
+def test_a_joint_that_is_off_by_a_turn_is_in_no_other_unit(touched: tuple[Log, Rig, Robot], turns: int) -> None:
+    log, rig, robot = touched
+    q = np.array(log.q)
+    q[:, 4] += 2 * np.pi * turns
+    said = doubts(dataclasses.replace(log, q=q), rig, robot)
+    assert f"q5 = {{ offset = {-2 * np.pi * turns:.6g} }}" in said
+    assert "|" not in said
+
+
 @pytest.mark.parametrize(
     ("factor", "words"),
     [(1e3, "between samples of a touch"), (1e-3, "2e-06 s between samples"), (60.0, "taken for poses at rest")],
@@ -376,3 +387,89 @@ def test_frames_that_are_missing_are_named_with_those_that_there_are(
     assert any("no 'ft_sensor'; name [robot]" in str(step) for step in torques.provenance.steps)
     tip = Rig.parse({"robot": {"model": str(tmp_path / "arm.urdf"), "tip_frame": "nozzle"}})
     assert any("name [robot] sensor_frame, of nozzle" in str(step) for step in analyse(log, tip).provenance.steps)
+
+
+def stronger(log: Log) -> Log:
+    return dataclasses.replace(log, wrench=np.asarray(log.wrench) * [1, 1, 1.3, 1, 1, 1])
+
+
+def drifting(log: Log) -> Log:
+    return dataclasses.replace(log, wrench=np.asarray(log.wrench) + (log.t - log.t[0])[:, None] * [0, 0, 1.0, 0, 0, 0])
+
+
+def loud(log: Log) -> Log:
+    noise = np.random.default_rng(3).normal(scale=4.0, size=(len(log), 3))
+    return dataclasses.replace(log, wrench=np.asarray(log.wrench) + np.pad(noise, ((0, 0), (0, 3))))
+
+
+@pytest.mark.parametrize(
+    ("damaged", "words"),
+    [
+        (stronger, "are left beside the tool's load"),
+        (drifting, "are left beside the tool's load"),
+        (loud, "check the wrench's columns"),
+    ],
+)
+def test_a_tip_inside_the_material_that_nothing_is_felt_of(
+    touched: tuple[Log, Rig, Robot], damaged: Callable[[Log], Log], words: str
+) -> None:
+    log, rig, robot = touched
+    rig = changed(
+        with_bias(log, rig, robot), sensor={"range": (200,) * 3 + (20,) * 3, "noise": (0.03,) * 3 + (1e-3,) * 3}
+    )
+    # the poke alone: in one posture nothing else tells what is wrong
+    poke = Log(t=log.t[2000:], q=log.q[2000:], wrench=log.wrench[2000:])  # type: ignore[index]
+    assert doubts(poke, rig, robot) == ""
+    said = doubts(damaged(poke), rig, robot)
+    assert "mm inside the surface, and nothing counts as a touch" in said
+    assert words in said
+
+
+@pytest.mark.parametrize("com", [(0.0, 0.0, 0.3), (0.049, 0.0, 0.0), (0.0, 0.03, 0.049), (0.0, 0.0, -0.049)])
+def test_a_com_that_the_moments_in_free_motion_contradict(
+    touched: tuple[Log, Rig, Robot], com: tuple[float, float, float]
+) -> None:
+    log, rig, robot = touched
+    said = doubts(log, changed(rig, tool={"com": com}), robot)
+    assert "correct [tool] com" in said
+    found = [float(x) for x in said.split("com at [")[1].split("]")[0].split(",")]
+    np.testing.assert_allclose(found, [0.0, 0.0, 0.049], atol=0.003)
+
+
+@pytest.mark.parametrize("com", [(0.0, 0.0, 0.055), (0.005, 0.0, 0.049)])
+def test_a_com_that_is_roughly_known_is_not_doubted(
+    touched: tuple[Log, Rig, Robot], com: tuple[float, float, float]
+) -> None:
+    log, rig, robot = touched
+    assert "com" not in doubts(log, changed(rig, tool={"com": com}), robot)
+
+
+@pytest.mark.parametrize("factor", [0.25, 0.4])
+def test_a_time_that_the_tools_inertia_contradicts(touched: tuple[Log, Rig, Robot], factor: float) -> None:
+    log, rig, robot = touched
+    said = doubts(dataclasses.replace(log, t=factor * log.t), rig, robot)
+    assert "correct unit or scale of t in [columns]" in said
+    assert float(said.split("all times were ")[1].split()[0]) == pytest.approx(1 / factor, rel=0.1)
+
+
+def test_joint_torques_of_the_opposite_sign_in_another_order_or_dead(touched: tuple[Log, Rig, Robot]) -> None:
+    log, rig, robot = touched
+    torques = joint_torques(dataclasses.replace(log, tau=np.zeros((len(log), 7))), rig, robot=robot).predicted
+    tau = torques + np.random.default_rng(1).normal(scale=0.1, size=torques.shape)
+    assert doubts(dataclasses.replace(log, tau=tau), rig, robot) == ""
+    for wrong, words in (
+        (-tau, "tau = { scale = -1 }"),
+        (tau[:, [0, 3, 2, 1, 4, 5, 6]], "tau2 is what the robot's model predicts of tau4"),
+        (tau / 160, "tau = { scale = 16"),
+        (0.0 * tau, "the joint torques never change"),
+        (tau * [1, 1, 1, 1, 0, 1, 1], "tau5 never changes"),
+    ):
+        assert words in doubts(dataclasses.replace(log, tau=wrong), rig, robot)
+
+
+def test_a_sensor_that_stands_still_for_most_of_a_log(touched: tuple[Log, Rig, Robot]) -> None:
+    log, rig, robot = touched
+    wrench, q = np.array(log.wrench), np.array(log.q)
+    wrench[len(log) // 3 :] = wrench[len(log) // 3]
+    q += np.random.default_rng(2).normal(scale=1e-6, size=q.shape)
+    assert "the wrench repeats one reading" in doubts(dataclasses.replace(log, wrench=wrench, q=q), rig, robot)

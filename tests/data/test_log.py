@@ -201,3 +201,11 @@ def test_values_that_no_sensor_gives_are_refused(name: str, values: list[list[fl
 def test_what_was_not_measured_may_be_infinite() -> None:
     log = Log(np.arange(3.0), q=np.array([[np.inf], [np.nan], [1e11]]))
     assert log.valid.tolist() == [False, False, True]
+
+
+@pytest.mark.parametrize(
+    "t", [np.arange(5) * 1e-300, np.arange(5) * 1e-15, np.array([0.0, 1e300]), np.arange(5) * 1.0 + 1e18]
+)
+def test_a_time_that_no_clock_shows_is_refused_without_a_warning(t: Array) -> None:
+    with pytest.raises(InputError, match="time from .* rows of memory; expected seconds"):
+        Log(t, contact={"depth": np.zeros(len(t))})

@@ -18,6 +18,7 @@ SURFACE = "[surface]\nnormal = [0, 0, 1]\n"
     ("text", "expected"),
     [
         ("[tool]\nmass = true", "no true or false in 'mass'"),
+        ("[tool]\nmass = 1e-300", "0 or 1e-06 at least"),
         ("[tool]\nmass = 1e300", "less than or equal to 1000"),
         (TOOL + "com = [0, 0, true]", "no true or false in 'com'"),
         ("[sensor]\nbias = [1e300, 0, 0, 0, 0, 0]", "a bias within"),
@@ -30,6 +31,11 @@ SURFACE = "[surface]\nnormal = [0, 0, 1]\n"
         (ROBOT + "gravity = [0, 0, -9810]", "a gravity of about 9.81"),
         (ROBOT + "compliance = [[-1e-5, 0, 0], [0, 1e-5, 0], [0, 0, 1e-5]]", "a compliance in m/N, not negative"),
         (ROBOT + "compliance = [[1e5, 0, 0], [0, 1e5, 0], [0, 0, 1e5]]", "1 / stiffness"),
+        (ROBOT + "compliance = [[1e-5, 2e-5, 0], [0, 1e-5, 0], [0, 0, 1e-5]]", "a symmetric compliance"),
+        (SURFACE + "point = [0, 0, 0]\noffset_sd = 1e300", "a deviation in m within ±1"),
+        (SURFACE + "point = [0, 0, 0]\ntilt_sd = 5", "a deviation in rad within ±1"),
+        ('[columns]\nwrench = { unit = "V" }', "newtons or newton metres in one V"),
+        ('[columns]\nfz = { unit = "A" }', "newtons or newton metres in one A"),
         (SENSOR + "bias = [1000, 0, 0, 0, 0, 0]", "a bias within the sensor's range of [40, 40, 120, 2, 2, 2]"),
         (SENSOR + "noise = [0.1, 0.1, 0.1, 3, 0, 0]", "a noise within the sensor's range"),
         (f"[sensor]\ncrosstalk = {(1000 * np.eye(6)).tolist()}", "near the identity: within 0.5"),
@@ -56,6 +62,9 @@ def test_what_no_robot_has_is_refused(text: str, expected: str) -> None:
         ROBOT + "gravity = [0, 0, -1.62]",  # on the Moon
         ROBOT + "gravity = [9.81, 0, 0]",  # from a wall
         ROBOT + "compliance = [[1e-5, 0, 0], [0, 1e-5, 0], [0, 0, 2e-5]]",
+        ROBOT + "compliance = [[1e-5, 1.1e-6, 0], [1e-6, 1e-5, 0], [0, 0, 2e-5]]",  # as it was measured
+        SURFACE + "point = [0, 0, 0]\noffset_sd = 0.002\ntilt_sd = 0.02",
+        '[columns]\nwrench = { unit = "V", scale = 20.0 }',
         '[columns]\nq = { unit = "deg" }\ntau = { unit = "A", scale = 0.12 }\nfx = { unit = "1", scale = 0.001 }',
         '[columns]\nq1 = { unit = "mm" }',  # a linear axis
         "[tool]\nmass = 0",

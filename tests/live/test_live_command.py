@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +12,7 @@ import pytest
 from scripted import Scripted
 
 from kinid.mapping.property_map import PropertyMap
+from kinid.writers import alone_with
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -90,3 +93,30 @@ def test_sources_without_a_rig(run: Run, tmp_path: Path, monkeypatch: pytest.Mon
         code, _, err = run("live", source, "--model", "kelvin-voigt")
         assert code == 2, source
         assert "rig" in err
+
+
+def test_a_recording_that_ends_early_is_no_success(
+    run: Run, log: Path, monkeypatch: pytest.MonkeyPatch, refused: Callable[..., None]
+) -> None:
+    record, room, write = log.parent / "out.mcap", 20_000, os.pwrite
+
+    def into_little_room(file: int, data: bytes, at: int) -> int:
+        if at + len(data) > room:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(file, data, at)
+
+    monkeypatch.setattr(os, "pwrite", into_little_room)
+    result = run("live", log, "--model", "kelvin-voigt", "--speed", 0, "--quiet", "--record", record)
+    refused(result, "No space left", f"what came before is in {record}")
+    assert "wrote" not in result[1]
+
+
+def test_a_recording_that_another_process_writes_is_left_alone(
+    run: Run, log: Path, refused: Callable[..., None]
+) -> None:
+    record = log.parent / "out.mcap"
+    with alone_with(record):
+        refused(
+            run("live", log, "--model", "kelvin-voigt", "--speed", 0, "--record", record), "another process at work"
+        )
+    assert not record.exists()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -77,6 +78,50 @@ def test_a_map_goes_on_where_it_was(small):
     assert expected([small]) == 4
     with pytest.raises(InputError, match="a map of"):
         list(build(logs, Prober.of(kinid.Rig.load(small / "rig.toml"), ["hooke"]), half))
+
+
+@pytest.mark.parametrize(
+    ("line", "other", "said"),
+    [
+        ("mass = 0.24", "mass = 0.9", "[tool] mass = 0.9 in the rig, 0.24 when the map was begun"),
+        ("[sensor]", "[sensor]\nwrench_frame = 'base'", "[sensor] wrench_frame = base in the rig, sensor when"),
+    ],
+)
+def test_a_map_does_not_go_on_with_another_rig(small, tmp_path, line, other, said):
+    text = (small / "rig.toml").read_text(encoding="utf-8")
+    assert line in text
+    *_, half = build(logs_in([small])[:1], Prober.of(kinid.Rig.parse_text(text, folder=small)))
+    half.write(tmp_path / "map.parquet")
+    start = PropertyMap.read(tmp_path / "map.parquet")
+    same = Prober.of(kinid.Rig.parse_text("# a remark\n" + text, folder=small))
+    assert len(list(build(logs_in([small])[:2], same, start))) == 1
+    changed = Prober.of(kinid.Rig.parse_text(text.replace(line, other), folder=small))
+    with pytest.raises(InputError) as refused:
+        list(build(logs_in([small]), changed, start))
+    assert said in str(refused.value)
+    assert "--anew" in refused.value.mend
+
+
+def test_a_map_does_not_go_on_where_a_log_is_another_now(small, tmp_path):
+    folder, out = tmp_path / "logs", tmp_path / "map.parquet"
+    folder.mkdir()
+    first, second, *_ = logs_in([small])
+    for file in (first, small / "rig.toml"):
+        shutil.copy(file, folder)
+    map_([folder], out)
+    shutil.copy(first, folder)  # the same, at another time
+    os.utime(folder / first.name)
+    map_([folder], out)
+    shutil.copy(second, folder / first.name)
+    os.utime(folder / first.name)
+    with pytest.raises(InputError, match="which has changed since the map was made"):
+        map_([folder], out)
+
+
+@pytest.mark.parametrize("model", [[], ["none"]])
+def test_a_model_without_effects_maps_nothing(small, model):
+    with pytest.raises(InputError, match="no property of a material"):
+        Prober.of(kinid.Rig.load(small / "rig.toml"), model)
 
 
 def test_a_log_counts_once_under_all_its_names(small, tmp_path, monkeypatch):

@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 
 from kinid.cli import main
-from kinid.planning import read_trajectory
+from kinid.planning import Trajectory, read_trajectory
+from kinid.planning.check import usage
+from kinid.planning.limits import Limits
 
 RIG = """
 [robot]
@@ -288,3 +290,13 @@ def test_help_loads_nothing_heavy() -> None:
     code = f"import sys, kinid.cli.plan; print([m for m in {heavy!r} if m in sys.modules])"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert said.stdout.strip() == "[]"
+
+
+def test_joints_that_turn_on_and_on_use_no_share_of_a_position() -> None:
+    """Every warning fails a test: limits of −∞ and ∞ have no middle."""
+    n, some = 5, np.full(2, 2.0)
+    limits = Limits(("a", "b"), np.array([-np.inf, -1.0]), np.array([np.inf, 1.0]), some, some, some, some)
+    zeros, q = np.zeros((n, 2)), np.full((n, 2), 0.5)
+    still = Trajectory(np.arange(n) * 0.01, np.full(n, "free"), q, zeros, zeros, np.zeros((n, 3)), ("a", "b"))
+    position = usage(still, limits)[0]
+    assert (position.joint, position.share) == ("b", 0.5)

@@ -77,3 +77,10 @@ def test_four_paths_cross_in_their_middle() -> None:
 def test_nonsense_is_refused(make: object) -> None:
     with pytest.raises(InputError):
         make()  # type: ignore[operator]
+
+
+@pytest.mark.parametrize(("rows", "columns", "spacing"), [(0, 0, 0.01), (0, 3, 0.01), (3, 3, 0.0), (3, 3, np.nan)])
+def test_no_limit_is_raised_where_none_is_in_the_way(rows: int, columns: int, spacing: float) -> None:
+    with pytest.raises(InputError) as refused:
+        grid(rows, columns, spacing)
+    assert "LIMIT" not in refused.value.mend

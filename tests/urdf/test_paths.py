@@ -92,3 +92,10 @@ def test_what_is_not_there_is_refused_in_one_line(wrong: str, said: str, tmp_pat
         urdf.path(wrong, tmp_path)
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_folder_that_is_named_as_a_robot_is_said_to_be_one(tmp_path: Path) -> None:
+    (tmp_path / "r.urdf").mkdir()
+    with pytest.raises(InputError, match="a folder, no regular file") as refused:
+        urdf.path("r.urdf", tmp_path)
+    assert "did you mean" not in refused.value.mend

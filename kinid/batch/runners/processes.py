@@ -7,6 +7,7 @@ import pickle
 import signal
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from multiprocessing.connection import Connection, wait
 from typing import Any, final
 
@@ -14,6 +15,19 @@ from kinid.batch.runners._runner import TRIES, In, Lost, Out, Runner, cores, die
 
 #: a forked process would inherit locks that nobody lets go of
 CONTEXT = multiprocessing.get_context("spawn")
+
+
+@contextmanager
+def _without_interrupts() -> Iterator[None]:
+    """Ctrl-C waits until the block ends; a process that begins within it never hears of one, though it still loads."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _serve(pipe: Connection) -> None:
@@ -32,7 +46,8 @@ class _Worker:
     def __init__(self) -> None:
         self.pipe, far = CONTEXT.Pipe()
         self.process = CONTEXT.Process(target=_serve, args=(far,), daemon=True)
-        self.process.start()
+        with _without_interrupts():
+            self.process.start()
         far.close()
 
     def end(self) -> str:

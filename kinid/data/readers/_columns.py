@@ -15,6 +15,8 @@ from kinid.data.rig import CONTACT, GROUPS, WRENCH, ColumnSpec, Rig
 from kinid.errors import InputError, near
 
 Arrays = list[Column]
+#: a rate and the times of the rows are one where they differ by this share, at most
+RATE_KNOWN = 0.1
 JOINT_GROUPS = tuple(g for g in GROUPS if g != "wrench")
 #: columns of a table that `kinid contact` wrote from a log: names and units are the format's, whatever the log's were
 CONTACT_TABLE = frozenset(("t", *CONTACT, "in_contact"))
@@ -114,6 +116,7 @@ def to_log(table: Table, rig: Rig, joints: Sequence[str] | None = None) -> Log:
         if quantity == "t":
             t, origin = seconds(arrays[0], sources[0].spec, table.source, labels[0])
             n = len(t)
+            _check_rate(t, sources[0].spec.rate, table.source, labels[0])
             facts |= {"rows": n} | ({"time_origin": origin} if origin is not None else {})
             continue
         if t is None:  # rows that come evenly: the first quantity tells how many
@@ -139,6 +142,19 @@ def to_log(table: Table, rig: Rig, joints: Sequence[str] | None = None) -> Log:
     log = Log(t, contact=contact, phase=phase, provenance=Provenance(table.source), **joined)  # type: ignore[arg-type]
     _check_joints(log, rig, table.source)
     return log.replace("read", facts | {"invalid_rows": int((~log.valid).sum())})
+
+
+def _check_rate(t: Array, rate: float | None, source: str, label: str) -> None:
+    """Refuse a rate in the rig that the log's own times contradict."""
+    if rate is None or len(t) < 2:
+        return
+    own = 1.0 / max(float(np.median(np.diff(t))), 1e-300)
+    if not abs(own / rate - 1.0) <= RATE_KNOWN:
+        raise InputError(
+            f"t = {{ rate = {rate:g} }} in [columns], and {own:.4g} rows/s by the times in '{label}' of {source}",
+            "one of them",
+            f"take rate out of t in [columns], or correct it; or leave '{label}' out of the log",
+        )
 
 
 def _fill(arrays: Arrays, sources: list[_Source], labels: list[str], source: str, n: int) -> Array:

@@ -28,7 +28,8 @@ PLAIN = (".csv", ".txt", ".tsv", ".dat")
 PACKED = tuple(f"{suffix}.gz" for suffix in PLAIN)
 SUFFIXES: tuple[str, ...] = (*PLAIN, *PACKED)
 
-_SNIFFED = 1 << 16  # bytes at the start that the layout is told from
+#: bytes at the start that the layout is told from, at first and at most: a header of many columns may be longer
+_SNIFFED, _MOST_SNIFFED = 1 << 16, 1 << 24
 _PIECE = 1 << 22  # bytes that are searched at once
 #: text that a small packed file may hold [bytes]: parsing takes several times as much; and times that text of measured
 #: numbers, which shrinks to a third or so, may be larger than its packed file beyond that
@@ -125,21 +126,14 @@ def _sniff(text: Text, path: Path) -> _Layout:
     Raises:
         InputError: no text, or no row of data.
     """
-    head = text[:_SNIFFED]
+    head, size = text[:_SNIFFED], _SNIFFED
+    lines, comment = _first_lines(head, len(head) < len(text))
+    while len(lines) < 2 and size < min(len(text), _MOST_SNIFFED):
+        size *= 8
+        head = text[:size]
+        lines, comment = _first_lines(head, len(head) < len(text))
     if b"\x00" in head:
         raise InputError(f"{path}, which is no text in UTF-8", "a table of text", "export it as CSV in UTF-8")
-    lines: list[tuple[int, str]] = []
-    position, comment = 0, None
-    raw = head.splitlines(keepends=True)
-    for line in raw[:-1] if len(head) < len(text) and len(raw) > 1 else raw:
-        start, position = position, position + len(line)
-        shown = line.decode("utf-8-sig" if start == 0 else "utf-8", errors="replace").strip("\r\n")
-        if shown.lstrip().startswith(_COMMENT):
-            comment = comment if lines else shown.lstrip().lstrip("".join(_COMMENT)).strip()
-        elif shown.strip():
-            lines.append((start, shown))
-        if len(lines) == 40:
-            break
     if not lines:
         raise InputError(f"no rows in {path}", "a table with samples", "record or export it again")
     delimiter = _delimiter([shown for _, shown in lines])
@@ -156,6 +150,27 @@ def _sniff(text: Text, path: Path) -> _Layout:
     if len(lines) == 1:
         raise InputError(f"a header and no row of data in {path}", "a table with samples", "record or export it again")
     return _Layout(lines[1][0], delimiter, tuple(rows[0]), len(rows[0]), decimal)
+
+
+def _first_lines(head: bytes, goes_on: bool) -> tuple[list[tuple[int, str]], str | None]:
+    """Lines that hold cells, each with where it starts [bytes], and the last comment before them, if any.
+
+    Args:
+        head: of a text. goes_on: whether more of it follows, so that its last line may be cut off.
+    """
+    lines: list[tuple[int, str]] = []
+    position, comment = 0, None
+    raw = head.splitlines(keepends=True)
+    for line in raw[:-1] if goes_on and len(raw) > 1 else raw:
+        start, position = position, position + len(line)
+        shown = line.decode("utf-8-sig" if start == 0 else "utf-8", errors="replace").strip("\r\n")
+        if shown.lstrip().startswith(_COMMENT):
+            comment = comment if lines else shown.lstrip().lstrip("".join(_COMMENT)).strip()
+        elif shown.strip():
+            lines.append((start, shown))
+        if len(lines) == 40:
+            break
+    return lines, comment
 
 
 def _delimiter(lines: Sequence[str]) -> str:
@@ -177,7 +192,10 @@ def _delimiter(lines: Sequence[str]) -> str:
 def _cells(line: str, delimiter: str) -> list[str]:
     if delimiter == _SPACE:
         return [cell.strip('"') for cell in line.split()]
-    row = next(csv.reader(io.StringIO(line), delimiter=delimiter, skipinitialspace=True))
+    try:
+        row = next(csv.reader(io.StringIO(line), delimiter=delimiter, skipinitialspace=True))
+    except csv.Error:  # a cell beyond its limit of 128 kB: not what splits this line
+        row = [line]
     return [cell.strip() for cell in row]
 
 
@@ -190,12 +208,12 @@ def _parse(text: Text, layout: _Layout, wanted: Sequence[int], path: Path) -> di
     """Arrow columns by position.
 
     Raises:
-        InputError: rows of differing length, or cells that are no UTF-8.
+        InputError: rows of differing length, quotes that aren't closed, or cells that are no UTF-8.
     """
     import pyarrow as pa
     import pyarrow.csv
 
-    noted = _has_comments(text, layout.start)
+    noted, quoted = _has_comments_and_quotes(text, layout.start)
     # nothing to clean: Arrow parses the mapped file itself, without a copy
     data = pa.py_buffer(text)[layout.start :] if not noted and layout.delimiter != _SPACE else None
     if data is None:
@@ -216,23 +234,62 @@ def _parse(text: Text, layout: _Layout, wanted: Sequence[int], path: Path) -> di
         except pa.ArrowInvalid as error:
             if threads:
                 continue  # only a parse in one thread knows the number of the row
-            raise _ragged(str(error), path) from None
+            stray = _stray_quote(data) if quoted else None
+            raise _ragged(str(error), path) if stray is None else _unclosed(stray, path) from None
+    # a quote that isn't closed swallows all rows up to the next one, without a word
+    if quoted and table.num_rows != _count_rows(data) and (stray := _stray_quote(data)) is not None:
+        raise _unclosed(stray, path)
     if any(pa.types.is_binary(kind) for kind in table.schema.types):
         raise InputError(f"{path}, which can't be read as text in UTF-8", "a table", "export it as CSV in UTF-8")
     return {i: table.column(keys[i]) for i in wanted}
 
 
-def _has_comments(text: Text, start: int) -> bool:
-    """Whether a line behind `start` is a comment; piece by piece, since a search in bytes is faster than in a map."""
+def _has_comments_and_quotes(text: Text, start: int) -> tuple[bool, bool]:
+    """Whether a line behind `start` is a comment, and whether a quote stands behind it.
+
+    Piece by piece, since a search in bytes is faster than in a map.
+    """
+    noted = quoted = False
     for at in range(start, len(text), _PIECE):
         piece = text[at : at + _PIECE + 1]
-        if any(sign in piece and b"\n" + sign in piece for sign in (b"#", b"%")):
-            return True
-    return False
+        noted = noted or any(sign in piece and b"\n" + sign in piece for sign in (b"#", b"%"))
+        quoted = quoted or b'"' in piece
+    return noted, quoted
+
+
+def _count_rows(data: pa.Buffer) -> int:
+    """Lines that aren't empty."""
+    rows, ended = 0, True
+    for at in range(0, len(data), _PIECE):
+        signs = np.frombuffer(data, dtype=np.uint8, count=min(_PIECE, len(data) - at), offset=at)
+        ends = (signs == ord("\n")) | (signs == ord("\r"))
+        rows += int(np.count_nonzero(~ends[1:] & ends[:-1])) + int(ended and not ends[0])
+        ended = bool(ends[-1])
+    return rows
+
+
+def _stray_quote(data: pa.Buffer) -> int | None:
+    """The first row, counted from 1, whose quotes don't come in pairs; None where all do."""
+    rows = (line for line in data.to_pybytes().splitlines() if line)
+    return next((i for i, line in enumerate(rows, 1) if line.count(b'"') % 2), None)
+
+
+def _unclosed(row: int, path: Path) -> InputError:
+    return InputError(
+        f"a quote (\") in row {row} of {path} that isn't closed in it",
+        "quotes in pairs",
+        "take it out of that row, or close it",
+    )
 
 
 def _ragged(said: str, path: Path) -> InputError:
     found = re.search(r"(?:Row #(\d+): )?Expected (\d+) columns, got (\d+)", said)
+    if "straddling" in said:
+        return InputError(
+            f"a row of more than 1 MB in {path}",
+            "a row of numbers a sample",
+            "look for a line end or a cell gone wrong",
+        )
     if not found:
         return InputError(f"{path}, which can't be read as text ({said[:120]})", "a table", "export it as CSV in UTF-8")
     row = f"row {found[1]} of " if found[1] else "a row of "

@@ -285,3 +285,13 @@ def test_one_column_of_a_block_has_a_unit_or_a_sign_of_its_own() -> None:
     readings = np.arange(24.0).reshape(6, 4) * np.repeat([1e3, 1e-3], 3)[:, None]
     np.testing.assert_allclose(log.wrench, readings.T)
     np.testing.assert_allclose(log.q, np.deg2rad(np.stack([A, -B], axis=1)))
+
+
+@pytest.mark.parametrize(("rate", "right"), [(2.0, True), (2.1, True), (1.0, False), (500.0, False), (1e12, False)])
+def test_a_rate_beside_a_column_of_times_agrees_with_it(rate: float, right: bool) -> None:
+    arrays = {"t": T, "depth": A}
+    if right:
+        np.testing.assert_array_equal(log_of(arrays, {"t": {"rate": rate}}).t, T)
+        return
+    with pytest.raises(InputError, match=r"2 rows/s by the times in 't'"):
+        log_of(arrays, {"t": {"rate": rate}})

@@ -136,6 +136,36 @@ def test_a_ragged_row_far_down_is_found(tmp_path: Path) -> None:
         read_text(tmp_path, "\n".join(["t,depth", *rows]))
 
 
+@pytest.mark.parametrize("close", [None, 900, 1999])
+@pytest.mark.parametrize("sign", [",", " "])
+def test_a_quote_that_is_not_closed_swallows_no_rows(close: int | None, sign: str, tmp_path: Path) -> None:
+    rows = [sign.join((str(i), "0.5", "free")) for i in range(2000)]
+    for row in (72, close):
+        if row is not None:
+            rows[row] = rows[row].replace("free", '"free')
+    with pytest.raises(InputError, match=r'a quote \("\) in row 73 of .*a\.csv'):
+        read_text(tmp_path, "\n".join([sign.join(("t", "depth", "phase")), *rows]))
+
+
+def test_quotes_in_pairs_and_empty_lines_are_no_harm(tmp_path: Path) -> None:
+    rows = "".join(f'{i},{i},"in, {i}"\r\n\r\n' for i in range(100))
+    log = read_text(tmp_path, f'"t","depth","phase"\r\n{rows}')
+    assert len(log) == 100
+    assert log.phase is not None
+    assert log.phase[-1] == "in, 99"
+
+
+def test_a_header_longer_than_what_the_layout_is_told_from(tmp_path: Path) -> None:
+    names = ["t", "depth", *(f"a_long_name_of_column_{i}" for i in range(10_000))]
+    rows = [",".join(["1" if i else "0"] * len(names)) for i in range(2)]
+    assert len(read_text(tmp_path, "\n".join([",".join(names), *rows]) + "\n")) == 2
+
+
+def test_a_row_larger_than_a_block_is_named_as_one(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="a row of more than 1 MB"):
+        read_text(tmp_path, f"t,depth,note\n0,1,a\n1,1,{9_000_000 * 'x'}\n2,1,a\n")
+
+
 def test_text_in_a_column_that_nobody_wants_is_no_harm(tmp_path: Path) -> None:
     assert len(read_text(tmp_path, "t,depth,note\n0,1,abc\n1,2,\n")) == 2
 

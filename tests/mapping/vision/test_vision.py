@@ -345,3 +345,11 @@ def test_a_picture_saves_pokes_from_raw_logs(tmp_path):
     )
     assert needed["with"] is not None
     assert needed["with"] < needed["without"]
+
+
+@pytest.mark.parametrize(
+    ("low", "high"), [((-np.inf, -np.inf), (np.inf, np.inf)), ((0.0, 0.0), (np.inf, 1.0)), ((0.0, np.nan), (1.0, 1.0))]
+)
+def test_a_picture_without_end_is_refused(low, high):
+    with pytest.raises(InputError, match="two corners, the lower one first"):
+        Picture(np.zeros((64, 64, 3)), low, high)
