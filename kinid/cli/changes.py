@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from kinid.errors import InputError
+
 EXAMPLES = """Examples:
 
 kinid changes slide.parquet
@@ -31,16 +33,25 @@ def changes(
     """
     from kinid.cli.contact import load, rig_path
     from kinid.cli.show import console, say, written
+    from kinid.contact.doubts import contact_doubts
     from kinid.contact.series import contact_series
     from kinid.mapping.changes import find_changes
     from kinid.writers import check_outputs, write_text
 
     check_outputs((json_file,), (log, rig_path(log, rig)))
     the_rig, the_log, robot = load(log, rig)
-    found = find_changes(contact_series(the_log, the_rig, robot=robot), false_alarms)
+    touch = contact_series(the_log, the_rig, robot=robot)
+    doubts = contact_doubts(the_log, the_rig, robot, touch)
+    try:
+        found = find_changes(touch, false_alarms)
+    except InputError as error:  # no slide, it may be, where units or axes hide it
+        if not doubts:
+            raise
+        raise InputError(error.found, error.expected, f"first see to what is to be doubted: {doubts[0]}") from None
     if json_file is not None:
         write_text(json_file, json.dumps([change.to_dict() for change in found], indent=1) + "\n")
     out = console()
+    say(out, *(f"doubt: {doubt}" for doubt in doubts))
     if not found:
         out.print("no border: along every leg the material is the same")
     else:

@@ -83,6 +83,8 @@ def contact(
     check_outputs((out, plot, json_file), (log, rig_path(log, rig), compensate))
     the_rig, the_log, robot = load(log, rig)
     differentiator = None if bandwidth is None else Differentiator(bandwidth)
+    if bandwidth is not None:
+        _check_bandwidth(bandwidth, the_log)
     found = None
     if find_surface:
         from kinid.contact.registration import find_surface as find
@@ -118,6 +120,17 @@ def contact(
     if compensated is not None:
         typer.echo(compensated.line())
     written((out, plot, json_file))
+
+
+def _check_bandwidth(bandwidth: float, log: Log) -> None:
+    """Refuse a bandwidth that the log's samples don't hold, or that lets none of its motion pass."""
+    least, most = 1.0 / max(float(log.t[-1] - log.t[0]), log.period), 0.5 / log.period
+    if len(log) > 1 and not least <= bandwidth < most:
+        raise InputError(
+            f"--bandwidth {bandwidth:g} for {len(log)} samples at {1.0 / log.period:.4g} Hz",
+            f"a frequency from {least:.3g} Hz, one period in the log, to below {most:.4g} Hz, half its rate",
+            "leave it out for the smoother",
+        )
 
 
 def many_contacts(

@@ -206,6 +206,7 @@ def _run(
         max_gap=rig.streams.max_gap,
         sinks=sinks,
         tell=tell,
+        full=rig.sensor.range,
     )
     limit = math.inf if duration is None else duration
     if out.is_terminal and not quiet:

@@ -10,7 +10,7 @@ import typer
 
 from kinid.cli import complete
 from kinid.cli.batch import On, Workers, running
-from kinid.cli.options import check_method, names
+from kinid.cli.options import PAGE, check_method, names
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
@@ -44,7 +44,9 @@ def map_(
     model: Annotated[
         str, typer.Option(help="Effects that are fitted to each touch.", autocompletion=complete.model)
     ] = "kelvin-voigt",
-    plot: Annotated[Path | None, typer.Option(help="Pictures of the map: one offline HTML file.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Pictures of the map: one offline HTML file.", callback=PAGE)
+    ] = None,
     export: Annotated[
         Path | None,
         typer.Option(help="Folder for MuJoCo XML, SDF, glTF, and PNG with JSON, with properties per patch."),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +11,20 @@ import typer
 from kinid.cli import complete
 from kinid.errors import InputError
 
+
+def ending_in(*endings: str) -> Callable[[Path | None], Path | None]:
+    """Takes the name of an output only where it says what will be in it."""
+
+    def check(path: Path | None) -> Path | None:
+        if path is not None and path.suffix.lower() not in endings and path != Path("-") and not path.is_dir():
+            raise InputError(f"output '{path.name}'", f"a name ending in {' or '.join(endings)}", "rename it")
+        return path
+
+    return check
+
+
+#: of an output that a browser opens
+PAGE = ending_in(".html", ".htm")
 LogFile = Annotated[
     Path, typer.Argument(help="The log: Parquet, CSV, NPZ, MAT, ROS 1/2 bag or MCAP.", show_default=False)
 ]
@@ -25,7 +40,7 @@ ModelText = Annotated[
     str,
     typer.Option(help="Effects of the model, separated by commas.", show_default=False, autocompletion=complete.model),
 ]
-PlotFile = Annotated[Path | None, typer.Option(help="Plot to write: one offline HTML file.")]
+PlotFile = Annotated[Path | None, typer.Option(help="Plot to write: one offline HTML file.", callback=PAGE)]
 
 
 def names(text: str) -> list[str]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kinid.cli import complete
-from kinid.cli.options import numbers
+from kinid.cli.options import PAGE, numbers
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def picture(
         typer.Option("--calibrated/--study", help="Calibrated probabilities, or the study's support-vector machine."),
     ] = True,
     json_file: Annotated[Path | None, typer.Option("--json", help="Figures and classes to write as JSON.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="The predicted map: one offline HTML file.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="The predicted map: one offline HTML file.", callback=PAGE)] = None,
 ) -> None:
     """Learns what values look like, says how well that holds for places left out, and predicts a map; strangers stay
     unknown.

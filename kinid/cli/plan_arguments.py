@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from kinid.cli import complete
-from kinid.cli.options import numbers
+from kinid.cli.options import PAGE, ending_in, numbers
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
@@ -68,11 +68,13 @@ class Options:
         bool, typer.Option("--collision/--no-collision", help="Whether collisions are looked for.")
     ] = True
     json: Annotated[Path | None, typer.Option("--json", help="What is planned, and why, as JSON.")] = None
-    plot: Annotated[Path | None, typer.Option(help="Plots to write: one offline HTML file.")] = None
-    preview: Annotated[Path | None, typer.Option(help="The moving arm to write: one offline HTML file (meshcat).")] = (
-        None
-    )
-    mcap: Annotated[Path | None, typer.Option(help="JointTrajectory for ROS 2 to write, as MCAP.")] = None
+    plot: Annotated[Path | None, typer.Option(help="Plots to write: one offline HTML file.", callback=PAGE)] = None
+    preview: Annotated[
+        Path | None, typer.Option(help="The moving arm to write: one offline HTML file (meshcat).", callback=PAGE)
+    ] = None
+    mcap: Annotated[
+        Path | None, typer.Option(help="JointTrajectory for ROS 2 to write, as MCAP.", callback=ending_in(".mcap"))
+    ] = None
 
     #: parameters of the command that the user named, its own among them: option and value
     given: Mapping[str, tuple[str, Any]] = field(default_factory=dict)

@@ -37,6 +37,7 @@ class Session:
         source: of samples. pipeline: that works on them. joints: names of the robot's joints, in order.
         wrench_offset, max_gap: as in `Aligner`.
         sinks: take all of it, as a recorder or a server do. tell: is told each event.
+        full: range of the sensor [N, N·m], where it is known.
 
     Attributes:
         samples: that went through the pipeline. counts: of events by kind. events: the last ones.
@@ -54,13 +55,14 @@ class Session:
         max_gap: float | None = None,
         sinks: Sequence[Sink] = (),
         tell: Callable[[Event], None] | None = None,
+        full: Sequence[float] | None = None,
     ) -> None:
         self.source, self.pipeline, self._tell = source, pipeline, tell
         self._sinks, self._working = tuple(sinks), list(sinks)
         self.aligner = Aligner(joints, self._report, wrench_offset=wrench_offset, max_gap=max_gap)
         self.samples, self.counts, self.events = 0, Counter[str](), deque[Event](maxlen=REMEMBERED)
         self.processing, self.latency = Latencies(), Latencies()
-        self.trust = Trust(pipeline.model)
+        self.trust = Trust(pipeline.model, full)
         self._received = self._looked = self._begun = self._recorded = 0
         self._lost: set[str] = set()
         self._stop = False
@@ -161,6 +163,7 @@ class Session:
             self._recorded = aligner.stamp
             estimates = self.pipeline.estimates
             self.trust.take(estimates)
+            self.trust.felt(aligner.wrench)
             if self._working:
                 self._record(estimates)
 

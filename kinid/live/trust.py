@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 MOST_ERRORS, MOST_SHARE = 3.0, 0.1
 #: nothing is said of fewer estimates
 FEWEST = 10
+#: a touch may drive a sensor to the end of its range for a while, but not for this share of a session
+MOSTLY = 0.5
 #: nothing is estimated then
 IDLE = (Status.NO_CONTACT, Status.NOT_SLIDING)
 #: what is estimated beside friction's coefficient: its unit, and what takes energy
@@ -65,13 +67,14 @@ class Trust:
     """Takes estimates now and then; what it keeps doesn't grow.
 
     Args:
-        model: names of its effects.
+        model: names of its effects. full: range of the sensor [N, N·m], where it is known.
 
     Attributes:
         units: of all that is estimated, by name.
     """
 
-    def __init__(self, model: Sequence[str]) -> None:
+    def __init__(self, model: Sequence[str], full: Sequence[float] | None = None) -> None:
+        self._full, self._looked, self._beyond = None if full is None else np.asarray(full), 0, 0
         chosen = [effects.get(name) for name in model]
         rubs = any(effect.recursive == Friction.__name__ for effect in chosen)
         self.units = {name: unit for name, (unit, _) in BESIDE.items() if rubs}
@@ -97,6 +100,12 @@ class Trust:
             if status is Status.VALID:
                 self._now.setdefault(part, Scatter()).add(estimate.values, estimate.std)
 
+    def felt(self, wrench: Array) -> None:
+        """A wrench of the sensor now and then, (6,)."""
+        if self._full is not None:
+            self._looked += 1
+            self._beyond += bool((np.abs(wrench) >= self._full).any())
+
     def parted(self, *parts: str) -> None:
         """Another touch, or another material: values may differ from here on; default: of all parts."""
         for part in parts or tuple(self._now):
@@ -107,6 +116,12 @@ class Trust:
     def doubts(self, estimates: Mapping[str, Estimate]) -> list[str]:
         """What speaks against the values, a line each."""
         out = []
+        if self._looked >= FEWEST and self._beyond > MOSTLY * self._looked:
+            share = 100 * self._beyond / self._looked
+            out.append(
+                f"the wrench is at or beyond [sensor] range in {share:.3g} % of the session: it is in another unit, as "
+                "mN and N·mm, or the range is another's"
+            )
         for part, estimate in estimates.items():
             names, seen = ", ".join(estimate.names), self._seen.get(part, Counter())
             if seen.total() >= FEWEST and not seen[Status.VALID]:

@@ -120,7 +120,7 @@ class Picture:
 
     @cached_property
     def _fields(self) -> Array:
-        """Features of every pixel, (rows, columns, 8); colour by colour: a picture may fill much of the memory."""
+        """Features of every pixel, (rows, columns, 8); colour by colour, which takes less memory."""
         from scipy.ndimage import gaussian_gradient_magnitude, gaussian_laplace, uniform_filter
 
         size, out = 2 * HALF + 1, np.empty((*self.pixels.shape[:2], len(FEATURES)))

@@ -55,3 +55,34 @@ def test_a_border_that_may_be_none_is_doubted(run: Run, tmp_path: Path) -> None:
 def test_wrong_questions_are_refused(run: Run, refused: Callable[..., None], crossed: Path) -> None:
     refused(run("changes", crossed, "--false-alarms", "2"), "false-alarm")
     refused(run("changes", crossed.parent / "none.parquet", "--rig", crossed.parent / "rig.toml"), "none.parquet")
+
+
+def with_rig(log: Path, line: str, other: str) -> Path:
+    """A rig beside the log's with another line."""
+    text = (log.parent / "rig.toml").read_text(encoding="utf-8")
+    assert line in text
+    path = log.parent / "other.toml"
+    path.write_text(text.replace(line, other), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("line", "other", "words"),
+    [
+        ("[robot]", "[columns]\nwrench = { scale = 1000.0 }\n\n[robot]", "the wrench is in another unit"),
+        ("mass = 0.24", "mass = 0.9", "correct [tool] mass"),
+    ],
+)
+def test_what_hides_a_slide_is_said(
+    run: Run, refused: Callable[..., None], crossed: Path, line: str, other: str, words: str
+) -> None:
+    rig = with_rig(crossed, line, other)
+    refused(run("changes", crossed, "--rig", rig), "no slide of 4 mm", "first see to what is to be doubted", words)
+
+
+def test_what_contact_doubts_is_doubted_here_too(run: Run, crossed: Path) -> None:
+    code, said, err = run(
+        "changes", crossed, "--rig", with_rig(crossed, "com = [0.0, 0.0, 0.049]", "com = [0.049, 0.0, 0.0]")
+    )
+    assert code == 0, err
+    assert "correct [tool] com" in said

@@ -298,3 +298,14 @@ def test_what_the_urdf_parser_says_goes_into_the_line(log: Path) -> None:
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert "limits" in done.stderr
+
+
+@pytest.mark.parametrize("name", ["plot.pdf", "plot", "plot.png"])
+def test_a_plot_is_named_as_the_page_that_it_is(run, log, refused, name):
+    refused(run("contact", log, "--plot", log.parent / name), f"output '{name}'", ".html")
+    assert not (log.parent / name).exists()
+
+
+@pytest.mark.parametrize("bandwidth", ["1e-9", "250", "1e9", "0", "nan"])
+def test_a_bandwidth_that_the_samples_do_not_hold(run, log, refused, bandwidth):
+    refused(run("contact", log, "--bandwidth", bandwidth), "Hz")

@@ -88,3 +88,19 @@ def test_a_law_that_lacks_relaxation_is_doubted_and_told_once_a_touch(run: Run, 
     assert "doubt: within one touch stiffness went from" in out
     # a poke's turning points are no loss: what is lost for a second is, once
     assert 1 <= out.count("excitation-lost at") <= out.count("touch at")
+
+
+@pytest.mark.parametrize(("factor", "doubted"), [(1.0, False), (1000.0, True)])
+def test_forces_in_another_unit_are_beyond_the_sensors_range(
+    run: Run, scripted: Scripted, tmp_path: Path, factor: float, doubted: bool
+) -> None:
+    log = scripted.write(tmp_path)
+    rig = log.parent / "rig.toml"
+    text = rig.read_text(encoding="utf-8")
+    assert "range = [40" in text
+    rig.write_text(f"{text}\n[columns]\nwrench = {{ scale = {factor} }}\n", encoding="utf-8")
+    facts = tmp_path / "live.json"
+    code, _, err = run("live", log, "--model", "kelvin-voigt", "--speed", 0, "--quiet", "--json", facts)
+    assert code == 0, err
+    said = " ".join(json.loads(facts.read_text())["doubts"])
+    assert ("beyond [sensor] range" in said) == doubted
