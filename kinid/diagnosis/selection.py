@@ -380,10 +380,10 @@ def _compare_alternatives(found: Selection, settings: DiagnosisSettings, forced:
 def _beside_its_rivals(state: State, name: str, settings: DiagnosisSettings) -> Screening:
     """Screen the catalogue and refit an effect, those that promise most, and those that promise as much as it does."""
     points = screen_catalogue(state)
-    promise = {other: at[0].predicted_gain for other, at in points.items()}
-    own, most = promise.get(name, 0.0), max(promise.values(), default=0.0)
-    best = [n for n in sorted(promise, key=lambda n: -promise[n]) if promise[n] > MIN_GAIN_SHARE * most]
-    alike = sorted((n for n in promise if promise[n] > MIN_GAIN_SHARE * own), key=lambda n: abs(promise[n] - own))
+    gains = {other: at[0].predicted_gain for other, at in points.items()}
+    own, most = gains.get(name, 0.0), max(gains.values(), default=0.0)
+    best = [n for n in sorted(gains, key=lambda n: -gains[n]) if gains[n] > MIN_GAIN_SHARE * most]
+    alike = sorted((n for n in gains if gains[n] > MIN_GAIN_SHARE * own), key=lambda n: abs(gains[n] - own))
     chosen = {*best[:MAX_ALTERNATIVES], *alike[:MAX_ALTERNATIVES]}
     few = replace(settings, refits=len(chosen), promising_share=0.0)
     return Screening(state, points, tuple(_promising(state, {n: points[n] for n in points if n in chosen}, few)))
