@@ -305,7 +305,7 @@ def test_hysteresis_does_not_depend_on_speed() -> None:
         normal(
             model,
             signals(path / speed, POKES(path), speed * POKES(path, 1)),
-            hysteresis__amplitude=0.4,
+            hysteresis__ratio=0.4,
             hysteresis__length=7e-4,
         )
         for speed in (0.1, 7.0)
@@ -313,7 +313,7 @@ def test_hysteresis_does_not_depend_on_speed() -> None:
     np.testing.assert_allclose(fast, slow, rtol=0, atol=1e-9)
     # nor on how time is sampled, to the error of the path: half a step's turn at each reversal
     t = uneven(4.0, 8001)
-    other = normal(model, signals(t, POKES(t), POKES(t, 1)), hysteresis__amplitude=0.4, hysteresis__length=7e-4)
+    other = normal(model, signals(t, POKES(t), POKES(t, 1)), hysteresis__ratio=0.4, hysteresis__length=7e-4)
     np.testing.assert_allclose(np.interp(path, t, other), slow, rtol=0, atol=2e-3 * slow.max())
     loading = slow[np.searchsorted(path, 0.3)]
     elastic = normal(Model("hertz"), signals(path, POKES(path), POKES(path, 1)))[np.searchsorted(path, 0.3)]
