@@ -107,7 +107,10 @@ def picture(
 
 
 def _corners(text: str, option: str) -> Corners:
-    a, b, c, d = numbers(text, option, "four numbers [m]: low1,low2,high1,high2", counts=(4,))
+    from kinid.data.plausible import FARTHEST
+
+    expected = f"four numbers [m], each below {FARTHEST:g}: low1,low2,high1,high2"
+    a, b, c, d = numbers(text, option, expected, counts=(4,), below=FARTHEST)
     return (a, b), (c, d)
 
 

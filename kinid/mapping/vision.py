@@ -10,8 +10,7 @@ was learnt is said to be unknown.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,13 +26,20 @@ if TYPE_CHECKING:
     from sklearn.base import ClassifierMixin
 
 Array = NDArray[np.float64]
+#: of single precision where they come from a file, which has no more
+Pixels = NDArray[np.float64] | NDArray[np.float32]
 
-#: a picture of more pixels is refused before it is unpacked: each costs some hundred bytes on the way to its features
+#: a picture of more pixels is refused before it is unpacked: each costs some twenty bytes
 MOST_PIXELS = 16_000_000
 #: what is expected of a file, and how to mend another one
 PICTURE = ("a PNG or JPEG image", "name another file, or save the picture anew")
 #: half the side of the patch that features are taken from [pixels]
 HALF = 4
+#: features are worked out for tiles of such a side, of which so many are remembered: whole pictures of two million
+#: pixels [pixels]
+TILE, REMEMBERED = 512, 8
+#: beyond a tile's border, features depend on so many pixels more: half a patch, and a Gaussian's four deviations
+REACH = HALF + 4
 #: names of the features
 FEATURES = ("red", "green", "blue", "spread of red", "spread of green", "spread of blue", "gradient", "curvature")
 #: the study's number of random folds
@@ -54,9 +60,10 @@ class Picture:
             pixel's outer corner; rows run along the first tangent, columns along the second.
     """
 
-    pixels: Array
+    pixels: Pixels
     low: tuple[float, float]
     high: tuple[float, float]
+    _tiles: dict[tuple[int, int], Array] = field(init=False, repr=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.pixels.ndim != 3 or self.pixels.shape[2] != 3 or min(self.pixels.shape[:2]) < 2 * HALF + 1:
@@ -93,10 +100,10 @@ class Picture:
                         f"make it smaller: a tip is tens of pixels wide then, too; {raised(count, MOST_PIXELS)}",
                     )
                 if image.mode.startswith("I"):  # 16 bits of grey, which a conversion to colours would clip to 8
-                    grey = np.asarray(image, dtype=np.float64) / 65535.0
+                    grey = np.asarray(image, dtype=np.float32) / np.float32(65535.0)
                     return cls(np.repeat(grey[..., None], 3, axis=2), low, high)
-                pixels = np.asarray(image.convert("RGB"), dtype=np.float64)
-                pixels /= 255.0
+                pixels = np.array(image.convert("RGB"), dtype=np.float32)
+                pixels /= np.float32(255.0)
                 return cls(pixels, low, high)
         except (OSError, ValueError, UnidentifiedImageError, Image.DecompressionBombError) as error:
             raise InputError(f"no picture at {path} ({str(error)[:60]})", *PICTURE) from None
@@ -116,23 +123,40 @@ class Picture:
     def features(self, places: Array) -> Array:
         """Of the patches around places (n, 2) [m], (n, 8), as in `FEATURES`."""
         at = self.pixel(places)
-        return np.asarray(self._fields[at[:, 0], at[:, 1]])
-
-    @cached_property
-    def _fields(self) -> Array:
-        """Features of every pixel, (rows, columns, 8); colour by colour, which takes less memory."""
-        from scipy.ndimage import gaussian_gradient_magnitude, gaussian_laplace, uniform_filter
-
-        size, out = 2 * HALF + 1, np.empty((*self.pixels.shape[:2], len(FEATURES)))
-        for k in range(3):
-            colour = self.pixels[..., k]
-            out[..., k] = uniform_filter(colour, size, mode="nearest")
-            square = uniform_filter(colour**2, size, mode="nearest")
-            out[..., 3 + k] = np.sqrt(np.maximum(square - out[..., k] ** 2, 0.0))
-        grey = self.pixels @ np.array([0.299, 0.587, 0.114])
-        out[..., 6] = uniform_filter(gaussian_gradient_magnitude(grey, 1.0, mode="nearest"), size, mode="nearest")
-        out[..., 7] = uniform_filter(np.abs(gaussian_laplace(grey, 1.0, mode="nearest")), size, mode="nearest")
+        out = np.empty((len(at), len(FEATURES)))
+        tiles, which = np.unique(at // TILE, axis=0, return_inverse=True)
+        for k, (row, column) in enumerate(tiles.tolist()):
+            here = np.flatnonzero(which.ravel() == k)
+            inside = at[here] - TILE * np.array([row, column])
+            out[here] = self._tile(row, column)[inside[:, 0], inside[:, 1]]
         return out
+
+    def _tile(self, row: int, column: int) -> Array:
+        """Features of the pixels of a tile, (rows, columns, 8); those of a few tiles are remembered."""
+        if (row, column) not in self._tiles:
+            while len(self._tiles) >= REMEMBERED:
+                del self._tiles[next(iter(self._tiles))]
+            near, far, shape = [], [], self.pixels.shape[:2]
+            for begin, most in zip((TILE * row, TILE * column), shape):
+                near.append(max(begin - REACH, 0))
+                far.append(min(begin + TILE + REACH, most))
+            fields = _features(self.pixels[near[0] : far[0], near[1] : far[1]])
+            first = TILE * row - near[0], TILE * column - near[1]
+            self._tiles[row, column] = fields[first[0] :, first[1] :][:TILE, :TILE].copy()
+        return self._tiles[row, column]
+
+
+def _features(given: Pixels) -> Array:
+    """Of every pixel (rows, columns, 3), (rows, columns, 8)."""
+    from scipy.ndimage import gaussian_gradient_magnitude, gaussian_laplace, uniform_filter
+
+    pixels, size = np.asarray(given, dtype=np.float64), (2 * HALF + 1, 2 * HALF + 1, 1)
+    mean = uniform_filter(pixels, size, mode="nearest")
+    spread = np.sqrt(np.maximum(uniform_filter(pixels**2, size, mode="nearest") - mean**2, 0.0))
+    grey = pixels @ np.array([0.299, 0.587, 0.114])
+    gradient = uniform_filter(gaussian_gradient_magnitude(grey, 1.0, mode="nearest"), size[:2], mode="nearest")
+    curvature = uniform_filter(np.abs(gaussian_laplace(grey, 1.0, mode="nearest")), size[:2], mode="nearest")
+    return np.concatenate([mean, spread, gradient[..., None], curvature[..., None]], axis=2)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import struct
+import tracemalloc
 import zlib
 
 import numpy as np
@@ -94,6 +95,29 @@ def test_pictures_come_from_files(tmp_path):
     deep, shallow = (Picture.read(tmp_path / f"{name}.png", (0.0, 0.0), (0.02, 0.03)) for name in ("deep", "shallow"))
     assert np.allclose(deep.pixels, grey[..., None], atol=1e-4)
     assert np.allclose(deep.pixels, shallow.pixels, atol=0.6 / 255)
+
+
+def test_large_pictures_are_worked_on_in_tiles_that_change_nothing():
+    rng = np.random.default_rng(4)
+    pixels = rng.random((1100, 1300, 3)).astype(np.float32)
+    large = Picture(pixels, (0.0, 0.0), (1.1, 1.3))
+    small = Picture(pixels[300:900, 400:1200], (0.3, 0.4), (0.9, 1.2))
+    places = rng.uniform((0.35, 0.45), (0.85, 1.15), (400, 2))  # a border of tiles runs through the middle
+    found = large.features(places)
+    assert np.allclose(found, small.features(places), rtol=0.0, atol=1e-12)
+    corners = large.features(np.array([[0.0, 0.0], [1.1, 1.3]]))
+    assert np.isfinite(corners).all()
+
+
+def test_the_largest_picture_fits_into_a_part_of_the_memory():
+    pixels = np.zeros((4000, 4000, 3), np.float32)
+    picture = Picture(pixels, (0.0, 0.0), (1.0, 1.0))
+    places = np.random.default_rng(0).random((900, 2))
+    tracemalloc.start()
+    picture.features(places)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 400 * 2**20  # all features of all pixels at once are 1 GiB, and twice that on the way
 
 
 def test_what_is_no_picture_is_refused(tmp_path):
@@ -228,6 +252,24 @@ def test_the_command_refuses_to_predict_from_grey(tmp_path):
     assert done.stderr.startswith("kinid: found a picture that tells nothing of stiffness")
     assert len(done.stderr.strip().splitlines()) == 1
     assert not (tmp_path / "p.parquet").exists()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("--corners=-inf,-inf,inf,inf",), ("--corners=0,0,1,1", "--onto", "b.png", "--onto-corners=0,0,inf,1")],
+)
+def test_corners_are_finite(tmp_path, monkeypatch, capsys, words):
+    from kinid.cli import main
+
+    monkeypatch.chdir(tmp_path)
+    mould_map().write(tmp_path / "m.parquet")
+    for name in ("a.png", "b.png"):
+        save(grey_picture(), tmp_path / name)
+    monkeypatch.setattr("sys.argv", ["kinid", "picture", "m.parquet", "a.png", *words])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 2
+    assert "inf; expected four numbers [m], each below 1000" in capsys.readouterr().err.replace(",1;", ";")
 
 
 def test_the_command_says_both_figures_and_what_is_unknown(tmp_path):
