@@ -236,7 +236,6 @@ if __name__ == "__main__":
         if "mains-hum" in r["truth"]:
             f = r["values"]["mains-hum.frequency"]; X = np.stack([g(2*np.pi*m*f*d["t"]) for m in (1, 2) for g in (np.sin, np.cos)], 1); Y = r1.reshape(len(d["t"]), -1); Y = Y-X@np.linalg.lstsq(X, Y, rcond=None)[0]; e1 = np.sqrt(np.mean(Y**2))
         if "quantization" in r["truth"]: e1 = np.sqrt(max(e1**2-r["values"]["quantization.step"]**2/12, r["noise"]["normal_force"]**2))
-        if os.environ.get("DUMP"): np.savez("/tmp/w/w12/dump_%s.npz" % r["case"], t=d["t"], meas=meas, pred=pred({**x1, **p1}))
         te = np.sqrt(np.mean([(x*(10 if k[0] == "t" and k[1] in "xyz" else 1))**2 for k, x in r["true_error"].items() if not k.startswith("tau")])); rd = np.sqrt(np.mean((meas*w)**2))
         print("%-14s %-12s %-46s e0 %.4f e1 %.4f share %.1f | true_err %.4f rms reading %.2f" % (r["case"], r["group"], ",".join(r["truth"]), e0, e1, np.sqrt(max(e0**2-e1**2, 0))/e1, te, rd))
         print("     ", r["note"][:90], "fit", {k: float("%.4g" % x) for k, x in p1.items()}, "true", v)

@@ -1,8 +1,8 @@
 """Own dynamics and URDF against Pinocchio."""
-import numpy as np, pinocchio as pin, os
+import numpy as np, pinocchio as pin, os, tempfile
 from chain import *
 for k in ARMS:
-    A = ARMS[k](); write_urdf(A, "/tmp/w/w12/%s.urdf" % A.name); mod = pin.buildModelFromUrdf("/tmp/w/w12/%s.urdf" % A.name); da = mod.createData()
+    A = ARMS[k](); write_urdf(A, os.path.join(tempfile.gettempdir(), "%s.urdf" % A.name)); mod = pin.buildModelFromUrdf(os.path.join(tempfile.gettempdir(), "%s.urdf" % A.name)); da = mod.createData()
     n = A.n; R0 = np.array([rpy(*v) for v in A.rpy]); rng = np.random.default_rng(0)
     for _ in range(3):
         q = rng.uniform(-1, 1, n); dq = rng.normal(size=n); g = np.array([.3, -.2, -9.8]); mod.gravity.linear = g
