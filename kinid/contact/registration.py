@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
 from kinid.contact.flag import OFF, ON, force_noise
-from kinid.contact.series import tip_motion
+from kinid.contact.series import tip_motions
 from kinid.data.log import Log
 from kinid.data.rig import Rig, SurfaceSpec
 from kinid.errors import InputError, expect
@@ -168,8 +168,9 @@ def onsets(log: Log, rig: Rig, robot: Robot, differentiator: Differentiator | No
     labelled = len(free) > 0
     if not labelled:
         free = np.flatnonzero(log.t < log.t[0] + STARTS_FREE)
+    motion_beside = tip_motions(log, rig, robot=robot, differentiator=differentiator)
     for _ in range(1 if labelled else 3):  # what is free follows from what touches, and the bias from what is free
-        motion = tip_motion(log, rig, robot=robot, free=free, differentiator=differentiator)
+        motion = motion_beside(free)
         force = motion.force if motion.force is not None else np.zeros_like(motion.position)
         size = np.linalg.norm(force, axis=1)
         noise = max(float(force_noise(force[np.isfinite(size), axis])) for axis in range(3))

@@ -6,6 +6,7 @@ frame, from which the tool's weight and inertia and the sensor's known faults ha
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -222,6 +223,20 @@ def tip_motion(
     Raises:
         InputError: no joints, no tip frame, or input that contradicts itself.
     """
+    made = tip_motions(log, rig, robot=robot, bias=bias, differentiator=differentiator, trust_wrench=trust_wrench)
+    return made(log.labelled_free if free is None else free)
+
+
+def tip_motions(
+    log: Log,
+    rig: Rig,
+    *,
+    robot: Robot | None = None,
+    bias: Bias = "auto",
+    differentiator: Differentiator | None = None,
+    trust_wrench: bool = False,
+) -> Callable[[NDArray[np.int64]], TipMotion]:
+    """`tip_motion` of whatever rows are taken for free motion, with its kinematics worked out once."""
     _expect(log, rig)
     robot = robot or Robot.load(rig)
     tip = robot.tip_frame or robot.sensor_frame
@@ -230,19 +245,25 @@ def tip_motion(
         raise AssertionError
     motion = joint_motion(log, robot, differentiator)
     kinematics = robot.kinematics(tip, motion.q, motion.dq, motion.ddq)
-    force = None
+    rotation, load = None, np.zeros(0)
     if log.wrench is not None and robot.sensor_frame is not None:
-        reading = read_wrench(log, rig, robot, motion, log.labelled_free if free is None else free, bias, trust_wrench)
         sensor = robot.kinematics(robot.sensor_frame, motion.q, motion.dq, motion.ddq)
-        load = tool_load(rig.carried, sensor, robot.gravity)
-        force = np.einsum("nij,nj->ni", sensor.rotation, (reading.true() - load)[:, :3])
+        rotation, load = sensor.rotation, tool_load(rig.carried, sensor, robot.gravity)
     if not np.isfinite(kinematics.position).all(axis=1).any():
         raise InputError(
             f"not one sample of {log.provenance.source} in which every joint position is a number",
             "finite joint positions",
             "check its columns",
         )
-    return TipMotion(log.t, kinematics.position, kinematics.velocity, force, motion.steps)
+
+    def made(free: NDArray[np.int64]) -> TipMotion:
+        force = None
+        if rotation is not None:
+            reading = read_wrench(log, rig, robot, motion, free, bias, trust_wrench)
+            force = np.einsum("nij,nj->ni", rotation, (reading.true() - load)[:, :3])
+        return TipMotion(log.t, kinematics.position, kinematics.velocity, force, motion.steps)
+
+    return made
 
 
 def _need_tip(robot: Robot) -> None:

@@ -33,7 +33,7 @@ SURE = 3.0
 def misplaced(log: Log, rig: Rig, robot: Robot, touch: ContactSeries | None) -> tuple[float, list[str]]:
     """Whether even the touch that begins nearest to the surface begins beyond the contact flag's reach of it.
 
-    Where a touch begins is told by the force alone, so that a surface that is off can't hide it.
+    Where a touch begins follows from the force alone, so that a surface that is off can't hide it.
 
     Args:
         log: with joints. rig: with a surface. robot: of the rig. touch: the log's contact quantities, if any.
