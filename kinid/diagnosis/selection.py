@@ -378,7 +378,7 @@ def _compare_alternatives(found: Selection, settings: DiagnosisSettings, forced:
 
 
 def _beside_its_rivals(state: State, name: str, settings: DiagnosisSettings) -> Screening:
-    """Screen the catalogue and refit an effect, those that promise most, and those that promise as much as it does."""
+    """Screen the catalogue and refit an effect, those of the largest predicted gain, and those of one like its own."""
     points = screen_catalogue(state)
     gains = {other: at[0].predicted_gain for other, at in points.items()}
     own, most = gains.get(name, 0.0), max(gains.values(), default=0.0)

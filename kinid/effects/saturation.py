@@ -160,9 +160,8 @@ class Saturation(Effect):
             # goes on, or noise that is wider than a step stops there
             step, noise = lattice(x) if flat[channel].any() else 0.0, float(samples.noise[channel])
             chance = step > SHARED * noise or np.mean(np.diff(x[~flat[channel]]) == 0.0) > REPEATED
-            own = float(samples.white(raw, samples.valid & ~flat[channel])[channel])  # what stands still has none
-            chance = chance and not (0.0 < step <= own and _stops(np.abs(x), limit, step, own))
-            if samples.expected is not None and flat[channel].any() and chance:
+            asked = samples.expected is not None and flat[channel].any() and chance
+            if asked and not _stops(x, samples.valid & ~flat[channel], limit, step):
                 flat[channel] &= _cut_off_there(samples, channel, limit, max(step, noise)).any()
         return limits, flat
 
@@ -186,8 +185,17 @@ def _resting(flags: Mask) -> int:
     return int(rows[rows >= 3].sum())
 
 
-def _stops(sizes: Array, top: float, step: float, noise: float) -> bool:
-    """Whether sizes on a lattice (n,) have their largest value far more often than any within the noise below it."""
+def _stops(x: Array, moving: Mask, top: float, step: float) -> bool:
+    """Whether readings on a lattice finer than their noise have their largest size far more often than any within the
+    noise below it.
+
+    Args:
+        x: readings, (n,). moving: those that tell the noise, (n,): what stands still has none. top: the largest size.
+            step: of the lattice, or 0.
+    """
+    sizes, noise = np.abs(x), white_noise(x[moving])
+    if not 0.0 < step <= noise:
+        return False
     number = np.bincount(np.round((top - sizes[sizes > top - BEYOND * noise - 0.5 * step]) / step).astype(int))
     return bool(number[0] > DENSER * number[1:].max(initial=0))
 

@@ -20,7 +20,7 @@ Rows = NDArray[np.int64]
 #: stamps are looked at that are this far from an even clock, in samples; noise that an even one takes off, on a
 #: logarithmic scale
 JITTER, EVEN = 1e-6, -0.4
-#: digits to which steps of an even clock are told, in samples: where they are the same number, filters settle
+#: digits to which steps of an even clock are rounded, in samples: where they are the same number, filters settle
 ROUND = 8
 #: noise of the axes that times of their own take off: of two axes that move together, any noise can lose half of its
 #: variance

@@ -116,7 +116,7 @@ def as_written(case: Row) -> Row:
 
 
 def _of_model_and_truth(case: Row) -> Row:
-    """The same where the group is told in other words."""
+    """The same where the group has another name."""
     base = [name for name in case["model"].split(",") if name != "none"]
     lacks = [name for name in case["truth"] if name not in base]
     hidden = [] if case["group"] in ("quiet", "outside", "not-excited") else case["truth"]
