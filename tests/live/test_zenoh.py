@@ -161,11 +161,17 @@ def test_topics_that_are_not_asked_for(rig: Rig) -> None:
     settings = {"listen": {"endpoints": [f"tcp/127.0.0.1:{port}"]}, "scouting": {"multicast": {"enabled": False}}}
     with zenoh.open(zenoh.Config.from_json5(json.dumps(settings))) as robot:
         source, kind = Client(f"127.0.0.1:{port}/7"), "sensor_msgs::msg::dds_::JointState_/x"
+        forces = "7/w/geometry_msgs::msg::dds_::WrenchStamped_/x"
         items = source.items()
-        assert [next(items) for _ in range(4)] == 4 * [None]  # its subscription gets there
+        # messages sent before both subscriptions got there would be lost
+        publishers = [robot.declare_publisher(key) for key in (f"7/arm/joint_states/{kind}", forces)]
+        end = time.monotonic() + 10.0
+        while not all(publisher.matching_status.matching for publisher in publishers):
+            assert next(items) is None
+            assert time.monotonic() < end
         for topic in ("7/arm/joint_states", "7/hand", "7/hand", "8/arm/joint_states", "7/arm/joint_states"):
             robot.put(f"{topic}/{kind}", joints(5), express=True)
-        robot.put("7/w/geometry_msgs::msg::dds_::WrenchStamped_/x", wrench(6)[:40], express=True)
+        robot.put(forces, wrench(6)[:40], express=True)
         first, other, second, broken = collect(source, 4, items)
     assert isinstance(first, Joints)
     assert isinstance(second, Joints)
