@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinid.effects._derived import derived
 from kinid.effects._effect import Effect
@@ -28,8 +30,14 @@ STANDS_OUT, BESIDE = 25.0, (-2.1, -1.4, -0.9, 0.9, 1.4, 2.1)
 SHARPENED = 4
 #: stretches over which a grid's phase is one [s], and time over which a line is followed [s]
 STEADY, FOLLOWED = 4.0, 0.5
+#: step of time at which a line that was made slow is taken [s]: the motion does not alias to it
+STEP = 5e-3
+#: so many of these steps are one where a line is looked for at first
+COARSER = 4
 #: where fewer of the samples count, a line is taken to be weaker instead of being guessed
 SEEN = 0.1
+
+Complex = NDArray[np.complex128]
 
 
 @final
@@ -87,7 +95,7 @@ class MainsHum(Effect):
         if not lines:
             return None
         hum = sum((_followed(rest, samples, h * frequency) for h in lines), np.zeros_like(rest))
-        sizes = np.hypot(*_pair(rest, samples.t, lines[0] * frequency))
+        (sizes,) = _amplitudes(*_mixed_down(rest, samples.t, lines[0] * frequency), len(samples.t))
         top = int(np.argmax(sizes / samples.noise))
         says = (
             f"a line at {frequency:.2f} Hz{' and its harmonics' if len(lines) > 1 else ''}, "
@@ -118,30 +126,36 @@ def _lines(rest: Array, samples: Samples, grid: float) -> tuple[float, float, tu
     possible = [h for h in (1, 2, 3) if h * (grid + OFF) < NYQUIST / samples.period]
     if not possible:
         return 0.0, grid, ()
-    frequency, noise = _refined(rest, samples.t, grid, samples.noise), samples.noise
+    frequency, noise = _refined(rest, samples, grid), samples.noise
     found, power = [], 0.0
     for h in possible:
-        size = np.hypot(*_pair(rest, samples.t, h * frequency))
-        beside = np.mean([np.hypot(*_pair(rest, samples.t, h * frequency + off)) ** 2 for off in BESIDE], axis=0)
-        clear = (size > LINE * noise) & (size**2 > STANDS_OUT * beside)
+        size, *beside = _amplitudes(*_mixed_down(rest, samples.t, h * frequency), len(samples.t), (0.0, *BESIDE))
+        clear = (size > LINE * noise) & (size**2 > STANDS_OUT * np.mean(np.square(beside), axis=0))
         if clear.any():
             found.append(h)
             power += float(((size / noise) ** 2)[clear].sum())
     return power, frequency, tuple(found)
 
 
-def _pair(readings: Array, t: Array, frequency: float) -> Array:
-    """Amplitudes of sine and cosine, mean square over stretches in which a grid's phase is one, (2, channels)."""
-    many = max(1, min(int(t[-1] / STEADY), len(t) // FEWEST))
-    angle = 2.0 * np.pi * frequency * t
-    out = np.zeros((2, len(readings)))
+def _mixed_down(readings: Array, t: Array, frequency: float) -> tuple[Complex, Array]:
+    """A line (channels, n) made slow: its means over steps of time, (channels, m), and their times, (m,)."""
+    many = max(1, round(STEP * (len(t) - 1) / max(float(t[-1] - t[0]), 1e-9)))
+    begin = np.arange(0, len(t), many)
+    count = np.diff(begin, append=len(t))
+    mean = np.add.reduceat(readings * np.exp(-2j * np.pi * frequency * t), begin, axis=1) / count
+    return mean, np.add.reduceat(t, begin) / count
+
+
+def _amplitudes(mixed: Complex, t: Array, samples: int, offsets: Sequence[float] = (0.0,)) -> list[Array]:
+    """Amplitudes (channels,) of a line made slow (channels, m), and so far beside it [Hz]: roots of mean squares over
+    stretches in which a grid's phase is one.
+    """
+    many = max(1, min(int(t[-1] / STEADY), samples // FEWEST))
     edges = np.linspace(0, len(t), many + 1).astype(int)
-    for begin, end in zip(edges[:-1], edges[1:]):
-        window = np.hanning(end - begin)
-        window *= 2.0 / window.sum()
-        waves = np.stack([np.sin(angle[begin:end]), np.cos(angle[begin:end])], axis=1) * window[:, None]
-        out += (readings[:, begin:end] @ waves).T ** 2 / many
-    return np.sqrt(out)
+    windows = [np.hanning(n) for n in np.diff(edges)]
+    seen = mixed * np.concatenate([2.0 * window / window.sum() for window in windows])
+    turned = (seen * np.exp(-2j * np.pi * offset * t) for offset in offsets)
+    return [np.sqrt(np.mean(abs(np.add.reduceat(one, edges[:-1], axis=1)) ** 2, axis=1)) for one in turned]
 
 
 def _coherent(readings: Array, t: Array, frequency: float) -> Array:
@@ -164,24 +178,21 @@ def _followed(readings: Array, samples: Samples, frequency: float) -> Array:
     return out
 
 
-def _refined(readings: Array, t: Array, grid: float, noise: Array) -> float:
+def _refined(readings: Array, samples: Samples, grid: float) -> float:
     """Frequency near the grid's at which the line in a residual (channels, n) is strongest [Hz]."""
-    loudest = readings[int(np.argmax(np.hypot(*_pair(readings, t, grid)) / noise))][None]
+    mixed, t = _mixed_down(readings, samples.t, grid)
+    loudest = mixed[int(np.argmax(_amplitudes(mixed, t, len(samples.t))[0] / samples.noise))]
     trials = np.arange(-OFF, OFF + 1e-9, max(0.4 / max(float(t[-1]), 1.0), COARSE))
-    # mixed down to the grid's frequency, a line is slow: means over 20 ms hold it
-    many = max(1, round(0.02 * (len(t) - 1) / max(float(t[-1] - t[0]), 1e-9)))
-    begin = np.arange(0, len(t), many)
-    slow = np.add.reduceat(loudest[0] * np.exp(-2j * np.pi * grid * t), begin)
-    middle = t[np.minimum(begin + many // 2, len(t) - 1)]
+    begin = np.arange(0, len(t), COARSER)
+    slow, middle = np.add.reduceat(loudest, begin), t[np.minimum(begin + COARSER // 2, len(t) - 1)]
     power = [abs(slow @ np.exp(-2j * np.pi * off * middle)) for off in trials]
-    near = found = float(grid + trials[int(np.argmax(power))])
+    near = found = float(trials[int(np.argmax(power))])
     for _ in range(SHARPENED):  # between two trials: least squares
         wave = np.exp(2j * np.pi * found * t)
-        sine, cosine = _coherent(loudest, t, found)[:, 0]
-        turned = 2.0 * np.pi * (t - t.mean()) * (sine * wave.real - cosine * wave.imag)
-        rest = loudest[0] - sine * wave.imag - cosine * wave.real
-        found += float(turned @ rest / max(float(turned @ turned), 1e-300))
-    return found if abs(found - near) < trials[1] - trials[0] else near
+        line = np.vdot(wave, loudest) / len(t) * wave
+        turned = 2j * np.pi * (t - t.mean()) * line
+        found += float(np.vdot(turned, loudest - line).real / max(np.vdot(turned, turned).real, 1e-300))
+    return grid + (found if abs(found - near) < trials[1] - trials[0] else near)
 
 
 def _line_of(s: Signals) -> float:
