@@ -68,7 +68,8 @@ def detect(experiment: Experiment, names: tuple[str, ...], motion: Array | None 
         found = effect.detect(samples)
         if found is None:
             continue
-        marks.append(Mark(dataclasses.replace(effect, **found.form), found.values, found.says, found))
+        if not found.usual:
+            marks.append(Mark(dataclasses.replace(effect, **found.form), found.values, found.says, found))
         experiment = _without(experiment, samples, found)
     return Cleaned(experiment, tuple(marks))
 

@@ -61,7 +61,7 @@ def run(
         progress("looking for marks in the samples")
         cleaned = detect(experiment, (*model.names, *passed), model.predict(experiment.signals, plain.values))
         marks = {mark.effect.id for mark in cleaned.marks}
-        start = estimate(model, cleaned.experiment, known) if marks else plain
+        start = plain if cleaned.experiment is experiment else estimate(model, cleaned.experiment, known)
         selection = select(start, settings, [name for name in forced if name not in marks], progress)
         if selection.added and not selection.unsupported:
             # what a fit of that model finds by itself is reported, unless the way here led further down

@@ -65,6 +65,7 @@ class Detection:
             nothing.
         noise: standard deviation of the white noise of each channel from then on, (channels,); None: as before.
         relative: the samples don't tell it alone, but beside what the model expects.
+        usual: every rig has as much: it counts as noise, and is no finding.
     """
 
     values: Array
@@ -75,6 +76,7 @@ class Detection:
     removed: Array | None = None
     noise: Array | None = None
     relative: bool = False
+    usual: bool = False
 
 
 def lattice(values: Array) -> float:

@@ -14,6 +14,8 @@ from kinid.parameter import Parameter
 
 #: a step of at least so many standard deviations of the noise is coarse
 COARSE = 1.2
+#: steps in what a channel reads: converters of sensors have twelve bits and more
+LEVELS = 4096
 
 
 @final
@@ -30,6 +32,7 @@ class Quantization(Effect):
     detector = True
     detection_order = 1
     null = {"step": 0.0}
+    unremarkable = {"step[N]": 0.02, "step[N·m]": 5e-4}  # resolution of wrist sensors (ATI Mini40)
     affine = False
     order = 4
     admissible = {"step": (0.0, 1e3)}  # a lattice has a width
@@ -64,8 +67,16 @@ class Quantization(Effect):
         coarse = (steps > 0) & (steps > COARSE * np.maximum(white, rounding))
         if not coarse.any():
             return None
+        usual = np.array([self.usual(parameter) for parameter in self.parameters(samples.layout)])
+        usual = np.maximum(usual, np.ptp(samples.raw[:, samples.valid], axis=1) / LEVELS)
         says = f"a lattice of values: {samples.named(steps, coarse, 'in steps of')}"
-        return Detection(np.where(coarse, steps, 0.0), says, held, noise=np.maximum(samples.noise, rounding))
+        return Detection(
+            np.where(coarse, steps, 0.0),
+            says,
+            held,
+            noise=np.maximum(samples.noise, rounding),
+            usual=bool((steps <= usual)[coarse].all()),
+        )
 
     def acquisition(self, s: Signals, p: Array) -> None:
         """Round the readings."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import final
 
 import numpy as np
@@ -15,6 +15,9 @@ from kinid.parameter import Parameter
 
 #: share within which moments of inertia are known from a drawing, or a mass that is off while the shape is right
 DRAWN = 0.1
+#: a principal moment that is negative by less than a share of the largest may be an axis that hardly turns
+NEGATIVE = 0.5
+ENTRIES = ("xx", "yy", "zz", "xy", "xz", "yz")
 
 
 @final
@@ -45,19 +48,35 @@ class ToolInertia(Effect):
         """The six entries of the inertia."""
         return tuple(
             Parameter(f"inertia[{entry}]", "ΔI", "kg·m²", 0.0, -10.0, 10.0, scale=1e-4, linear=True)
-            for entry in ("xx", "yy", "zz", "xy", "xz", "yz")
+            for entry in ENTRIES
         )
 
     def calibration_sd(self, signals: Signals) -> Mapping[str, float]:
         """A share of what the rig states: drawings know a tool's outline better than its screws and cables."""
-        stated = () if signals.sensor is None else zip(("xx", "yy", "zz"), signals.sensor.moments.tolist())
+        stated = () if signals.sensor is None else zip(ENTRIES, signals.sensor.moments.tolist())
         return {f"inertia[{entry}]": DRAWN * moment for entry, moment in stated if moment > 0.0}
+
+    def implausible(
+        self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None
+    ) -> str:
+        """A tool that turns more easily than nothing: accelerations of coarse positions follow noise, and load so."""
+        if signals is not None and signals.sensor is not None:
+            added = _tensor([values.get(f"inertia[{entry}]", 0.0) for entry in ENTRIES])
+            least, _, most = np.linalg.eigvalsh(np.diag(signals.sensor.moments) + added)
+            if least < -NEGATIVE * max(most, 0.0):
+                return f"a tool whose moments of inertia are {least:.2g} to {most:.2g} kg·m²"
+        return super().implausible(values, model_values, signals)
 
     def tool(self, s: Signals, p: Array) -> None:
         """Add what turns it."""
         assert s.sensor is not None
-        xx, yy, zz, xy, xz, yz = p
-        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        inertia = _tensor(p)
         omega, alpha = s.sensor.omega, s.sensor.alpha
         torque = -inertia @ alpha - cross(omega, inertia @ omega)
         s.reading = s.reading + np.concatenate([np.zeros_like(torque), torque])
+
+
+def _tensor(entries: Sequence[float] | Array) -> Array:
+    """The symmetric tensor (3, 3) of its six entries."""
+    xx, yy, zz, xy, xz, yz = entries
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

@@ -59,6 +59,19 @@ def shaken(swing: Callable[..., Any]) -> tuple[Log, tuple[Array, Array, Array]]:
     return Log(t, q=motion[0], dq=motion[1], ddq=motion[2], wrench=np.zeros((300, 6))), motion
 
 
+def test_no_tool_turns_more_easily_than_nothing(shaken: tuple[Log, tuple[Array, ...]]) -> None:
+    """The smallest moment may come out a little negative; one that is larger than all others can't."""
+    seen = from_wrench(shaken[0], Rig.parse({**ROBOT, "tool": TOOL}), differentiator=Differentiator()).signals
+    inertia = kinid.effects.get("tool-inertia")
+
+    def why(*moments: float) -> str:
+        return inertia.implausible({f"inertia[{a}{a}]": value for a, value in zip("xyz", moments)}, {}, seen)
+
+    assert why(-1e-3, 1e-3, 0.0) == ""
+    assert why(-2.2e-3, 1e-3, 0.0) == ""
+    assert "moments" in why(-9e-3, -4e-3, 0.0)
+
+
 @pytest.mark.parametrize(
     "order", [("tool-mass", "tool-com", "tool-inertia"), ("tool-com", "tool-inertia", "tool-mass")]
 )
