@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.contact.normal_doubts import tilted_normal
 from kinid.contact.series import ContactSeries
 from kinid.contact.surface_doubts import misplaced, turned_normal
 from kinid.contact.time_doubts import time_doubts
@@ -57,6 +58,7 @@ def contact_doubts(log: Log, rig: Rig, robot: Robot | None, touch: ContactSeries
         or late
         or _elsewhere(robot)
         or turned_normal(rig, touch)
+        or tilted_normal(log, rig, robot, touch)
         or hidden
         or tool_doubts(log, rig, robot, touch)
         or place

@@ -240,6 +240,31 @@ def test_a_normal_that_points_into_the_material(touched: tuple[Log, Rig, Robot],
     assert "|" not in said  # and nothing else, that only follows from it
 
 
+def tilted(rig: Rig, degrees: float) -> Rig:
+    """The rig with its normal turned by so much, about the second tangent."""
+    angle = np.deg2rad(degrees)
+    return changed(rig, surface={"normal": (np.sin(angle), 0.0, np.cos(angle)), "tangent": (0.0, 1.0, 0.0)})
+
+
+@pytest.mark.parametrize(
+    ("degrees", "doubted"), [(0.0, False), (4.0, False), (20.0, True), (-30.0, True), (45.0, True)]
+)
+def test_a_normal_that_touches_do_not_push_along(
+    touched: tuple[Log, Rig, Robot], degrees: float, doubted: bool
+) -> None:
+    log, rig, robot = touched
+    said = doubts(log, tilted(rig, degrees), robot)
+    assert ("off [surface] normal: correct it, as normal = [" in said) == doubted
+    assert "|" not in said
+    if doubted:
+        assert abs(float(said.split("about ")[1].split("°")[0]) - abs(degrees)) < 6.0
+
+
+def test_a_normal_that_is_known_no_better_is_not_doubted(touched: tuple[Log, Rig, Robot]) -> None:
+    log, rig, robot = touched
+    assert doubts(log, changed(tilted(rig, 20.0), surface={"tilt_sd": 0.1}), robot) == ""
+
+
 @pytest.mark.parametrize("mass", [410.0, 240.0, 1.0])
 def test_an_absurd_mass_is_the_tools_and_no_unit(touched: tuple[Log, Rig, Robot], mass: float) -> None:
     log, rig, robot = touched
