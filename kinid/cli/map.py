@@ -82,7 +82,7 @@ def map_(
     from kinid.batch.store import address_of, is_remote
     from kinid.cli.show import written
     from kinid.cli.show_map import in_map, map_facts, show_map
-    from kinid.mapping.origin import refuse_changed
+    from kinid.mapping.origin import refuse_changed, unknown_origin
     from kinid.mapping.property_map import PropertyMap
     from kinid.writers import alone_with, check_outputs, write_json, write_text
 
@@ -105,6 +105,9 @@ def map_(
         write_text(plot, map_page(grown, out.name, method))
     known, new = in_map(grown), len(grown) - (0 if start is None else len(start))
     show_map(grown, known, new, skipped, rig_file)
+    doubts = [] if start is None or not new else unknown_origin(start)
+    for doubt in doubts:
+        typer.echo(f"doubt: {doubt}")
     worlds: list[Path] = []
     if export is not None:
         from kinid.mapping.export import CELLS, FRICTION, cells_of
@@ -115,7 +118,7 @@ def map_(
             typer.echo(f"assumed friction {FRICTION} in {export}: the map holds none")
     files = [path for path in (out, plot, *worlds, json_file) if path is not None]
     if json_file is not None:
-        more = {"map": str(out), "method": method, "written": [str(path) for path in files]}
+        more = {"map": str(out), "method": method, "doubts": doubts, "written": [str(path) for path in files]}
         write_json(json_file, map_facts(grown, known, new, skipped) | more, allow_nan=False)
     written(files)
 

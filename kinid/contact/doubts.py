@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.contact.joint_doubts import frozen_joints
+from kinid.contact.normal_doubts import tilted_normal
 from kinid.contact.series import ContactSeries
 from kinid.contact.surface_doubts import misplaced, turned_normal
 from kinid.contact.time_doubts import time_doubts
-from kinid.contact.tool_doubts import FEWEST, FORCES, MOMENTS, tool_doubts
+from kinid.contact.tool_doubts import FEWEST, tool_doubts
 from kinid.contact.touch_doubts import unfelt
+from kinid.contact.unit_doubts import FORCES, MOMENTS
 from kinid.data.log import Log, Step
 from kinid.data.rig import WRENCH, Rig
 from kinid.robotics.motion import SLACK, whole_turns
@@ -57,6 +60,7 @@ def contact_doubts(log: Log, rig: Rig, robot: Robot | None, touch: ContactSeries
         or late
         or _elsewhere(robot)
         or turned_normal(rig, touch)
+        or tilted_normal(log, rig, robot, touch)
         or hidden
         or tool_doubts(log, rig, robot, touch)
         or place
@@ -141,7 +145,7 @@ def _stuck(log: Log) -> list[str]:
             "the wrench never changes: was the sensor on? Name its columns in [columns] of the rig, or leave them out "
             "of the log"
         ]
-    return _dead_channels(log.wrench, dead) or _frozen(log, log.q, log.wrench)
+    return _dead_channels(log.wrench, dead) or _frozen(log, log.q, log.wrench) or frozen_joints(log)
 
 
 def _dead_channels(wrench: Array, dead: Mask) -> list[str]:

@@ -69,7 +69,7 @@ class OnlineContact:
         if robot.sensor_frame is None or robot.tip_frame is None:
             raise InputError(f"{robot.name} without sensor or tip frame", "both", "name them in [robot] of the rig")
         chain = robot.chain(robot.sensor_frame)
-        self.joint_count = robot.joint_count
+        self.robot, self.joint_count = robot, robot.joint_count
         self.store = causal.build(
             chain.columns,
             chain.prismatic,

@@ -15,13 +15,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.contact.series import ContactSeries
+from kinid.contact.turned_doubts import turned_doubt
+from kinid.contact.unit_doubts import (
+    FORCES,
+    LEFT,
+    MASS_SHARE,
+    MOMENTS,
+    unit_meant,
+    unit_of_forces,
+    unit_of_moments,
+)
 from kinid.data.log import Log
-from kinid.data.plausible import FORCE, TORQUE
+from kinid.data.plausible import FORCE
 from kinid.data.rig import Rig, ToolSpec
+from kinid.robotics.joint_readings import joints_meant
 from kinid.robotics.motion import joint_motion
 from kinid.robotics.robot import Kinematics, Robot
 from kinid.robotics.wrench import tool_load
-from kinid.units import factor
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -30,8 +40,8 @@ Rows = NDArray[np.int64]
 FEWEST, MOST = 100, 2000
 #: directions of the tool's weight that tell: rms of its turning, as a share of gravity
 TURNING = 0.05
-#: a mass is doubted beyond this share of it, this much [kg], and this many standard errors
-MASS_SHARE, MASS_LEAST, ERRORS = 0.1, 0.03, 5.0
+#: a mass is doubted beyond this share of it (`MASS_SHARE`), this much [kg], and this many standard errors
+MASS_LEAST, ERRORS = 0.03, 5.0
 #: a com is doubted that is further than this from where the moments of the tool's weight put it [m], and directions
 #: that these tell less than this share of the best are left as stated
 FAR_COM, UNTOLD = 0.02, 0.1
@@ -39,9 +49,8 @@ FAR_COM, UNTOLD = 0.02, 0.1
 PACE = 1.25
 #: masses of tools [kg]: beside one in it, another beyond it is the one that is wrong
 TOOLS = (0.01, 50.0)
-#: another order of the axes explains so many times better (ratio of residual sums of squares), and leaves no more than
-#: this share
-BETTER, LEFT = 0.1, 0.3
+#: another order of the axes explains so many times better (ratio of residual sums of squares)
+BETTER = 0.1
 #: of two explanations, one is believed alone that leaves so many times less
 CLEARLY = 2.0
 #: gravity is found where its length comes out within this share, and its standard error below this one
@@ -50,15 +59,10 @@ LENGTH, KNOWN = 0.2, 0.1
 WORST_CONDITION = 1e8
 #: in one posture: a reading so many times the tool's weight, and beyond this [N], is of another unit
 TIMES, LARGE = 30.0, 100.0
-#: moments are of another unit than forces where they are so many times what these do at their levers
-UNIT_OF_MOMENTS = 30.0
-#: … of one axis, where those are more than this share of what is expected of all
-LARGE_AXIS = 0.2
 #: … and on other axes where another order fits with its scale within this factor: levers are known so well
 SCALE = 2.0
 #: drift of a bias since it was stated, as a share of the sensor's range; which is this [N] where it isn't stated
 DRIFT, STRONG = 0.01, 100.0
-FORCES, MOMENTS = ("fx", "fy", "fz"), ("tx", "ty", "tz")
 #: permutations of three axes with signs: index and sign of the axis that each is, (48, 3); the first changes nothing
 AXES, SIGNS = (
     np.array(part) for part in zip(*product(permutations(range(3)), product((1.0, -1.0), repeat=3)), strict=True)
@@ -91,12 +95,14 @@ def tool_doubts(log: Log, rig: Rig, robot: Robot, touch: ContactSeries | None) -
         contact = wrench[:, :3] - touch.bias[:3] - load[:, :3]
         expected = load[:, 3:] + np.cross(robot.tip_in_sensor(), contact)
         beside = wrench[:, 3:] - wrench[:, 3:].mean(axis=0), expected - expected.mean(axis=0)
-        found = _unit_of_moments(*beside, rig)
+        air = np.isin(rows, clear)
+        found = unit_of_moments(*beside, wrench[air, :3], load[air, :3], rig)
     if found is None and rig.tool is not None and len(clear) >= FEWEST:
         air = np.isin(rows, clear)
         pull = tool_load(ToolSpec(mass=1.0, com=rig.carried.com), kinematics, robot.gravity)[air, :3]
         left = wrench[air, :3] - load[air, :3] - rig.sensor.stated_bias[:3]
-        found = _doubt_in_air(wrench[air], pull, kinematics.rotation[air], rig, robot.gravity)
+        meant = joints_meant(log.q[rows[air]], wrench[air, :3], robot)
+        found = _doubt_in_air(wrench[air], pull, kinematics.rotation[air], rig, robot.gravity, meant)
         used = rig.sensor.bias if touch is None or touch.bias is None else tuple(touch.bias)
         stated = rig.sensor.bias is not None and used == rig.sensor.bias
         found = _of_bias(left, pull, rig) if found is None and stated else found
@@ -120,12 +126,15 @@ def _wrench(log: Log, rig: Rig, robot: Robot, rows: Rows) -> tuple[Array, Kinema
     return wrench, kinematics
 
 
-def _doubt_in_air(wrench: Array, load: Array, rotation: Array, rig: Rig, gravity: Array) -> str | None:
+def _doubt_in_air(
+    wrench: Array, load: Array, rotation: Array, rig: Rig, gravity: Array, meant: tuple[str, float] | None
+) -> str | None:
     """Whether force and moment in free motion are the load of the rig's tool.
 
     Args:
         wrench: measured, in sensor axes, (n, 6). load: of 1 kg at the tool's com, there [N], (n, 3). rotation: sensor
-            to base, (n, 3, 3). rig: with a tool. gravity: in base axes [m/s²], (3,).
+            to base, (n, 3, 3). rig: with a tool. gravity: in base axes [m/s²], (3,). meant: another reading of the
+            joints, and what it leaves a sample [N²]; None where none is better.
     """
     mass, force, moment = rig.carried.mass, wrench[:, :3], wrench[:, 3:]
     turning, still = load - load.mean(axis=0), np.einsum("nji,j->ni", rotation, gravity)
@@ -144,6 +153,10 @@ def _doubt_in_air(wrench: Array, load: Array, rotation: Array, rig: Rig, gravity
     if order is not None and found is not None:
         order = None if gravity_left * CLEARLY < order_left else order
         found = None if order_left * CLEARLY < gravity_left else found
+    turned = turned_doubt(force, load, rotation, gravity)
+    turned_left = np.inf if turned is None else turned[1]
+    if meant is not None and meant[1] * len(force) < CLEARLY * min(order_left, gravity_left, turned_left):
+        return f"gravity in free motion asks for other joints: say so in [columns] of the rig, {meant[0]}"
     if order is not None:
         also = ", or [robot] gravity" if found is not None else ""
         return f"gravity in free motion is explained {order}, or correct [robot] sensor_frame{also}"
@@ -154,7 +167,9 @@ def _doubt_in_air(wrench: Array, load: Array, rotation: Array, rig: Rig, gravity
             "[robot] gravity"
         )
     return (
-        _of_com(force, moment - moment.mean(axis=0), turning, still, rig)
+        (None if turned is None else turned[0])
+        or unit_of_forces(force, moment - moment.mean(axis=0), turning, rig)
+        or _of_com(force, moment - moment.mean(axis=0), turning, still, rig)
         or _of_pace(force, turning, still, mass)
         or _of_mass(force, turning, still, rig)
     )
@@ -296,7 +311,10 @@ def _of_mass(force: Array, load: Array, still: Array, rig: Rig) -> str | None:
     unit = unit_meant(read / mass, rig, ("wrench", "fx"), FORCE) if mass > 0.0 else None
     unexplained = float(np.sum(left**2)) / float(np.sum(force**2))
     if unexplained > LEFT:
-        return f"{correct}; this leaves {100 * unexplained:.2g} % of its changes: or joints and wrench are of two times"
+        return (
+            f"{correct}; this leaves {100 * unexplained:.2g} % of its changes: or the joints are of another unit, "
+            "order or sign, or of another time than the wrench"
+        )
     if unit is None or not TOOLS[0] <= mass <= TOOLS[1]:
         return f"{correct}; or the tool's parts beyond the sensor are others, or the sensor's gain is"
     if TOOLS[0] <= read <= TOOLS[1]:
@@ -305,13 +323,6 @@ def _of_mass(force: Array, load: Array, still: Array, rig: Rig) -> str | None:
         f"in free motion the sensor reads {read / mass:.3g} times the tool's weight: the wrench is in {unit}? "
         f'Say so in [columns] of the rig: wrench = {{ unit = "{unit}" }}'
     )
-
-
-def unit_meant(times: float, rig: Rig, names: tuple[str, ...], units: tuple[str, ...]) -> str | None:
-    """The unit of what reads so many times too much with what the rig says of it under the first of some names."""
-    said = next((rig.columns[name] for name in names if name in rig.columns), None)
-    true = (1.0 if said is None else said.to_si) / times
-    return next((unit for unit in units if abs(true / factor(unit, "[columns]") - 1.0) < MASS_SHARE), None)
 
 
 def _of_bias(left: Array, load: Array, rig: Rig) -> str | None:
@@ -337,39 +348,3 @@ def _of_bias(left: Array, load: Array, rig: Rig) -> str | None:
         f"[{bias}, …], or take it out and it is learnt from free motion"
         + (f"; or [tool] mass, as {mass + more:.3g} kg would explain it" if heavier else "")
     )
-
-
-def _unit_of_moments(moment: Array, expected: Array, rig: Rig) -> str | None:
-    """Whether the moment, or one axis of it, is a multiple of that of the forces at their levers that only another unit
-    gives.
-    """
-    sizes = np.sqrt(np.mean(expected**2, axis=0))
-    large = [k for k in range(3) if sizes[k] > LARGE_AXIS * np.linalg.norm(sizes)]
-    alone = {MOMENTS[k]: slope for k in large if (slope := in_proportion(moment[:, k], expected[:, k])) is not None}
-    if len(alone) < len(large):
-        units = {name: unit_meant(slope, rig, (name, "wrench"), TORQUE) for name, slope in alone.items()}
-        say = ", ".join(f'{name} = {{ unit = "{unit}" }}' for name, unit in units.items() if unit is not None)
-        times = " and ".join(f"{name} is {slope:.3g}" for name, slope in alone.items())
-        if say:
-            return (
-                f"{times} times the moment of the forces at the tool's com and tip, the others aren't: another unit? "
-                f"Say so in [columns] of the rig: {say}"
-            )
-    slope = in_proportion(moment, expected)
-    if slope is None:
-        return None
-    wrong, unit, names = ("they", "Nmm", MOMENTS) if slope > 1.0 else ("the forces", "mN", FORCES)
-    return (
-        f"the moments are {slope:.3g} times those of the forces at the tool's com and tip: are {wrong} in another "
-        "unit? Say so in [columns] of the rig: " + ", ".join(f'{name} = {{ unit = "{unit}" }}' for name in names)
-    )
-
-
-def in_proportion(readings: Array, expected: Array) -> float | None:
-    """How many times what is expected the readings are, both of one shape, where only another unit explains that; else
-    None.
-    """
-    whole, size = float(np.sum(readings**2)), float(np.sum(expected**2))
-    slope = float(np.sum(readings * expected)) / size if size > 0.0 else 0.0
-    other = slope > 0.0 and abs(np.log(slope)) > np.log(UNIT_OF_MOMENTS) and whole - slope**2 * size <= LEFT * whole
-    return slope if other else None

@@ -76,6 +76,7 @@ class Pipeline:
         contact_force: normal force from which the tool touches [N]; None: six standard deviations of the rig's noise.
 
     Attributes:
+        rig, model, watch: as given.
         quantities: contact quantities of the last sample, in the order of `CONTACT`; overwritten by the next.
 
     Raises:
@@ -95,7 +96,7 @@ class Pipeline:
         law = _law(model)
         noise = UNSTATED_NOISE if rig.sensor.noise is None else max(1e-4, *rig.sensor.noise[:3])
         on = max(LEAST_FORCE, TOUCHES * noise) if contact_force is None else contact_force
-        self.model, self.watch = tuple(model), watch or Watch()
+        self.rig, self.model, self.watch = rig, tuple(model), watch or Watch()
         self.contact = OnlineContact(rig, robot=robot, bandwidth=bandwidth, contact_force=on)
         self.normal: Machine = (
             (SingleStage(noise=noise) if law == SingleStage.__name__ else KelvinVoigt()).online().machine
@@ -116,6 +117,11 @@ class Pipeline:
     def touching(self) -> bool:
         """Whether the tool touches, with hysteresis."""
         return bool(self._watch_state[kernels.TOUCHING] > 0.0)
+
+    @property
+    def free(self) -> bool:
+        """Whether the last sample was clear of the surface, by force and by place."""
+        return not self.touching and bool(self.quantities[_DEPTH] < 0.0)
 
     @property
     def estimates(self) -> dict[str, Estimate]:

@@ -16,6 +16,7 @@ from kinid.live.events import Event
 from kinid.live.latency import Latencies
 from kinid.live.messages import Notice, Source
 from kinid.live.pipeline import Pipeline
+from kinid.live.readings import Readings
 from kinid.live.sink import Sink
 from kinid.live.trust import Trust
 from kinid.writers import Json
@@ -63,6 +64,8 @@ class Session:
         self.samples, self.counts, self.events = 0, Counter[str](), deque[Event](maxlen=REMEMBERED)
         self.processing, self.latency = Latencies(), Latencies()
         self.trust = Trust(pipeline.model, full)
+        self._readings = Readings(pipeline.rig, pipeline.contact.robot)
+        self._doubts: list[str] = []
         self._received = self._looked = self._begun = self._recorded = 0
         self._lost: set[str] = set()
         self._stop = False
@@ -85,6 +88,7 @@ class Session:
             for sink in self._sinks:
                 sink.close()
             self._leave_failed()
+            self._doubts = self._readings.doubts()  # it takes its time, which no sample waits for
 
     def summary(self) -> Json:
         """What went through, as plain types."""
@@ -97,7 +101,7 @@ class Session:
             "processing_us": self.processing.summary(),
             "latency_us": self.latency.summary() if self.source.live else None,
             "events": dict(self.counts),
-            "doubts": self.trust.doubts(self.pipeline.estimates),
+            "doubts": [*self._doubts, *self.trust.doubts(self.pipeline.estimates)],
             "estimates": {
                 part: {
                     "units": {name: self.trust.units[name] for name in estimate.names},
@@ -164,6 +168,8 @@ class Session:
             estimates = self.pipeline.estimates
             self.trust.take(estimates)
             self.trust.felt(aligner.wrench)
+            if self.pipeline.free:
+                self._readings.take(aligner.t, aligner.q, aligner.wrench)
             if self._working:
                 self._record(estimates)
 

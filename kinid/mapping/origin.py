@@ -50,6 +50,16 @@ def refuse_another(before: Json, now: Json) -> None:
         )
 
 
+def unknown_origin(start: PropertyMap) -> list[str]:
+    """At most one sentence: of a map that doesn't say what its probes were made with."""
+    if start.origin or not len(start):
+        return []
+    return [
+        f"the map's {len(start)} earlier probes don't say which rig they were made with, as those of kinid live and of "
+        f"earlier versions don't: if it was another than this, {ANEW}"
+    ]
+
+
 def refuse_changed(start: PropertyMap, since: float) -> None:
     """Refuse to go on with a map one of whose logs is another now.
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from kinid.effects import Effect, Signals, Stage
 from kinid.effects._deflection import solve_series_compliance
 from kinid.effects._derived import derived, sample_period
+from kinid.errors import InputError
 from kinid.kernels.frames import contact_wrench
 from kinid.kernels.memory import bristles
 from kinid.kernels.zero_phase import symmetric
@@ -27,6 +29,8 @@ SMOOTHING_REACH = 3.0
 #: in place of an effect's number, where the chain itself acts; its parameters are none
 CHAIN = -1
 NONE = np.zeros(0)
+#: arrays that effects replace
+REPLACED = ("depth", "depth_rate", "slip", "slip_rate", "elastic", "normal", "pull", "mu", "tangential", "reading")
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +60,7 @@ class Route:
 
         def acting(stage: Stage) -> list[Step]:
             return [
-                Step((effect, stage), i, getattr(effect, stage.value))
+                Step((effect, stage), i, _act_of(effect, stage))
                 for i, effect in sorted(enumerate(effects), key=lambda numbered: numbered[1].order)
                 if stage in effect.stages()
             ]
@@ -112,6 +116,34 @@ class Route:
         """The contact law: elastic and normal force from depth and rate."""
         for step in self.steps[self.law.start : self.law.stop]:
             step.act(s, parts[step.effect])
+
+
+def _act_of(effect: Effect, stage: Stage) -> Callable[[Signals, Array], None]:
+    """What an effect does at a stage; of one from outside this package, with its arrays' shapes asked."""
+    own = type(effect).__module__.startswith("kinid.")
+    return getattr(effect, stage.value) if own else partial(_checked, effect, stage)
+
+
+def _checked(effect: Effect, stage: Stage, s: Signals, p: Array) -> None:
+    """An effect's step, after which all arrays have the shapes that they had before.
+
+    Raises:
+        InputError: one has another.
+    """
+    before = {name: getattr(s, name).shape for name in REPLACED}
+    act = getattr(effect, stage.value)
+    act(s, p)
+    for name, expected in before.items():
+        found = np.asarray(getattr(s, name))
+        if found.shape != expected or found.dtype.kind not in "fiub":
+            of = f"shape {found.shape}" if found.dtype.kind in "fiub" else f"type {type(getattr(s, name)).__name__}"
+            code = act.__code__
+            raise InputError(
+                f"s.{name} of {of} after the effect '{effect.id}' ({code.co_filename}, line {code.co_firstlineno}, "
+                f"{stage.value})",
+                f"shape {expected}, {len(s)} samples being the last number",
+                f"correct it there, and see what kinid effect check {code.co_filename} says",
+            )
 
 
 class Course:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from kinid.data.log import Log
 from kinid.data.rig import Rig, ToolSpec
 from kinid.errors import InputError
+from kinid.robotics.joint_readings import joints_meant
 from kinid.robotics.motion import JointMotion
 from kinid.robotics.robot import Kinematics, Robot
 
@@ -25,6 +26,10 @@ FEWEST_FREE, MOST_FREE = 20, 20_000
 SUSPICION, LEFT = 0.1, 0.5
 #: a touch shows which way it pushes where its force is so many times what is left in free motion
 PUSHES = 10.0
+#: other joints are believed before another wrench where they leave no more than so many times as much
+CLEARLY = 2.0
+#: a force of no more than this share of the tool's weight is of another unit, and says nothing of axes
+FAINT = 0.1
 #: rows in which a touch is looked for
 LOOKED_AT = 5000
 
@@ -108,16 +113,19 @@ def read_wrench(
     if len(usable) >= FEWEST_FREE:
         kinematics = robot.kinematics(robot.sensor_frame, motion.q[usable], motion.dq[usable], motion.ddq[usable])
         load = tool_load(rig.carried, kinematics, robot.gravity)
-        if rig.tool is not None and rig.tool.mass > 0 and not trust:
+        weight = rig.carried.mass * float(np.linalg.norm(robot.gravity))
+        faint = float(np.sqrt(np.mean(np.sum(wrench[usable, :3] ** 2, axis=1)))) < FAINT * weight
+        if rig.tool is not None and rig.tool.mass > 0 and not trust and not faint:
             force = ((wrench[usable] - offset) @ inverse.T)[:, :3]
             refuse_contradicted(
                 force,
                 load[:, :3],
                 kinematics.rotation,
-                rig.tool.mass * float(np.linalg.norm(robot.gravity)),
+                weight,
                 rig.sensor.wrench_frame,
                 log.provenance.source,
                 lambda: _gravity_is_turned(Reading(wrench, inverse, offset, {}), rig, robot, motion, usable),
+                lambda: joints_meant(motion.q[usable], force, robot),
             )
         if not origin:
             offset, origin = np.median(wrench[usable] - load @ crosstalk.T, axis=0), "median of free motion"
@@ -155,6 +163,7 @@ def refuse_contradicted(
     frame: str,
     where: str,
     gravity_is_turned: Callable[[], bool | None] = lambda: None,
+    meant: Callable[[], tuple[str, float] | None] = lambda: None,
 ) -> None:
     """Ask gravity whether the wrench has the sign and the axes of the log format.
 
@@ -166,6 +175,7 @@ def refuse_contradicted(
         rotation: sensor to base, (n, 3, 3). scale: weight of the tool [N].
         frame: the axes the rig says the log has. where: the log's name.
         gravity_is_turned: asked where the sign is wrong, whether it is gravity's; None where nothing tells.
+        meant: another reading of the joints, and what it leaves a sample [N²].
 
     Raises:
         InputError: another reading explains free motion more than ten times better.
@@ -189,6 +199,14 @@ def refuse_contradicted(
     remedies = ["turn the sign with [columns] wrench = { scale = -1 }"] if turned_sign and not upward else []
     remedies += ["correct [robot] gravity: by the way that touches push it is its sign"] if upward else []
     remedies += [f'say [sensor] wrench_frame = "{other}"'] if any("axes" in name for name in same) else []
+    joints = meant()
+    if joints is not None and joints[1] < min(SUSPICION * present, CLEARLY * errors[best]):
+        raise InputError(
+            f"joints in {where} that gravity in free motion contradicts, and explains {present / joints[1]:.3g} times "
+            f"better with {joints[0]}",
+            "joints whose turning is that of the tool's weight",
+            f"say so in [columns] of the rig; or else {' or '.join(remedies)}; --trust-wrench passes it as it is",
+        )
     raise InputError(
         f"a wrench in {where} that gravity in free motion explains {present / max(errors[best], 1e-12):.3g} times "
         f"better {' or '.join(same)}",

@@ -240,6 +240,31 @@ def test_a_normal_that_points_into_the_material(touched: tuple[Log, Rig, Robot],
     assert "|" not in said  # and nothing else, that only follows from it
 
 
+def tilted(rig: Rig, degrees: float) -> Rig:
+    """The rig with its normal turned by so much, about the second tangent."""
+    angle = np.deg2rad(degrees)
+    return changed(rig, surface={"normal": (np.sin(angle), 0.0, np.cos(angle)), "tangent": (0.0, 1.0, 0.0)})
+
+
+@pytest.mark.parametrize(
+    ("degrees", "doubted"), [(0.0, False), (4.0, False), (20.0, True), (-30.0, True), (45.0, True)]
+)
+def test_a_normal_that_touches_do_not_push_along(
+    touched: tuple[Log, Rig, Robot], degrees: float, doubted: bool
+) -> None:
+    log, rig, robot = touched
+    said = doubts(log, tilted(rig, degrees), robot)
+    assert ("off [surface] normal: correct it, as normal = [" in said) == doubted
+    assert "|" not in said
+    if doubted:
+        assert abs(float(said.split("about ")[1].split("°")[0]) - abs(degrees)) < 6.0
+
+
+def test_a_normal_that_is_known_no_better_is_not_doubted(touched: tuple[Log, Rig, Robot]) -> None:
+    log, rig, robot = touched
+    assert doubts(log, changed(tilted(rig, 20.0), surface={"tilt_sd": 0.1}), robot) == ""
+
+
 @pytest.mark.parametrize("mass", [410.0, 240.0, 1.0])
 def test_an_absurd_mass_is_the_tools_and_no_unit(touched: tuple[Log, Rig, Robot], mass: float) -> None:
     log, rig, robot = touched
@@ -473,3 +498,85 @@ def test_a_sensor_that_stands_still_for_most_of_a_log(touched: tuple[Log, Rig, R
     wrench[len(log) // 3 :] = wrench[len(log) // 3]
     q += np.random.default_rng(2).normal(scale=1e-6, size=q.shape)
     assert "the wrench repeats one reading" in doubts(dataclasses.replace(log, wrench=wrench, q=q), rig, robot)
+
+
+def with_joints(log: Log, change: Callable[[np.ndarray], np.ndarray]) -> Log:
+    return dataclasses.replace(log, q=change(np.array(log.q)))
+
+
+def only(j: int, factor: float) -> np.ndarray:
+    return np.where(np.arange(7) == j - 1, factor, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "say"),
+    [
+        (lambda q: q / (2 * np.pi), 'q = { unit = "rev" }'),
+        (lambda q: q * only(4, -1.0), "q4 = { scale = -1 }"),
+        (lambda q: q * only(6, np.pi / 180.0), 'q6 = { unit = "rad" }'),
+        (lambda q: q[:, [0, 1, 2, 3, 5, 4, 6]], "the columns of q5 and q6 exchanged"),
+    ],
+)
+def test_joints_of_another_unit_sign_or_order_are_told_by_the_tools_weight(
+    touched: tuple[Log, Rig, Robot], change: Callable[[np.ndarray], np.ndarray], say: str
+) -> None:
+    _, rig, robot = touched
+    log = dataclasses.replace(with_joints(scripted_poke(seed=5).log, change), tau=None)
+    try:
+        said = " | ".join(analyse(log, rig, robot=robot).provenance.warnings)
+    except InputError as refused:
+        said = str(refused)
+    assert say in said
+
+
+@pytest.mark.parametrize("degrees", [10.0, -20.0])
+def test_gravity_that_is_off_by_an_angle(touched: tuple[Log, Rig, Robot], degrees: float) -> None:
+    log, rig, _ = touched
+    angle = np.deg2rad(degrees)
+    rig = changed(rig, robot={"gravity": (9.81 * np.sin(angle), 0.0, -9.81 * np.cos(angle))})
+    said = doubts(log, rig, Robot.load(rig))
+    assert "[robot] gravity" in said
+    assert "-9.8" in said
+
+
+@pytest.mark.parametrize("degrees", [30.0, -45.0])
+def test_a_sensor_that_is_mounted_askew(touched: tuple[Log, Rig, Robot], degrees: float) -> None:
+    log, rig, robot = touched
+    assert log.wrench is not None
+    c, s = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
+    axes = np.kron(np.eye(2), np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]))
+    said = doubts(dataclasses.replace(log, wrench=np.asarray(log.wrench) @ axes.T), rig, robot)
+    assert "the sensor is turned by " in said
+    assert abs(float(said.split("turned by ")[1].split("°")[0]) - abs(degrees)) < 3.0
+    assert f"{np.sign(degrees):.0f}] of its frame" in said
+
+
+@pytest.mark.parametrize(
+    ("rows", "factor", "names", "unit"),
+    [
+        (slice(0, 3), 1e-3, "f", "kN"),
+        (slice(0, 3), 1 / 9.80665, "f", "kgf"),
+        (slice(3, 6), 1e-3, "t", "kNm"),
+        (slice(3, 6), 1e2, "t", "Ncm"),
+    ],
+)
+def test_forces_alone_or_moments_alone_in_another_unit_are_named(
+    touched: tuple[Log, Rig, Robot], rows: slice, factor: float, names: str, unit: str
+) -> None:
+    log, rig, robot = touched
+    wrench = np.array(log.wrench)
+    wrench[:, rows] *= factor
+    said = doubts(dataclasses.replace(log, wrench=wrench), changed(rig, sensor={"range": (1e6,) * 6}), robot)
+    assert ", ".join(f'{names}{axis} = {{ unit = "{unit}" }}' for axis in "xyz") in said
+    assert "|" not in said
+
+
+@pytest.mark.parametrize("joints", [[5], [4], list(range(7))])
+def test_joints_whose_positions_stop_in_a_log(touched: tuple[Log, Rig, Robot], joints: list[int]) -> None:
+    log, rig, robot = touched
+    begin, end = (300, 900) if len(joints) == 1 else (3000, len(log) - 300)
+    q = np.array(log.q)
+    q[begin:end, joints] = q[begin, joints]
+    said = doubts(dataclasses.replace(log, q=q), rig, robot)
+    assert "the robot's state stood still" in said
+    assert (f"q{joints[0] + 1} repeats" if len(joints) == 1 else "all joints repeat") in said

@@ -104,3 +104,27 @@ def test_forces_in_another_unit_are_beyond_the_sensors_range(
     assert code == 0, err
     said = " ".join(json.loads(facts.read_text())["doubts"])
     assert ("beyond [sensor] range" in said) == doubted
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("", ""),
+        ("mass = 0.5", "correct [tool] mass"),
+        ("[columns]\nwrench = { scale = 8 }", "correct [tool] mass"),
+    ],
+)
+def test_a_tools_weight_that_free_motion_contradicts_is_doubted(
+    run: Run, scripted: Scripted, tmp_path: Path, line: str, words: str
+) -> None:
+    log = scripted.write(tmp_path)
+    rig = log.parent / "rig.toml"
+    text = rig.read_text(encoding="utf-8")
+    rig.write_text(
+        text.replace("mass = 0.24", line) if line.startswith("mass") else f"{text}\n{line}\n", encoding="utf-8"
+    )
+    facts = tmp_path / "live.json"
+    code, _, err = run("live", log, "--model", "kelvin-voigt", "--speed", 0, "--tare", 2, "--quiet", "--json", facts)
+    assert code == 0, err
+    said = " ".join(json.loads(facts.read_text())["doubts"])
+    assert words in said if words else said == ""

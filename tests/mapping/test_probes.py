@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import shutil
@@ -116,6 +117,18 @@ def test_a_map_does_not_go_on_where_a_log_is_another_now(small, tmp_path):
     os.utime(folder / first.name)
     with pytest.raises(InputError, match="which has changed since the map was made"):
         map_([folder], out)
+
+
+def test_a_map_that_does_not_say_its_rig_goes_on_with_a_doubt(small, tmp_path, capsys):
+    out, rig = tmp_path / "map.parquet", kinid.Rig.load(small / "rig.toml")
+    first, second, *_ = logs_in([small])
+    *_, grown = build([first], Prober.of(rig))
+    dataclasses.replace(grown, origin={}).write(out)
+    map_([first, second], out)
+    assert "doubt: the map's 1 earlier probes don't say which rig" in capsys.readouterr().out
+    map_([first, second], tmp_path / "anew.parquet")
+    map_([first, second], tmp_path / "anew.parquet")
+    assert "doubt" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("model", [[], ["none"]])

@@ -1,0 +1,117 @@
+"""Which unit forces or moments are of, where the tool's weight and the levers of the forces say that it is another."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinid.data.plausible import FORCE, TORQUE
+from kinid.data.rig import Rig
+from kinid.units import factor
+
+Array = NDArray[np.float64]
+
+#: a unit is named whose factor is within this share
+MASS_SHARE = 0.1
+#: an explanation leaves no more than this share of squares
+LEFT = 0.3
+#: moments are of another unit than forces where they are so many times what these do at their levers
+UNIT_OF_MOMENTS = 30.0
+#: … of one axis, where those are more than this share of what is expected of all
+LARGE_AXIS = 0.2
+#: forces, or moments, are those of the stated tool within this factor
+OWN = 1.5
+FORCES, MOMENTS = ("fx", "fy", "fz"), ("tx", "ty", "tz")
+
+
+def _usual_unit(
+    times: float, rig: Rig, names: tuple[str, ...], units: tuple[str, ...], usual: tuple[str, ...]
+) -> str | None:
+    """As `unit_meant`; where levers aren't known so well, the usual unit of which it is one within a factor."""
+    exact = unit_meant(times, rig, names, units)
+    said = next((rig.columns[name] for name in names if name in rig.columns), None)
+    off = {
+        unit: abs(np.log((1.0 if said is None else said.to_si) / times / factor(unit, "[columns]"))) for unit in usual
+    }
+    near = min(usual, key=lambda unit: off[unit])
+    return exact or (near if off[near] < np.log(OWN) else None)
+
+
+def unit_meant(times: float, rig: Rig, names: tuple[str, ...], units: tuple[str, ...]) -> str | None:
+    """The unit of what reads so many times too much with what the rig says of it under the first of some names."""
+    said = next((rig.columns[name] for name in names if name in rig.columns), None)
+    true = (1.0 if said is None else said.to_si) / times
+    return next((unit for unit in units if abs(true / factor(unit, "[columns]") - 1.0) < MASS_SHARE), None)
+
+
+def unit_of_moments(moment: Array, expected: Array, air: Array, load: Array, rig: Rig) -> str | None:
+    """Whether the moment, or one axis of it, is a multiple of that of the forces at their levers that only another unit
+    gives.
+
+    Args:
+        moment, expected: both without their means, (n, 3). air, load: force in free motion, and that of the tool,
+            (m, 3). rig: says what units were stated.
+    """
+    sizes = np.sqrt(np.mean(expected**2, axis=0))
+    large = [k for k in range(3) if sizes[k] > LARGE_AXIS * np.linalg.norm(sizes)]
+    alone = {MOMENTS[k]: slope for k in large if (slope := in_proportion(moment[:, k], expected[:, k])) is not None}
+    if len(alone) < len(large):
+        units = {name: unit_meant(slope, rig, (name, "wrench"), TORQUE) for name, slope in alone.items()}
+        say = ", ".join(f'{name} = {{ unit = "{unit}" }}' for name, unit in units.items() if unit is not None)
+        times = " and ".join(f"{name} is {slope:.3g}" for name, slope in alone.items())
+        if say:
+            return (
+                f"{times} times the moment of the forces at the tool's com and tip, the others aren't: another unit? "
+                f"Say so in [columns] of the rig: {say}"
+            )
+    slope = in_proportion(moment, expected)
+    if slope is None:
+        return None
+    # the tool's weight says which of them is wrong; else it is the smaller unit that somebody forgot
+    pulled = float(np.sum((air - air.mean(axis=0)) * (load - load.mean(axis=0)))) if len(air) else 0.0
+    size = float(np.sum((load - load.mean(axis=0)) ** 2)) if len(load) else 0.0
+    weight = pulled / size if size > 0.0 else 0.0
+    weighs = 1.0 / OWN < weight < OWN or OWN > weight * slope > 1.0 / OWN
+    forces = not 1.0 / OWN < weight < OWN if weighs else slope < 1.0
+    wrong, known, usual = (FORCES, FORCE, ("mN", "kN")) if forces else (MOMENTS, TORQUE, ("Nmm", "Ncm", "kNm"))
+    unit = _usual_unit(1.0 / slope if forces else slope, rig, (wrong[0], "wrench"), known, usual)
+    mend = _say(wrong, unit) if unit is not None else "Correct their unit or scale in [columns] of the rig"
+    return (
+        f"the moments are {slope:.3g} times those of the forces at the tool's com and tip: are "
+        f"{'the forces' if forces else 'they'} in another unit? {mend}"
+    )
+
+
+def unit_of_forces(force: Array, moment: Array, load: Array, rig: Rig) -> str | None:
+    """Whether the moments in free motion are those of the tool's weight, and the forces a multiple that a unit gives.
+
+    Args:
+        force, moment, load: without their means, (n, 3): measured, and weight and inertia of 1 kg.
+    """
+    mass, levered = rig.carried.mass, np.cross(rig.carried.com, load)
+    if mass <= 0.0 or not levered.any() or not moment.any():
+        return None
+    times = float(np.sum(force * load)) / float(np.sum(load**2)) / mass
+    turned = float(np.sum(moment * levered)) / float(np.sum(levered**2)) / mass
+    unit = unit_meant(times, rig, ("fx", "wrench"), FORCE) if times > 0.0 else None
+    explained = float(np.sum((moment - turned * mass * levered) ** 2)) <= LEFT * float(np.sum(moment**2))
+    if unit is None or not explained or not 1.0 / OWN < turned < OWN or 1.0 / OWN < times < OWN:
+        return None
+    return (
+        f"in free motion the forces are {times:.3g} times the tool's weight, and the moments {turned:.3g} times its: "
+        f"the forces are in {unit}? {_say(FORCES, unit)}"
+    )
+
+
+def _say(names: tuple[str, ...], unit: str) -> str:
+    return "Say so in [columns] of the rig: " + ", ".join(f'{name} = {{ unit = "{unit}" }}' for name in names)
+
+
+def in_proportion(readings: Array, expected: Array) -> float | None:
+    """How many times what is expected the readings are, both of one shape, where only another unit explains that; else
+    None.
+    """
+    whole, size = float(np.sum(readings**2)), float(np.sum(expected**2))
+    slope = float(np.sum(readings * expected)) / size if size > 0.0 else 0.0
+    other = slope > 0.0 and abs(np.log(slope)) > np.log(UNIT_OF_MOMENTS) and whole - slope**2 * size <= LEFT * whole
+    return slope if other else None
