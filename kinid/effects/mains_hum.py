@@ -142,7 +142,8 @@ def _mixed_down(readings: Array, t: Array, frequency: float) -> tuple[Complex, A
     many = max(1, round(STEP * (len(t) - 1) / max(float(t[-1] - t[0]), 1e-9)))
     begin = np.arange(0, len(t), many)
     count = np.diff(begin, append=len(t))
-    mean = np.add.reduceat(readings * np.exp(-2j * np.pi * frequency * t), begin, axis=1) / count
+    turned = readings * np.exp(-2j * np.pi * frequency * t)
+    mean = np.asarray(np.add.reduceat(turned, begin, axis=1) / count, np.complex128)
     return mean, np.add.reduceat(t, begin) / count
 
 
