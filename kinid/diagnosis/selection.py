@@ -112,13 +112,15 @@ def _needed(evidence: Evidence, settings: DiagnosisSettings) -> float:
     return settings.min_significance * max(0.5, 1.0 - evidence.share)
 
 
-def _remarkable(candidate: Refit, settings: DiagnosisSettings) -> bool:
-    """Whether the log says more of a refitted effect than that it is as large as in every material and every rig."""
+def _remarkable(candidate: Refit, settings: DiagnosisSettings, tolerated: bool = False) -> bool:
+    """Whether the log says more of a refitted effect than that it is as large as in every rig, or as is tolerated."""
     state, effect, layout = candidate.state, candidate.effect, candidate.state.problem.layout
     values, parameters = state.values[state.model.place(effect.id, layout)], effect.parameters(layout)
     null = amplitudes(effect, layout, base_of(state.model))
     open_ = effect.calibration_sd(state.problem.experiment.signals)
-    usual = {i: max(effect.usual(parameters[i]), MAX_SHIFT * open_.get(parameters[i].name, 0.0)) for i in null}
+    own = {i: parameters[i] for i in null}
+    usual = {i: max(effect.usual(p), MAX_SHIFT * open_.get(p.name, 0.0)) for i, p in own.items()}
+    usual = {i: max(usual[i], effect.tolerable(p)) for i, p in own.items()} if tolerated else usual
     beyond = [i for i in null if abs(values[i] - null[i]) > usual[i]]
     if not beyond or any(not usual[i] for i in beyond):
         return bool(beyond)
@@ -328,10 +330,11 @@ def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: 
             continue
         found.evidence[name] = evidence = compare_states(reduced, best, best.error.sigma)
         needed = _needed(evidence, settings)
-        if last and inside_tolerance(reduced):
+        tolerated = last and inside_tolerance(reduced)
+        if tolerated:
             needed = max(needed, settings.beyond_doubt * (1.0 - evidence.beyond))
         # what seemed much beside a model that lacked others may be no more than every rig has
-        usual = last and not _remarkable(Refit(best.model[name], reduced, best, evidence), settings)
+        usual = last and not _remarkable(Refit(best.model[name], reduced, best, evidence), settings, tolerated)
         if usual or evidence.significance < needed or evidence.share < _worth(best.model[name], best, settings):
             found.alternatives.pop(name, None)
             found.pruned.add(name)

@@ -33,7 +33,6 @@ class FrictionAnisotropy(Effect):
     null = {"ratio": 0.0}
     order = 1
     admissible = {"ratio": (-1.0, 1.0)}  # no coefficient is negative
-    unremarkable = {"ratio": 0.02}  # two channels of a sensor differ by that (ATI: full-scale errors of 1 to 2 %)
     example = Example(("hooke", "coulomb-friction"), {"ratio": 0.21})
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:

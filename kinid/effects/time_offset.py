@@ -33,6 +33,7 @@ class TimeOffset(Effect):
     grid = {"delay": (-5e-2, -1e-2, -2e-3, 2e-3, 1e-2, 5e-2)}
     order = 1
     calibration_tolerance = {"delay": 2.5e-4}  # a quarter of the period of a bus at 1 kHz
+    tolerated = {"delay": 5e-3}  # stamps of two machines, and filters of 30 Hz and faster
     admissible = {"delay": (-0.25, 0.25)}  # buffers and buses; more is another recording
     example = Example(("hooke", "coulomb-friction"), {"delay": -0.0043}, Motion.WAVES)
 
