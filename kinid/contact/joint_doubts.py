@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 from kinid.data.log import Log
 from kinid.robotics.motion import STATIC_PERIOD
 from kinid.signal.noise import white_noise
-from kinid.signal.stuck import LIVE
+from kinid.signal.stuck import LIVE, longest_repeat
 
 Array = NDArray[np.float64]
 
-#: a stretch of repeated positions from this duration on [s], if it is so many times the usual one
-FROZEN, UNUSUAL = 0.5, 10.0
+#: duration from which repeated positions are a state that stood still [s]
+FROZEN = 0.5
 #: a joint stops at once where its last step was this share of its usual ones, and so many of its smallest; it has gone
 #: on unseen where the step after the stretch is so many times the next ones
 AT_ONCE, STEPS, JUMPS = 0.3, 10.0, 5.0
@@ -51,18 +51,9 @@ def frozen_joints(log: Log) -> list[str]:
 
 
 def _stretch(t: Array, same: NDArray[np.bool_]) -> tuple[int, int] | None:
-    """First and last row of the longest stretch of repeated positions; None where it is no longer than usual ones.
-
-    Args:
-        t: [s], (n,). same: whether each row after the first repeats the one before, (n − 1,).
-    """
-    begins = np.flatnonzero(~np.r_[False, same])
-    length = np.diff(np.r_[begins, len(t)])
-    longest = int(np.argmax(length))
-    begin, last = int(begins[longest]), int(begins[longest] + length[longest] - 1)
-    if t[last] - t[begin] < FROZEN or length[longest] <= UNUSUAL * np.median(length):
-        return None
-    return begin, last
+    """First and last row of a stretch of repeated positions that is long, in time t [s] (n,) and beside usual ones."""
+    stretch = longest_repeat(same)
+    return stretch if stretch is not None and t[stretch[1]] - t[stretch[0]] >= FROZEN else None
 
 
 def _stops(step: Array, begin: int, last: int) -> bool:

@@ -38,7 +38,8 @@ def tilted_normal(log: Log, rig: Rig, robot: Robot, touch: ContactSeries | None)
     """
     if touch is None or touch.bias is None or log.q is None or rig.axes is None or robot.tip_frame is None:
         return []
-    begun = [span for span in map(lambda rows: _beginning(touch, *rows), _spans(touch)) if span is not None]
+    spans = touches(touch.t, touch.in_contact, touch.valid)
+    begun = [one for rows in spans if (one := _beginning(touch, *rows)) is not None]
     if not begun:
         return []
     first = np.array([row for row, _, _ in begun])
@@ -60,10 +61,6 @@ def tilted_normal(log: Log, rig: Rig, robot: Robot, touch: ContactSeries | None)
         f"{angle:.2g}° off [surface] normal: correct it, as normal = [{normal}], or let touches find it: kinid contact "
         "LOG --find-surface"
     ]
-
-
-def _spans(touch: ContactSeries) -> list[tuple[int, int]]:
-    return touches(touch.t, touch.in_contact, touch.valid)
 
 
 def _beginning(touch: ContactSeries, begin: int, end: int) -> tuple[int, Array, Array] | None:

@@ -9,13 +9,15 @@ One posture tells none of these from a bias. The moment is asked against that of
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from itertools import permutations, product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinid.contact.series import ContactSeries
-from kinid.contact.turned_doubts import turned_doubt
+from kinid.contact.turned_doubts import CLEARLY, solved_gravity, turned_doubt
 from kinid.contact.unit_doubts import (
     FORCES,
     LEFT,
@@ -51,15 +53,11 @@ PACE = 1.25
 TOOLS = (0.01, 50.0)
 #: another order of the axes explains so many times better (ratio of residual sums of squares)
 BETTER = 0.1
-#: of two explanations, one is believed alone that leaves so many times less
-CLEARLY = 2.0
-#: gravity is found where its length comes out within this share, and its standard error below this one
-LENGTH, KNOWN = 0.2, 0.1
-#: … and where its three components can be told apart
-WORST_CONDITION = 1e8
+#: gravity is found where its standard error is below this share of it
+KNOWN = 0.1
 #: in one posture: a reading so many times the tool's weight, and beyond this [N], is of another unit
 TIMES, LARGE = 30.0, 100.0
-#: … and on other axes where another order fits with its scale within this factor: levers are known so well
+#: moments are on other axes where another order fits with its scale within this factor: levers are known so well
 SCALE = 2.0
 #: drift of a bias since it was stated, as a share of the sensor's range; which is this [N] where it isn't stated
 DRIFT, STRONG = 0.01, 100.0
@@ -90,18 +88,16 @@ def tool_doubts(log: Log, rig: Rig, robot: Robot, touch: ContactSeries | None) -
     load = tool_load(rig.carried, kinematics, robot.gravity)
     if not np.isfinite(load).all():  # joints that were not smoothed over a gap
         return []
-    beside, found = None, None
+    beside, found, air = None, None, np.isin(rows, clear)
     if touch is not None and touch.bias is not None:
         contact = wrench[:, :3] - touch.bias[:3] - load[:, :3]
         expected = load[:, 3:] + np.cross(robot.tip_in_sensor(), contact)
         beside = wrench[:, 3:] - wrench[:, 3:].mean(axis=0), expected - expected.mean(axis=0)
-        air = np.isin(rows, clear)
         found = unit_of_moments(*beside, wrench[air, :3], load[air, :3], rig)
     if found is None and rig.tool is not None and len(clear) >= FEWEST:
-        air = np.isin(rows, clear)
         pull = tool_load(ToolSpec(mass=1.0, com=rig.carried.com), kinematics, robot.gravity)[air, :3]
         left = wrench[air, :3] - load[air, :3] - rig.sensor.stated_bias[:3]
-        meant = joints_meant(log.q[rows[air]], wrench[air, :3], robot)
+        meant = partial(joints_meant, log.q[rows[air]], wrench[air, :3], robot)
         found = _doubt_in_air(wrench[air], pull, kinematics.rotation[air], rig, robot.gravity, meant)
         used = rig.sensor.bias if touch is None or touch.bias is None else tuple(touch.bias)
         stated = rig.sensor.bias is not None and used == rig.sensor.bias
@@ -127,7 +123,12 @@ def _wrench(log: Log, rig: Rig, robot: Robot, rows: Rows) -> tuple[Array, Kinema
 
 
 def _doubt_in_air(
-    wrench: Array, load: Array, rotation: Array, rig: Rig, gravity: Array, meant: tuple[str, float] | None
+    wrench: Array,
+    load: Array,
+    rotation: Array,
+    rig: Rig,
+    gravity: Array,
+    meant: Callable[[], tuple[str, float] | None],
 ) -> str | None:
     """Whether force and moment in free motion are the load of the rig's tool.
 
@@ -155,8 +156,9 @@ def _doubt_in_air(
         found = None if order_left * CLEARLY < gravity_left else found
     turned = turned_doubt(force, load, rotation, gravity)
     turned_left = np.inf if turned is None else turned[1]
-    if meant is not None and meant[1] * len(force) < CLEARLY * min(order_left, gravity_left, turned_left):
-        return f"gravity in free motion asks for other joints: say so in [columns] of the rig, {meant[0]}"
+    joints = meant()
+    if joints is not None and joints[1] * len(force) < CLEARLY * min(order_left, gravity_left, turned_left):
+        return f"gravity in free motion asks for other joints: say so in [columns] of the rig, {joints[0]}"
     if order is not None:
         also = ", or [robot] gravity" if found is not None else ""
         return f"gravity in free motion is explained {order}, or correct [robot] sensor_frame{also}"
@@ -247,21 +249,17 @@ def _gravity(force: Array, load: Array, rotation: Array, gravity: Array, mass: f
     Returns:
         Gravity [m/s²], (3,), and a sum of squares; None and infinity where there is none.
     """
-    turn = np.swapaxes(rotation, 1, 2)
-    inertial, turning = mass * (load - turn @ gravity), load - load.mean(axis=0)
-    columns = mass * (turn - turn.mean(axis=0)).reshape(-1, 3)
-    wanted = (force - inertial + inertial.mean(axis=0)).ravel()
-    normal = columns.T @ columns
-    if np.linalg.cond(normal) > WORST_CONDITION:
+    solved = solved_gravity(force, load, rotation, gravity, mass)
+    if solved is None:
         return None, np.inf
-    found = np.linalg.solve(normal, columns.T @ wanted)
-    left = float(np.sum((wanted - columns @ found) ** 2))
+    found, left, covariance = solved
+    turning = load - load.mean(axis=0)
     slope = max(float(np.sum(force * turning)) / float(np.sum(turning**2)), 0.0)
-    as_is, length = float(np.sum((force - slope * turning) ** 2)), float(np.linalg.norm(gravity))
+    as_is = float(np.sum((force - slope * turning) ** 2))
     # samples of a slow motion hang together: they count as a few independent ones
-    error = float(np.sqrt(left / (3.0 * FEWEST) * np.linalg.inv(normal).diagonal().max()))
-    able = abs(np.linalg.norm(found) / length - 1.0) < LENGTH and error < KNOWN * length
-    return (found, left) if able and left < BETTER * as_is else (None, np.inf)
+    error = float(np.sqrt(left / (3.0 * FEWEST) * covariance.diagonal().max()))
+    known = error < KNOWN * float(np.linalg.norm(gravity))
+    return (found, left) if known and left < BETTER * as_is else (None, np.inf)
 
 
 def _of_pace(force: Array, load: Array, still: Array, mass: float) -> str | None:

@@ -10,18 +10,21 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.contact.unit_doubts import LEFT
+
 Array = NDArray[np.float64]
 
 #: an angle is doubted from here on [rad]; smaller ones are what a diagnosis asks about, as gravity-error and
 #: sensor-misalignment
 LEAST = np.deg2rad(8.5)
-#: … where turning leaves less than this share of what is left without, and less than this share of the force's changes
-GAIN, LEFT = 0.4, 0.3
+#: … where turning leaves less than this share of what is left without
+GAIN = 0.4
 #: of two explanations, one is named alone that leaves so many times less
 CLEARLY = 2.0
 #: gravity is found where its length comes out within this share; axes where the tool's weight turns about two of them,
 #: the second by this share of the first
 LENGTH, SECOND = 0.2, 0.05
+#: … and where its three components can be told apart
 WORST_CONDITION = 1e8
 
 
@@ -51,22 +54,42 @@ def turned_doubt(force: Array, load: Array, rotation: Array, gravity: Array) -> 
     return f"the tool's weight in free motion is explained {times:.3g} times better where {said}", least
 
 
-def _base(force: Array, load: Array, rotation: Array, gravity: Array, mass: float) -> tuple[float, str] | None:
-    """What another direction of gravity leaves [N²], and that in words; None where there is none."""
+def solved_gravity(
+    force: Array, load: Array, rotation: Array, gravity: Array, mass: float
+) -> tuple[Array, float, Array] | None:
+    """Gravity in base axes by least squares, what it leaves of the force, and the covariance of its entries over the
+    variance of what is left; None where the wrist doesn't turn enough, or its length is another.
+
+    Args:
+        force: without its mean, (n, 3). load, rotation, gravity: as of `turned_doubt`. mass: of the tool [kg].
+
+    Returns:
+        [m/s²], (3,), a sum of squares [N²], and (3, 3).
+    """
     turn = np.swapaxes(rotation, 1, 2)
     inertial = mass * (load - turn @ gravity)
     columns = mass * (turn - turn.mean(axis=0)).reshape(-1, 3)
     normal, wanted = columns.T @ columns, (force - inertial + inertial.mean(axis=0)).ravel()
-    if mass <= 0.0 or np.linalg.cond(normal) > WORST_CONDITION:
+    if np.linalg.cond(normal) > WORST_CONDITION:
         return None
     found = np.linalg.solve(normal, columns.T @ wanted)
+    if not abs(np.linalg.norm(found) / np.linalg.norm(gravity) - 1.0) < LENGTH:
+        return None
+    return found, float(np.sum((wanted - columns @ found) ** 2)), np.linalg.inv(normal)
+
+
+def _base(force: Array, load: Array, rotation: Array, gravity: Array, mass: float) -> tuple[float, str] | None:
+    """What another direction of gravity leaves [N²], and that in words; None where there is none."""
+    solved = solved_gravity(force, load, rotation, gravity, mass) if mass > 0.0 else None
+    if solved is None:
+        return None
+    found, left, _ = solved
     length, stated = float(np.linalg.norm(found)), float(np.linalg.norm(gravity))
     angle = float(np.arccos(np.clip(found @ gravity / (length * stated), -1.0, 1.0)))
-    if angle < LEAST or abs(length / stated - 1.0) > LENGTH:
+    if angle < LEAST:
         return None
     along = ", ".join(f"{x:.3g}" for x in np.round(found * stated / length, 2) + 0.0)
-    words = f"gravity points {np.rad2deg(angle):.2g}° off [robot] gravity, along [{along}] m/s²: correct it"
-    return float(np.sum((wanted - columns @ found) ** 2)), words
+    return left, f"gravity points {np.rad2deg(angle):.2g}° off [robot] gravity, along [{along}] m/s²: correct it"
 
 
 def _sensor(force: Array, turning: Array) -> tuple[float, str] | None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,24 +26,17 @@ OWN = 1.5
 FORCES, MOMENTS = ("fx", "fy", "fz"), ("tx", "ty", "tz")
 
 
-def _usual_unit(
-    times: float, rig: Rig, names: tuple[str, ...], units: tuple[str, ...], usual: tuple[str, ...]
+def unit_meant(
+    times: float, rig: Rig, names: tuple[str, ...], units: tuple[str, ...], usual: tuple[str, ...] = ()
 ) -> str | None:
-    """As `unit_meant`; where levers aren't known so well, the usual unit of which it is one within a factor."""
-    exact = unit_meant(times, rig, names, units)
-    said = next((rig.columns[name] for name in names if name in rig.columns), None)
-    off = {
-        unit: abs(np.log((1.0 if said is None else said.to_si) / times / factor(unit, "[columns]"))) for unit in usual
-    }
-    near = min(usual, key=lambda unit: off[unit])
-    return exact or (near if off[near] < np.log(OWN) else None)
-
-
-def unit_meant(times: float, rig: Rig, names: tuple[str, ...], units: tuple[str, ...]) -> str | None:
-    """The unit of what reads so many times too much with what the rig says of it under the first of some names."""
+    """The unit of what reads so many times too much with what the rig says of it under the first of some names; where
+    levers aren't known so well, one of the usual units, within a factor.
+    """
     said = next((rig.columns[name] for name in names if name in rig.columns), None)
     true = (1.0 if said is None else said.to_si) / times
-    return next((unit for unit in units if abs(true / factor(unit, "[columns]") - 1.0) < MASS_SHARE), None)
+    exact = next((unit for unit in units if abs(true / factor(unit, "[columns]") - 1.0) < MASS_SHARE), None)
+    off = {unit: abs(np.log(true / factor(unit, "[columns]"))) for unit in usual}
+    return exact or next((unit for unit in sorted(off, key=lambda unit: off[unit]) if off[unit] < np.log(OWN)), None)
 
 
 def unit_of_moments(moment: Array, expected: Array, air: Array, load: Array, rig: Rig) -> str | None:
@@ -57,12 +52,12 @@ def unit_of_moments(moment: Array, expected: Array, air: Array, load: Array, rig
     alone = {MOMENTS[k]: slope for k in large if (slope := in_proportion(moment[:, k], expected[:, k])) is not None}
     if len(alone) < len(large):
         units = {name: unit_meant(slope, rig, (name, "wrench"), TORQUE) for name, slope in alone.items()}
-        say = ", ".join(f'{name} = {{ unit = "{unit}" }}' for name, unit in units.items() if unit is not None)
+        known = {name: unit for name, unit in units.items() if unit is not None}
         times = " and ".join(f"{name} is {slope:.3g}" for name, slope in alone.items())
-        if say:
+        if known:
             return (
                 f"{times} times the moment of the forces at the tool's com and tip, the others aren't: another unit? "
-                f"Say so in [columns] of the rig: {say}"
+                f"{_say(known)}"
             )
     slope = in_proportion(moment, expected)
     if slope is None:
@@ -73,9 +68,11 @@ def unit_of_moments(moment: Array, expected: Array, air: Array, load: Array, rig
     weight = pulled / size if size > 0.0 else 0.0
     weighs = 1.0 / OWN < weight < OWN or OWN > weight * slope > 1.0 / OWN
     forces = not 1.0 / OWN < weight < OWN if weighs else slope < 1.0
-    wrong, known, usual = (FORCES, FORCE, ("mN", "kN")) if forces else (MOMENTS, TORQUE, ("Nmm", "Ncm", "kNm"))
-    unit = _usual_unit(1.0 / slope if forces else slope, rig, (wrong[0], "wrench"), known, usual)
-    mend = _say(wrong, unit) if unit is not None else "Correct their unit or scale in [columns] of the rig"
+    wrong, every, usual = (FORCES, FORCE, ("mN", "kN")) if forces else (MOMENTS, TORQUE, ("Nmm", "Ncm", "kNm"))
+    unit = unit_meant(1.0 / slope if forces else slope, rig, (wrong[0], "wrench"), every, usual)
+    mend = (
+        _say(dict.fromkeys(wrong, unit)) if unit is not None else "Correct their unit or scale in [columns] of the rig"
+    )
     return (
         f"the moments are {slope:.3g} times those of the forces at the tool's com and tip: are "
         f"{'the forces' if forces else 'they'} in another unit? {mend}"
@@ -99,12 +96,13 @@ def unit_of_forces(force: Array, moment: Array, load: Array, rig: Rig) -> str | 
         return None
     return (
         f"in free motion the forces are {times:.3g} times the tool's weight, and the moments {turned:.3g} times its: "
-        f"the forces are in {unit}? {_say(FORCES, unit)}"
+        f"the forces are in {unit}? {_say(dict.fromkeys(FORCES, unit))}"
     )
 
 
-def _say(names: tuple[str, ...], unit: str) -> str:
-    return "Say so in [columns] of the rig: " + ", ".join(f'{name} = {{ unit = "{unit}" }}' for name in names)
+def _say(units: Mapping[str, str]) -> str:
+    said = ", ".join(f'{name} = {{ unit = "{unit}" }}' for name, unit in units.items())
+    return f"Say so in [columns] of the rig: {said}"
 
 
 def in_proportion(readings: Array, expected: Array) -> float | None:

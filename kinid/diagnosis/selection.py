@@ -118,9 +118,9 @@ def _remarkable(candidate: Refit, settings: DiagnosisSettings, tolerated: bool =
     values, parameters = state.values[state.model.place(effect.id, layout)], effect.parameters(layout)
     null = amplitudes(effect, layout, base_of(state.model))
     open_ = effect.calibration_sd(state.problem.experiment.signals)
-    own = {i: parameters[i] for i in null}
-    usual = {i: max(effect.usual(p), MAX_SHIFT * open_.get(p.name, 0.0)) for i, p in own.items()}
-    usual = {i: max(usual[i], effect.tolerable(p)) for i, p in own.items()} if tolerated else usual
+    usual = {i: max(effect.usual(parameters[i]), MAX_SHIFT * open_.get(parameters[i].name, 0.0)) for i in null}
+    if tolerated:
+        usual = {i: max(much, effect.tolerable(parameters[i])) for i, much in usual.items()}
     beyond = [i for i in null if abs(values[i] - null[i]) > usual[i]]
     if not beyond or any(not usual[i] for i in beyond):
         return bool(beyond)

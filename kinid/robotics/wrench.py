@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from kinid.data.log import Log
 from kinid.data.rig import Rig, ToolSpec
 from kinid.errors import InputError
-from kinid.robotics.joint_readings import joints_meant
+from kinid.robotics.joint_readings import CLEARLY, joints_meant
 from kinid.robotics.motion import JointMotion
 from kinid.robotics.robot import Kinematics, Robot
 
@@ -26,8 +26,6 @@ FEWEST_FREE, MOST_FREE = 20, 20_000
 SUSPICION, LEFT = 0.1, 0.5
 #: a touch shows which way it pushes where its force is so many times what is left in free motion
 PUSHES = 10.0
-#: other joints are believed before another wrench where they leave no more than so many times as much
-CLEARLY = 2.0
 #: a force of no more than this share of the tool's weight is of another unit, and says nothing of axes
 FAINT = 0.1
 #: rows in which a touch is looked for
@@ -114,8 +112,8 @@ def read_wrench(
         kinematics = robot.kinematics(robot.sensor_frame, motion.q[usable], motion.dq[usable], motion.ddq[usable])
         load = tool_load(rig.carried, kinematics, robot.gravity)
         weight = rig.carried.mass * float(np.linalg.norm(robot.gravity))
-        faint = float(np.sqrt(np.mean(np.sum(wrench[usable, :3] ** 2, axis=1)))) < FAINT * weight
-        if rig.tool is not None and rig.tool.mass > 0 and not trust and not faint:
+        asked = rig.tool is not None and rig.tool.mass > 0 and not trust
+        if asked and float(np.sqrt(np.mean(np.sum(wrench[usable, :3] ** 2, axis=1)))) >= FAINT * weight:
             force = ((wrench[usable] - offset) @ inverse.T)[:, :3]
             refuse_contradicted(
                 force,

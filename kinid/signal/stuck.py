@@ -41,12 +41,23 @@ def frozen(t: Array, readings: Array, moving: Mask) -> tuple[float, float] | Non
     Returns:
         None where there is none.
     """
-    same = np.r_[False, (readings[1:] == readings[:-1]).all(axis=1)]
-    begins = np.flatnonzero(~same)
-    length = np.diff(np.r_[begins, len(t)])
-    longest = int(np.argmax(length))
-    begin, last = int(begins[longest]), int(begins[longest] + length[longest] - 1)
-    duration = float(t[last] - t[begin])
-    if duration <= FROZEN or length[longest] <= UNUSUAL * np.median(length):
+    stretch = longest_repeat((readings[1:] == readings[:-1]).all(axis=1))
+    if stretch is None:
         return None
-    return (float(t[begin]), duration) if np.mean(moving[begin + 1 : last + 1]) > LIVE else None
+    begin, last = stretch
+    duration = float(t[last] - t[begin])
+    return (float(t[begin]), duration) if duration > FROZEN and np.mean(moving[begin + 1 : last + 1]) > LIVE else None
+
+
+def longest_repeat(same: Mask) -> tuple[int, int] | None:
+    """First and last row of the longest stretch of repeated readings; None where it is no longer than usual ones.
+
+    Args:
+        same: whether each row after the first repeats the one before, (n − 1,).
+    """
+    begins = np.flatnonzero(~np.r_[False, same])
+    length = np.diff(np.r_[begins, len(same) + 1])
+    longest = int(np.argmax(length))
+    if length[longest] <= UNUSUAL * np.median(length):
+        return None
+    return int(begins[longest]), int(begins[longest] + length[longest] - 1)

@@ -90,6 +90,14 @@ def test_a_law_that_lacks_relaxation_is_doubted_and_told_once_a_touch(run: Run, 
     assert 1 <= out.count("excitation-lost at") <= out.count("touch at")
 
 
+def doubts_of(run: Run, log: Path, *options: object) -> str:
+    """What a session that replays a log doubts."""
+    facts = log.parent / "live.json"
+    code, _, err = run("live", log, "--model", "kelvin-voigt", "--speed", 0, *options, "--quiet", "--json", facts)
+    assert code == 0, err
+    return " ".join(json.loads(facts.read_text())["doubts"])
+
+
 @pytest.mark.parametrize(("factor", "doubted"), [(1.0, False), (1000.0, True)])
 def test_forces_in_another_unit_are_beyond_the_sensors_range(
     run: Run, scripted: Scripted, tmp_path: Path, factor: float, doubted: bool
@@ -99,10 +107,7 @@ def test_forces_in_another_unit_are_beyond_the_sensors_range(
     text = rig.read_text(encoding="utf-8")
     assert "range = [40" in text
     rig.write_text(f"{text}\n[columns]\nwrench = {{ scale = {factor} }}\n", encoding="utf-8")
-    facts = tmp_path / "live.json"
-    code, _, err = run("live", log, "--model", "kelvin-voigt", "--speed", 0, "--quiet", "--json", facts)
-    assert code == 0, err
-    said = " ".join(json.loads(facts.read_text())["doubts"])
+    said = doubts_of(run, log)
     assert ("beyond [sensor] range" in said) == doubted
 
 
@@ -123,8 +128,5 @@ def test_a_tools_weight_that_free_motion_contradicts_is_doubted(
     rig.write_text(
         text.replace("mass = 0.24", line) if line.startswith("mass") else f"{text}\n{line}\n", encoding="utf-8"
     )
-    facts = tmp_path / "live.json"
-    code, _, err = run("live", log, "--model", "kelvin-voigt", "--speed", 0, "--tare", 2, "--quiet", "--json", facts)
-    assert code == 0, err
-    said = " ".join(json.loads(facts.read_text())["doubts"])
+    said = doubts_of(run, log, "--tare", 2)
     assert words in said if words else said == ""
