@@ -142,7 +142,7 @@ def _checked(effect: Effect, stage: Stage, s: Signals, p: Array) -> None:
                 f"s.{name} of {of} after the effect '{effect.id}' ({code.co_filename}, line {code.co_firstlineno}, "
                 f"{stage.value})",
                 f"shape {expected}, {len(s)} samples being the last number",
-                f"correct it there, and see what kinid effect check {code.co_filename} says",
+                f"correct it there, then run kinid effect check {code.co_filename}",
             )
 
 

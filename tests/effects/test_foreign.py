@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -14,16 +13,6 @@ from kinid.effects import _foreign
 from kinid.errors import InputError
 
 HOME = Path(effects.__file__).parent
-
-
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A folder that the catalogue reads; nothing of it stays behind."""
-    monkeypatch.setenv("KINID_EFFECTS", str(tmp_path))
-    effects.catalogue.cache_clear()
-    yield tmp_path
-    monkeypatch.undo()
-    effects.catalogue.cache_clear()
 
 
 def copied(folder: Path, name: str, id: str, own: str) -> None:

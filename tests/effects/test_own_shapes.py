@@ -48,10 +48,8 @@ class OddLaw(Effect):
         ("s.normal + p[0] * s.depth", ""),
     ],
 )
-def test_a_wrong_shape_is_bad_input_with_file_and_line(run: Run, tmp_path: Path, change: str, found: str) -> None:
-    log, folder = scripted_poke().write(tmp_path), tmp_path / "own"
-    folder.mkdir()
-    law = folder / "odd_law.py"
+def test_a_wrong_shape_is_bad_input_with_file_and_line(run: Run, folder: Path, change: str, found: str) -> None:
+    log, law = scripted_poke().write(folder), folder / "odd_law.py"
     law.write_text(LAW.replace("CHANGE", change), encoding="utf-8")
     code, _, err = run("--effects", folder, "fit", log, "--model", "kelvin-voigt,odd-law")
     if not found:

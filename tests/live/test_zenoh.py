@@ -169,16 +169,19 @@ def test_topics_that_are_not_asked_for(rig: Rig) -> None:
         while not all(publisher.matching_status.matching for publisher in publishers):
             assert next(items) is None
             assert time.monotonic() < end
+        # kept and sent at once, as rmw_zenoh does for what is reliable: a busy machine drops others
+        how = {"congestion_control": zenoh.CongestionControl.BLOCK, "express": True}
         for topic in ("7/arm/joint_states", "7/hand", "7/hand", "8/arm/joint_states", "7/arm/joint_states"):
-            robot.put(f"{topic}/{kind}", joints(5), express=True)
-        robot.put(forces, wrench(6)[:40], express=True)
-        first, other, second, broken = collect(source, 4, items)
+            robot.put(f"{topic}/{kind}", joints(5), **how)
+        robot.put(forces, wrench(6)[:40], **how)
+        came = collect(source, 4, items)
+    # each subscription has a thread of its own: what comes keeps its order within one, not between them
+    (broken,) = [item for item in came if isinstance(item, Notice) and item.kind == "malformed"]
+    first, other, second = [item for item in came if item is not broken]
     assert isinstance(first, Joints)
     assert isinstance(second, Joints)
     assert isinstance(other, Notice)
     assert (other.kind, other.says) == ("topic", "/hand beside /arm/joint_states: [streams] joints chooses")
-    assert isinstance(broken, Notice)
-    assert broken.kind == "malformed"
     assert "40 bytes" in broken.says
 
 
