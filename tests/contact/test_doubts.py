@@ -580,3 +580,14 @@ def test_joints_whose_positions_stop_in_a_log(touched: tuple[Log, Rig, Robot], j
     said = doubts(dataclasses.replace(log, q=q), rig, robot)
     assert "the robot's state stood still" in said
     assert (f"q{joints[0] + 1} repeats" if len(joints) == 1 else "all joints repeat") in said
+
+
+@pytest.mark.parametrize("since", [0.0, 3.2])
+def test_touches_that_no_surface_is_near_are_not_passed_over(touched: tuple[Log, Rig, Robot], since: float) -> None:
+    _, rig, robot = touched
+    whole = scripted_poke(seed=5).log
+    rows = slice(int(np.searchsorted(whole.t, since)), None)
+    log = Log(t=whole.t[rows], q=np.asarray(whole.q)[rows] * only(6, -1.0), wrench=np.asarray(whole.wrench)[rows])
+    said = doubts(log, rig, robot)
+    assert "as in a touch, and nothing counts as one" in said
+    assert "check unit, sign and order of q in [columns]" in said
