@@ -53,7 +53,7 @@ def misplaced(log: Log, rig: Rig, robot: Robot, touch: ContactSeries | None) -> 
     where = surface.locate(np.array([onset.position for onset in found]))
     out = np.einsum("ni,ni->n", where.axes[:, 2], [onset.direction for onset in found]) > OUTWARD
     depth = np.asarray(where.depth)[out & np.isfinite(where.depth)]
-    if not len(depth) and not touch.in_contact.any():
+    if not len(depth) and not touch.in_contact.any() and np.isfinite(where.depth).any():
         return 0.0, [
             f"the force rises {len(found)} time{'s' * (len(found) > 1)} as in a touch, and nothing counts as one: the "
             f"tip is then {1e3 * float(np.nanmin(np.abs(where.depth))):.3g} mm or more from the surface, or the force "
