@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from kinid import effects
 from kinid.diagnosis.acceptance import Refit
+from kinid.diagnosis.choice import acceptable
 from kinid.diagnosis.pipeline import Found
 from kinid.diagnosis.result import EffectStatus, EffectVerdict
 from kinid.diagnosis.screening import Candidate, screen
-from kinid.diagnosis.selection import acceptable
 from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.effects import Effect
 from kinid.effects._derived import sample_period

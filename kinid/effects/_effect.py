@@ -72,7 +72,7 @@ class Effect(ABC):
         map_names: parameter name → what a map calls it.
         unremarkable: parameter name → distance from its null that every material and every rig has; names as below.
         tolerated: parameter name → distance that many a rig has: no finding where the error with it is inside the
-            tolerance.
+            tolerance. tolerated_in_joints: the same of joint torques, where it is another: drives filter them.
         calibration_tolerance: parameter name → standard deviation within which every rig's calibration leaves it open.
             Names are those before the bracket; where channels differ in their unit it stands in brackets: "offset[N]",
             "offset[N·m]".
@@ -113,6 +113,7 @@ class Effect(ABC):
     map_names: ClassVar[Mapping[str, str]] = {}
     unremarkable: ClassVar[Mapping[str, float]] = {}
     tolerated: ClassVar[Mapping[str, float]] = {}
+    tolerated_in_joints: ClassVar[Mapping[str, float]] = {}
     calibration_tolerance: ClassVar[Mapping[str, float]] = {}
     admissible: ClassVar[Mapping[str, tuple[float, float]]] = {}
     order: ClassVar[int] = 0
@@ -190,9 +191,10 @@ class Effect(ABC):
         """How far from where it does nothing a parameter is in every material and every rig."""
         return _looked_up(self.unremarkable, parameter) or 0.0
 
-    def tolerable(self, parameter: Parameter) -> float:
+    def tolerable(self, parameter: Parameter, layout: Layout) -> float:
         """How far from where it does nothing a parameter is in many a rig."""
-        return _looked_up(self.tolerated, parameter) or 0.0
+        of_joints = _looked_up(self.tolerated_in_joints, parameter) if layout.kind == "joints" else None
+        return of_joints or _looked_up(self.tolerated, parameter) or 0.0
 
     def admissible_range(self, parameter: Parameter) -> tuple[float, float] | None:
         """Range of a parameter's values that is physically possible, None where `admissible` says nothing of it."""

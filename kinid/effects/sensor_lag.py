@@ -32,6 +32,7 @@ class SensorLag(Effect):
     null = {"time-constant": 0.0}
     grid = {"time-constant": (1e-3, 4e-3, 1.5e-2, 6e-2)}
     unremarkable = {"time-constant": 3.2e-3}  # sensors come with filters of 50 Hz and faster
+    tolerated_in_joints = {"time-constant": 0.032}  # torques of drives are filtered at 5 Hz and faster
     admissible = {"time-constant": (0.0, 0.1)}  # slower than 1.6 Hz, a sensor is none of contact forces
     example = Example(("kelvin-voigt",), {"time-constant": 0.011}, Motion.WAVES)
 

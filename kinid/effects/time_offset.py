@@ -34,6 +34,7 @@ class TimeOffset(Effect):
     order = 1
     calibration_tolerance = {"delay": 2.5e-4}  # a quarter of the period of a bus at 1 kHz
     tolerated = {"delay": 5e-3}  # stamps of two machines, and filters of 30 Hz and faster
+    tolerated_in_joints = {"delay": 0.032}  # torques of drives are filtered at 5 Hz and faster
     admissible = {"delay": (-0.25, 0.25)}  # buffers and buses; more is another recording
     example = Example(("hooke", "coulomb-friction"), {"delay": -0.0043}, Motion.WAVES)
 

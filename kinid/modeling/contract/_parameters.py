@@ -69,7 +69,7 @@ def admissible(case: Case) -> str:
         wrong = kind.implausible({key: named[f"{case.name}.{key}"] for key in case.own}, named, case.signals)
         demand(not wrong, f"{said} values that can't be: {wrong}")
     known = {key for p in case.own.values() for key in (short(p.name), f"{short(p.name)}[{p.unit}]")}
-    for attribute in ("admissible", "calibration_tolerance", "unremarkable", "tolerated"):
+    for attribute in ("admissible", "calibration_tolerance", "unremarkable", "tolerated", "tolerated_in_joints"):
         stated = getattr(kind, attribute)
         demand(not stated or known & set(stated), f"{attribute} of {', '.join(stated)}, no parameters of it")
     for name, p in case.own.items():

@@ -3,7 +3,7 @@ import json, os
 import numpy as np
 from numba import njit
 HERE = os.path.dirname(os.path.abspath(__file__))
-INERTIA = os.path.join(HERE, "lwr4plus_inertia.json")
+INERTIA = os.path.join(HERE, os.pardir, "foundry", "lwr4plus_inertia.json")
 
 def rpy(r, p, y):
     cr, sr, cp, sp, cy, sy = np.cos(r), np.sin(r), np.cos(p), np.sin(p), np.cos(y), np.sin(y)

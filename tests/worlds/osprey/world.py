@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 HERE = os.path.dirname(os.path.abspath(__file__))
-GIVEN = os.path.join(HERE, "..", "given", "lwr4plus_inertia.json")
+GIVEN = os.path.join(HERE, "..", "foundry", "lwr4plus_inertia.json")
 
 
 # ------------------------------------------------------------------ chains
