@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import final
 
 import numpy as np
@@ -64,6 +65,20 @@ class Adhesion(Effect):
             Parameter("rise", "r", "m", 3e-4, SHORTEST, 0.1, scale=1e-4),
             Parameter("neck", "p", "1", 2.0, 0.5, LATEST, scale=0.5),
         )
+
+    def implausible(
+        self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None
+    ) -> str:
+        """A bond that nothing tears: what pulls on the way in as on the way out acts at a distance, too."""
+        inside = signals.depth > 0.0 if signals is not None else np.zeros(0, bool)
+        if signals is not None and inside.any():
+            farthest = -float(np.nanmin(signals.depth[int(np.argmax(inside)) :]))
+            if values.get("length", 0.0) > max(farthest, 0.0):
+                return (
+                    f"a bond that reaches {1e3 * values['length']:.3g} mm, where the tip goes back "
+                    f"{1e3 * max(farthest, 0.0):.3g} mm: it never tears"
+                )
+        return super().implausible(values, model_values, signals)
 
     def normal(self, s: Signals, p: Array) -> None:
         """Pull."""

@@ -16,6 +16,7 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 import kinid
+from kinid import Model
 from kinid.contact.series import contact_series
 from kinid.data.log import Log
 from kinid.data.rig import WRENCH, Rig
@@ -27,7 +28,6 @@ from kinid.effects.sensor_crosstalk import SensorCrosstalk
 from kinid.modeling.contract import Case
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.from_logs import from_wrench
-from kinid.modeling.model import Model
 from kinid.modeling.reference_motions import reference_motion
 from kinid.robotics.robot import Robot
 from kinid.signal.derivative import Differentiator
