@@ -34,6 +34,8 @@ FEWEST_VALUES = 20
 #: it is so by as many of the model's own errors, so much of it must be in the pile; so much of the pile may be expected
 #: below the level
 BEYOND, PART_BEYOND, STAYS, PART_BELOW = 3.0, 0.5, 0.9, 0.2
+#: what a model expects beyond the level by this share of it is what sensors within their data sheets leave
+NONLINEAR = 0.02
 #: however large a model's errors are, what it expects below the level by this share of it is below
 FAR_BELOW = 0.25
 #: readings from these shares of the largest on tell the noise at the end of the range, if they are so many
@@ -219,7 +221,8 @@ def _cut_off_there(samples: Samples, channel: int, level: float, sigma: float) -
     off = ROBUST * float(np.median(np.abs(x - expected)[inside])) if inside.any() else 0.0
     sure = BEYOND * max(sigma, off)
     pile = samples.valid & (np.abs(x - level) < margin)
-    both, beyond = pile & (expected > level + margin), samples.valid & (expected > level + sure)
+    past = max(margin, NONLINEAR * level)
+    both, beyond = pile & (expected > level + past), samples.valid & (expected > level + max(past, sure))
     if both.sum() < max(PILED, PART_BEYOND * pile.sum()) or np.sum(beyond & pile) < STAYS * beyond.sum():
         return none
     if np.sum(pile & (expected < level - min(sure, FAR_BELOW * level))) > PART_BELOW * pile.sum():
