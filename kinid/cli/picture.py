@@ -55,9 +55,9 @@ def picture(
     """Learns what values look like, says how well that holds for places left out, and predicts a map; strangers stay
     unknown.
     """
+    from kinid.mapping.picture_classes import Picture
     from kinid.mapping.picture_map import Sighted
     from kinid.mapping.property_map import PropertyMap, check_map_name
-    from kinid.mapping.vision import Picture
     from kinid.robotics.surface import Plane
     from kinid.writers import check_outputs, write_json, write_text
 

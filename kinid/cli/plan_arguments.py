@@ -183,7 +183,7 @@ def planner_of(o: Options, *, expecting: bool = True) -> Planner:
     """What plans for these options; with the force to expect of their model, or without."""
     from kinid.data.rig import Rig
     from kinid.planning import Guard, Law, Planner, Protocol
-    from kinid.planning.setpoint import Pace
+    from kinid.planning.setpoint_timing import Pace
 
     the_rig = Rig.load(o.rig)
     law: Law | None = None

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.contact.doubts import contact_doubts, left_out, unused_offset
-from kinid.contact.flag import touches
 from kinid.contact.series import ContactSeries, contact_series, tip_motion
 from kinid.contact.torque_doubts import torque_doubts
+from kinid.contact.touching import touches
 from kinid.data.log import Log, Provenance, Step
 from kinid.data.rig import CONTACT, Rig
 from kinid.errors import InputError

@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.contact.flag import touches
 from kinid.contact.series import ContactSeries
+from kinid.contact.touching import touches
 from kinid.data.log import Log
 from kinid.data.rig import Rig
 from kinid.robotics.robot import Robot

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from kinid.contact.flag import OFF, ON, force_noise
 from kinid.contact.series import tip_motions
+from kinid.contact.touching import OFF, ON, force_noise
 from kinid.data.log import Log
 from kinid.data.rig import Rig, SurfaceSpec
 from kinid.errors import InputError, expect

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.contact.flag import touching
 from kinid.contact.surface_frame import SurfaceFrame
+from kinid.contact.touching import touching
 from kinid.data.log import Log, Mask, Provenance, Step, frozen, frozen_as
 from kinid.data.rig import CONTACT, Rig
 from kinid.errors import InputError, expect

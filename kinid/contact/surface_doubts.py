@@ -7,10 +7,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.contact.flag import REACH
 from kinid.contact.registration import onsets
 from kinid.contact.series import ContactSeries
 from kinid.contact.tool_doubts import FEWEST
+from kinid.contact.touching import REACH
 from kinid.data.log import Log
 from kinid.data.rig import Rig
 from kinid.errors import InputError

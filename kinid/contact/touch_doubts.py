@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from kinid.contact.flag import OFF, ON, REACH, force_noise
 from kinid.contact.series import ContactSeries
 from kinid.contact.tool_doubts import FEWEST
+from kinid.contact.touching import OFF, ON, REACH, force_noise
 from kinid.data.rig import Rig
 from kinid.signal.noise import ROBUST
 

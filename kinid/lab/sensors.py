@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from kinid.data.rig import ToolSpec
-from kinid.lab.loop import Motion
+from kinid.lab.loop_experiment import Motion
 from kinid.robotics.robot import Robot
 from kinid.robotics.wrench import tool_load
 

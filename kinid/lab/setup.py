@@ -15,7 +15,7 @@ from kinid.data.rig import Rig, ToolSpec, surface_axes
 from kinid.lab import sensors
 from kinid.lab.arm import Arm, Gains, Joints, lwr4plus_joints
 from kinid.lab.feasible import check
-from kinid.lab.loop import Loop, Motion
+from kinid.lab.loop_experiment import Loop, Motion
 from kinid.lab.materials import Material
 from kinid.lab.protocol import Script
 from kinid.robotics.robot import Robot

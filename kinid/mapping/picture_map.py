@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from kinid.errors import InputError
 from kinid.mapping.interpolation import Prior
-from kinid.mapping.property_map import PICTURE, Probe, Property, PropertyMap
-from kinid.mapping.vision import (
+from kinid.mapping.picture_classes import (
     BEYOND_CHANCE,
     FEATURES,
     UNKNOWN,
@@ -31,6 +30,7 @@ from kinid.mapping.vision import (
     spatial_blocks,
     value_classes,
 )
+from kinid.mapping.property_map import PICTURE, Probe, Property, PropertyMap
 from kinid.robotics.surface import Plane
 from kinid.writers import Json
 

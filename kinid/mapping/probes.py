@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.contact import flag
+from kinid.contact import touching
 from kinid.contact.series import ContactSeries, contact_series, tip_motion
 from kinid.data.log import Log
 from kinid.data.rig import Rig
@@ -99,7 +99,7 @@ def expected(paths: Sequence[Path]) -> int | None:
 
 def touches(touch: ContactSeries) -> list[tuple[int, int]]:
     """Rows [begin, end) of each touch, knocks left out."""
-    spans = flag.touches(touch.t, touch.in_contact, touch.valid)
+    spans = touching.touches(touch.t, touch.in_contact, touch.valid)
     return [(a, b) for a, b in spans if touch.t[b - 1] - touch.t[a] >= SHORTEST]
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.contact.doubts import contact_doubts
-from kinid.contact.flag import force_noise
 from kinid.contact.series import ContactSeries, contact_series
+from kinid.contact.touching import force_noise
 from kinid.data.log import Log, Mask
 from kinid.data.rig import WRENCH, Rig
 from kinid.effects import AsRead, Layout, Signals

@@ -3,7 +3,7 @@
 from kinid.planning.expected import Law
 from kinid.planning.limits import Limits
 from kinid.planning.planner import Guard, Planner, Protocol
-from kinid.planning.setpoint import Pace
+from kinid.planning.setpoint_timing import Pace
 from kinid.planning.signals import Multisine, Sampled
 from kinid.planning.touches import Poke, Slide, four_paths, grid, shortest_tour, within
 from kinid.planning.trajectory import Trajectory, read_trajectory

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from kinid.planning.limits import Limits
 from kinid.planning.reach import Reach
-from kinid.planning.setpoint import Pace
+from kinid.planning.setpoint_timing import Pace
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly

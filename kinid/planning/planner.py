@@ -20,7 +20,7 @@ from kinid.planning.expected import Law
 from kinid.planning.limits import Limits
 from kinid.planning.protocol import Guard, Protocol, check_length, deepest_of
 from kinid.planning.reach import TURNS, Reach
-from kinid.planning.setpoint import Pace, Profile, change, rest
+from kinid.planning.setpoint_timing import Pace, Profile, change, rest
 from kinid.planning.touches import Place, Poke, Touch
 from kinid.planning.trajectory import Trajectory
 from kinid.robotics.robot import Robot

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from kinid.errors import InputError
 from kinid.inputs import raised, size_limit
-from kinid.planning.setpoint import Pace
+from kinid.planning.setpoint_timing import Pace
 from kinid.planning.touches import DEEPEST, Poke, Slide, Touch
 
 Array = NDArray[np.float64]

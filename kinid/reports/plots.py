@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.contact.analysis import Analysis
-from kinid.contact.flag import touches
 from kinid.contact.series import ContactSeries
+from kinid.contact.touching import touches
 from kinid.reports.render import render
 from kinid.robotics.inverse_dynamics import JointTorques
 from kinid.robotics.motion import TipMotion

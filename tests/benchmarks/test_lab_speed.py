@@ -10,7 +10,7 @@ import pytest
 
 from kinid.lab import campaign
 from kinid.lab.experiments import prepare
-from kinid.lab.loop import Loop
+from kinid.lab.loop_experiment import Loop
 
 
 def test_closed_loop(benchmark) -> None:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from kinid.contact.flag import force_noise
-from kinid.contact.flag import touches as touched
 from kinid.contact.series import ContactSeries, contact_series
+from kinid.contact.touching import force_noise
+from kinid.contact.touching import touches as touched
 from kinid.data.log import Log
 from kinid.data.rig import Rig
 from kinid.errors import InputError

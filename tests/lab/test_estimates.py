@@ -13,7 +13,7 @@ from kinid.contact.series import ContactSeries
 from kinid.identification.fit import fit_model
 from kinid.identification.fitted import FittedParameter
 from kinid.lab.experiments import prepare
-from kinid.lab.loop import Motion
+from kinid.lab.loop_experiment import Motion
 from kinid.lab.materials import Material
 from kinid.lab.setup import LOG_EVERY
 from kinid.modeling.model import Model

@@ -13,7 +13,7 @@ from kinid.errors import InputError
 from kinid.lab.arm import Gains, Joints, design_damping, lwr4plus_joints, spectral_radius
 from kinid.lab.experiments import EXPERIMENTS, SILICONE_POKE, prepare
 from kinid.lab.feasible import _growth, asked_forces
-from kinid.lab.loop import Loop
+from kinid.lab.loop_experiment import Loop
 from kinid.lab.materials import MOULD, Material
 from kinid.lab.protocol import Poke, Slide, five_phases
 

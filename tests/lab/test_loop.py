@@ -19,7 +19,7 @@ from kinid.lab import _law as law
 from kinid.lab import experiments, materials
 from kinid.lab.arm import Arm, Gains, Joints
 from kinid.lab.experiments import prepare
-from kinid.lab.loop import Loop
+from kinid.lab.loop_experiment import Loop
 from kinid.lab.materials import Material
 from kinid.lab.protocol import Poke, five_phases
 from kinid.lab.setup import ELBOW_UP, Result, Setup
@@ -257,7 +257,7 @@ def test_names_are_checked() -> None:
 
 def test_a_loop_in_parts_is_the_loop_as_a_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     """The state that is handed on is all there is; and progress is told up to the end."""
-    from kinid.lab import loop as module
+    from kinid.lab import loop_experiment as module
 
     setup = prepare("poke", seed=2)
     shares: list[float] = []

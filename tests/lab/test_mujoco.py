@@ -14,7 +14,7 @@ import kinid.urdf
 from kinid.controllers.impedance import impedance_torque
 from kinid.data.rig import Rig, ToolSpec
 from kinid.lab.arm import Arm, Gains, Joints, design_damping, joints_along
-from kinid.lab.loop import Loop, twists
+from kinid.lab.loop_experiment import Loop, twists
 from kinid.lab.materials import Material
 from kinid.lab.protocol import Poke, five_phases
 from kinid.lab.setup import ELBOW_UP

@@ -10,7 +10,7 @@ import pytest
 import kinid
 from kinid.errors import InputError
 from kinid.lab.arm import Arm, Gains, lwr4plus_joints
-from kinid.lab.loop import Loop
+from kinid.lab.loop_experiment import Loop
 from kinid.lab.materials import Material
 from kinid.planning import Law, Multisine, Planner, Poke, Protocol
 from kinid.planning.following import set_points

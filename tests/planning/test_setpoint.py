@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kinid.errors import InputError
-from kinid.planning.setpoint import Pace, change, rest, trapezoid_duration
+from kinid.planning.setpoint_timing import Pace, change, rest, trapezoid_duration
 
 
 def test_a_change_keeps_its_pace_and_its_parts_join() -> None:

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from kinid.errors import InputError
+from kinid.mapping.picture_classes import UNKNOWN, MaterialClassifier, Picture, held_out, value_classes
 from kinid.mapping.png import to_png
-from kinid.mapping.vision import UNKNOWN, MaterialClassifier, Picture, held_out, value_classes
 
 pytest.importorskip("sklearn")
 
