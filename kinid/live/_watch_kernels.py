@@ -40,10 +40,10 @@ REPORTED = SINCE + 4
 EXCITED = REPORTED + 4
 MEAN_SQUARES = EXCITED + 1
 LAST_TIME = MEAN_SQUARES + 2
-#: logarithm of force over depth on the way so far, and just now; time on that way, and since it has changed [s]
-#: and the way's velocity along both tangents [m/s]
-FAR_SECANT, NEAR_SECANT, ON_WAY, CHANGED, ALONG1, ALONG2 = range(LAST_TIME + 1, LAST_TIME + 7)
-PLACES = LAST_TIME + 7
+#: logarithm of force over depth on the way so far, and just now, and mean square of their difference; time on that way,
+#: and since it has changed [s]; and the way's velocity along both tangents [m/s]
+FAR_SECANT, NEAR_SECANT, SWING, ON_WAY, CHANGED, ALONG1, ALONG2 = range(LAST_TIME + 1, LAST_TIME + 8)
+PLACES = LAST_TIME + 8
 
 #: samples in a row that make or end a touch; time constants of the mean squares that tell a divergence, and of the
 #: usual size of innovations [s]
@@ -61,6 +61,8 @@ SLIDING, DEEP, STEEP = 5e-4, 3e-4, 0.5
 #: time constants of what force over depth was on the way, and is now; how long the way has to be before, and the change
 #: has to last [s]
 FAR_TIME, NEAR_TIME, WAY, LASTS = 1.0, 0.02, 0.4, 0.02
+#: a depth that shakes makes force over depth swing, by damping: a change is beyond so many times its rms on the way
+BEYOND_SWING = 3.0
 #: the way turns where it leaves its direction by 20°, or its speed by this share; both follow it so slowly [s]
 TURNED, BRAKED, FOLLOWS = 0.94, 0.3, 0.05
 #: an innovation counts for so many standard deviations at most, so that no single sample raises an alarm
@@ -99,7 +101,7 @@ def _touch(quantities: Compiled, w: Compiled) -> int:
 
 @njit(error_model="numpy", forceinline=True)
 def _cumulate(
-    t: float, share: float, load: float, record: Compiled, w: Compiled, since: int, sums: int, squares: int
+    t: float, dt: float, load: float, record: Compiled, w: Compiled, since: int, sums: int, squares: int
 ) -> bool:
     """Cumulated sums of one estimator's innovations (E. S. Page, Biometrika 41, 1954), each over its usual size.
 
@@ -115,6 +117,8 @@ def _cumulate(
         return False
     if w[since] == np.inf:
         w[since] = t
+    # a mean of what there was: one that begins at zero is half the usual size after the time that it settles for
+    share = dt / (min(USUAL, t - w[since]) + dt) if dt > 0.0 else 0.0
     if t - w[since] < w[SETTLED]:
         w[squares] += share * (innovation * innovation - w[squares])
         return False
@@ -153,10 +157,14 @@ def _passes(dt: float, quantities: Compiled, w: Compiled) -> bool:
     secant = math.log(force / depth)
     if w[ON_WAY] == 0.0:
         w[FAR_SECANT] = w[NEAR_SECANT] = secant
+        w[SWING] = 0.0
     w[ON_WAY] += dt
     w[NEAR_SECANT] += dt / (NEAR_TIME + dt) * (secant - w[NEAR_SECANT])
     w[FAR_SECANT] += dt / (min(FAR_TIME, w[ON_WAY]) + dt) * (secant - w[FAR_SECANT])
-    if abs(w[NEAR_SECANT] - w[FAR_SECANT]) < w[SECANT_SHARE]:
+    away = w[NEAR_SECANT] - w[FAR_SECANT]
+    usual = BEYOND_SWING * math.sqrt(w[SWING])
+    w[SWING] += dt / (min(FAR_TIME, w[ON_WAY]) + dt) * (away * away - w[SWING])
+    if abs(away) < max(w[SECANT_SHARE], usual):
         w[CHANGED] = 0.0
         return False
     w[CHANGED] += dt
@@ -198,9 +206,8 @@ def _watch(
     touching = w[TOUCHING] > 0.0
     share = dt / (dt + MEMORY)
     _turn(dt, quantities, w)
-    usual = dt / (dt + USUAL)
-    changed = _cumulate(t, usual, force, normal, w, NORMAL_SINCE, SUMS, MEAN_SQUARES)
-    changed |= _cumulate(t, usual, force, friction, w, FRICTION_SINCE, SUMS + 2, MEAN_SQUARES + 1)
+    changed = _cumulate(t, dt, force, normal, w, NORMAL_SINCE, SUMS, MEAN_SQUARES)
+    changed |= _cumulate(t, dt, force, friction, w, FRICTION_SINCE, SUMS + 2, MEAN_SQUARES + 1)
     changed |= _passes(dt, quantities, w)
     if changed:
         _begin(w)
