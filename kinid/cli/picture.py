@@ -20,6 +20,8 @@ EXAMPLES = """Examples:
 kinid picture mould.parquet mould.png --corners=-0.05,-0.05,0.05,0.05
 
 kinid picture mould.parquet mould.png --corners=-0.05,-0.05,0.05,0.05 --onto next.png -o next.parquet --plot next.html
+
+kinid picture mould.parquet mould.png --corners=-0.05,-0.05,0.05,0.05 --study --classes 4 --patch 50 --oversample
 """
 CORNERS = (
     "Where the picture lies, along both tangents from the surface's point [m]: outer corner of its first pixel and of "
@@ -49,17 +51,39 @@ def picture(
         bool,
         typer.Option("--calibrated/--study", help="Calibrated probabilities, or the study's support-vector machine."),
     ] = True,
+    classes: Annotated[
+        int | None, typer.Option(help="Of values. Default: as many as their sizes ask for, six at most.")
+    ] = None,
+    limits: Annotated[
+        str | None, typer.Option(help="Between the classes, in the property's unit: 300,900,2000.", show_default=False)
+    ] = None,
+    patch: Annotated[int, typer.Option(help="Side of the patch around a place that is looked at [pixels].")] = 9,
+    texture: Annotated[
+        bool, typer.Option("--texture/--rgb", help="Colour and texture of a patch, or its mean colour alone.")
+    ] = True,
+    grey_world: Annotated[
+        bool,
+        typer.Option(
+            "--grey-world", help="Colours relative to their mean: for another picture under another light or camera."
+        ),
+    ] = False,
+    oversample: Annotated[
+        bool, typer.Option("--oversample", help="Rare classes weigh as much as common ones.")
+    ] = False,
+    confusion: Annotated[
+        Path | None, typer.Option(help="What left-out places were taken for: one offline HTML file.", callback=PAGE)
+    ] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Figures and classes to write as JSON.")] = None,
     plot: Annotated[Path | None, typer.Option(help="The predicted map: one offline HTML file.", callback=PAGE)] = None,
 ) -> None:
     """Learns what values look like, says how well that holds for places left out, and predicts a map; strangers stay
     unknown.
     """
-    from kinid.mapping.picture_classes import Picture
+    from kinid.mapping.picture import Picture
     from kinid.mapping.picture_map import Sighted
     from kinid.mapping.property_map import PropertyMap, check_map_name
     from kinid.robotics.surface import Plane
-    from kinid.writers import check_outputs, write_json, write_text
+    from kinid.writers import check_outputs, write_json
 
     if not 2 <= cells <= 60:
         raise InputError(f"--cells {cells}", "2 to 60", "correct it")
@@ -67,25 +91,28 @@ def picture(
         check_map_name(out)
     if onto is None and onto_corners is not None:
         raise InputError("--onto-corners without --onto", "the other picture", "name it with --onto")
-    check_outputs((out, json_file, plot), (grown, image, onto))
+    check_outputs((out, json_file, plot, confusion), (grown, image, onto))
+    between = numbers(limits, "--limits", "values between the classes, in rising order") if limits else ()
     place = _corners(corners, "--corners")
-    first = second = Picture.read(image, *place)
+    first = second = Picture.read(image, *place, patch=patch, texture=texture)
     if onto is not None:
-        second = Picture.read(onto, *(_corners(onto_corners, "--onto-corners") if onto_corners else place))
+        other = _corners(onto_corners, "--onto-corners") if onto_corners else place
+        second = Picture.read(onto, *other, patch=patch, texture=texture)
+    if grey_world:
+        first, second = first.grey_world(), second.grey_world()
     known = PropertyMap.read(grown)
     if not isinstance(known.surface, Plane):
         raise InputError("a map on a mesh", "a map on a plane", "map a plane")
-    sighted = Sighted.learn(known, shown, first, calibrated=calibrated)
+    sighted = Sighted.learn(
+        known, shown, first, calibrated=calibrated, balanced=oversample, classes=classes, limits=between
+    )
     predicted, unknown = sighted.predicted(second, known.surface, cells)
     name = (onto or image).name
     if out is not None and len(predicted):
         predicted.write(out)
     if json_file is not None:
         write_json(json_file, _facts(sighted, predicted, unknown, name))
-    if plot is not None and len(predicted):
-        from kinid.mapping.map_page import map_page
-
-        write_text(plot, map_page(predicted, name, "nearest"))
+    _write_pages(sighted, predicted, name, (confusion, image.name), plot)
     _show(sighted, predicted, unknown, name)
     if not sighted.tells:
         if out is None and plot is None:
@@ -103,7 +130,22 @@ def picture(
         )
     from kinid.cli.show import written
 
-    written((out, json_file, plot))
+    written((out, json_file, plot, confusion))
+
+
+def _write_pages(
+    sighted: Sighted, predicted: PropertyMap, name: str, confusion: tuple[Path | None, str], plot: Path | None
+) -> None:
+    """Those that were asked for: what the picture learnt from was taken for, and the predicted map."""
+    from kinid.mapping.confusion_page import confusion_page
+    from kinid.mapping.map_page import map_page
+    from kinid.writers import write_text
+
+    path, image = confusion
+    if path is not None:
+        write_text(path, confusion_page(sighted, image))
+    if plot is not None and len(predicted):
+        write_text(plot, map_page(predicted, name, "nearest"))
 
 
 def _corners(text: str, option: str) -> Corners:
@@ -142,6 +184,10 @@ def _show(sighted: Sighted, predicted: PropertyMap, unknown: int, name: str) -> 
     ):
         table.add_row(words, f"{100 * recognised:.1f} %", f"{100 * error:.1f} %")
     table.add_row("the commonest class, without a picture", f"{100 * seen.commonest:.1f} %", "–")
+    out.print(table)
+    table = plain_table("left out in blocks", *right(*(f"taken for {kind.split()[-1]}" for kind in seen.classes)))
+    for kind, row in zip(seen.classes, seen.confusion[1]):
+        table.add_row(kind, *(str(int(count)) for count in row))
     out.print(table)
     if not sighted.tells:
         say(

@@ -10,15 +10,13 @@ was learnt is said to be unknown.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError, MissingDependencyError
-from kinid.inputs import check_regular, raised, size_limit
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -26,137 +24,13 @@ if TYPE_CHECKING:
     from sklearn.base import ClassifierMixin
 
 Array = NDArray[np.float64]
-#: of single precision where they come from a file, which has no more
-Pixels = NDArray[np.float64] | NDArray[np.float32]
-
-#: a picture of more pixels is refused before it is unpacked: each costs some twenty bytes
-MOST_PIXELS = 16_000_000
-#: what is expected of a file, and how to mend another one
-PICTURE = ("a PNG or JPEG image", "name another file, or save the picture anew")
-#: half the side of the patch that features are taken from [pixels]
-HALF = 4
-#: features are worked out for tiles of such a side, of which so many are remembered: whole pictures of two million
-#: pixels [pixels]
-TILE, REMEMBERED = 512, 8
-#: beyond a tile's border, features depend on so many pixels more: half a patch, and a Gaussian's four deviations
-REACH = HALF + 4
-#: names of the features
-FEATURES = ("red", "green", "blue", "spread of red", "spread of green", "spread of blue", "gradient", "curvature")
-#: the study's number of random folds
-FOLDS = 20
+#: the study's number of random folds; a class of fewer samples teaches nothing
+FOLDS, FEWEST = 20, 5
 #: what lies further from the nearest samples than this share of the samples from each other, by this factor, is unknown
 STRANGE, FAR, NEIGHBOURS = 0.98, 1.3, 3
 UNKNOWN = "unknown"
 #: a gain of so many standard errors is no chance
 BEYOND_CHANCE = 2.0
-
-
-@dataclass(frozen=True, eq=False)
-class Picture:
-    """An RGB image registered to a plane.
-
-    Attributes:
-        pixels: (rows, columns, 3), 0…1. low, high: places along both tangents [m] of the first pixel's and the last
-            pixel's outer corner; rows run along the first tangent, columns along the second.
-    """
-
-    pixels: Pixels
-    low: tuple[float, float]
-    high: tuple[float, float]
-    _tiles: dict[tuple[int, int], Array] = field(init=False, repr=False, default_factory=dict)
-
-    def __post_init__(self) -> None:
-        if self.pixels.ndim != 3 or self.pixels.shape[2] != 3 or min(self.pixels.shape[:2]) < 2 * HALF + 1:
-            raise InputError(
-                f"a picture of shape {self.pixels.shape}",
-                f"(rows, columns, 3) of {2 * HALF + 1} pixels at least",
-                "give an RGB image",
-            )
-        size = np.subtract(self.high, self.low) if np.isfinite((*self.low, *self.high)).all() else np.zeros(2)
-        if not (size > 0.0).all():
-            raise InputError(
-                f"a picture from {self.low} to {self.high} m", "two corners, the lower one first", "correct it"
-            )
-
-    @classmethod
-    def read(cls, path: Path, low: tuple[float, float], high: tuple[float, float]) -> Picture:
-        """From a PNG or JPEG file.
-
-        Raises:
-            InputError: no image there. MissingDependencyError: no library for images.
-        """
-        try:
-            from PIL import Image, UnidentifiedImageError
-        except ImportError:
-            raise MissingDependencyError("pillow", "vision") from None
-        check_regular(path, "picture", *PICTURE)
-        try:
-            with Image.open(path, formats=("PNG", "JPEG")) as image:
-                count = image.width * image.height
-                if count > (most := size_limit(MOST_PIXELS)):
-                    raise InputError(
-                        f"a picture of {image.width} × {image.height} pixels at {path}",
-                        f"{most / 1e6:.3g} million pixels at most",
-                        f"make it smaller: a tip is tens of pixels wide then, too; {raised(count, MOST_PIXELS)}",
-                    )
-                if image.mode.startswith("I"):  # 16 bits of grey, which a conversion to colours would clip to 8
-                    grey = np.asarray(image, dtype=np.float32) / np.float32(65535.0)
-                    return cls(np.repeat(grey[..., None], 3, axis=2), low, high)
-                pixels = np.array(image.convert("RGB"), dtype=np.float32)
-                pixels /= np.float32(255.0)
-                return cls(pixels, low, high)
-        except (OSError, ValueError, UnidentifiedImageError, Image.DecompressionBombError) as error:
-            raise InputError(f"no picture at {path} ({str(error)[:60]})", *PICTURE) from None
-
-    def shows(self, places: Array) -> NDArray[np.bool_]:
-        """Whether places (n, 2) [m] are in the picture, (n,)."""
-        at = np.asarray(places)
-        return np.asarray(((at >= self.low) & (at <= self.high)).all(axis=1))
-
-    def pixel(self, places: Array) -> NDArray[np.int64]:
-        """Row and column of places (n, 2) [m], clipped to the picture, (n, 2)."""
-        span = np.array(self.high) - np.array(self.low)
-        shape = np.array(self.pixels.shape[:2])
-        at = np.floor((np.asarray(places) - np.array(self.low)) / span * shape).astype(np.int64)
-        return np.asarray(np.clip(at, 0, shape - 1))
-
-    def features(self, places: Array) -> Array:
-        """Of the patches around places (n, 2) [m], (n, 8), as in `FEATURES`."""
-        at = self.pixel(places)
-        out = np.empty((len(at), len(FEATURES)))
-        tiles, which = np.unique(at // TILE, axis=0, return_inverse=True)
-        for k, (row, column) in enumerate(tiles.tolist()):
-            here = np.flatnonzero(which.ravel() == k)
-            inside = at[here] - TILE * np.array([row, column])
-            out[here] = self._tile(row, column)[inside[:, 0], inside[:, 1]]
-        return out
-
-    def _tile(self, row: int, column: int) -> Array:
-        """Features of the pixels of a tile, (rows, columns, 8); those of a few tiles are remembered."""
-        if (row, column) not in self._tiles:
-            while len(self._tiles) >= REMEMBERED:
-                del self._tiles[next(iter(self._tiles))]
-            near, far, shape = [], [], self.pixels.shape[:2]
-            for begin, most in zip((TILE * row, TILE * column), shape):
-                near.append(max(begin - REACH, 0))
-                far.append(min(begin + TILE + REACH, most))
-            fields = _features(self.pixels[near[0] : far[0], near[1] : far[1]])
-            first = TILE * row - near[0], TILE * column - near[1]
-            self._tiles[row, column] = fields[first[0] :, first[1] :][:TILE, :TILE].copy()
-        return self._tiles[row, column]
-
-
-def _features(given: Pixels) -> Array:
-    """Of every pixel (rows, columns, 3), (rows, columns, 8)."""
-    from scipy.ndimage import gaussian_gradient_magnitude, gaussian_laplace, uniform_filter
-
-    pixels, size = np.asarray(given, dtype=np.float64), (2 * HALF + 1, 2 * HALF + 1, 1)
-    mean = uniform_filter(pixels, size, mode="nearest")
-    spread = np.sqrt(np.maximum(uniform_filter(pixels**2, size, mode="nearest") - mean**2, 0.0))
-    grey = pixels @ np.array([0.299, 0.587, 0.114])
-    gradient = uniform_filter(gaussian_gradient_magnitude(grey, 1.0, mode="nearest"), size[:2], mode="nearest")
-    curvature = uniform_filter(np.abs(gaussian_laplace(grey, 1.0, mode="nearest")), size[:2], mode="nearest")
-    return np.concatenate([mean, spread, gradient[..., None], curvature[..., None]], axis=2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,26 +62,30 @@ class MaterialClassifier:
     strange: float
 
     @classmethod
-    def learn(cls, features: Array, labels: Sequence[str], *, calibrated: bool = True) -> MaterialClassifier:
+    def learn(
+        cls, features: Array, labels: Sequence[str], *, calibrated: bool = True, balanced: bool = False
+    ) -> MaterialClassifier:
         """From features (n, p) with their classes (n,).
 
         Args:
             calibrated: the logistic scores; else the study's machine, whose probability is its share of votes.
+            balanced: rare classes weigh as much as common ones, as if their samples stood there more often (the study's
+                oversampling, without a copy of a sample in another fold).
 
         Raises:
             InputError: one class only, or fewer than 5 samples of one.
         """
         features, names = np.asarray(features, dtype=float), np.asarray(labels, dtype=str)
         classes, counts = np.unique(names, return_counts=True)
-        if len(classes) < 2 or counts.min() < 5:
+        if len(classes) < 2 or counts.min() < FEWEST:
             raise InputError(
                 f"classes {dict(zip(classes.tolist(), counts.tolist()))}",
-                "two at least with 5 samples each",
+                f"two at least with {FEWEST} samples each",
                 "poke more places",
             )
         centre, scale = features.mean(axis=0), np.maximum(features.std(axis=0), 1e-9)
         z = (features - centre) / scale
-        machine = _machine(z.shape[1], calibrated).fit(z, names)
+        machine = _machine(z.shape[1], calibrated, balanced).fit(z, names)
         # distances count in what is usual within a class: colours differ little there, noise of texture much
         away = np.abs(np.concatenate([z[names == name] - np.median(z[names == name], axis=0) for name in classes]))
         usual = np.maximum(1.4826 * np.median(away, axis=0), 0.02)
@@ -232,13 +110,14 @@ class MaterialClassifier:
         return Sight(label, np.where(strange, 0.0, probabilities.max(axis=1)), probabilities, self.classes)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HeldOut:
     """Share of places that were recognised: in random folds, in spatial blocks, and how far probabilities were off
     there.
 
     `commonest` is the share of the commonest class, which needs no picture to be right so often; `gain` is what the
-    picture adds to that, and `gain_error` its standard error over blocks.
+    picture adds to that, and `gain_error` its standard error over blocks. `confusion` are places by their class (rows)
+    and by what was recognised (columns), (c, c), in the order of `classes`: of random folds, and of spatial blocks.
     """
 
     random_folds: float
@@ -246,6 +125,8 @@ class HeldOut:
     calibration_error: float
     commonest: float
     gain_error: float
+    classes: tuple[str, ...]
+    confusion: tuple[NDArray[np.int64], NDArray[np.int64]]
 
     @property
     def gain(self) -> float:
@@ -264,6 +145,7 @@ def held_out(
     places: Array,
     *,
     calibrated: bool = True,
+    balanced: bool = False,
     block: float = 0.02,
     folds: int = FOLDS,
     seed: int = 0,
@@ -272,12 +154,13 @@ def held_out(
 
     Args:
         features: (n, p). labels: (n,). places: (n, 2) [m]. block: side of a spatial block [m]. folds: of the random
-            kind.
+            kind. calibrated, balanced: of `MaterialClassifier.learn`.
     """
     features, names = np.asarray(features, dtype=float), np.asarray(labels, dtype=str)
-    random, _, _ = _scores(features, names, random_folds(len(names), folds, seed), calibrated)
+    by_chance, _ = _recognised(features, names, random_folds(len(names), folds, seed), calibrated, balanced)
     fold = spatial_blocks(places, block, folds, seed)
-    spatial, probability, right = _scores(features, names, fold, calibrated)
+    in_blocks, probability = _recognised(features, names, fold, calibrated, balanced)
+    right = in_blocks == names
     bins = np.clip((probability * 10).astype(int), 0, 9)
     gap = sum(
         abs(float(np.mean(probability[bins == b]) - np.mean(right[bins == b]))) * np.mean(bins == b)
@@ -285,7 +168,15 @@ def held_out(
     )
     classes, counts = np.unique(names, return_counts=True)
     plain = names == classes[counts.argmax()]
-    return HeldOut(random, spatial, float(gap), float(plain.mean()), error_of_mean(right.astype(float) - plain, fold))
+    return HeldOut(
+        float(np.mean(by_chance == names)),
+        float(right.mean()),
+        float(gap),
+        float(plain.mean()),
+        error_of_mean(right.astype(float) - plain, fold),
+        tuple(classes.tolist()),
+        (_confusion(names, by_chance, classes), _confusion(names, in_blocks, classes)),
+    )
 
 
 def random_folds(n: int, folds: int = FOLDS, seed: int = 0) -> NDArray[np.int64]:
@@ -301,13 +192,33 @@ def spatial_blocks(places: Array, block: float, folds: int = FOLDS, seed: int = 
     return np.asarray(np.random.default_rng(seed).permutation(count)[number] % min(folds, count), dtype=np.int64)
 
 
-def value_classes(values: Array, most: int = 6) -> NDArray[np.int64]:
-    """Classes of positive values by their size, (n,): as many as a mixture of lognormals asks for (BIC)."""
-    mixture = sklearn("mixture")
+def value_classes(
+    values: Array, count: int | None = None, limits: Sequence[float] = (), most: int = 6
+) -> NDArray[np.int64]:
+    """Classes of positive values by their size, (n,), from 0 on.
+
+    Args:
+        values: (n,). count: of classes; None: as many as a mixture of lognormals asks for (BIC), `most` at most.
+        limits: between the classes, which are counted then.
+
+    Raises:
+        InputError: limits that don't rise, another count than they make, or fewer values than classes.
+    """
     y = np.log(np.asarray(values, dtype=float))[:, None]
+    if len(limits):
+        if not (np.diff(limits) > 0.0).all() or limits[0] <= 0.0 or count not in (None, len(limits) + 1):
+            raise InputError(
+                f"limits {', '.join(f'{limit:g}' for limit in limits)}" + (f" for {count} classes" if count else ""),
+                "positive ones that rise, one less than there are classes",
+                "correct them",
+            )
+        return np.asarray(np.searchsorted(np.log(limits), y[:, 0], side="right"), dtype=np.int64)
+    if count is not None and not 2 <= count <= len(y):
+        raise InputError(f"{count} classes of {len(y)} values", f"2 to {len(y)}", "correct it")
+    mixture = sklearn("mixture")
     best = None
-    for k in range(1, min(most, len(y) // 3) + 1):
-        found = mixture.GaussianMixture(k, random_state=0, reg_covar=1e-4, n_init=2).fit(y)
+    for k in range(1, min(most, len(y) // 3) + 1) if count is None else (count,):
+        found = mixture.GaussianMixture(k, random_state=0, reg_covar=1e-4, n_init=2 if count is None else 10).fit(y)
         score = found.bic(y)
         if best is None or score < best[0]:
             best = (score, found)
@@ -316,21 +227,27 @@ def value_classes(values: Array, most: int = 6) -> NDArray[np.int64]:
     return np.asarray(order[best[1].predict(y)], dtype=np.int64)
 
 
-def _scores(
-    features: Array, names: NDArray[np.str_], fold: NDArray[np.int64], calibrated: bool
-) -> tuple[float, Array, NDArray[np.bool_]]:
-    right, probability = np.zeros(len(names), np.bool_), np.zeros(len(names))
+def _recognised(
+    features: Array, names: NDArray[np.str_], fold: NDArray[np.int64], calibrated: bool, balanced: bool
+) -> tuple[NDArray[np.str_], Array]:
+    """Class and its probability of each sample (n,), learnt from the other folds; unknown where those don't do."""
+    label, probability = np.full(len(names), UNKNOWN, dtype=object), np.zeros(len(names))
     for k in np.unique(fold):
         train, test = fold != k, fold == k
         counts = np.unique(names[train], return_counts=True)[1]
-        if len(counts) < 2 or counts.min() < 5:
+        if len(counts) < 2 or counts.min() < FEWEST:
             continue  # nothing to learn from: its samples count as missed
-        seen = MaterialClassifier.learn(features[train], names[train].tolist(), calibrated=calibrated).at(
-            features[test]
-        )
-        right[test] = np.array(seen.classes)[seen.probabilities.argmax(axis=1)] == names[test]
+        seen = MaterialClassifier.learn(
+            features[train], names[train].tolist(), calibrated=calibrated, balanced=balanced
+        ).at(features[test])
+        label[test] = np.array(seen.classes)[seen.probabilities.argmax(axis=1)]
         probability[test] = seen.probabilities.max(axis=1)
-    return float(right.mean()), probability, right
+    return label.astype(str), probability
+
+
+def _confusion(names: NDArray[np.str_], seen: NDArray[np.str_], classes: NDArray[np.str_]) -> NDArray[np.int64]:
+    """Samples by class (rows) and by what was recognised (columns), (c, c); those of no recognised class nowhere."""
+    return np.array([[np.sum((names == one) & (seen == other)) for other in classes] for one in classes])
 
 
 def error_of_mean(values: Array, fold: NDArray[np.int64]) -> float:
@@ -342,14 +259,15 @@ def error_of_mean(values: Array, fold: NDArray[np.int64]) -> float:
     return float(np.sqrt(np.sum(sums**2) * count / max(count - 1, 1))) / len(values)
 
 
-def _machine(count: int, calibrated: bool) -> ClassifierMixin:
+def _machine(count: int, calibrated: bool, balanced: bool) -> ClassifierMixin:
     """The study's: exp(−|x − x'|²/s²) with s = √P/4, which scikit-learn writes as γ = 1/s²; and the calibrated
     alternative.
     """
+    weight = "balanced" if balanced else None
     if not calibrated:
-        return sklearn("svm").SVC(kernel="rbf", gamma=16.0 / count, C=1.0)
+        return sklearn("svm").SVC(kernel="rbf", gamma=16.0 / count, C=1.0, class_weight=weight)
     # a wider kernel generalises to places that were not touched; the logistic curve on left-out scores calibrates it
-    machine = sklearn("svm").SVC(kernel="rbf", gamma=1.0 / count, C=1.0)
+    machine = sklearn("svm").SVC(kernel="rbf", gamma=1.0 / count, C=1.0, class_weight=weight)
     return sklearn("calibration").CalibratedClassifierCV(machine, method="sigmoid", cv=3, ensemble=False)
 
 

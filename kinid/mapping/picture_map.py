@@ -8,6 +8,7 @@ prediction. Places that look like nothing that was learnt stay unknown.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -16,13 +17,13 @@ from numpy.typing import NDArray
 
 from kinid.errors import InputError
 from kinid.mapping.interpolation import Prior
+from kinid.mapping.picture import Picture
 from kinid.mapping.picture_classes import (
     BEYOND_CHANCE,
-    FEATURES,
+    FEWEST,
     UNKNOWN,
     HeldOut,
     MaterialClassifier,
-    Picture,
     error_of_mean,
     held_out,
     random_folds,
@@ -40,8 +41,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: a class of fewer probes teaches nothing
-FEWEST = 5
 #: folds of spatial blocks in which the regression is learnt anew
 LEARNT_ANEW = 5
 #: a spatial block is this share of the map's longer side
@@ -80,8 +79,21 @@ class Sighted:
         return self.figures.tells or share > max(BEYOND_CHANCE * error, 0.0)
 
     @classmethod
-    def learn(cls, grown: PropertyMap, name: str, picture: Picture, *, calibrated: bool = True) -> Sighted:
+    def learn(
+        cls,
+        grown: PropertyMap,
+        name: str,
+        picture: Picture,
+        *,
+        calibrated: bool = True,
+        balanced: bool = False,
+        classes: int | None = None,
+        limits: Sequence[float] = (),
+    ) -> Sighted:
         """From the probes of a map on a plane and a picture of it.
+
+        Args:
+            calibrated, balanced: of `MaterialClassifier.learn`. classes, limits: of `value_classes`.
 
         Raises:
             InputError: values that aren't all positive, fewer than two classes, or probes beside the picture.
@@ -99,19 +111,20 @@ class Sighted:
                 f"{name} that is not positive everywhere", "a positive property", "choose another --property"
             )
         flat, values = flat[usable], values[usable]
-        features, kind = picture.features(flat), value_classes(values)
+        features, kind = picture.features(flat), value_classes(values, classes, limits)
         kept = np.isin(kind, np.flatnonzero(np.bincount(kind) >= FEWEST))
         labels = np.array([f"class {z + 1}" for z in kind.tolist()])
-        classifier = MaterialClassifier.learn(features[kept], labels[kept].tolist(), calibrated=calibrated)
+        known, named = features[kept], labels[kept].tolist()
+        classifier = MaterialClassifier.learn(known, named, calibrated=calibrated, balanced=balanced)
         block = float(np.ptp(flat, axis=0).max()) / BLOCKS
-        figures = held_out(features[kept], labels[kept].tolist(), flat[kept], calibrated=calibrated, block=block)
+        figures = held_out(known, named, flat[kept], calibrated=calibrated, balanced=balanced, block=block)
         centre, scale = features.mean(axis=0), np.maximum(features.std(axis=0), 1e-9)
         z, log = (features - centre) / scale, np.log(values)
         with warnings.catch_warnings():
             warnings.simplefilter(
                 "ignore"
             )  # a length at its bound is of a feature that tells nothing: nothing to warn of
-            regression = _regression().fit(z, log)
+            regression = _regression(z.shape[1]).fit(z, log)
         # lengths that were learnt on all samples know which features happen to go with values that are left out: in
         # blocks, of which a figure is to be honest, they are learnt anew
         blocks = spatial_blocks(flat, block, folds=len(flat))
@@ -144,11 +157,16 @@ class Sighted:
             "unit": self.item.unit,
             "classes": classes,
             "held_out": {
-                "random_folds": {"recognised": seen.random_folds, "error": random},
+                "random_folds": {
+                    "recognised": seen.random_folds,
+                    "error": random,
+                    "confusion": seen.confusion[0].tolist(),
+                },
                 "spatial_blocks": {
                     "recognised": seen.spatial_blocks,
                     "error": spatial,
                     "calibration_error": seen.calibration_error,
+                    "confusion": seen.confusion[1].tolist(),
                 },
                 "commonest_class": {"recognised": seen.commonest},
             },
@@ -190,10 +208,10 @@ class Sighted:
         return empty.added(*probes), int((~finite).sum())
 
 
-def _regression() -> GaussianProcessRegressor:
+def _regression(count: int) -> GaussianProcessRegressor:
     """A Gaussian process over features, each with its own length, with what no feature explains as noise."""
     kernels, process = sklearn("gaussian_process.kernels"), sklearn("gaussian_process")
-    kernel = kernels.ConstantKernel(1.0) * kernels.Matern(np.full(len(FEATURES), 3.0), (0.3, 1e3), nu=1.5)
+    kernel = kernels.ConstantKernel(1.0) * kernels.Matern(np.full(count, 3.0), (0.3, 1e3), nu=1.5)
     return process.GaussianProcessRegressor(
         kernel + kernels.WhiteKernel(0.1, (1e-3, 1.0)), normalize_y=True, random_state=0
     )
@@ -207,7 +225,7 @@ def _left_out(z: Array, log: Array, fold: NDArray[np.int64], kernel: Kernel | No
     wrong = np.empty(len(log))
     for k in np.unique(fold):
         train, test = fold != k, fold == k
-        part = _regression()
+        part = _regression(z.shape[1])
         if kernel is not None:
             part = process.GaussianProcessRegressor(kernel, optimizer=None, normalize_y=True)
         with warnings.catch_warnings():

@@ -21,7 +21,7 @@ from kinid.cli import main
 from kinid.errors import KinidError
 from kinid.lab import campaign as campaigns
 from kinid.live.sources.udp import parse
-from kinid.mapping.picture_classes import Picture
+from kinid.mapping.picture import Picture
 from kinid.robotics.robot import Robot
 from kinid.robotics.surface import load
 from kinid.viewer.server import ViewServer

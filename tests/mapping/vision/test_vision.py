@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from kinid.errors import InputError
-from kinid.mapping.picture_classes import UNKNOWN, MaterialClassifier, Picture, held_out, value_classes
+from kinid.mapping.picture import Picture
+from kinid.mapping.picture_classes import UNKNOWN, MaterialClassifier, held_out, value_classes
 from kinid.mapping.png import to_png
 
 pytest.importorskip("sklearn")
@@ -317,6 +318,88 @@ def test_the_command_says_both_figures_and_what_is_unknown(tmp_path):
     assert wrong.returncode == 2
     assert "four numbers" in wrong.stderr
     assert len(wrong.stderr.strip().splitlines()) == 1
+
+
+#: between the mould's four silicones; its film changes the last one's stiffness little [N/m]
+LIMITS = (600.0, 920.0, 1500.0)
+
+
+def test_the_studys_recipe_from_the_command_line(tmp_path):
+    """Asked for: 85 % in random folds, 80 % in blocks. With the number of classes that it picks itself it has 55 %."""
+    import json
+    import subprocess
+    import sys
+
+    mould_map().write(tmp_path / "m.parquet")
+    save(mould_picture(n=800), tmp_path / "a.png")
+    words = f"picture {tmp_path / 'm.parquet'} {tmp_path / 'a.png'} --corners=-0.05,-0.05,0.05,0.05 --study --rgb"
+    words += f" --patch 50 --limits 600,920,1500 --json {tmp_path / 'f.json'} --confusion {tmp_path / 'c.html'}"
+    call = [sys.executable, "-c", "from kinid.cli import main; main()"]
+    done = subprocess.run([*call, *words.split()], capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    facts = json.loads((tmp_path / "f.json").read_text(encoding="utf-8"))["held_out"]
+    assert facts["random_folds"]["recognised"] >= 0.85
+    assert facts["spatial_blocks"]["recognised"] >= 0.80
+    for kind in ("random_folds", "spatial_blocks"):
+        counts = np.array(facts[kind]["confusion"])
+        assert counts.sum() == 100
+        assert np.trace(counts) / 100 == pytest.approx(facts[kind]["recognised"])
+    page = (tmp_path / "c.html").read_text(encoding="utf-8")
+    assert "Spatial blocks, which is honest" in page
+    wrong = [*call, *words.replace("600,920,1500", "900,600").split()]
+    done = subprocess.run(wrong, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2
+    assert "limits 900, 600" in done.stderr
+
+
+def photograph(seed, n=400):
+    """The mould as a photograph: a lamp from a side, a soft shadow, texture, a camera's white balance, exposure, curve,
+    blur, noise and compression, all of which differ from picture to picture.
+    """
+    import io
+
+    from PIL import Image
+    from scipy.ndimage import gaussian_filter
+
+    from kinid.lab.materials import MOULD
+
+    rng = np.random.default_rng(seed)
+    ticks = (np.arange(n) + 0.5) / n * 0.1 - 0.05
+    x, y = np.meshgrid(ticks, ticks, indexing="ij")
+    angle, texture = rng.uniform(0.0, 2.0 * np.pi), gaussian_filter(rng.standard_normal((n, n)), rng.uniform(1.0, 3.0))
+    light = 1.0 + rng.uniform(0.1, 0.35) * (np.cos(angle) * x + np.sin(angle) * y) / 0.05
+    lit = 1.0 / (1.0 + np.exp(-(np.cos(angle + 2.0) * x + np.sin(angle + 2.0) * y + 0.02) / 0.004))
+    light *= (1.0 - rng.uniform(0.15, 0.4) * (1.0 - lit)) * (1.0 + rng.uniform(0.01, 0.05) * texture / texture.std())
+    seen = MOULD.colors(x.ravel(), y.ravel()).reshape(n, n, 3) * light[..., None]
+    seen = np.clip(seen * (1.0 + rng.uniform(-0.12, 0.12, 3)) * (1.0 + rng.uniform(-0.2, 0.2)), 0.0, 1.0)
+    blur = rng.uniform(0.0, 1.5)
+    seen = gaussian_filter(seen ** (1.0 + rng.uniform(-0.2, 0.2)), (blur, blur, 0.0))
+    seen = seen + rng.uniform(0.005, 0.03) * rng.standard_normal(seen.shape)
+    held = io.BytesIO()
+    image = Image.fromarray((255 * np.clip(seen, 0.0, 1.0)).astype(np.uint8))
+    image.save(held, "JPEG", quality=int(rng.integers(50, 95)))
+    pixels = np.asarray(Image.open(held).convert("RGB"), dtype=float) / 255.0
+    return Picture(pixels, (-0.05, -0.05), (0.05, 0.05), patch=25, texture=False)
+
+
+def test_photographs_that_training_has_not_seen_are_recognised():
+    """Asked for: 75 % where light, shadow, texture and camera differ. Without grey-world it is 85 % on average, and 65
+    % at worst; with texture as a feature 58 %.
+    """
+    from kinid.lab.materials import MOULD
+    from kinid.mapping.picture_map import Sighted
+
+    places = np.random.default_rng(3).uniform(-0.046, 0.046, (600, 2))
+    stiffness = MOULD.at(*places.T)["stiffness"] + MOULD.at(*places.T)["layer"]
+    true = np.searchsorted(LIMITS, stiffness)
+    shares = []
+    for seed in (21, 22):
+        sighted = Sighted.learn(mould_map(), "stiffness", photograph(seed).grey_world(), limits=LIMITS)
+        for other in range(210, 214):
+            seen = sighted.classifier.at(photograph(other).grey_world().features(places))
+            shares.append(float(np.mean(seen.probabilities.argmax(axis=1) == true)))
+    print(f"recognised: {np.round(shares, 2)}")
+    assert min(shares) >= 0.75
 
 
 @pytest.mark.slow
