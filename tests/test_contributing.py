@@ -4,6 +4,7 @@ them, need nothing else; the tests of the copy find and check them.
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -91,6 +92,20 @@ def test_commands_know_it(tree: Path) -> None:
     )
     said = ask(tree, "-c", main, "fit", "log.jsonl", "--model", "hooke,quadratic-damping")
     assert "quadratic-damping.damping" in said
+
+
+def test_the_laboratory_hides_what_the_law_says(tree: Path) -> None:
+    """A fit of the true model finds what the page's `inject` drew, inside its interval's double."""
+    main = "from kinid.cli import main; main()"
+    ask(tree, "-c", main, "lab", "ecoflex-50", "--hide", "quadratic-damping", "--seed", "5", "-o", "hidden")
+    model = "kelvin-voigt,coulomb-friction,quadratic-damping"
+    words = ("fit", "hidden/log.parquet", "--rig", "hidden/rig.toml", "--model", model, "--json", "fit.json")
+    ask(tree, "-c", main, *words)
+    truth = json.loads((tree / "hidden/truth/log.json").read_text(encoding="utf-8"))["hidden"]["parameters"]["damping"]
+    found = json.loads((tree / "fit.json").read_text(encoding="utf-8"))["parameters"]["quadratic-damping.damping"]
+    print(f"hidden {truth:.4g}, found {found['value']:.4g} [{found['low']:.4g}, {found['high']:.4g}]")
+    assert abs(found["value"] - truth) < found["high"] - found["low"]
+    assert found["high"] - found["low"] < 0.5 * truth
 
 
 def test_the_style_of_what_is_new(tree: Path) -> None:

@@ -114,5 +114,5 @@ def test_the_catalogue_is_as_large_as_readme_says() -> None:
     from kinid.effects import catalogue
 
     own = [name for name, effect in catalogue().items() if effect.__module__.startswith("kinid.")]
-    (stated,) = re.findall(r"catalogue of (\d+)", (ROOT / "README.md").read_text(encoding="utf-8"))
-    assert int(stated) == len(own)
+    (stated,) = re.findall(r"catalogue of more than (\d+)", (ROOT / "README.md").read_text(encoding="utf-8"))
+    assert int(stated) < len(own) <= int(stated) + 10  # an effect more needs no other page
