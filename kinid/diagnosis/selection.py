@@ -48,7 +48,7 @@ Array = NDArray[np.float64]
 MAX_ERROR_RISE = 1.01
 #: effects that may stand for others; where more were needed, what is left is of many kinds
 FEW = 2
-#: share of the squared error that another way has to take off
+#: share of the squared error that another way has to take off, and that no addition makes that is tolerated
 MOST = 0.5
 
 
@@ -255,7 +255,8 @@ def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: 
         if tolerated:
             needed = max(needed, settings.beyond_doubt * (1.0 - evidence.beyond))
         # what seemed much beside a model that lacked others may be no more than every rig has
-        usual = last and not remarkable(Refit(best.model[name], reduced, best, evidence), settings, tolerated)
+        small = tolerated and _reported(best) > MOST * _reported(reduced)  # what makes most of the error is named
+        usual = last and not remarkable(Refit(best.model[name], reduced, best, evidence), settings, small)
         if usual or evidence.significance < needed or evidence.share < required_share(best.model[name], best, settings):
             found.alternatives.pop(name, None)
             found.pruned.add(name)

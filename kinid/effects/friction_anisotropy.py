@@ -31,7 +31,6 @@ class FrictionAnisotropy(Effect):
     needs = ("normal", "slip")
     requires = ("coulomb-friction",)
     null = {"ratio": 0.0}
-    tolerated = {"ratio": 0.02}  # channels of a sensor differ by a per cent or two
     order = 1
     admissible = {"ratio": (-1.0, 1.0)}  # no coefficient is negative
     example = Example(("hooke", "coulomb-friction"), {"ratio": 0.21})
