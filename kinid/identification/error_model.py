@@ -116,7 +116,8 @@ def motion_variance(problem: Problem, model: Model, values: Array) -> Array:
     for draw in problem.draws:
         total += (problem.means(model.predict(draw, values)) - here) ** 2 / len(problem.draws)
     width = max(1, round(MOTION_VARIANCE_WINDOW / problem.spacing))
-    return np.asarray(uniform_filter1d(total, width, axis=1))
+    # never below its own share of the window: sums that run along lose the small beside the large
+    return np.maximum(uniform_filter1d(total, width, axis=1), total / width)
 
 
 def discrepancy(residual: Array, known: Array) -> Array:
