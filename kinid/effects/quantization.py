@@ -16,6 +16,8 @@ from kinid.parameter import Parameter
 COARSE = 1.2
 #: steps in what a channel reads: converters of sensors have twelve bits and more
 LEVELS = 4096
+#: steps come from differences of readings: by this share they are known
+ROUNDING = 1e-6
 
 
 @final
@@ -75,7 +77,7 @@ class Quantization(Effect):
             says,
             held,
             noise=np.maximum(samples.noise, rounding),
-            usual=bool((steps <= usual)[coarse].all()),
+            usual=bool((steps <= usual * (1.0 + ROUNDING))[coarse].all()),
         )
 
     def acquisition(self, s: Signals, p: Array) -> None:
