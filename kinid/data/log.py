@@ -253,8 +253,25 @@ def _check_time(t: Array, where: str) -> None:
             f"time that {verb} in row {row + 1} of {where} ({float(t[row - 1])} then {float(t[row])}; {count} such "
             f"rows)",
             "time that increases from row to row",
-            "sort the rows by time and drop the doubled ones",
+            _mended_order(steps),
         )
+
+
+#: of so many steps that go back or stand still, at most, each may be a clock that was set back
+SET_BACK = 3
+
+
+def _mended_order(steps: Array) -> str:
+    """How to mend times whose steps (n - 1,) aren't all positive, by how they aren't."""
+    back, still = int((steps < 0).sum()), int((steps == 0).sum())
+    if still > back:
+        return "write the times with more digits, if they were rounded, or drop the doubled rows"
+    if back <= SET_BACK:
+        return (
+            "make a log of each part, if the clock was set back or began anew there; sort the rows by time, if they "
+            "only stand in another order"
+        )
+    return "sort the rows by time and drop the doubled ones"
 
 
 #: what a fact's name ends in, where that is its unit

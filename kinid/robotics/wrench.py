@@ -193,8 +193,10 @@ def refuse_contradicted(
     best = min(errors, key=lambda name: errors[name])
     same = [name for name, error in errors.items() if error < 1.2 * errors[best] + 1e-12]
     turned_sign = any("sign" in name for name in same)
-    upward = gravity_is_turned() if best == "with the opposite sign" else None
-    remedies = ["turn the sign with [columns] wrench = { scale = -1 }"] if turned_sign and not upward else []
+    half = _half_turn(force, weight, errors[best]) if best == "with the opposite sign" else ""
+    upward = gravity_is_turned() if best == "with the opposite sign" and not half else None
+    remedies = ["turn the sign with [columns] wrench = { scale = -1 }"] if turned_sign and not (upward or half) else []
+    remedies += [half] if half else []
     remedies += ["correct [robot] gravity: by the way that touches push it is its sign"] if upward else []
     remedies += [f'say [sensor] wrench_frame = "{other}"'] if any("axes" in name for name in same) else []
     joints = meant()
@@ -218,6 +220,22 @@ def refuse_contradicted(
         )
         + "--trust-wrench passes it as it is",
     )
+
+
+def _half_turn(force: Array, weight: Array, least: float) -> str:
+    """What to do where a sensor that is turned by 180° leaves no more of changes than the opposite sign, and far less
+    of the mean; "" elsewhere.
+    """
+    opposite = float(np.sum((force + weight).mean(axis=0) ** 2))
+    for axis, others, signs in (("x", "yz", (1, -1, -1)), ("y", "xz", (-1, 1, -1)), ("z", "xy", (-1, -1, 1))):
+        left = force - weight * signs
+        if _spread(left) < 1.2 * least + 1e-12 and float(np.sum(left.mean(axis=0) ** 2)) < LEFT * opposite:
+            turned = ", ".join(f"{kind}{other}" for kind in "ft" for other in others)
+            return (
+                f"turn the sensor by 180° about its {axis}, with [robot] sensor_frame or its rpy in the URDF, or the "
+                f"signs of {turned} in [columns]"
+            )
+    return ""
 
 
 def _contradicting(

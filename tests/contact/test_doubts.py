@@ -329,6 +329,17 @@ def test_gravity_of_another_direction(touched: tuple[Log, Rig, Robot], gravity: 
     assert "-9.8] m/s²" in said
 
 
+def test_a_sensor_turned_by_half_a_turn_is_no_gravity_of_the_other_sign(touched: tuple[Log, Rig, Robot]) -> None:
+    """Changes of the load alone may look like the other sign; its mean doesn't."""
+    log, rig, robot = touched
+    turned = dataclasses.replace(log, wrench=np.asarray(log.wrench) * [-1, -1, 1, -1, -1, 1])
+    with pytest.raises(InputError) as caught:
+        analyse(turned, rig, robot=robot)
+    assert "180° about its z" in caught.value.mend
+    assert "signs of fx, fy, tx, ty" in caught.value.mend
+    assert "correct [robot] gravity" not in caught.value.mend
+
+
 def test_gravity_upside_down_is_told_from_a_turned_wrench_by_the_touch(touched: tuple[Log, Rig, Robot]) -> None:
     log, rig, robot = touched
     assert log.wrench is not None
