@@ -69,7 +69,8 @@ class State:
     @cached_property
     def information(self) -> Array:
         """Information of the free directions, prior included, (f, f)."""
-        out: Array = self.weighted.T @ self.weighted + self.prior[np.ix_(self.free, self.free)]
+        with np.errstate(over="ignore"):  # of a candidate whose predictions are beyond all numbers: it comes last
+            out: Array = self.weighted.T @ self.weighted + self.prior[np.ix_(self.free, self.free)]
         return out
 
     @cached_property
