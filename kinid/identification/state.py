@@ -69,7 +69,8 @@ class State:
     @cached_property
     def information(self) -> Array:
         """Information of the free directions, prior included, (f, f)."""
-        with np.errstate(over="ignore"):  # of a candidate whose predictions are beyond all numbers: it comes last
+        # a candidate whose predictions are beyond all numbers comes last
+        with np.errstate(over="ignore", invalid="ignore"):
             out: Array = self.weighted.T @ self.weighted + self.prior[np.ix_(self.free, self.free)]
         return out
 
@@ -100,8 +101,9 @@ class State:
             step = np.zeros(p + len(self.shift))
             if len(f):
                 j = rows[:, seen].reshape(-1, rows.shape[2])
-                gradient = j.T @ weighted[:, seen].ravel() - prior @ placed
-                h = j.T @ j + prior + FOLD_RIDGE * np.diag(np.diag(self.information))
+                with np.errstate(over="ignore", invalid="ignore"):
+                    gradient = j.T @ weighted[:, seen].ravel() - prior @ placed
+                    h = j.T @ j + prior + FOLD_RIDGE * np.diag(np.diag(self.information))
                 step[f] = solve_box_constrained(h, gradient, low[f], high[f])
             out.append(step)
         return out[0], out[1]
