@@ -117,7 +117,7 @@ def motion_variance(problem: Problem, model: Model, values: Array) -> Array:
         total += (problem.means(model.predict(draw, values)) - here) ** 2 / len(problem.draws)
     width = max(1, round(MOTION_VARIANCE_WINDOW / problem.spacing))
     # never below its own share of the window: sums that run along lose the small beside the large
-    return np.maximum(uniform_filter1d(total, width, axis=1), total / width)
+    return np.asarray(np.maximum(uniform_filter1d(total, width, axis=1), total / width))
 
 
 def discrepancy(residual: Array, known: Array) -> Array:

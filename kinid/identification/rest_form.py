@@ -130,6 +130,8 @@ def _rest_speed(state: State) -> float:
 def best_form(state: State) -> State:
     """Return the state under the form of least error in the linear view, where its held-out error is clearly less."""
     forms = _forms(state)
+    if not state.finite:
+        return state
     if not any(_noticed(state, _change(state, form)) for form in (*forms[:1], *forms[-1:])):
         return state
     inverse = np.linalg.pinv(state.information, hermitian=True)
@@ -158,6 +160,8 @@ def _memory_form(state: State) -> State:
 def refined_form(state: State) -> State:
     """The state with its form at its best, by Gauss-Newton steps of logarithms beside all parameters."""
     for _ in range(REFINEMENTS):
+        if not state.finite:
+            break
         rest, sigma = _rest(state), state.error.sigma
         fields = [field for field in REFINED_FIELDS if getattr(rest, field) > 0.0]
         values = np.array([getattr(rest, field) for field in fields])

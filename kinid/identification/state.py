@@ -74,6 +74,11 @@ class State:
             out: Array = self.weighted.T @ self.weighted + self.prior[np.ix_(self.free, self.free)]
         return out
 
+    @property
+    def finite(self) -> bool:
+        """Whether predictions are numbers, so that the log tells something of the values."""
+        return bool(np.isfinite(self.information).all())
+
     @cached_property
     def cost(self) -> float:
         """Weighted sum of squares, prior included."""
@@ -126,7 +131,7 @@ class State:
     def standard_errors(self) -> Array:
         """Standard error from the information and the memory of the residual, infinite where held or unknown, (p,)."""
         out = np.full(len(self.values), np.inf)
-        if not np.isfinite(self.information).all():  # where predictions overflow, nothing is known
+        if not self.finite:
             return out
         p = np.flatnonzero(self.free[: len(self.values)])
         size = np.sqrt(np.diag(self.information))

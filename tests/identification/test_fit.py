@@ -4,6 +4,7 @@ ladders.
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,18 @@ def test_a_material_is_recovered_from_raw_joints_and_wrench(touch: ContactSeries
     facts = fit.to_dict()
     assert set(facts) == {"model", "parameters", "error", "warnings"}
     assert facts["parameters"]["kelvin-voigt.stiffness"]["unit"] == "N/m"
+
+
+@pytest.mark.parametrize("rate", [5.0, 20.0])
+def test_joints_that_are_held_end_in_a_fit_and_not_in_its_arithmetic(scripted: Scripted, rate: float) -> None:
+    """Steps of the joints are a motion whose error is tiny here and huge there; variances stay positive."""
+    t, q = np.asarray(scripted.log.t), np.asarray(scripted.log.q)
+    held = np.searchsorted(t, np.floor(t * rate) / rate + 1e-9).clip(0, len(t) - 1)
+    log = dataclasses.replace(scripted.log, q=q[held], dq=None, ddq=None)
+    touch = contact_series(log, Rig.parse_text(RIG), trust_wrench=True)
+    fit = Model("kelvin-voigt", "coulomb-friction").fit(touch)
+    assert np.isfinite(fit.error.held_out)
+    assert np.isfinite(fit.state.error.sigma).all()
 
 
 def test_slip_alone_says_where_a_material_is_stiffer() -> None:
