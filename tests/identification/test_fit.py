@@ -63,7 +63,7 @@ def test_joints_that_are_held_end_in_a_fit_and_not_in_its_arithmetic(scripted: S
     touch = contact_series(log, Rig.parse_text(RIG), trust_wrench=True)
     fit = Model("kelvin-voigt", "coulomb-friction").fit(touch)
     assert np.isfinite(fit.error.held_out)
-    assert np.isfinite(fit.state.error.sigma).all()
+    assert (fit.state.error.motion >= 0.0).all()
 
 
 def test_slip_alone_says_where_a_material_is_stiffer() -> None:
