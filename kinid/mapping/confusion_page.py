@@ -64,6 +64,6 @@ def _matrix(counts: NDArray[np.int64], names: list[str]) -> Figure:
         )
     )
     figure.update_xaxes(title_text="taken for", type="category")
-    figure.update_yaxes(title_text="probed", type="category", autorange="reversed")
+    figure.update_yaxes(title_text="probed", type="category", autorange="reversed", automargin=True, title_standoff=12)
     figure.update_layout(height=120 + 60 * len(names), margin={"l": 150, "r": 10, "t": 20, "b": 60})
     return figure
