@@ -16,6 +16,7 @@ from itertools import permutations, product
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.contact.late_doubts import late_wrench
 from kinid.contact.series import ContactSeries
 from kinid.contact.turned_doubts import CLEARLY, solved_gravity, turned_doubt
 from kinid.contact.unit_doubts import (
@@ -98,7 +99,12 @@ def tool_doubts(log: Log, rig: Rig, robot: Robot, touch: ContactSeries | None) -
         pull = tool_load(ToolSpec(mass=1.0, com=rig.carried.com), kinematics, robot.gravity)[air, :3]
         left = wrench[air, :3] - load[air, :3] - rig.sensor.stated_bias[:3]
         meant = partial(joints_meant, log.q[rows[air]], wrench[air, :3], robot)
-        found = _doubt_in_air(wrench[air], pull, kinematics.rotation[air], rig, robot.gravity, meant)
+        free = np.isin(np.arange(len(log)), log.labelled_free)
+        if touch is not None and not free.any():
+            free = ~touch.in_contact & (touch.depth < 0)
+        in_sensor = rig.sensor.wrench_frame != "base"
+        late = late_wrench(log, free & usable, rows[air], pull) if in_sensor else None
+        found = _doubt_in_air(wrench[air], pull, kinematics.rotation[air], rig, robot.gravity, meant, late)
         used = rig.sensor.bias if touch is None or touch.bias is None else tuple(touch.bias)
         stated = rig.sensor.bias is not None and used == rig.sensor.bias
         found = _of_bias(left, pull, rig) if found is None and stated else found
@@ -129,13 +135,14 @@ def _doubt_in_air(
     rig: Rig,
     gravity: Array,
     meant: Callable[[], tuple[str, float] | None],
+    late: tuple[str, float] | None,
 ) -> str | None:
     """Whether force and moment in free motion are the load of the rig's tool.
 
     Args:
         wrench: measured, in sensor axes, (n, 6). load: of 1 kg at the tool's com, there [N], (n, 3). rotation: sensor
             to base, (n, 3, 3). rig: with a tool. gravity: in base axes [m/s²], (3,). meant: another reading of the
-            joints, and what it leaves a sample [N²]; None where none is better.
+            joints, and what it leaves a sample [N²]; None where none is better. late: another time of the wrench, alike
     """
     mass, force, moment = rig.carried.mass, wrench[:, :3], wrench[:, 3:]
     turning, still = load - load.mean(axis=0), np.einsum("nji,j->ni", rotation, gravity)
@@ -156,9 +163,11 @@ def _doubt_in_air(
         found = None if order_left * CLEARLY < gravity_left else found
     turned = turned_doubt(force, load, rotation, gravity)
     turned_left = np.inf if turned is None else turned[1]
-    joints = meant()
-    if joints is not None and joints[1] * len(force) < CLEARLY * min(order_left, gravity_left, turned_left):
-        return f"gravity in free motion asks for other joints: say so in [columns] of the rig, {joints[0]}"
+    others = min(order_left, gravity_left, turned_left)
+    asks = "gravity in free motion asks for other joints: say so in [columns] of the rig, "
+    for words, told in ((asks, meant()), ("", late)):
+        if told is not None and told[1] * len(force) < CLEARLY * others:
+            return words + told[0]
     if order is not None:
         also = ", or [robot] gravity" if found is not None else ""
         return f"gravity in free motion is explained {order}, or correct [robot] sensor_frame{also}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -327,6 +328,20 @@ def test_gravity_of_another_direction(touched: tuple[Log, Rig, Robot], gravity: 
     said = doubts(log, rig, Robot.load(rig))
     assert "correct [robot] gravity" in said
     assert "-9.8] m/s²" in said
+
+
+@pytest.mark.parametrize("late", [-0.06, 0.04, 0.15])
+def test_a_wrench_of_another_time_is_told_by_how_much(touched: tuple[Log, Rig, Robot], late: float) -> None:
+    """It was a sensor that is turned."""
+    log, rig, robot = touched
+    t = np.asarray(log.t)
+    wrench = np.stack([np.interp(t - late, t, channel) for channel in np.asarray(log.wrench).T], axis=1)
+    said = doubts(dataclasses.replace(log, wrench=wrench), rig, robot)
+    word = "after" if late > 0.0 else "before"
+    found = re.search(rf"the wrench comes (\d+) ms {word} the joints", said)
+    assert found is not None, said
+    assert abs(int(found[1]) - 1e3 * abs(late)) <= 5  # a step of the search
+    assert "turned" not in said
 
 
 def test_a_sensor_turned_by_half_a_turn_is_no_gravity_of_the_other_sign(touched: tuple[Log, Rig, Robot]) -> None:
