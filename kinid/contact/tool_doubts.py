@@ -165,9 +165,9 @@ def _doubt_in_air(
     turned_left = np.inf if turned is None else turned[1]
     others = min(order_left, gravity_left, turned_left)
     asks = "gravity in free motion asks for other joints: say so in [columns] of the rig, "
-    for words, told in ((asks, meant()), ("", late)):
-        if told is not None and told[1] * len(force) < CLEARLY * others:
-            return words + told[0]
+    for words, other in ((asks, meant()), ("", late)):
+        if other is not None and other[1] * len(force) < CLEARLY * others:
+            return words + other[0]
     if order is not None:
         also = ", or [robot] gravity" if found is not None else ""
         return f"gravity in free motion is explained {order}, or correct [robot] sensor_frame{also}"

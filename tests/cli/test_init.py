@@ -86,7 +86,7 @@ def test_a_table_without_a_header_is_refused(run, refused, tmp_path):
 
 def test_what_is_wrong_with_the_log_is_said_as_it_is(run, refused, tmp_path):
     (tmp_path / "a.csv").write_text("t,joint1\n0,1\n2,2\n1,3\n", encoding="utf-8")
-    refused(run("init", tmp_path / "a.csv", "--robot", "ur5"), "runs backwards", "to mend it, sort the rows")
+    refused(run("init", tmp_path / "a.csv", "--robot", "ur5"), "runs backwards", "if the clock was set back")
 
 
 def test_frames_that_the_robot_lacks_are_asked_for(run, log, tmp_path):
