@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,6 +13,7 @@ from kinid.cli.options import PAGE, numbers
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
+    from kinid.mapping.picture import Picture
     from kinid.mapping.picture_map import Sighted
     from kinid.mapping.property_map import PropertyMap
 
@@ -21,7 +23,7 @@ kinid picture mould.parquet mould.png --corners=-0.05,-0.05,0.05,0.05
 
 kinid picture mould.parquet mould.png --corners=-0.05,-0.05,0.05,0.05 --onto next.png -o next.parquet --plot next.html
 
-kinid picture mould.parquet mould.png --corners=-0.05,-0.05,0.05,0.05 --study --classes 4 --patch 50 --oversample
+kinid picture mould.parquet mould.png --corners=-0.05,-0.05,0.05,0.05 --study --rgb --patch 50 --limits 600,920,1500
 """
 CORNERS = (
     "Where the picture lies, along both tangents from the surface's point [m]: outer corner of its first pixel and of "
@@ -68,7 +70,7 @@ def picture(
         ),
     ] = False,
     oversample: Annotated[
-        bool, typer.Option("--oversample", help="Rare classes weigh as much as common ones.")
+        bool, typer.Option("--oversample", help="Balanced class weights, as if rare classes had more samples.")
     ] = False,
     confusion: Annotated[
         Path | None, typer.Option(help="What left-out places were taken for: one offline HTML file.", callback=PAGE)
@@ -79,7 +81,6 @@ def picture(
     """Learns what values look like, says how well that holds for places left out, and predicts a map; strangers stay
     unknown.
     """
-    from kinid.mapping.picture import Picture
     from kinid.mapping.picture_map import Sighted
     from kinid.mapping.property_map import PropertyMap, check_map_name
     from kinid.robotics.surface import Plane
@@ -92,14 +93,11 @@ def picture(
     if onto is None and onto_corners is not None:
         raise InputError("--onto-corners without --onto", "the other picture", "name it with --onto")
     check_outputs((out, json_file, plot, confusion), (grown, image, onto))
-    between = numbers(limits, "--limits", "values between the classes, in rising order") if limits else ()
-    place = _corners(corners, "--corners")
-    first = second = Picture.read(image, *place, patch=patch, texture=texture)
+    between = _between(limits)
+    read = partial(_read, patch=patch, texture=texture, grey_world=grey_world)
+    first = second = read(image, _corners(corners, "--corners"))
     if onto is not None:
-        other = _corners(onto_corners, "--onto-corners") if onto_corners else place
-        second = Picture.read(onto, *other, patch=patch, texture=texture)
-    if grey_world:
-        first, second = first.grey_world(), second.grey_world()
+        second = read(onto, _corners(onto_corners or corners, "--onto-corners"))
     known = PropertyMap.read(grown)
     if not isinstance(known.surface, Plane):
         raise InputError("a map on a mesh", "a map on a plane", "map a plane")
@@ -112,13 +110,35 @@ def picture(
         predicted.write(out)
     if json_file is not None:
         write_json(json_file, _facts(sighted, predicted, unknown, name))
-    _write_pages(sighted, predicted, name, (confusion, image.name), plot)
+    if confusion is not None:
+        _write_confusion(confusion, sighted, image.name)
+    if plot is not None and len(predicted):
+        _write_map(plot, predicted, name)
     _show(sighted, predicted, unknown, name)
+    if not sighted.tells and out is None and plot is None:
+        return
+    _refuse_nothing(sighted, predicted, name)
+    from kinid.cli.show import written
+
+    written((out, json_file, plot, confusion))
+
+
+def _between(limits: str | None) -> tuple[float, ...]:
+    return () if limits is None else numbers(limits, "--limits", "values between the classes, in rising order")
+
+
+def _read(path: Path, corners: Corners, *, patch: int, texture: bool, grey_world: bool) -> Picture:
+    from kinid.mapping.picture import Picture
+
+    found = Picture.read(path, *corners, patch=patch, texture=texture)
+    return found.grey_world() if grey_world else found
+
+
+def _refuse_nothing(sighted: Sighted, predicted: PropertyMap, name: str) -> None:
+    """Refuse a picture that predicts nothing."""
     if not sighted.tells:
-        if out is None and plot is None:
-            return
         raise InputError(
-            f"a picture that tells nothing of {shown}",
+            f"a picture that tells nothing of {sighted.item.name}",
             "one whose colours go with it",
             "leave out -o and --plot, check --corners, or light it so that materials differ",
         )
@@ -128,24 +148,22 @@ def picture(
             "a picture of like materials",
             "poke this one, or light it as the first one",
         )
-    from kinid.cli.show import written
-
-    written((out, json_file, plot, confusion))
 
 
-def _write_pages(
-    sighted: Sighted, predicted: PropertyMap, name: str, confusion: tuple[Path | None, str], plot: Path | None
-) -> None:
-    """Those that were asked for: what the picture learnt from was taken for, and the predicted map."""
+def _write_confusion(path: Path, sighted: Sighted, name: str) -> None:
+    """The page of what left-out places of a picture were taken for."""
     from kinid.mapping.confusion_page import confusion_page
+    from kinid.writers import write_text
+
+    write_text(path, confusion_page(sighted, name))
+
+
+def _write_map(path: Path, predicted: PropertyMap, name: str) -> None:
+    """The page of a predicted map."""
     from kinid.mapping.map_page import map_page
     from kinid.writers import write_text
 
-    path, image = confusion
-    if path is not None:
-        write_text(path, confusion_page(sighted, image))
-    if plot is not None and len(predicted):
-        write_text(plot, map_page(predicted, name, "nearest"))
+    write_text(path, map_page(predicted, name, "nearest"))
 
 
 def _corners(text: str, option: str) -> Corners:

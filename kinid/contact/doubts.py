@@ -50,14 +50,14 @@ def contact_doubts(log: Log, rig: Rig, robot: Robot | None, touch: ContactSeries
                 f"the tip is {deepest:.3g} m inside the surface: check [surface] point and normal, which points out of "
                 "the material, and [robot] tip_frame"
             )
-    late = time_doubts(log, touch is not None and bool(touch.in_contact.any()))
+    if stuck:  # shows as any of those behind it
+        return out + _not_read(log)
     # each of these would show as one of those behind it; where no label says what free motion is, touches of a surface
     # that is too low pass for it
-    off, place = (0.0, []) if stuck else misplaced(log, rig, robot, touch)
+    off, place = misplaced(log, rig, robot, touch)
     hidden = place if off < 0.0 and len(log.labelled_free) < FEWEST else []
     out += (
-        stuck
-        or late
+        time_doubts(log, touch is not None and bool(touch.in_contact.any()))
         or _elsewhere(robot)
         or turned_normal(rig, touch)
         or tilted_normal(log, rig, robot, touch)

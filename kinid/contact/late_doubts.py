@@ -27,9 +27,7 @@ def late_wrench(log: Log, clear: Mask, rows: NDArray[np.int64], pull: Array) -> 
     """
     t, force = np.asarray(log.t), np.asarray(log.wrench)[:, :3]
     # what is free for so long before and after is free at every time that is tried
-    other = np.flatnonzero(~clear)
-    ends = np.r_[t[0], t[other], t[-1]]
-    ends.sort()
+    ends = np.r_[t[0], t[~clear], t[-1]]
     after = np.clip(np.searchsorted(ends, t[rows]), 1, len(ends) - 1)
     inside = (t[rows] - ends[after - 1] > LATEST) & (ends[after] - t[rows] > LATEST)
     if inside.sum() < FEWEST:

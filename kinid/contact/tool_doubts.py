@@ -81,6 +81,8 @@ def tool_doubts(log: Log, rig: Rig, robot: Robot, touch: ContactSeries | None) -
     clear = log.labelled_free[usable[log.labelled_free]]
     if touch is not None and len(clear) < FEWEST:
         clear = np.flatnonzero(usable & ~touch.in_contact & (touch.depth < 0))
+    free = np.zeros(len(log), np.bool_)
+    free[clear] = True
     every, clear = (part[:: 1 + len(part) // MOST] for part in (np.flatnonzero(usable), clear))
     if len(every) < FEWEST:
         return []
@@ -99,11 +101,7 @@ def tool_doubts(log: Log, rig: Rig, robot: Robot, touch: ContactSeries | None) -
         pull = tool_load(ToolSpec(mass=1.0, com=rig.carried.com), kinematics, robot.gravity)[air, :3]
         left = wrench[air, :3] - load[air, :3] - rig.sensor.stated_bias[:3]
         meant = partial(joints_meant, log.q[rows[air]], wrench[air, :3], robot)
-        free = np.isin(np.arange(len(log)), log.labelled_free)
-        if touch is not None and not free.any():
-            free = ~touch.in_contact & (touch.depth < 0)
-        in_sensor = rig.sensor.wrench_frame != "base"
-        late = late_wrench(log, free & usable, rows[air], pull) if in_sensor else None
+        late = partial(late_wrench, log, free, rows[air], pull) if rig.sensor.wrench_frame != "base" else lambda: None
         found = _doubt_in_air(wrench[air], pull, kinematics.rotation[air], rig, robot.gravity, meant, late)
         used = rig.sensor.bias if touch is None or touch.bias is None else tuple(touch.bias)
         stated = rig.sensor.bias is not None and used == rig.sensor.bias
@@ -135,14 +133,15 @@ def _doubt_in_air(
     rig: Rig,
     gravity: Array,
     meant: Callable[[], tuple[str, float] | None],
-    late: tuple[str, float] | None,
+    late: Callable[[], tuple[str, float] | None],
 ) -> str | None:
     """Whether force and moment in free motion are the load of the rig's tool.
 
     Args:
         wrench: measured, in sensor axes, (n, 6). load: of 1 kg at the tool's com, there [N], (n, 3). rotation: sensor
             to base, (n, 3, 3). rig: with a tool. gravity: in base axes [m/s²], (3,). meant: another reading of the
-            joints, and what it leaves a sample [N²]; None where none is better. late: another time of the wrench, alike
+            joints, and what it leaves a sample [N²]; None where none is better. late: another time of the wrench,
+            alike.
     """
     mass, force, moment = rig.carried.mass, wrench[:, :3], wrench[:, 3:]
     turning, still = load - load.mean(axis=0), np.einsum("nji,j->ni", rotation, gravity)
@@ -165,7 +164,7 @@ def _doubt_in_air(
     turned_left = np.inf if turned is None else turned[1]
     others = min(order_left, gravity_left, turned_left)
     asks = "gravity in free motion asks for other joints: say so in [columns] of the rig, "
-    for words, other in ((asks, meant()), ("", late)):
+    for words, other in ((asks, meant()), ("", late())):
         if other is not None and other[1] * len(force) < CLEARLY * others:
             return words + other[0]
     if order is not None:

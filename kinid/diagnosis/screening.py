@@ -41,10 +41,12 @@ class Candidate:
     sensitivity: dict[int, float]
 
 
-def screen_catalogue(state: State) -> dict[str, list[Candidate]]:
-    """Every effect that can act in this log, its best point first."""
+def screen_catalogue(state: State, skipped: frozenset[str] = frozenset()) -> dict[str, list[Candidate]]:
+    """Every effect that can act in this log, but for skipped ones, its best point first."""
     out = {}
     for effect, why in candidate_effects(state.model, state.problem.layout):
+        if effect.id in skipped:
+            continue
         own = effect.for_log(state.problem.experiment.signals)
         many = (
             0

@@ -96,7 +96,7 @@ def _reported(state: State) -> float:
 
 def screen_and_refit(state: State, settings: DiagnosisSettings, skipped: frozenset[str] = frozenset()) -> Screening:
     """Screen the catalogue and refit what promises most; and what does beside that, where it is but as usual."""
-    points = {name: at for name, at in screen_catalogue(state).items() if name not in skipped}
+    points = screen_catalogue(state, skipped)
     refits = _promising(state, points, settings)
     # one that is more ends the question: asking costs a search each
     if refits and all(evident(t, state, settings) and not remarkable(t, settings) for t in refits):
@@ -205,19 +205,16 @@ def _with_fewer(found: Selection, settings: DiagnosisSettings, progress: Callabl
     What copies each channel into each other one stands for several effects at once, and hides them.
     """
     last = found.states[-1]
-    many = [
-        effect
-        for effect in map(last.model.__getitem__, found.added)
-        if required_share(effect, last, settings) > settings.min_share
-    ]
+    shares = {name: required_share(last.model[name], last, settings) for name in found.added}
+    many = {name: least for name, least in shares.items() if least > settings.min_share}
     if not many:
         return None
-    other = Selection([found.states[0]], fits=found.fits, skipped=frozenset(effect.id for effect in many))
+    other = Selection([found.states[0]], fits=found.fits, skipped=frozenset(many))
     _grow(other, settings, (), progress)
     one = other.states[-1]
     share = compare_states(one, last, one.error.sigma).share
     fewer = len(one.values) < len(last.values)
-    return other if fewer and share < max(required_share(effect, last, settings) for effect in many) else None
+    return other if fewer and share < max(many.values()) else None
 
 
 def removable(model: Model, name: str) -> bool:
@@ -304,7 +301,7 @@ def _compare_alternatives(found: Selection, settings: DiagnosisSettings, forced:
 
 def _beside_its_rivals(state: State, name: str, settings: DiagnosisSettings, skipped: frozenset[str]) -> Screening:
     """Screen the catalogue and refit an effect, those of the largest predicted gain, and those of one like its own."""
-    points = {name: at for name, at in screen_catalogue(state).items() if name not in skipped}
+    points = screen_catalogue(state, skipped)
     gains = {other: at[0].predicted_gain for other, at in points.items()}
     own, most = gains.get(name, 0.0), max(gains.values(), default=0.0)
     best = [n for n in sorted(gains, key=lambda n: -gains[n]) if gains[n] > MIN_GAIN_SHARE * most]

@@ -72,11 +72,11 @@ class Adhesion(Effect):
         """A bond that nothing tears: what pulls on the way in as on the way out acts at a distance, too."""
         inside = signals.depth > 0.0 if signals is not None else np.zeros(0, bool)
         if signals is not None and inside.any():
-            farthest = -float(np.nanmin(signals.depth[int(np.argmax(inside)) :]))
-            if values.get("length", 0.0) > max(farthest, 0.0):
+            farthest = max(-float(np.nanmin(signals.depth[int(np.argmax(inside)) :])), 0.0)
+            if values.get("length", 0.0) > farthest:
                 return (
                     f"a bond that reaches {1e3 * values['length']:.3g} mm, where the tip goes back "
-                    f"{1e3 * max(farthest, 0.0):.3g} mm: it never tears"
+                    f"{1e3 * farthest:.3g} mm: it never tears"
                 )
         return super().implausible(values, model_values, signals)
 

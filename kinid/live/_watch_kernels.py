@@ -160,10 +160,11 @@ def _passes(dt: float, quantities: Compiled, w: Compiled) -> bool:
         w[SWING] = 0.0
     w[ON_WAY] += dt
     w[NEAR_SECANT] += dt / (NEAR_TIME + dt) * (secant - w[NEAR_SECANT])
-    w[FAR_SECANT] += dt / (min(FAR_TIME, w[ON_WAY]) + dt) * (secant - w[FAR_SECANT])
+    share = dt / (min(FAR_TIME, w[ON_WAY]) + dt)
+    w[FAR_SECANT] += share * (secant - w[FAR_SECANT])
     away = w[NEAR_SECANT] - w[FAR_SECANT]
     usual = BEYOND_SWING * math.sqrt(w[SWING])
-    w[SWING] += dt / (min(FAR_TIME, w[ON_WAY]) + dt) * (away * away - w[SWING])
+    w[SWING] += share * (away * away - w[SWING])
     if abs(away) < max(w[SECANT_SHARE], usual):
         w[CHANGED] = 0.0
         return False

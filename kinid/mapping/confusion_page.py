@@ -24,11 +24,7 @@ def confusion_page(sighted: Sighted, picture: str) -> str:
         sighted: what was learnt. picture: its file's name.
     """
     seen, item = sighted.figures, sighted.item
-    names = [
-        f"{kind}: {level:.4g} {item.unit}"
-        for kind, level in zip(sighted.classifier.classes, sighted.levels)
-        if kind in seen.classes
-    ]
+    names = [f"{kind}: {level:.4g} {item.unit}" for kind, level in zip(seen.classes, sighted.levels)]
     titles = (
         f"Random folds, as in the study: {100.0 * seen.random_folds:.1f} % recognised",
         f"Spatial blocks, which is honest: {100.0 * seen.spatial_blocks:.1f} % recognised",

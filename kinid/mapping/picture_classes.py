@@ -69,8 +69,8 @@ class MaterialClassifier:
 
         Args:
             calibrated: the logistic scores; else the study's machine, whose probability is its share of votes.
-            balanced: rare classes weigh as much as common ones, as if their samples stood there more often (the study's
-                oversampling, without a copy of a sample in another fold).
+            balanced: class weights inverse to the classes' frequencies (the study's oversampling, without a copy of a
+                sample in another fold).
 
         Raises:
             InputError: one class only, or fewer than 5 samples of one.
@@ -117,7 +117,8 @@ class HeldOut:
 
     `commonest` is the share of the commonest class, which needs no picture to be right so often; `gain` is what the
     picture adds to that, and `gain_error` its standard error over blocks. `confusion` are places by their class (rows)
-    and by what was recognised (columns), (c, c), in the order of `classes`: of random folds, and of spatial blocks.
+    and by what was recognised (columns), (c, c), in the order of `classes`, without those that nothing
+    could be learnt for: of random folds, and of spatial blocks.
     """
 
     random_folds: float
@@ -167,6 +168,7 @@ def held_out(
         for b in np.unique(bins)
     )
     classes, counts = np.unique(names, return_counts=True)
+    counted = sklearn("metrics").confusion_matrix
     plain = names == classes[counts.argmax()]
     return HeldOut(
         float(np.mean(by_chance == names)),
@@ -175,7 +177,7 @@ def held_out(
         float(plain.mean()),
         error_of_mean(right.astype(float) - plain, fold),
         tuple(classes.tolist()),
-        (_confusion(names, by_chance, classes), _confusion(names, in_blocks, classes)),
+        (counted(names, by_chance, labels=classes), counted(names, in_blocks, labels=classes)),
     )
 
 
@@ -243,11 +245,6 @@ def _recognised(
         label[test] = np.array(seen.classes)[seen.probabilities.argmax(axis=1)]
         probability[test] = seen.probabilities.max(axis=1)
     return label.astype(str), probability
-
-
-def _confusion(names: NDArray[np.str_], seen: NDArray[np.str_], classes: NDArray[np.str_]) -> NDArray[np.int64]:
-    """Samples by class (rows) and by what was recognised (columns), (c, c); those of no recognised class nowhere."""
-    return np.array([[np.sum((names == one) & (seen == other)) for other in classes] for one in classes])
 
 
 def error_of_mean(values: Array, fold: NDArray[np.int64]) -> float:

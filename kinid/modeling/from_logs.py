@@ -121,7 +121,7 @@ def from_wrench(
     rows = np.flatnonzero(moving)
     t, dt = clock(log.t, rows, "joint motion", log.provenance.source)
     sensor = sensor_motion(robot, rig, motion, rows, surface)
-    warnings = tuple(dict.fromkeys((*motion.warnings, *contact_doubts(log, rig, robot, touch))))  # each once
+    warnings = (*motion.warnings, *contact_doubts(log, rig, robot, touch))
     del motion  # the largest of all
     stated = _removed(bias, rig, reading.bias)
     as_read = AsRead.stated(reading.inverse_crosstalk, stated)
@@ -157,7 +157,7 @@ def _doubts(touch: ContactSeries) -> tuple[str, ...]:
     if touch.source is None or touch.source[0].q is None:
         return touch.warnings
     log, rig = touch.source
-    return tuple(dict.fromkeys((*touch.warnings, *contact_doubts(log, rig, Robot.load(rig), touch))))
+    return (*touch.warnings, *contact_doubts(log, rig, Robot.load(rig), touch))
 
 
 def _read(

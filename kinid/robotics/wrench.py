@@ -191,12 +191,13 @@ def refuse_contradicted(
         return
     present, errors = found
     best = min(errors, key=lambda name: errors[name])
-    same = [name for name, error in errors.items() if error < 1.2 * errors[best] + 1e-12]
+    same = [name for name, error in errors.items() if _as_good(error, errors[best])]
     turned_sign = any("sign" in name for name in same)
-    half = _half_turn(force, weight, errors[best]) if best == "with the opposite sign" else ""
-    upward = gravity_is_turned() if best == "with the opposite sign" and not half else None
-    remedies = ["turn the sign with [columns] wrench = { scale = -1 }"] if turned_sign and not (upward or half) else []
-    remedies += [half] if half else []
+    opposite = best == "with the opposite sign"
+    half = _half_turn(force, weight, errors[best]) if opposite else ""
+    upward = gravity_is_turned() if opposite and not half else None
+    remedies = [half] if half else []
+    remedies += ["turn the sign with [columns] wrench = { scale = -1 }"] if turned_sign and not (upward or half) else []
     remedies += ["correct [robot] gravity: by the way that touches push it is its sign"] if upward else []
     remedies += [f'say [sensor] wrench_frame = "{other}"'] if any("axes" in name for name in same) else []
     joints = meant()
@@ -229,7 +230,7 @@ def _half_turn(force: Array, weight: Array, least: float) -> str:
     opposite = float(np.sum((force + weight).mean(axis=0) ** 2))
     for axis, others, signs in (("x", "yz", (1, -1, -1)), ("y", "xz", (-1, 1, -1)), ("z", "xy", (-1, -1, 1))):
         left = force - weight * signs
-        if _spread(left) < 1.2 * least + 1e-12 and float(np.sum(left.mean(axis=0) ** 2)) < LEFT * opposite:
+        if _as_good(_spread(left), least) and float(np.sum(left.mean(axis=0) ** 2)) < LEFT * opposite:
             turned = ", ".join(f"{kind}{other}" for kind in "ft" for other in others)
             return (
                 f"turn the sensor by 180° about its {axis}, with [robot] sensor_frame or its rpy in the URDF, or the "
@@ -291,6 +292,11 @@ def _gravity_is_turned(
     if abs(strongest) < PUSHES * float(np.nanstd(in_air)):
         return None
     return strongest > 0.0
+
+
+def _as_good(error: float, least: float) -> bool:
+    """Whether a reading leaves hardly more than the best one."""
+    return error < 1.2 * least + 1e-12
 
 
 def _spread(residual: Array) -> float:

@@ -13,6 +13,7 @@ from scripted import scripted_poke
 
 import kinid.urdf
 from kinid.contact.analysis import analyse
+from kinid.contact.doubts import contact_doubts
 from kinid.contact.series import contact_series
 from kinid.data.log import Log
 from kinid.data.rig import Rig
@@ -617,3 +618,12 @@ def test_touches_that_no_surface_is_near_are_not_passed_over(touched: tuple[Log,
     said = doubts(log, rig, robot)
     assert "as in a touch, and nothing counts as one" in said
     assert "check unit, sign and order of q in [columns]" in said
+
+
+def test_what_stands_still_is_said_once(touched: tuple[Log, Rig, Robot]) -> None:
+    log, rig, robot = touched
+    wrench = np.array(log.wrench)
+    wrench[:, 0] = 0.5
+    said = contact_doubts(dataclasses.replace(log, wrench=wrench), rig, robot, None)
+    assert [line for line in said if "fx never changes" in line] == said[:1]
+    assert len(set(said)) == len(said)
