@@ -19,20 +19,20 @@ SHORTEST, LATEST = 1e-6, 20.0
 
 @final
 class Adhesion(Effect):
-    """N −= (F₀ + F_a (1 − exp(−(δ_m − δ)/r))) g(−δ/ℓ): a bond that has formed at contact pulls, until it tears at δ =
-    −ℓ [m].
+    """N −= F_a (1 − (1 − s) exp(−(δ_m − δ)/r)) g(−δ/ℓ): a bond that has formed at contact pulls with F_a [N], until it
+    tears at δ = −ℓ [m].
 
-    F₀ [N] pulls from touch on, in and out; F_a [N] on the way out alone, from the deepest of this contact, δ_m, on,
-    within a retraction of r [m]. Outside the material a neck tears, g(x) = (1 − xᵖ)²: nothing jumps at pull-off, but
-    what has a neck of large p tears late and fast. On touching anew everything begins again. Cases, within some per
-    cent of the pull: a constant pull with a neck (p large), stress that ends at a distance (Dugdale, p near 1.3), and a
-    soft sphere (JKR: F₀ with p large, beside a base `hertz`). What rubs is the surfaces' load, N without the pull (B.
-    V. Derjaguin, Wear 128, 1988).
+    A share s of the pull is there from touch on, in and out; the rest comes on the way out, from the deepest of this
+    contact, δ_m, on, within a retraction of r [m]. Outside the material a neck tears, g(x) = (1 − xᵖ)²: nothing jumps
+    at pull-off, but what has a neck of large p tears late and fast. On touching anew everything begins again. Cases,
+    within some per cent of the pull: a constant pull with a neck (p large), stress that ends at a distance (Dugdale, p
+    near 1.3), and a soft sphere (JKR: s = 1 with p large, beside a base `hertz`). What rubs is the surfaces' load, N
+    without the pull (B. V. Derjaguin, Wear 128, 1988).
     """
 
     id = "adhesion"
     title = "pull until separation"
-    equation = "N −= F₀ + F_a (1 − exp(−(δ_m − δ)/r)), outside of the material times (1 − (−δ/ℓ)ᵖ)² until δ = −ℓ"
+    equation = "N −= F_a (1 − (1 − s) exp(−(δ_m − δ)/r)), outside of the material times (1 − (−δ/ℓ)ᵖ)² until δ = −ℓ"
     source = (
         "K. L. Johnson, K. Kendall, A. D. Roberts, Proc. R. Soc. A 324, 1971; "
         "D. S. Dugdale, J. Mech. Phys. Solids 8, 1960; D. Maugis, J. Colloid Interface Sci. 150, 1992"
@@ -45,22 +45,18 @@ class Adhesion(Effect):
     }
     excited_by = "a slow retraction until well outside the material"
     acts_outside = True
-    null = {"force": 0.0, "tack": 0.0}
-    grid = {"length": (1e-4, 3e-4, 1e-3, 3e-3), "rise": (3e-5, 3e-4), "neck": (2.0, 5.0)}
-    admissible = {
-        "force": (0.0, 1e4),
-        "tack": (0.0, 1e4),
-        "length": (0.0, 0.02),
-    }  # bonds pull; necks of gels reach a centimetre
+    null = {"force": 0.0}
+    grid = {"tack": (0.1, 0.9), "length": (1e-4, 3e-4, 1e-3, 3e-3), "rise": (3e-5, 3e-4), "neck": (2.0, 5.0)}
+    admissible = {"force": (0.0, 1e4), "length": (0.0, 0.02)}  # bonds pull; necks of gels reach a centimetre
     example = Example(
-        ("hooke", "coulomb-friction"), {"force": 0.4, "tack": 0.15, "length": 0.6e-3, "rise": 0.4e-3, "neck": 2.6}
+        ("hooke", "coulomb-friction"), {"force": 0.55, "tack": 0.27, "length": 0.6e-3, "rise": 0.4e-3, "neck": 2.6}
     )
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
-        """Pull on the way out, pull in and out, reach, retraction until it pulls, shape of the neck."""
+        """Pull at its greatest, share of it on the way in, reach, retraction until it pulls, shape of the neck."""
         return (
             Parameter("force", "F_a", "N", 0.1, 0.0, 1e5, scale=0.05, linear=True),
-            Parameter("tack", "F₀", "N", 0.0, 0.0, 1e5, scale=0.05, linear=True),
+            Parameter("tack", "s", "1", 0.0, 0.0, 1.0, scale=0.1),
             Parameter("length", "ℓ", "m", 5e-4, 1e-6, 0.1, scale=1e-4),
             Parameter("rise", "r", "m", 3e-4, SHORTEST, 0.1, scale=1e-4),
             Parameter("neck", "p", "1", 2.0, 0.5, LATEST, scale=0.5),
@@ -86,7 +82,7 @@ class Adhesion(Effect):
         keep, reach, before = np.empty((len(s), 1, 1)), np.empty((len(s), 1)), np.empty(len(s))
         recalled_deepest(s.depth, s.dt, -length, keep, reach, before)
         most = np.maximum(before, s.penetration * reach[:, 0])
-        pull = tack - force * np.expm1(np.minimum(s.depth - most, 0.0) / rise)
+        pull = force * (1.0 - (1.0 - tack) * np.exp(np.minimum(s.depth - most, 0.0) / rise))
         s.pull = np.where(most > 0.0, pull * _left(s.depth, length, neck), 0.0)
         s.normal = s.normal - s.pull
         if s.compliance > 0.0:
@@ -96,7 +92,13 @@ class Adhesion(Effect):
                 """Of how deep the bond was made."""
                 out = Recall.blank(len(depth), 1)
                 out.keep[:], out.reach[:] = keep, reach
-                change = -force / rise * _left(depth, length, neck) * np.exp(np.minimum(depth - before, 0.0) / rise)
+                change = (
+                    -force
+                    * (1.0 - tack)
+                    / rise
+                    * _left(depth, length, neck)
+                    * np.exp(np.minimum(depth - before, 0.0) / rise)
+                )
                 out.size[:, 0] = np.where(before > 0.0, change, 0.0)
                 return out
 

@@ -94,10 +94,10 @@ def _normal(depth: float, rate: float, t: float, dt: float, m: Array, new: Array
     force = elastic
     if p[RATIO1] > 0.0:
         new[_Y1] = _branch(m[_Y1], m[_FE], elastic, dt, p[TIME1])
-        force -= p[RATIO1] * new[_Y1]
+        force += p[RATIO1] * (elastic - new[_Y1])
     if p[RATIO2] > 0.0:
         new[_Y2] = _branch(m[_Y2], m[_FE], elastic, dt, p[TIME2])
-        force -= p[RATIO2] * new[_Y2]
+        force += p[RATIO2] * (elastic - new[_Y2])
     if depth <= 0.0:
         new[_Z] = new[_ZW] = 0.0
         return -pull

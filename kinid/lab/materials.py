@@ -55,7 +55,8 @@ class Material:
         name: of the material. color: RGB of its glitter, 0…1.
         stiffness: K [N/mⁿ]. exponent: n. damping: B [N·s/m]. loss: λ [s/m], N += λ F_e δ̇.
         friction: μ. layer: K₂ [N/m] beyond layer_depth δ₂ [m].
-        relaxation: pairs of ratio and time constant [s], two at most. hysteresis: amplitude, length [m].
+        relaxation: a branch's stiffness over K and its time constant [s], two at most. hysteresis: amplitude, length
+            [m].
         softening: ratio, length [m]. adhesion: force [N], length [m]. drift: [1/min].
         stribeck: Δμ, speed [m/s]. viscous: [N·s/m]. bristle: [m]. load_exponent, anisotropy: see the effects.
         coupling: K (3, 3) and C (3, 3) over (x₁, x₂, δ), added to the force. compliance: in series [m/N].

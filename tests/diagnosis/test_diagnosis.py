@@ -65,7 +65,7 @@ def test_the_effect_is_found_added_and_the_error_falls_to_the_noise(
     better = (fit.model + found.added[0]).fit(touch)
     assert better.error.held_out < 0.4 * fit.error.held_out
     # the planted figures; their intervals are of 95 %, so that three half widths hold all but 4 of 1e9
-    for name, truth in (("ratio", SHARE), ("time-constant", DECAY)):
+    for name, truth in (("ratio", SHARE / (1.0 - SHARE)), ("time-constant", DECAY)):
         for p in (better[f"relaxation.{name}"], found["relaxation"].parameters[f"{name}"]):
             assert abs(p.value - truth) < 3 * (p.high - p.low) / 2
             assert p.high - p.low < 0.1 * truth
