@@ -48,8 +48,10 @@ Array = NDArray[np.float64]
 MAX_ERROR_RISE = 1.01
 #: effects that may stand for others; where more were needed, what is left is of many kinds
 FEW = 2
-#: share of the squared error that another way has to take off, and that no addition makes that is tolerated
+#: share of the squared error that another way has to take off
 MOST = 0.5
+#: share of the squared error below which an addition is named though it is tolerated: it halves the error
+LEFT_OF_NAMED = 0.25
 
 
 @dataclass(eq=False)
@@ -252,7 +254,7 @@ def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: 
         if tolerated:
             needed = max(needed, settings.beyond_doubt * (1.0 - evidence.beyond))
         # what seemed much beside a model that lacked others may be no more than every rig has
-        small = tolerated and _reported(best) > MOST * _reported(reduced)  # what makes most of the error is named
+        small = tolerated and _reported(best) > LEFT_OF_NAMED * _reported(reduced)
         usual = last and not remarkable(Refit(best.model[name], reduced, best, evidence), settings, small)
         if usual or evidence.significance < needed or evidence.share < required_share(best.model[name], best, settings):
             found.alternatives.pop(name, None)

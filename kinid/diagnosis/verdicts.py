@@ -18,7 +18,7 @@ from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.effects import Effect
 from kinid.effects._derived import sample_period
 from kinid.identification.fitted import FittedParameter
-from kinid.identification.lack_of_fit import LackOfFit, error_rows
+from kinid.identification.lack_of_fit import LackOfFit, error_rows, inside_tolerance
 from kinid.identification.nuisance import MAX_SHIFT
 from kinid.identification.state import State
 from kinid.modeling.applicability import amplitudes, base_of, candidate_effects
@@ -148,6 +148,8 @@ def _unseen(
     ):
         much, sure = 100 * refit.share, refit.significance
         proof = "no proof, for or against" if sure < settings.min_significance else "too little, or impossibly much"
+        if sure >= settings.min_significance and (effect.tolerated or effect.tolerated_in_joints):
+            proof = "as much as many a rig has, inside the tolerance" if inside_tolerance(last) else proof
         return EffectStatus.NOT_EXCITED, f"it would take {much:.0f} % of the rest, {sure:.1f} standard errors: {proof}"
     hidden = _too_small_to_see(last, points, settings)
     if hidden:

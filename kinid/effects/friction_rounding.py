@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import final
 
 import numpy as np
@@ -43,6 +44,7 @@ class FrictionRounding(Effect):
     needs = ("normal", "slip")
     requires = ("coulomb-friction",)
     null = {"speed": 0.0}
+    tolerated = {"speed": math.inf}  # no friction has the form of a model where it comes to rest
     grid = {"speed": (3e-4, 1e-3, 3e-3, 1e-2, 3e-2)}
     admissible = {"speed": (0.0, 0.3)}  # films carry from some millimetres a second on; no slide of a robot is faster
     order = 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import final
 
@@ -42,6 +43,7 @@ class JointStribeckFriction(Effect):
     needs = ("joints",)
     requires = ("joint-coulomb-friction",)
     null = {"excess": 0.0}
+    tolerated = {"excess": math.inf}  # no friction has the form of a model where it comes to rest
     grid = {"speed": (0.01, 0.03, 0.1, 0.3)}
     # friction fades with speed (what grows is viscous); films of grease carry from some per cent of a drive's speed on
     admissible = {"excess": (0.0, 1e5), "speed": (1e-4, 3.0)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import final
 
@@ -37,6 +38,7 @@ class Presliding(Effect):
     needs = ("normal", "slip")
     requires = ("coulomb-friction",)
     null = {"length": 1e-4}  # the length that friction has without this effect
+    tolerated = {"length": math.inf}  # no friction has the form of a model where it comes to rest
     grid = {"length": (3e-6, 3e-5, 3e-4, 1e-3, 3e-3)}
     admissible = {"length": (SHORTEST, 0.02)}  # soft skins shear by millimetres before they slip, not by centimetres
     example = Example(("kelvin-voigt", "coulomb-friction"), {"length": 4.2e-4})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import final
 
@@ -27,6 +28,7 @@ class StribeckFriction(Effect):
     needs = ("normal", "slip")
     requires = ("coulomb-friction",)
     null = {"coefficient": 0.0}
+    tolerated = {"coefficient": math.inf}  # no friction has the form of a model where it comes to rest
     grid = {"speed": (1e-3, 3e-3, 1e-2, 3e-2, 0.1)}
     unremarkable = {"coefficient": 0.02}  # coefficients are told to two digits
     # friction fades with speed, it doesn't grow (that is viscous); hydrodynamic films form within 1 m/s

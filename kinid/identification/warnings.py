@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.estimators.batch import ILL_CONDITIONED, Solution
+from kinid.identification.error_model import reading_noise
 from kinid.identification.lack_of_fit import LackOfFit
 from kinid.identification.nuisance import MAX_SHIFT
 from kinid.identification.state import State
@@ -23,6 +24,8 @@ MATERIAL = ("stiffness", "damping")
 PASSIVE = (*MATERIAL, "coefficient")
 #: share of a unit vector above which a parameter takes part in a direction
 MIN_PARTICIPATION = 0.2
+#: share of the variance of a joint's torque that a model may leave, beside noise, where all joints together are well
+MAX_LEFT_OF_A_JOINT = 0.5
 
 
 def impossible(named: Mapping[str, Parameter], values: Array, covariance: Array) -> list[str]:
@@ -55,6 +58,27 @@ def of_nuisances(state: State, left: LackOfFit) -> list[str]:
     return [
         f"{name} beyond what calibration is trusted to ({', '.join(amounts)}): add it to the model, or mend the rig"
         for name, amounts in ends.items()
+    ]
+
+
+def of_joints(state: State, residual: Array, left: LackOfFit) -> list[str]:
+    """Joints whose torque a model says next to nothing of, where others carry so much more that it doesn't show.
+
+    Args:
+        state: a fitted model. residual: of the whole log, (channels, n). left: what is left of all joints together.
+    """
+    experiment = state.problem.whole
+    if experiment.signals.joints is None or left.matters:
+        return []
+    readings = np.where(np.isfinite(residual), experiment.measured, np.nan)
+    noise = reading_noise(state.problem) ** 2
+    moves = np.nanvar(readings, axis=1) - noise
+    rest = np.nanmean(residual**2, axis=1) - noise
+    return [
+        f"of what moves in the torque of {name}, {100 * np.sqrt(after / before):.0f} % is left, little beside the "
+        "other joints' torques: are sign, order and unit of its column right? kinid diagnose says what may be missing"
+        for name, before, after in zip(experiment.layout.joints, moves, rest)
+        if before > 0.0 and after > MAX_LEFT_OF_A_JOINT * before and after > noise.min()
     ]
 
 

@@ -192,8 +192,8 @@ def test_masks_and_channels_that_do_not_fit_are_refused(touch: ContactSeries) ->
     assert any("no held-out error" in warning for warning in fit.warnings)
 
 
-def test_parameters_that_stand_in_for_each_other_are_named() -> None:
-    """Gains of the joints against a payload: every effect at once, on a short swing, trades weight for gain."""
+def swinging_arm() -> tuple[Log, Rig]:
+    """A short swing of all joints of an LWR4+ with Coulomb friction of 0.5 N·m."""
     rig = Rig.parse({"robot": {"model": "lwr4plus"}})
     from kinid.robotics.inverse_dynamics import inverse_dynamics
     from kinid.robotics.robot import Robot
@@ -204,7 +204,26 @@ def test_parameters_that_stand_in_for_each_other_are_named() -> None:
     angle = speed * t[:, None] + phase
     q, dq, ddq = pose + 0.1 * np.sin(angle), 0.1 * speed * np.cos(angle), -0.1 * speed**2 * np.sin(angle)
     tau = inverse_dynamics(robot, q, dq, ddq) + 0.5 * np.sign(dq) + rng.normal(scale=0.02, size=q.shape)
-    log = Log(t, q=q, dq=dq, ddq=ddq, tau=tau)
+    return Log(t, q=q, dq=dq, ddq=ddq, tau=tau), rig
+
+
+def test_a_joint_that_a_model_says_nothing_of_is_doubted_beside_the_others() -> None:
+    """A column with the wrong sign, of a joint that carries a hundredth of the others: not seen in the error."""
+    log, rig = swinging_arm()
+    assert log.tau is not None
+    model = Model("rigid-body", "joint-coulomb-friction")
+    assert not any("moves in the torque" in warning for warning in fit_model(model, log, rig).warnings)
+    turned = log.tau * np.array([1, 1, 1, 1, 1, 1, -1.0])
+    doubts = [
+        w for w in fit_model(model, dataclasses.replace(log, tau=turned), rig).warnings if "moves in the torque" in w
+    ]
+    assert len(doubts) == 1
+    assert "joint_7, " in doubts[0]
+
+
+def test_parameters_that_stand_in_for_each_other_are_named() -> None:
+    """Gains of the joints against a payload: every effect at once, on a short swing, trades weight for gain."""
+    log, rig = swinging_arm()
     small = fit_model(Model("rigid-body", "joint-coulomb-friction"), log, rig, held_out=False)
     assert not any("stand in" in warning for warning in small.warnings)
     every = Model(
