@@ -240,8 +240,12 @@ def _unsupported(evidence: Evidence, state: State, before: State, settings: Diag
 
 
 def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: bool = False) -> None:
-    """Take back additions that others made needless; last, usual ones and doubtful ones that take little, too."""
-    for name in [n for n in found.added if n not in keep]:
+    """Take back additions that others made needless; last, usual ones and doubtful ones that take little, too.
+
+    No law has exactly the form of a material or a machine: inside the tolerance, what leaves much has to be beyond
+    doubt. Beside other additions, of all that is left; alone, of what is beyond noise.
+    """
+    for name in sorted((n for n in found.added if n not in keep), key=lambda n: found.evidence[n].gain):
         best = found.states[-1]
         if not removable(best.model, name):
             continue
@@ -251,10 +255,11 @@ def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: 
         found.evidence[name] = evidence = compare_states(reduced, best, best.error.sigma)
         needed = required_significance(evidence, settings)
         tolerated = last and inside_tolerance(reduced)
+        left = _reported(best) / _reported(reduced)
         if tolerated:
-            needed = max(needed, settings.beyond_doubt * (1.0 - evidence.beyond))
+            needed = max(needed, settings.beyond_doubt * (1.0 - evidence.beyond if len(found.added) == 1 else left))
         # what seemed much beside a model that lacked others may be no more than every rig has
-        small = tolerated and _reported(best) > LEFT_OF_NAMED * _reported(reduced)
+        small = tolerated and left > LEFT_OF_NAMED
         usual = last and not remarkable(Refit(best.model[name], reduced, best, evidence), settings, small)
         if usual or evidence.significance < needed or evidence.share < required_share(best.model[name], best, settings):
             found.alternatives.pop(name, None)

@@ -11,8 +11,8 @@ class DiagnosisSettings:
 
     Attributes:
         min_significance: held-out gain over its standard error [1]; an effect is accepted above it.
-        beyond_doubt: inside the tolerance, times the share of what is beyond noise that an addition leaves, the
-            significance that it must have: no form of a material is exact [1].
+        beyond_doubt: inside the tolerance, times the share that an addition leaves (of what is beyond noise; beside
+            other additions, of the squared error), the significance that it must have: no form is exact [1].
         min_share: of the squared error that is left, what an effect must take off; one that couples channels, for each
             parameter that it has a channel [1].
         min_reading_share: root mean square of an effect's change of the readings over that of the readings [1]; less
