@@ -214,7 +214,7 @@ def _with_fewer(found: Selection, settings: DiagnosisSettings, progress: Callabl
     other = Selection([found.states[0]], fits=found.fits, skipped=frozenset(many))
     _grow(other, settings, (), progress)
     one = other.states[-1]
-    share = compare_states(one, last, one.error.sigma).share
+    share = max(compare_states(one, last, one.error.sigma).share, 1.0 - _reported(last) / _reported(one))
     fewer = len(one.values) < len(last.values)
     return other if fewer and share < max(many.values()) else None
 
