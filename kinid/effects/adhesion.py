@@ -23,16 +23,16 @@ class Adhesion(Effect):
     tears at δ = −ℓ [m].
 
     A share s of the pull is there from touch on, in and out; the rest comes on the way out, from the deepest of this
-    contact, δ_m, on, within a retraction of r [m]. Outside the material a neck tears, g(x) = (1 − xᵖ)²: nothing jumps
-    at pull-off, but what has a neck of large p tears late and fast. On touching anew everything begins again. Cases,
-    within some per cent of the pull: a constant pull with a neck (p large), stress that ends at a distance (Dugdale, p
-    near 1.3), and a soft sphere (JKR: s = 1 with p large, beside a base `hertz`). What rubs is the surfaces' load, N
-    without the pull (B. V. Derjaguin, Wear 128, 1988).
+    contact, δ_m, on, within a retraction of r [m]. Outside the material a neck tears, g(x) = 1 − xᵖ: nothing jumps at
+    pull-off, but what has a neck of large p tears late and fast. On touching anew everything begins again. Cases, some
+    within a few per cent of the pull: a constant pull with a neck (p large), a pull that fades with the distance
+    (Dugdale, p = 1), and a soft sphere (JKR: s = 1 with p large, beside a base `hertz`). What rubs is the surfaces' load,
+    N without the pull (B. V. Derjaguin, Wear 128, 1988).
     """
 
     id = "adhesion"
     title = "pull until separation"
-    equation = "N −= F_a (1 − (1 − s) exp(−(δ_m − δ)/r)), outside of the material times (1 − (−δ/ℓ)ᵖ)² until δ = −ℓ"
+    equation = "N −= F_a (1 − (1 − s) exp(−(δ_m − δ)/r)), outside of the material times 1 − (−δ/ℓ)ᵖ until δ = −ℓ"
     source = (
         "K. L. Johnson, K. Kendall, A. D. Roberts, Proc. R. Soc. A 324, 1971; "
         "D. S. Dugdale, J. Mech. Phys. Solids 8, 1960; D. Maugis, J. Colloid Interface Sci. 150, 1992"
@@ -46,7 +46,7 @@ class Adhesion(Effect):
     excited_by = "a slow retraction until well outside the material"
     acts_outside = True
     null = {"force": 0.0}
-    grid = {"tack": (0.1, 0.9), "length": (1e-4, 3e-4, 1e-3, 3e-3), "rise": (3e-5, 3e-4), "neck": (2.0, 5.0)}
+    grid = {"tack": (0.1, 0.9), "length": (1e-4, 3e-4, 1e-3, 3e-3), "rise": (3e-5, 3e-4), "neck": (1.0, 4.0)}
     admissible = {"force": (0.0, 1e4), "length": (0.0, 0.02)}  # bonds pull; necks of gels reach a centimetre
     example = Example(
         ("hooke", "coulomb-friction"), {"force": 0.55, "tack": 0.27, "length": 0.6e-3, "rise": 0.4e-3, "neck": 2.6}
@@ -107,5 +107,5 @@ class Adhesion(Effect):
 
 def _left(depth: Array, length: float, neck: float) -> Array:
     """Share of a bond that has not torn, (n,)."""
-    out: Array = (1.0 - np.clip(-depth / length, 0.0, 1.0) ** neck) ** 2
+    out: Array = 1.0 - np.clip(-depth / length, 0.0, 1.0) ** neck
     return out

@@ -81,7 +81,7 @@ def _normal(depth: float, rate: float, t: float, dt: float, m: Array, new: Array
             pull = p[PULL] * (1.0 - np.exp((depth - bond) / p[PULL_LENGTH]))
             if depth < 0.0:
                 gone = depth / p[PULL_LENGTH]
-                pull *= (1.0 - gone * gone) ** 2
+                pull *= 1.0 - gone * gone
     new[_PULL] = pull
     elastic = 0.0
     if depth > 0.0:
