@@ -26,8 +26,8 @@ class Adhesion(Effect):
     contact, δ_m, on, within a retraction of r [m]. Outside the material a neck tears, g(x) = 1 − xᵖ: nothing jumps at
     pull-off, but what has a neck of large p tears late and fast. On touching anew everything begins again. Cases, some
     within a few per cent of the pull: a constant pull with a neck (p large), a pull that fades with the distance
-    (Dugdale, p = 1), and a soft sphere (JKR: s = 1 with p large, beside a base `hertz`). What rubs is the surfaces' load,
-    N without the pull (B. V. Derjaguin, Wear 128, 1988).
+    (Dugdale, p = 1), and a soft sphere (JKR: s = 1 with p large, beside a base `hertz`). What rubs is the surfaces'
+    load, N without the pull (B. V. Derjaguin, Wear 128, 1988).
     """
 
     id = "adhesion"
