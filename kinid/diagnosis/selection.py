@@ -259,7 +259,8 @@ def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: 
         if tolerated:
             needed = max(needed, settings.beyond_doubt * (1.0 - evidence.beyond if len(found.added) == 1 else left))
         # what seemed much beside a model that lacked others may be no more than every rig has
-        small = tolerated and left > LEFT_OF_NAMED
+        filtered = best.problem.layout.kind == "joints" and bool(best.model[name].tolerated_in_joints)
+        small = tolerated and (filtered or left > LEFT_OF_NAMED)
         usual = last and not remarkable(Refit(best.model[name], reduced, best, evidence), settings, small)
         if usual or evidence.significance < needed or evidence.share < required_share(best.model[name], best, settings):
             found.alternatives.pop(name, None)

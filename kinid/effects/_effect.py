@@ -73,7 +73,7 @@ class Effect(ABC):
         unremarkable: parameter name → distance from its null that every material and every rig has; names as below.
         tolerated: parameter name → distance that many a rig has: no finding where the error with it is inside the
             tolerance, but where it halves the error. tolerated_in_joints: the same of joint torques, where it is
-            another: drives filter them.
+            another, and no finding however much of the error it is: drives filter them.
         calibration_tolerance: parameter name → standard deviation within which every rig's calibration leaves it open.
             Names are those before the bracket; where channels differ in their unit it stands in brackets: "offset[N]",
             "offset[N·m]".
