@@ -19,7 +19,6 @@ from scipy.ndimage import uniform_filter1d
 
 from kinid.effects._derived import sample_period
 from kinid.identification.problem import Problem
-from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
 from kinid.robotics.motion import STATIC_PERIOD
 
@@ -87,23 +86,27 @@ def reading_variance(problem: Problem) -> Array:
         alike = units == unit
         noise[alike] = np.maximum(noise[alike], MIN_NOISE_RATIO * noise[alike].max())
     out: Array = noise[:, None] ** 2 / problem.count + (RESOLUTION * problem.channel_rms[:, None]) ** 2
-    return out + problem.rounding[:, None] + problem.means(_released(problem.experiment)) ** 2
+    return out + problem.rounding[:, None] + _released(problem) ** 2
 
 
-def _released(experiment: Experiment) -> Array:
-    """What is open of each reading while a tool retracts from a material that has let it go already, (channels, n) [N,
-    N·m].
+def _released(problem: Problem) -> Array:
+    """Standard deviation that is open of each mean while a tool retracts from a material that has let it go already,
+    (channels, g) [N, N·m].
 
     Linear dashpots pull there, and rub; materials that remember or lose energy don't: laws that differ in this alone
-    are one.
+    are one. Whether it has let go, the means before and after tell: a mean that told it itself would count where its
+    noise is up and not where it is down, and every law would end stiffer and more bent than it is.
     """
+    experiment = problem.experiment
     s, normal = experiment.signals, experiment.normal_force
     if normal is None or not experiment.separated.any():
-        return np.zeros_like(experiment.measured)
+        return np.zeros(problem.shape)
     arm = 1.0 if s.sensor is None else float(np.linalg.norm(s.sensor.tip))
     lever = np.array([1.0 if unit == "N" else arm for unit in s.layout.units])
     usual = float(np.nanpercentile(normal[s.depth > 0], 95))
-    out: Array = lever[:, None] * (SEPARATION_FORCE_SHARE * usual * experiment.separated)
+    unloaded, retracting = (problem.mean_at(x.astype(float)) for x in (experiment.unloaded, experiment.retracting))
+    beside = np.minimum(np.r_[unloaded[1:], 1.0], np.r_[1.0, unloaded[:-1]])
+    out: Array = lever[:, None] * (SEPARATION_FORCE_SHARE * usual * retracting * beside)
     return out
 
 

@@ -8,7 +8,7 @@ with a normal prior of that size.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,9 @@ Array = NDArray[np.float64]
 
 #: calibration is trusted to so many tolerances
 MAX_SHIFT = 2.0
+#: tolerances that a quantity is moved by, at least, to see what it does: touch begins with a jump, and by less few
+#: samples tell
+LEAST_STEP = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,12 +97,20 @@ def with_calibration(
     return whole.predict(signals, np.concatenate(together) if together else values, near)
 
 
-def nuisance_columns(problem: Problem, model: Model, values: Array, here: Course, open_: tuple[Nuisance, ...]) -> Array:
-    """Change of the means per tolerance of each open quantity, (channels · g, k)."""
+def nuisance_columns(
+    problem: Problem, model: Model, values: Array, here: Course, open_: tuple[Nuisance, ...], shift: Array
+) -> Array:
+    """Change of the means per tolerance of each open quantity, (channels · g, k).
+
+    It is the change to where the quantity is, `shift` (k,) in tolerances, or to one on that side: a surface bends a law
+    to the same side whichever way it is off, and would pull what many logs share to that side.
+    """
     out = np.zeros((problem.target.size, len(open_)), order="F")
-    for j, nuisance in enumerate(open_):
-        moved = predict_with(nuisance, model, values, problem.experiment.signals, here)
-        problem.add_change(moved, here.reading, 1.0, out[:, j])
+    for j, (nuisance, amount) in enumerate(zip(open_, shift)):
+        step = max(amount, LEAST_STEP) if amount >= 0.0 else min(amount, -LEAST_STEP)
+        so_far = replace(nuisance, sd=step * nuisance.sd)
+        moved = predict_with(so_far, model, values, problem.experiment.signals, here)
+        problem.add_change(moved, here.reading, 1.0 / step, out[:, j])
     return out
 
 

@@ -98,7 +98,7 @@ class _Search:
         if like is not None and -1 not in places:
             columns = like.jacobian[:, places]
         else:
-            columns = nuisance_columns(self.problem, self.model, self.x, self.here, self.open_)
+            columns = nuisance_columns(self.problem, self.model, self.x, self.here, self.open_, self.shift)
         np.multiply(columns, self.weight.reshape(-1, 1), out=self.jacobian[:, p:])
         self.squares[p:, p:] = self.jacobian[:, p:].T @ self.jacobian[:, p:]
 

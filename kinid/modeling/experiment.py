@@ -89,17 +89,25 @@ class Experiment:
         return force
 
     @cached_property
-    def separated(self) -> NDArray[np.bool_]:
-        """Samples in which a tool retracts inside a material, and no more force is left than outside, (n,)."""
+    def retracting(self) -> NDArray[np.bool_]:
+        """Samples in which a tool retracts inside a material, (n,)."""
+        return np.asarray((self.signals.depth > 0) & (self.signals.depth_rate < 0))
+
+    @cached_property
+    def unloaded(self) -> NDArray[np.bool_]:
+        """Samples in which no more force is read than outside the material, (n,)."""
         force = self.normal_force
         if force is None:
             return np.zeros(len(self.signals), np.bool_)
         quiet, outside = float(np.hypot.reduce(self.noise[:3])), self.valid & (self.signals.depth < 0)
         bias = float(np.median(force[outside])) if outside.any() else 0.0
         with np.errstate(invalid="ignore"):
-            return np.asarray(
-                (self.signals.depth > 0) & (self.signals.depth_rate < 0) & (np.abs(force - bias) < LET_GO * quiet)
-            )
+            return np.asarray(np.abs(force - bias) < LET_GO * quiet)
+
+    @property
+    def separated(self) -> NDArray[np.bool_]:
+        """Samples in which a tool retracts inside a material, and no more force is left than outside, (n,)."""
+        return self.retracting & self.unloaded
 
     def in_band(self, readings: Array) -> Array:
         """Readings (channels, n) without what lies above the band; zero-phase, piece by piece (Gustafsson 1996)."""
