@@ -8,8 +8,8 @@ from campaign.study import TRUTH, found_effects, named, recovered
 
 #: laws that bend a spring over depth, which a small one can't be told by
 BENDS = {"stiffening-layer", "hertz-exponent"}
-#: N/m²: single logs find a spring that stiffens so in fewer than half of all draws
-WEAK = 8e3
+#: N/m²: single logs find a spring that stiffens so in 1 of 30 draws
+WEAK = 1.6e4
 
 
 def test_intervals_hold_the_truth_in_a_few_draws() -> None:
@@ -17,6 +17,11 @@ def test_intervals_hold_the_truth_in_a_few_draws() -> None:
     print("covered", found.covered.mean(axis=0), "spread", found.spread)
     # of 18 intervals of 95 %, fewer than 14 hold the truth once in a thousand studies
     assert found.covered.sum() >= 14
+
+
+def test_a_weak_effect_is_found_in_several_logs_and_by_none_of_them() -> None:
+    assert found_effects(draws=3, logs=1, stiffening=WEAK, seed=40) == [()] * 3
+    assert BENDS & {*found_effects(draws=1, logs=8, stiffening=WEAK, seed=41)[0]}
 
 
 def test_an_odd_log_is_named_in_each_of_a_few_draws() -> None:
@@ -29,6 +34,10 @@ def test_coverage_over_200_draws_of_20_logs() -> None:
     share = found.covered.mean(axis=0)
     print("covered", dict(zip(TRUTH, share)))
     assert ((share >= 0.93) & (share <= 0.97)).all()
+    # 200 draws tell a mean to 0.07 spreads
+    away = (found.estimates.mean(axis=0) - list(TRUTH.values())) / found.spread
+    print("bias in spreads", away)
+    assert (np.abs(away) < 0.25).all()
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ import pytest
 from measured.cases import planned, unchanged
 
 import kinid
-from kinid.identification.nuisance import nuisances, with_calibration
+from kinid.identification.nuisance import nuisance_columns, nuisances, with_calibration
 from kinid.modeling.model import Model
 from kinid.robotics.inverse_dynamics import inverse_dynamics
 
@@ -54,6 +54,23 @@ def test_amounts_stay_inside_the_range_of_their_parameter(swing: Callable[..., A
     (lag,) = [i for i, n in enumerate(state.open_) if n.effect.id == "sensor-lag"]
     assert state.open_[lag].low == 0.0
     assert state.shift[lag] >= 0.0
+
+
+@pytest.mark.parametrize("amount", [-1.7, -1.0, 1.3])
+def test_a_change_is_that_to_where_an_amount_is(amount: float) -> None:
+    """Of a power law and a misplaced surface: not the slope at one side for both, times the amount."""
+    t = np.arange(1600) / 200.0
+    depth = 2e-3 * np.sin(3.0 * t)
+    contact = {"depth": depth, "normal_force": 6000.0 * np.maximum(depth, 0.0) ** 1.3}
+    state = Model("hunt-crossley").fit(kinid.Log(t=t, contact=contact)).state
+    here = state.model.course(state.problem.experiment.signals, state.values)
+    (offset,) = [n for n in state.open_ if n.effect.id == "surface-offset"]
+    got = nuisance_columns(state.problem, state.model, state.values, here, (offset,), np.array([amount]))[:, 0] * amount
+    values = dict(zip(state.model.parameters(state.problem.layout), state.values))
+    values["surface-offset.offset"] = amount * offset.sd
+    moved = (state.model + "surface-offset").predict(state.problem.experiment.signals, values)
+    wanted = (state.problem.means(moved) - state.problem.means(here.reading)).ravel()
+    np.testing.assert_allclose(got, wanted, rtol=0, atol=1e-12)
 
 
 @pytest.mark.real

@@ -11,6 +11,7 @@ from scipy.signal import butter, sosfiltfilt
 
 import kinid
 from kinid.identification.dataset import MAX_DENSE, MAX_SAMPLES, averaged
+from kinid.identification.error_model import reading_variance
 from kinid.identification.problem import MANY_MEANS, MEAN_RATE, Problem
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.readings import all_channels
@@ -78,3 +79,26 @@ def test_readings_below_a_frequency() -> None:
     wanted = sosfiltfilt(butter(4, 25.0, output="sos", fs=500.0), readings, axis=1)
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-12)
     assert not found[1].any()
+
+
+def test_no_mean_tells_itself_how_much_it_counts() -> None:
+    """Near the end of a retraction a reading that is up counts as one that is down: else all laws lie high."""
+    t = np.arange(1600) / 100.0
+    depth = 1e-3 * np.sin(t)
+    force = 900.0 * np.maximum(depth, 0.0) + 0.02 * np.random.default_rng(4).standard_normal(len(t))
+
+    def variance(change: float, at: int = 0) -> Array:
+        read = force + change * (np.arange(len(t)) == at)
+        contact = {"depth": depth, "normal_force": read}
+        problem = Problem.build(all_channels(kinid.Log(t=t, contact=contact), kinid.Rig(), MODEL))
+        assert problem.shape[1] == len(t)
+        return reading_variance(problem)[0]
+
+    usual = variance(0.0)
+    falling = np.flatnonzero((depth > 0) & (np.gradient(depth) < 0) & (depth < 1e-4))
+    open_ = falling[usual[falling] > 10.0 * np.median(usual)]
+    assert len(open_) > 3
+    for at in open_[:4]:
+        moved = variance(0.2, int(at))
+        assert moved[at] == pytest.approx(usual[at], rel=0.05)
+        assert moved[at - 1] < 0.1 * usual[at] or moved[at + 1] < 0.1 * usual[at]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,7 +78,9 @@ def select(start: PooledFit, settings: DiagnosisSettings, progress: Progress = l
         if not able or len(found.added) >= settings.max_effects:
             break
         best = min(able, key=lambda t: t.evidence.left)
-        rivals = [t for t in able if t is not best and same(best, t, settings)]
+        # how much is worth a name is no reason to take, of equals, what bends further
+        equal = [t for t in found.refits if t in able or acceptable(t, replace(settings, min_reading_share=0.0))]
+        rivals = [t for t in equal if t is not best and t.effect.id not in refused and same(best, t, settings)]
         best, rivals = _smallest([best, *rivals])
         progress(f"fitting all logs with {best.effect.id}")
         fit = fit_of_pool(settled(best.pool))
