@@ -54,9 +54,9 @@ def test_adding_what_is_there_does_not_raise_the_error() -> None:
     assert found.steps[-1].held_out <= found.steps[0].held_out
 
 
-def test_two_effects_that_help_only_together() -> None:
-    """A surface that is deeper than stated, and a stiffer layer that begins there: alone, neither makes the law fit
-    better.
+def test_two_effects_that_help_most_together() -> None:
+    """A surface that is deeper than stated, and a stiffer layer that begins there: the layer alone, beside a surface as
+    far off as calibration leaves open, takes off some of the error, and both take off most of it.
     """
     hidden = case("pair", 11, 11001, "wrench")
     assert hidden.truth == {"stiffening-layer", "surface-offset"}
@@ -64,7 +64,8 @@ def test_two_effects_that_help_only_together() -> None:
     assert set(found.added) == hidden.truth
     assert found.steps[-1].held_out < 0.4 * found.steps[0].held_out
     alone = kinid.diagnose(hidden.log, hidden.rig, model=kinid.Model(*hidden.model), max_effects=1)
-    assert alone.added == ()
+    assert set(alone.added) < hidden.truth
+    assert found.steps[-1].held_out < alone.steps[-1].held_out
 
 
 def test_an_offset_within_a_step_of_the_converter_is_no_finding() -> None:
