@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+import kinid.identification.fit  # noqa: F401  it is what `Model.fit` calls, whichever file runs alone
+
 ROOT = Path(__file__).parent.parent
 REAL = Path(os.environ.get("KINID_REAL_DATA") or ROOT.parent / "shared" / "real")
 
