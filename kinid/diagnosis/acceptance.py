@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from kinid.diagnosis.screening import Candidate
 from kinid.effects import Effect
-from kinid.identification.error_model import REWEIGHTINGS, ErrorModel, unusual_blocks
+from kinid.identification.error_model import REWEIGHTINGS, unusual_blocks
 from kinid.identification.initial_guesses import initial_values, nominal_values, project_linear
 from kinid.identification.nuisance import trusted
 from kinid.identification.problem import Problem
@@ -240,7 +240,8 @@ def bounded(state: State, ranges: Mapping[str, Sequence[tuple[float, float]]], l
         place = state.model.place(name, state.problem.layout)
         low[place] = np.maximum(low[place], [a for a, _ in own])
         high[place] = np.minimum(high[place], [b for _, b in own])
-    start = _with_linear_at_best(state.problem, state.model, np.clip(state.values, low, high), like.error)
+    # a value that is held far from where it was leaves the linear ones where they were
+    start, _ = project_linear(state.problem, state.model, np.clip(state.values, low, high), like.error)
     return search(
         state.problem,
         state.model,
@@ -251,12 +252,6 @@ def bounded(state: State, ranges: Mapping[str, Sequence[tuple[float, float]]], l
         like=like,
         ends=ROUGH_GAIN,
     )
-
-
-def _with_linear_at_best(problem: Problem, model: Model, start: Array, error: ErrorModel) -> Array:
-    """A start with what enters linearly made good: another value that is held far away leaves it where it was."""
-    with np.errstate(all="ignore"):
-        return project_linear(problem, model, start, error)[0]
 
 
 def with_best_rest_form(candidate: Refit) -> Refit:
@@ -314,10 +309,9 @@ def without_effect(state: State, name: str) -> State:
     """The state's model without an effect, refitted with the state's error model, under its own best form of rest."""
     names = list(state.model.parameters(state.problem.layout))
     values = np.array([v for full, v in zip(names, state.values) if full.split(".", 1)[0] != name])
-    start = _with_linear_at_best(state.problem, state.model - name, values, state.error)
-    reduced = search(
-        state.problem, state.model - name, start, state.error, max_steps=REFIT_STEPS, like=state, ends=ROUGH_GAIN
-    )
+    model = state.model - name
+    start, _ = project_linear(state.problem, model, values, state.error)
+    reduced = search(state.problem, model, start, state.error, max_steps=REFIT_STEPS, like=state, ends=ROUGH_GAIN)
     # the form that is best beside an effect may leave room for it: what it takes off has to be its own
     return refined_form(best_form(reduced))
 

@@ -253,14 +253,12 @@ def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: 
         if implausible(reduced, best):  # the others would have to stand in for it
             continue
         found.evidence[name] = evidence = compare_states(reduced, best, best.error.sigma)
-        needed = required_significance(evidence, settings)
-        tolerated = last and inside_tolerance(reduced)
-        left = _reported(best) / _reported(reduced)
-        if tolerated:
+        needed, small = required_significance(evidence, settings), False
+        if last and inside_tolerance(reduced):
+            left = _reported(best) / _reported(reduced)
             needed = max(needed, settings.beyond_doubt * (1.0 - evidence.beyond if len(found.added) == 1 else left))
+            small = left > LEFT_OF_NAMED or best.model[name].tolerated_at_any_share(best.problem.layout)
         # what seemed much beside a model that lacked others may be no more than every rig has
-        filtered = best.problem.layout.kind == "joints" and bool(best.model[name].tolerated_in_joints)
-        small = tolerated and (filtered or left > LEFT_OF_NAMED)
         usual = last and not remarkable(Refit(best.model[name], reduced, best, evidence), settings, small)
         if usual or evidence.significance < needed or evidence.share < required_share(best.model[name], best, settings):
             found.alternatives.pop(name, None)

@@ -147,9 +147,13 @@ def _unseen(
         and refit.significance > DOUBTFUL_SHARE * settings.min_significance
     ):
         much, sure = 100 * refit.share, refit.significance
-        proof = "no proof, for or against" if sure < settings.min_significance else "too little, or impossibly much"
-        if sure >= settings.min_significance and (effect.tolerated or effect.tolerated_in_joints):
-            proof = "as much as many a rig has, inside the tolerance" if inside_tolerance(last) else proof
+        layout = last.problem.layout
+        if sure < settings.min_significance:
+            proof = "no proof, for or against"
+        elif inside_tolerance(last) and any(effect.tolerable(p, layout) for p in effect.parameters(layout)):
+            proof = "as much as many a rig has, inside the tolerance"
+        else:
+            proof = "too little, or impossibly much"
         return EffectStatus.NOT_EXCITED, f"it would take {much:.0f} % of the rest, {sure:.1f} standard errors: {proof}"
     hidden = _too_small_to_see(last, points, settings)
     if hidden:

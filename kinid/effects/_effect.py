@@ -192,6 +192,10 @@ class Effect(ABC):
         """How far from where it does nothing a parameter is in every material and every rig."""
         return _looked_up(self.unremarkable, parameter) or 0.0
 
+    def tolerated_at_any_share(self, layout: Layout) -> bool:
+        """Whether what is tolerated is no finding however much of the error it is: filters of drives."""
+        return layout.kind == "joints" and bool(self.tolerated_in_joints)
+
     def tolerable(self, parameter: Parameter, layout: Layout) -> float:
         """How far from where it does nothing a parameter is in many a rig."""
         of_joints = _looked_up(self.tolerated_in_joints, parameter) if layout.kind == "joints" else None

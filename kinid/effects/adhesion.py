@@ -92,13 +92,8 @@ class Adhesion(Effect):
                 """Of how deep the bond was made."""
                 out = Recall.blank(len(depth), 1)
                 out.keep[:], out.reach[:] = keep, reach
-                change = (
-                    -force
-                    * (1.0 - tack)
-                    / rise
-                    * _left(depth, length, neck)
-                    * np.exp(np.minimum(depth - before, 0.0) / rise)
-                )
+                grown = np.exp(np.minimum(depth - before, 0.0) / rise)
+                change = -force * (1.0 - tack) / rise * _left(depth, length, neck) * grown
                 out.size[:, 0] = np.where(before > 0.0, change, 0.0)
                 return out
 

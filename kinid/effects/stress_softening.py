@@ -64,7 +64,6 @@ def _recall(depth: Array, dt: Array, p: Array, force: Array) -> Recall:
     """Of the deepest, for a force without softening (n,)."""
     out, most = Recall.blank(len(dt), 1), np.empty(len(dt))
     recalled_deepest(depth, dt, -np.inf, out.keep, out.reach, most)
-    out.size[:, 0] = np.where(
-        most > 0.0, -p[0] / p[1] * force * np.exp(np.minimum(np.maximum(depth, 0.0) - most, 0.0) / p[1]), 0.0
-    )
+    soft = np.exp(np.minimum(np.maximum(depth, 0.0) - most, 0.0) / p[1])
+    out.size[:, 0] = np.where(most > 0.0, -p[0] / p[1] * force * soft, 0.0)
     return out

@@ -94,8 +94,8 @@ def _released(problem: Problem) -> Array:
     (channels, g) [N, N·m].
 
     Linear dashpots pull there, and rub; materials that remember or lose energy don't: laws that differ in this alone
-    are one. Whether it has let go, the means before and after tell: a mean that told it itself would count where its
-    noise is up and not where it is down, and every law would end stiffer and more bent than it is.
+    are one. Whether it has let go is decided by the neighbouring means. A weight that depends on the mean's own noise
+    biases the estimate: means with positive noise keep their weight, and stiffness and exponent come out too large.
     """
     experiment = problem.experiment
     s, normal = experiment.signals, experiment.normal_force

@@ -26,6 +26,7 @@ def nominal_values(model: Model, problem: Problem) -> Array:
     return np.where(np.isnan(fixed), values, fixed)
 
 
+@np.errstate(all="ignore")  # a start may be far off
 def project_linear(problem: Problem, model: Model, start: Array, error: ErrorModel) -> tuple[Array, float]:
     """A start with all parameters that enter nearly linearly at their best, inside bounds, and its weighted squares."""
     named = list(model.parameters(problem.layout).values())

@@ -79,8 +79,9 @@ def select(start: PooledFit, settings: DiagnosisSettings, progress: Progress = l
             break
         best = min(able, key=lambda t: t.evidence.left)
         # how much is worth a name is no reason to take, of equals, what bends further
-        equal = [t for t in found.refits if t in able or acceptable(t, replace(settings, min_reading_share=0.0))]
-        rivals = [t for t in equal if t is not best and t.effect.id not in refused and same(best, t, settings)]
+        others = [t for t in found.refits if t is not best and t.effect.id not in refused]
+        any_share = replace(settings, min_reading_share=0.0)
+        rivals = [t for t in others if acceptable(t, any_share) and same(best, t, settings)]
         best, rivals = _smallest([best, *rivals])
         progress(f"fitting all logs with {best.effect.id}")
         fit = fit_of_pool(settled(best.pool))
