@@ -26,10 +26,7 @@ Run = Callable[..., tuple[int, str, str]]
 
 #: what is asked for and not reached: by test, and what stands in its way
 NOT_REACHED = {
-    "friction_that_turns_at_once_is_within_the_catalogue[250.0-1e-06": "noise of the motion at sharp reversals is "
-    "underrated",
-    "friction_that_turns_at_once_is_within_the_catalogue[500.0-1e-06": "noise of the motion at sharp reversals is "
-    "underrated",
+    "friction_that_turns_at_once_is_a_form_at_rest[250.0-1e-06": "noise of the motion at sharp reversals is underrated",
     "test_measured.py::test_payload_and_bias_from_poses": "24 poses: cross-talk takes what a first moment does",
     "test_measured.py::test_the_arm_lacks_friction_and_offsets": "figures were of logged velocities and a band of 25 "
     "Hz",

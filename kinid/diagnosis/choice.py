@@ -94,7 +94,9 @@ def choose(refits: Sequence[Refit], before: State, settings: DiagnosisSettings) 
     accepted = [
         t for t in taken if t not in usual and not any(covers(u, t, before.error.sigma, settings) for u in usual)
     ]
-    accepted = [t for t in accepted if t.evidence.gain > MIN_GAIN_SHARE * max(a.evidence.gain for a in accepted)]
+    # gains count as a channel did before: what leaves the least may gain less than what mends a single one
+    least, most = min(accepted, key=by_error, default=None), max((t.evidence.gain for t in accepted), default=0.0)
+    accepted = [t for t in accepted if t is least or t.evidence.gain > MIN_GAIN_SHARE * most]
     if len(accepted) < 2:
         return accepted[0] if accepted else None
     relearnt = parallel_map(lambda t: t.relearnt, accepted[:MAX_ALTERNATIVES])

@@ -17,6 +17,8 @@ MIN_OVERLAP = 0.5
 def indistinguishable(one: Refit, other: Refit, sigma: Array, settings: DiagnosisSettings) -> bool:
     """Whether two refits of one state explain the same, as well, with errors weighed by σ (channels, g)."""
     between = compare_states(other.state, one.state, sigma)
+    if between.gain < 0.0:  # what the better one leaves is what chance acts through
+        between = compare_states(one.state, other.state, sigma)
     return not _clear(between, settings) and overlap(one, other, sigma) >= MIN_OVERLAP
 
 

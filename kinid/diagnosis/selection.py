@@ -87,8 +87,8 @@ class Selection:
 
 
 def lowers_error(after: State, before: State) -> bool:
-    """Whether the reported error doesn't rise."""
-    return _reported(after) <= MAX_ERROR_RISE * _reported(before)
+    """Whether the reported error doesn't rise, or to no more than may be left: moments aren't in it."""
+    return _reported(after) <= MAX_ERROR_RISE * _reported(before) or inside_tolerance(after)
 
 
 def _reported(state: State) -> float:

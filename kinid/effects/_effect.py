@@ -72,8 +72,8 @@ class Effect(ABC):
         map_names: parameter name → what a map calls it.
         unremarkable: parameter name → distance from its null that every material and every rig has; names as below.
         tolerated: parameter name → distance that many a rig has: no finding where the error with it is inside the
-            tolerance, but where it halves the error. tolerated_in_joints: the same of joint torques, where it is
-            another, and no finding however much of the error it is: drives filter them.
+            tolerance; infinite for what has no exact form, which is a finding where it halves the error.
+            tolerated_in_joints: the same of joint torques, where it is another: drives filter them.
         calibration_tolerance: parameter name → standard deviation within which every rig's calibration leaves it open.
             Names are those before the bracket; where channels differ in their unit it stands in brackets: "offset[N]",
             "offset[N·m]".
@@ -193,8 +193,8 @@ class Effect(ABC):
         return _looked_up(self.unremarkable, parameter) or 0.0
 
     def tolerated_at_any_share(self, layout: Layout) -> bool:
-        """Whether what is tolerated is no finding however much of the error it is: filters of drives."""
-        return layout.kind == "joints" and bool(self.tolerated_in_joints)
+        """Whether what is tolerated is no finding however much of the error it is: an amount, not a form."""
+        return any(0.0 < self.tolerable(parameter, layout) < math.inf for parameter in self.parameters(layout))
 
     def tolerable(self, parameter: Parameter, layout: Layout) -> float:
         """How far from where it does nothing a parameter is in many a rig."""

@@ -209,6 +209,7 @@ class RestForm:
     Attributes:
         share: of the bristles' length over which they are elastic. length: of a contact's bristles, unless an effect
             has one [m].
+        speed: above which a contact's friction is full [m/s], in place of such bristles; 0 for bristles.
         joint: length of the bristles of a joint's friction, in stated ones (`effects._axes.BRISTLE`).
         joint_speed: above which a joint's friction is full [rad/s, m/s], in place of bristles; 0 for bristles.
         kept: whether a contact's bristles stay bent, and turn, where the tool is outside, as of a tip that something
@@ -217,17 +218,19 @@ class RestForm:
             [m/s].
         anew: whether a material remembers nothing of the touch before, as where each touch is at a place of its own.
         smoothing: standard deviation of what torques were smoothed with afterwards, forwards and backwards [s]; 0 for
-            none.
+            none. lag: time constant of the low-pass that a drive's torques come through [s].
     """
 
     share: float = ELASTIC
     length: float = BRISTLE
+    speed: float = 0.0
     joint: float = 1.0
     joint_speed: float = 0.0
     kept: bool = False
     tremor: float = 0.0
     anew: bool = False
     smoothing: float = 0.0
+    lag: float = 0.0
 
 
 @dataclass(eq=False)
@@ -295,7 +298,7 @@ class Signals:
         """A copy to predict with: inputs shared, the chain's quantities zero."""
         none, pair, reading = self.zeros
         out = self.copy()
-        out.compliance, out.exponent, out.bristle = 0.0, 1.0, self.rest.length
+        out.compliance, out.exponent, out.bristle = 0.0, 1.0, 0.0 if self.rest.speed else self.rest.length
         out.recalls, out.agreed, out.touch = (), None, self.everywhere if self.rest.kept else None
         out.elastic, out.normal, out.pull, out.mu, out.tangential, out.reading = none, none, none, pair, pair, reading
         return out

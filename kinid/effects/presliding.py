@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import final
 
 from kinid.effects._effect import Effect
@@ -19,6 +18,8 @@ SHORTEST = 1e-6
 class Presliding(Effect):
     """u̇ = (v − |v| u) / ℓ with ℓ free: friction needs a slip of about ℓ [m] to turn around (Dahl; with Stribeck:
     LuGre).
+
+    Bristles shorter than those of `coulomb-friction` are a form of friction at rest that a fit chooses by itself.
     """
 
     id = "presliding"
@@ -39,21 +40,13 @@ class Presliding(Effect):
     requires = ("coulomb-friction",)
     null = {"length": 1e-4}  # the length that friction has without this effect
     tolerated = {"length": math.inf}  # no friction has the form of a model where it comes to rest
-    grid = {"length": (3e-6, 3e-5, 3e-4, 1e-3, 3e-3)}
+    grid = {"length": (3e-4, 1e-3, 3e-3)}
     admissible = {"length": (SHORTEST, 0.02)}  # soft skins shear by millimetres before they slip, not by centimetres
     example = Example(("kelvin-voigt", "coulomb-friction"), {"length": 4.2e-4})
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Length."""
         return (Parameter("length", "ℓ", "m", 3e-4, SHORTEST, 0.1, scale=1e-4),)
-
-    def meaning(self, values: Mapping[str, float]) -> str:
-        """Bristles shorter than friction has without this effect."""
-        if values["length"] >= self.null["length"]:
-            return ""
-        return (
-            f"friction turns around sooner than within the {1e3 * self.null['length']:g} mm of coulomb-friction alone"
-        )
 
     def friction(self, s: Signals, p: Array) -> None:
         """Set the bristles' length."""

@@ -192,7 +192,7 @@ def fit_of(
             else "no held-out error: too few samples to leave some out; record a longer log"
         )
     out += doubts.of_fit(named, solution, left, known or {}, found.inverse) + doubts.of_nuisances(state, left)
-    out += doubts.of_joints(state, residual, left)
+    out += doubts.of_joints(state, residual, left) + doubts.of_filter(state)
     half = Z95 * solution.standard_errors
     fitted = {}
     for (name, p), v, h in zip(named.items(), solution.values, half):

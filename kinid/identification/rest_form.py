@@ -15,11 +15,15 @@ from kinid.writers import Json
 
 Array = NDArray[np.float64]
 
-#: forms that are tried: a contact's bristles, elastic over some share of a stated length that is one within a quarter;
+#: forms that are tried: a contact's bristles, elastic over some share of a length up to the stated one and a quarter;
 #: and a joint's bristles in stated lengths, or in their place speeds above which friction is full [rad/s, m/s]
-SHARES, LENGTHS = (0.02, 0.3, 0.7, 0.95), np.linspace(0.75e-4, 1.25e-4, 9)
+SHARES, LENGTHS = (0.02, 0.3, 0.7, 0.95), np.geomspace(3e-6, 1.25e-4, 20)
+#: in place of a contact's bristles, speeds that are rest to most eyes [m/s]
+SPEEDS = (1e-4, 2e-4, 4e-4, 1e-3)
 #: and speeds of what makes them creep back [m/s], and what torques were smoothed with [s]
 TREMORS, SMOOTHINGS = (3e-5, 1e-4, 3e-4, 1e-3), (0.025, 0.01, 0.004)
+#: and time constants of the low-pass that drives' torques come through [s]: 50 to 5 Hz
+LAGS = (0.0032, 0.008, 0.016, 0.032)
 JOINT_LENGTHS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
 JOINT_SPEEDS = (5e-4, 0.001, 0.002, 0.004, 0.008, 0.016, 0.03, 0.06, 0.12)
 #: of the speed that joints are faster than for a twentieth of the time, what is rest at most: friction that grows over
@@ -27,12 +31,14 @@ JOINT_SPEEDS = (5e-4, 0.001, 0.002, 0.004, 0.008, 0.016, 0.03, 0.06, 0.12)
 REST_SPEED_SHARE, FAST_PERCENTILE = 0.1, 95.0
 #: fields that are refined, with their ends
 REFINED_FIELDS = {
-    "length": (0.75e-4, 1.25e-4),
+    "length": (1e-6, 1.25e-4),
+    "speed": (5e-5, 1e-3),
     "share": (0.02, 0.95),
     "tremor": (1e-6, 1e-3),
     "joint": (0.1, 30.0),
     "joint_speed": (3e-4, 0.2),
     "smoothing": (1e-3, 0.1),
+    "lag": (1e-3, 0.04),
 }
 #: steps of a search under another form, and refinements of a form
 FORM_STEPS, REFINEMENTS = 6, 3
@@ -54,7 +60,7 @@ def with_rest_form(state: State) -> State:
     bristles that are far off are an effect.
     """
     best = _memory_form(best_form(state))
-    if (_rest(best).kept, _rest(best).smoothing) != (_rest(state).kept, _rest(state).smoothing):
+    if any(getattr(_rest(best), name) != getattr(_rest(state), name) for name in ("kept", "smoothing", "lag")):
         best = best_form(best)
     best = refined_form(best)
     return best if best is state else relearn(best)
@@ -103,15 +109,19 @@ def _forms(state: State) -> list[RestForm]:
     """Other forms that change the readings."""
     rest, lasting = _rest(state), state.problem.experiment.signals.joints is None
     if lasting:
-        longer = _noticed(state, _change(state, dataclasses.replace(rest, length=LENGTHS[-1])))
-        lengths = LENGTHS if longer else (rest.length,)
+        shorter = _noticed(state, _change(state, dataclasses.replace(rest, length=LENGTHS[0])))
+        lengths = LENGTHS if shorter else (rest.length,)
         forms = [dataclasses.replace(rest, share=share, kept=not rest.kept) for share in SHARES]
         forms += [dataclasses.replace(rest, tremor=tremor, share=share) for share in SHARES[:2] for tremor in TREMORS]
+        forms += [dataclasses.replace(rest, speed=speed) for speed in SPEEDS]
         forms += [
-            dataclasses.replace(rest, share=share, length=float(length)) for share in SHARES for length in lengths
+            dataclasses.replace(rest, speed=0.0, share=share, length=float(length))
+            for share in SHARES
+            for length in lengths
         ]
     else:
-        forms = [dataclasses.replace(rest, smoothing=smoothing) for smoothing in SMOOTHINGS]
+        forms = [dataclasses.replace(rest, smoothing=smoothing) for smoothing in (0.0, *SMOOTHINGS)]
+        forms += [dataclasses.replace(rest, lag=lag) for lag in (0.0, *LAGS)]
         forms += [dataclasses.replace(rest, joint=joint, joint_speed=0.0) for joint in JOINT_LENGTHS]
         most = _rest_speed(state)
         forms += [dataclasses.replace(rest, joint_speed=speed) for speed in JOINT_SPEEDS if speed <= most]

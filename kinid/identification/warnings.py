@@ -26,6 +26,8 @@ PASSIVE = (*MATERIAL, "coefficient")
 MIN_PARTICIPATION = 0.2
 #: share of the variance of a joint's torque that a model may leave, beside noise, where all joints together are well
 MAX_LEFT_OF_A_JOINT = 0.5
+#: time constant of a low-pass from which on it is worth a word [s]
+MIN_FILTER_LAG = 6e-3
 
 
 def impossible(named: Mapping[str, Parameter], values: Array, covariance: Array) -> list[str]:
@@ -79,6 +81,17 @@ def of_joints(state: State, residual: Array, left: LackOfFit) -> list[str]:
         "other joints' torques: are sign, order and unit of its column right? kinid diagnose says what may be missing"
         for name, before, after in zip(experiment.layout.joints, moves, rest)
         if before > 0.0 and after > MAX_LEFT_OF_A_JOINT * before and after > noise.min()
+    ]
+
+
+def of_filter(state: State) -> list[str]:
+    """A low-pass that torques seem to have come through."""
+    rest = state.problem.experiment.signals.rest
+    if not rest.lag > MIN_FILTER_LAG:
+        return []
+    return [
+        f"torques come as through a low-pass of {1e3 * rest.lag:.0f} ms ({0.5 / np.pi / rest.lag:.2g} Hz), which was "
+        "fitted, too: what is faster hardly shows; log them unfiltered"
     ]
 
 

@@ -18,6 +18,7 @@ from kinid.effects import Effect, Signals, Stage
 from kinid.effects._deflection import solve_series_compliance
 from kinid.effects._derived import derived, sample_period
 from kinid.errors import InputError
+from kinid.kernels.acquisition import lag
 from kinid.kernels.frames import contact_wrench
 from kinid.kernels.memory import bristles
 from kinid.kernels.zero_phase import symmetric
@@ -79,7 +80,7 @@ class Route:
             after = [*friction, *([chain(_rub)] if friction else []), *acting(Stage.FRAME), chain(_read)]
             after += acting(Stage.TOOL) if kind == "wrench" else []
         after += acting(Stage.SENSOR)
-        after += [chain(_smooth)] if kind == "joints" else []
+        after += [chain(_filter)] if kind == "joints" else []
         after += [chain(_as_read), *converter, chain(_as_true)] if converter else []
         return cls((*before, *law, *after), range(len(before), len(before) + len(law)))
 
@@ -214,11 +215,15 @@ def _bristles(s: Signals) -> Array:
     touch = s.depth if s.touch is None else s.touch
 
     def bend() -> Array:
+        if not s.bristle:
+            inside = s.inside if s.touch is None else touch > 0.0
+            return np.where(inside, s.slip_rate / np.sqrt(np.sum(s.slip_rate**2, axis=0) + s.rest.speed**2), 0.0)
         u = np.empty((2, len(s)))
         bristles(s.slip_rate[0], s.slip_rate[1], s.dt, touch, s.bristle, u, s.rest.share, s.rest.tremor)
         return u
 
-    return derived("bristles", bend, s.slip_rate, touch, s.dt, at=(s.bristle, s.rest.share, s.rest.tremor))
+    form = (s.bristle, s.rest.speed, s.rest.share, s.rest.tremor)
+    return derived("bristles", bend, s.slip_rate, touch, s.dt, at=form)
 
 
 def _read(s: Signals, _: Array) -> None:
@@ -233,8 +238,8 @@ def _read(s: Signals, _: Array) -> None:
         contact_wrench(s.tangential, s.normal, sensor.to_contact, sensor.tip, sensor.load, s.reading)
 
 
-def _smooth(s: Signals, _: Array) -> None:
-    """Torques as a filter without delay leaves them; near enough to a Gaussian, whatever its order is."""
+def _filter(s: Signals, _: Array) -> None:
+    """Torques as filters leave them: one without delay, near enough to a Gaussian, and a low-pass of first order."""
     if s.rest.smoothing > 0.0:
         width = s.rest.smoothing / sample_period(s)
         weights = derived("smoothing", lambda: _gaussian(width), s.dt, at=(width,))
@@ -242,6 +247,10 @@ def _smooth(s: Signals, _: Array) -> None:
         edges = np.array([*(run.start for run in s.runs), len(s)])
         symmetric(weights, edges, np.ascontiguousarray(s.reading), smooth)
         s.reading = smooth
+    if s.rest.lag > 0.0:
+        late = np.empty(s.reading.shape)
+        lag(np.ascontiguousarray(s.reading), s.dt, s.rest.lag, late)
+        s.reading = late
 
 
 def _gaussian(width: float) -> Array:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.signal import butter, sosfiltfilt
+from scipy.signal import butter, lsim, sosfiltfilt
 
 import kinid
 from kinid.effects._signals import Layout, RestForm, Signals
@@ -35,7 +35,8 @@ def touches(n: int = 8000) -> Signals:
 
 
 @pytest.mark.parametrize(
-    "form", [RestForm(), RestForm(kept=True), RestForm(share=0.7, kept=True), RestForm(length=8e-5)]
+    "form",
+    [RestForm(), RestForm(kept=True), RestForm(share=0.7, kept=True), RestForm(length=8e-5), RestForm(length=2.5e-5)],
 )
 def test_the_form_of_friction_at_rest_is_found(form: RestForm) -> None:
     signals = touches()
@@ -50,6 +51,47 @@ def test_the_form_of_friction_at_rest_is_found(form: RestForm) -> None:
     friction = dict(zip(MODEL.parameters(signals.layout), state.values))["coulomb-friction.coefficient"]
     assert friction == pytest.approx(0.5, rel=0.02)  # a form that isn't the true one is off by 10 % and more
     assert np.sqrt(np.mean(state.residual**2)) < 1.1 * NOISE
+
+
+def test_friction_that_is_full_from_some_hundred_micrometres_a_second_on_is_a_form_at_rest() -> None:
+    signals = touches()
+    reading = MODEL.predict(dataclasses.replace(signals, rest=RestForm(speed=3e-4)), VALUES)
+    reading = reading + np.random.default_rng(7).normal(scale=NOISE, size=reading.shape)
+    every = np.ones(len(signals), np.bool_)
+    e = Experiment(signals, reading, every, np.full(3, NOISE), None, signals.depth > 0, np.arange(len(signals)))
+    state = estimate(MODEL, e)
+    assert state.problem.experiment.signals.rest.speed == pytest.approx(3e-4, rel=0.05)
+    friction = dict(zip(MODEL.parameters(signals.layout), state.values))["coulomb-friction.coefficient"]
+    assert friction == pytest.approx(0.5, rel=0.02)
+    assert np.sqrt(np.mean(state.residual**2)) < 1.1 * NOISE
+
+
+def test_a_length_that_an_effect_states_is_kept_under_every_form() -> None:
+    signals = touches()
+    model = MODEL + "presliding"
+    values = {**VALUES, "presliding.length": 4e-4}
+    forms = [
+        dataclasses.replace(signals, rest=rest) for rest in (RestForm(), RestForm(speed=3e-4), RestForm(length=2e-5))
+    ]
+    first, *others = (model.predict(each, values) for each in forms)
+    assert all(np.array_equal(first, other) for other in others)
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.012, 0.03])
+def test_torques_behind_a_low_pass_are_those_of_a_model_that_is(swing: Callable[..., Any], lag: float) -> None:
+    """Of first order, as drives have: friction and inertia come back, and the fit says so."""
+    t = np.arange(8000) / 200.0
+    q, dq, ddq = swing(np.zeros(1), seed=4, size=2.0, speed=6.0)(t)
+    torque = (0.7 * ddq + 1.2 * np.tanh(dq / 2e-3) + 0.4 * dq)[:, 0]
+    if lag:
+        torque = lsim(([1.0], [lag, 1.0]), torque, t)[1]
+    torque = torque + 0.02 * np.random.default_rng(6).standard_normal(len(t))
+    log = kinid.Log(t, q=q, dq=dq, ddq=ddq, tau=torque[:, None])
+    fit = Model("rigid-body", "joint-coulomb-friction", "joint-viscous-friction").fit(log, kinid.Rig())
+    assert any("low-pass" in doubt for doubt in fit.warnings) == (lag > 0.0)
+    assert fit["coulomb"].value == pytest.approx(1.2, rel=0.03)
+    assert fit["viscous"].value == pytest.approx(0.4, rel=0.05)
+    assert fit["inertia"].value == pytest.approx(0.7, rel=0.02)
 
 
 @pytest.mark.parametrize("order", [None, 1, 2])
