@@ -1,4 +1,4 @@
-"""Friction at rest: its form is chosen from the log, as a part of the error that no effect's parameter may take up."""
+"""Friction at rest, and filters of torques: forms that are chosen from the log, no effect's parameters."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from kinid.writers import Json
 
 Array = NDArray[np.float64]
 
-#: forms that are tried: a contact's bristles, elastic over some share of a length up to the stated one and a quarter;
+#: forms that are tried: a contact's bristles, elastic over some share of a length up to twice the stated one;
 #: and a joint's bristles in stated lengths, or in their place speeds above which friction is full [rad/s, m/s]
-SHARES, LENGTHS = (0.02, 0.3, 0.7, 0.95), np.geomspace(3e-6, 1.25e-4, 20)
+SHARES, LENGTHS = (0.02, 0.3, 0.7, 0.95), np.geomspace(3e-6, 2e-4, 24)
 #: in place of a contact's bristles, speeds that are rest to most eyes [m/s]
 SPEEDS = (1e-4, 2e-4, 4e-4, 1e-3)
 #: and speeds of what makes them creep back [m/s], and what torques were smoothed with [s]
@@ -31,7 +31,7 @@ JOINT_SPEEDS = (5e-4, 0.001, 0.002, 0.004, 0.008, 0.016, 0.03, 0.06, 0.12)
 REST_SPEED_SHARE, FAST_PERCENTILE = 0.1, 95.0
 #: fields that are refined, with their ends
 REFINED_FIELDS = {
-    "length": (1e-6, 1.25e-4),
+    "length": (1e-6, 2e-4),
     "speed": (5e-5, 1e-3),
     "share": (0.02, 0.95),
     "tremor": (1e-6, 1e-3),
@@ -54,10 +54,10 @@ def with_rest_form(state: State) -> State:
 
     Motion tells little of the force of friction that sticks: between P. R. Dahl's bristles (1968), which creep under
     any tremor, and L. Prandtl's (1928), which are elastic until they slip, a surface may be anything (P. Dupont et al.,
-    IEEE Trans. Autom. Control 47, 2002), and the stated length of the bristles is one of its order of magnitude. Drives
-    turn around within some hundredth of a degree, or over some speed where grease carries them. What bends bristles
-    before the touch is as open: most spring back in the air, a film that sticks to the tip doesn't. A contact's
-    bristles that are far off are an effect.
+    IEEE Trans. Autom. Control 47, 2002), and the stated length of the bristles is one of its order of magnitude.
+    Drives turn around within some hundredth of a degree, or over some speed where grease carries them, and their
+    torques come through filters that no log states. What bends bristles before the touch is as open: most spring back
+    in the air, a film that sticks to the tip doesn't. A contact's bristles that are far longer are an effect.
     """
     best = _memory_form(best_form(state))
     if any(getattr(_rest(best), name) != getattr(_rest(state), name) for name in ("kept", "smoothing", "lag")):
