@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 
 from kinid.kernels.state_space import (
     LEAST,
+    NUMBERS,
     ORDER,
     Covariance,
     State,
     around,
     dot,
     further,
+    given,
     inlined,
     model,
     moved,
@@ -46,11 +48,10 @@ def _filter(
     first: int,
     x: State,
     p: Covariance,
-    states: Array,
-    spreads: Array,
+    kept: Array,
 ) -> tuple[State, Covariance]:
     """State and covariance after a chunk of samples that begins with `first`, from those before it; those after each
-    sample are kept in `states` (chunk, d) and `spreads` (chunk, d, d).
+    sample are kept, one behind the other.
     """
     last = 0.0
     move, added = model(last)
@@ -63,7 +64,7 @@ def _filter(
         for c in range(z.shape[1]):
             if noise[k, c] < np.inf:
                 x, p, _, _, _ = updated(x, p, c, z[k, c], noise[k, c])
-        write(x, p, states, spreads, k - first)
+        write(x, p, kept, (k - first) * NUMBERS, 1)
     return x, p
 
 
@@ -91,12 +92,11 @@ def smooth(
         random: where normal numbers come from. drawn: gets errors of position, velocity, acceleration, (m, n, 3).
     """
     n, chunks = tau.shape[0], -(-tau.shape[0] // CHUNK)
-    begin, begins = np.empty((chunks, ORDER)), np.empty((chunks, ORDER, ORDER))
-    filtered, spreads = np.empty((min(n, CHUNK), ORDER)), np.empty((min(n, CHUNK), ORDER, ORDER))
-    x, after = read(start.reshape((1, ORDER)), spread.reshape((1, ORDER, ORDER)), 0)
+    begins, filtered = np.empty(chunks * NUMBERS), np.empty(min(n, CHUNK) * NUMBERS)
+    x, after = given(start, spread)
     for chunk in range(chunks):
-        write(x, after, begin, begins, chunk)
-        x, after = _filter(tau, z, noise, drive, chunk * CHUNK, x, after, filtered, spreads)
+        write(x, after, begins, chunk * NUMBERS, 1)
+        x, after = _filter(tau, z, noise, drive, chunk * CHUNK, x, after, filtered)
     errors, nothing = np.zeros((drawn.shape[0], ORDER)), (0.0, 0.0, 0.0, 0.0)
     _draw(after, (nothing, nothing, nothing, nothing), random, errors, drawn[:, n - 1])
     first, last = (chunks - 1) * CHUNK, 0.0
@@ -104,13 +104,13 @@ def smooth(
     for k in range(n - 1, -1, -1):
         if k < first:
             first -= CHUNK
-            before, now = read(begin, begins, first // CHUNK)
-            _filter(tau, z, noise, drive, first, before, now, filtered, spreads)
+            before, now = read(begins, first // CHUNK * NUMBERS, 1)
+            _filter(tau, z, noise, drive, first, before, now, filtered)
         if k < n - 1:
             if tau[k + 1] != last:
                 last = tau[k + 1]
                 move, added = model(last)
-            (before, now), s = read(filtered, spreads, k - first), drive[k + 1]
+            (before, now), s = read(filtered, (k - first) * NUMBERS, 1), drive[k + 1]
             back = _back(now, move, plus(around(now, move), s, added))
             off = further(x, -1.0, moved(before, move))
             x = further(before, 1.0, (dot(back[0], off), dot(back[1], off), dot(back[2], off), dot(back[3], off)))

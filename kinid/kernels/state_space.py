@@ -26,6 +26,8 @@ F = TypeVar("F", bound=Callable[..., object])
 
 #: the derivative that is white noise: the snap. White jerk is too rough for the accelerations of smooth motion
 ORDER = 4
+#: numbers of a state and its covariance
+NUMBERS = 14
 #: no variance is smaller
 LEAST = 1e-250
 
@@ -48,20 +50,29 @@ def model(h: float) -> tuple[State, Covariance]:
 
 
 @inlined
-def read(states: Array, spreads: Array, k: int) -> tuple[State, Covariance]:
-    """State and covariance k of arrays (n, d) and (n, d, d)."""
-    p = spreads  # no view of sample k: counting who refers to it would take as long as a step
-    x = (states[k, 0], states[k, 1], states[k, 2], states[k, 3])
-    first = (p[k, 0, 0], p[k, 0, 1], p[k, 0, 2], p[k, 0, 3], p[k, 1, 1])
-    return x, (*first, p[k, 1, 2], p[k, 1, 3], p[k, 2, 2], p[k, 2, 3], p[k, 3, 3])
+def given(x: Array, p: Array) -> tuple[State, Covariance]:
+    """State and covariance of arrays (d,) and (d, d)."""
+    first = (p[0, 0], p[0, 1], p[0, 2], p[0, 3], p[1, 1])
+    return (x[0], x[1], x[2], x[3]), (*first, p[1, 2], p[1, 3], p[2, 2], p[2, 3], p[3, 3])
 
 
 @inlined
-def write(x: State, p: Covariance, states: Array, spreads: Array, k: int) -> None:
-    """State k into an array (n, d), and covariance k into the upper triangles of (n, d, d)."""
-    states[k, 0], states[k, 1], states[k, 2], states[k, 3] = x
-    spreads[k, 0, 0], spreads[k, 0, 1], spreads[k, 0, 2], spreads[k, 0, 3], spreads[k, 1, 1] = p[:5]
-    spreads[k, 1, 2], spreads[k, 1, 3], spreads[k, 2, 2], spreads[k, 2, 3], spreads[k, 3, 3] = p[5:]
+def read(w: Array, i: int, s: int) -> tuple[State, Covariance]:
+    """State and covariance, of the `NUMBERS` that begin with number i, one in s.
+
+    No view of an array is made for them: to count who refers to it takes as long as a step of the filter.
+    """
+    x = (w[i], w[i + s], w[i + 2 * s], w[i + 3 * s])
+    first = (w[i + 4 * s], w[i + 5 * s], w[i + 6 * s], w[i + 7 * s], w[i + 8 * s])
+    return x, (*first, w[i + 9 * s], w[i + 10 * s], w[i + 11 * s], w[i + 12 * s], w[i + 13 * s])
+
+
+@inlined
+def write(x: State, p: Covariance, w: Array, i: int, s: int) -> None:
+    """State and covariance into where `read` finds them."""
+    w[i], w[i + s], w[i + 2 * s], w[i + 3 * s] = x
+    w[i + 4 * s], w[i + 5 * s], w[i + 6 * s], w[i + 7 * s], w[i + 8 * s] = p[:5]
+    w[i + 9 * s], w[i + 10 * s], w[i + 11 * s], w[i + 12 * s], w[i + 13 * s] = p[5:]
 
 
 @inlined
