@@ -9,9 +9,31 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from kinid.kernels.state_space import LEAST, ORDER, model, moved, updated
+from kinid.kernels.state_space import (
+    LEAST,
+    NUMBERS,
+    ORDER,
+    Covariance,
+    State,
+    around,
+    dot,
+    further,
+    given,
+    inlined,
+    model,
+    moved,
+    moved_back,
+    outer,
+    plus,
+    read,
+    row,
+    times,
+    updated,
+    write,
+)
 
 Array = NDArray[np.float64]
+Rows = tuple[State, ...]  # of a matrix (d, d)
 
 #: samples whose covariances are kept at a time; the others are filtered again from where they begin
 CHUNK = 2048
@@ -24,30 +46,26 @@ def _filter(
     noise: Array,
     drive: Array,
     first: int,
-    end: int,
-    x: Array,
-    p: Array,
-    gain: Array,
-    move: Array,
-    added: Array,
-    state: Array,
-    filtered: Array,
-) -> None:
-    """Filter samples `first` to `end`, x and p in place; their states and covariances are kept, the latter from 0
-    on.
+    x: State,
+    p: Covariance,
+    kept: Array,
+) -> tuple[State, Covariance]:
+    """State and covariance after a chunk of samples that begins with `first`, from those before it; those after each
+    sample are kept, one behind the other.
     """
-    last = -1.0
-    for k in range(first, end):
+    last = 0.0
+    move, added = model(last)
+    for k in range(first, min(first + CHUNK, tau.shape[0])):
         if tau[k] != last:
             last = tau[k]
-            model(last, move, added)
+            move, added = model(last)
         if last > 0.0:
-            moved(x, p, move, added, drive[k])
+            x, p = moved(x, move), plus(around(p, move), drive[k], added)
         for c in range(z.shape[1]):
             if noise[k, c] < np.inf:
-                updated(x, p, c, z[k, c], noise[k, c], gain)
-        state[k] = x
-        filtered[k - first] = p
+                x, p, _, _, _ = updated(x, p, c, z[k, c], noise[k, c])
+        write(x, p, kept, (k - first) * NUMBERS, 1)
+    return x, p
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -58,7 +76,7 @@ def smooth(
     drive: Array,
     start: Array,
     spread: Array,
-    state: Array,
+    states: Array,
     sd: Array,
     random: np.random.Generator,
     drawn: NDArray[np.float32],
@@ -70,167 +88,138 @@ def smooth(
 
     Args:
         tau, z, noise, drive, start, spread: as for `score`.
-        state, sd: get the state and the standard deviations of its parts, (n, d).
+        states, sd: get the state and the standard deviations of its parts, (n, d).
         random: where normal numbers come from. drawn: gets errors of position, velocity, acceleration, (m, n, 3).
     """
-    n, many_chunks = tau.shape[0], -(-tau.shape[0] // CHUNK)
-    x, p, gain, move = start.copy(), spread.copy(), np.empty(ORDER), np.empty(ORDER)
-    begin, begins = np.empty((many_chunks, ORDER)), np.empty((many_chunks, ORDER, ORDER))
-    added, filtered = np.empty((ORDER, ORDER)), np.empty((min(n, CHUNK), ORDER, ORDER))
-    for chunk in range(many_chunks):
-        begin[chunk], begins[chunk] = x, p
-        a, b = chunk * CHUNK, min(n, (chunk + 1) * CHUNK)
-        _filter(tau, z, noise, drive, a, b, x, p, gain, move, added, state, filtered)
-    after, own, back, left, lower = p.copy(), np.empty_like(p), np.zeros_like(p), np.empty_like(p), np.empty_like(p)
-    errors, new = np.zeros((drawn.shape[0], ORDER)), np.empty(ORDER)
-    _deviations(after, sd[n - 1])
-    _draw(after, back, random, errors, lower, new, drawn[:, n - 1])
-    first, last, ahead, row, predicted = (
-        (many_chunks - 1) * CHUNK,
-        -1.0,
-        np.empty(ORDER),
-        np.empty(ORDER),
-        np.empty_like(p),
-    )
-    for k in range(n - 2, -1, -1):
+    n, chunks = tau.shape[0], -(-tau.shape[0] // CHUNK)
+    begins, filtered = np.empty(chunks * NUMBERS), np.empty(min(n, CHUNK) * NUMBERS)
+    x, after = given(start, spread)
+    for chunk in range(chunks):
+        write(x, after, begins, chunk * NUMBERS, 1)
+        x, after = _filter(tau, z, noise, drive, chunk * CHUNK, x, after, filtered)
+    errors, nothing = np.zeros((drawn.shape[0], ORDER)), (0.0, 0.0, 0.0, 0.0)
+    _draw(after, (nothing, nothing, nothing, nothing), random, errors, drawn[:, n - 1])
+    first, last = (chunks - 1) * CHUNK, 0.0
+    move, added = model(last)
+    for k in range(n - 1, -1, -1):
         if k < first:
             first -= CHUNK
-            x[:], p[:] = begin[first // CHUNK], begins[first // CHUNK]
-            _filter(tau, z, noise, drive, first, first + CHUNK, x, p, gain, move, added, state, filtered)
-            last = -1.0
-        if tau[k + 1] != last:
-            last = tau[k + 1]
-            model(last, move, added)
-        s, now = drive[k + 1], filtered[k - first]
-        ahead[:], predicted[:] = state[k], now
-        moved(ahead, predicted, move, added, s)
-        _back(now, move, predicted, lower, row, back)
-        _towards(back, state[k + 1], ahead, state[k])
-        _left(back, move, left)
-        own[:] = 0.0
-        _around(left, now, 1.0, row, own)
-        if len(errors) > 0:  # what an error is made of, before what comes after it
-            _around(back, added, s, row, own)
-            _draw(own, back, random, errors, lower, new, drawn[:, k])
-        else:
-            after += s * added
-        _around(back, after, 1.0, row, own)
-        after[:] = own
-        _deviations(own, sd[k])
+            before, now = read(begins, first // CHUNK * NUMBERS, 1)
+            _filter(tau, z, noise, drive, first, before, now, filtered)
+        if k < n - 1:
+            if tau[k + 1] != last:
+                last = tau[k + 1]
+                move, added = model(last)
+            (before, now), s = read(filtered, (k - first) * NUMBERS, 1), drive[k + 1]
+            back = _back(now, move, plus(around(now, move), s, added))
+            off = further(x, -1.0, moved(before, move))
+            x = further(before, 1.0, (dot(back[0], off), dot(back[1], off), dot(back[2], off), dot(back[3], off)))
+            own = _around(_left(back, move), now)
+            if len(errors) > 0:  # what an error is made of, before what comes after it
+                own = plus(own, s, _around(back, added))
+                _draw(own, back, random, errors, drawn[:, k])
+                after = plus(own, 1.0, _around(back, after))
+            else:
+                after = plus(own, 1.0, _around(back, plus(after, s, added)))
+        states[k, 0], states[k, 1], states[k, 2], states[k, 3] = x
+        sd[k, 0], sd[k, 1] = np.sqrt(max(after[0], 0.0)), np.sqrt(max(after[4], 0.0))
+        sd[k, 2], sd[k, 3] = np.sqrt(max(after[7], 0.0)), np.sqrt(max(after[9], 0.0))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _deviations(covariance: Array, out: Array) -> None:
-    """Standard deviations of the parts of a state, (d,)."""
-    for i in range(ORDER):
-        out[i] = np.sqrt(max(covariance[i, i], 0.0))
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _towards(back: Array, after: Array, predicted: Array, state: Array) -> None:
-    """Add G (x₊ − F x) to a state."""
-    for i in range(ORDER):
-        step = 0.0
-        for j in range(ORDER):
-            step += back[i, j] * (after[j] - predicted[j])
-        state[i] += step
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _left(back: Array, move: Array, out: Array) -> None:
+@inlined
+def _left(back: Rows, move: State) -> Rows:
     """1 − G F."""
-    for i in range(ORDER):
-        for j in range(ORDER):
-            out[i, j] = 1.0 if i == j else 0.0
-            for b in range(j + 1):
-                out[i, j] -= back[i, b] * move[j - b]
+    a, b, c, d = back
+    return (
+        further((1.0, 0.0, 0.0, 0.0), -1.0, moved_back(a, move)),
+        further((0.0, 1.0, 0.0, 0.0), -1.0, moved_back(b, move)),
+        further((0.0, 0.0, 1.0, 0.0), -1.0, moved_back(c, move)),
+        further((0.0, 0.0, 0.0, 1.0), -1.0, moved_back(d, move)),
+    )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _draw(
-    covariance: Array,
-    back: Array,
-    random: np.random.Generator,
-    errors: Array,
-    lower: Array,
-    new: Array,
-    out: NDArray[np.float32],
-) -> None:
+@inlined
+def _draw(p: Covariance, back: Rows, random: np.random.Generator, errors: Array, out: NDArray[np.float32]) -> None:
     """Errors e = G e₊ + c, c with a covariance; their first three parts are drawn.
 
     Args:
-        random: of normal numbers. errors: e₊, and then e, (m, d). lower, new: scratch. out: (m, 3).
+        random: of normal numbers. errors: e₊, and then e, (m, d). out: (m, 3).
     """
-    _root(covariance, lower)
-    for b in range(errors.shape[0]):
-        new[:] = 0.0
-        for j in range(ORDER):
-            normal = random.standard_normal()
-            for i in range(j, ORDER):
-                new[i] += lower[i, j] * normal
-            for i in range(ORDER):
-                new[i] += back[i, j] * errors[b, j]
-        errors[b] = new
-        for i in range(3):
-            out[b, i] = new[i]
+    a, b, c, d = _root(p)
+    for i in range(errors.shape[0]):
+        e = (errors[i, 0], errors[i, 1], errors[i, 2], errors[i, 3])
+        n0, n1 = random.standard_normal(), random.standard_normal()
+        n2, n3 = random.standard_normal(), random.standard_normal()
+        errors[i, 0] = dot(back[0], e) + a[0] * n0
+        errors[i, 1] = dot(back[1], e) + a[1] * n0 + b[1] * n1
+        errors[i, 2] = dot(back[2], e) + a[2] * n0 + b[2] * n1 + c[2] * n2
+        errors[i, 3] = dot(back[3], e) + a[3] * n0 + b[3] * n1 + c[3] * n2 + d[3] * n3
+        out[i, 0], out[i, 1], out[i, 2] = errors[i, 0], errors[i, 1], errors[i, 2]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _around(a: Array, middle: Array, s: float, row: Array, out: Array) -> None:
-    """Add s A M Aᵀ, M symmetric; `row` is scratch, (d,)."""
-    for i in range(ORDER):
-        for j in range(ORDER):
-            row[j] = 0.0
-            for k in range(ORDER):
-                row[j] += a[i, k] * middle[k, j]
-        for j in range(i, ORDER):
-            v = 0.0
-            for k in range(ORDER):
-                v += row[k] * a[j, k]
-            out[i, j] += s * v
-            out[j, i] = out[i, j]
+@inlined
+def _around(a: Rows, p: Covariance) -> Covariance:
+    """A P Aᵀ."""
+    a0, a1, a2, a3 = a
+    b0, b1, b2, b3 = times(p, a0), times(p, a1), times(p, a2), times(p, a3)
+    first = (dot(a0, b0), dot(a0, b1), dot(a0, b2), dot(a0, b3), dot(a1, b1), dot(a1, b2), dot(a1, b3))
+    return *first, dot(a2, b2), dot(a2, b3), dot(a3, b3)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _back(now: Array, move: Array, predicted: Array, lower: Array, d: Array, out: Array) -> None:
-    """G = P Fᵀ (F P Fᵀ + s Q)⁻¹ by an L D Lᵀ decomposition; `lower` and `d` are scratch."""
-    for j in range(ORDER):
-        d[j] = predicted[j, j]
-        for k in range(j):
-            d[j] -= lower[j, k] * lower[j, k] * d[k]
-        d[j] = max(d[j], 1e-15 * abs(predicted[j, j]) + LEAST)
-        for i in range(j + 1, ORDER):
-            v = predicted[i, j]
-            for k in range(j):
-                v -= lower[i, k] * lower[j, k] * d[k]
-            lower[i, j] = v / d[j]
-    for i in range(ORDER):
-        for j in range(ORDER):
-            v = 0.0
-            for k in range(j, ORDER):
-                v += now[i, k] * move[k - j]
-            for k in range(j):
-                v -= lower[j, k] * out[i, k]
-            out[i, j] = v
-        for j in range(ORDER):
-            out[i, j] /= d[j]
-        for j in range(ORDER - 2, -1, -1):
-            for k in range(j + 1, ORDER):
-                out[i, j] -= lower[k, j] * out[i, k]
+@inlined
+def _back(now: Covariance, move: State, ahead: Covariance) -> Rows:
+    """G = P Fᵀ (F P Fᵀ + s Q)⁻¹ by an L D Lᵀ decomposition of what is ahead, F P Fᵀ + s Q."""
+    p00, p01, p02, p03, p11, p12, p13, p22, p23, p33 = ahead
+    f0 = _one_over(p00, p00)
+    l10, l20, l30 = p01 * f0, p02 * f0, p03 * f0
+    q12, q13 = p12 - l20 * p01, p13 - l30 * p01
+    f1 = _one_over(p11 - l10 * p01, p11)
+    l21, l31 = q12 * f1, q13 * f1
+    q23 = p23 - l30 * p02 - l31 * q12
+    f2 = _one_over(p22 - l20 * p02 - l21 * q12, p22)
+    l32 = q23 * f2
+    f3 = _one_over(p33 - l30 * p03 - l31 * q13 - l32 * q23, p33)
+    lower, f = (l10, l20, l30, l21, l31, l32), (f0, f1, f2, f3)
+    return (
+        _solved(lower, f, moved(row(now, 0), move)),
+        _solved(lower, f, moved(row(now, 1), move)),
+        _solved(lower, f, moved(row(now, 2), move)),
+        _solved(lower, f, moved(row(now, 3), move)),
+    )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _root(a: Array, out: Array) -> None:
-    """A lower triangular root of a covariance, which may be singular."""
-    out[:] = 0.0
-    for j in range(ORDER):
-        d = a[j, j]
-        for k in range(j):
-            d -= out[j, k] * out[j, k]
-        if d > max(1e-13 * a[j, j], LEAST):
-            out[j, j] = np.sqrt(d)
-            for i in range(j + 1, ORDER):
-                v = a[i, j]
-                for k in range(j):
-                    v -= out[i, k] * out[j, k]
-                out[i, j] = v / out[j, j]
+@inlined
+def _one_over(left: float, variance: float) -> float:
+    """One over what is left of a variance, as far as that is told from rounding."""
+    return 1.0 / max(left, 1e-15 * abs(variance) + LEAST)
+
+
+@inlined
+def _solved(lower: State, f: State, x: State) -> State:
+    """The y of L D Lᵀ y = x: f is one over D; L has ones on its diagonal, and `lower` below, column by column, (6,)."""
+    l10, l20, l30, l21, l31, l32 = lower
+    x1 = x[1] - l10 * x[0]
+    x2 = x[2] - l20 * x[0] - l21 * x1
+    y3 = (x[3] - l30 * x[0] - l31 * x1 - l32 * x2) * f[3]
+    y2 = x2 * f[2] - l32 * y3
+    y1 = x1 * f[1] - l21 * y2 - l31 * y3
+    return x[0] * f[0] - l10 * y1 - l20 * y2 - l30 * y3, y1, y2, y3
+
+
+@inlined
+def _root(p: Covariance) -> Rows:
+    """Columns of a lower triangular root of a covariance, which may be singular."""
+    a = _column(row(p, 0), p[0], p[0])
+    left = plus(p, -1.0, outer(a, a))
+    b = _column(row(left, 1), left[4], p[4])
+    left = plus(left, -1.0, outer(b, b))
+    c = _column(row(left, 2), left[7], p[7])
+    left = plus(left, -1.0, outer(c, c))
+    return a, b, c, _column(row(left, 3), left[9], p[9])
+
+
+@inlined
+def _column(left: State, own: float, variance: float) -> State:
+    """A row that is left of a covariance over the root of its own part of it, 0 where that is lost in rounding."""
+    one_over = 1.0 / np.sqrt(own) if own > max(1e-13 * variance, LEAST) else 0.0
+    return further((0.0, 0.0, 0.0, 0.0), one_over, left)

@@ -10,7 +10,28 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from kinid.kernels.state_space import LEAST, ORDER, model, moved, updated
+from kinid.kernels.state_space import (
+    ORDER,
+    Covariance,
+    State,
+    around,
+    dot,
+    further,
+    given,
+    inlined,
+    model,
+    moved,
+    moved_back,
+    part,
+    plus,
+    raised,
+    read,
+    row,
+    times,
+    updated,
+    with_row,
+    write,
+)
 
 Array = NDArray[np.float64]
 
@@ -22,6 +43,11 @@ RARE = np.exp(UNLIKELY)
 #: a gain that changes by no more than this share from sample to sample has settled: of the slowest filter it is then
 #: within a millionth of where it goes to
 SETTLED = 1e-10
+#: intensities that a bank works on side by side, and where their numbers begin in its scratch: behind the state and its
+#: covariance come the gain, one over the variance of the innovation, its logarithm, the log-likelihood, the intensity
+LANES = 16
+GAIN, WEIGHT, ENTROPY, LIKELY, LEVEL = (row * LANES for row in (14, 18, 19, 20, 21))
+ROWS = 22
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -35,33 +61,30 @@ def bank(
         start: state before the first, (d,). spread: its covariance, (d, d). out: (n, m).
     """
     m = levels.shape[0]
-    x, p = np.empty((ORDER, m)), np.empty((ORDER, ORDER, m))
-    gain, move, added = np.empty((ORDER, m)), np.empty(ORDER), np.empty((ORDER, ORDER))
-    f, e, entropy = np.empty(m), np.empty(m), np.empty(m)
-    for j in range(m):
-        x[:, j] = start
-        p[:, :, j] = spread
-    last, noise_before = -1.0, -1.0
+    if m > LANES:
+        raise ValueError("more intensities than a bank has lanes")
+    w, last, r = np.zeros(ROWS * LANES), 0.0, -1.0
+    x, p = given(start, spread)
+    for j in range(LANES):  # those that are left over are the last one once more
+        write(x, p, w, j, LANES)
+        w[LEVEL + j] = levels[min(j, m - 1)]
+    move, added = model(last)
     moving, before, slope = m, 0.0, 0.0  # gains of the levels below `moving` haven't settled: those above are faster
     for t in range(tau.shape[0]):
-        z, r = y[t], noise[t]
         if tau[t] != last:
             last, moving = tau[t], m
-            model(last, move, added)
-        if r != noise_before:
-            noise_before, moving = r, m
-        if last > 0.0:
-            _predict(x, p, move, added, levels, moving)
-        for j in range(moving):
-            f[j] = 1.0 / (max(p[0, 0, j], 0.0) + r + LEAST)
-            entropy[j] = np.log(f[j])
-        for j in range(m):
-            e[j] = z - x[0, j]
-        _update(x, p, e, f, r, gain, moving)
-        for j in range(m):
-            out[t, j] = 0.5 * (entropy[j] - min(e[j] * e[j] * f[j], MOST))
+            move, added = model(last)
+        if noise[t] != r:
+            r, moving = noise[t], m
         if moving > 0:
-            now, steep = gain[0, moving - 1], gain[ORDER - 1, moving - 1]
+            _gains(w, move, added, r)
+            for j in range(m):
+                w[ENTROPY + j] = np.log(w[WEIGHT + j])
+        _states(w, move, y[t])
+        for j in range(m):
+            out[t, j] = w[LIKELY + j]
+        if moving > 0:
+            now, steep = w[GAIN + moving - 1], w[GAIN + (ORDER - 1) * LANES + moving - 1]
             if abs(now - before) <= SETTLED * now and abs(steep - slope) <= SETTLED * steep:
                 moving -= 1
                 before = slope = 0.0
@@ -69,53 +92,29 @@ def bank(
                 before, slope = now, steep
 
 
-# the innermost loops below run over the intensities, whose numbers lie side by side: they compile to SIMD instructions
+# loops over the lanes of one array whose rows lie a constant number apart compile to SIMD instructions
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _predict(x: Array, p: Array, move: Array, added: Array, levels: Array, moving: int) -> None:
-    """Of each intensity: states (d, m) before the next sample, as `state_space.moved`; covariances (d, d, m) of the
-    first `moving` of them.
-    """
-    m = levels.shape[0]
-    for i in range(ORDER):
-        for k in range(i + 1, ORDER):
-            g = move[k - i]
-            for j in range(m):
-                x[i, j] += g * x[k, j]
-            for b in range(ORDER):
-                for j in range(moving):
-                    p[i, b, j] += g * p[k, b, j]
-    for i in range(ORDER):
-        for b in range(i, ORDER):
-            for k in range(b + 1, ORDER):
-                g = move[k - b]
-                for j in range(moving):
-                    p[i, b, j] += g * p[i, k, j]
-            q = added[i, b]
-            for j in range(moving):
-                p[i, b, j] += q * levels[j]
-                p[b, i, j] = p[i, b, j]
+@inlined
+def _gains(w: Array, move: State, added: Covariance, noise: float) -> None:
+    """Of each lane: covariance after the next sample, its gain, and one over the variance of its innovation."""
+    for j in range(LANES):
+        x, p = read(w, j, LANES)
+        _, p, _, f, gain = updated(x, plus(around(p, move), w[LEVEL + j], added), 0, 0.0, noise)
+        write(x, p, w, j, LANES)
+        w[GAIN + j], w[GAIN + LANES + j], w[GAIN + 2 * LANES + j], w[GAIN + 3 * LANES + j] = gain
+        w[WEIGHT + j] = f
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _update(x: Array, p: Array, e: Array, f: Array, r: float, gain: Array, moving: int) -> None:
-    """Of each intensity: after a position with innovations e, one over their variances f, and noise r; gains and
-    covariances of the first `moving` of them.
-    """
-    for i in range(ORDER):
-        for j in range(moving):
-            gain[i, j] = p[0, i, j] * f[j]
-        for j in range(e.shape[0]):
-            x[i, j] += gain[i, j] * e[j]
-    for i in range(1, ORDER):
-        for b in range(i, ORDER):
-            for j in range(moving):
-                p[i, b, j] -= gain[i, j] * p[0, b, j]
-                p[b, i, j] = p[i, b, j]
-    for i in range(ORDER):
-        for j in range(moving):
-            p[0, i, j] = p[i, 0, j] = r * gain[i, j]
+@inlined
+def _states(w: Array, move: State, position: float) -> None:
+    """Of each lane: state after a position, and the log-likelihood of that."""
+    for j in range(LANES):
+        x = moved((w[j], w[LANES + j], w[2 * LANES + j], w[3 * LANES + j]), move)
+        gain = (w[GAIN + j], w[GAIN + LANES + j], w[GAIN + 2 * LANES + j], w[GAIN + 3 * LANES + j])
+        e = position - x[0]
+        w[j], w[LANES + j], w[2 * LANES + j], w[3 * LANES + j] = further(x, e, gain)
+        w[LIKELY + j] = 0.5 * (w[ENTROPY + j] - min(e * e * w[WEIGHT + j], MOST))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -130,19 +129,19 @@ def local_level(loglik: NDArray[np.float32], switch: float, out: Array) -> None:
     n, m = loglik.shape
     keep = 1.0 - 2.0 * switch
     a, b = np.full(m, 1.0 / m), np.empty(m)
-    like = np.empty(m)
     for k in range(n):  # what the past says, kept in the place of the likelihood
         most = loglik[k, 0]
         for j in range(1, m):
             most = max(most, loglik[k, j])
         total = 0.0
         for j in range(m):
-            like[j] = np.exp(loglik[k, j] - most) if loglik[k, j] - most > UNLIKELY else RARE
+            like = np.exp(loglik[k, j] - most) if loglik[k, j] - most > UNLIKELY else RARE
             went = keep * a[j] + switch * (a[max(j - 1, 0)] + a[min(j + 1, m - 1)])
-            b[j] = went * like[j]
+            b[j] = went * like
             total += b[j]
+        share = 1.0 / total
         for j in range(m):
-            a[j] = b[j] / total
+            a[j] = b[j] * share
             loglik[k, j] = a[j]
     b[:] = 1.0  # b: probability after this sample over what the past alone foretells
     for k in range(n - 1, -1, -1):
@@ -152,16 +151,15 @@ def local_level(loglik: NDArray[np.float32], switch: float, out: Array) -> None:
             if k < n - 1:
                 a[j] *= keep * b[j] + switch * (b[max(j - 1, 0)] + b[min(j + 1, m - 1)])
             total += a[j]
-        for j in range(m):
-            a[j] /= total
             mean += j * a[j]
-        out[k] = mean
+        share = 1.0 / total
+        out[k] = mean * share
         if k > 0:
             for j in range(m):
                 before = keep * loglik[k - 1, j] + switch * (
                     loglik[k - 1, max(j - 1, 0)] + loglik[k - 1, min(j + 1, m - 1)]
                 )
-                b[j] = a[j] / max(before, 1e-300)
+                b[j] = share * a[j] / max(before, 1e-300)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -182,88 +180,71 @@ def score(
         fits: for each kind of measurement the same two sums of its noise, (c, 2).
     """
     n, kinds = z.shape
-    x, p = start.copy(), spread.copy()
-    move, added = np.empty(ORDER), np.empty((ORDER, ORDER))
-    total, last = 0.0, -1.0
+    x, p = given(start, spread)
+    last, total = 0.0, 0.0
+    move, added = model(last)
     for k in range(n):
         if tau[k] != last:
             last = tau[k]
-            model(last, move, added)
+            move, added = model(last)
         if last > 0.0:
-            moved(x, p, move, added, drive[k])
-        total += _measured(x, p, z[k], noise[k], work[k])
-    r, big, through = np.zeros(ORDER), np.zeros((ORDER, ORDER)), np.empty(ORDER)
+            x, p = moved(x, move), plus(around(p, move), drive[k], added)
+        for c in range(kinds):
+            if noise[k, c] < np.inf:
+                x, p, e, f, gain = updated(x, p, c, z[k, c], noise[k, c])
+                total += np.log(f) - e * e * f
+                work[k, c, 0], work[k, c, 1] = e, f
+                work[k, c, 2], work[k, c, 3], work[k, c, 4], work[k, c, 5] = gain
+    r: State = (0.0, 0.0, 0.0, 0.0)
+    big: Covariance = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     fits[:] = 0.0
     for k in range(n - 1, -1, -1):
         for c in range(kinds - 1, -1, -1):
             if noise[k, c] < np.inf:
-                _measured_back(work[k, c], c, noise[k, c], r, big, through, fits[c])
+                gain = (work[k, c, 2], work[k, c, 3], work[k, c, 4], work[k, c, 5])
+                r, big, u, d = _measured_back(work[k, c, 0], work[k, c, 1], gain, c, r, big)
+                fits[c, 0] += noise[k, c] * u * u
+                fits[c, 1] += noise[k, c] * d
         if tau[k] != last:
             last = tau[k]
-            model(last, move, added)
-        found, expected = 0.0, 0.0
-        for i in range(ORDER):
-            for j in range(ORDER):
-                found += added[i, j] * r[i] * r[j]
-                expected += added[i, j] * big[i, j]
-        out[k, 0], out[k, 1] = drive[k] * found, drive[k] * expected
-        _moved_back(move, r, big)
+            move, added = model(last)
+        out[k, 0], out[k, 1] = drive[k] * dot(r, times(added, r)), drive[k] * _trace(added, big)
+        r, big = _moved_back(move, r, big)
     return 0.5 * total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _measured(x: Array, p: Array, z: Array, noise: Array, out: Array) -> float:
-    """Take in what was measured at a sample; twice its log-likelihood, and e, f, K of each part, (c, 2 + d)."""
-    total = 0.0
-    for c in range(len(z)):
-        if noise[c] < np.inf:
-            e, f = updated(x, p, c, z[c], noise[c], out[c, 2:])
-            total += np.log(f) - e * e * f
-            out[c, 0], out[c, 1] = e, f
-    return total
+@inlined
+def _trace(a: Covariance, b: Covariance) -> float:
+    """Trace of the product of two symmetric matrices."""
+    beside = a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[5] * b[5] + a[6] * b[6] + a[8] * b[8]
+    return a[0] * b[0] + a[4] * b[4] + a[7] * b[7] + a[9] * b[9] + 2.0 * beside
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _measured_back(measured: Array, c: int, noise: float, r: Array, big: Array, through: Array, fit: Array) -> None:
+@inlined
+def _measured_back(
+    e: float, f: float, gain: State, c: int, r: State, big: Covariance
+) -> tuple[State, Covariance, float, float]:
     """Backwards past a measurement: r ← (1 − K H)ᵀ r + Hᵀ e f; N ← (1 − K H)ᵀ N (1 − K H) + Hᵀ H f.
 
-    Only what stands beside H changes.
-
-    Args:
-        measured: e, f and K of part c, (2 + d,). through: scratch, (d,). fit: gets the two sums of its noise, (2,).
+    Only what stands beside H changes. After r and N come the estimate of the measurement's error over its variance, and
+    the variance of that.
     """
-    e, f, gain = measured[0], measured[1], measured[2:]
-    along, twice = 0.0, 0.0
-    for i in range(ORDER):  # N K, Kᵀ r and Kᵀ N K
-        through[i] = 0.0
-        for j in range(ORDER):
-            through[i] += big[i, j] * gain[j]
-        along += gain[i] * r[i]
-    for i in range(ORDER):
-        twice += gain[i] * through[i]
-    u, d = e * f - along, f + twice
-    fit[0] += noise * u * u
-    fit[1] += noise * d
-    r[c] += u
-    for i in range(ORDER):
-        if i != c:
-            big[i, c] -= through[i]
-            big[c, i] = big[i, c]
-    big[c, c] += d - 2.0 * through[c]
+    through = times(big, gain)
+    u, d = e * f - dot(gain, r), f + dot(gain, through)
+    new = raised(further(row(big, c), -1.0, through), c, d - part(through, c))
+    return raised(r, c, u), with_row(big, c, new), u, d
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _moved_back(move: Array, r: Array, big: Array) -> None:
-    """Backwards past a step: r ← Fᵀ r, N ← Fᵀ N F."""
-    for i in range(ORDER - 1, -1, -1):
-        for j in range(i):
-            r[i] += move[i - j] * r[j]
-            for b in range(ORDER):
-                big[i, b] += move[i - j] * big[j, b]
-    for b in range(ORDER):
-        for i in range(ORDER - 1, -1, -1):
-            for j in range(i):
-                big[b, i] += move[i - j] * big[b, j]
+@inlined
+def _moved_back(move: State, r: State, big: Covariance) -> tuple[State, Covariance]:
+    """Backwards past a step: r ← Fᵀ r, N ← Fᵀ N F, which is F of the parts in the other order."""
+    return moved_back(r, move), _turned(around(_turned(big), move))
+
+
+@inlined
+def _turned(p: Covariance) -> Covariance:
+    """A symmetric matrix with its rows and columns in the other order."""
+    return p[9], p[8], p[6], p[3], p[7], p[5], p[2], p[4], p[1], p[0]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -84,7 +84,8 @@ class Axis:
         n = len(self.tau)
         if n <= ORDER:
             return np.full(n, self.noise)
-        there = np.flatnonzero(self.variance[:, 0] < np.inf)
+        measured = self.variance[:, 0] < np.inf
+        there = np.flatnonzero(measured)
         y, r = self.value[there, 0], self.variance[there, 0]
         tau = np.diff(np.cumsum(self.tau)[there], prepend=0.0)
         out = np.empty((len(there), len(LEVELS)), np.float32)
@@ -99,7 +100,7 @@ class Axis:
         intensity.local_level(out, SWITCH, back)
         forth[1:] = 0.5 * (forth[1:] + back[:0:-1])
         jerk: Array = levels[0] * 2.0 ** (2.0 * ORDER * forth)
-        return jerk[np.minimum(np.searchsorted(there, np.arange(n)), len(there) - 1)]
+        return jerk[np.minimum(np.cumsum(measured) - measured, len(there) - 1)]
 
     def climb(self) -> None:
         """Bring intensities, and noise that differences of a fast motion made too large, nearer to the greatest

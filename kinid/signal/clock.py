@@ -148,15 +148,16 @@ def _speed(x: Array, at: Array, late: Array) -> Array:
 
 def _least_squares(x: Array, v: Array, at: Array, noise: Array, size: Array) -> Array:
     """The δ of `_late`, (n,)."""
-    n = len(x)
-    weights = divided_differences(at, ORDER)  # (ORDER + 1, m)
+    n, weights = len(x), divided_differences(at, ORDER)  # (ORDER + 1, m)
     m = weights.shape[1]
+    speed = np.ascontiguousarray((v / noise).T)
+    curved = weighted_differences(x / noise, weights).T
     band, right = np.zeros((ORDER + 1, n)), np.zeros(n)
-    for column, speed, own in zip(x.T, v.T, noise):
-        curved = weighted_differences(column, weights)
-        for i, w in enumerate(weights):
-            right[i : i + m] += w * curved * speed[i : i + m] / own**2
-            for j in range(i, ORDER + 1):  # upper band: row ORDER is the diagonal
-                band[ORDER - (j - i), j : j + m] += w * weights[j] * speed[i : i + m] * speed[j : j + m] / own**2
+    for i, w in enumerate(weights):
+        right[i : i + m] += w * np.einsum("km,km->m", curved, speed[:, i : i + m])
+    for lag in range(ORDER + 1):  # upper band: row ORDER is the diagonal
+        squared = np.einsum("kn,kn->n", speed[:, : n - lag], speed[:, lag:])
+        for i in range(ORDER + 1 - lag):
+            band[ORDER - lag, i + lag : i + lag + m] += weights[i] * weights[i + lag] * squared[i : i + m]
     band[ORDER] += 1.0 / size**2
     return np.asarray(solveh_banded(band, right))

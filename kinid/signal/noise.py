@@ -99,6 +99,8 @@ def _spread(x: Array, tau: Array | None, moved: bool = False) -> dict[int, float
 def divided_differences(t: Array, order: int) -> Array:
     """Weights of divided differences over uneven times (n,), of variance 1 for white noise of 1, (order + 1, m)."""
     m = len(t) - order
+    if m > 1 and not np.ptp(np.diff(t)):  # even times: all are as the first
+        return np.broadcast_to(divided_differences(t[: order + 1], order), (order + 1, m))
     at = [t[i : i + m] for i in range(order + 1)]
     weights = np.ones((order + 1, m))
     for i in range(order + 1):
