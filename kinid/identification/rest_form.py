@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 #: forms that are tried: a contact's bristles, elastic over some share of a length up to twice the stated one;
 #: and a joint's bristles in stated lengths, or in their place speeds above which friction is full [rad/s, m/s]
-SHARES, LENGTHS = (0.02, 0.3, 0.7, 0.95), np.geomspace(3e-6, 2e-4, 24)
+SHARES, LENGTHS = (0.02, 0.3, 0.7, 0.95), np.geomspace(3e-6, 2e-4, 7)
 #: in place of a contact's bristles, speeds that are rest to most eyes [m/s]
 SPEEDS = (1e-4, 2e-4, 4e-4, 1e-3)
 #: and speeds of what makes them creep back [m/s], and what torques were smoothed with [s]
