@@ -32,7 +32,6 @@ NOT_REACHED = {
     "Hz",
     "test_measured.py::test_the_drive_ends_at_friction": "the estimate of the motion leaves 1.9 N where a band of 50 "
     "Hz left 1.7",
-    "named_first[lwr4plus-motion-1-joint-torque-gain": "gains of 10 % leave no more than the arm's own springs",
     "test_silicone_remembers": "two cycles, held out: relaxation is 2.6 standard errors beyond a surface offset",
     "test_fit.py::test_a_drive_needs_friction": "the estimate of the motion leaves 2.3 N where a band of 50 Hz left "
     "2.2",
