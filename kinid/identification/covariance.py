@@ -110,17 +110,26 @@ def squared_scores(state: State, jacobian: Array) -> Array:
     Args:
         state: as fitted. jacobian: weighted change of the means per step of each direction, (channels · g, m).
     """
+    return widened(*block_scores(state, jacobian))
+
+
+def widened(own: Array, near: Array) -> Array:
+    """Squared scores (m, m), with those of neighbours where these are more."""
+    widen = np.maximum(np.diag(near), np.diag(own)) / np.maximum(np.diag(own), 1e-300)
+    return np.asarray(own * np.sqrt(np.outer(widen, widen)), dtype=np.float64)
+
+
+def block_scores(state: State, jacobian: Array) -> tuple[Array, Array]:
+    """Squared scores over blocks by themselves, and with those of neighbours, each (m, m); see `squared_scores`."""
     problem = state.problem
     score = jacobian * (state.residual / state.error.sigma).reshape(-1, 1)
     per_group = score.reshape(*problem.shape, -1).sum(axis=0)
     blocks = blocks_of(state)
     total = np.stack([np.bincount(problem.block, column, blocks) for column in per_group.T], axis=1)
     total -= total.mean(axis=0)
-    own = total.T @ total
+    own = np.asarray(total.T @ total, dtype=np.float64)
     cross = total[1:].T @ total[:-1]
-    near = own + 0.5 * (cross + cross.T)
-    widen = np.maximum(np.diag(near), np.diag(own)) / np.maximum(np.diag(own), 1e-300)
-    return np.asarray(own * np.sqrt(np.outer(widen, widen)), dtype=np.float64)
+    return own, own + 0.5 * (cross + cross.T)
 
 
 def _unlike(state: State, jacobian: Array, information: Array) -> Array:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
-from campaign.study import TRUTH, found_effects, named, recovered
+from campaign.study import TRUTH, Draws, found_effects, named, recovered
 
 #: laws that bend a spring over depth, which a small one can't be told by
 BENDS = {"stiffening-layer", "hertz-exponent"}
@@ -28,12 +30,21 @@ def test_an_odd_log_is_named_in_each_of_a_few_draws() -> None:
     assert all(names == ["log 6"] for names in named(draws=2, logs=6, kind="tool"))
 
 
+@cache
+def of_200_draws() -> Draws:
+    return recovered(draws=200, logs=20)
+
+
 @pytest.mark.slow
 def test_coverage_over_200_draws_of_20_logs() -> None:
-    found = recovered(draws=200, logs=20)
-    share = found.covered.mean(axis=0)
+    share = of_200_draws().covered.mean(axis=0)
     print("covered", dict(zip(TRUTH, share)))
     assert ((share >= 0.93) & (share <= 0.97)).all()
+
+
+@pytest.mark.slow
+def test_pooled_estimates_lie_to_no_side() -> None:
+    found = of_200_draws()
     # 200 draws tell a mean to 0.07 spreads
     away = (found.estimates.mean(axis=0) - list(TRUTH.values())) / found.spread
     print("bias in spreads", away)

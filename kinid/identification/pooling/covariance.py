@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from kinid.contact.kinds_of_motion import labels_of_motion
 from kinid.identification.covariance import (
     MIN_CHANGE,
+    block_scores,
     blocks_of,
     cluster_variance,
     sandwich,
     small_sample,
-    squared_scores,
+    widened,
 )
 from kinid.identification.pooling.held_out import HeldOut
 from kinid.identification.pooling.normals import Reduced
@@ -76,8 +77,9 @@ class Shares:
     """What one log adds to the squared scores of what it shares.
 
     Attributes:
-        meat: (s, s). length: squared length of each column, (s,). blocks: of time. inflation: of a mean. kinds: squares
-            and scores of each kind of motion. own: covariance of its own directions, (o, o).
+        meat: of blocks by themselves and with their neighbours, (2, s, s). length: squared length of each column, (s,).
+        blocks: of time. inflation: of a mean. kinds: squares and scores of each kind of motion. own: covariance of its
+            own directions, (o, o).
     """
 
     meat: Array
@@ -92,15 +94,15 @@ class Shares:
         """Those of a log as it is at the pool's best."""
         at, part, prior, turn = asked.at, asked.part, asked.prior, asked.turn
         jacobian = state.jacobian / state.error.sigma.reshape(-1, 1)
-        scores = squared_scores(state, jacobian)
+        scores = block_scores(state, jacobian)
         inverse = np.linalg.pinv(part.own_squares, hermitian=True)
-        own = inverse @ (scores[np.ix_(at.own, at.own)] + prior) @ inverse
+        own = inverse @ (widened(*scores)[np.ix_(at.own, at.own)] + prior) @ inverse
         floor = np.diag(inverse) * state.inflation
         widen = np.sqrt(np.maximum(1.0, floor / np.maximum(np.diag(own), 1e-300)))
         own = own * np.outer(widen, widen)
         lost = np.diag(asked.squares)[at.own] < MIN_CHANGE**2
         own[lost, lost] = np.inf
-        meat = turn.T @ scores @ turn + part.gain.T @ prior @ part.gain
+        meat = turn.T @ np.stack(scores) @ turn + part.gain.T @ prior @ part.gain
         length = np.sum(jacobian[:, at.shared] ** 2, axis=0)
         return cls(meat, length, blocks_of(state), state.inflation, _kinds(state, jacobian @ turn), own)
 
@@ -128,7 +130,7 @@ class Scores:
     def __init__(self, pool: Pool, held_out: HeldOut) -> None:
         self.pool, self.held_out = pool, held_out
         size = len(pool.vector)
-        self.meat, self.inflated = np.zeros((size, size)), np.zeros((size, size))
+        self.meat, self.inflated = np.zeros((2, size, size)), np.zeros((size, size))
         self.length, self.blocks, self.inflation = np.zeros(size), 0, 0.0
         self.kinds: dict[tuple[int, int], Cluster] = {}
         self.logs: list[Cluster] = []
@@ -142,7 +144,8 @@ class Scores:
     def add(self, number: int, shares: Shares) -> None:
         """What one log adds."""
         at, part = self.pool.at[number], self.held_out.parts[number]
-        self._scatter(self.meat, at.into, shares.meat)
+        for total, squares in zip(self.meat, shares.meat):
+            self._scatter(total, at.into, squares)
         self._scatter(self.inflated, at.into, shares.inflation * part.squares)
         self.inflation += shares.inflation / len(self.pool)
         np.add.at(self.length, at.into, shares.length)
@@ -154,7 +157,7 @@ class Scores:
         self.own.append(shares.own)
 
     def _placed(self, into: NDArray[np.int64], squares: Array, slope: Array) -> Cluster:
-        h, b = np.zeros_like(self.meat), np.zeros(len(self.meat))
+        h, b = np.zeros_like(self.inflated), np.zeros(len(self.inflated))
         self._scatter(h, into, squares)
         np.add.at(b, into, slope)
         return h, b
@@ -174,7 +177,9 @@ class Scores:
             return PooledCovariance(np.diag(np.full(size, np.inf)), np.zeros((size, size)), unseen, 1.0)
         prior = pool.vector.prior[at]
         directions = len(kept) + sum(len(d.own) for d in pool.at)
-        meat = small_sample(self.blocks, directions) * self.meat[at] + prior
+        # the larger of both in each log would add up what chance makes larger
+        scores = widened(self.meat[0][at], self.meat[1][at])
+        meat = small_sample(self.blocks, directions) * scores + prior
         information = self.held_out.squares[at]
         inflated = self.inflated[at] + self.inflation * prior
         clusters = [[(h[at], b[kept]) for (w, _), (h, b) in self.kinds.items() if w == way] for way, _ in self.kinds]
