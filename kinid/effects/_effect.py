@@ -252,7 +252,7 @@ class Effect(ABC):
         """Add to `s.normal`, which begins as `s.elastic`."""
 
     def friction(self, s: Signals, p: Array) -> None:
-        """Change `s.mu`, `s.bristle` or `s.tangential`; the chain then adds −μ N along the bristles."""
+        """Change `s.mu`, `s.bristle`, `s.rounding` or `s.tangential`; the chain then adds −μ N along the bristles."""
 
     def frame(self, s: Signals, p: Array) -> None:
         """Change `s.normal` and `s.tangential` once friction is in them."""

@@ -203,8 +203,8 @@ class Agreement:
 
 @dataclass(frozen=True)
 class RestForm:
-    """How dry friction behaves at rest, of which motion tells little: no effect's parameters, a form that a fit
-    chooses.
+    """How dry friction behaves at rest, of which motion tells little, and how torques were filtered: no effect's
+    parameters, a form that a fit chooses.
 
     Attributes:
         share: of the bristles' length over which they are elastic. length: of a contact's bristles, unless an effect
@@ -218,7 +218,8 @@ class RestForm:
             [m/s].
         anew: whether a material remembers nothing of the touch before, as where each touch is at a place of its own.
         smoothing: standard deviation of what torques were smoothed with afterwards, forwards and backwards [s]; 0 for
-            none. lag: time constant of the low-pass that a drive's torques come through [s].
+            none.
+        lag: time constant of the low-pass that a drive's torques come through [s]; 0 for none.
     """
 
     share: float = ELASTIC
@@ -252,7 +253,9 @@ class Signals:
             end, here.
         beside: whether only what changes from there is asked for, and to a share of that.
         touch: behind a compliance, a depth of the same sign, which more predictions share if there is one (n,).
-        mu: friction coefficient, (2, n) along the tangents. bristle: length [m]. tangential: (2, n) [N].
+        mu: friction coefficient, (2, n) along the tangents. tangential: (2, n) [N].
+        bristle: length over which friction turns around [m]. rounding: in place of that a speed above which it is full
+            [m/s], 0 for bristles.
         reading: what the sensor delivers, (channels, n).
         sensor: motion of the sensor, for wrenches. joints: motion of the joints, for joint torques.
         as_read: the sensor's stated faults, None where `reading` is what the converter gives.
@@ -284,6 +287,7 @@ class Signals:
     touch: Array | None = None
     mu: Array = dataclasses.field(default_factory=lambda: np.zeros((2, 0)))
     bristle: float = BRISTLE
+    rounding: float = 0.0
     tangential: Array = dataclasses.field(default_factory=lambda: np.zeros((2, 0)))
     reading: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
 
@@ -298,7 +302,7 @@ class Signals:
         """A copy to predict with: inputs shared, the chain's quantities zero."""
         none, pair, reading = self.zeros
         out = self.copy()
-        out.compliance, out.exponent, out.bristle = 0.0, 1.0, 0.0 if self.rest.speed else self.rest.length
+        out.compliance, out.exponent, out.bristle, out.rounding = 0.0, 1.0, self.rest.length, self.rest.speed
         out.recalls, out.agreed, out.touch = (), None, self.everywhere if self.rest.kept else None
         out.elastic, out.normal, out.pull, out.mu, out.tangential, out.reading = none, none, none, pair, pair, reading
         return out

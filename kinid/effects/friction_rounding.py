@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import final
 
-import numpy as np
-
 from kinid.effects._effect import Effect
 from kinid.effects._example import Example
 from kinid.effects._signals import Array, Layout, Signals
@@ -55,11 +53,6 @@ class FrictionRounding(Effect):
         return (Parameter("speed", "v_r", "m/s", 3e-3, 0.0, 1.0, scale=5e-4),)
 
     def friction(self, s: Signals, p: Array) -> None:
-        """Add the whole of dry friction, and leave none to the bristles."""
-        if p[0] <= 0.0:
-            return
-        v = s.slip_rate
-        touching = s.inside if s.touch is None else s.touch > 0.0
-        u = np.where(touching, v / np.sqrt(np.sum(v**2, axis=0) + p[0] ** 2), 0.0)
-        s.tangential = s.tangential - s.mu * s.load * u
-        s.mu = s.zeros[1]
+        """Set the speed that stands in place of the bristles."""
+        if p[0] > 0.0:
+            s.rounding = float(p[0])

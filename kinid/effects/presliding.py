@@ -19,7 +19,8 @@ class Presliding(Effect):
     """u̇ = (v − |v| u) / ℓ with ℓ free: friction needs a slip of about ℓ [m] to turn around (Dahl; with Stribeck:
     LuGre).
 
-    Bristles shorter than those of `coulomb-friction` are a form of friction at rest that a fit chooses by itself.
+    Bristles of less than twice the length of those of `coulomb-friction` are a form of friction at rest that a fit
+    chooses by itself.
     """
 
     id = "presliding"
@@ -50,4 +51,4 @@ class Presliding(Effect):
 
     def friction(self, s: Signals, p: Array) -> None:
         """Set the bristles' length."""
-        s.bristle = float(p[0])
+        s.bristle, s.rounding = float(p[0]), 0.0

@@ -15,15 +15,13 @@ from kinid.writers import Json
 
 Array = NDArray[np.float64]
 
-#: forms that are tried: a contact's bristles, elastic over some share of a length up to twice the stated one;
-#: and a joint's bristles in stated lengths, or in their place speeds above which friction is full [rad/s, m/s]
+#: forms that are tried: a contact's bristles, elastic over some share of a length up to twice the stated one, an octave
+#: apart [m]; speeds of what makes them creep back, and in their place speeds above which friction is full [m/s]
 SHARES, LENGTHS = (0.02, 0.3, 0.7, 0.95), np.geomspace(3e-6, 2e-4, 7)
-#: in place of a contact's bristles, speeds that are rest to most eyes [m/s]
-SPEEDS = (1e-4, 2e-4, 4e-4, 1e-3)
-#: and speeds of what makes them creep back [m/s], and what torques were smoothed with [s]
-TREMORS, SMOOTHINGS = (3e-5, 1e-4, 3e-4, 1e-3), (0.025, 0.01, 0.004)
-#: and time constants of the low-pass that drives' torques come through [s]: 50 to 5 Hz
-LAGS = (0.0032, 0.008, 0.016, 0.032)
+TREMORS, SPEEDS = (3e-5, 1e-4, 3e-4, 1e-3), (1e-4, 2e-4, 4e-4, 1e-3)
+#: what torques were smoothed with, and time constants of the low-pass that they come through, 50 to 5 Hz [s]
+SMOOTHINGS, LAGS = (0.025, 0.01, 0.004), (0.0032, 0.008, 0.016, 0.032)
+#: a joint's bristles in stated lengths, and in their place speeds above which friction is full [rad/s, m/s]
 JOINT_LENGTHS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
 JOINT_SPEEDS = (5e-4, 0.001, 0.002, 0.004, 0.008, 0.016, 0.03, 0.06, 0.12)
 #: of the speed that joints are faster than for a twentieth of the time, what is rest at most: friction that grows over

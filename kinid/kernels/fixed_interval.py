@@ -190,7 +190,7 @@ def _back(now: Covariance, move: State, ahead: Covariance) -> Rows:
 
 @inlined
 def _one_over(left: float, variance: float) -> float:
-    """One over what is left of a variance, as far as that is told from rounding."""
+    """One over what is left of a variance, as far as that is above rounding."""
     return 1.0 / max(left, 1e-15 * abs(variance) + LEAST)
 
 

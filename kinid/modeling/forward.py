@@ -207,22 +207,25 @@ def _let_go(s: Signals, _: Array) -> None:
 
 def _rub(s: Signals, _: Array) -> None:
     if s.mu.any():
-        s.tangential = s.tangential - s.mu * s.load * _bristles(s)
+        s.tangential = s.tangential - s.mu * s.load * _direction(s)
 
 
-def _bristles(s: Signals) -> Array:
-    """Deflection of the bristles; it depends on the motion alone, which one log's predictions share."""
+def _direction(s: Signals) -> Array:
+    """Direction of friction, shorter than 1 where it isn't full, (2, n): deflection of bristles, or slip over a speed.
+
+    It depends on the motion alone, which one log's predictions share.
+    """
     touch = s.depth if s.touch is None else s.touch
 
     def bend() -> Array:
-        if not s.bristle:
+        if s.rounding > 0.0:
             inside = s.inside if s.touch is None else touch > 0.0
-            return np.where(inside, s.slip_rate / np.sqrt(np.sum(s.slip_rate**2, axis=0) + s.rest.speed**2), 0.0)
+            return np.where(inside, s.slip_rate / np.sqrt(np.sum(s.slip_rate**2, axis=0) + s.rounding**2), 0.0)
         u = np.empty((2, len(s)))
         bristles(s.slip_rate[0], s.slip_rate[1], s.dt, touch, s.bristle, u, s.rest.share, s.rest.tremor)
         return u
 
-    form = (s.bristle, s.rest.speed, s.rest.share, s.rest.tremor)
+    form = (s.bristle, s.rounding, s.rest.share, s.rest.tremor)
     return derived("bristles", bend, s.slip_rate, touch, s.dt, at=form)
 
 

@@ -13,6 +13,7 @@ from scipy.signal import butter, lsim, sosfiltfilt
 import kinid
 from kinid.effects._signals import Layout, RestForm, Signals
 from kinid.identification.estimation import estimate
+from kinid.identification.state import State
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
 
@@ -34,34 +35,34 @@ def touches(n: int = 8000) -> Signals:
     return Signals(layout, t, dt, depth, rate, slip, slip_rate)
 
 
-@pytest.mark.parametrize(
-    "form",
-    [RestForm(), RestForm(kept=True), RestForm(share=0.7, kept=True), RestForm(length=8e-5), RestForm(length=2.5e-5)],
-)
-def test_the_form_of_friction_at_rest_is_found(form: RestForm) -> None:
+def estimated(form: RestForm) -> State:
+    """The model fitted to noisy readings of itself under a form."""
     signals = touches()
     reading = MODEL.predict(dataclasses.replace(signals, rest=form), VALUES)
     reading = reading + np.random.default_rng(5).normal(scale=NOISE, size=reading.shape)
     every = np.ones(len(signals), np.bool_)
     e = Experiment(signals, reading, every, np.full(3, NOISE), None, signals.depth > 0, np.arange(len(signals)))
-    state = estimate(MODEL, e)
+    return estimate(MODEL, e)
+
+
+@pytest.mark.parametrize(
+    "form",
+    [RestForm(), RestForm(kept=True), RestForm(share=0.7, kept=True), RestForm(length=8e-5), RestForm(length=2.5e-5)],
+)
+def test_the_form_of_friction_at_rest_is_found(form: RestForm) -> None:
+    state = estimated(form)
     found = state.problem.experiment.signals.rest
     assert found.kept == form.kept
     assert found.length == pytest.approx(form.length, rel=0.03)
-    friction = dict(zip(MODEL.parameters(signals.layout), state.values))["coulomb-friction.coefficient"]
+    friction = dict(zip(MODEL.parameters(state.problem.layout), state.values))["coulomb-friction.coefficient"]
     assert friction == pytest.approx(0.5, rel=0.02)  # a form that isn't the true one is off by 10 % and more
     assert np.sqrt(np.mean(state.residual**2)) < 1.1 * NOISE
 
 
 def test_friction_that_is_full_from_some_hundred_micrometres_a_second_on_is_a_form_at_rest() -> None:
-    signals = touches()
-    reading = MODEL.predict(dataclasses.replace(signals, rest=RestForm(speed=3e-4)), VALUES)
-    reading = reading + np.random.default_rng(7).normal(scale=NOISE, size=reading.shape)
-    every = np.ones(len(signals), np.bool_)
-    e = Experiment(signals, reading, every, np.full(3, NOISE), None, signals.depth > 0, np.arange(len(signals)))
-    state = estimate(MODEL, e)
+    state = estimated(RestForm(speed=3e-4))
     assert state.problem.experiment.signals.rest.speed == pytest.approx(3e-4, rel=0.05)
-    friction = dict(zip(MODEL.parameters(signals.layout), state.values))["coulomb-friction.coefficient"]
+    friction = dict(zip(MODEL.parameters(state.problem.layout), state.values))["coulomb-friction.coefficient"]
     assert friction == pytest.approx(0.5, rel=0.02)
     assert np.sqrt(np.mean(state.residual**2)) < 1.1 * NOISE
 
