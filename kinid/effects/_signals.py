@@ -122,8 +122,8 @@ class JointMotion:
         gravity: torques per unit of gravity along the axes of the base [N·m per m/s²], (3, N, n), or None.
         moments: torques at rest per unit of each link's first moment, of positions (n, N) [N·m per kg·m], (3 N, N, n),
             or None.
-        slopes: change of the torques of a motion q, q̇, q̈ (n, N) per radian of each joint [N·m/rad], and per rad/s² of
-            another one [N·m·s²/rad], (2, N, N, n), or None.
+        slopes: change of the torques of a motion q, q̇, q̈ (n, N) per radian of each joint [N·m/rad], per rad/s and per
+            rad/s², (3, N, N, n), or None.
     """
 
     q: Array
@@ -244,7 +244,7 @@ class Signals:
         dt: time since the sample before [s], (n,); 0 where memory begins anew (first sample, after a gap).
         depth [m], depth_rate [m/s]: (n,). slip [m], slip_rate [m/s]: (2, n).
         rest: form of dry friction at rest.
-        measured: measured readings, (channels, n); no law is driven by them.
+        measured: measured readings, (channels, n); no law is driven by them but springs of joints, which they wind up.
         compliance: of the arm along the normal, which the contact law is behind [m/N].
         elastic: elastic force F_e [N], (n,). exponent: of its power law. normal: N [N], (n,). pull: of bonds, which
             is in N already [N], (n,).

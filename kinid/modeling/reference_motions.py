@@ -195,14 +195,15 @@ def arm_motion(n: int = 2000) -> Signals:
             m2 * l2 * np.stack([np.sin(q1 + q2), np.sin(q1 + q2)]),
         ]
     )
-    pushed = np.stack([np.stack([np.zeros(n), m12]), np.stack([m12, np.zeros(n)])])
+    swayed = 2.0 * h * np.stack([np.stack([d2, -d1]), np.stack([d1 + d2, np.zeros(n)])])
+    pushed = np.stack([np.stack([m11, m12]), np.stack([m12, np.full(n, m2 * l2**2)])])
     joints = JointMotion(
         *(np.stack([q1, q2]), np.stack([d1, d2]), np.stack([a1, a2]), rigid),
         True,
         payload,
         gravity,
         moments=lambda _: moments,
-        slopes=lambda *_: np.stack([turned, pushed]),
+        slopes=lambda *_: np.stack([turned, swayed, pushed]),
     )
     return _joint_signals(Layout(("tau1", "tau2"), "joints", ("shoulder", "elbow")), t, dt, joints)
 

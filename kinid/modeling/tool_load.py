@@ -131,20 +131,19 @@ def moment_torques(robot: Robot, q: Array) -> Array:
 
 
 def torque_slopes(robot: Robot, q: Array, dq: Array, ddq: Array) -> Array:
-    """Change of the torques of a motion where each joint is elsewhere, per radian, and where it accelerates, per
-    rad/s².
+    """Change of the torques of a motion where each joint is elsewhere, per radian, per rad/s and per rad/s².
 
     Returns:
-        (2, N, N, n): of the first joint's angle on all torques, …; then of its acceleration, but on its own torque.
+        (3, N, N, n): of the first joint's angle on all torques, …; then of its velocity, and of its acceleration.
     """
     model, data = robot.model, robot.model.createData()
     configuration, v, a = robot.configuration(q), robot.tangent(dq), robot.tangent(ddq)
-    out = np.empty((2, robot.joint_count, robot.joint_count, len(q)))
+    out = np.empty((3, robot.joint_count, robot.joint_count, len(q)))
     order = robot.order
     at = np.ix_(order, order)
     for i, row in enumerate(configuration):
-        slopes, _, masses = pin.computeRNEADerivatives(model, data, row, v[i], a[i])
-        out[0][..., i][at], out[1][..., i][at] = slopes.T, masses - np.diag(np.diag(masses))
+        slopes, damping, masses = pin.computeRNEADerivatives(model, data, row, v[i], a[i])
+        out[0][..., i][at], out[1][..., i][at], out[2][..., i][at] = slopes.T, damping.T, masses
     return out
 
 
