@@ -25,6 +25,8 @@ STATIC_PERIOD = 0.1
 MORE_THAN_A_TURN = 2 * np.pi + 0.1
 #: an encoder counts this number of turns too many, at most; limits are kept to this [rad]
 FEW_TURNS, SLACK = 2, np.deg2rad(1.0)
+#: accelerations along a direction whose mean square is so many times their error's are believed: errors are told that well
+MORE_THAN_NOISE = 2.0
 
 
 class _Latest(Generic[T]):
@@ -59,6 +61,7 @@ class JointMotion:
     facts: Mapping[str, object]
     smoothed: Smoothed | None = field(default=None, repr=False)
     warnings: tuple[str, ...] = ()
+    believed: Array = field(default_factory=lambda: np.eye(0), repr=False)
 
     @property
     def steps(self) -> tuple[Step, ...]:
@@ -79,7 +82,8 @@ class JointMotion:
         """The motion with so many samples of its own error, the same at each call; none where the error isn't known."""
         if self.smoothed is not None:
             for made in self.smoothed.draws(number):
-                yield replace(self, q=made.value, dq=made.first, ddq=made.second, smoothed=made)
+                ddq = self.ddq + (made.second - self.smoothed.second) @ self.believed
+                yield replace(self, q=made.value, dq=made.first, ddq=ddq, smoothed=made)
 
 
 _MOTIONS = _Latest[JointMotion]()
@@ -136,7 +140,27 @@ def _smoothed(log: Log, q: Array) -> JointMotion:
     sources = " and ".join(name for name, values in logged if values is not None)
     warnings = contradictions(made, [f"q{j + 1}" for j in range(q.shape[1])], log.period)
     facts = {"motion": f"smoothed from {sources}", **made.facts}
-    return JointMotion(made.value, made.first, made.second, facts, made, tuple(warnings))
+    believed = _beyond_noise(made.second, made.sd[2])
+    return JointMotion(made.value, made.first, made.second @ believed, facts, made, tuple(warnings), believed)
+
+
+def _beyond_noise(x: Array, sd: NDArray[np.float32]) -> Array:
+    """What of the smoothed accelerations (n, N) is more than their error, a row to be multiplied from the right, (N, N).
+
+    Joints are smoothed one by one. Where an arm moves along few directions, its joints' accelerations along all others
+    are noise alone, and a tool that weighs less would take it off readings. Each direction counts by the share 1 − 1/λ
+    of its mean square that is not the error's, with λ their ratio (the positive part of W. James, C. Stein, Proc. 4th
+    Berkeley Symp. 1961, axis by axis of what both are diagonal in).
+    """
+    known = np.isfinite(x).all(axis=1) & np.isfinite(sd).all(axis=1)
+    noise = np.sqrt(np.mean(np.square(sd[known], dtype=np.float64), axis=0)) if known.any() else np.zeros(x.shape[1])
+    if not (noise > 0.0).all():
+        return np.eye(x.shape[1])
+    scaled = x[known] / noise
+    ratio, axes = np.linalg.eigh(scaled.T @ scaled / len(scaled))
+    share = np.where(ratio > MORE_THAN_NOISE, 1.0 - 1.0 / np.maximum(ratio, 1.0), 0.0)
+    out: Array = (axes * share) @ axes.T * (noise / noise[:, None])
+    return out
 
 
 def own_motion(log: Log, differentiator: Differentiator | None) -> Iterator[tuple[str, str, Smoothed | Derivatives]]:
