@@ -25,7 +25,8 @@ STATIC_PERIOD = 0.1
 MORE_THAN_A_TURN = 2 * np.pi + 0.1
 #: an encoder counts this number of turns too many, at most; limits are kept to this [rad]
 FEW_TURNS, SLACK = 2, np.deg2rad(1.0)
-#: accelerations along a direction whose mean square is so many times their error's are believed: errors are told that well
+#: accelerations along a direction are believed where their mean square is so many times their error's, which is known
+#: within that
 MORE_THAN_NOISE = 2.0
 
 
@@ -53,6 +54,7 @@ class JointMotion:
         facts: where they came from. warnings: where what was logged contradicts itself, a sentence each.
         smoothed: the estimate that they are, with its standard deviations; None where they are as logged or
             differentiated.
+        believed: what of the smoothed accelerations was kept, to be multiplied from the right, (N, N).
     """
 
     q: Array
@@ -145,7 +147,7 @@ def _smoothed(log: Log, q: Array) -> JointMotion:
 
 
 def _beyond_noise(x: Array, sd: NDArray[np.float32]) -> Array:
-    """What of the smoothed accelerations (n, N) is more than their error, a row to be multiplied from the right, (N, N).
+    """What of smoothed accelerations (n, N) is more than their error: (N, N), to be multiplied from the right.
 
     Joints are smoothed one by one. Where an arm moves along few directions, its joints' accelerations along all others
     are noise alone, and a tool that weighs less would take it off readings. Each direction counts by the share 1 − 1/λ
