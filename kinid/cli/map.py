@@ -81,9 +81,10 @@ def map_(
     from kinid.batch.probing import found_in
     from kinid.batch.store import address_of, is_remote
     from kinid.cli.show import written
-    from kinid.cli.show_map import in_map, map_facts, show_map
+    from kinid.cli.show_map import in_map, map_facts, show_borders, show_map
     from kinid.mapping.origin import refuse_changed, unknown_origin
     from kinid.mapping.property_map import PropertyMap
+    from kinid.mapping.slide_borders import slide_borders
     from kinid.writers import alone_with, check_outputs, write_json, write_text
 
     check_method(method)
@@ -99,12 +100,14 @@ def map_(
         if start is not None:
             refuse_changed(start, out.stat().st_mtime)
         grown, skipped = _grow(given, found, prober, start, out, follow, runner)
+    borders = slide_borders(grown, prober.rig)
     if plot is not None:
         from kinid.mapping.map_page import map_page
 
-        write_text(plot, map_page(grown, out.name, method))
+        write_text(plot, map_page(grown, out.name, method, borders))
     known, new = in_map(grown), len(grown) - (0 if start is None else len(start))
     show_map(grown, known, new, skipped, rig_file)
+    show_borders(borders)
     doubts = [] if start is None or not new else unknown_origin(start)
     for doubt in doubts:
         typer.echo(f"doubt: {doubt}")
@@ -118,7 +121,13 @@ def map_(
             typer.echo(f"assumed friction {FRICTION} in {export}: the map holds none")
     files = [path for path in (out, plot, *worlds, json_file) if path is not None]
     if json_file is not None:
-        more = {"map": str(out), "method": method, "doubts": doubts, "written": [str(path) for path in files]}
+        more: dict[str, object] = {
+            "map": str(out),
+            "method": method,
+            "doubts": doubts,
+            "written": [str(path) for path in files],
+        }
+        more |= {"borders": [border.to_dict() for border in borders]}
         write_json(json_file, map_facts(grown, known, new, skipped) | more, allow_nan=False)
     written(files)
 

@@ -11,10 +11,12 @@ import numpy as np
 
 from kinid.cli.show import console, plain_table, right, say
 from kinid.errors import InputError
+from kinid.estimators.estimate import NORMAL_95
 
 if TYPE_CHECKING:
     from kinid.mapping.interpolation.uniform import Uniform
     from kinid.mapping.property_map import PropertyMap
+    from kinid.mapping.slide_borders import SlideBorder
 
 #: times the noise from which a model fails at a place
 FAILING = 3
@@ -125,3 +127,14 @@ def show_map(grown: PropertyMap, known: Sequence[Known], new: int, left_out: Map
     say(out, *(f"left out: {path}: {why}" for path, why in list(left_out.items())[:MOST_LEFT_OUT]))
     if len(left_out) > MOST_LEFT_OUT:
         out.print(f"left out: {len(left_out) - MOST_LEFT_OUT} more")
+
+
+def show_borders(borders: Sequence[SlideBorder]) -> None:
+    """How many borders slides crossed, and how well the places are known; nothing where none was found."""
+    if not borders:
+        return
+    doubtful = sum(bool(border.change.doubt) for border in borders)
+    shown = [border.change.sd for border in borders if not border.change.doubt]
+    sure = f", known to ± {1e3 * NORMAL_95 * float(np.median(shown)):.2g} mm (95 %, median)" if shown else ""
+    doubt = f"; {doubtful} more that one way alone shows (kinid changes LOG)" if doubtful else ""
+    say(console(), f"slides cross from one material to another {len(shown)} times{sure}{doubt}")

@@ -4,6 +4,8 @@ fails.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +14,7 @@ from numpy.typing import NDArray
 from kinid.estimators.estimate import NORMAL_95
 from kinid.mapping.interpolation import METHOD_WORDS
 from kinid.mapping.property_map import PropertyMap
+from kinid.mapping.slide_borders import SlideBorder, across
 from kinid.reports.plots import round_span
 from kinid.reports.render import render
 from kinid.robotics.surface import Plane
@@ -28,11 +31,13 @@ UNKNOWN = "#e5e7eb"
 UNIFORM_SHARE, UNIFORM_SCATTERS = 0.1, 5.0
 #: cells along the longer side of a plane
 CELLS = 120
+#: half length of the stroke at a border [m]
+STROKE = 1.5e-3
 MARGIN = {"l": 50, "r": 10, "t": 20, "b": 45}
 
 
-def map_page(grown: PropertyMap, title: str, method: str = "gp") -> str:
-    """All properties of a map: each between the probes, with its standard deviation beside it."""
+def map_page(grown: PropertyMap, title: str, method: str = "gp", borders: Sequence[SlideBorder] = ()) -> str:
+    """All properties of a map: each between the probes, with its standard deviation and borders that slides crossed."""
     properties = []
     for item in grown.properties:
         if not np.isfinite(grown.values(item.name)).any():
@@ -43,7 +48,7 @@ def map_page(grown: PropertyMap, title: str, method: str = "gp") -> str:
                 "name": f"{item.name} [{item.unit}]",
                 "uniform": "" if uniform is None else uniform.words(item.unit),
                 "errors": [] if grown.predicted else list(grown.held_out(item.name).values()),
-                "figures": _figures(grown, item.name, method),
+                "figures": _figures(grown, item.name, method, borders),
             }
         )
     flat = isinstance(grown.surface, Plane)
@@ -59,20 +64,39 @@ def map_page(grown: PropertyMap, title: str, method: str = "gp") -> str:
     )
 
 
-def _figures(grown: PropertyMap, name: str, method: str) -> list[tuple[str, Figure]]:
+def _figures(grown: PropertyMap, name: str, method: str, borders: Sequence[SlideBorder]) -> list[tuple[str, Figure]]:
     """A property, and over a plane its standard deviation where the method knows one."""
     if not isinstance(grown.surface, Plane):
         return [("map", mesh_figure(grown, name, method))]
     spread = spread_figure(grown, name, method)
-    return [("map", plane_figure(grown, name, method)), *([("standard deviation", spread)] if spread else [])]
+    return [("map", plane_figure(grown, name, method, borders)), *([("standard deviation", spread)] if spread else [])]
 
 
-def plane_figure(grown: PropertyMap, name: str, method: str = "gp") -> Figure:
-    """A property over a plane, and its probes."""
+def plane_figure(grown: PropertyMap, name: str, method: str = "gp", borders: Sequence[SlideBorder] = ()) -> Figure:
+    """A property over a plane, its probes, and a stroke across the slip at each border that slides crossed."""
     ticks = grown.grid(CELLS)
     figure = _field(grown, name, ticks, grown.over_grid(name, ticks, method).mean, colour_range(grown, name), SCALE)
     figure.add_trace(_probes(grown, name))
+    if borders:
+        figure.add_trace(_strokes(borders))
     return figure
+
+
+def _strokes(borders: Sequence[SlideBorder]) -> Scatter:
+    """Borders as strokes across the slip; where is said at the mouse."""
+    from plotly.graph_objects import Scatter as NewScatter
+
+    gap = np.full((1, 2), np.nan)
+    ends = 1e3 * np.concatenate([np.concatenate([across(border.change, STROKE), gap]) for border in borders])
+    words = [
+        f"border of {Path(log).name} ± {1e3 * NORMAL_95 * c.sd:.2g} mm (95 %){': ' + c.doubt if c.doubt else ''}"
+        for log, c in borders
+        for _ in range(3)
+    ]
+    line = {"color": "#dc2626", "width": 2}
+    return NewScatter(
+        x=ends[:, 0], y=ends[:, 1], mode="lines", text=words, hoverinfo="text", showlegend=False, line=line
+    )
 
 
 def spread_figure(grown: PropertyMap, name: str, method: str = "gp") -> Figure | None:
