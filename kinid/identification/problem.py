@@ -72,11 +72,12 @@ class Problem:
         size = max(1, min(size, len(s) // MIN_MEANS))
         begin, end = group_edges(s, experiment.valid, size)
         length = block_length(span)
-        block = (s.t / length).astype(np.int64)
+        # by their order: a log may hold seconds within years
+        times, block = np.unique((s.t / length).astype(np.int64), return_inverse=True)
         keep = experiment.valid[begin]
         begin, end = begin[keep], end[keep]
         dealt = hold_out_folds(s, block)
-        whole_block = np.minimum((whole.signals.t / length).astype(np.int64), len(dealt) - 1)
+        whole_block = np.searchsorted(times, (whole.signals.t / length).astype(np.int64)).clip(max=len(dealt) - 1)
         return cls(
             whole,
             experiment,

@@ -222,7 +222,12 @@ def test_a_joint_that_is_off_by_a_turn_is_in_no_other_unit(touched: tuple[Log, R
 
 @pytest.mark.parametrize(
     ("factor", "words"),
-    [(1e3, "between samples of a touch"), (1e-3, "2e-06 s between samples"), (60.0, "taken for poses at rest")],
+    [
+        (1e3, 't = { unit = "ms"'),
+        (1e6, 't = { unit = "us"'),
+        (1e-3, "2e-06 s between samples"),
+        (60.0, "taken for poses at rest"),
+    ],
 )
 def test_time_in_another_unit(touched: tuple[Log, Rig, Robot], factor: float, words: str) -> None:
     log, rig, robot = touched
