@@ -18,6 +18,8 @@ from kinid.modeling.experiment import Experiment
 from kinid.modeling.motion_draws import JointDraws, SeriesDraws
 from kinid.modeling.sample_times import clock, forgotten
 from kinid.modeling.tool_load import joint_signals, sensor_motion
+from kinid.robotics.external_force import PRIOR, UNKNOWN
+from kinid.robotics.inverse_dynamics import refuse_external
 from kinid.robotics.motion import JointMotion, axes_motion, joint_motion
 from kinid.robotics.robot import Robot
 from kinid.robotics.surface import load as load_surface
@@ -62,6 +64,8 @@ def from_contact(touch: ContactSeries, channels: tuple[str, ...]) -> Experiment:
     free = valid & ~in_contact & (depth < 0)
     if free.sum() >= FREE_ENOUGH:
         noise = np.maximum(noise, _slow_noise(measured[:, free]))
+    if touch.force_sd is not None:
+        noise = _unsure(touch, rows, channels, valid, noise)
     return Experiment(
         signals,
         measured,
@@ -74,6 +78,20 @@ def from_contact(touch: ContactSeries, channels: tuple[str, ...]) -> Experiment:
         drawn=SeriesDraws(*touch.source) if touch.source is not None and touch.smoothed else None,
         warnings=_doubts(touch),
     )
+
+
+def _unsure(
+    touch: ContactSeries, rows: NDArray[np.int64], channels: tuple[str, ...], valid: Mask, noise: Array
+) -> Array:
+    """Noise of forces from joint torques, (channels,): no less than their typical standard deviation.
+
+    Samples whose force the joints barely feel, as in a singular pose, don't count from here on (`valid`).
+    """
+    assert touch.force_sd is not None
+    order = ("tangential_force1", "tangential_force2", "normal_force")
+    sd = touch.force_sd[[order.index(name) for name in channels]][:, rows]
+    valid &= (sd < UNKNOWN * PRIOR).all(axis=0)
+    return np.maximum(noise, np.median(sd[:, valid], axis=1)) if valid.any() else noise
 
 
 #: a bias that a rig needn't state [N, N·m]: twice what zeroing in the air leaves
@@ -210,6 +228,7 @@ def from_joint_torques(
             "tau1…tauN [N·m], link side",
             "name their columns in [columns] of the rig",
         )
+    refuse_external(rig)
     if robot is None and rig.robot is not None:
         robot = Robot.load(rig)
     motion = axes_motion(log, differentiator) if robot is None else joint_motion(log, robot, differentiator)
