@@ -56,7 +56,7 @@ def contact(
     compensate: Annotated[
         Path | None,
         typer.Option(
-            help="Fit (kinid fit --json) whose coupling between the axes, or joint torques of free motion, are taken out."
+            help="Fit (kinid fit --json) whose coupling between the axes, or torques of free motion, are taken out."
         ),
     ] = None,
     trust_wrench: Annotated[

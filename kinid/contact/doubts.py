@@ -76,8 +76,8 @@ def _without_wrench(log: Log, rig: Rig) -> list[str]:
     if log.wrench is not None or log.tau is None or rig.surface is None or by_torques(log, rig):
         return []
     return [
-        "the log has no wrench, though the rig states a [sensor]: forces are unknown; name its columns in [columns], or "
-        "take [sensor] out of the rig, and forces come from the joint torques"
+        "the log has no wrench, though the rig states a [sensor]: forces are unknown; name its columns in [columns], "
+        "or take [sensor] out of the rig, and forces come from the joint torques"
     ]
 
 

@@ -64,9 +64,7 @@ def from_contact(touch: ContactSeries, channels: tuple[str, ...]) -> Experiment:
     free = valid & ~in_contact & (depth < 0)
     if free.sum() >= FREE_ENOUGH:
         noise = np.maximum(noise, _slow_noise(measured[:, free]))
-    if touch.force_sd is not None:
-        noise = _unsure(touch, rows, channels, valid, noise)
-    return Experiment(
+    made = Experiment(
         signals,
         measured,
         valid,
@@ -78,20 +76,23 @@ def from_contact(touch: ContactSeries, channels: tuple[str, ...]) -> Experiment:
         drawn=SeriesDraws(*touch.source) if touch.source is not None and touch.smoothed else None,
         warnings=_doubts(touch),
     )
+    return made if touch.force_sd is None else _of_torques(touch, rows, made)
 
 
-def _unsure(
-    touch: ContactSeries, rows: NDArray[np.int64], channels: tuple[str, ...], valid: Mask, noise: Array
-) -> Array:
-    """Noise of forces from joint torques, (channels,): no less than their typical standard deviation.
+def _of_torques(touch: ContactSeries, rows: NDArray[np.int64], made: Experiment) -> Experiment:
+    """Forces from joint torques as an experiment: noise of their typical standard deviation, most of which lasts.
 
-    Samples whose force the joints barely feel, as in a singular pose, don't count from here on (`valid`).
+    Samples whose force the joints barely feel, as in a singular pose, don't count.
     """
     assert touch.force_sd is not None
     order = ("tangential_force1", "tangential_force2", "normal_force")
-    sd = touch.force_sd[[order.index(name) for name in channels]][:, rows]
-    valid &= (sd < UNKNOWN * PRIOR).all(axis=0)
-    return np.maximum(noise, np.median(sd[:, valid], axis=1)) if valid.any() else noise
+    sd = touch.force_sd[[order.index(name) for name in made.layout.channels]][:, rows]
+    valid = made.valid & (sd < UNKNOWN * PRIOR).all(axis=0)
+    if not valid.any():
+        return dataclasses.replace(made, valid=valid)
+    typical = np.median(sd[:, valid & made.in_contact] if (valid & made.in_contact).any() else sd[:, valid], axis=1)
+    slow = np.sqrt(np.maximum(typical**2 - _noise(made.measured[:, valid]) ** 2, 0.0))
+    return dataclasses.replace(made, valid=valid, noise=np.maximum(made.noise, typical), slow=slow)
 
 
 #: a bias that a rig needn't state [N, N·m]: twice what zeroing in the air leaves
