@@ -68,7 +68,7 @@ def contact(
     """Raw log to contact-frame quantities: depth, slip and forces in the frame of the surface.
 
     Without a [surface] in the rig: the tip's motion and the force on it. With joint torques in the log: inverse
-    dynamics beside them.
+    dynamics beside them; and forces from them where there is neither a wrench nor a [sensor].
     """
     if bias not in ("auto", "none"):
         raise InputError(f"--bias {bias}", "auto or none", near(bias, ("auto", "none")))

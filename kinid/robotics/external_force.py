@@ -72,13 +72,13 @@ class TipForce:
 
     Attributes:
         force: [N], (n, 3). covariance: [N²], (n, 3, 3).
-        misfit: mean square of what of the torques no force at the tip makes, in units of its expected error, (n,);
+        reduced_chi_square: of what no force at the tip makes of the torques, 1 where errors are as expected, (n,);
             NaN of arms of three joints or less, which leave nothing over.
     """
 
     force: Array
     covariance: Array
-    misfit: Array
+    reduced_chi_square: Array
 
 
 def tip_jacobian(robot: Robot, q: Array) -> Array:
@@ -163,10 +163,12 @@ def tip_force(jacobian: Array, residual: Array, error: TorqueError) -> TipForce:
     force = -np.einsum("nij,nkj,nk->ni", covariance, weighted, torque)
     left = torque + np.einsum("nij,ni->nj", jacobian, force)
     over = residual.shape[1] - 3
-    misfit = np.full(len(torque), np.nan)
+    reduced_chi_square = np.full(len(torque), np.nan)
     if over > 0:
-        misfit = np.einsum("nj,nj->n", left, np.linalg.solve(error.covariance, left[:, :, None])[:, :, 0]) / over
-    return TipForce(np.asarray(force), np.asarray(covariance), misfit)
+        reduced_chi_square = (
+            np.einsum("nj,nj->n", left, np.linalg.solve(error.covariance, left[:, :, None])[:, :, 0]) / over
+        )
+    return TipForce(np.asarray(force), np.asarray(covariance), reduced_chi_square)
 
 
 def _friction(t: Array, residual: Array, dq: Array, moved: Directions, free: Rows) -> tuple[Array, Array]:
