@@ -64,15 +64,11 @@ def felt_by_torques(frame: SurfaceFrame, torques: JointTorques | None = None) ->
     error = torque_error(log.t, residual, motion.dq, moved, free, measured)
     tip = robot.kinematics(robot.tip_frame or "", motion.q)
     jacobian = tip_jacobian(robot, motion.q)
-    force, sd, reduced_chi_square = (
-        np.full((len(log), 3), np.nan),
-        np.full((3, len(log)), np.nan),
-        np.full(len(log), np.nan),
-    )
+    force, sd, beside = (np.full(shape, np.nan) for shape in ((len(log), 3), (3, len(log)), len(log)))
     where = frame.surface.locate(tip.position)
     for rows in np.array_split(np.flatnonzero(_finite(residual, jacobian, error.mean)), 1 + len(log) // 20_000):
         found = tip_force(jacobian[rows], residual[rows], error.rows(rows))
-        force[rows], reduced_chi_square[rows] = found.force, found.reduced_chi_square
+        force[rows], beside[rows] = found.force, found.reduced_chi_square
         axes = where.axes[rows]
         sd[:, rows] = np.sqrt(np.einsum("nij,njk,nik->in", axes, found.covariance, axes))
     # a frame without a tool, whose weight the torques' model carries, and with the tip as its sensor
@@ -84,8 +80,8 @@ def felt_by_torques(frame: SurfaceFrame, torques: JointTorques | None = None) ->
     wrench = np.zeros((len(log), 6))
     wrench[:, :3] = np.einsum("nji,nj->ni", tip.rotation, force)
     table = bare.table(Reading(wrench, np.eye(6), np.zeros(6), {}), moments=False)
-    inside = np.isfinite(reduced_chi_square) & (where.depth > 0.0)
-    excess = float(np.mean(reduced_chi_square[inside])) if inside.any() else 1.0
+    inside = np.isfinite(beside) & (where.depth > 0.0)
+    excess = float(np.mean(beside[inside])) if inside.any() else 1.0
     sd *= np.sqrt(max(1.0, excess))  # Birge's ratio: what the covariance lacks in contact, it lacks along J, too
     unknown = [k for k in range(3) if not np.nanmin(sd[k], initial=PRIOR) < UNKNOWN * PRIOR]
     table[[FORCES[k] for k in unknown]] = np.nan

@@ -32,6 +32,8 @@ PRIOR = 100.0
 UNKNOWN = 0.5
 #: free motion is averaged over so long for the level of the torques' error [s]
 BLOCK = 0.25
+#: so many of these averages, at most, are held out to see how well others tell them
+HELD_OUT = 500
 #: length of the bristles by which dry friction of a joint turns over, of one that turns [rad] and one that slides [m]
 BRISTLE = (1e-4, 1e-5)
 #: … and by which factor they may be longer or shorter
@@ -53,17 +55,24 @@ class TorqueError:
     """What joint torques hold beside the motion's and a contact's, at each sample.
 
     Attributes:
-        mean: [N·m or N], (n, N). covariance: (n, N, N).
+        mean: [N·m or N], (n, N). common: covariance that all samples have, (N, N). variance: of each joint at each
+            sample beside that, (n, N).
         learnt: samples of free motion that it was learnt from; 0 where there were too few.
     """
 
     mean: Array
-    covariance: Array
+    common: Array
+    variance: Array
     learnt: int
 
     def rows(self, rows: Rows) -> TorqueError:
         """The same at some samples."""
-        return TorqueError(self.mean[rows], self.covariance[rows], self.learnt)
+        return TorqueError(self.mean[rows], self.common, self.variance[rows], self.learnt)
+
+    @property
+    def covariance(self) -> Array:
+        """At each sample, (n, N, N)."""
+        return np.asarray(self.common + np.einsum("nj,jk->njk", self.variance, np.eye(len(self.common))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,18 +145,12 @@ def torque_error(t: Array, residual: Array, dq: Array, moved: Directions, free: 
     joints = residual.shape[1]
     if len(free) < FEWEST:
         size = UNLEARNT * float(np.nanmax(np.abs(measured), initial=0.0))
-        return TorqueError(np.zeros_like(residual), size**2 * np.eye(joints) + _gain_variance(residual), 0)
+        return TorqueError(np.zeros_like(residual), size**2 * np.eye(joints), (GAIN * residual) ** 2, 0)
     rub, rub_variance = _friction(t, residual, dq, moved, free)
     level, covariance = _level(t, residual - rub, free)
     covariance += LEAST * np.trace(covariance) / joints * np.eye(joints)
-    each = np.einsum("nj,jk->njk", rub_variance, np.eye(joints))
     mean = rub + level
-    return TorqueError(mean, covariance + each + _gain_variance(residual - mean), len(free))
-
-
-def _gain_variance(torque: Array) -> Array:
-    """Variance of torques (n, N) of a contact by the gain of their sensors, (n, N, N)."""
-    return np.asarray(np.einsum("nj,jk->njk", (GAIN * torque) ** 2, np.eye(torque.shape[1])))
+    return TorqueError(mean, covariance, rub_variance + (GAIN * (residual - mean)) ** 2, len(free))
 
 
 def tip_force(jacobian: Array, residual: Array, error: TorqueError) -> TipForce:
@@ -156,19 +159,17 @@ def tip_force(jacobian: Array, residual: Array, error: TorqueError) -> TipForce:
     Args:
         jacobian: of the tip in base axes, (n, 3, N). residual: measured less modelled torques, (n, N). error: in it.
     """
-    torque = residual - error.mean
-    weighted = np.linalg.solve(error.covariance, np.swapaxes(jacobian, 1, 2))  # Σ⁻¹ Jᵀ
+    torque, error_covariance = residual - error.mean, error.covariance
+    weighted = np.linalg.solve(error_covariance, np.swapaxes(jacobian, 1, 2))  # Σ⁻¹ Jᵀ
     precision = jacobian @ weighted + np.eye(3) / PRIOR**2
     covariance = np.linalg.inv(precision)
     force = -np.einsum("nij,nkj,nk->ni", covariance, weighted, torque)
     left = torque + np.einsum("nij,ni->nj", jacobian, force)
     over = residual.shape[1] - 3
-    reduced_chi_square = np.full(len(torque), np.nan)
-    if over > 0:
-        reduced_chi_square = (
-            np.einsum("nj,nj->n", left, np.linalg.solve(error.covariance, left[:, :, None])[:, :, 0]) / over
-        )
-    return TipForce(np.asarray(force), np.asarray(covariance), reduced_chi_square)
+    square = np.einsum("nj,nj->n", left, np.linalg.solve(error_covariance, left[:, :, None])[:, :, 0])
+    return TipForce(
+        np.asarray(force), np.asarray(covariance), square / over if over > 0 else np.full_like(square, np.nan)
+    )
 
 
 def _friction(t: Array, residual: Array, dq: Array, moved: Directions, free: Rows) -> tuple[Array, Array]:
@@ -220,7 +221,8 @@ def _level(t: Array, values: Array, free: Rows) -> tuple[Array, Array]:
     gap = float(np.diff(np.concatenate([t[:1], t[free], t[-1:]])).max())
     away = max(BLOCK, min(0.5 * gap, float(np.ptp(times)) / 3.0))
     local, common = [], []
-    for time, mean in zip(times, means):
+    every = 1 + len(times) // HELD_OUT
+    for time, mean in zip(times[::every], means[::every]):
         far = np.abs(times - time) >= away
         if far.any():
             local.append(mean - _between(np.array([time]), times[far], means[far])[0])

@@ -52,7 +52,7 @@ def by_pinocchio(robot: Robot, frame: str, q: Array) -> Array:
 
 def known(n: int, sd: float, joints: int = 7) -> TorqueError:
     """An error of mean zero and one standard deviation for all joints."""
-    return TorqueError(np.zeros((n, joints)), np.tile(sd**2 * np.eye(joints), (n, 1, 1)), FEWEST)
+    return TorqueError(np.zeros((n, joints)), sd**2 * np.eye(joints), np.zeros((n, joints)), FEWEST)
 
 
 def bent(n: int, seed: int) -> Array:
