@@ -85,6 +85,15 @@ class Compensated:
             f"contact; what is left, friction and all, is {self.after:.4g} N rms"
         )
 
+    def facts(self) -> Json:
+        """For JSON."""
+        return {
+            "effects": self.effects,
+            "lateral_rms_before": self.before,
+            "lateral_rms_after": self.after,
+            "lateral_rms_of_coupling": self.coupling,
+        }
+
 
 def load_fit(path: Path) -> tuple[Model, dict[str, float]]:
     """Model and values from what `kinid fit --json` wrote, or of the best model of `kinid diagnose --json`.

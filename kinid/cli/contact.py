@@ -13,6 +13,7 @@ from kinid.errors import InputError, near
 
 if TYPE_CHECKING:
     from kinid.calibration.coupling import Compensated
+    from kinid.calibration.free_torques import FromFreeMotion
     from kinid.contact.analysis import Analysis
     from kinid.contact.registration import FoundSurface
     from kinid.data.log import Log
@@ -53,7 +54,10 @@ def contact(
         bool, typer.Option("--find-surface", help="Fit the plane to the touches in the log, and use it.")
     ] = False,
     compensate: Annotated[
-        Path | None, typer.Option(help="Fit (kinid fit --json) whose coupling between the axes is taken out.")
+        Path | None,
+        typer.Option(
+            help="Fit (kinid fit --json) whose coupling between the axes, or torques of free motion, are taken out."
+        ),
     ] = None,
     trust_wrench: Annotated[
         bool, typer.Option("--trust-wrench", help="Don't ask whether gravity contradicts the wrench.")
@@ -64,7 +68,7 @@ def contact(
     """Raw log to contact-frame quantities: depth, slip and forces in the frame of the surface.
 
     Without a [surface] in the rig: the tip's motion and the force on it. With joint torques in the log: inverse
-    dynamics beside them.
+    dynamics beside them; and forces from them where there is neither a wrench nor a [sensor].
     """
     if bias not in ("auto", "none"):
         raise InputError(f"--bias {bias}", "auto or none", near(bias, ("auto", "none")))
@@ -153,27 +157,30 @@ def many_contacts(
     each_log(Job("contact"), logs, rig, out, on, workers, json_file)
 
 
-def _compensated(result: Analysis, log: Log, rig: Rig, fit: Path) -> Compensated:
-    """Without the coupling between the axes that a fit found."""
+def _compensated(result: Analysis, log: Log, rig: Rig, fit: Path) -> Compensated | FromFreeMotion:
+    """Without the coupling between the axes that a fit found, or the joint torques that one to free motion did."""
     from kinid.calibration.coupling import compensate, load_fit
 
     if result.contact is None:
         raise InputError("a rig without [surface]", "contact-frame quantities to compensate", "add [surface]")
-    return compensate(result.contact, log, rig, *load_fit(fit))
+    model, values = load_fit(fit)
+    if "joints" in model.needs:
+        from kinid.calibration.free_torques import without_free_torques
+        from kinid.identification.fitted import FittedModel
+
+        return without_free_torques(log, rig, FittedModel.load(fit))
+    return compensate(result.contact, log, rig, model, values)
 
 
-def _facts(result: Analysis, found: FoundSurface | None, compensated: Compensated | None) -> dict[str, object]:
+def _facts(
+    result: Analysis, found: FoundSurface | None, compensated: Compensated | FromFreeMotion | None
+) -> dict[str, object]:
     """For JSON."""
     facts: dict[str, object] = result.summary()
     if found is not None:
         facts["surface"] = found.to_dict()
     if compensated is not None:
-        facts["compensated"] = {
-            "effects": compensated.effects,
-            "lateral_rms_before": compensated.before,
-            "lateral_rms_after": compensated.after,
-            "lateral_rms_of_coupling": compensated.coupling,
-        }
+        facts["compensated"] = compensated.facts()
     return facts
 
 

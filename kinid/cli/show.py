@@ -99,7 +99,9 @@ def _show_ranges(out: Console, ranges: Mapping[str, Mapping[str, float] | None])
     for name, span in ranges.items():
         if name.startswith("tau"):
             continue
-        unit = UNITS.get(name) or ("N" if name.startswith("force") else "m/s" if "_v" in name else "m")
+        unit = UNITS.get(name.removesuffix("_sd")) or (
+            "N" if name.startswith("force") else "m/s" if "_v" in name else "m"
+        )
         ends = ("unknown", "unknown") if span is None else (f"{span['min']:.5g}", f"{span['max']:.5g}")
         table.add_row(name, unit, *ends)
     if table.row_count:

@@ -11,6 +11,7 @@ from kinid.contact.series import ContactSeries
 from kinid.contact.surface_doubts import misplaced, turned_normal
 from kinid.contact.time_doubts import time_doubts
 from kinid.contact.tool_doubts import FEWEST, tool_doubts
+from kinid.contact.torque_contact import by_torques
 from kinid.contact.touch_doubts import unfelt
 from kinid.contact.unit_doubts import FORCES, MOMENTS
 from kinid.data.log import Log, Step
@@ -42,7 +43,7 @@ def contact_doubts(log: Log, rig: Rig, robot: Robot | None, touch: ContactSeries
     if log.q is None or robot is None:
         return []
     stuck = _stuck(log)
-    out = [*stuck, *_beyond_joints(log, robot), *_beyond_range(log, rig)]
+    out = [*_without_wrench(log, rig), *stuck, *_beyond_joints(log, robot), *_beyond_range(log, rig)]
     if touch is not None:
         deepest = float(np.nanmax(touch.depth)) if np.isfinite(touch.depth).any() else 0.0
         if deepest > DEEPEST:
@@ -68,6 +69,16 @@ def contact_doubts(log: Log, rig: Rig, robot: Robot | None, touch: ContactSeries
         or unfelt(rig, touch)
     )
     return out + _not_read(log)
+
+
+def _without_wrench(log: Log, rig: Rig) -> list[str]:
+    """A log without a wrench, of a rig with a sensor, where joint torques would tell the forces."""
+    if log.wrench is not None or log.tau is None or rig.surface is None or by_torques(log, rig):
+        return []
+    return [
+        "the log has no wrench, though the rig states a [sensor]: forces are unknown; name its columns in [columns], "
+        "or take [sensor] out of the rig, and forces come from the joint torques"
+    ]
 
 
 def _elsewhere(robot: Robot) -> list[str]:

@@ -13,11 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.contact.surface_frame import SurfaceFrame
+from kinid.contact.torque_contact import FORCES, by_torques, felt_by_torques
 from kinid.contact.touching import touching
 from kinid.data.log import Log, Mask, Provenance, Step, frozen, frozen_as
 from kinid.data.rig import CONTACT, Rig
 from kinid.errors import InputError, expect
 from kinid.kernels import chain as kernel
+from kinid.robotics.inverse_dynamics import JointTorques
 from kinid.robotics.motion import TipMotion, joint_motion, own_motion
 from kinid.robotics.robot import Robot
 from kinid.robotics.surface import load as load_surface
@@ -45,6 +47,8 @@ class ContactSeries(Shown):
         valid: False where the log's sample could not be used; the quantities there are NaN.
         moment: moment of the material on the tool about the tip [N·m], rows tangent1, tangent2, normal, (3, n); or
             None.
+        force_sd: standard deviations of tangential_force1, tangential_force2 and normal_force [N], (3, n), where they
+            come from joint torques; None where they were measured at the wrist.
         smoothed: whether the motion is an estimate, whose error is known.
         bias: of the sensor, as it was removed [N, N·m], (6,); None without a wrench.
         provenance: source and processing steps.
@@ -67,6 +71,7 @@ class ContactSeries(Shown):
     valid: NDArray[np.bool_]
     phase: NDArray[np.str_] | None = None
     moment: Array | None = None
+    force_sd: Array | None = None
     smoothed: bool = False
     bias: Array | None = None
     provenance: Provenance = Provenance("memory")
@@ -104,6 +109,8 @@ class ContactSeries(Shown):
         """The columns of a contact table, by name."""
         out: dict[str, NDArray[np.generic]] = {"t": self.t}
         out |= {name: getattr(self, name) for name in CONTACT}
+        if self.force_sd is not None:
+            out |= {f"{CONTACT[row]}_sd": sd for row, sd in zip(FORCES, self.force_sd)}
         out["in_contact"] = self.in_contact
         if self.phase is not None:
             out["phase"] = self.phase
@@ -119,8 +126,11 @@ def contact_series(
     differentiator: Differentiator | None = None,
     moments: bool = False,
     trust_wrench: bool = False,
+    torques: JointTorques | None = None,
 ) -> ContactSeries:
     """Contact-frame quantities of a log.
+
+    Where the log has no wrench, and the rig no [sensor], forces come from joint torques, if there are any.
 
     Args:
         log: raw samples; with joints, or with contact quantities of its own.
@@ -130,6 +140,8 @@ def contact_series(
         differentiator: instead of the smoother, for the velocities and accelerations that the log lacks.
         moments: compute the moment about the tip as well.
         trust_wrench: don't ask whether gravity contradicts the wrench's sign and axes.
+        torques: measured and predicted joint torques for forces from them, where the caller has better predictions than
+            the rig's rigid bodies.
 
     Raises:
         InputError: no surface, no joints, or input that contradicts itself.
@@ -148,12 +160,14 @@ def contact_series(
     _need_tip(robot)
     motion = joint_motion(log, robot, differentiator)
     frame = SurfaceFrame(log, rig, robot, motion, surface, differentiator or Differentiator())
-    reading = None
+    reading, felt = None, felt_by_torques(frame, torques) if by_torques(log, rig) else None
     if log.wrench is not None:
         reading = read_wrench(log, rig, robot, motion, frame.free(), bias, trust_wrench)
-    table, steps, smoothed = frame.table(reading, moments), motion.steps, motion.smoothed is not None
+    table = frame.table(reading, moments) if felt is None else felt.table
+    steps, smoothed = motion.steps, motion.smoothed is not None
     del motion, frame  # the derivatives are twice as large as the positions
-    valid = log.valid & np.isfinite(table[: len(CONTACT) if reading is not None else 6].sum(axis=0))
+    known = [k for k in range(len(CONTACT)) if k < 6 or np.isfinite(table[k]).any()]  # of forces, those that there are
+    valid = log.valid & np.isfinite(table[known].sum(axis=0))
     if not valid.any():
         raise InputError(
             f"not one sample of {log.provenance.source} in which everything is a number",
@@ -167,6 +181,9 @@ def contact_series(
     provenance = provenance.after(*steps)
     if reading is not None:
         provenance = provenance.then("wrench", tool=_removed(rig), **reading.facts)
+    if felt is not None:
+        made = _series(log, rig, table, valid, provenance.after(felt.step), smoothed, forces=kernel.NORMAL in known)
+        return replace(made, force_sd=felt.sd)
     made = _series(log, rig, table, valid, provenance, smoothed, forces=reading is not None)
     if reading is None:
         return made

@@ -85,6 +85,7 @@ class RobotSpec(_Table):
     compliance: Annotated[Matrix3, AfterValidator(plausible.compliance)] | None = (
         None  # [m/N], base frame: where the tip goes under a force, beyond the joints
     )
+    torques: Literal["measured", "external"] = "measured"  # external: the arm's own model is taken off tau already
 
 
 class ToolSpec(_Table):

@@ -86,6 +86,8 @@ def reading_variance(problem: Problem) -> Array:
         alike = units == unit
         noise[alike] = np.maximum(noise[alike], MIN_NOISE_RATIO * noise[alike].max())
     out: Array = noise[:, None] ** 2 / problem.count + (RESOLUTION * problem.channel_rms[:, None]) ** 2
+    if problem.experiment.slow is not None:
+        out = out + problem.experiment.slow[:, None] ** 2
     return out + problem.rounding[:, None] + _released(problem) ** 2
 
 

@@ -29,6 +29,8 @@ class Experiment:
         measured: readings, (channels, n).
         valid: samples whose reading counts, (n,).
         noise: standard deviation of each channel's white noise, (channels,).
+        slow: standard deviation of errors of each channel that last, and don't average out over neighbours,
+            (channels,); or None.
         phase: names, or None. in_contact: the flag, (n,).
         rows: of the log or the contact series that the samples are: those whose motion is known, (n,).
         touch: the contact quantities that it was made of, or None.
@@ -52,6 +54,7 @@ class Experiment:
     drawn: Callable[[Signals, NDArray[np.int64]], Iterator[Signals]] | None = field(default=None, repr=False)
     warnings: tuple[str, ...] = ()
     unstated: str = ""
+    slow: Array | None = None
 
     @cached_property
     def motion_draws(self) -> tuple[Signals, ...]:

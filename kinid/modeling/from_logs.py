@@ -18,6 +18,8 @@ from kinid.modeling.experiment import Experiment
 from kinid.modeling.motion_draws import JointDraws, SeriesDraws
 from kinid.modeling.sample_times import clock, forgotten
 from kinid.modeling.tool_load import joint_signals, sensor_motion
+from kinid.robotics.external_force import PRIOR, UNKNOWN
+from kinid.robotics.inverse_dynamics import refuse_external
 from kinid.robotics.motion import JointMotion, axes_motion, joint_motion
 from kinid.robotics.robot import Robot
 from kinid.robotics.surface import load as load_surface
@@ -62,7 +64,7 @@ def from_contact(touch: ContactSeries, channels: tuple[str, ...]) -> Experiment:
     free = valid & ~in_contact & (depth < 0)
     if free.sum() >= FREE_ENOUGH:
         noise = np.maximum(noise, _slow_noise(measured[:, free]))
-    return Experiment(
+    made = Experiment(
         signals,
         measured,
         valid,
@@ -74,6 +76,23 @@ def from_contact(touch: ContactSeries, channels: tuple[str, ...]) -> Experiment:
         drawn=SeriesDraws(*touch.source) if touch.source is not None and touch.smoothed else None,
         warnings=_doubts(touch),
     )
+    return made if touch.force_sd is None else _of_torques(touch, rows, made)
+
+
+def _of_torques(touch: ContactSeries, rows: NDArray[np.int64], made: Experiment) -> Experiment:
+    """Forces from joint torques as an experiment: noise of their typical standard deviation, most of which lasts.
+
+    Samples whose force the joints barely feel, as in a singular pose, don't count.
+    """
+    assert touch.force_sd is not None
+    order = ("tangential_force1", "tangential_force2", "normal_force")
+    sd = touch.force_sd[[order.index(name) for name in made.layout.channels]][:, rows]
+    valid = made.valid & (sd < UNKNOWN * PRIOR).all(axis=0)
+    if not valid.any():
+        return dataclasses.replace(made, valid=valid)
+    typical = np.median(sd[:, valid & made.in_contact] if (valid & made.in_contact).any() else sd[:, valid], axis=1)
+    slow = np.sqrt(np.maximum(typical**2 - _noise(made.measured[:, valid]) ** 2, 0.0))
+    return dataclasses.replace(made, valid=valid, noise=np.maximum(made.noise, typical), slow=slow)
 
 
 #: a bias that a rig needn't state [N, N·m]: twice what zeroing in the air leaves
@@ -210,6 +229,7 @@ def from_joint_torques(
             "tau1…tauN [N·m], link side",
             "name their columns in [columns] of the rig",
         )
+    refuse_external(rig)
     if robot is None and rig.robot is not None:
         robot = Robot.load(rig)
     motion = axes_motion(log, differentiator) if robot is None else joint_motion(log, robot, differentiator)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kinid.data.log import Log, Provenance, frozen
 from kinid.data.rig import Rig
 from kinid.errors import InputError, expect
-from kinid.robotics.motion import joint_motion
+from kinid.robotics.motion import JointMotion, joint_motion
 from kinid.robotics.robot import Robot
 from kinid.robotics.wrench import Bias, read_wrench
 from kinid.signal.derivative import Differentiator
@@ -63,14 +63,17 @@ def joint_torques(
     robot: Robot | None = None,
     bias: Bias = "auto",
     differentiator: Differentiator | None = None,
+    motion: JointMotion | None = None,
 ) -> JointTorques:
     """Predict joint torques by inverse dynamics and set them beside the measured ones.
 
     With a wrench in the log, everything beyond the sensor is what the sensor says: τ = ID(arm) − Jᵀ w, with w the load
     on the tool at the sensor's origin. Without one, the rig's tool is added to the arm, and there is no contact.
 
+    `motion` is the log's, where the caller has it already.
+
     Raises:
-        InputError: no torques or positions in the log, or no valid sample.
+        InputError: no torques or positions in the log, external torques, or no valid sample.
     """
     expect(log, Log, "a log", "a log that was read", "read it with kinid.read(path, rig)")
     expect(rig, Rig, "a rig", "what was measured with what", "load it with kinid.Rig.load(path)")
@@ -80,8 +83,9 @@ def joint_torques(
             "tau1…tauN [N·m], link side",
             "name their columns in [columns] of the rig",
         )
+    refuse_external(rig)
     robot = robot or Robot.load(rig)
-    motion = joint_motion(log, robot, differentiator)
+    motion = motion or joint_motion(log, robot, differentiator)
     provenance = log.provenance.then("inverse dynamics", robot=robot.name).after(*motion.steps)
     carried = None
     if log.wrench is not None and robot.sensor_frame is not None:
@@ -100,6 +104,16 @@ def joint_torques(
         robot, motion.q[rows], motion.dq[rows], motion.ddq[rows], None if carried is None else carried[rows]
     )
     return JointTorques(log.t, log.tau, predicted, robot.joint_names, usable, provenance)
+
+
+def refuse_external(rig: Rig) -> None:
+    """Refuse torques that the arm's own model is taken off already, where a model is to be held against them."""
+    if rig.robot is not None and rig.robot.torques == "external":
+        raise InputError(
+            '[robot] torques = "external" for inverse dynamics',
+            "measured joint torques, with the arm's own weight and inertia in them",
+            "record them, or ask for the contact alone: kinid contact, or a contact law as --model hooke",
+        )
 
 
 def inverse_dynamics(robot: Robot, q: Array, dq: Array, ddq: Array, carried: Array | None = None) -> Array:

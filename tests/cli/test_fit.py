@@ -11,6 +11,9 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from kinid.lab.experiments import prepare
+from kinid.lab.writing import write_log, write_rig
+
 Run = Callable[..., tuple[int, str, str]]
 Refused = Callable[..., None]
 
@@ -97,6 +100,33 @@ def test_coupling_is_fitted_and_taken_out(run: Run, log: Path) -> None:
     # held still before any slide, the true tangential force is nearly zero; 5 % of 2.9 N were false
     assert abs(np.mean(table["tangential_force1"].to_numpy()[poke])) < 0.03
     assert "lateral_rms_after" in json.loads((log.parent / "s.json").read_text())["compensated"]
+
+
+def test_contact_takes_off_the_torques_of_free_motion(tmp_path: Path, run: Run) -> None:
+    """Logs of an arm without a wrist sensor: one of motion in the air, one of a touch."""
+    for name in ("wave", "poke"):
+        result = prepare(name, seed=3).run()
+        write_log(tmp_path / f"{name}.parquet", result.log.replace(wrench=None))
+    write_rig(tmp_path, result.setup)
+    rig, free = tmp_path / "rig.toml", tmp_path / "free.json"
+    text = rig.read_text()
+    rig.write_text(text[: text.index("[sensor]")])
+    code, _, err = run("fit", tmp_path / "wave.parquet", "--model", "rigid-body,joint-coulomb-friction", "--json", free)
+    assert code == 0, err
+    poke = tmp_path / "poke.parquet"
+    code, said, err = run(
+        "contact", poke, "--compensate", free, "--json", tmp_path / "s.json", "-o", tmp_path / "o.csv"
+    )
+    assert code == 0, err
+    assert "joint torques of free motion taken off as fitted (rigid-body, joint-coulomb-friction)" in said
+    assert said.count("forces come from joint torques, not from a sensor") == 1
+    assert "normal_force_sd" in (tmp_path / "o.csv").read_text().splitlines()[0]
+    assert json.loads((tmp_path / "s.json").read_text())["compensated"]["effects"][0] == "rigid-body"
+    rig.write_text(text)
+    code, _, err = run("contact", poke, "--compensate", free)
+    assert code == 2
+    assert err.count("\n") == 1
+    assert "a rig without [sensor]" in err
 
 
 @pytest.fixture
