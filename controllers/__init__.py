@@ -11,6 +11,15 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from kinid.controllers.adaptive import AdaptiveImpedance, Schedule
     from kinid.controllers.cartesian import DecoupledImpedance, Impedance, JacobianTranspose
+    from kinid.controllers.force import (
+        ContactGains,
+        FixedGains,
+        ForceControl,
+        GainSource,
+        MapGains,
+        OnlineGains,
+        Reading,
+    )
     from kinid.controllers.gains import Gains, design_damping, sampled_radius
     from kinid.controllers.haptic import HapticRendering, HapticSettings, Hooke, HuntCrossley, KelvinVoigt, Rendered
     from kinid.controllers.impedance import impedance_torque, potential
@@ -25,10 +34,14 @@ if TYPE_CHECKING:
 __all__ = [
     "AdaptiveImpedance",
     "ArmState",
+    "ContactGains",
     "DecoupledImpedance",
     "EnergyTank",
     "Environment",
+    "FixedGains",
     "Foot",
+    "ForceControl",
+    "GainSource",
     "Gains",
     "HapticRendering",
     "HapticSettings",
@@ -37,12 +50,15 @@ __all__ = [
     "Impedance",
     "JacobianTranspose",
     "KelvinVoigt",
+    "MapGains",
     "Measured",
     "MeshSurface",
     "Observer",
+    "OnlineGains",
     "Plane",
     "Properties",
     "PropertyMap",
+    "Reading",
     "Rendered",
     "Schedule",
     "Study",
@@ -62,6 +78,7 @@ __all__ = [
 _HOMES = {
     "adaptive": ("AdaptiveImpedance", "Schedule"),
     "cartesian": ("DecoupledImpedance", "Impedance", "JacobianTranspose"),
+    "force": ("ContactGains", "FixedGains", "ForceControl", "GainSource", "MapGains", "OnlineGains", "Reading"),
     "gains": ("Gains", "design_damping", "sampled_radius"),
     "haptic": ("HapticRendering", "HapticSettings", "Hooke", "HuntCrossley", "KelvinVoigt", "Rendered"),
     "impedance": ("impedance_torque", "potential"),

@@ -92,6 +92,13 @@ def teleoperation(names: Names, said: str) -> None:
     assert not any(stable[delay, "direct"] for delay in (0.05, 0.2))
 
 
+def control(names: Names, said: str) -> None:
+    found = names["found"]
+    assert found.gain("slides at 3 N", holding=True) > 2.0
+    assert found.gain("pushes of 10 mm", beyond=True) > 1.5
+    assert "the map's model fails" in said
+
+
 SHOWN: dict[str, Callable[[Names, str], None]] = {
     "01-raw-logs-to-contact-frame": contact_frame,
     "02-plan-an-excitation": excitation,
@@ -101,6 +108,7 @@ SHOWN: dict[str, Callable[[Names, str], None]] = {
     "06-picture-to-properties": picture,
     "07-another-robot": another_robot,
     "08-teleoperation": teleoperation,
+    "09-control-with-a-map": control,
 }
 
 

@@ -28,9 +28,11 @@ kinid lab study -o found
 kinid lab teleoperation -o study
 
 kinid lab teleoperation --material mould --map mould.parquet --at 0.02,0.02 -o study
+
+kinid lab control -o control
 """
 
-TELEOPERATION, STUDY = "teleoperation", "study"
+TELEOPERATION, STUDY, CONTROL = "teleoperation", "study", "control"
 #: options that mean nothing without another one, and what that says
 NEEDS = (
     ("--where", "--hide", "the effect that is hidden there"),
@@ -52,6 +54,7 @@ NOT_OF_STUDIES = (
 STUDIES: dict[str | None, tuple[set[str], str]] = {
     TELEOPERATION: ({"--material"}, "--material, --seed, --map and --at alone"),
     STUDY: (set(), "--seed alone"),
+    CONTROL: (set(), "--seed and --map alone"),
 }
 #: default of the controller's translational stiffness [N/m]
 STIFFNESS = 5200.0
@@ -63,8 +66,8 @@ def lab(
     experiment: Annotated[
         str | None,
         typer.Argument(
-            help="poke, slide, band, sponge, ecoflex-50, dragon-skin-10, mould, wave; or a study: teleoperation, or "
-            "study, which finds the published materials again.",
+            help="poke, slide, band, sponge, ecoflex-50, dragon-skin-10, mould, wave; or a study: teleoperation; "
+            "control, force control with a map; or study, which finds the published materials again.",
             show_default=False,
         ),
     ] = None,
@@ -113,8 +116,8 @@ def lab(
         Path | None,
         typer.Option(
             "--map",
-            help="Of teleoperation: a map that kinid map wrote, reflected to the operator.",
-            show_default="the place is poked first",
+            help="Of teleoperation and control: a map that kinid map wrote, reflected to the operator or steered by.",
+            show_default="poked first",
         ),
     ] = None,
     at: Annotated[
@@ -162,6 +165,10 @@ def lab(
     if experiment == TELEOPERATION:
         x, y = (0.0, 0.0) if at is None else _numbers(at, 2, "--at", "0.02,0.02")
         summary = runs.teleoperation(out, asked, measured_map, (x, y))
+    elif experiment == CONTROL:
+        from kinid.cli.lab_control import control
+
+        summary = control(out, seed, measured_map)
     elif experiment == STUDY:
         from kinid.cli.lab_study import study
 
@@ -201,10 +208,10 @@ def _check(experiment: str | None, seed: int, out: Path, given: set[str]) -> Non
             "pokes, or slides with slide",
             "leave it out, or plan the campaign with kinid plan poke --grid 3x3 -o PLAN.parquet",
         )
-    for option in ("--map", "--at"):
-        if option in given and experiment != TELEOPERATION:
+    for option, studies in (("--map", (TELEOPERATION, CONTROL)), ("--at", (TELEOPERATION,))):
+        if option in given and experiment not in studies:
             raise InputError(
-                f"{option} without teleoperation",
+                f"{option} without {' or '.join(studies)}",
                 "kinid lab teleoperation -o DIR, which reflects a map",
                 "leave it out",
             )

@@ -23,6 +23,7 @@ LEFT = (
     "truth",
     "campaign.json",
     "teleoperation.json",
+    "control.json",
     "study.json",
     "poke_*.parquet",
     "slide_*.parquet",
