@@ -345,7 +345,7 @@ def checked(grown: PropertyMap) -> PropertyMap:
         raise InputError(
             f"a map of {', '.join(f'{name} [{unit}]' for name, unit in units.items())}",
             "stiffness [N/m] and damping [N·s/m] on a plane",
-            "map the mould with kinid map and its default model",
+            "map the mould with the default model: kinid map LOG -o map.parquet",
         )
     return grown
 
@@ -356,5 +356,5 @@ def _check_known(known: _MeasuredMap, jobs: Sequence[Job]) -> None:
             raise InputError(
                 f"a map that doesn't know the place ({1e3 * x:g}, {1e3 * y:g}) mm, where a job goes",
                 "a map of the whole mould",
-                "poke it by kinid lab mould --campaign 10x10",
+                "poke it: kinid lab mould --campaign 10x10 -o campaign",
             )

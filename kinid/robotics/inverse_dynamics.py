@@ -112,7 +112,7 @@ def refuse_external(rig: Rig) -> None:
         raise InputError(
             '[robot] torques = "external" for inverse dynamics',
             "measured joint torques, with the arm's own weight and inertia in them",
-            "record them, or ask for the contact alone: kinid contact, or a contact law as --model hooke",
+            "record them, or ask for the contact alone: kinid contact LOG",
         )
 
 

@@ -155,7 +155,7 @@ def _beyond_noise(x: Array, sd: NDArray[np.float32]) -> Array:
     Berkeley Symp. 1961, axis by axis of what both are diagonal in).
     """
     known = np.isfinite(x).all(axis=1) & np.isfinite(sd).all(axis=1)
-    noise = np.sqrt(np.mean(np.square(sd[known], dtype=np.float64), axis=0)) if known.any() else np.zeros(x.shape[1])
+    noise = np.median(sd[known], axis=0).astype(np.float64) if known.any() else np.zeros(x.shape[1])
     if not (noise > 0.0).all():
         return np.eye(x.shape[1])
     scaled = x[known] / noise
