@@ -28,6 +28,8 @@ FEW_TURNS, SLACK = 2, np.deg2rad(1.0)
 #: accelerations along a direction are believed where their mean square is so many times their error's, which is known
 #: within that
 MORE_THAN_NOISE = 2.0
+#: samples whose error is so many times the median one tell nothing of it
+ORDINARY = 10.0
 
 
 class _Latest(Generic[T]):
@@ -155,7 +157,11 @@ def _beyond_noise(x: Array, sd: NDArray[np.float32]) -> Array:
     Berkeley Symp. 1961, axis by axis of what both are diagonal in).
     """
     known = np.isfinite(x).all(axis=1) & np.isfinite(sd).all(axis=1)
-    noise = np.median(sd[known], axis=0).astype(np.float64) if known.any() else np.zeros(x.shape[1])
+    if not known.any():
+        return np.eye(x.shape[1])
+    # beside gaps errors are many times the usual ones, and would make every direction still
+    known &= (sd <= ORDINARY * np.median(sd[known], axis=0)).all(axis=1)
+    noise = np.sqrt(np.mean(np.square(sd[known], dtype=np.float64), axis=0)) if known.any() else np.zeros(x.shape[1])
     if not (noise > 0.0).all():
         return np.eye(x.shape[1])
     scaled = x[known] / noise
