@@ -29,7 +29,7 @@ FEW_TURNS, SLACK = 2, np.deg2rad(1.0)
 #: within that
 MORE_THAN_NOISE = 2.0
 #: samples whose error is so many times the median one tell nothing of it
-ORDINARY = 10.0
+ORDINARY = 60.0
 
 
 class _Latest(Generic[T]):
