@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,7 +18,7 @@ def control(out: Path, seed: int, measured_map: Path | None) -> Json:
     from kinid.mapping.property_map import PropertyMap
 
     check_free(out)
-    grown = None if measured_map is None else control_study.checked(PropertyMap.read(measured_map))
+    grown = None if measured_map is None else PropertyMap.read(measured_map)
     poked = "" if grown is not None else "the mould is poked a hundred times, and then "
     with console().status(f"{poked}pushed, slid on and polished with six controllers …"):
         if measured_map is None:
@@ -28,10 +27,10 @@ def control(out: Path, seed: int, measured_map: Path | None) -> Json:
             found = control_study.study(seed, grown, measured_map.name)
     with at_work(out):
         check_free(out)
-        facts, grown_file, page = control_page.write(out, found)
+        table, grown_file, page = control_page.write(out, found)
     _show(found)
-    written((facts, grown_file, page))
-    known = json.loads(facts.read_text(encoding="utf-8"))
+    written((table, grown_file, page))
+    known = control_page.facts(found)
     return {"experiment": "control", "seed": seed, "page": str(page), "map": str(grown_file), **known}
 
 

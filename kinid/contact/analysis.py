@@ -100,8 +100,7 @@ def analyse(
         )
     elif robot is not None and (robot.tip_frame or robot.sensor_frame):
         tip = tip_motion(log, rig, robot=robot, bias=bias, differentiator=differentiator, trust_wrench=trust_wrench)
-    external = rig.robot is not None and rig.robot.torques == "external"
-    if log.tau is not None and log.q is not None and not external:
+    if log.tau is not None and log.q is not None and not rig.external_torques:
         # the bias that motion clear of the surface has shown serves the torques too
         known = bias if contact is None or contact.bias is None else contact.bias.tolist()
         torques = joint_torques(log, rig, robot=robot, bias=known, differentiator=differentiator)

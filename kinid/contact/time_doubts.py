@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kinid.contact.tool_doubts import FEWEST
-from kinid.data.guess import STEPS
+from kinid.data.guess import unit_of_steps
 from kinid.data.log import Log
 from kinid.robotics.motion import STATIC_PERIOD
 
@@ -30,7 +30,7 @@ def time_doubts(log: Log, touched: bool) -> list[str]:
     if log.period < FASTEST:
         return [f'{log.period:.3g} s between samples: is the time in another unit? {say}"s" }}, or "ms", …']
     if log.period > SLOWEST and touched:
-        unit = next((unit for limit, unit in reversed(STEPS) if log.period > limit), STEPS[0][1])
+        unit = unit_of_steps(log.period) or "ms"
         return [f'{log.period:.3g} s between samples of a touch: is the time in another unit? {say}"{unit}" }}']
     if log.dq is None and STATIC_PERIOD <= log.period < SETTLED and _goes_on(log):
         return [

@@ -92,7 +92,7 @@ def _residual(frame: SurfaceFrame, torques: JointTorques | None) -> tuple[Array,
     """Measured torques less those of the motion, and the measured ones, (n, N) each."""
     log, rig = frame.log, frame.rig
     assert log.tau is not None
-    if rig.robot is not None and rig.robot.torques == "external":
+    if rig.external_torques:
         return np.asarray(log.tau), np.asarray(log.tau)
     if torques is None:
         torques = joint_torques(log, rig, robot=frame.robot, motion=frame.motion)

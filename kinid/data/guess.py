@@ -231,9 +231,14 @@ def _axis(plain: str, name: str) -> str | None:
     return None
 
 
+def unit_of_steps(step: float) -> str | None:
+    """The unit that a log's time has if these are its steps; None where they may be seconds."""
+    return next((unit for limit, unit in reversed(STEPS) if step > limit), None)
+
+
 def _time(name: str, values: Array) -> Guess:
     step = float(np.median(np.diff(values))) if len(values) > 1 else 0.0
-    unit = next((unit for limit, unit in reversed(STEPS) if step > limit), None)
+    unit = unit_of_steps(step)
     return Guess("t", name, unit, f"steps of {step:.3g}" if unit else "")
 
 

@@ -309,6 +309,11 @@ class Rig(_Table):
             raise _as_input_error(error, where, cls) from None
 
     @property
+    def external_torques(self) -> bool:
+        """Whether the arm's own model is taken off the logged joint torques already."""
+        return self.robot is not None and self.robot.torques == "external"
+
+    @property
     def carried(self) -> ToolSpec:
         """The tool; one without mass where none is stated."""
         return self.tool or ToolSpec(mass=0.0)

@@ -9,10 +9,10 @@ import numpy as np
 
 from kinid.effects._derived import derived
 from kinid.effects._signals import Array, Layout, Signals
-from kinid.kernels.memory import bristles
+from kinid.kernels.memory import JOINT_BRISTLES, joint_directions
 
-#: length of the bristles of a joint's dry friction, by its unit: shorter than what reversals of real drives show
-BRISTLE = {"rad": 1e-4, "m": 1e-5}
+#: length of the bristles of a joint's dry friction, by its unit
+BRISTLE = dict(zip(("rad", "m"), JOINT_BRISTLES))
 
 
 @dataclass(frozen=True)
@@ -56,13 +56,6 @@ def directions(s: Signals) -> Array:
     def make() -> Array:
         if rest.joint_speed > 0.0:
             return np.asarray(motion.dq / np.hypot(motion.dq, rest.joint_speed))
-        out = np.empty_like(motion.dq)
-        row, still, always = np.empty((2, len(s))), np.zeros(len(s)), np.ones(len(s), dtype=np.bool_)
-        for j, axis in enumerate(axes(s.layout)):
-            bristles(
-                np.ascontiguousarray(motion.dq[j]), still, s.dt, always, rest.joint * BRISTLE[axis.position], row, 0.0
-            )
-            out[j] = row[0]
-        return out
+        return joint_directions(motion.dq, s.dt, [rest.joint * BRISTLE[axis.position] for axis in axes(s.layout)])
 
     return derived("directions", make, motion.dq, s.dt, at=(rest.joint, rest.joint_speed))

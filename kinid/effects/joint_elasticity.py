@@ -167,7 +167,7 @@ def _jumps(s: Signals, q: Array, torque: Array) -> Array:
     best, out = np.zeros(len(q)), np.zeros(len(q))
     for window in WINDOWS:
         size = max(2, round(window / period))
-        cut = [slice(run.start, run.stop) for run in s.runs if run.stop - run.start > (DIFFERENCES + 2) * size]
+        cut = [run for run in s.runs if run.stop - run.start > (DIFFERENCES + 2) * size]
         if sum(run.stop - run.start for run in cut) < ENOUGH:
             continue
         away = size // 2

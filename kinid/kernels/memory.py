@@ -5,6 +5,8 @@ Steps of time may be uneven. `dt` is the time since the sample before [s], (n,);
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -19,6 +21,9 @@ ELASTIC = 0.02
 #: beside it follow the direction at its end, not that of its middle; where it is a small share m of them, they end
 #: m²/12 of the turn off
 STRAIGHT, MOST_PIECES = 0.002, 8
+#: length of the bristles of a joint's dry friction, of one that turns [rad] and one that slides [m]: shorter than what
+#: reversals of real drives show
+JOINT_BRISTLES = (1e-4, 1e-5)
 
 
 @njit(cache=True, nogil=True)
@@ -166,3 +171,18 @@ def bond(depth: Array, dt: Array, length: float, out: Array) -> None:
             out[i] = pull
         else:
             out[i] = 0.0
+
+
+def joint_directions(speed: Array, dt: Array, length: Sequence[float] | Array) -> Array:
+    """Which way each joint last moved, from −1 to 1, (N, n): `bristles` in one dimension, of Dahl's own form.
+
+    Args:
+        speed: [rad/s or m/s], (N, n). dt: see `bristles`. length: of each joint's bristles [rad or m], N.
+    """
+    n = speed.shape[1]
+    out, row = np.empty_like(speed, order="C"), np.empty((2, n))
+    still, always = np.zeros(n), np.ones(n, dtype=np.bool_)
+    for j, own in enumerate(length):
+        bristles(np.ascontiguousarray(speed[j]), still, dt, always, own, row, 0.0)
+        out[j] = row[0]
+    return out

@@ -222,9 +222,34 @@ def design_damping(gains: Gains, arm: Arm, joints: Joints, q: Array) -> Array:
     return cartesian_gains.design_damping(gains.stiffness, task, gains.ratio)
 
 
-def spectral_radius(gains: Gains, damping: Array, arm: Arm, joints: Joints, q: Array) -> float:
-    """Largest eigenvalue, in size, of arm and sampled controller over one period, linearised at a pose; > 1 is
-    unstable.
+class Sampled(NamedTuple):
+    """Arm and sampled impedance over one period, linearised at a pose: x⁺ = closed x + driven τ.
+
+    x holds angles and speeds of the links, and of the motors where joints are elastic; τ is what the drives do beside
+    the impedance [N·m].
+    """
+
+    closed: Array
+    driven: Array
+
+
+def sampled(
+    gains: Gains,
+    damping: Array,
+    arm: Arm,
+    joints: Joints,
+    q: Array,
+    *,
+    push: Array | float = 0.0,
+    drag: Array | float = 0.0,
+    motor_drag: Array | float = 0.0,
+) -> Sampled:
+    """Linearise arm and controller.
+
+    Args:
+        gains, damping: of the impedance, (6, 6). q: the pose, in the chain's order.
+        push, drag: torques on the links per radian and per rad/s beside the arm's own, (N, N); motor_drag: on the
+            motors of elastic joints per rad/s.
     """
     state = arm.state(q)
     n, rotor, stiffness, d = arm.joints, *joints.packed[:3]
@@ -236,7 +261,7 @@ def spectral_radius(gains: Gains, damping: Array, arm: Arm, joints: Joints, q: A
     zero, eye = np.zeros((n, n)), np.eye(n)
     if joints.rigid:
         inverse = np.linalg.inv(state.mass + np.diag(rotor))
-        a = np.block([[zero, eye], [zero, zero]])
+        a = np.block([[zero, eye], [-inverse @ (zero + push), -inverse @ (zero + drag)]])
         b = np.vstack([zero, inverse])
         feedback = np.hstack([position, speed])
     else:
@@ -244,17 +269,23 @@ def spectral_radius(gains: Gains, damping: Array, arm: Arm, joints: Joints, q: A
         a = np.block(
             [
                 [zero, eye, zero, zero],
-                [-link @ k, -link @ c, link @ k, link @ c],
+                [-link @ (k + push), -link @ (c + drag), link @ k, link @ c],
                 [zero, zero, zero, eye],
-                [motor @ k, motor @ c, -motor @ k, -motor @ c],
+                [motor @ k, motor @ c, -motor @ k, -motor @ (c + motor_drag)],
             ]
         )
         b = np.vstack([zero, zero, zero, motor])
         feedback = np.hstack([zero, zero, position, speed])  # measured on the motors' side
     size = a.shape[0]
     held = expm(np.block([[a, b], [np.zeros((n, size + n))]]) * gains.period)
-    closed = held[:size, :size] + held[:size, size:] @ feedback
-    return float(np.abs(np.linalg.eigvals(closed)).max())
+    return Sampled(held[:size, :size] + held[:size, size:] @ feedback, held[:size, size:])
+
+
+def spectral_radius(gains: Gains, damping: Array, arm: Arm, joints: Joints, q: Array) -> float:
+    """Largest eigenvalue, in size, of arm and sampled controller over one period, linearised at a pose; > 1 is
+    unstable.
+    """
+    return float(np.abs(np.linalg.eigvals(sampled(gains, damping, arm, joints, q).closed)).max())
 
 
 def joints_along(robot: Robot, positions: Array, rotations: Array, start: Array, what: str = "the path") -> Array:

@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from kinid.controllers.properties import Properties
 from kinid.errors import KinidError
+from kinid.lab.arm import sampled
 from kinid.lab.force_loop import ForceLoop, blend
 
 Array = NDArray[np.float64]
@@ -79,32 +79,22 @@ def plant(loop: ForceLoop, place: Array, contact: Properties) -> Plant:
         loop: the arm. contact: as it is.
     """
     s, q = loop.setup, loop.posture(place)
-    state, n, gains = s.arm.state(q), s.arm.joints, s.gains
-    rotor, spring, dashpot, _, drag, _, rub, _ = s.joints.packed
-    jacobian, axis = state.jacobian, np.concatenate([-s.axes[2], np.zeros(3)])  # into the material
-    along = axis @ jacobian
-    link, motor, k, d = np.linalg.inv(state.mass), np.diag(1.0 / rotor), np.diag(spring), np.diag(dashpot)
-    push, damp = contact.stiffness * np.outer(along, along), contact.damping * np.outer(along, along)
-    zero, eye = np.zeros((n, n)), np.eye(n)
-    a = np.block(
-        [
-            [zero, eye, zero, zero],
-            [-link @ (k + push), -link @ (d + damp + np.diag(rub)), link @ k, link @ d],
-            [zero, zero, zero, eye],
-            [motor @ k, motor @ d, -motor @ k, -motor @ (d + np.diag(drag))],
-        ]
+    jacobian, axis = s.arm.state(q).jacobian, np.concatenate([-s.axes[2], np.zeros(3)])  # into the material
+    along, damping = axis @ jacobian, loop.damping(q)
+    pushed, (_, _, _, _, drag, _, rub, _) = np.outer(along, along), s.joints.packed
+    arm = sampled(
+        s.gains,
+        damping,
+        s.arm,
+        s.joints,
+        q,
+        push=contact.stiffness * pushed,
+        drag=contact.damping * pushed + np.diag(rub),
+        motor_drag=np.diag(drag),
     )
-    b = np.vstack([zero, zero, zero, motor])
-    held = expm(np.block([[a, b], [np.zeros((n, 5 * n))]]) * gains.period)
-    free, driven = held[: 4 * n, : 4 * n], held[: 4 * n, 4 * n :]
-    damping, idle = loop.damping(q), eye - np.linalg.pinv(jacobian) @ jacobian
-    wrench = jacobian.T @ np.column_stack([gains.stiffness @ axis, damping @ axis])
-    null = gains.null * idle.T @ idle
-    feedback = np.hstack(
-        [zero, zero, -jacobian.T @ gains.stiffness @ jacobian, -jacobian.T @ damping @ jacobian - null]
-    )
-    felt = np.concatenate([contact.stiffness * along, contact.damping * along, np.zeros(2 * n)])
-    return Plant(free + driven @ feedback, driven @ wrench, felt)
+    wrench = jacobian.T @ np.column_stack([s.gains.stiffness @ axis, damping @ axis])
+    felt = np.concatenate([contact.stiffness * along, contact.damping * along, np.zeros(2 * s.arm.joints)])
+    return Plant(arm.closed, arm.driven @ wrench, felt)
 
 
 def response(arm: Plant, believed: Properties, stiffness: float, inertia: float, period: float) -> Response:

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from kinid.contact.doubts import contact_doubts
 from kinid.contact.series import ContactSeries, contact_series
+from kinid.contact.torque_contact import FORCES
 from kinid.contact.touching import force_noise
 from kinid.data.log import Log, Mask
-from kinid.data.rig import WRENCH, Rig
+from kinid.data.rig import CONTACT, WRENCH, Rig
 from kinid.effects import AsRead, Layout, Signals
 from kinid.errors import InputError
 from kinid.modeling.experiment import Experiment
@@ -85,7 +86,7 @@ def _of_torques(touch: ContactSeries, rows: NDArray[np.int64], made: Experiment)
     Samples whose force the joints barely feel, as in a singular pose, don't count.
     """
     assert touch.force_sd is not None
-    order = ("tangential_force1", "tangential_force2", "normal_force")
+    order = [CONTACT[row] for row in FORCES]
     sd = touch.force_sd[[order.index(name) for name in made.layout.channels]][:, rows]
     valid = made.valid & (sd < UNKNOWN * PRIOR).all(axis=0)
     if not valid.any():

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.kernels.memory import bristles
+from kinid.kernels.memory import JOINT_BRISTLES, joint_directions
 from kinid.robotics.robot import Robot
 from kinid.signal.pieces import GAP_FACTOR
 
@@ -34,9 +34,7 @@ UNKNOWN = 0.5
 BLOCK = 0.25
 #: so many of these averages, at most, are held out to see how well others tell them
 HELD_OUT = 500
-#: length of the bristles by which dry friction of a joint turns over, of one that turns [rad] and one that slides [m]
-BRISTLE = (1e-4, 1e-5)
-#: … and by which factor they may be longer or shorter
+#: bristles by which dry friction of a joint turns over may be longer or shorter than stated by this factor
 FORM = 3.0
 #: standard deviation of a torque sensor's gain, which free motion tells of weights alone
 GAIN = 0.02
@@ -122,15 +120,9 @@ def directions(t: Array, dq: Array, period: float, slides: Sequence[bool]) -> Di
     """
     dt = np.diff(t, prepend=t[0])
     dt[(dt > GAP_FACTOR * period) | ~np.isfinite(dq).all(axis=1)] = 0.0
-    row, still, always = np.empty((2, len(t))), np.zeros(len(t)), np.ones(len(t), dtype=np.bool_)
-    turned, variance = np.empty_like(dq), np.empty_like(dq)
-    for j, slide in enumerate(slides):
-        speed, made = np.ascontiguousarray(np.nan_to_num(dq[:, j])), []
-        for factor in (1.0 / FORM, 1.0, FORM):
-            bristles(speed, still, dt, always, factor * BRISTLE[int(slide)], row, 0.0)
-            made.append(row[0].copy())
-        turned[:, j], variance[:, j] = made[1], 0.25 * (made[0] - made[2]) ** 2
-    return Directions(turned, variance)
+    speed, lengths = np.nan_to_num(dq.T), np.array([JOINT_BRISTLES[int(slide)] for slide in slides])
+    short, stated, long = (joint_directions(speed, dt, f * lengths).T for f in (1.0 / FORM, 1.0, FORM))
+    return Directions(stated, 0.25 * (short - long) ** 2)
 
 
 def torque_error(t: Array, residual: Array, dq: Array, moved: Directions, free: Rows, measured: Array) -> TorqueError:

@@ -108,7 +108,7 @@ def joint_torques(
 
 def refuse_external(rig: Rig) -> None:
     """Refuse torques that the arm's own model is taken off already, where a model is to be held against them."""
-    if rig.robot is not None and rig.robot.torques == "external":
+    if rig.external_torques:
         raise InputError(
             '[robot] torques = "external" for inverse dynamics',
             "measured joint torques, with the arm's own weight and inertia in them",
