@@ -1,4 +1,4 @@
-"""Force control through an impedance: what a contact is believed to be turns a wanted force into a set-point.
+"""Force control through an impedance: a model of the contact turns a wanted force into a set-point.
 
 Where u is the force that is to act and the contact is a spring K and a damper B, the tip has to stand at the depth x
 with B ẋ + K x = u; an arm of inertia Λ that a spring K_r holds gets there with its set-point (u + Λ ẍ)/K_r beyond x. u
@@ -6,7 +6,7 @@ is the wanted force and an integral of its error,
 
     u = f_r + ω ∫ (f_r − f) dt,
 
-with f_r the wanted force behind the filter that an arm can follow. On the contact as believed the open loop is ω/s
+with f_r the wanted force behind the filter that an arm can follow. On a contact as modelled the open loop is ω/s
 times what elastic joints, sampling and the force's filter add: what is known of the contact sets gain and feed-forward
 at once, and ω is the bandwidth [rad/s]. (The plant's inverse behind an integral: internal model control, M. Morari, E.
 Zafiriou, Robust Process Control, 1989, ch. 2–4; force control around position control: B. Siciliano, L. Villani, Robot
@@ -49,7 +49,7 @@ class Reading(NamedTuple):
 
 
 class ContactGains(NamedTuple):
-    """What the contact is believed to be, and the bandwidth that may be asked of it.
+    """The contact's model, and the bandwidth that may be asked of it.
 
     stiffness K [N/m], damping B [N·s/m], bandwidth ω [rad/s]. kept: whether the set-point stays where it is as the
     others change, since they were learnt anew and don't tell of another place.
@@ -170,7 +170,7 @@ class ForceControl:
         """Depth [m] and rate [m/s] of the set-point.
 
         Args:
-            wanted, force: [N]. known: what the contact is believed to be.
+            wanted, force: [N]. known: the contact's model.
         """
         k, b, h = known.stiffness, max(known.damping, known.stiffness * self.period), self.period
         fed, slope = self._reference.step(wanted) if self.ahead else (0.0, 0.0)

@@ -164,14 +164,14 @@ class _Bench:
         control = ForceControl(self.stiffness, self.inertia, self.setup.gains.period, ahead)
         return self.loop.run(job, control, source, self.seed)
 
-    def response(self, place: Array, true: Properties, believed: Properties) -> Response:
-        """Open loop on a contact that is believed to be another."""
+    def response(self, place: Array, true: Properties, model: Properties) -> Response:
+        """Open loop on a contact that is modelled as another."""
         at = np.round(np.asarray(place) / (2 * APART)) * 2 * APART  # the arm is the same within a centimetre
         contact = Properties(*np.exp(np.round(np.log(true[:2]) / CLOSE) * CLOSE).tolist())
         key = (*at.tolist(), *contact[:2])
         if key not in self._plants:
             self._plants[key] = plant(self.loop, at, contact)
-        return response(self._plants[key], believed, self.stiffness, self.inertia, self.setup.gains.period)
+        return response(self._plants[key], model, self.stiffness, self.inertia, self.setup.gains.period)
 
     def true(self, x: float, y: float, depth: float) -> Properties:
         """The contact as it is where the tip stands: by the slope of its force."""
@@ -223,9 +223,9 @@ def _met_by_estimate(bench: _Bench, interval: tuple[float, float]) -> list[Respo
     """Estimate ± interval on each silicone; B may still be the one that was assumed."""
     out = []
     for silicone in SILICONES:
-        for believed in (silicone, Properties(silicone.stiffness, MEAN.damping)):
+        for model in (silicone, Properties(silicone.stiffness, MEAN.damping)):
             for true in _corners(silicone, interval):
-                out.append(bench.response(np.zeros(2), true, believed))
+                out.append(bench.response(np.zeros(2), true, model))
     return out
 
 
@@ -234,9 +234,9 @@ def _met_by_map(bench: _Bench, known: _MeasuredMap, places: Array, share: float 
     out = []
     for place, half in zip(places, known.errors(places)):
         here, caution = known.values.properties(*place.tolist()), known.caution(*place.tolist())
-        believed = Properties(share * here.stiffness, share * here.damping)
+        model = Properties(share * here.stiffness, share * here.damping)
         for true in _corners(here, half / np.array(here[:2])):
-            angle, loop = bench.response(place, true, believed)
+            angle, loop = bench.response(place, true, model)
             out.append(Response(angle, caution * loop))
     return out
 
@@ -246,7 +246,7 @@ def _in_fact(bench: _Bench, courses: Sequence[Course]) -> Margins:
     least = Margins(np.inf, np.inf)
     for course in courses:
         for i in np.flatnonzero(course.job.scored)[:: round(SAMPLED / course.job.period)]:
-            stiffness, damping, bandwidth = course.believed[i].tolist()
+            stiffness, damping, bandwidth = course.model[i].tolist()
             true = bench.true(*course.place[i].tolist())
             now = bench.response(course.place[i, :2], true, Properties(stiffness, damping)).margins(bandwidth)
             least = Margins(min(least.gain, now.gain), min(least.phase, now.phase))

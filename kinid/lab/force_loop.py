@@ -49,13 +49,13 @@ class Course:
 
     Attributes:
         job: that was done. force: of the material along the normal, as it is [N], (n,). place: along both tangents, and
-            depth [m], (n, 3). believed: K [N/m], B [N·s/m] and the bandwidth ω [rad/s], (n, 3).
+            depth [m], (n, 3). model: of the contact in use, K [N/m], B [N·s/m] and the bandwidth ω [rad/s], (n, 3).
     """
 
     job: Job
     force: Array
     place: Array
-    believed: Array
+    model: Array
 
     def error(self, reference: bool = False) -> float:
         """Root mean square of wanted less true force where it counts [N].
@@ -124,17 +124,17 @@ class ForceLoop:
         positions, rotations = _on_surface(job.place, s)
         speed = np.gradient(positions, s.gains.period, axis=0)
         arm, sensing = _Stepped(self, self.posture(job.place[0])), _Sensing(s, seed)
-        force, place, believed = np.empty(len(job.wanted)), np.empty((len(job.wanted), 3)), np.empty((len(speed), 3))
+        force, place, model = np.empty(len(job.wanted)), np.empty((len(job.wanted), 3)), np.empty((len(speed), 3))
         now = Reading(0.0, float(job.place[0, 0]), float(job.place[0, 1]), 0.0, 0.0, 0.0)
         for i, wanted in enumerate(job.wanted):
             known = source.contact(now)
             depth, rate = control.command(float(wanted), now.force, known)
             force[i], place[i] = arm.step(positions[i] - depth * normal, speed[i] - rate * normal, rotations[i])
-            believed[i] = known[:3]
+            model[i] = known[:3]
             now = sensing.read((i + 1) * s.gains.period, place[i], float(force[i]))
         if not np.isfinite(force).all() or np.abs(place[:, 2]).max() > 0.1:
             raise KinidError(f"force control of {job.name} diverged: lower its bandwidth")
-        return Course(job, force, place, believed)
+        return Course(job, force, place, model)
 
 
 def _on_surface(place: Array, setup: Setup) -> tuple[Array, Array]:

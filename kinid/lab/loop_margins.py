@@ -97,11 +97,11 @@ def plant(loop: ForceLoop, place: Array, contact: Properties) -> Plant:
     return Plant(arm.closed, arm.driven @ wrench, felt)
 
 
-def response(arm: Plant, believed: Properties, stiffness: float, inertia: float, period: float) -> Response:
+def response(arm: Plant, model: Properties, stiffness: float, inertia: float, period: float) -> Response:
     """Open loop of `kinid.controllers.force.ForceControl` on a plant.
 
     Args:
-        arm: see `plant`. believed: contact that the controller supposes. stiffness: of the impedance [N/m].
+        arm: see `plant`. model: of the contact, as the controller has it. stiffness: of the impedance [N/m].
         period: [s].
     """
     angle = np.geomspace(2 * np.pi * 0.01 * period, 0.98 * np.pi, POINTS)
@@ -109,15 +109,15 @@ def response(arm: Plant, believed: Properties, stiffness: float, inertia: float,
     values, vectors = np.linalg.eig(arm.a)
     modes = (arm.c @ vectors)[:, None] * np.linalg.solve(vectors, arm.b.astype(complex))
     to_force = (1.0 / (z[:, None] - values)) @ modes  # of depth and rate of the set-point, (n, 2)
-    left = np.exp(-believed.stiffness * period / believed.damping)
-    depth = (1.0 - left) / believed.stiffness * z / (z - left)
-    rate = (1.0 - believed.stiffness * depth) / believed.damping
+    left = np.exp(-model.stiffness * period / model.damping)
+    depth = (1.0 - left) / model.stiffness * z / (z - left)
+    rate = (1.0 - model.stiffness * depth) / model.damping
     share = blend(period)
     reading = share * z / (z - (1.0 - share)) / z  # filter, and a period until it acts
     integral = period * z / (z - 1.0)
     chain = to_force[:, 0] * (depth + 1.0 / stiffness) + to_force[:, 1] * rate
     # the inertia's share: u̇ is the error itself, before the integral
-    thrust = inertia / (believed.damping * stiffness) * (1.0 - believed.stiffness * integral * rate)
+    thrust = inertia / (model.damping * stiffness) * (1.0 - model.stiffness * integral * rate)
     return Response(angle, reading * (integral * chain + thrust * to_force[:, 0]))
 
 

@@ -25,7 +25,7 @@ STATIC_PERIOD = 0.1
 MORE_THAN_A_TURN = 2 * np.pi + 0.1
 #: an encoder counts this number of turns too many, at most; limits are kept to this [rad]
 FEW_TURNS, SLACK = 2, np.deg2rad(1.0)
-#: accelerations along a direction are believed where their mean square is so many times their error's, which is known
+#: accelerations along a direction count where their mean square is so many times their error's, which is known
 #: within that
 MORE_THAN_NOISE = 2.0
 #: samples whose error is so many times the median one tell nothing of it
@@ -56,7 +56,7 @@ class JointMotion:
         facts: where they came from. warnings: where what was logged contradicts itself, a sentence each.
         smoothed: the estimate that they are, with its standard deviations; None where they are as logged or
             differentiated.
-        believed: what of the smoothed accelerations was kept, to be multiplied from the right, (N, N).
+        shrinkage: what of the smoothed accelerations was kept, to be multiplied from the right, (N, N).
     """
 
     q: Array
@@ -65,7 +65,7 @@ class JointMotion:
     facts: Mapping[str, object]
     smoothed: Smoothed | None = field(default=None, repr=False)
     warnings: tuple[str, ...] = ()
-    believed: Array = field(default_factory=lambda: np.eye(0), repr=False)
+    shrinkage: Array = field(default_factory=lambda: np.eye(0), repr=False)
 
     @property
     def steps(self) -> tuple[Step, ...]:
@@ -86,7 +86,7 @@ class JointMotion:
         """The motion with so many samples of its own error, the same at each call; none where the error isn't known."""
         if self.smoothed is not None:
             for made in self.smoothed.draws(number):
-                ddq = self.ddq + (made.second - self.smoothed.second) @ self.believed
+                ddq = self.ddq + (made.second - self.smoothed.second) @ self.shrinkage
                 yield replace(self, q=made.value, dq=made.first, ddq=ddq, smoothed=made)
 
 
@@ -144,8 +144,8 @@ def _smoothed(log: Log, q: Array) -> JointMotion:
     sources = " and ".join(name for name, values in logged if values is not None)
     warnings = contradictions(made, [f"q{j + 1}" for j in range(q.shape[1])], log.period)
     facts = {"motion": f"smoothed from {sources}", **made.facts}
-    believed = _beyond_noise(made.second, made.sd[2])
-    return JointMotion(made.value, made.first, made.second @ believed, facts, made, tuple(warnings), believed)
+    shrinkage = _beyond_noise(made.second, made.sd[2])
+    return JointMotion(made.value, made.first, made.second @ shrinkage, facts, made, tuple(warnings), shrinkage)
 
 
 def _beyond_noise(x: Array, sd: NDArray[np.float32]) -> Array:

@@ -30,7 +30,7 @@ def test_an_arm_accelerates_along_the_directions_in_which_it_moves() -> None:
     assert np.mean((motion.ddq @ ALONG) * true) / np.mean(true**2) == pytest.approx(1.0, abs=0.02)
 
 
-def test_drawn_motions_differ_where_accelerations_are_believed() -> None:
+def test_drawn_motions_differ_along_directions_that_move() -> None:
     motion, _ = moved(0.02)
     across = np.eye(3) - np.outer(ALONG, ALONG)
     for drawn in motion.draws(2):
@@ -43,7 +43,7 @@ def test_an_arm_that_moves_along_all_directions_keeps_them() -> None:
     q = 0.1 * np.sin(np.outer(t, [3.0, 4.0, 5.0])) + NOISE * np.random.default_rng(1).standard_normal((len(t), 3))
     motion = axes_motion(Log(t, q=q))
     assert motion.smoothed is not None
-    np.testing.assert_allclose(motion.believed, np.eye(3), atol=2e-3)  # the error is less than a thousandth of it
+    np.testing.assert_allclose(motion.shrinkage, np.eye(3), atol=2e-3)  # the error is less than a thousandth of it
     np.testing.assert_allclose(motion.ddq, motion.smoothed.second, atol=2e-3 * np.abs(motion.ddq).max())
 
 
