@@ -11,6 +11,7 @@ from kinid.diagnosis.acceptance import Evidence, Refit, compare_states
 from kinid.diagnosis.rivals import MIN_OVERLAP, covers, indistinguishable, overlap
 from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.effects import Effect
+from kinid.identification.lack_of_fit import brings_inside
 from kinid.identification.nuisance import MAX_SHIFT
 from kinid.identification.state import State
 from kinid.modeling.applicability import amplitudes, base_of
@@ -32,8 +33,10 @@ def implausible(state: State, before: State | None = None) -> str:
 
 
 def acceptable(candidate: Refit, before: State, settings: DiagnosisSettings) -> bool:
-    """Whether a refit is evident, and more than what every material and every rig has of it."""
-    return evident(candidate, before, settings) and remarkable(candidate, settings)
+    """Whether a refit is evident, and more than what every material and every rig has of it, or all that mattered."""
+    return evident(candidate, before, settings) and (
+        brings_inside(before, candidate.state) or remarkable(candidate, settings)
+    )
 
 
 def evident(candidate: Refit, before: State, settings: DiagnosisSettings) -> bool:
@@ -94,6 +97,8 @@ def choose(refits: Sequence[Refit], before: State, settings: DiagnosisSettings) 
     accepted = [
         t for t in taken if t not in usual and not any(covers(u, t, before.error.sigma, settings) for u in usual)
     ]
+    # unless nothing else brings what is left inside the tolerance: what matters isn't usual
+    accepted = accepted or [t for t in taken if brings_inside(before, t.state)]
     # gains count as a channel did before: what leaves the least may gain less than what mends a single one
     least, most = min(accepted, key=by_error, default=None), max((t.evidence.gain for t in accepted), default=0.0)
     accepted = [t for t in accepted if t is least or t.evidence.gain > MIN_GAIN_SHARE * most]

@@ -70,7 +70,7 @@ class EffectVerdict:
         separate_by: how to tell it from what it is mistaken for, or what to record to see it.
         acts: whether it can act at all in a log of this kind and beside this model.
         left_out: whether it promised much, and the search ended before it was tried: the log may well tell.
-        stand_in: whether it takes off less than is left, where the diagnosis ends unexplained.
+        stand_in: whether it takes off too little beside what is left, where the diagnosis ends unexplained.
         within: of an absent one, how far that reaches, where it says nothing of one elsewhere.
     """
 

@@ -36,7 +36,7 @@ from kinid.diagnosis.rivals import indistinguishable
 from kinid.diagnosis.screening import Candidate, screen, screen_catalogue
 from kinid.diagnosis.settings import DiagnosisSettings
 from kinid.identification.estimation import estimate_problem
-from kinid.identification.lack_of_fit import error_rows, inside_tolerance, much_left
+from kinid.identification.lack_of_fit import brings_inside, error_rows, inside_tolerance, much_left
 from kinid.identification.state import State
 from kinid.identification.whole import held_out_residual
 from kinid.modeling.model import Model
@@ -259,7 +259,11 @@ def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: 
             needed = max(needed, settings.beyond_doubt * (1.0 - evidence.beyond if len(found.added) == 1 else left))
             small = left > LEFT_OF_NAMED or best.model[name].tolerated_at_any_share(best.problem.layout)
         # what seemed much beside a model that lacked others may be no more than every rig has
-        usual = last and not remarkable(Refit(best.model[name], reduced, best, evidence), settings, small)
+        usual = (
+            last
+            and not brings_inside(reduced, best)
+            and not remarkable(Refit(best.model[name], reduced, best, evidence), settings, small)
+        )
         if usual or evidence.significance < needed or evidence.share < required_share(best.model[name], best, settings):
             found.alternatives.pop(name, None)
             found.pruned.add(name)

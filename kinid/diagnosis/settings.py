@@ -24,8 +24,8 @@ class DiagnosisSettings:
         promising_share: of the best predicted gain of a round, what another effect must promise to be refitted [1].
         max_effects: effects that are added at most [1].
         tolerance: share of the readings' root mean square that may be left [1].
-        stand_in_ratio: of what is left beyond noise to what an effect takes off, above which the effect is a stand-in
-            where the diagnosis ends unexplained [1].
+        stand_in_ratio: of what is left beyond noise to what an effect takes off, as root mean squares, above which the
+            effect is a stand-in where the diagnosis ends unexplained [1].
     """
 
     min_significance: float = 4.0
@@ -39,4 +39,4 @@ class DiagnosisSettings:
     promising_share: float = 0.15
     max_effects: int = 8
     tolerance: float = 0.02
-    stand_in_ratio: float = 1.0
+    stand_in_ratio: float = 0.5

@@ -79,8 +79,8 @@ def _of_added(
     made = replace(made, equivalent_to=alternatives, separate_by=_separate(name, alternatives))
     if is_stand_in(name, found, left, settings):
         says = (
-            "a stand-in: it takes off less than it leaves, and something that the catalogue doesn't hold may be what "
-            "it follows"
+            "a stand-in: much is left beside what it takes off, and something that the catalogue doesn't hold may be "
+            "what it follows"
         )
         return replace(made, verdict=EffectStatus.INDISTINGUISHABLE, says=says, stand_in=True)
     return replace(made, verdict=EffectStatus.INDISTINGUISHABLE, says=_as_good(alternatives)) if alternatives else made
@@ -122,11 +122,11 @@ def _as_good(alternatives: tuple[str, ...]) -> str:
 
 
 def is_stand_in(name: str, found: Found, left: LackOfFit, settings: DiagnosisSettings) -> bool:
-    """Whether an addition takes off less than what matters and is left, where the diagnosis ends unexplained."""
+    """Whether an addition takes off too little beside what matters and is left, where the diagnosis ends unexplained."""
     if not left.matters:
         return False
     evidence = found.selection.evidence[name]
-    return evidence.share < 1.0 / (1.0 + settings.stand_in_ratio**2)
+    return evidence.beyond < 1.0 / (1.0 + settings.stand_in_ratio**2)
 
 
 def _unseen(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import final
 
@@ -33,6 +34,7 @@ class HertzExponent(Effect):
     null = {"exponent": 1.0}
     grid = {"exponent": (0.8, 1.2, 1.5, 2.0, 2.6)}
     unremarkable = {"exponent": 0.03}  # no tip and no material is a power law to better than that
+    tolerated = {"exponent": math.inf}  # no material has exactly the form of a law
     admissible = {
         "exponent": (0.8, 3.5)
     }  # punch 1, sphere 1.5, cone 2 (Sneddon 1965); below, skins; above, foam that densifies

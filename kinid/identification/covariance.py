@@ -1,5 +1,5 @@
 """Covariance of estimates whose errors remember: a sandwich over blocks of time, no tighter than memory or kinds of
-motion allow.
+motion allow, and what a sensor's gain and curvature may add to it.
 
 V = H⁻¹ M H⁻¹ with the information H and M the sum over blocks of squared scores, neighbours included (W. K. Newey, K.
 D. West, Econometrica 55, 1987; small samples: J. G. MacKinnon, H. White, J. Econometrics 29, 1985). Nuisances count
@@ -60,7 +60,10 @@ def covariance_of(state: State) -> Covariance:
     spread, inverse, open_, condition = sandwich(
         information,
         meat,
-        lambda inverse: np.maximum(np.diag(inverse) * state.inflation, _unlike(state, rows, information)),
+        lambda inverse: (
+            np.maximum(np.diag(inverse) * state.inflation, _unlike(state, rows, information))
+            + _of_nonlinear_sensor(state, rows, inverse)
+        ),
     )
     matrix, unidentified = np.zeros((p, p)), unseen.copy()
     at = own[own < p]
@@ -148,6 +151,23 @@ def _unlike(state: State, jacobian: Array, information: Array) -> Array:
             part = rows[:, kind == number].reshape(-1, len(information))
             clusters.append((part.T @ part, scores[:, kind == number].sum(axis=(0, 1))))
         out = np.maximum(out, cluster_variance(information, clusters))
+    return out
+
+
+def _of_nonlinear_sensor(state: State, jacobian: Array, inverse: Array) -> Array:
+    """Variance of directions (m,) from a gain and a curvature of each channel, of the discrepancy's size.
+
+    An error that goes with the reading errs alike all over a log, and parameters take most of it up: it is seen by what
+    they can't. The part that isn't seen is taken to be as large.
+    """
+    out = np.zeros(len(inverse))
+    predicted = state.problem.target.reshape(state.problem.shape) - state.residual
+    rows = jacobian.reshape(*state.problem.shape, -1)
+    size = state.error.discrepancy[:, None] / state.error.sigma
+    for channel in np.flatnonzero(state.error.discrepancy > 0.0):
+        for shape in (predicted[channel], predicted[channel] ** 2):
+            unit = shape / max(1e-300, float(np.sqrt(np.mean(shape**2))))
+            out += (inverse @ (rows[channel].T @ (size[channel] * unit))) ** 2
     return out
 
 

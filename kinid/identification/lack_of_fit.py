@@ -83,6 +83,11 @@ def inside_tolerance(state: State) -> bool:
     return _slow(state, rows) <= (TOLERANCE * reading_rms(state.problem.whole)) ** 2
 
 
+def brings_inside(before: State, after: State) -> bool:
+    """Whether what one state leaves matters, and what another leaves is inside the usual tolerance."""
+    return not inside_tolerance(before) and inside_tolerance(after)
+
+
 def much_left(state: State) -> bool:
     """Whether more than noise is left in means of neighbours than noise itself."""
     rows = error_rows(state.problem.whole)

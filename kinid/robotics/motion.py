@@ -28,8 +28,6 @@ FEW_TURNS, SLACK = 2, np.deg2rad(1.0)
 #: accelerations along a direction count where their mean square is so many times their error's, which is known
 #: within that
 MORE_THAN_NOISE = 2.0
-#: samples whose error is so many times the median one tell nothing of it
-ORDINARY = 60.0
 
 
 class _Latest(Generic[T]):
@@ -156,15 +154,15 @@ def _beyond_noise(x: Array, sd: NDArray[np.float32]) -> Array:
     of its mean square that is not the error's, with λ their ratio (the positive part of W. James, C. Stein, Proc. 4th
     Berkeley Symp. 1961, axis by axis of what both are diagonal in).
     """
-    known = np.isfinite(x).all(axis=1) & np.isfinite(sd).all(axis=1)
+    variance = np.square(sd, dtype=np.float64)
+    known = np.isfinite(x).all(axis=1) & np.isfinite(variance).all(axis=1) & (variance > 0.0).all(axis=1)
     if not known.any():
         return np.eye(x.shape[1])
-    # beside gaps errors are many times the usual ones, and would make every direction still
-    known &= (sd <= ORDINARY * np.median(sd[known], axis=0)).all(axis=1)
-    noise = np.sqrt(np.mean(np.square(sd[known], dtype=np.float64), axis=0)) if known.any() else np.zeros(x.shape[1])
-    if not (noise > 0.0).all():
-        return np.eye(x.shape[1])
-    scaled = x[known] / noise
+    # samples count by their own precision: beside gaps errors are many times the usual ones
+    usual = np.median(variance[known], axis=0)
+    weight = 1.0 / np.max(variance[known] / usual, axis=1)
+    noise = np.sqrt(np.average(variance[known], axis=0, weights=weight))
+    scaled = x[known] / noise * np.sqrt(weight / np.mean(weight))[:, None]
     ratio, axes = np.linalg.eigh(scaled.T @ scaled / len(scaled))
     share = np.where(ratio > MORE_THAN_NOISE, 1.0 - 1.0 / np.maximum(ratio, 1.0), 0.0)
     out: Array = (axes * share) @ axes.T * (noise / noise[:, None])
