@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from kinid.diagnosis.screening import Candidate
 from kinid.effects import Effect
-from kinid.identification.error_model import REWEIGHTINGS, unusual_blocks
+from kinid.identification.error_model import NOISE_UNCERTAINTY, REWEIGHTINGS, unusual_blocks
 from kinid.identification.initial_guesses import initial_values, nominal_values, project_linear
 from kinid.identification.nuisance import trusted
 from kinid.identification.problem import Problem
@@ -36,8 +36,8 @@ Array = NDArray[np.float64]
 REFIT_STEPS, MAX_POINTS, MAX_STARTS, START_COST_RATIO = 20, 8, 2, 1.3
 #: a value is no value that can be where it is so many standard errors away from one that can
 ADMISSIBLE_ERRORS = 2.0
-#: share of its square that noise is known to; blocks of a log in which one event doesn't count
-NOISE_UNCERTAINTY, MIN_BLOCKS_OF_VETO = 0.1, 40
+#: blocks of a log in which one event doesn't count
+MIN_BLOCKS_OF_VETO = 40
 #: of values that can't be together, shares that are asked for
 POSSIBLE_SHARES = (1.0, 0.95, 0.9, 0.8, 0.65, 0.5, 0.25, 0.0)
 #: steps after which only those searches are ended that have come within this factor of the deepest

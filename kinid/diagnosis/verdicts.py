@@ -122,7 +122,7 @@ def _as_good(alternatives: tuple[str, ...]) -> str:
 
 
 def is_stand_in(name: str, found: Found, left: LackOfFit, settings: DiagnosisSettings) -> bool:
-    """Whether an addition takes off too little beside what matters and is left, where the diagnosis ends unexplained."""
+    """Whether an addition takes off too little beside what is left, where the diagnosis ends unexplained."""
     if not left.matters:
         return False
     evidence = found.selection.evidence[name]

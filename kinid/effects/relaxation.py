@@ -68,6 +68,11 @@ class Relaxation(Effect):
     def _ends(self) -> tuple[str, ...]:
         return ("", *(str(k) for k in range(2, self.branches + 1)))
 
+    def validity_range(self, signals: Signals) -> str:
+        """What relaxes much faster or more slowly than any touch looks like a spring."""
+        looked_at = self.grid["time-constant"]
+        return f"for time constants from {looked_at[0]:g} to {looked_at[-1]:g} s"
+
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Ratio and time constant of each branch; the branches start a decade apart."""
         return tuple(

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.contact.kinds_of_motion import kinds_of_motion
+from kinid.identification.error_model import NOISE_UNCERTAINTY
 from kinid.identification.state import FOLD_RIDGE, State, fixed_parameters
 
 Array = NDArray[np.float64]
@@ -24,6 +25,10 @@ Mask = NDArray[np.bool_]
 MIN_CHANGE = 1e-4
 #: eigenvalue of the normalised information below which a direction isn't identified, and share of it that takes part
 MIN_EIGENVALUE, MIN_PARTICIPATION = 1e-10, 0.1
+
+#: of a channel's root mean square, the nonlinearity that six-axis sensors are sold with; and of a curvature, the least
+#: share that is taken to be visible
+MAX_NONLINEARITY, MIN_VISIBLE = 0.01, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +67,7 @@ def covariance_of(state: State) -> Covariance:
         meat,
         lambda inverse: (
             np.maximum(np.diag(inverse) * state.inflation, _unlike(state, rows, information))
-            + _of_nonlinear_sensor(state, rows, inverse)
+            + np.sum((inverse @ scores_of_nonlinear_sensor(state, rows, inverse)) ** 2, axis=1)
         ),
     )
     matrix, unidentified = np.zeros((p, p)), unseen.copy()
@@ -154,21 +159,34 @@ def _unlike(state: State, jacobian: Array, information: Array) -> Array:
     return out
 
 
-def _of_nonlinear_sensor(state: State, jacobian: Array, inverse: Array) -> Array:
-    """Variance of directions (m,) from a gain and a curvature of each channel, of the discrepancy's size.
+def scores_of_nonlinear_sensor(state: State, jacobian: Array, inverse: Array) -> Array:
+    """Scores of a gain and a curvature of each channel, both of one size, (m, 2 · channels).
 
-    An error that goes with the reading errs alike all over a log, and parameters take most of it up: it is seen by what
-    they can't. The part that isn't seen is taken to be as large.
+    An error that goes with the reading errs alike all over a log, and parameters take most of it up. Its size follows
+    from the discrepancy, as far as that may be what parameters leave of a curvature.
+
+    Args:
+        state: as fitted. jacobian: weighted change of the means per step of each direction, (channels · g, m).
+        inverse: of the information of these directions, (m, m).
     """
-    out = np.zeros(len(inverse))
     predicted = state.problem.target.reshape(state.problem.shape) - state.residual
-    rows = jacobian.reshape(*state.problem.shape, -1)
-    size = state.error.discrepancy[:, None] / state.error.sigma
-    for channel in np.flatnonzero(state.error.discrepancy > 0.0):
-        for shape in (predicted[channel], predicted[channel] ** 2):
-            unit = shape / max(1e-300, float(np.sqrt(np.mean(shape**2))))
-            out += (inverse @ (rows[channel].T @ (size[channel] * unit))) ** 2
-    return out
+    rows, sigma = jacobian.reshape(*state.problem.shape, -1), state.error.sigma
+    out = np.zeros((jacobian.shape[1], len(predicted), 2))
+    for channel, reading in enumerate(predicted):
+        doubt = NOISE_UNCERTAINTY * float(np.mean(state.error.noise[channel] ** 2))
+        seen = float(np.sqrt(max(0.0, state.error.discrepancy[channel] ** 2 - doubt)))
+        if seen == 0.0 or not reading.any():
+            continue
+        shapes = np.stack([reading / _rms(reading), reading**2 / _rms(reading**2)])
+        score = rows[channel].T @ (shapes / sigma[channel]).T
+        visible = _rms(shapes[1] - sigma[channel] * (rows[channel] @ (inverse @ score[:, 1])))
+        most = MAX_NONLINEARITY * _rms(reading)
+        out[:, channel] = max(seen, min(seen / max(visible, MIN_VISIBLE), most)) * score
+    return out.reshape(len(out), -1)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def cluster_variance(information: Array, clusters: Iterable[tuple[Array, Array]]) -> Array:

@@ -34,6 +34,8 @@ SEPARATION_FORCE_SHARE = 0.1
 #: what is left in a block of time, in standard deviations, beyond which it weighs no more; and how often weights are
 #: found anew
 UNUSUAL_DEVIATIONS, REWEIGHTINGS = 3.0, 4
+#: share of its square that noise is known to
+NOISE_UNCERTAINTY = 0.1
 #: the motion's noise is averaged over so long [s]: draws are few
 MOTION_VARIANCE_WINDOW = 0.2
 

@@ -20,6 +20,7 @@ from kinid.identification.covariance import (
     blocks_of,
     cluster_variance,
     sandwich,
+    scores_of_nonlinear_sensor,
     small_sample,
     widened,
 )
@@ -80,6 +81,7 @@ class Shares:
         meat: of blocks by themselves and with their neighbours, (2, s, s). length: squared length of each column, (s,).
         blocks: of time. inflation: of a mean. kinds: squares and scores of each kind of motion. own: covariance of its
             own directions, (o, o).
+        channels: of its readings. sensor: scores of each one's gain and curvature, (s, 2 · channels).
     """
 
     meat: Array
@@ -88,6 +90,8 @@ class Shares:
     inflation: float
     kinds: dict[tuple[int, int], Cluster]
     own: Array
+    channels: tuple[str, ...]
+    sensor: Array
 
     @classmethod
     def of(cls, state: State, asked: Asked) -> Shares:
@@ -104,7 +108,14 @@ class Shares:
         own[lost, lost] = np.inf
         meat = turn.T @ np.stack(scores) @ turn + part.gain.T @ prior @ part.gain
         length = np.sum(jacobian[:, at.shared] ** 2, axis=0)
-        return cls(meat, length, blocks_of(state), state.inflation, _kinds(state, jacobian @ turn), own)
+        information = jacobian.T @ jacobian
+        information[np.ix_(at.own, at.own)] += prior
+        whole: Array = np.asarray(np.linalg.pinv(information, hermitian=True), dtype=np.float64)
+        sensor = turn.T @ scores_of_nonlinear_sensor(state, jacobian, whole)
+        kinds = _kinds(state, jacobian @ turn)
+        return cls(
+            meat, length, blocks_of(state), state.inflation, kinds, own, tuple(state.problem.layout.channels), sensor
+        )
 
 
 def _kinds(state: State, reduced: Array) -> dict[tuple[int, int], Cluster]:
@@ -133,6 +144,7 @@ class Scores:
         self.meat, self.inflated = np.zeros((2, size, size)), np.zeros((size, size))
         self.length, self.blocks, self.inflation = np.zeros(size), 0, 0.0
         self.kinds: dict[tuple[int, int], Cluster] = {}
+        self.sensors: dict[tuple[str, ...], Array] = {}
         self.logs: list[Cluster] = []
         self.own: list[Array] = []
 
@@ -153,6 +165,9 @@ class Scores:
         for kind, cluster in shares.kinds.items():
             new, old = self._placed(at.into, *cluster), self.kinds.get(kind)
             self.kinds[kind] = new if old is None else (old[0] + new[0], old[1] + new[1])
+        # one sensor errs alike in all logs
+        sensor = self.sensors.setdefault(shares.channels, np.zeros((len(self.length), shares.sensor.shape[1])))
+        np.add.at(sensor, at.into, shares.sensor)
         self.logs.append(self._placed(at.into, part.squares, part.slope))
         self.own.append(shares.own)
 
@@ -191,7 +206,7 @@ class Scores:
             for several in clusters:
                 if len(several) > 1:
                     out = np.maximum(out, cluster_variance(information, several))
-            return np.asarray(out)
+            return np.asarray(out + sum(np.sum((inverse @ s[kept]) ** 2, axis=1) for s in self.sensors.values()))
 
         spread, inverse, open_, condition = sandwich(information, meat, floor)
         matrix, whole, lost = np.zeros((size, size)), np.zeros((size, size)), unseen.copy()
