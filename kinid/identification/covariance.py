@@ -181,7 +181,7 @@ def scores_of_nonlinear_sensor(state: State, jacobian: Array, inverse: Array) ->
         score = rows[channel].T @ (shapes / sigma[channel]).T
         visible = _rms(shapes[1] - sigma[channel] * (rows[channel] @ (inverse @ score[:, 1])))
         most = MAX_NONLINEARITY * _rms(reading)
-        out[:, channel] = max(seen, min(seen / max(visible, MIN_VISIBLE), most)) * score
+        out[:, channel] = min(seen / max(visible, MIN_VISIBLE), most) * score
     return out.reshape(len(out), -1)
 
 
