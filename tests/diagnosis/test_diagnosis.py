@@ -283,7 +283,8 @@ def test_how_far_an_absence_reaches_is_said(nothing: Diagnosis, tester: Tester) 
     assert layer.verdict == "absent"
     assert layer.label == f"stiffening-layer (down to {1e3 * tester.depth.max():.2g} mm)"
     assert layer.says.endswith(layer.within)
-    assert nothing["relaxation"].label == "relaxation"
+    assert nothing["relaxation"].label == "relaxation (for time constants from 0.02 to 30 s)"
+    assert nothing["hysteresis"].label == "hysteresis"
 
 
 def test_what_is_printed_is_what_a_reader_wants(found: Diagnosis) -> None:
