@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
 from campaign.testers import NOISE, RATE, SPAN, poked, swing
 from numpy.typing import NDArray
+from scripted import RIG, scripted_poke
 
 import kinid
 
@@ -17,6 +19,9 @@ TRUTH = {"stiffness": 6000.0, "damping": 4e4, "exponent": 1.3}
 #: noise of a force [N] behind which a weak effect hides in a single log
 LOUD = 0.05
 HUNT_CROSSLEY = kinid.Model("hunt-crossley", "sensor-bias")
+#: ranges of the wrist sensor's channels [N, N·m]
+RANGES = np.array([40.0, 40.0, 120.0, 2.0, 2.0, 2.0])
+SPRING_AND_FRICTION = kinid.Model("kelvin-voigt", "coulomb-friction", "sensor-bias")
 KELVIN_VOIGT = kinid.Model("kelvin-voigt", "sensor-bias")
 
 
@@ -81,8 +86,33 @@ def named(draws: int, logs: int, kind: str, seed: int = 0) -> list[list[str]]:
         odd = {
             "tool": {"stiffness": 900.0, "damping": 9.0},
             "surface": {"offset": 3e-4},
+            "sensor": {"gain": 1.08, "noise": 1.5 * NOISE},
             "none": {},
         }[kind]
         some = [poked(first + i) for i in range(logs - 1)]
         out.append(list(kinid.Campaign([*some, poked(first + logs, **odd)]).fit(KELVIN_VOIGT).odd))
+    return out
+
+
+def swapped(draws: int, logs: int, kind: str, seed: int = 0) -> list[list[str]]:
+    """Which logs of an arm are called odd in so many campaigns whose last one was recorded with another wrist sensor.
+
+    Args:
+        kind: "calibration": readings of it through the matrix of the one before it, each element off by 3 % of its
+            channel's range; "turned": it was mounted a quarter turn away from the rig's; "none": the same sensor.
+    """
+    out = []
+    for draw in range(draws):
+        rng, some = np.random.default_rng([seed, draw, 11]), []
+        for number in range(1, logs + 1):
+            scripted = scripted_poke(seed=10_000 * (seed + draw) + 9000 + number)
+            log = scripted.log
+            assert log.wrench is not None
+            if number == logs and kind == "turned":
+                log = dataclasses.replace(log, wrench=log.wrench[:, [1, 0, 2, 4, 3, 5]] * [1, -1, 1, 1, -1, 1])
+            if number == logs and kind == "calibration":
+                matrix = np.eye(6) + 0.03 * rng.standard_normal((6, 6)) * np.outer(RANGES, 1.0 / RANGES)
+                log = dataclasses.replace(log, wrench=log.wrench @ matrix.T)
+            some.append(log)
+        out.append(list(kinid.Campaign(some, rig=kinid.Rig.parse_text(RIG)).fit(SPRING_AND_FRICTION).odd))
     return out

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from campaign.study import TRUTH, Draws, found_effects, named, recovered
+from campaign.study import TRUTH, Draws, found_effects, named, recovered, swapped
 
 #: laws that bend a spring over depth, which a small one can't be told by
 BENDS = {"stiffening-layer", "hertz-exponent"}
@@ -68,9 +68,18 @@ def test_a_weak_effect_is_found_in_20_logs_and_nothing_where_nothing_is() -> Non
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["tool", "surface"])
+@pytest.mark.parametrize("kind", ["tool", "surface", "sensor"])
 def test_odd_logs_among_20(kind: str) -> None:
     found = named(50, 20, kind)
+    print(kind, np.mean(["log 20" in names for names in found]))
+    assert np.mean(["log 20" in names for names in found]) >= 0.95
+    assert np.mean([bool({*names} - {"log 20"}) for names in found]) <= 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["calibration", "turned"])
+def test_a_swapped_wrist_sensor_among_20(kind: str) -> None:
+    found = swapped(10, 20, kind)
     print(kind, np.mean(["log 20" in names for names in found]))
     assert np.mean(["log 20" in names for names in found]) >= 0.95
     assert np.mean([bool({*names} - {"log 20"}) for names in found]) <= 0.05

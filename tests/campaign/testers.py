@@ -33,20 +33,21 @@ def poked(
     stiffening: float = 0.0,
     motion: int | None = None,
     noise: float = NOISE,
+    gain: float = 1.0,
 ) -> kinid.Log:
     """A tester that swings in and out of a spring with a dashpot, which lets go and doesn't pull.
 
     Args:
         seed: of noise, and of the motion where `motion` doesn't say it. offset: by which the surface lies further out
             than recorded [m]. bias: of the force [N]. stiffening: force that grows with the square of depth [N/m²].
-            noise: of the force [N].
+            noise: of the force [N]. gain: of the sensor, another's calibration in the file [1].
     """
     drawn = np.random.default_rng([seed, 1])
     t = np.arange(int(SPAN * RATE)) / RATE
     recorded, rate = swing(seed if motion is None else motion, t)
     depth = recorded + offset
     force = np.where(depth > 0, stiffness * depth + damping * rate + stiffening * depth**2, 0.0)
-    force = np.maximum(force, 0.0) + bias + noise * drawn.standard_normal(len(t))
+    force = gain * np.maximum(force, 0.0) + bias + noise * drawn.standard_normal(len(t))
     return kinid.Log(t=t, contact={"depth": recorded, "depth_rate": rate, "normal_force": force})
 
 
