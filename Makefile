@@ -8,6 +8,9 @@ TEST   := $(VENV)/test
 OUT    ?= demo-out
 WORKERS ?= 2
 
+# where it is set, each of a thousand processes that tests begin would compile all modules that it imports
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test slow gallery notebooks story figure lint types bench docs lock clean
 
 demo: $(DEMO)/.ready

@@ -1,4 +1,4 @@
-"""Runners that take seconds to begin, once for all tests of a worker; a server of S3 on this machine."""
+"""Runners that take seconds to begin, once for all tests here; a server of S3 on this machine."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import pytest
 from kinid.batch.runners import Runner, runner
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def processes() -> Iterator[Runner]:
     with runner("processes", 2) as made:
         yield made
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def cluster() -> Iterator[Runner]:
     with runner("dask", 2) as made:
         yield made
