@@ -25,6 +25,8 @@ kinid lab --trajectory plan.parquet --rig rig.toml --material dragon-skin-10 -o 
 
 kinid lab study -o found
 
+kinid lab slides -o slid
+
 kinid lab teleoperation -o study
 
 kinid lab teleoperation --material mould --map mould.parquet --at 0.02,0.02 -o study
@@ -32,7 +34,7 @@ kinid lab teleoperation --material mould --map mould.parquet --at 0.02,0.02 -o s
 kinid lab control -o control
 """
 
-TELEOPERATION, STUDY, CONTROL = "teleoperation", "study", "control"
+TELEOPERATION, STUDY, CONTROL, SLIDES = "teleoperation", "study", "control", "slides"
 #: options that mean nothing without another one, and what that says
 NEEDS = (
     ("--where", "--hide", "the effect that is hidden there"),
@@ -55,6 +57,7 @@ STUDIES: dict[str | None, tuple[set[str], str]] = {
     TELEOPERATION: ({"--material"}, "--material, --seed, --map and --at alone"),
     STUDY: (set(), "--seed alone"),
     CONTROL: (set(), "--seed and --map alone"),
+    SLIDES: (set(), "--seed alone"),
 }
 #: default of the controller's translational stiffness [N/m]
 STIFFNESS = 5200.0
@@ -67,7 +70,8 @@ def lab(
         str | None,
         typer.Argument(
             help="poke, slide, band, sponge, ecoflex-50, dragon-skin-10, mould, wave; or a study: teleoperation; "
-            "control, force control with a map; or study, which finds the published materials again.",
+            "control, force control with a map; slides, borders along four slides over the mould; or study, which "
+            "finds the published materials again.",
             show_default=False,
         ),
     ] = None,
@@ -173,6 +177,10 @@ def lab(
         from kinid.cli.lab_study import study
 
         summary = study(out, seed)
+    elif experiment == SLIDES:
+        from kinid.cli.lab_slides import slides
+
+        summary = slides(out, seed)
     elif campaign is not None and experiment is not None:
         places = grid(campaign, "--campaign")
         summary = runs.campaign(experiment, asked, places, 0.01 if spacing is None else spacing, bool(mcap), out)

@@ -77,8 +77,8 @@ EXPERIMENTS = {
         Experiment("wave", "free motion of all joints, nothing touched", "ecoflex-50", _wave),
     )
 }
-#: what can be asked for by name: these, and the studies of teleoperation, force control and published materials
-STUDIES = ("teleoperation", "control", "study")
+#: what can be asked for by name: these, and the studies of teleoperation, control, borders and published materials
+STUDIES = ("teleoperation", "control", "slides", "study")
 NAMES = (*EXPERIMENTS, *STUDIES)
 
 

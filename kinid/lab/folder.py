@@ -25,6 +25,7 @@ LEFT = (
     "teleoperation.json",
     "control.json",
     "study.json",
+    "slides.json",
     "poke_*.parquet",
     "slide_*.parquet",
 )

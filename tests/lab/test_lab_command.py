@@ -14,6 +14,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+import kinid
 from kinid.cli.lab import lab
 from kinid.errors import InputError
 from kinid.mapping.property_map import Probe, Property, PropertyMap
@@ -92,6 +93,22 @@ def test_published_true_and_estimated_side_by_side(app: typer.Typer, tmp_path: P
         assert row["estimated"] == pytest.approx(row["true"], rel=within[row["parameter"]])
         assert row["low"] < row["estimated"] < row["high"]
         assert f"{row['estimated']:.4g}" in result.output
+
+
+def test_borders_along_four_slides(app: typer.Typer, tmp_path: Path) -> None:
+    out = tmp_path / "s"
+    result = CliRunner().invoke(app, ["slides", "--seed", "2", "-o", str(out)])
+    assert result.exit_code == 0, result.output
+    rows = json.loads((out / "slides.json").read_text())
+    assert "12 of 12 crossings found, none where no border is" in result.output
+    assert {row["slide"] for row in rows} == {1, 2, 3, 4}
+    assert all(abs(row["error"]) < 0.5e-3 for row in rows)  # what is asked of borders
+    assert all(abs(row["error"]) < 4.0 * row["sd"] for row in rows)
+    # where silicones were poured beside each other is known in closed form, too: x = 1.5 mm sin(90 y / m)
+    assert rows[0]["true"] == pytest.approx(1.5e-3 * np.sin(90.0 * -0.022), abs=5e-5)
+    assert "Slide 4" in (out / "slides.html").read_text()
+    rig, log = out / "rig.toml", out / "slide_2.parquet"
+    assert kinid.contact_series(kinid.read(log, kinid.Rig.load(rig)), kinid.Rig.load(rig)).depth.max() > 2e-3
 
 
 FIRST = ["poke", "--seed", "3"]
