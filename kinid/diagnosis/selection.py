@@ -50,8 +50,6 @@ MAX_ERROR_RISE = 1.01
 FEW = 2
 #: share of the squared error that another way has to take off
 MOST = 0.5
-#: share of the squared error below which an addition is named though it is tolerated: it halves the error
-LEFT_OF_NAMED = 0.25
 
 
 @dataclass(eq=False)
@@ -257,7 +255,8 @@ def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: 
         if last and inside_tolerance(reduced):
             left = _reported(best) / _reported(reduced)
             needed = max(needed, settings.beyond_doubt * (1.0 - evidence.beyond if len(found.added) == 1 else left))
-            small = left > LEFT_OF_NAMED or best.model[name].tolerated_at_any_share(best.problem.layout)
+            form = not best.model[name].tolerated_at_any_share(best.problem.layout)
+            small = not form or evidence.beyond < settings.explains
         # what seemed much beside a model that lacked others may be no more than every rig has
         usual = (
             last

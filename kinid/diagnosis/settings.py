@@ -40,3 +40,8 @@ class DiagnosisSettings:
     max_effects: int = 8
     tolerance: float = 0.02
     stand_in_ratio: float = 0.5
+
+    @property
+    def explains(self) -> float:
+        """Share of the squared error beyond noise from which on an effect explains it: no stand-in, no usual form."""
+        return 1.0 / (1.0 + self.stand_in_ratio**2)

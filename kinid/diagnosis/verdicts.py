@@ -126,7 +126,7 @@ def is_stand_in(name: str, found: Found, left: LackOfFit, settings: DiagnosisSet
     if not left.matters:
         return False
     evidence = found.selection.evidence[name]
-    return evidence.beyond < 1.0 / (1.0 + settings.stand_in_ratio**2)
+    return evidence.beyond < settings.explains
 
 
 def _unseen(

@@ -72,7 +72,7 @@ class Effect(ABC):
         map_names: parameter name → what a map calls it.
         unremarkable: parameter name → distance from its null that every material and every rig has; names as below.
         tolerated: parameter name → distance that many a rig has: no finding where the error with it is inside the
-            tolerance; infinite for what has no exact form, which is a finding where it halves the error.
+            tolerance; infinite for what has no exact form: a finding where it takes off what is beyond noise.
             tolerated_in_joints: the same of joint torques, where it is another: drives filter them.
         calibration_tolerance: parameter name → standard deviation within which every rig's calibration leaves it open.
             Names are those before the bracket; where channels differ in their unit it stands in brackets: "offset[N]",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -14,14 +15,12 @@ import kinid.urdf
 from kinid.data.plausible import TURNS_OR_SLIDES
 from kinid.data.rig import Rig, RobotSpec, ToolSpec
 from kinid.errors import InputError, expect, near
-from kinid.robotics.urdf_model import find_frame, joint_axis, lock, names_to, parsed, z_onto
+from kinid.robotics.urdf_model import find_frame, joint_axis, lock, names_to, parsed, refuse_millimetres, z_onto
 
 Array = NDArray[np.float64]
 
 #: frames that are taken where the rig names none and the robot has them
 DEFAULT_SENSOR_FRAME, DEFAULT_TIP_FRAME = "ft_sensor", "tool_tip"
-#: no joint of an arm is further from the one before it [m]: a URDF that says so is in millimetres
-LONGEST_LINK = 20.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,44 +137,20 @@ class Robot:
         compliance: Sequence[Sequence[float]] | None = None,
     ) -> Robot:
         """The robot of a URDF file; without `joints` those between the base and the tip, in their order."""
-        kinid.urdf.check(path)
-        name = name or path.stem
-        full = parsed(path)
-        frames = [frame.name for frame in full.frames]
-        sensor_frame = _frame(sensor_frame, DEFAULT_SENSOR_FRAME, frames, "sensor_frame", name)
-        tip_frame = _frame(tip_frame, DEFAULT_TIP_FRAME, frames, "tip_frame", name)
-        _refuse_millimetres(full, path)
-        movable = [full.names[j] for j in range(1, full.njoints) if full.joints[j].nv == 1]
-        if joints is None:
-            end = tip_frame or sensor_frame
-            on_path = names_to(full, find_frame(full, end, name).parentJoint) if end else movable
-            joints = [joint for joint in on_path if joint in movable] or movable
-        for joint in joints:
-            if joint not in movable:
-                raise InputError(
-                    f"joint '{joint}' in [robot] joints", f"a one-axis joint of {name}", near(joint, movable)
-                )
-        if len(set(joints)) != len(joints):
-            raise InputError(f"[robot] joints {list(joints)}", "each joint once", "remove the doubled name")
-        locked = [j for j in range(1, full.njoints) if full.names[j] not in set(joints)]
-        model = lock(full, locked) if locked else full
-        model.gravity = pin.Motion(np.asarray(gravity, dtype=float), np.zeros(3))
-        robot = cls(
-            name,
-            model,
-            tuple(joints),
+        path = Path(path)
+        found = path.stat() if path.is_file() else None
+        which = (found.st_dev, found.st_ino, found.st_mtime_ns, found.st_size) if found else (0, 0, 0, 0)
+        still = np.zeros((3, 3)) if compliance is None else np.asarray(compliance, dtype=float)
+        return _of_urdf(
+            path,
+            which,
+            name or path.stem,
+            None if joints is None else tuple(joints),
             sensor_frame,
             tip_frame,
-            np.asarray(gravity, dtype=float),
-            np.zeros((3, 3)) if compliance is None else np.asarray(compliance, dtype=float),
+            tuple(np.asarray(gravity, dtype=float).tolist()),
+            tuple(map(tuple, still.tolist())),
         )
-        if sensor_frame and tip_frame and robot._parent(sensor_frame) != robot._parent(tip_frame):
-            raise InputError(
-                f"a joint between '{sensor_frame}' and '{tip_frame}' of {name}",
-                "a tip that is fixed to the sensor",
-                "choose frames on the same link",
-            )
-        return robot
 
     @property
     def end_frames(self) -> tuple[str, ...]:
@@ -198,7 +173,16 @@ class Robot:
         return self._limit(self.model.upperPositionLimit, np.inf)
 
     def chain(self, frame: str) -> Chain:
-        """The chain from the base to a frame."""
+        """The chain from the base to a frame; made once."""
+        if frame not in self._chains:
+            self._chains[frame] = self._chain_to(frame)
+        return self._chains[frame]
+
+    @cached_property
+    def _chains(self) -> dict[str, Chain]:
+        return {}
+
+    def _chain_to(self, frame: str) -> Chain:
         model = self.model
         target = self.frame(frame)
         ids = [j for j in model.supports[target.parentJoint] if j > 0]
@@ -356,16 +340,45 @@ def _refuse_other_units(rig: Rig, robot: Robot) -> None:
             )
 
 
-def _refuse_millimetres(model: pin.Model, path: Path) -> None:
-    """Refuse links longer than any arm's; where the first joint stands in the world is another matter."""
-    for j in range(2, model.njoints):
-        length = float(np.linalg.norm(model.jointPlacements[j].translation))
-        if model.parents[j] > 0 and length > LONGEST_LINK:
-            raise InputError(
-                f"{length:.4g} m from joint '{model.names[model.parents[j]]}' to '{model.names[j]}' in {path}",
-                f"links in metres, of {LONGEST_LINK:g} m at most",
-                "divide the xyz of its origins by 1000, if it is in millimetres",
-            )
+@lru_cache(maxsize=8)
+def _of_urdf(
+    path: Path,
+    _which: tuple[int, int, int, int],
+    name: str,
+    joints: tuple[str, ...] | None,
+    sensor_frame: str | None,
+    tip_frame: str | None,
+    gravity: tuple[float, ...],
+    compliance: tuple[tuple[float, ...], ...],
+) -> Robot:
+    """The same, made once while the file stays as it is: each of a folder's logs asks for it several times."""
+    kinid.urdf.check(path)
+    full = parsed(path)
+    frames = [frame.name for frame in full.frames]
+    sensor_frame = _frame(sensor_frame, DEFAULT_SENSOR_FRAME, frames, "sensor_frame", name)
+    tip_frame = _frame(tip_frame, DEFAULT_TIP_FRAME, frames, "tip_frame", name)
+    refuse_millimetres(full, path)
+    movable = [full.names[j] for j in range(1, full.njoints) if full.joints[j].nv == 1]
+    if joints is None:
+        end = tip_frame or sensor_frame
+        on_path = names_to(full, find_frame(full, end, name).parentJoint) if end else movable
+        joints = tuple([joint for joint in on_path if joint in movable] or movable)
+    for joint in joints:
+        if joint not in movable:
+            raise InputError(f"joint '{joint}' in [robot] joints", f"a one-axis joint of {name}", near(joint, movable))
+    if len(set(joints)) != len(joints):
+        raise InputError(f"[robot] joints {list(joints)}", "each joint once", "remove the doubled name")
+    locked = [j for j in range(1, full.njoints) if full.names[j] not in set(joints)]
+    model = lock(full, locked) if locked else full
+    model.gravity = pin.Motion(np.asarray(gravity), np.zeros(3))
+    robot = Robot(name, model, joints, sensor_frame, tip_frame, np.asarray(gravity), np.asarray(compliance))
+    if sensor_frame and tip_frame and robot._parent(sensor_frame) != robot._parent(tip_frame):
+        raise InputError(
+            f"a joint between '{sensor_frame}' and '{tip_frame}' of {name}",
+            "a tip that is fixed to the sensor",
+            "choose frames on the same link",
+        )
+    return robot
 
 
 def _frame(name: str | None, default: str, frames: Sequence[str], key: str, robot: str) -> str | None:

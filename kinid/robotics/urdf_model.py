@@ -18,6 +18,9 @@ from kinid.errors import InputError, near
 
 Array = NDArray[np.float64]
 
+#: no joint of an arm is further from the one before it [m]: a URDF that says so is in millimetres
+LONGEST_LINK = 20.0
+
 
 def parsed(path: Path) -> pin.Model:
     """Pinocchio's model of a URDF; what its parser writes to the process's error stream goes into the message."""
@@ -31,6 +34,18 @@ def parsed(path: Path) -> pin.Model:
             raise InputError(
                 f"{path}, which Pinocchio can't read ({cause})", "a URDF of one arm", "correct it there"
             ) from None
+
+
+def refuse_millimetres(model: pin.Model, path: Path) -> None:
+    """Refuse links longer than any arm's; where the first joint stands in the world is another matter."""
+    for j in range(2, model.njoints):
+        length = float(np.linalg.norm(model.jointPlacements[j].translation))
+        if model.parents[j] > 0 and length > LONGEST_LINK:
+            raise InputError(
+                f"{length:.4g} m from joint '{model.names[model.parents[j]]}' to '{model.names[j]}' in {path}",
+                f"links in metres, of {LONGEST_LINK:g} m at most",
+                "divide the xyz of its origins by 1000, if it is in millimetres",
+            )
 
 
 @contextmanager
