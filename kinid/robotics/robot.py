@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -141,7 +141,7 @@ class Robot:
         found = path.stat() if path.is_file() else None
         which = (found.st_dev, found.st_ino, found.st_mtime_ns, found.st_size) if found else (0, 0, 0, 0)
         still = np.zeros((3, 3)) if compliance is None else np.asarray(compliance, dtype=float)
-        return _of_urdf(
+        known = _of_urdf(
             path,
             which,
             name or path.stem,
@@ -150,6 +150,10 @@ class Robot:
             tip_frame,
             tuple(np.asarray(gravity, dtype=float).tolist()),
             tuple(map(tuple, still.tolist())),
+        )
+        # each with a model of its own: whoever changes one changes no other
+        return replace(
+            known, model=known.model.copy(), gravity=known.gravity.copy(), compliance=known.compliance.copy()
         )
 
     @property
@@ -173,16 +177,7 @@ class Robot:
         return self._limit(self.model.upperPositionLimit, np.inf)
 
     def chain(self, frame: str) -> Chain:
-        """The chain from the base to a frame; made once."""
-        if frame not in self._chains:
-            self._chains[frame] = self._chain_to(frame)
-        return self._chains[frame]
-
-    @cached_property
-    def _chains(self) -> dict[str, Chain]:
-        return {}
-
-    def _chain_to(self, frame: str) -> Chain:
+        """The chain from the base to a frame."""
         model = self.model
         target = self.frame(frame)
         ids = [j for j in model.supports[target.parentJoint] if j > 0]
@@ -351,7 +346,7 @@ def _of_urdf(
     gravity: tuple[float, ...],
     compliance: tuple[tuple[float, ...], ...],
 ) -> Robot:
-    """The same, made once while the file stays as it is: each of a folder's logs asks for it several times."""
+    """The robot of a URDF, read once while the file stays as it is: each log of a folder asks for it several times."""
     kinid.urdf.check(path)
     full = parsed(path)
     frames = [frame.name for frame in full.frames]
