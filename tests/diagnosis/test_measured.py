@@ -104,6 +104,7 @@ def test_the_drive_ends_at_friction_that_depends_on_direction(real_data: Path) -
 # materials
 
 
+@pytest.mark.slow  # two minutes, and not reached
 def test_silicone_remembers(real_data: Path) -> None:
     """In and out twice, to 26 N, held out: Kelvin-Voigt 6.5 → 0.19, Hunt-Crossley 0.93 → 0.089 N; noise is 0.053 N."""
     log, rig = silicone("two_cycles")(real_data)
