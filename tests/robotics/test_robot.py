@@ -45,6 +45,28 @@ def test_the_shipped_arm_has_the_names_that_are_promised() -> None:
     assert (lwr.lower < lwr.upper).all()
 
 
+def test_whoever_changes_a_robot_changes_no_other() -> None:
+    mine, before = robot(), robot().chain("tool_tip").shifts
+    mine.model.inertias[3].mass = 100.0
+    mine.gravity[2] = 0.0
+    mine.model.jointPlacements[2].translation = np.array([0.0, 0.0, 9.0])
+    other = robot()
+    assert other.model.inertias[3].mass != 100.0
+    assert other.gravity[2] == -9.81
+    np.testing.assert_array_equal(other.chain("tool_tip").shifts, before)
+
+
+def test_a_urdf_that_was_changed_is_read_again(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_text(arm("a", "b", "c"))
+    first = Robot.from_urdf(path)
+    path.write_text(arm("a", "b", "c", "d"))
+    assert Robot.from_urdf(path).joint_count == first.joint_count + 1
+    path.write_text("no URDF")
+    with pytest.raises(InputError):
+        Robot.from_urdf(path)
+
+
 def test_tip_in_sensor_is_where_the_tip_is() -> None:
     lwr = robot()
     q = np.array([[0.3, -0.7, 0.4, 1.1, -0.2, 0.9, 0.1]])
