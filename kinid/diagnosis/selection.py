@@ -253,10 +253,9 @@ def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: 
         found.evidence[name] = evidence = compare_states(reduced, best, best.error.sigma)
         needed, small = required_significance(evidence, settings), False
         if last and inside_tolerance(reduced):
-            left = _reported(best) / _reported(reduced)
-            needed = max(needed, settings.beyond_doubt * (1.0 - evidence.beyond if len(found.added) == 1 else left))
-            form = not best.model[name].tolerated_at_any_share(best.problem.layout)
-            small = not form or evidence.beyond < settings.explains
+            taken = evidence.beyond if len(found.added) == 1 else 1.0 - _reported(best) / _reported(reduced)
+            needed = max(needed, settings.beyond_doubt * (1.0 - taken))
+            small = taken < settings.explains or best.model[name].tolerated_at_any_share(best.problem.layout)
         # what seemed much beside a model that lacked others may be no more than every rig has
         usual = (
             last
