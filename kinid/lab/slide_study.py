@@ -8,7 +8,6 @@ slow press changes most from place to place.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,22 +24,17 @@ from kinid.lab.materials import Material
 from kinid.lab.protocol import Slide, five_phases
 from kinid.lab.setup import Setup
 from kinid.lab.writing import write_log, write_rig
-from kinid.mapping.changes import Change, Leg, find_changes, legs
+from kinid.mapping.changes import Leg, find_changes, legs
 from kinid.reports.plots import BLUE, GREY, ORANGE, VERMILION
-from kinid.writers import Json, make_folder, write_text
+from kinid.writers import Json, make_folder, write_json, write_text
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
 Array = NDArray[np.float64]
 
-#: where each slide begins, along both tangents [m], and its direction from tangent1 [rad]
-WAYS = (
-    ((-0.006, -0.022), 0.0),
-    ((-0.006, 0.022), 0.0),
-    ((-0.022, -0.006), np.pi / 2),
-    ((0.022, -0.006), np.pi / 2),
-)
+#: where each slide begins, along both tangents [m], and which of them it follows
+WAYS = (((-0.006, -0.022), 0), ((-0.006, 0.022), 0), ((-0.022, -0.006), 1), ((0.022, -0.006), 1))
 #: to both sides of that [m], depth [m] and speed [m/s]
 REACH, DEPTH, SPEED = 0.022, 2.5e-3, 6e-3
 #: steps in which the truth is looked through [m]; change of force with place over mean force from which on there is a
@@ -95,51 +89,56 @@ def study(seed: int = 0, progress: Callable[[int], None] = lambda _: None) -> li
         seed: of sensor faults and noise. progress: called with the number of each slide as it begins.
     """
     rides = []
-    for number, (place, angle) in enumerate(WAYS, start=1):
+    for number, (place, axis) in enumerate(WAYS, start=1):
         progress(number)
-        slide = Slide(depth=DEPTH, speed=SPEED, length=REACH, directions=(angle,))
+        slide = Slide(depth=DEPTH, speed=SPEED, length=REACH, directions=(axis * np.pi / 2,))
         base = prepare("slide", material="mould", seed=seed)
         setup = replace(base, script=five_phases(slide, place=place), seed=10 * seed + number)
-        rides.append(_ride(number, setup, place, angle))
+        rides.append(_ride(number, setup, np.asarray(place), axis))
     return rides
 
 
-def true_borders(material: Material, place: tuple[float, float], angle: float) -> Array:
-    """Where along a way through `place` [m] the force of a slow press changes most, from `place` on [m]."""
-    s = np.arange(-REACH, REACH + FINE / 2, FINE)
-    x, y = place[0] + s * np.cos(angle), place[1] + s * np.sin(angle)
-    force = material.press(x, y, np.full(len(s), DEPTH))
-    steep = np.abs(np.gradient(force, s)) / force.mean()
-    return np.asarray(s[find_peaks(steep, height=STEEP)[0]])
+def true_borders(material: Material, place: Array, axis: int) -> Array:
+    """Where along a tangent, on a way through `place` (2,), the force of a slow press changes most [m]."""
+    along = place[axis] + np.arange(-REACH, REACH + FINE / 2, FINE)
+    x, y = _on_way(place, axis, along).T
+    force = material.press(x, y, np.full(len(along), DEPTH))
+    steep = np.abs(np.gradient(force, along)) / force.mean()
+    return np.asarray(along[find_peaks(steep, height=STEEP)[0]])
 
 
-def _ride(number: int, setup: Setup, place: tuple[float, float], angle: float) -> Ride:
+def _on_way(place: Array, axis: int, along: Array) -> Array:
+    """Places on the way through one along a tangent, (n, 2) [m]."""
+    out = np.tile(place, (len(along), 1))
+    out[:, axis] = along
+    return out
+
+
+def _ride(number: int, setup: Setup, place: Array, axis: int) -> Ride:
     log = setup.run().log
     touch = contact_series(log, setup.rig, robot=setup.robot)
-    found, stretches = find_changes(touch), legs(touch)
-    way, middle = np.array([np.cos(angle), np.sin(angle)]), np.asarray(place)
-    borders = true_borders(setup.material, place, angle)
+    found, stretches = [change for change in find_changes(touch) if not change.doubt], legs(touch)
+    borders = true_borders(setup.material, place, axis)
     crossings: list[Crossing] = []
     for k, leg in enumerate(stretches, start=1):
-        seen = [c for c in found if leg.t[0] <= c.t <= leg.t[-1]]
-        crossings += _matched(number, k, borders, [leg.crosses(middle + s * way) for s in borders], seen, way, middle)
-    axis, start = int(abs(way[1]) > abs(way[0])), float(middle @ way)
-    along = [c._replace(true=c.true + start, found=c.found + start) for c in crossings]
-    return Ride(number, axis, log, setup, tuple(stretches), tuple(along), borders + start)
+        seen = {float(c.place[axis]): c.sd for c in found if leg.t[0] <= c.t <= leg.t[-1]}
+        crossed = [leg.crosses(border) for border in _on_way(place, axis, borders)]
+        crossings += [Crossing(number, k, *pair) for pair in _matched(borders, crossed, seen)]
+    return Ride(number, axis, log, setup, tuple(stretches), tuple(crossings), borders)
 
 
-def _matched(
-    slide: int, leg: int, borders: Array, crossed: list[bool], found: list[Change], way: Array, middle: Array
-) -> list[Crossing]:
-    """Each border that a leg crosses with the one found nearest to it, and those that are found where none is."""
-    out, left = [], {float((c.place - middle) @ way): c.sd for c in found if not c.doubt}
+def _matched(borders: Array, crossed: list[bool], found: dict[float, float]) -> list[tuple[float, float, float]]:
+    """Each border that a leg crosses with the place found nearest to it and its standard deviation, and those found
+    where none is.
+    """
+    out, left = [], dict(found)
     for border, is_crossed in zip(borders.tolist(), crossed):
-        near = min(left, key=lambda s: abs(s - border), default=np.inf)
+        near = min(left, key=lambda place: abs(place - border), default=np.inf)
         if abs(near - border) <= SAME:
-            out.append(Crossing(slide, leg, border, near, left.pop(near)))
+            out.append((border, near, left.pop(near)))
         elif is_crossed:
-            out.append(Crossing(slide, leg, border, np.nan, np.nan))
-    return out + [Crossing(slide, leg, np.nan, place, sd) for place, sd in left.items()]
+            out.append((border, np.nan, np.nan))
+    return out + [(np.nan, place, sd) for place, sd in left.items()]
 
 
 def figure(ride: Ride) -> Figure:
@@ -195,7 +194,7 @@ def write(folder: Path, rides: list[Ride]) -> tuple[Path, Path]:
     for ride in rides:
         write_log(folder / f"slide_{ride.number}.parquet", ride.log)
     table, page = folder / "slides.json", folder / "slides.html"
-    write_text(table, json.dumps(facts(rides), indent=1) + "\n")
+    write_json(table, facts(rides))
     what = "Dashed: where the force of a slow press changes most, in truth. Bands: where a border was found, ± 95 %."
     shown = [(f"Slide {ride.number}", figure(ride)) for ride in rides]
     write_text(

@@ -19,8 +19,6 @@ TRUTH = {"stiffness": 6000.0, "damping": 4e4, "exponent": 1.3}
 #: noise of a force [N] behind which a weak effect hides in a single log
 LOUD = 0.05
 HUNT_CROSSLEY = kinid.Model("hunt-crossley", "sensor-bias")
-#: ranges of the wrist sensor's channels [N, N·m]
-RANGES = np.array([40.0, 40.0, 120.0, 2.0, 2.0, 2.0])
 SPRING_AND_FRICTION = kinid.Model("kelvin-voigt", "coulomb-friction", "sensor-bias")
 KELVIN_VOIGT = kinid.Model("kelvin-voigt", "sensor-bias")
 
@@ -101,7 +99,9 @@ def swapped(draws: int, logs: int, kind: str, seed: int = 0) -> list[list[str]]:
         kind: "calibration": readings of it through the matrix of the one before it, each element off by 3 % of its
             channel's range; "turned": it was mounted a quarter turn away from the rig's; "none": the same sensor.
     """
-    out = []
+    rig, out = kinid.Rig.parse_text(RIG), []
+    assert rig.sensor.range is not None
+    ranges = np.array(rig.sensor.range)
     for draw in range(draws):
         rng, some = np.random.default_rng([seed, draw, 11]), []
         for number in range(1, logs + 1):
@@ -111,8 +111,8 @@ def swapped(draws: int, logs: int, kind: str, seed: int = 0) -> list[list[str]]:
             if number == logs and kind == "turned":
                 log = dataclasses.replace(log, wrench=log.wrench[:, [1, 0, 2, 4, 3, 5]] * [1, -1, 1, 1, -1, 1])
             if number == logs and kind == "calibration":
-                matrix = np.eye(6) + 0.03 * rng.standard_normal((6, 6)) * np.outer(RANGES, 1.0 / RANGES)
+                matrix = np.eye(6) + 0.03 * rng.standard_normal((6, 6)) * np.outer(ranges, 1.0 / ranges)
                 log = dataclasses.replace(log, wrench=log.wrench @ matrix.T)
             some.append(log)
-        out.append(list(kinid.Campaign(some, rig=kinid.Rig.parse_text(RIG)).fit(SPRING_AND_FRICTION).odd))
+        out.append(list(kinid.Campaign(some, rig=rig).fit(SPRING_AND_FRICTION).odd))
     return out
