@@ -207,3 +207,12 @@ def test_a_browser_draws_every_figure(pages: dict[str, str], tmp_path: Path) -> 
         path = tmp_path / f"{name}.html"
         path.write_text(text.replace("</body>", check), encoding="utf-8")
         assert bool(complaints(path, tmp_path / f"browser-{name}")) is (name == "bad")
+
+
+@needs_chromium
+def test_a_page_that_fails_after_it_was_loaded_is_seen(tmp_path: Path) -> None:
+    page = tmp_path / "late.html"
+    page.write_text(
+        "<body><script>setTimeout(() => { throw new Error('late'); }, 500)</script></body>", encoding="utf-8"
+    )
+    assert any("late" in line for line in complaints(page, tmp_path / "profile"))
