@@ -104,7 +104,7 @@ def choose(refits: Sequence[Refit], before: State, settings: DiagnosisSettings) 
     accepted = [t for t in accepted if t is least or t.evidence.gain > MIN_GAIN_SHARE * most]
     if len(accepted) < 2:
         return accepted[0] if accepted else None
-    relearnt = parallel_map(lambda t: t.relearnt, accepted[:MAX_ALTERNATIVES])
+    relearnt = parallel_map(lambda t: t.relearnt, accepted[:MAX_ALTERNATIVES], len(before.problem.whole.signals))
     best = min(relearnt, key=by_error)
     # of two where one is a part of the other, the part comes first: the rest of it has to prove itself beside that
     part = next((t for t in accepted if t.effect.id in best.effect.includes), None)

@@ -112,9 +112,10 @@ def _promising(state: State, points: dict[str, list[Candidate]], settings: Diagn
         settings.min_significance**2 / 4, settings.promising_share * (ranked[0].predicted_gain if ranked else 0.0)
     )
     promising = [c.effect.id for c in ranked if c.predicted_gain > least][: settings.refits]
-    refits = sorted(parallel_map(lambda name: refit(state, points[name]), promising), key=by_error)
+    samples = len(state.problem.whole.signals)
+    refits = sorted(parallel_map(lambda name: refit(state, points[name]), promising, samples), key=by_error)
     # beside the right effect, friction at rest may have another form than beside the wrong ones
-    refits[:REST_FORM_REFITS] = parallel_map(acceptance.with_best_rest_form, refits[:REST_FORM_REFITS])
+    refits[:REST_FORM_REFITS] = parallel_map(acceptance.with_best_rest_form, refits[:REST_FORM_REFITS], samples)
     return refits
 
 

@@ -35,10 +35,10 @@ def answers(kind: str, *worlds: tuple[str, int, int]) -> list[Answer]:
 
 
 def test_one_hidden_effect_is_named() -> None:
-    """Of a dozen, one may be mistaken for another that fits about as well: that is what 95 % asked for leaves."""
-    found = answers("single", ("force-depth", 0, 10), ("wrench", 0, 1), ("joints", 1, 2))
+    """Of half a dozen, one may be mistaken for another that fits about as well: 95 % are asked for."""
+    found = answers("single", ("force-depth", 3, 8), ("wrench", 0, 1), ("joints", 1, 2))
     visible = [t for t in found if t.counts]
-    assert len(visible) >= 9  # they are drawn to be from a fifth of the noise on; most of them matter
+    assert len(visible) >= 5  # they are drawn to be from a fifth of the noise on; most of them matter
     assert sum(t.first for t in visible) >= len(visible) - 1
     assert sum(t.right for t in visible) >= len(visible) - 2  # and nothing else was added
     for t in [t for t in visible if t.first]:

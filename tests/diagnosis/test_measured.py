@@ -237,8 +237,8 @@ def planted(real_data: Path) -> dict[tuple[str, str], Case]:
     ("source", "effect"),
     [
         ("drive-friction", "time-offset"),
-        ("lwr4plus-motion-1", "joint-torque-gain"),
-        ("lwr4plus-motion-1", "payload"),
+        pytest.param("lwr4plus-motion-1", "joint-torque-gain", marks=pytest.mark.slow),
+        pytest.param("lwr4plus-motion-1", "payload", marks=pytest.mark.slow),
         ("silicone-two-cycles", "sensor-bias"),
         ("med14-poses", "sensor-bias"),
         ("med14-poses", "tool-mass"),

@@ -23,12 +23,11 @@ from measured.transfer import moved, ways
 
 pytestmark = pytest.mark.real
 
-#: what the diagnosis has to reach, None where nothing is asked yet. Of the small study: cases that are named at 2 and
-#: at 5 times what is left, of those whose effect the log did not show already; names that are not there, a case;
-#: transfers that hold
-SMALL: dict[str, float | None] = {"named at 2": None, "named at 5": None, "false a case": None, "transfers": None}
-#: the same of the whole study
-WHOLE: dict[str, float | None] = {"named at 2": None, "named at 5": None, "false a case": None, "transfers": None}
+#: what the diagnosis has to reach. Of the small study: cases that are named at 5 times what is left, of those whose
+#: effect the log did not show already; names that are not there, a case. Of five or six cases one may be missed
+SMALL: dict[str, float] = {"named at 5": 0.75, "false a case": 0.5}
+#: of the whole study, beside transfers that hold: nothing is asked yet
+WHOLE: dict[str, float] = {}
 
 #: logs and effects of the small study: each family, and what is read off samples, filters, clocks and laws
 FEW = (
@@ -42,6 +41,8 @@ FEW = (
     "med14-poses/tool-mass",
     "med14-poses/sensor-misalignment",
 )
+#: of them, those that take longest
+LONG = ("lwr4plus-motion-1/payload", "silicone-d5mm_hard/viscous-damping", "silicone-d5mm_hard/hysteresis")
 SEED = 1
 
 
@@ -163,7 +164,7 @@ def test_transfer_of_true_friction(real_data: Path) -> None:
     assert first.t[-1] < second.t[0]
 
 
-def reached(rows: list[dict[str, Any]], bars: dict[str, float | None]) -> None:
+def reached(rows: list[dict[str, Any]], bars: dict[str, float]) -> None:
     """Structure of a study, and its bars where there are any."""
     cases = [row for row in rows if row["kind"] == "case"]
     assert cases
@@ -186,16 +187,18 @@ def reached(rows: list[dict[str, Any]], bars: dict[str, float | None]) -> None:
     found["transfers"] = float(np.mean(holds)) if holds else np.nan
     print(f"\n{found}; {len(new)} of {len(cases)} cases count, {len(cases) - len(answered)} crashed or refused", end="")
     for name, bar in bars.items():
-        if bar is not None:
-            assert (found[name] <= bar) if name.startswith("false") else (found[name] >= bar), name
+        assert (found[name] <= bar) if name.startswith("false") else (found[name] >= bar), name
 
 
 def test_the_diagnosis_of_a_few(real_data: Path) -> None:
-    """Eight cases at five times what is left; an arm's take minutes, and are left to the whole study."""
-    keys = ",".join(f"{key}/" for key in FEW if not key.startswith("lwr"))
+    """Six cases at five times what is left; an arm's and a law's of a press take minutes, and are left to the whole
+    study.
+    """
+    keys = ",".join(f"{key}/" for key in FEW if key not in LONG)
     reached(study("diagnosis", SEED, (5.0,), keys, real=real_data), SMALL)
 
 
+@pytest.mark.slow
 def test_a_refit_whose_predictions_overflow_ends_no_diagnosis(real_data: Path) -> None:
     """Damping of both kinds beside a power law runs away on this press; what was injected is named all the same."""
     made = case(*planned("silicone-two-cycles/viscous-damping/5", [5.0])[0], 12, real_data)
