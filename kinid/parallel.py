@@ -16,7 +16,7 @@ Out = TypeVar("Out")
 
 #: threads at most: what stays under the lock leaves more of them nothing to do
 MAX_THREADS = 4
-#: samples from which on threads pay: a diagnosis of 30,000 takes a quarter longer with two, one of 600,000 a quarter less
+#: samples from which threads pay: with two, a diagnosis of 30,000 takes a quarter more, one of 600,000 a quarter less
 THREADED_SAMPLES = 100_000
 
 _here = threading.local()

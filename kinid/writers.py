@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import secrets
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,6 +22,11 @@ Json = dict[str, Any]
 Column = NDArray[np.generic]
 #: how a table may be written, by the ending of its name
 TABLE_SUFFIXES = (".parquet", ".csv", ".npz")
+
+
+def finite(value: float) -> float | None:
+    """A number for JSON, which has no infinity: None where there is none."""
+    return value if math.isfinite(value) else None
 
 
 @contextmanager

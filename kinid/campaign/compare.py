@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError
-from kinid.identification.compare import PairedDifference, finite, paired, reference_place
+from kinid.identification.compare import PairedDifference, paired, reference_place
 from kinid.identification.pooling.fit import fit_logs
 from kinid.identification.pooling.result import PooledFit
 from kinid.modeling.model import Model
-from kinid.writers import Json
+from kinid.writers import Json, finite
 
 if TYPE_CHECKING:
     from kinid.campaign.campaign import Campaign

@@ -25,7 +25,7 @@ from kinid.identification.whole import held_out_residual
 from kinid.modeling.model import Model
 from kinid.residuals import Cell
 from kinid.residuals.localization import where
-from kinid.writers import Json
+from kinid.writers import Json, finite
 
 if TYPE_CHECKING:
     from kinid.campaign.campaign import Campaign
@@ -94,8 +94,7 @@ class CampaignDiagnosis:
                 "noise_floor": self.fit.error.noise_floor,
             },
             "steps": [
-                step.to_dict() | {"held_out_by_log": error if np.isfinite(error) else None}
-                for step, error in zip(self.steps, self.by_log)
+                step.to_dict() | {"held_out_by_log": finite(error)} for step, error in zip(self.steps, self.by_log)
             ],
             "where": [cell.to_dict() for cell in self.where],
             "tolerance": self.fit.left.tolerance,

@@ -12,6 +12,7 @@ import numpy as np
 from kinid.cli.show import console, plain_table, right, say
 from kinid.errors import InputError
 from kinid.estimators.estimate import NORMAL_95
+from kinid.writers import finite
 
 if TYPE_CHECKING:
     from kinid.mapping.interpolation.uniform import Uniform
@@ -47,7 +48,7 @@ def in_map(grown: PropertyMap) -> list[Known]:
             out.append(Known(item.name, item.unit, 0, (np.nan, np.nan, np.nan), {}))
             continue
         numbers = (float(values[known].min()), float(values[known].max()), float(np.median(errors[known])))
-        held = {name: error if np.isfinite(error) else None for name, error in grown.held_out(item.name).items()}
+        held = {name: finite(error) for name, error in grown.held_out(item.name).items()}
         out.append(Known(item.name, item.unit, int(known.sum()), numbers, held, grown.uniform(item.name)))
     return out
 

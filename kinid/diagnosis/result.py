@@ -20,7 +20,7 @@ from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
 from kinid.residuals import Cell
 from kinid.shown import Shown
-from kinid.writers import Json, write_json
+from kinid.writers import Json, finite, write_json
 
 if TYPE_CHECKING:
     from kinid.diagnosis.saved import SavedDiagnosis
@@ -104,7 +104,7 @@ class EffectVerdict:
         return {
             "id": self.id,
             "verdict": self.verdict,
-            "evidence": self.evidence if np.isfinite(self.evidence) else None,
+            "evidence": finite(self.evidence),
             "equivalent_to": list(self.equivalent_to),
             "held_out_gain": self.held_out_gain,
             "parameters": {name: p.to_dict() for name, p in self.parameters.items()},

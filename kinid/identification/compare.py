@@ -20,7 +20,7 @@ from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
 from kinid.modeling.readings import experiment_for
 from kinid.shown import Shown
-from kinid.writers import Json
+from kinid.writers import Json, finite
 
 Array = NDArray[np.float64]
 
@@ -87,11 +87,6 @@ class Comparison(Shown):
                 for row in self.rows
             ],
         }
-
-
-def finite(value: float) -> float | None:
-    """For JSON; None where there is no figure."""
-    return value if np.isfinite(value) else None
 
 
 def paired(gap: Array) -> dict[str, float]:

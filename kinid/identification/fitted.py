@@ -22,7 +22,7 @@ from kinid.modeling.model import Model
 from kinid.modeling.parameter_names import full_name
 from kinid.modeling.readings import experiment_for
 from kinid.shown import Shown
-from kinid.writers import Json, write_json
+from kinid.writers import Json, finite, write_json
 
 Array = NDArray[np.float64]
 
@@ -43,9 +43,8 @@ class FittedParameter:
         return f"{self.name} = {self.value:.5g} [{self.low:.5g}, {self.high:.5g}] {self.unit}"
 
     def to_dict(self) -> Json:
-        """For JSON, which has no infinity: an open end is null."""
-        low, high = (end if np.isfinite(end) else None for end in (self.low, self.high))
-        return {"value": self.value, "low": low, "high": high, "unit": self.unit}
+        """For JSON: an open end is null."""
+        return {"value": self.value, "low": finite(self.low), "high": finite(self.high), "unit": self.unit}
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ class FitError:
     def to_dict(self) -> Json:
         """For JSON; None where there is no figure."""
         figures = {"train": self.train, "held_out": self.held_out, "noise_floor": self.noise_floor}
-        return {"unit": self.unit} | {name: value if np.isfinite(value) else None for name, value in figures.items()}
+        return {"unit": self.unit} | {name: finite(value) for name, value in figures.items()}
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -12,7 +12,7 @@ from kinid.lab.force_jobs import TASKS
 from kinid.lab.loop_margins import Margins
 from kinid.reports.plots import BLUE, GREY, ORANGE, VERMILION
 from kinid.reports.render import render
-from kinid.writers import Json, make_folder, write_json, write_text
+from kinid.writers import Json, finite, make_folder, write_json, write_text
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -71,9 +71,8 @@ def falls(found: Outcome) -> list[tuple[str, float, float, float | None, float |
     """Of each task how many times less the error is with the map, see `GAINS`; None where its model holds nowhere."""
     out = []
     for task in TASKS:
-        held = [found.gain(task, beyond, holding=True) for beyond in (False, True)]
-        part = [value if np.isfinite(value) else None for value in held]
-        out.append((task, found.gain(task), found.gain(task, beyond=True), part[0], part[1]))
+        held, far = (finite(found.gain(task, beyond, holding=True)) for beyond in (False, True))
+        out.append((task, found.gain(task), found.gain(task, beyond=True), held, far))
     return out
 
 

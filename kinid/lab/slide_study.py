@@ -26,7 +26,7 @@ from kinid.lab.setup import Setup
 from kinid.lab.writing import write_log, write_rig
 from kinid.mapping.changes import Leg, find_changes, legs
 from kinid.reports.plots import BLUE, GREY, ORANGE, VERMILION
-from kinid.writers import Json, make_folder, write_json, write_text
+from kinid.writers import Json, finite, make_folder, write_json, write_text
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -170,7 +170,7 @@ def facts(rides: list[Ride]) -> list[Json]:
     """Every crossing, for JSON."""
     names = Crossing._fields + ("error",)
     every = [{name: getattr(c, name) for name in names} for ride in rides for c in ride.crossings]
-    return [{k: v if isinstance(v, int) or np.isfinite(v) else None for k, v in one.items()} for one in every]
+    return [{k: finite(v) for k, v in one.items()} for one in every]
 
 
 def said(rides: list[Ride]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from kinid.writers import Json
+from kinid.writers import Json, finite
 
 #: kinds of event, and what each means
 KINDS = {
@@ -65,5 +65,5 @@ class Event(NamedTuple):
     def to_dict(self) -> Json:
         """Plain types, for JSON; None where something isn't known."""
         numbers = {"slip1": self.place[0], "slip2": self.place[1], "depth": self.place[2], "normal_force": self.force}
-        known = {name: value if math.isfinite(value) else None for name, value in numbers.items()}
+        known = {name: finite(value) for name, value in numbers.items()}
         return {"kind": self.kind, "t": self.t, **known, "says": self.says}

@@ -19,7 +19,7 @@ from kinid.live.pipeline import Pipeline
 from kinid.live.readings import Readings
 from kinid.live.sink import Sink
 from kinid.live.trust import Trust
-from kinid.writers import Json
+from kinid.writers import Json, finite
 
 #: a stream is lost after so long, or so many of its samples, without one [ns]; looked at so often [ns]
 SILENCE_NS, SILENCE_SAMPLES, LOOK_NS = 100_000_000, 20, 20_000_000
@@ -106,7 +106,7 @@ class Session:
                 part: {
                     "units": {name: self.trust.units[name] for name in estimate.names},
                     "values": dict(zip(estimate.names, estimate.values.tolist())),
-                    "std": [v if math.isfinite(v) else None for v in estimate.std.tolist()],
+                    "std": [finite(v) for v in estimate.std.tolist()],
                     "valid": estimate.valid,
                     "status": estimate.status.remedy,
                 }
@@ -176,13 +176,13 @@ class Session:
     def _record(self, now: Mapping[str, Estimate]) -> None:
         """Contact quantities and estimates as they are now."""
         aligner, pipeline = self.aligner, self.pipeline
-        known = dict(zip(QUANTITIES, map(_number, pipeline.quantities.tolist())))
-        known["predicted_normal_force"] = _number(pipeline.predicted)
+        known = dict(zip(QUANTITIES, map(finite, pipeline.quantities.tolist())))
+        known["predicted_normal_force"] = finite(pipeline.predicted)
         contact = {"t": aligner.t, **known, "in_contact": pipeline.touching}
         values, status = {}, {}
         for estimate in now.values():
             for name, value, std in zip(estimate.names, estimate.values.tolist(), estimate.std.tolist()):
-                values[name] = {"value": _number(value), "std": _number(std)}
+                values[name] = {"value": finite(value), "std": finite(std)}
                 status[name] = estimate.status.name.lower().replace("_", "-")
         estimates = {"t": aligner.t, "values": values, "status": status}
         for sink in self._working:
@@ -225,8 +225,3 @@ class Session:
         for sink in [sink for sink in self._working if sink.error]:
             self._working.remove(sink)
             self._report("recording-failed", sink.error)
-
-
-def _number(value: float) -> float | None:
-    """A number that JSON has."""
-    return value if math.isfinite(value) else None

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from kinid.errors import InputError
 from kinid.identification.fit import Z95
 from kinid.parameter import Parameter
-from kinid.writers import Json
+from kinid.writers import Json, finite
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ class Interval:
 
     def to_dict(self) -> Json:
         """For JSON."""
-        return {"value": self.value, "half": self.half if np.isfinite(self.half) else None, "unit": self.unit}
+        return {"value": self.value, "half": finite(self.half), "unit": self.unit}
 
 
 def sensitivities(predict: Callable[[Array], Array], values: Array, parameters: Mapping[str, Parameter]) -> Array:

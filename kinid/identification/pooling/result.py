@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from kinid.identification.fitted import FitError, FittedParameter
 from kinid.identification.lack_of_fit import LackOfFit
 from kinid.identification.pooling.held_out import HeldOut
 from kinid.identification.pooling.pool import Pool
 from kinid.modeling.model import Model
 from kinid.modeling.parameter_names import full_name
-from kinid.writers import Json
+from kinid.writers import Json, finite
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +50,7 @@ class LogResult:
             "alone": self.alone_error,
             "noise_floor": self.error.noise_floor,
         }
-        return {name: value if np.isfinite(value) else None for name, value in figures.items()}
+        return {name: finite(value) for name, value in figures.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +101,7 @@ class PooledFit:
 
     def to_dict(self) -> Json:
         """The facts as `kinid fit --json` writes them for many logs."""
-        by_log = self.by_log if np.isfinite(self.by_log) else None
+        by_log = finite(self.by_log)
         return {
             "model": list(self.model.names),
             "parameters": {name: p.to_dict() for name, p in self.parameters.items()},
