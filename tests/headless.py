@@ -27,25 +27,25 @@ def complaints(page: Path, profile: Path, size: str = "1280,900") -> list[str]:
         page: HTML file. profile: folder for the browser's own files. size: of the window [pixels].
     """
     assert CHROMIUM is not None
-    profile.mkdir(parents=True, exist_ok=True)
-    watched = profile / "page.html"
     text = page.read_text(encoding="utf-8")
     assert "</body>" in text
     head, tail = text.rsplit("</body>", 1)
+    # beside the page, so that what it loads by relative names is there
+    watched = page.with_name(f"watched-{page.name}")
     watched.write_text(f"{head}{AT_THE_END}</body>{tail}", encoding="utf-8")
     command = [
         CHROMIUM,
         "--headless",
         "--no-sandbox",
         "--disable-gpu",
+        "--enable-unsafe-swiftshader",
         "--no-first-run",
-        "--no-default-browser-check",
         "--disable-sync",
         "--disable-background-networking",
         "--disable-component-update",
         "--disable-quic",
         "--host-resolver-rules=MAP * ~NOTFOUND",
-        f"--user-data-dir={profile / 'browser'}",
+        f"--user-data-dir={profile}",
         f"--window-size={size}",
         "--enable-logging=stderr",
         watched.resolve().as_uri(),
@@ -61,6 +61,8 @@ def complaints(page: Path, profile: Path, size: str = "1280,900") -> list[str]:
                 browser.terminate()
                 break
     late.cancel()
+    watched.unlink()
+    assert lines, f"{page} was not drawn"
     assert DRAWN in lines[-1], f"{page} was not drawn: {lines[-5:]}"
     said = re.findall(r"CONSOLE[^\]]*\] (\".*)", "".join(lines))
     return [line for line in said if re.search(r"error|uncaught|refused|failed|ERR_", line, re.IGNORECASE)]

@@ -40,7 +40,7 @@ def test_one_hidden_effect_is_named() -> None:
     visible = [t for t in found if t.counts]
     assert len(visible) >= 5  # they are drawn to be from a fifth of the noise on; most of them matter
     assert sum(t.first for t in visible) >= len(visible) - 1
-    assert sum(t.right for t in visible) >= len(visible) - 2  # and nothing else was added
+    assert sum(t.right for t in visible) >= len(visible) - 1  # and nothing else was added
     for t in [t for t in visible if t.first]:
         assert t.after < 0.99 * t.before
         assert t.after <= 1.1 * t.best

@@ -211,8 +211,9 @@ def test_a_browser_draws_every_figure(pages: dict[str, str], tmp_path: Path) -> 
 
 @needs_chromium
 def test_a_page_that_fails_after_it_was_loaded_is_seen(tmp_path: Path) -> None:
-    page = tmp_path / "late.html"
-    page.write_text(
-        "<body><script>setTimeout(() => { throw new Error('late'); }, 500)</script></body>", encoding="utf-8"
-    )
+    """By a script of its own, too, that lies beside it."""
+    page, script = tmp_path / "late.html", tmp_path / "own.js"
+    page.write_text("<body><script src='own.js'></script></body>", encoding="utf-8")
+    script.write_text("setTimeout(() => { throw new Error('late'); }, 500)", encoding="utf-8")
     assert any("late" in line for line in complaints(page, tmp_path / "profile"))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["late.html", "own.js", "profile"]
