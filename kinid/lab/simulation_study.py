@@ -6,7 +6,6 @@ force. As published it lasts 2 s; what a schedule does is seen only after its en
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,7 +16,7 @@ from kinid.errors import InputError
 from kinid.estimators import Constant, Forgetting, HuntCrossleyKalman, KelvinVoigt, Scheduled, SingleStage, Track
 from kinid.estimators.hunt_crossley import force as hunt_crossley
 from kinid.estimators.kelvin_voigt import force as kelvin_voigt
-from kinid.writers import finite, make_folder, write_text
+from kinid.writers import finite, make_folder, write_json, write_text
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -147,7 +146,7 @@ def write(folder: Path, runs: list[Run], rows: list[Row]) -> tuple[Path, Path]:
     make_folder(folder)
     facts, drawn = folder / "simulation.json", folder / "simulation.html"
     whole = [{k: v if isinstance(v, str) else finite(v) for k, v in row._asdict().items()} for row in rows]
-    write_text(facts, json.dumps(whole, indent=1, ensure_ascii=False) + "\n")
+    write_json(facts, whole)
     said = "K = 100 + 10 t N/m, B = 10 + t N·s/m; noise 40 dB below the force of the first two seconds."
     shown = [("Stiffness as it was followed", figure(runs))]
     write_text(drawn, render("figures.html", "Forgetting on a drifting contact", facts=said, figures=shown))

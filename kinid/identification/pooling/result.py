@@ -101,11 +101,10 @@ class PooledFit:
 
     def to_dict(self) -> Json:
         """The facts as `kinid fit --json` writes them for many logs."""
-        by_log = finite(self.by_log)
         return {
             "model": list(self.model.names),
             "parameters": {name: p.to_dict() for name, p in self.parameters.items()},
-            "error": self.error.to_dict() | {"held_out_by_log": by_log},
+            "error": self.error.to_dict() | {"held_out_by_log": finite(self.by_log)},
             "warnings": list(self.warnings),
             "logs": [log.name for log in self.logs],
             "sharing": self.sharing,
