@@ -14,7 +14,7 @@ import traceback
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from kinid.cli.advice import filled
+from kinid.cli.advice import EFFECTS, filled
 from kinid.errors import KinidError
 
 #: bad input; an error that nobody foresaw (EX_SOFTWARE of sysexits.h); stopped by the user or by a supervisor; the
@@ -173,6 +173,11 @@ def _unforeseen(error: BaseException, words: Sequence[str], version: str) -> int
         where = f"please report it with {path}, which holds the traceback"
     except OSError:
         where = "please report it; there was no way to write its traceback to a file"
+    own = [str(module.__file__) for name, module in sys.modules.items() if name.startswith(OWN_EFFECTS)]
+    if own and os.environ.get(EFFECTS):  # what breaks the contract of effects may fail anywhere beside it
+        checks = " and ".join(f"kinid effect check {shlex.quote(file)}" for file in own[:3])
+        found = f"found an error beside effects of your own ({summary}); expected effects that keep the contract"
+        return _say(f"{found}; to mend it, see what {checks} finds; where that is nothing, {where}", BAD_INPUT)
     return _say(f"an error that was not foreseen: {summary}; {where}", UNFORESEEN)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.contact.joint_doubts import frozen_joints
+from kinid.contact.joint_doubts import frozen_joints, without_spikes
 from kinid.contact.normal_doubts import tilted_normal
 from kinid.contact.series import ContactSeries
 from kinid.contact.surface_doubts import misplaced, turned_normal
@@ -13,6 +13,7 @@ from kinid.contact.time_doubts import time_doubts
 from kinid.contact.tool_doubts import FEWEST, tool_doubts
 from kinid.contact.torque_contact import by_torques
 from kinid.contact.touch_doubts import unfelt
+from kinid.contact.touching import REACH
 from kinid.contact.unit_doubts import FORCES, MOMENTS
 from kinid.data.log import Log, Step
 from kinid.data.rig import WRENCH, Rig
@@ -56,7 +57,7 @@ def contact_doubts(log: Log, rig: Rig, robot: Robot | None, touch: ContactSeries
     # each of these would show as one of those behind it; where no label says what free motion is, touches of a surface
     # that is too low pass for it
     off, place = misplaced(log, rig, robot, touch)
-    hidden = place if off < 0.0 and len(log.labelled_free) < FEWEST else []
+    hidden = place if off < -REACH and len(log.labelled_free) < FEWEST else []
     out += (
         time_doubts(log, touch is not None and bool(touch.in_contact.any()))
         or _elsewhere(robot)
@@ -179,9 +180,10 @@ def _frozen(log: Log, q: Array, wrench: Array) -> list[str]:
     """Joints that never move while the force changes, or a wrench that repeats itself while they do."""
     largest = int(np.argmax(np.ptp(wrench[log.valid, :3], axis=0)))
     force = wrench[log.valid, largest]
-    if constant(q).all() and np.ptp(force) > TOUCHED * white_noise(force) > 0.0:
+    change = np.ptp(without_spikes(force[:, None]))
+    if constant(q).all() and change > TOUCHED * white_noise(force) > 0.0:
         return [
-            f"the joints never change, where {FORCES[largest]} does by {np.ptp(force):.3g} N: the robot's state was "
+            f"the joints never change, where {FORCES[largest]} does by {change:.3g} N: the robot's state was "
             "not read; record it anew, or name its columns in [columns] of the rig"
         ]
     moved = np.r_[False, (np.diff(q, axis=0) != 0.0).any(axis=1)]

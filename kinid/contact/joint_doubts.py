@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from kinid.data.log import Log
 from kinid.robotics.motion import STATIC_PERIOD
@@ -19,6 +20,8 @@ FROZEN = 0.5
 AT_ONCE, STEPS, JUMPS = 0.3, 10.0, 5.0
 #: all joints stand still under a force that rises and falls by so many times its noise
 TOUCHED = 30.0
+#: a touch lasts for more than half of so many samples
+SPIKE = 5
 
 
 def frozen_joints(log: Log) -> list[str]:
@@ -75,12 +78,21 @@ def _stops(step: Array, begin: int, last: int) -> bool:
 
 
 def _rises_and_falls(force: Array) -> bool:
-    """Whether the force that changes most does so both ways: one that relaxes, or creeps, goes one way."""
+    """Whether the force that changes most does so both ways: one that relaxes, or creeps, goes one way, and a reading
+    that stands alone is none of a touch.
+    """
+    force = without_spikes(force)
     one = force[:, int(np.argmax(np.ptp(force, axis=0)))]
     noise = white_noise(one)
     rise = float(np.max(one - np.minimum.accumulate(one)))
     fall = float(np.max(np.maximum.accumulate(one) - one))
     return min(rise, fall) > TOUCHED * noise > 0.0
+
+
+def without_spikes(force: Array) -> Array:
+    """Forces (n, 3) without readings that stand alone among others."""
+    out: Array = median_filter(force, (SPIKE, 1), mode="nearest")
+    return out
 
 
 def _said(what: str, t: Array, begin: int, last: int, while_what: str) -> str:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from kinid.contact.registration import onsets
 from kinid.contact.series import ContactSeries
 from kinid.contact.tool_doubts import FEWEST
-from kinid.contact.touching import REACH
 from kinid.data.log import Log
 from kinid.data.rig import Rig
 from kinid.errors import InputError
@@ -26,12 +25,13 @@ OUTSIDE, FAR = 3.0, 0.9
 BELOW, FEWEST_BELOW = 0.1, 10
 #: a touch pushes out of the surface: cosine between its force and the normal, at least
 OUTWARD = 0.7
-#: of a surface whose place is known to a standard deviation, so many of it are allowed
-SURE = 3.0
+#: a surface is doubted that is further than this from where touches begin [m], beyond so many standard deviations of
+#: where it and they are
+NEAR, SURE = 2e-3, 3.0
 
 
 def misplaced(log: Log, rig: Rig, robot: Robot, touch: ContactSeries | None) -> tuple[float, list[str]]:
-    """Whether even the touch that begins nearest to the surface begins beyond the contact flag's reach of it.
+    """Whether even the touch that begins nearest to the surface begins away from it.
 
     Where a touch begins follows from the force alone, so that a surface that is off can't hide it.
 
@@ -39,7 +39,7 @@ def misplaced(log: Log, rig: Rig, robot: Robot, touch: ContactSeries | None) -> 
         log: with joints. rig: with a surface. robot: of the rig. touch: the log's contact quantities, if any.
 
     Returns:
-        Depth where that touch begins [m], and the doubt; 0 and none where it is within reach.
+        Depth where that touch begins [m], and the doubt; 0 and none where that is at the surface.
     """
     surface = load_surface(rig)
     if touch is None or touch.bias is None or surface is None:
@@ -52,15 +52,17 @@ def misplaced(log: Log, rig: Rig, robot: Robot, touch: ContactSeries | None) -> 
         return 0.0, []
     where = surface.locate(np.array([onset.position for onset in found]))
     out = np.einsum("ni,ni->n", where.axes[:, 2], [onset.direction for onset in found]) > OUTWARD
-    depth = np.asarray(where.depth)[out & np.isfinite(where.depth)]
+    outward = out & np.isfinite(where.depth)
+    depth, known = np.asarray(where.depth)[outward], np.array([onset.sigma for onset in found])[outward]
     if not len(depth) and not touch.in_contact.any() and np.isfinite(where.depth).any():
         return 0.0, [
             f"the force rises {len(found)} time{'s' * (len(found) > 1)} as in a touch, and nothing counts as one: the "
             f"tip is then {1e3 * float(np.nanmin(np.abs(where.depth))):.3g} mm or more from the surface, or the force "
             "points elsewhere; check unit, sign and order of q in [columns], [robot] model and joints, and [surface]"
         ]
-    off = float(depth[np.argmin(np.abs(depth))]) if len(depth) else 0.0
-    if abs(off) <= REACH + SURE * rig.surface_sd[0]:
+    nearest = int(np.argmin(np.abs(depth))) if len(depth) else 0
+    off = float(depth[nearest]) if len(depth) else 0.0
+    if not len(depth) or abs(off) <= NEAR + SURE * float(np.hypot(rig.surface_sd[0], known[nearest])):
         return 0.0, []
     begins = "the touch begins" if len(depth) == 1 else f"all {len(depth)} touches begin"
     side = "inside" if off > 0.0 else "outside"

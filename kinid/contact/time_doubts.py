@@ -1,4 +1,4 @@
-"""Whether the clock of a log with joints can be in seconds."""
+"""Whether the clock of a log with joints can be in seconds, and its stamps those of when a row was measured."""
 
 from __future__ import annotations
 
@@ -16,6 +16,9 @@ SETTLED = 1.0
 #: a motion goes on from sample to sample where its steps change by no more than this share, of those that are more
 #: than the second share of the largest
 SMOOTH, MOVES = 0.1, 0.1
+#: rows come in bursts where this share of the steps are so many times the usual one, and the joints go no further in
+#: these than in others, within a factor
+PAUSES, LONG, AS_FAR = 0.05, 4.0, 2.0
 
 
 def time_doubts(log: Log, touched: bool) -> list[str]:
@@ -32,12 +35,27 @@ def time_doubts(log: Log, touched: bool) -> list[str]:
     if log.period > SLOWEST and touched:
         unit = unit_of_steps(log.period) or "ms"
         return [f'{log.period:.3g} s between samples of a touch: is the time in another unit? {say}"{unit}" }}']
+    if _in_bursts(log):
+        rate = (len(log) - 1) / (log.t[-1] - log.t[0])
+        return [
+            f"rows come in bursts, {1e3 * log.period:.3g} ms apart and then a pause, in which the joints go no "
+            "further: the stamps are of when rows arrived; state the sampler's rate in [columns] of the rig: "
+            f"t = {{ rate = {rate:.4g} }}"
+        ]
     if log.dq is None and STATIC_PERIOD <= log.period < SETTLED and _goes_on(log):
         return [
             f"{log.period:.3g} s between samples, which is taken for poses at rest, and the joints go on from one to "
             f'the next: is the time in another unit? {say}"s" }}; or log the joints\' velocities'
         ]
     return []
+
+
+def _in_bursts(log: Log) -> bool:
+    """Whether many steps of time are far longer than the usual one, and the joints' are not."""
+    assert log.q is not None
+    pause = np.diff(log.t) > LONG * log.period
+    gone = np.nansum(np.abs(np.diff(log.q, axis=0)), axis=1)
+    return bool(np.mean(pause) > PAUSES and 0.0 < np.mean(gone[pause]) < AS_FAR * np.mean(gone[~pause]))
 
 
 def _goes_on(log: Log) -> bool:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.contact.late_doubts import late_wrench
+from kinid.contact.lever_doubts import BETTER, com_doubt, tip_doubt
 from kinid.contact.series import ContactSeries
 from kinid.contact.turned_doubts import CLEARLY, solved_gravity, turned_doubt
 from kinid.contact.unit_doubts import (
@@ -45,15 +46,10 @@ FEWEST, MOST = 100, 2000
 TURNING = 0.05
 #: a mass is doubted beyond this share of it (`MASS_SHARE`), this much [kg], and this many standard errors
 MASS_LEAST, ERRORS = 0.03, 5.0
-#: a com is doubted that is further than this from where the moments of the tool's weight put it [m], and directions
-#: that these tell less than this share of the best are left as stated
-FAR_COM, UNTOLD = 0.02, 0.1
 #: no clock is slow or fast by this factor: its times are of another unit or rate
 PACE = 1.25
 #: masses of tools [kg]: beside one in it, another beyond it is the one that is wrong
 TOOLS = (0.01, 50.0)
-#: another order of the axes explains so many times better (ratio of residual sums of squares)
-BETTER = 0.1
 #: gravity is found where its standard error is below this share of it
 KNOWN = 0.1
 #: in one posture: a reading so many times the tool's weight, and beyond this [N], is of another unit
@@ -91,25 +87,26 @@ def tool_doubts(log: Log, rig: Rig, robot: Robot, touch: ContactSeries | None) -
     load = tool_load(rig.carried, kinematics, robot.gravity)
     if not np.isfinite(load).all():  # joints that were not smoothed over a gap
         return []
-    beside, found, air = None, None, np.isin(rows, clear)
+    found, turned, tip, air = None, None, None, np.isin(rows, clear)
     if touch is not None and touch.bias is not None:
         contact = wrench[:, :3] - touch.bias[:3] - load[:, :3]
         expected = load[:, 3:] + np.cross(robot.tip_in_sensor(), contact)
         beside = wrench[:, 3:] - wrench[:, 3:].mean(axis=0), expected - expected.mean(axis=0)
         found = unit_of_moments(*beside, wrench[air, :3], load[air, :3], rig)
-    if found is None and rig.tool is not None and len(clear) >= FEWEST:
+        turned = _turned_moments(*beside)
+        pressed = touch.in_contact[rows]
+        if int(pressed.sum()) >= FEWEST and wrench[:, 3:].any():  # else a sensor of forces alone
+            tip = tip_doubt(contact[pressed], (wrench[:, 3:] - expected)[pressed], robot.tip_in_sensor())
+    if found is None and len(clear) >= FEWEST:
         pull = tool_load(ToolSpec(mass=1.0, com=rig.carried.com), kinematics, robot.gravity)[air, :3]
         left = wrench[air, :3] - load[air, :3] - rig.sensor.stated_bias[:3]
         meant = partial(joints_meant, log.q[rows[air]], wrench[air, :3], robot)
         late = partial(late_wrench, log, free, rows[air], pull) if rig.sensor.wrench_frame != "base" else lambda: None
-        found = _doubt_in_air(wrench[air], pull, kinematics.rotation[air], rig, robot.gravity, meant, late)
+        found = _doubt_in_air(wrench[air], pull, kinematics.rotation[air], rig, robot.gravity, meant, late, turned)
         used = rig.sensor.bias if touch is None or touch.bias is None else tuple(touch.bias)
         stated = rig.sensor.bias is not None and used == rig.sensor.bias
         found = _of_bias(left, pull, rig) if found is None and stated else found
-    if found is None and beside is not None:
-        order, _ = _order(*beside, MOMENTS, SCALE)
-        of = "the moments of the forces at the tool's com and tip"
-        found = None if order is None else f"{of} are explained {order}, or correct [robot] tip_frame"
+    found = found or turned or tip
     return [] if found is None else [found]
 
 
@@ -134,27 +131,25 @@ def _doubt_in_air(
     gravity: Array,
     meant: Callable[[], tuple[str, float] | None],
     late: Callable[[], tuple[str, float] | None],
+    turned_moments: str | None,
 ) -> str | None:
-    """Whether force and moment in free motion are the load of the rig's tool.
+    """Whether force and moment in free motion are the load of the rig's tool; of a rig without one, whether the force
+    is the weight of one, for a controller may have taken that off.
 
     Args:
         wrench: measured, in sensor axes, (n, 6). load: of 1 kg at the tool's com, there [N], (n, 3). rotation: sensor
             to base, (n, 3, 3). rig: with a tool. gravity: in base axes [m/s²], (3,). meant: another reading of the
             joints, and what it leaves a sample [N²]; None where none is better. late: another time of the wrench,
-            alike.
+            alike. turned_moments: another order of the moments that touches show, too.
     """
     mass, force, moment = rig.carried.mass, wrench[:, :3], wrench[:, 3:]
     turning, still = load - load.mean(axis=0), np.einsum("nji,j->ni", rotation, gravity)
     still -= still.mean(axis=0)
     if np.sqrt(np.mean(np.sum(still**2, axis=1))) < TURNING * np.linalg.norm(gravity):
-        level, weight = float(np.linalg.norm(np.median(force, axis=0))), mass * float(np.linalg.norm(gravity))
-        if rig.sensor.bias is None and level > max(TIMES * weight, LARGE):
-            return (
-                f"{level:.3g} N in free motion, where the tool weighs {weight:.3g} N: is the wrench in another unit? "
-                'Say so in [columns] of the rig: wrench = { unit = "mN" }; or correct [tool] mass'
-            )
-        return None
+        return _of_level(force, gravity, rig)
     force = force - force.mean(axis=0)
+    if rig.tool is None:
+        return _of_mass(force, turning, still, rig)
     order, order_left = _order(force, turning, FORCES)
     found, gravity_left = _gravity(force, load, rotation, gravity, mass)
     if order is not None and found is not None:
@@ -179,39 +174,30 @@ def _doubt_in_air(
     return (
         (None if turned is None else turned[0])
         or unit_of_forces(force, moment - moment.mean(axis=0), turning, rig)
-        or _of_com(force, moment - moment.mean(axis=0), turning, still, rig)
+        or turned_moments
+        or com_doubt(force, moment - moment.mean(axis=0), turning, still, rig)
         or _of_pace(force, turning, still, mass)
         or _of_mass(force, turning, still, rig)
     )
 
 
-def _of_com(force: Array, moment: Array, load: Array, still: Array, rig: Rig) -> str | None:
-    """Whether the moment in free motion is that of the tool's weight and inertia at the stated com.
-
-    The force is taken as its weight and inertia explain it, each with a factor of its own, so that neither a wrong mass
-    nor a wrong com counts in it.
-
-    Args:
-        force, moment, load, still: without their means, (n, 3): measured, and of 1 kg, its weight and inertia, and its
-            weight alone.
-    """
-    if rig.tool is None or "com" not in rig.tool.model_fields_set or rig.tool.mass == 0.0 or not moment.any():
+def _of_level(force: Array, gravity: Array, rig: Rig) -> str | None:
+    """Whether the force in one posture, (n, 3), is far beyond the weight of the rig's tool."""
+    level = float(np.linalg.norm(np.median(force, axis=0)))
+    weight = rig.carried.mass * float(np.linalg.norm(gravity))
+    if rig.tool is None or rig.sensor.bias is not None or level <= max(TIMES * weight, LARGE):
         return None
-    parts = np.stack([still, load - still], axis=2)
-    own = parts @ np.linalg.lstsq(parts.reshape(-1, 2), force.ravel(), rcond=None)[0]
-    if np.sum((force - own) ** 2) > LEFT * np.sum(force**2):
-        return None
-    unexplained = (moment - np.cross(rig.carried.com, own)).ravel()
-    levers = np.stack([np.cross(axis, own) for axis in np.eye(3)], axis=2).reshape(-1, 3)
-    off = np.linalg.lstsq(levers, unexplained, rcond=UNTOLD)[0]
-    as_is, left = float(np.sum(unexplained**2)), float(np.sum((unexplained - levers @ off) ** 2))
-    if np.linalg.norm(off) <= FAR_COM or left >= BETTER * as_is:
-        return None
-    found, stated = (
-        ", ".join(f"{x:.3g}" for x in np.round(com, 4) + 0.0)
-        for com in (rig.carried.com + off, np.array(rig.carried.com))
+    return (
+        f"{level:.3g} N in free motion, where the tool weighs {weight:.3g} N: is the wrench in another unit? "
+        'Say so in [columns] of the rig: wrench = { unit = "mN" }; or correct [tool] mass'
     )
-    return f"the moments in free motion put the tool's com at [{found}] m, not at [{stated}]: correct [tool] com"
+
+
+def _turned_moments(moment: Array, expected: Array) -> str | None:
+    """Whether moments are those of the forces in another order or with other signs, (n, 3) both without their means."""
+    order, _ = _order(moment, expected, MOMENTS, SCALE)
+    of = "the moments of the forces at the tool's com and tip"
+    return None if order is None else f"{of} are explained {order}, or correct [robot] tip_frame"
 
 
 def _order(readings: Array, expected: Array, names: tuple[str, ...], scale: float = np.inf) -> tuple[str | None, float]:
@@ -310,12 +296,13 @@ def _of_mass(force: Array, load: Array, still: Array, rig: Rig) -> str | None:
     error = float(np.sqrt(np.mean(left**2) * 3.0 / size * max(len(load) / FEWEST, 1.0)))
     if abs(read - mass) <= max(MASS_SHARE * mass, MASS_LEAST, ERRORS * error):
         return None
-    correct = (
-        f"in free motion the sensor reads a tool of {read:.3g} ± {2 * error:.2g} kg, the rig says {mass:g} kg: correct "
-        "[tool] mass"
-    )
-    unit = unit_meant(read / mass, rig, ("wrench", "fx"), FORCE) if mass > 0.0 else None
     unexplained = float(np.sum(left**2)) / float(np.sum(force**2))
+    reads = f"in free motion the sensor reads a tool of {read:.3g} ± {2 * error:.2g} kg, the rig"
+    if rig.tool is None:
+        # what a controller has left of a weight that it took off is small, and of any direction
+        return None if unexplained > LEFT or read < 0.0 else f"{reads} has no [tool]: state its mass and com"
+    correct = f"{reads} says {mass:g} kg: correct [tool] mass"
+    unit = unit_meant(read / mass, rig, ("wrench", "fx"), FORCE) if mass > 0.0 else None
     if unexplained > LEFT:
         return (
             f"{correct}; this leaves {100 * unexplained:.2g} % of its changes: or the joints are of another unit, "

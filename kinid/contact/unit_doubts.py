@@ -80,7 +80,8 @@ def unit_of_moments(moment: Array, expected: Array, air: Array, load: Array, rig
 
 
 def unit_of_forces(force: Array, moment: Array, load: Array, rig: Rig) -> str | None:
-    """Whether the moments in free motion are those of the tool's weight, and the forces a multiple that a unit gives.
+    """Whether the forces in free motion are a multiple of the tool's weight that a unit gives, and the moments are its,
+    or another multiple that one gives.
 
     Args:
         force, moment, load: without their means, (n, 3): measured, and weight and inertia of 1 kg.
@@ -92,11 +93,18 @@ def unit_of_forces(force: Array, moment: Array, load: Array, rig: Rig) -> str | 
     turned = float(np.sum(moment * levered)) / float(np.sum(levered**2)) / mass
     unit = unit_meant(times, rig, ("fx", "wrench"), FORCE) if times > 0.0 else None
     explained = float(np.sum((moment - turned * mass * levered) ** 2)) <= LEFT * float(np.sum(moment**2))
-    if unit is None or not explained or not 1.0 / OWN < turned < OWN or 1.0 / OWN < times < OWN:
+    if unit is None or not explained or turned <= 0.0 or 1.0 / OWN < times < OWN:
         return None
+    units = dict.fromkeys(FORCES, unit)
+    if not 1.0 / OWN < turned < OWN:
+        arm = unit_meant(turned, rig, ("tx", "wrench"), TORQUE)
+        # of one unit all six are, which the weight alone tells
+        if arm is None or abs(turned / times - 1.0) < MASS_SHARE:
+            return None
+        units |= dict.fromkeys(MOMENTS, arm)
     return (
         f"in free motion the forces are {times:.3g} times the tool's weight, and the moments {turned:.3g} times its: "
-        f"the forces are in {unit}? {_say(dict.fromkeys(FORCES, unit))}"
+        f"are they in {' and '.join(dict.fromkeys(units.values()))}? {_say(units)}"
     )
 
 

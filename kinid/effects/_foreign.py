@@ -13,6 +13,7 @@ from types import ModuleType
 
 from kinid.effects._effect import Effect
 from kinid.errors import InputError
+from kinid.inputs import check_regular
 
 #: the environment variable that names folders of effects, written like PATH; processes that are begun inherit it
 VARIABLE = "KINID_EFFECTS"
@@ -59,8 +60,9 @@ def load_effect(path: Path) -> type[Effect]:
     """The one effect that a file holds.
 
     Raises:
-        InputError: it can't be imported, or see `only_effect`.
+        InputError: it is no file with an end, can't be imported, or see `only_effect`.
     """
+    check_regular(path, "effect", "a Python file that holds one effect", "take it out of the folder")
     name = f"kinid_effects_{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -145,3 +146,24 @@ def test_a_law_that_fails_is_named_with_its_line(desk: Path, run: Run, log: Path
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
     result = run("fit", log, "--model", "kelvin-voigt,my-law", "--effects", desk / "mine")
     refused(result, "an effect of your own that fails", f"my_law.py, line {row + 1} (TypeError", "kinid effect check")
+
+
+def test_a_pipe_among_effects_is_not_waited_for(desk: Path, run: Run, log: Path, refused: Callable[..., None]) -> None:
+    (desk / "mine").mkdir()
+    os.mkfifo(desk / "mine" / "my_law.py")
+    refused(run("fit", log, "--model", "hooke", "--effects", desk / "mine"), "my_law.py (a pipe, no regular file)")
+
+
+@pytest.mark.parametrize(
+    ("sound", "broken"), [("null = {", 'null = {"damping": "0"}  # {'), ("return (", "return 2 * (")]
+)
+def test_what_fails_beside_a_broken_law_is_named_with_its_check(
+    desk: Path, run: Run, log: Path, refused: Callable[..., None], sound: str, broken: str
+) -> None:
+    assert run("effect", "new", "my-law", "--stage", "normal", "--out", "mine/my_law.py")[0] == 0
+    file = desk / "mine" / "my_law.py"
+    text = file.read_text(encoding="utf-8")
+    assert sound in text
+    file.write_text(text.replace(sound, broken), encoding="utf-8")
+    result = run("fit", log, "--model", "kelvin-voigt,my-law", "--effects", desk / "mine")
+    refused(result, "an error beside effects of your own", f"kinid effect check {file}", "please report it with")

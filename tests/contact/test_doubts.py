@@ -24,6 +24,7 @@ from kinid.robotics.inverse_dynamics import joint_torques
 from kinid.robotics.reading import read
 from kinid.robotics.robot import Robot
 from kinid.robotics.wrench import tool_load
+from kinid.units import FACTORS
 
 
 @pytest.fixture(scope="module")
@@ -157,6 +158,8 @@ def test_a_surface_metres_away(touched: tuple[Log, Rig, Robot]) -> None:
     [
         (0.09, "mm or more outside"),
         (0.11, "mm or more inside"),
+        (0.097, "mm or more outside"),
+        (0.1035, "mm or more inside"),
         (0.2, "mm or more inside"),
         (0.0, "mm or more outside"),
     ],
@@ -509,6 +512,18 @@ def test_a_time_that_the_tools_inertia_contradicts(touched: tuple[Log, Rig, Robo
     assert float(said.split("all times were ")[1].split()[0]) == pytest.approx(1 / factor, rel=0.1)
 
 
+def test_rows_that_come_in_bursts_are_told_from_rows_that_are_lost(touched: tuple[Log, Rig, Robot]) -> None:
+    log, rig, robot = touched
+    row = np.arange(len(log))
+    bursts = log.t[row // 5 * 5] + 1e-4 * (row % 5)
+    said = doubts(dataclasses.replace(log, t=bursts), rig, robot)
+    assert float(said.split("t = { rate = ")[1].split()[0]) == pytest.approx(1 / log.period, rel=1e-3)
+    assert "[tool]" not in said
+    kept = row % 10 < 2
+    lost = Log(t=log.t[kept], q=np.asarray(log.q)[kept], wrench=np.asarray(log.wrench)[kept])
+    assert "bursts" not in doubts(lost, rig, robot)
+
+
 def test_joint_torques_of_the_opposite_sign_in_another_order_or_dead(touched: tuple[Log, Rig, Robot]) -> None:
     log, rig, robot = touched
     torques = joint_torques(dataclasses.replace(log, tau=np.zeros((len(log), 7))), rig, robot=robot).predicted
@@ -601,6 +616,68 @@ def test_forces_alone_or_moments_alone_in_another_unit_are_named(
     said = doubts(dataclasses.replace(log, wrench=wrench), changed(rig, sensor={"range": (1e6,) * 6}), robot)
     assert ", ".join(f'{names}{axis} = {{ unit = "{unit}" }}' for axis in "xyz") in said
     assert "|" not in said
+
+
+@pytest.mark.parametrize(("force", "moment"), [("lbf", "lbf·in"), ("gf", "gf·cm")])
+def test_forces_and_moments_of_two_units_are_no_wrong_com(
+    touched: tuple[Log, Rig, Robot], force: str, moment: str
+) -> None:
+    log, rig, robot = touched
+    wrench = np.asarray(log.wrench) / np.repeat([FACTORS[force], FACTORS[moment]], 3)
+    said = doubts(dataclasses.replace(log, wrench=wrench), changed(rig, sensor={"range": (1e6,) * 6}), robot)
+    assert ", ".join(f'f{axis} = {{ unit = "{force}" }}' for axis in "xyz") in said
+    assert ", ".join(f't{axis} = {{ unit = "{moment}" }}' for axis in "xyz") in said
+    assert "|" not in said
+
+
+def test_moments_of_the_opposite_sign_are_no_wrong_com(touched: tuple[Log, Rig, Robot]) -> None:
+    log, rig, robot = touched
+    wrench = np.asarray(log.wrench) * [1, 1, 1, -1, -1, -1]
+    said = doubts(dataclasses.replace(log, wrench=wrench), rig, robot)
+    assert "are explained" in said
+    assert "tx is −tx, ty is −ty" in said
+    assert "com at [" not in said
+
+
+@pytest.mark.parametrize("off", [(0.008, 0.0, 0.0), (0.0, -0.008, 0.0), (0.0, 0.0, 0.06)])
+def test_a_tip_that_the_moments_of_touches_contradict(
+    touched: tuple[Log, Rig, Robot], off: tuple[float, float, float]
+) -> None:
+    log, rig, robot = touched
+    tip = robot.tip_in_sensor()
+    load = tool_load(rig.carried, robot.kinematics("ft_sensor", log.q, 0.0 * log.q, 0.0 * log.q), robot.gravity)  # type: ignore[operator, arg-type]
+    push = (np.asarray(log.wrench) - load)[:, :3]
+    wrench = np.array(log.wrench)
+    wrench[:, 3:] += np.cross(off, push - np.median(push[:2000], axis=0))
+    said = doubts(dataclasses.replace(log, wrench=wrench), rig, robot)
+    assert "correct [robot] tip_frame" in said
+    found = [float(x) for x in said.split("tip at [")[1].split("]")[0].split(",")]
+    np.testing.assert_allclose(found, tip + off, atol=0.004)
+
+
+def test_a_tool_that_the_rig_lacks(touched: tuple[Log, Rig, Robot]) -> None:
+    log, rig, robot = touched
+    bare = rig.model_copy(update={"tool": None})
+    said = doubts(log, bare, robot)
+    assert "reads a tool of 0.2" in said
+    assert said.endswith("the rig has no [tool]: state its mass and com")
+    # a controller has taken the weight off, and left a little of another direction
+    q = np.asarray(log.q)
+    load = tool_load(rig.carried, robot.kinematics("ft_sensor", q, 0.0 * q, 0.0 * q), robot.gravity)
+    taken = np.asarray(log.wrench) - load + 0.3 * load[:, [1, 0, 2, 4, 3, 5]]
+    assert "[tool]" not in doubts(dataclasses.replace(log, wrench=taken), bare, robot)
+
+
+@pytest.mark.parametrize("still", [slice(300, 900), slice(None)])
+def test_a_reading_that_stands_alone_is_no_touch_of_joints_at_rest(
+    touched: tuple[Log, Rig, Robot], still: slice
+) -> None:
+    log, rig, robot = touched
+    q, wrench = np.array(log.q)[:2000], np.array(log.wrench)[:2000]
+    q[still] = q[300]
+    wrench[500] += [20.0, 0.0, 20.0, 0.0, 0.0, 0.0]
+    said = contact_doubts(dataclasses.replace(log, t=log.t[:2000], q=q, wrench=wrench), rig, robot, None)
+    assert not any("the robot's state" in line for line in said)
 
 
 @pytest.mark.parametrize("joints", [[5], [4], list(range(7))])
