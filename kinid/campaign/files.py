@@ -149,7 +149,7 @@ def _from_file(path: Path, rig: Path | None) -> tuple[list[Source], dict[str, st
     for pattern in _listed(tables.get("logs", []), "logs", path):
         try:
             files = sorted(path.parent.glob(_text(pattern, "logs", path)))
-        except (ValueError, NotImplementedError, OSError) as error:  # "", "a**", an absolute path
+        except (ValueError, NotImplementedError, OSError, RecursionError) as error:  # "", "a**", "/…", "*/*/*/…"
             found = f"logs = {str(pattern)[:60]!r} in {path} ({error})"
             raise InputError(found, "a name, or a pattern as *.parquet, relative to that file", "correct it") from None
         if not files:

@@ -28,6 +28,7 @@ FAILED = {
     "a campaign of nothing": ("campaign", b'logs = [""]', "pattern"),
     "a campaign of half a pattern": ("campaign", b'logs = ["a**"]', "pattern"),
     "a campaign of a path from the root": ("campaign", b'logs = ["/a/*.csv"]', "relative"),
+    "a campaign of a pattern without end": ("campaign", b'logs = ["' + 2000 * b"*/" + b'a.csv"]', "pattern"),
     "a plan that is cut off": ("plan.npz", _PLAN[:-30], "can't be read"),
     "a plan with a bit turned": (
         "plan.npz",
