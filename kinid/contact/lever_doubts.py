@@ -69,7 +69,7 @@ def _lever(force: Array, moment: Array) -> Array | None:
     them.
     """
     levers = np.stack([np.cross(axis, force) for axis in np.eye(3)], axis=2).reshape(-1, 3)
-    found: Array = np.linalg.lstsq(levers, moment.ravel(), rcond=UNTOLD)[0]
+    found = np.asarray(np.linalg.lstsq(levers, moment.ravel(), rcond=UNTOLD)[0], dtype=np.float64)
     left = float(np.sum((moment.ravel() - levers @ found) ** 2))
     return found if left < BETTER * float(np.sum(moment**2)) else None
 

@@ -7,7 +7,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.contact.tool_doubts import BETTER, FEWEST
+from kinid.contact.lever_doubts import BETTER
+from kinid.contact.tool_doubts import FEWEST
 from kinid.contact.unit_doubts import LEFT, in_proportion, unit_meant
 from kinid.data.plausible import ELECTRIC, TORQUE
 from kinid.data.rig import Rig
