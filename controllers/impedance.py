@@ -27,7 +27,7 @@ RANK = 1e-10
 Six = tuple[float, float, float, float, float, float]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _spring(rotation: Array, position: Array, rotation_d: Array, position_d: Array, stiffness: Array) -> Six:
     """The wrench −∂V, see the module: force [N], then moment [N·m]; arguments as in `impedance_torque`."""
     r, d = rotation, rotation_d
@@ -64,7 +64,7 @@ def _spring(rotation: Array, position: Array, rotation_d: Array, position_d: Arr
     return f0, f1, f2, m0, m1, m2
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _twist(jacobian: Array, dq: Array) -> Six:
     """J q̇."""
     v0, v1, v2, v3, v4, v5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -79,7 +79,7 @@ def _twist(jacobian: Array, dq: Array) -> Six:
     return v0, v1, v2, v3, v4, v5
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def impedance_torque(
     rotation: Array,
     position: Array,
@@ -138,43 +138,55 @@ def impedance_torque(
         out[j] = min(max(torque, -torque_limit[j]), torque_limit[j])
 
 
-@njit(cache=True)
-def _dot(jacobian: Array, a: int, b: int) -> float:
-    s = 0.0
-    for j in range(jacobian.shape[1]):
-        s += jacobian[a, j] * jacobian[b, j]
-    return s
-
-
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _task_part(jacobian: Array, v0: float, v1: float, v2: float, v3: float, v4: float, v5: float) -> Six:
     """(J Jᵀ + λ)⁻¹ v by an L D Lᵀ factorisation in scalars."""
-    j = jacobian
-    a00, a11, a22 = _dot(j, 0, 0), _dot(j, 1, 1), _dot(j, 2, 2)
-    a33, a44, a55 = _dot(j, 3, 3), _dot(j, 4, 4), _dot(j, 5, 5)
+    a00 = 0.0
+    a10 = a11 = 0.0
+    a20 = a21 = a22 = 0.0
+    a30 = a31 = a32 = a33 = 0.0
+    a40 = a41 = a42 = a43 = a44 = 0.0
+    a50 = a51 = a52 = a53 = a54 = a55 = 0.0
+    # one loop for all sums: a loop each takes the compiler many times as long
+    for k in range(jacobian.shape[1]):
+        j0, j1, j2, j3, j4, j5 = (
+            jacobian[0, k],
+            jacobian[1, k],
+            jacobian[2, k],
+            jacobian[3, k],
+            jacobian[4, k],
+            jacobian[5, k],
+        )
+        a00 = a00 + j0 * j0
+        a10, a11 = a10 + j1 * j0, a11 + j1 * j1
+        a20, a21, a22 = a20 + j2 * j0, a21 + j2 * j1, a22 + j2 * j2
+        a30, a31, a32, a33 = a30 + j3 * j0, a31 + j3 * j1, a32 + j3 * j2, a33 + j3 * j3
+        a40, a41, a42, a43, a44 = a40 + j4 * j0, a41 + j4 * j1, a42 + j4 * j2, a43 + j4 * j3, a44 + j4 * j4
+        a50, a51, a52, a53, a54, a55 = (
+            a50 + j5 * j0,
+            a51 + j5 * j1,
+            a52 + j5 * j2,
+            a53 + j5 * j3,
+            a54 + j5 * j4,
+            a55 + j5 * j5,
+        )
     small = RANK * (a00 + a11 + a22 + a33 + a44 + a55) + 1e-300
     d0 = a00 + small
-    l10, l20, l30, l40, l50 = (
-        _dot(j, 1, 0) / d0,
-        _dot(j, 2, 0) / d0,
-        _dot(j, 3, 0) / d0,
-        _dot(j, 4, 0) / d0,
-        _dot(j, 5, 0) / d0,
-    )
+    l10, l20, l30, l40, l50 = a10 / d0, a20 / d0, a30 / d0, a40 / d0, a50 / d0
     d1 = a11 + small - l10 * l10 * d0
-    l21 = (_dot(j, 2, 1) - l20 * l10 * d0) / d1
-    l31 = (_dot(j, 3, 1) - l30 * l10 * d0) / d1
-    l41 = (_dot(j, 4, 1) - l40 * l10 * d0) / d1
-    l51 = (_dot(j, 5, 1) - l50 * l10 * d0) / d1
+    l21 = (a21 - l20 * l10 * d0) / d1
+    l31 = (a31 - l30 * l10 * d0) / d1
+    l41 = (a41 - l40 * l10 * d0) / d1
+    l51 = (a51 - l50 * l10 * d0) / d1
     d2 = a22 + small - l20 * l20 * d0 - l21 * l21 * d1
-    l32 = (_dot(j, 3, 2) - l30 * l20 * d0 - l31 * l21 * d1) / d2
-    l42 = (_dot(j, 4, 2) - l40 * l20 * d0 - l41 * l21 * d1) / d2
-    l52 = (_dot(j, 5, 2) - l50 * l20 * d0 - l51 * l21 * d1) / d2
+    l32 = (a32 - l30 * l20 * d0 - l31 * l21 * d1) / d2
+    l42 = (a42 - l40 * l20 * d0 - l41 * l21 * d1) / d2
+    l52 = (a52 - l50 * l20 * d0 - l51 * l21 * d1) / d2
     d3 = a33 + small - l30 * l30 * d0 - l31 * l31 * d1 - l32 * l32 * d2
-    l43 = (_dot(j, 4, 3) - l40 * l30 * d0 - l41 * l31 * d1 - l42 * l32 * d2) / d3
-    l53 = (_dot(j, 5, 3) - l50 * l30 * d0 - l51 * l31 * d1 - l52 * l32 * d2) / d3
+    l43 = (a43 - l40 * l30 * d0 - l41 * l31 * d1 - l42 * l32 * d2) / d3
+    l53 = (a53 - l50 * l30 * d0 - l51 * l31 * d1 - l52 * l32 * d2) / d3
     d4 = a44 + small - l40 * l40 * d0 - l41 * l41 * d1 - l42 * l42 * d2 - l43 * l43 * d3
-    l54 = (_dot(j, 5, 4) - l50 * l40 * d0 - l51 * l41 * d1 - l52 * l42 * d2 - l53 * l43 * d3) / d4
+    l54 = (a54 - l50 * l40 * d0 - l51 * l41 * d1 - l52 * l42 * d2 - l53 * l43 * d3) / d4
     d5 = a55 + small - l50 * l50 * d0 - l51 * l51 * d1 - l52 * l52 * d2 - l53 * l53 * d3 - l54 * l54 * d4
     y1 = v1 - l10 * v0
     y2 = v2 - l20 * v0 - l21 * y1

@@ -30,7 +30,7 @@ LASTS = 10
 RETURN = 0.2
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def pay(energy: float, speed_squared: float, period: float, most: float) -> float:
     """Damping [N·s/m] that takes a debt (−energy, where negative) back within one period, at most `most`.
 
@@ -43,7 +43,7 @@ def pay(energy: float, speed_squared: float, period: float, most: float) -> floa
     return min(-energy / (speed_squared * period), most)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def afford(energy: float, power: float, size: float, speed_squared: float, period: float, most: float) -> float:
     """Share of a force, 0…1, that a tank affords over the next period; never more than it holds.
 
@@ -65,7 +65,7 @@ def afford(energy: float, power: float, size: float, speed_squared: float, perio
     return share if power > 0.0 else float(min(1.0, share + most * np.sqrt(speed_squared) / size))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def ease(before: float, wanted: float, period: float) -> float:
     """The share to render: it falls at once, as the tank demands, and comes back slowly, lest it go on and off.
 
@@ -75,7 +75,7 @@ def ease(before: float, wanted: float, period: float) -> float:
     return wanted if wanted <= before else before + (wanted - before) * min(1.0, period / RETURN)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def refill(energy: float, filling: float, most: float) -> float:
     """Damping [N·s/m] that fills a tank whose level is below half its filling: the more, the emptier it is.
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def weighted_sums(readings: Array, begin: NDArray[np.int64], end: NDArray[np.int64], weight: Array, out: Array) -> None:
     """Sum of each group of samples times its weight, channel after channel.
 
@@ -27,7 +27,7 @@ def weighted_sums(readings: Array, begin: NDArray[np.int64], end: NDArray[np.int
             o[k] = w[k] * total
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def weighted_changes(
     after: Array,
     before: Array,

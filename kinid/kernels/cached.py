@@ -24,7 +24,7 @@ def cached(*called: ModuleType) -> Callable[[Callable[..., object]], Dispatcher]
 
     def compile_(function: Callable[..., object]) -> Dispatcher:
         function.__qualname__ += f"_{sources}"
-        compiled: Dispatcher = njit(cache=True)(function)
+        compiled: Dispatcher = njit(cache=True, error_model="numpy")(function)
         return compiled
 
     return compile_

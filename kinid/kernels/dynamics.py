@@ -20,7 +20,7 @@ WORK_COLUMNS = 34
 
 
 # one long function: a state goes through both recursions in scalars, which a call would put into memory
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def dynamics(  # noqa: PLR0915
     q: Array,
     dq: Array,
@@ -183,7 +183,7 @@ def dynamics(  # noqa: PLR0915
         jacobian[3, j], jacobian[4, j], jacobian[5, j] = sx, sy, sz
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def factorise(matrix: Array, n: int) -> None:
     """Cholesky factor of a symmetric positive definite matrix, in place of its lower triangle."""
     for j in range(n):
@@ -199,7 +199,7 @@ def factorise(matrix: Array, n: int) -> None:
             matrix[i, j] = total / root
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def substitute(factor: Array, x: Array, n: int) -> None:
     """Solve L Lᵀ x = b for a factor of `factorise`; b is in x, and x takes its place."""
     for i in range(n):
@@ -214,7 +214,7 @@ def substitute(factor: Array, x: Array, n: int) -> None:
         x[i] = total / factor[i, i]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def energy(
     q: Array,
     dq: Array,

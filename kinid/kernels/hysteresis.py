@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def contact_flag(signal: Array, depth: Array, on: float, off: float, reach: float, out: NDArray[np.bool_]) -> None:
     """True from where `signal` rises above `on` until it falls below `off`, only at depths above −`reach`.
 
@@ -26,7 +26,7 @@ def contact_flag(signal: Array, depth: Array, on: float, off: float, reach: floa
         out[i] = touching
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def steady_flag(
     signal: Array, depth: Array, on: float, off: float, reach: float, half: int, out: NDArray[np.bool_]
 ) -> None:

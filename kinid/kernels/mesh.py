@@ -265,14 +265,14 @@ def _find(x: float, y: float, z: float, tree: MeshTree, start: int, nodes: Index
     return best
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _fade(x: float) -> float:
     """A smooth step from 1 at x ≤ 0 to 0 at x ≥ 1."""
     x = min(max(x, 0.0), 1.0)
     return 1.0 - x * x * (3.0 - 2.0 * x)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _unit(vector: Array, otherwise: Array) -> None:
     """Bring a vector (3,) to unit length; one without a direction becomes the other vector."""
     size = np.sqrt(np.sum(vector**2))

@@ -16,7 +16,7 @@ from kinid.kernels.memory import _touching, _turn
 Array = NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def recalled_bristles(
     rate: Array, dt: Array, depth: Array, length: float, elastic: float, keep: Array, before: Array, now: Array
 ) -> None:
@@ -28,7 +28,8 @@ def recalled_bristles(
     u, w = 0.0, 0.0
     of_u, of_w = np.empty(4), np.empty(4)  # derivatives over u₋, w₋, v₋, v
     for i in range(rate.shape[0]):
-        of_u[:], of_w[:] = 0.0, 0.0
+        for k in range(4):
+            of_u[k], of_w[k] = 0.0, 0.0
         if i == 0 or dt[i] <= 0.0 or not depth[i] > 0:
             u, w = 0.0, 0.0
         else:
@@ -47,14 +48,15 @@ def recalled_bristles(
                     if moved > 0.0:
                         side = 1.0 if w > 0.0 else -1.0
                         e = np.exp(-moved / length)
-                        of_u[:] = e * of_u + e * (1.0 - side * u) / length * of_w
+                        for k in range(4):
+                            of_u[k] = e * of_u[k] + e * (1.0 - side * u) / length * of_w[k]
+                            of_w[k] = 0.0
                         u, w = e * u + (1.0 - e) * side, elastic * length * side
-                        of_w[:] = 0.0
         keep[i, 0, 0], keep[i, 0, 1], before[i, 0], now[i, 0] = of_u
         keep[i, 1, 0], keep[i, 1, 1], before[i, 1], now[i, 1] = of_w
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def recalled_deepest(depth: Array, dt: Array, forgotten: float, keep: Array, reach: Array, most: Array) -> None:
     """Of how deep the tip has been; where it is the deepest itself there is nothing to remember.
 
@@ -74,7 +76,7 @@ def recalled_deepest(depth: Array, dt: Array, forgotten: float, keep: Array, rea
             last = depth[i]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def remembered(
     dx: Array, dv: Array, dt: Array, keep: Array, before: Array, now: Array, reach: Array, size: Array, out: Array
 ) -> None:
@@ -87,7 +89,8 @@ def remembered(
     z, last = np.zeros(parts), np.zeros(parts)
     for i in range(dx.shape[0]):
         goes_on = i > 0 and dt[i] > 0.0
-        last[:] = z
+        for k in range(parts):
+            last[k] = z[k]
         out[i] = 0.0
         for k in range(parts):
             z[k] = reach[i, k] * dx[i]
@@ -98,7 +101,7 @@ def remembered(
             out[i] += size[i, k] * z[k]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def forwards(
     rest: Array,
     dt: Array,
@@ -124,7 +127,7 @@ def forwards(
     earlier = 0.0  # dv of the sample before
     for i in range(rest.shape[0]):
         if i == 0 or dt[i] <= 0.0:
-            z[:], earlier = 0.0, 0.0
+            earlier = 0.0
             out[i] = rest[i] / (1.0 + compliance * stiff[i])
             for k in range(parts):
                 z[k] = -compliance * reach[i, k] * out[i]
@@ -132,7 +135,8 @@ def forwards(
         per = compliance / dt[i]  # dv = −per (y − y₋)
         weight = per * lossy[i]
         known, own = rest[i] + weight * out[i - 1], 1.0 + compliance * stiff[i] + weight
-        last[:] = z
+        for k in range(parts):
+            last[k] = z[k]
         for k in range(parts):
             z[k] = before[i, k] * earlier + now[i, k] * per * out[i - 1]
             for j in range(parts):

@@ -15,7 +15,7 @@ BLOCK = 256
 BEYOND = 15
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def zero_phase(sections: Array, settled: Array, x: Array) -> None:
     """Two second-order sections forwards, then backwards, over readings that go on beyond their ends, mirrored in them;
     in place.
@@ -37,13 +37,16 @@ def zero_phase(sections: Array, settled: Array, x: Array) -> None:
             for i in range(BEYOND):
                 padded[k, i] = 2.0 * row[0] - row[BEYOND - i]
                 padded[k, BEYOND + n + i] = 2.0 * row[n - 1] - row[n - 2 - i]
-            padded[k, BEYOND : BEYOND + n] = row
+            for i in range(n):
+                padded[k, BEYOND + i] = row[i]
         _pass(sections, settled, padded[0], padded[1])
         _pass(sections, settled, padded[0, ::-1], padded[1, ::-1])
-        two[:] = padded[: two.shape[0], BEYOND : BEYOND + n]
+        for k in range(two.shape[0]):
+            for i in range(n):
+                two[k, i] = padded[k, BEYOND + i]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _pass(sections: Array, settled: Array, row: Array, other: Array) -> None:
     """Both sections over two rows (m,), in place; what they remember stays in registers."""
     a0, a1, a2, a3, a4 = sections[0, 0], sections[0, 1], sections[0, 2], sections[0, 4], sections[0, 5]
@@ -66,7 +69,7 @@ def _pass(sections: Array, settled: Array, row: Array, other: Array) -> None:
         row[i], other[i] = z0, z1
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
 def symmetric(weights: Array, edges: NDArray[np.int64], x: Array, out: Array) -> None:
     """Weighted mean over neighbours on both sides, piece by piece; beyond its ends a piece stays at their values.
 

@@ -101,14 +101,14 @@ class Steps(NamedTuple):
 # compiled into `run`, whose cache is named after all sources.
 
 
-@njit
+@njit(error_model="numpy")
 def _bristle(before: float, step: float, length: float) -> float:
     """Dahl's bristle after a step of its joint: −1…1."""
     sign = 1.0 if step > 0.0 else -1.0
     return float(sign + (before - sign) * np.exp(-abs(step) / length))
 
 
-@njit
+@njit(error_model="numpy")
 def _move(q: Array, dq: Array, body: Body, surface: Surface, x: Array, v: Array) -> None:
     """Dynamics at a state; tip in the surface's axes, x: place along the tangents and depth, v: their rates."""
     _dynamics(q, dq, *body.arguments)
@@ -125,7 +125,7 @@ def _move(q: Array, dq: Array, body: Body, surface: Surface, x: Array, v: Array)
     x[2], v[2] = -x[2], -v[2]
 
 
-@njit
+@njit(error_model="numpy")
 def _command(state: State, dq: Array, targets: SetPoints, i: int, controller: Controller) -> None:
     """The controller's torque at a state and a set-point, into its room for it."""
     rotation, position, jacobian = state.rotation, state.position, state.jacobian
@@ -133,7 +133,7 @@ def _command(state: State, dq: Array, targets: SetPoints, i: int, controller: Co
     _impedance_torque(rotation, position, jacobian, dq, state.gravity, *(target + controller.values))
 
 
-@njit
+@njit(error_model="numpy")
 def _slopes(rows: Array, force: Array, torque: Array, drives: Drives, state: State, axes: Array, work: Steps) -> None:
     """Accelerations of joints and motors at a stage, into its slope; torques on the link side, into `drive`.
 
@@ -174,7 +174,25 @@ def _slopes(rows: Array, force: Array, torque: Array, drives: Drives, state: Sta
             drive[j] -= joints[_ROTOR, j] * accel[j]
 
 
-@njit
+@njit(error_model="numpy")
+def _begin(rows: Array, memory: Array, state: State, work: Steps) -> None:
+    """Where a step begins: tip and contact force, the first stage, and no slopes yet."""
+    for k in range(3):
+        work.tip[k], work.force[k] = state.position[k], memory[_FORCE + k]
+    for k in range(4):
+        for j in range(rows.shape[1]):
+            work.total[k, j], work.stage[k, j] = 0.0, rows[k, j]
+
+
+@njit(error_model="numpy")
+def _record(rows: Array, work: Steps, row: Array) -> None:
+    """q, dq, ddq and tau of a step's beginning, into a row of what is logged."""
+    n = rows.shape[1]
+    for j in range(n):
+        row[j], row[n + j], row[2 * n + j], row[3 * n + j] = rows[Q, j], rows[DQ, j], work.slope[1, j], work.drive[j]
+
+
+@njit(error_model="numpy")
 def _step(
     rows: Array,
     torque: Array,
@@ -196,8 +214,7 @@ def _step(
         row: gets q, dq, ddq and tau of the step's beginning; without room for them nothing.
     """
     n, state, force, tip = len(torque), body.state, work.force, work.tip
-    tip[:], force[:] = state.position, memory[_FORCE : _FORCE + 3]
-    work.total[:], work.stage[:] = 0.0, rows[:4]
+    _begin(rows, memory, state, work)
     for stage in range(4):
         pushed = force
         if stage > 0:
@@ -207,8 +224,7 @@ def _step(
             pushed = ahead[_FORCE : _FORCE + 3]
         _slopes(rows, pushed, torque, drives, state, surface.axes, work)
         if stage == 0 and len(row) > 0:
-            row[:n], row[n : 2 * n] = rows[Q], rows[DQ]
-            row[2 * n : 3 * n], row[3 * n : 4 * n] = work.slope[1], work.drive
+            _record(rows, work, row)
         weight = 1.0 / 6.0 if stage in (0, 3) else 1.0 / 3.0
         by = h if stage == 2 else 0.5 * h
         for k in range(4):
@@ -265,9 +281,9 @@ def run(
     memory, ahead, nothing = kept[:_MEMORY].copy(), np.zeros(_MEMORY), np.empty(0)
     _move(rows[Q], rows[DQ], body, surface, x, work.v)
     if first == 0:
-        rows[_MOTOR], rows[_DMOTOR] = rows[Q], rows[DQ]
-        if elastic and controlled:
-            rows[_MOTOR] += state.gravity / joints[_SPRING]
+        for j in range(n):
+            bent = state.gravity[j] / joints[_SPRING, j] if elastic and controlled else 0.0
+            rows[_MOTOR, j], rows[_DMOTOR, j] = rows[Q, j] + bent, rows[DQ, j]
         memory[_BOND] = -1.0  # no bond yet
         _contact(x, work.v, t0, 1e-9, memory, ahead, *surface.material)
         memory, ahead = ahead, memory
@@ -275,7 +291,8 @@ def run(
         if controlled and elastic:
             # from the motors' side, less what gravity bends: a spring between drive and measurement would destabilise
             # (C. Ott et al., IEEE Trans. Robotics 24, 2008)
-            work.stage[0] = rows[_MOTOR] - state.gravity / joints[_SPRING]
+            for j in range(n):
+                work.stage[0, j] = rows[_MOTOR, j] - state.gravity[j] / joints[_SPRING, j]
             _dynamics(work.stage[0], rows[_DMOTOR], *seen.arguments)
             _command(seen.state, rows[_DMOTOR], targets, i, controller)
         elif controlled:
@@ -289,5 +306,6 @@ def run(
             row = out[i] if s == 0 else nothing
             done += _step(rows, controller.torque, t, h, drives, body, surface, memory, ahead, work, row)
             memory, ahead = ahead, memory
-    kept[:_MEMORY] = memory
+    for k in range(_MEMORY):
+        kept[k] = memory[k]
     kept[_MEMORY] = done

@@ -261,7 +261,7 @@ def asked_forces(setup: Setup, q: Array) -> tuple[Array, Array]:
     return out, pressed
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _follow(
     wanted: Array,
     mass: float,

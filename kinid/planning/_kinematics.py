@@ -29,7 +29,7 @@ _WORK = kernel.WORK_COLUMNS
 REACHED, MISSED, BEYOND = 0, 1, 2
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _inverse(jacobian: Array, out: Array) -> float:
     """Damped right inverse of J (6, N) into `out` (N, 6); the product of the pivots √det(J Jᵀ) comes back."""
     n = jacobian.shape[1]
@@ -56,7 +56,7 @@ def _inverse(jacobian: Array, out: Array) -> float:
     return volume
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _slope(q: Array, jacobian: Array, inverse: Array, middle: Array, half: Array, weight: float, out: Array) -> None:
     """Gradient of H by the joints, brought into the null space of J, into `out` (N,).
 

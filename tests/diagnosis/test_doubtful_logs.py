@@ -269,7 +269,7 @@ def test_where_the_model_fails_is_said_beside_a_bias() -> None:
     assert found.to_dict()["corrected"] == ["sensor-bias"]
 
 
-@pytest.mark.parametrize("size", [0.1, 0.4])
+@pytest.mark.parametrize("size", [0.1, pytest.param(0.4, marks=pytest.mark.slow)])
 def test_what_is_left_that_looks_like_an_effect_does_not_leave_it_absent(size: float) -> None:
     """A pull at a tool that leaves, only within 0.8 mm of the surface: not the catalogue's adhesion, but no proof of
     none.

@@ -62,6 +62,7 @@ def arms(real_data: Path) -> list[Diagnosis]:
     ]
 
 
+@pytest.mark.slow
 def test_the_arm_lacks_friction_and_offsets(arms: list[Diagnosis]) -> None:
     """0.892 → 0.311 N·m and 0.847 → 0.294 N·m held out."""
     for found, before, after in zip(arms, (0.892, 0.847), (0.311, 0.294)):
@@ -79,6 +80,7 @@ def test_the_arm_lacks_friction_and_offsets(arms: list[Diagnosis]) -> None:
         assert any("direction of motion" in cell.says for cell in found.where)
 
 
+@pytest.mark.slow
 def test_what_was_found_on_one_log_holds_on_the_other(arms: list[Diagnosis]) -> None:
     """Parameters of one recording predict the other one: 0.297 N·m of 0.847, and 0.320 N·m of 0.892."""
     shares = []
@@ -90,6 +92,7 @@ def test_what_was_found_on_one_log_holds_on_the_other(arms: list[Diagnosis]) -> 
     assert np.mean(shares) < 0.38  # measured: 0.355
 
 
+@pytest.mark.slow
 def test_the_drive_ends_at_friction_that_depends_on_direction(real_data: Path) -> None:
     """37.7 → 9.00 → 3.89 → 1.73 N held out, of 53 N."""
     found = ask(*drive(real_data), "rigid-body", page="drive-friction")
@@ -118,6 +121,7 @@ def test_silicone_remembers(real_data: Path) -> None:
     assert found["coulomb-friction"].verdict == "not-excited"
 
 
+@pytest.mark.slow
 def test_a_phantom_is_not_the_same_everywhere(real_data: Path) -> None:
     """727 probes of 2 mm on a phantom with hidden bodies; 10 readings each, the tool at rest."""
     with np.load(real_data / "phantom-probing" / "probe_probingRAL2018_T1.npz", allow_pickle=False) as data:
@@ -239,7 +243,7 @@ def planted(real_data: Path) -> dict[tuple[str, str], Case]:
         ("drive-friction", "time-offset"),
         pytest.param("lwr4plus-motion-1", "joint-torque-gain", marks=pytest.mark.slow),
         pytest.param("lwr4plus-motion-1", "payload", marks=pytest.mark.slow),
-        ("silicone-two-cycles", "sensor-bias"),
+        pytest.param("silicone-two-cycles", "sensor-bias", marks=pytest.mark.slow),
         ("med14-poses", "sensor-bias"),
         ("med14-poses", "tool-mass"),
         ("med14-poses", "sensor-gain"),

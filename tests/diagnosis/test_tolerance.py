@@ -198,7 +198,7 @@ def test_what_cannot_act_is_told_from_what_is_not_excited(unexplained: Diagnosis
 # small
 
 
-@pytest.mark.parametrize("cutoff", [60.0, 20.0])
+@pytest.mark.parametrize("cutoff", [20.0, pytest.param(60.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("model", ["kelvin-voigt", "hooke"])
 def test_readings_low_passed_before_logging_are_diagnosed_alike(tester: Tester, cutoff: float, model: str) -> None:
     """A sensor's filter takes most of the white noise and leaves what moves: noise too small to be believed decides

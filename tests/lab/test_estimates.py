@@ -98,9 +98,9 @@ def _study(seeds: range) -> Array:
 
 def test_published_materials_are_found_again() -> None:
     """Drift, noise, cross-talk and bias anew with each seed, none of which the fits are told."""
-    covered = np.abs(_study(range(8))) < 1.96
-    # 72 intervals at 95 %: fewer than 61 (85 %) would happen once in 4000 studies
-    assert covered.mean() >= 0.85
+    covered = np.abs(_study(range(3))) < 1.96
+    # 27 intervals at 95 %: fewer than 22 would happen once in 500 studies
+    assert covered.sum() >= 22
 
 
 @pytest.mark.slow

@@ -127,20 +127,21 @@ def test_what_was_not_reached_is_said(app: typer.Typer, tmp_path: Path) -> None:
         assert ("this log can't tell it" in wave.output.replace("\n", " ")) == words
 
 
-def test_an_experiment_that_was_killed_is_made_again(app: typer.Typer, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "stops",
+    [
+        ("write_rig", "write_log"),  # the first and the last
+        pytest.param(("write_rig", "write_streams", "write_mcap", "write_log"), marks=pytest.mark.slow),
+    ],
+)
+def test_an_experiment_that_was_killed_is_made_again(app: typer.Typer, tmp_path: Path, stops: tuple[str, ...]) -> None:
     """Killed at any step of writing, the folder isn't blocked, and ends with the bytes of a run that wasn't."""
     assert CliRunner().invoke(app, [*FIRST, "-o", str(tmp_path / "whole")]).exit_code == 0
     whole = {p.relative_to(tmp_path / "whole"): p.read_bytes() for p in (tmp_path / "whole").rglob("*") if p.is_file()}
-    stops = [
-        "kinid.lab.writing.write_rig",
-        "kinid.lab.writing.write_streams",
-        "kinid.lab.writing.write_mcap",
-        "kinid.lab.writing.write_log",
-    ]
     for i, stop in enumerate(stops):
         out = tmp_path / str(i)
         code = (
-            f"import os, sys; import kinid.lab.writing; {stop} = lambda *a, **k: os._exit(9); "
+            f"import os, sys; import kinid.lab.writing; kinid.lab.writing.{stop} = lambda *a, **k: os._exit(9); "
             f"sys.argv = ['kinid', 'lab', 'poke', '--seed', '3', '-o', {str(out)!r}]; from kinid.cli import main; "
             f"main()"
         )

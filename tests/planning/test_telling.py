@@ -19,9 +19,9 @@ ASKED = 0.90
 
 
 def test_a_planned_experiment_tells_what_was_left_open() -> None:
-    """Few of the study's tuning cases: the plan beats both the log before and the same time spent at random."""
-    pairs = [next(pair for pair in PAIRS if pair.effects[0] == name) for name in ("relaxation", "hertz-exponent")]
-    answers = [answer for job in jobs(11, 1, pairs) for answer in run(job)]
+    """One pair of the study's tuning cases: the plan beats both the log before and the same time spent at random."""
+    pair = next(pair for pair in PAIRS if pair.effects[0] == "hertz-exponent")
+    answers = [answer for job in jobs(11, 1, [pair]) for answer in run(job)]
     print(table(answers))
     right = {way: sum(a.right for a in answers if a.way == way) for way in WAYS}
     assert not [a.line() for a in answers if a.verdict == "crash"]
