@@ -155,8 +155,12 @@ def _from_file(path: Path, rig: Path | None) -> tuple[list[Source], dict[str, st
         if not files:
             raise InputError(f"no log like '{pattern}' in {path}", "a file there", "correct the name")
         out |= {file: Source(file, common) for file in files}
+    named = set[Path]()  # a table of its own may tell more of a log that a pattern found, once
     for table in _listed(tables.get("log", []), "[[log]]", path):
         source = _of_table(table, common, path)
+        if source.path in named:
+            raise InputError(f"two [[log]] of {source.path} in {path}", "one of each file", "leave one out")
+        named.add(source.path)
         out[source.path] = source
     if not out:
         raise InputError(f"no logs in {path}", 'logs = ["*.parquet"], or [[log]] tables', "name them")

@@ -37,16 +37,19 @@ def late_wrench(log: Log, clear: Mask, rows: NDArray[np.int64], pull: Array) -> 
     if not size > 0.0:
         return None
 
-    def left(shift: float) -> float:
+    def left(shift: float) -> Array:
         read = np.stack([np.interp(at + shift, t, channel) for channel in force.T], axis=1)
         read -= read.mean(axis=0)
         mass = max(float(np.sum(read * turning)) / size, 0.0)
-        return float(np.mean(np.sum((read - mass * turning) ** 2, axis=1)))
+        return np.asarray(np.sum((read - mass * turning) ** 2, axis=1))
 
     shifts = np.linspace(-LATEST, LATEST, 2 * STEPS + 1)
-    found = np.array([left(shift) for shift in shifts])
+    squares = np.stack([left(shift) for shift in shifts])
+    found, usual = squares.mean(axis=1), np.median(squares, axis=1)
     best = int(np.argmin(found))
     if not 0 < best < len(found) - 1 or abs(shifts[best]) < LEAST or found[best] > LEFT * found[STEPS]:
+        return None
+    if usual[best] > LEFT * usual[STEPS]:  # a few spikes that another time misses
         return None
     word = "after" if shifts[best] > 0.0 else "before"
     return (

@@ -175,6 +175,7 @@ def test_files_folders_and_campaign_files_are_one(tmp_path: Path) -> None:
         ("", "no logs"),
         ('logs = ["z*"]', "no log like"),
         ('[[log]]\nfile = "z"', "no log at"),
+        ('[[log]]\nfile = "a.parquet"\n' * 2, "two"),
         ("logs =", "TOML"),
     ):
         (tmp_path / "bad.toml").write_text(text)

@@ -353,6 +353,14 @@ def test_a_wrench_of_another_time_is_told_by_how_much(touched: tuple[Log, Rig, R
     assert "turned" not in said
 
 
+def test_spikes_are_no_other_time(touched: tuple[Log, Rig, Robot]) -> None:
+    """Squares of a few, which a shift leaves out, say nothing of the rest."""
+    log, rig, robot = touched
+    wrench = np.array(log.wrench)
+    wrench[np.random.default_rng(2).choice(1500, 15, replace=False), :3] += 20.0
+    assert "the wrench comes" not in doubts(dataclasses.replace(log, wrench=wrench), rig, robot)
+
+
 def test_a_sensor_turned_by_half_a_turn_is_no_gravity_of_the_other_sign(touched: tuple[Log, Rig, Robot]) -> None:
     """Changes of the load alone may look like the other sign; its mean doesn't."""
     log, rig, robot = touched

@@ -273,6 +273,11 @@ def test_what_a_plan_rests_on_is_said(run: Any, tmp_path: Path) -> None:
     code, _, err = run(*short, "--fit", "fit.json")
     assert code == 2
     assert "warnings = 3 in fit.json" in err
+    for broken, named in (({"model": []}, "no effect in fit.json"), ({"parameters": {}}, "no value of hooke")):
+        (tmp_path / "fit.json").write_text(json.dumps(fit | broken))
+        code, _, err = run(*short, "--fit", "fit.json")
+        assert code == 2
+        assert named in err
 
 
 def test_the_preview_of_a_plan_speaks_of_expected_forces(run: Any, tmp_path: Path) -> None:
