@@ -21,7 +21,7 @@ from kinid.effects import Signals, catalogue
 from kinid.errors import InputError
 from kinid.identification.fit import Fit
 from kinid.identification.fitted import parameters_in
-from kinid.identification.saved import MEND, fit_facts, model_in, units_in
+from kinid.identification.saved import fit_facts, model_in, units_in
 from kinid.modeling.from_logs import from_contact, from_wrench
 from kinid.modeling.model import Model
 from kinid.parameter import ParameterId
@@ -99,16 +99,11 @@ def load_fit(path: Path) -> tuple[Model, dict[str, float]]:
     """Model and values from what `kinid fit --json` wrote, or of the best model of `kinid diagnose --json`.
 
     Raises:
-        InputError: no such file, not a fit, a value that is no number or in another unit, no effects, or one without
-            values.
+        InputError: no such file, not a fit, or a value that is no number or in another unit.
     """
     facts = fit_facts(path)
-    found, model = parameters_in(facts["parameters"], path, units_in(facts, path)), model_in(facts, path)
-    bare = [name for name in model.names if not any(other.startswith(f"{name}.") for other in found)]
-    if bare or not model.names:
-        named = f"no value of {', '.join(bare)}" if bare else "no effect"
-        raise InputError(f"{named} in {path}", "a model with its values, as kinid fit --json wrote it", MEND)
-    return model, {name: p.value for name, p in found.items()}
+    found = parameters_in(facts["parameters"], path, units_in(facts, path))
+    return model_in(facts, path), {name: p.value for name, p in found.items()}
 
 
 def compensate(touch: ContactSeries, log: Log, rig: Rig, model: Model, values: Mapping[str, float]) -> Compensated:

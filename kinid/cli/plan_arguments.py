@@ -232,6 +232,9 @@ def model_of(o: Options) -> tuple[Model, dict[str, float]]:
         from kinid.calibration.coupling import load_fit
 
         named, values = load_fit(o.fit)
+        if not named.names or not values:
+            missing = "value" if named.names else "effect"
+            raise InputError(f"no {missing} in {o.fit}", "a fit of what is touched", "fit anew, or name a --model")
         if model is None:
             model = ",".join(named.names)
         kept = {effect.id for effect in parse_model(model).effects}

@@ -343,7 +343,7 @@ def test_joints_add_up() -> None:
 # -------------------------------------------------------------------------------------------------------------- cases
 
 
-@pytest.mark.parametrize(("kind", "world"), zip(KINDS, [*WORLDS, *WORLDS]))
+@pytest.mark.parametrize(("kind", "world"), list(zip(KINDS, [*WORLDS, *WORLDS])))
 def test_cases_are_the_same_each_time(kind: str, world: str) -> None:
     first, again = case(kind, 1, 5, world), case(kind, 1, 5, world)
     for name in ("t", "q", "tau", "wrench"):

@@ -273,7 +273,7 @@ def test_what_a_plan_rests_on_is_said(run: Any, tmp_path: Path) -> None:
     code, _, err = run(*short, "--fit", "fit.json")
     assert code == 2
     assert "warnings = 3 in fit.json" in err
-    for broken, named in (({"model": []}, "no effect in fit.json"), ({"parameters": {}}, "no value of hooke")):
+    for broken, named in (({"model": []}, "no effect in fit.json"), ({"parameters": {}}, "no value in fit.json")):
         (tmp_path / "fit.json").write_text(json.dumps(fit | broken))
         code, _, err = run(*short, "--fit", "fit.json")
         assert code == 2
