@@ -18,6 +18,8 @@ import pytest
 
 FOLDER = Path(__file__).parent.parent / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
+#: those that touch a mould dozens of times; the demo and the tests of the laboratory do so in CI
+LONG = ("05-explore-a-mould", "09-control-with-a-map")
 #: bytes of a notebook with its outputs, at most
 LARGEST = 300_000
 Names = dict[str, Any]
@@ -117,7 +119,11 @@ def test_each_notebook_has_its_number_and_its_check() -> None:
     assert [path.stem[:2] for path in NOTEBOOKS] == [f"{i + 1:02d}" for i in range(len(NOTEBOOKS))]
 
 
-@each
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(path, marks=pytest.mark.slow) if path.stem in LONG else path for path in NOTEBOOKS],
+    ids=lambda path: path.stem,
+)
 def test_notebook_runs(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its claims hold, and the outputs that it keeps are those of the code as it is: `make notebooks` renews them."""
     if "picture" in path.stem:

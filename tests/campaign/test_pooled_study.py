@@ -22,7 +22,7 @@ def test_intervals_hold_the_truth_in_a_few_draws() -> None:
 
 
 def test_a_weak_effect_is_found_in_several_logs_and_by_none_of_them() -> None:
-    assert found_effects(draws=3, logs=1, stiffening=WEAK, seed=40) == [()] * 3
+    assert found_effects(draws=2, logs=1, stiffening=WEAK, seed=40) == [()] * 2
     assert BENDS & {*found_effects(draws=1, logs=8, stiffening=WEAK, seed=41)[0]}
 
 
