@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -124,6 +125,18 @@ def contact(
     if compensated is not None:
         typer.echo(compensated.line())
     written((out, plot, json_file))
+    _say_what_lacks(result, the_log, the_rig, [str(log), *([] if rig is None else ["--rig", str(rig)])])
+
+
+def _say_what_lacks(result: Analysis, log: Log, rig: Rig, named: list[str]) -> None:
+    """Without a surface there is no contact frame, nor free motion that tells the bias; `named` gives log and rig."""
+    if result.contact is not None or log.wrench is None:
+        return
+    held = [] if rig.sensor.bias is not None else ["the sensor's bias"]
+    held += [] if rig.tool is not None else ["the weight of a tool that no [tool] states"]
+    if held:
+        typer.echo(f"doubt: the force holds {' and '.join(held)}")
+    typer.echo(f"next: kinid contact {shlex.join(named)} --find-surface, or state [surface] in the rig")
 
 
 def _check_bandwidth(bandwidth: float, log: Log) -> None:

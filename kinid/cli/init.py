@@ -120,20 +120,21 @@ def _open(
     from kinid.data.rig import CONTACT, WRENCH
 
     known = {guess.quantity for guess in found}
-    free = ", ".join(repr(name) for name in columns if name not in {guess.column for guess in found})
+    left = [repr(name) for name in columns if name not in {guess.column for guess in found}]
+    free = f"; there are {', '.join(left)}" if left else ""
     lines = []
     if "t" not in known:
-        lines.append(f'{COLUMNS}t = {{ column = "…", unit = "s" }}, or t = {{ rate = 500 }} [Hz]; there are {free}')
+        lines.append(f'{COLUMNS}t = {{ column = "…", unit = "s" }}, or t = {{ rate = 500 }} [Hz]{free}')
     if not known - {"t"} and not {*CONTACT} & columns.keys():
-        lines.append(f"{COLUMNS}q = {{ columns = […] }}, wrench = {{ columns = […] }} or depth; there are {free}")
+        lines.append(f"{COLUMNS}q = {{ columns = […] }}, wrench = {{ columns = […] }} or depth{free}")
     elif known & {*WRENCH} and not {*WRENCH} <= known:
         lacking = " ".join(name for name in WRENCH if name not in known)
-        lines.append(f"{COLUMNS}{lacking}, which a wrench has, too; there are {free}")
+        lines.append(f"{COLUMNS}{lacking}, which a wrench has, too{free}")
     elif arm is not None and {name for name in known if re.fullmatch(r"q\d+", name)} != {
         f"q{j + 1}" for j in range(arm.joint_count)
     }:
         joints = ", ".join(arm.joint_names)
-        lines.append(f"q = {{ columns = […] }} in [columns], one for each of {joints}; there are {free}")
+        lines.append(f"q = {{ columns = […] }} in [columns], one for each of {joints}{free}")
     if arm is None and not {*CONTACT} & columns.keys():
         lines.append('[robot] model = "…", a name as lwr4plus or ur5, or the path of a URDF; or name it with --robot')
     lines += [f"[robot] {name}: one of {there}" for name, there in frames.items()]

@@ -105,7 +105,7 @@ def _effects(out: Console, result: Diagnosis) -> None:
         (EffectGroup.ABSENT, "absent"),
         (EffectGroup.LEFT_OUT, "left out, as no more effects were asked for"),
         (EffectGroup.NOT_EXCITED, "this log cannot tell"),
-        (EffectGroup.FOREIGN, "not about logs of this kind"),
+        (EffectGroup.FOREIGN, "not about logs of this kind, or part of the model already"),
     ):
         names = [e.label for e in result.effects if e.group == group]
         if names:

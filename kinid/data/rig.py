@@ -279,6 +279,7 @@ class Rig(_Table):
     def __repr__(self) -> str:
         parts = [] if self.robot is None else [self.robot.model]
         parts += [name for name in ("tool", "surface") if getattr(self, name) is not None]
+        parts += ["sensor bias"] if self.sensor.bias is not None else []
         return f"<Rig of {', '.join(parts) or 'a log that says everything itself'}>"
 
     @classmethod

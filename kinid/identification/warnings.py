@@ -57,9 +57,11 @@ def of_nuisances(state: State, left: LackOfFit) -> list[str]:
         if abs(shift) >= MAX_SHIFT - 1e-6 and not (left.matters and np.isfinite(nuisance.high)):
             amount = f"{nuisance.name} {shift * nuisance.sd:.2g} {nuisance.unit}".removesuffix(" 1")
             ends.setdefault(nuisance.effect.id, []).append(amount)
+    mend = "add it to the model, or mend the rig"
+    if left.matters:
+        mend = "what the model lacks may stand behind it, kinid diagnose says more; else mend the rig"
     return [
-        f"{name} beyond what calibration is trusted to ({', '.join(amounts)}): add it to the model, or mend the rig"
-        for name, amounts in ends.items()
+        f"{name} beyond what calibration is trusted to ({', '.join(amounts)}): {mend}" for name, amounts in ends.items()
     ]
 
 

@@ -24,7 +24,9 @@ def full_name(name: str, named: Iterable[str], model: Model, what: str = "parame
         return ends[0]
     if ends:
         raise InputError(f"{what}'{name}', which {len(ends)} effects have", f"one of {', '.join(ends)}", "say which")
-    shown = named if "." in name else [full.split(".", 1)[1] for full in named]
+    ends = [full.split(".", 1)[1] for full in named]
+    # what several effects have is offered with its effect
+    shown = named if "." in name else [end if ends.count(end) == 1 else full for full, end in zip(named, ends)]
     raise InputError(f"{what}'{name}'", f"a parameter of {model}", near(name, shown))
 
 

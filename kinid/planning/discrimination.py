@@ -88,7 +88,7 @@ def why_separable(
     """Why an experiment tells its candidates apart."""
     parts = [verdict.proposal.why] if verdict.proposal.why else []
     for one, two in itertools.combinations(effects, 2):
-        parts.append(f"{one.id} shows as {one.signature}, {two.id} as {two.signature}")
+        parts.append(f"{one.id} shows as {one.signature} – {two.id} as {two.signature}")
     # the form that is hardest to tell decides, and is told
     worst = {
         pair: int(np.argmin(np.where(kept[pair], each, np.inf)))

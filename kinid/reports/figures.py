@@ -40,7 +40,9 @@ def figure_of(result: Shown) -> Figure:
     if isinstance(result, Diagnosis):
         names = ["as asked" if step.added is None else f"+ {step.added}" for step in result.steps]
         return _bars(names, [step.held_out for step in result.steps], None, result.noise_floor, result.unit)
-    raise InputError(f"a {type(result).__name__} to plot", "a result with its log", "fit again, and plot that")
+    raise InputError(
+        f"a {type(result).__name__} to plot", "a result with its log", "fit or diagnose again, and plot that"
+    )
 
 
 def _bars(names: list[str], errors: list[float], spread: list[float] | None, noise: float, unit: str) -> Figure:
