@@ -21,7 +21,7 @@ from kinid.effects import Signals, catalogue
 from kinid.errors import InputError
 from kinid.identification.fit import Fit
 from kinid.identification.fitted import parameters_in
-from kinid.identification.saved import fit_facts, model_in, units_in
+from kinid.identification.saved import MEND, WHAT, fit_facts, model_in, units_in
 from kinid.modeling.from_logs import from_contact, from_wrench
 from kinid.modeling.model import Model
 from kinid.parameter import ParameterId
@@ -99,11 +99,14 @@ def load_fit(path: Path) -> tuple[Model, dict[str, float]]:
     """Model and values from what `kinid fit --json` wrote, or of the best model of `kinid diagnose --json`.
 
     Raises:
-        InputError: no such file, not a fit, or a value that is no number or in another unit.
+        InputError: no such file, not a fit, a value that is no number or in another unit, or one of no effect of its.
     """
     facts = fit_facts(path)
-    found = parameters_in(facts["parameters"], path, units_in(facts, path))
-    return model_in(facts, path), {name: p.value for name, p in found.items()}
+    found, model = parameters_in(facts["parameters"], path, units_in(facts, path)), model_in(facts, path)
+    stray = [name for name in found if name.split(".", 1)[0] not in model.names]
+    if stray:
+        raise InputError(f"{stray[0]} beside the model {model} in {path}", WHAT, MEND)
+    return model, {name: p.value for name, p in found.items()}
 
 
 def compensate(touch: ContactSeries, log: Log, rig: Rig, model: Model, values: Mapping[str, float]) -> Compensated:

@@ -230,7 +230,7 @@ def parameters_in(facts: Json, path: Path, units: Mapping[str, str]) -> dict[str
         facts: of each parameter. units: that the model has them in, as far as the file tells.
 
     Raises:
-        InputError: one without a value, whose numbers are none, or in another unit.
+        InputError: one without a value, whose numbers are none, outside its interval, or in another unit.
     """
     out = {}
     for name, found in facts.items():
@@ -240,7 +240,10 @@ def parameters_in(facts: Json, path: Path, units: Mapping[str, str]) -> dict[str
         if unit != units.get(name, unit) or not isinstance(unit, str):
             raise InputError(f"{name} in {str(unit)[:40]} in {path}", f"it in {units.get(name, 'its unit')}", MEND)
         ends = (number_in(found, "low", path, open_end=-np.inf), number_in(found, "high", path, open_end=np.inf))
-        out[name] = FittedParameter(name, number_in(found, "value", path), *ends, unit)
+        value = number_in(found, "value", path)
+        if not ends[0] <= value <= ends[1]:
+            raise InputError(f"{name} = {value:g} outside its interval in {path}", WHAT, MEND)
+        out[name] = FittedParameter(name, value, *ends, unit)
     return out
 
 

@@ -34,6 +34,8 @@ TEXTS = ("source", "digest")
 PICTURE = "picture"
 #: of entries of a covariance, relative
 TOLERANCE = 1e-6
+#: of the base, no probe lies further away [m]
+FARTHEST = 100.0
 #: standard errors to either side that hold 95 %
 WITHIN = 1.96
 
@@ -103,9 +105,15 @@ class PropertyMap:
 
     def _check(self, probe: Probe) -> None:
         p = len(self.properties)
-        if np.shape(probe.place) != (3,) or not np.isfinite(probe.place).all():
+        if np.shape(probe.place) != (3,) or not (np.abs(probe.place) < FARTHEST).all():
             raise InputError(
-                f"a probe at {probe.place}", "three finite coordinates in the base frame [m]", "leave it out"
+                f"a probe at {probe.place}",
+                f"three finite coordinates in the base frame, below {FARTHEST:g} m",
+                "leave it out",
+            )
+        if probe.residual < 0.0 or np.isinf(probe.residual):
+            raise InputError(
+                f"a residual of {probe.residual} N{_of(probe.source)}", "0 N or more", "leave the probe out"
             )
         if np.shape(probe.values) != (p,) or np.shape(probe.covariance) != (p, p):
             raise InputError(
@@ -118,7 +126,8 @@ class PropertyMap:
         finite = np.isfinite(np.diag(probe.covariance))
         cov, sd = np.asarray(probe.covariance)[np.ix_(finite, finite)], np.sqrt(np.diag(probe.covariance)[finite])
         most = np.outer(sd, sd)  # of each entry; rounding is relative to it
-        bounded, symmetric = np.abs(cov) <= (1 + TOLERANCE) * most, np.abs(cov - cov.T) <= TOLERANCE * most
+        with np.errstate(invalid="ignore"):  # of infinities
+            bounded, symmetric = np.abs(cov) <= (1 + TOLERANCE) * most, np.abs(cov - cov.T) <= TOLERANCE * most
         if not (bounded.all() and symmetric.all()):
             raise InputError(
                 f"a covariance that is none{_of(probe.source)}",

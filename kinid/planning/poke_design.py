@@ -43,6 +43,10 @@ OFFSETS = (0.25, 0.5, 0.75, 0.95)
 HALVINGS = 12
 
 
+#: what no arm does in contact: faster [m/s], in a wider band [Hz], for longer [s]
+MOST = {"speed": 10.0, "bandwidth": 1000.0, "duration": 3600.0}
+
+
 @dataclass(frozen=True)
 class Bounds:
     """What the motion has to keep.
@@ -68,6 +72,9 @@ class Bounds:
         for name in ("force", "speed", "bandwidth", "duration", "fade"):
             if not getattr(self, name) > 0:
                 raise InputError(f"a {name} of {getattr(self, name)}", "a positive number", "correct it")
+        for name, most in MOST.items():
+            if getattr(self, name) > most:
+                raise InputError(f"a {name} of {getattr(self, name):g}", f"{most:g} at most", "correct it")
         if self.bandwidth * self.duration < 1.0:
             raise InputError(
                 f"{self.duration:g} s within a bandwidth of {self.bandwidth:g} Hz",

@@ -117,6 +117,7 @@ def stored(values, covariance, place=(0.5, 0.0, 0.0)):
         ([500, 7], [[1, 0.5], [0.2, 1]], "a covariance that is none"),
         ([500, 7], [[1, 2], [2, 1]], "a covariance that is none"),
         ([500, 7], [[1, np.nan], [np.nan, 1]], "a covariance that is none"),
+        ([500, 7], [[1, np.inf], [np.inf, 1]], "a covariance that is none"),
         ([-500, 7], np.diag([100.0, 1]), "a stiffness of -500"),
     ],
 )
@@ -125,9 +126,17 @@ def test_what_is_no_estimate_is_not_stored(values, covariance, found):
         stored(values, covariance)
 
 
-def test_a_place_that_is_none_is_not_stored():
+@pytest.mark.parametrize("x", [np.nan, np.inf, 1e30])
+def test_a_place_that_is_none_is_not_stored(x):
     with pytest.raises(InputError, match="three finite coordinates"):
-        stored([500, 7], np.eye(2), (np.nan, 0, 0))
+        stored([500, 7], np.eye(2), (x, 0, 0))
+
+
+@pytest.mark.parametrize("residual", [-1.0, np.inf])
+def test_a_residual_that_is_none_is_not_stored(residual):
+    probe = Probe(np.zeros(3), np.array([500.0]), np.eye(1), residual=residual)
+    with pytest.raises(InputError, match="a residual of"):
+        PropertyMap(Plane(np.zeros(3), np.eye(3)), (Property("stiffness", "N/m"),), (probe,))
 
 
 def test_what_is_open_or_may_be_positive_is_stored():

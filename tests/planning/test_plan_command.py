@@ -273,7 +273,13 @@ def test_what_a_plan_rests_on_is_said(run: Any, tmp_path: Path) -> None:
     code, _, err = run(*short, "--fit", "fit.json")
     assert code == 2
     assert "warnings = 3 in fit.json" in err
-    for broken, named in (({"model": []}, "no effect in fit.json"), ({"parameters": {}}, "no value in fit.json")):
+    for broken, named in (
+        ({"model": []}, "beside the model"),
+        ({"parameters": {}}, "no value in fit.json"),
+        ({"parameters": {}, "model": []}, "no effect in fit.json"),
+        ({"model": ["kelvin-voigt"]}, "hooke.stiffness beside the model"),
+        ({"parameters": {"hooke.stiffness": {"value": 900.0, "low": 9e9}}}, "outside its interval"),
+    ):
         (tmp_path / "fit.json").write_text(json.dumps(fit | broken))
         code, _, err = run(*short, "--fit", "fit.json")
         assert code == 2
@@ -305,3 +311,10 @@ def test_joints_that_turn_on_and_on_use_no_share_of_a_position() -> None:
     still = Trajectory(np.arange(n) * 0.01, np.full(n, "free"), q, zeros, zeros, np.zeros((n, 3)), ("a", "b"))
     position = usage(still, limits)[0]
     assert (position.joint, position.share) == ("b", 0.5)
+
+
+@pytest.mark.parametrize("option", ["--max-speed=inf", "--bandwidth=1e308", "--duration=1e308", "--max-speed=nan"])
+def test_a_motion_that_no_arm_makes_is_refused(run: Any, option: str) -> None:
+    code, _, err = run("excite", "-o", "p.parquet", "--model", "hooke", option)
+    assert code == 2
+    assert err.count("\n") == 1

@@ -23,7 +23,7 @@ def numbers(array: Column, source: str, label: str) -> Array:
     Raises:
         InputError: a cell that is no number, with its row.
     """
-    if array.dtype.kind in "fiub":
+    if array.dtype.kind in "fiu":  # true and false are no readings
         return np.asarray(array, dtype=np.float64)
     if array.dtype.kind not in "US":
         raise InputError(f"column '{label}' of type {array.dtype} in {source}", "numbers", "export it as numbers")

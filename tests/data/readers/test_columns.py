@@ -35,6 +35,11 @@ def log_of(
     return to_log(table(arrays), Rig.parse({"columns": columns or {}}), joints)
 
 
+def test_true_and_false_are_no_readings() -> None:
+    with pytest.raises(InputError, match="of type bool"):
+        log_of({"t": np.arange(4) * 0.5, "q1": np.array([True, False, True, True])})
+
+
 T = np.arange(4) * 0.5
 A, B, C, D = np.random.default_rng(7).normal(size=(4, 4)).T
 
