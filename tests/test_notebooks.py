@@ -18,8 +18,8 @@ import pytest
 
 FOLDER = Path(__file__).parent.parent / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
-#: those that touch a mould dozens of times; the demo and the tests of the laboratory do so in CI
-LONG = ("05-explore-a-mould", "09-control-with-a-map")
+#: those that take a minute; the demo asks the same of the same log, and the laboratory's tests touch smaller moulds
+LONG = ("04-find-the-hidden-effect", "05-explore-a-mould", "09-control-with-a-map")
 #: bytes of a notebook with its outputs, at most
 LARGEST = 300_000
 Names = dict[str, Any]
