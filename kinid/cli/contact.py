@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import shlex
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from kinid.cli.advice import filled
 from kinid.cli.batch import On, Workers
 from kinid.cli.options import LogFiles, PlotFile, RigFile
 from kinid.errors import InputError, near
@@ -125,18 +126,19 @@ def contact(
     if compensated is not None:
         typer.echo(compensated.line())
     written((out, plot, json_file))
-    _say_what_lacks(result, the_log, the_rig, [str(log), *([] if rig is None else ["--rig", str(rig)])])
+    _say_what_lacks(result, the_log, the_rig)
 
 
-def _say_what_lacks(result: Analysis, log: Log, rig: Rig, named: list[str]) -> None:
-    """Without a surface there is no contact frame, nor free motion that tells the bias; `named` gives log and rig."""
+def _say_what_lacks(result: Analysis, log: Log, rig: Rig) -> None:
+    """Without a surface there is no contact frame, nor free motion that tells the bias."""
     if result.contact is not None or log.wrench is None:
         return
     held = [] if rig.sensor.bias is not None else ["the sensor's bias"]
     held += [] if rig.tool is not None else ["the weight of a tool that no [tool] states"]
     if held:
         typer.echo(f"doubt: the force holds {' and '.join(held)}")
-    typer.echo(f"next: kinid contact {shlex.join(named)} --find-surface, or state [surface] in the rig")
+    advice = "next: state [surface] in the rig, or let touches find it: kinid contact LOG --find-surface"
+    typer.echo(filled(advice, sys.argv[1:]))
 
 
 def _check_bandwidth(bandwidth: float, log: Log) -> None:

@@ -522,12 +522,12 @@ def test_a_time_that_the_tools_inertia_contradicts(touched: tuple[Log, Rig, Robo
 
 def test_rows_that_come_in_bursts_are_told_from_rows_that_are_lost(touched: tuple[Log, Rig, Robot]) -> None:
     whole, rig, robot = touched
-    some = slice(1000, 4000)
+    some = slice(1000, 5000)
     log = Log(t=whole.t[some], q=np.asarray(whole.q)[some], wrench=np.asarray(whole.wrench)[some])
     row = np.arange(len(log))
     bursts = log.t[row // 5 * 5] + 1e-4 * (row % 5)
     said = doubts(dataclasses.replace(log, t=bursts), rig, robot)
-    assert float(said.split("t = { rate = ")[1].split()[0]) == pytest.approx(1 / log.period, rel=5 / len(log))
+    assert float(said.split("t = { rate = ")[1].split()[0]) == pytest.approx(1 / log.period, rel=1e-3)
     assert "[tool]" not in said
     kept = row % 10 < 2
     lost = Log(t=log.t[kept], q=np.asarray(log.q)[kept], wrench=np.asarray(log.wrench)[kept])

@@ -131,7 +131,7 @@ def test_a_contact_as_it_is_known_gives_the_wanted_force_without_error(loop: For
 
 
 def test_small_runs_of_all_tasks(small: PropertyMap, tmp_path: Path) -> None:
-    found = study(grown=small, some=slice(1), controllers=(CONSTANT, FED, MAP))  # all four: the notebook
+    found = study(grown=small, some=slice(1), controllers=(CONSTANT, FED, ONLINE, MAP))
     assert {s.task for s in found.scores} == set(force_jobs.TASKS)
     for design in found.designs:
         binding = min(design.designed.gain / MARGINS.gain, design.designed.phase / MARGINS.phase)
@@ -141,8 +141,8 @@ def test_small_runs_of_all_tasks(small: PropertyMap, tmp_path: Path) -> None:
     paths = control_page.write(tmp_path / "control", found)
     assert [path.name for path in paths] == ["control.json", "map.parquet", "control.html"]
     facts = json.loads(paths[0].read_text())
-    assert len(facts["tasks"]) == 3 * len(force_jobs.TASKS)
-    assert {run["controller"] for run in facts["runs"]} == {CONSTANT, FED, MAP}
+    assert len(facts["tasks"]) == 12
+    assert {run["controller"] for run in facts["runs"]} == {CONSTANT, FED, ONLINE, MAP}
     page = paths[2].read_text()
     assert "8.0 dB, 60.0°" in page
     assert not re.search(r'(src|href)="?http', page[page.index("</script>") :])
