@@ -92,7 +92,7 @@ def test_a_fit_goes_to_disk_and_back(fit: kinid.Fit, touch: kinid.ContactSeries,
     assert str(again) == str(fit)
     np.testing.assert_array_equal(again.values, fit.values)
     np.testing.assert_allclose(again.predict(touch), fit.predict(touch, calibrated=False), atol=1e-12)
-    with pytest.raises(kinid.InputError, match="fit again"):
+    with pytest.raises(kinid.InputError, match="diagnose again"):
         again.plot()
 
 
