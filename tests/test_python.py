@@ -159,6 +159,7 @@ def test_a_prediction_lies_beside_the_samples_that_it_is_of(fit: kinid.Fit, touc
         ('{"model": ["hooke"], "parameters": {"hooke.stiffness": {"value": true}}}', "expected a number"),
         (f'{{"model": ["hooke"], "parameters": {{"hooke.stiffness": {{"value": 1{400 * "0"}}}}}}}', "401 digits"),
         ('{"model": ["hooke"], "parameters": {"hooke.stiffness": {}}}', "without a value"),
+        ('{"model": ["hooke"], "parameters": {"hertz.stiffness": {"value": 1}}}', "beside the model"),
         ('{"model": "hooke", "parameters": {}}', "a list of names"),
         ('{"model": ["hoke"], "parameters": {}}', "did you mean 'hooke'"),
         ('{"model": ["hooke"], "parameters": {}}', "no layout"),

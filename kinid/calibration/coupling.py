@@ -20,8 +20,8 @@ from kinid.data.rig import Rig
 from kinid.effects import Signals, catalogue
 from kinid.errors import InputError
 from kinid.identification.fit import Fit
-from kinid.identification.fitted import parameters_in
-from kinid.identification.saved import MEND, WHAT, fit_facts, model_in, units_in
+from kinid.identification.fitted import estimates_in
+from kinid.identification.saved import fit_facts
 from kinid.modeling.from_logs import from_contact, from_wrench
 from kinid.modeling.model import Model
 from kinid.parameter import ParameterId
@@ -101,11 +101,7 @@ def load_fit(path: Path) -> tuple[Model, dict[str, float]]:
     Raises:
         InputError: no such file, not a fit, a value that is no number or in another unit, or one of no effect of its.
     """
-    facts = fit_facts(path)
-    found, model = parameters_in(facts["parameters"], path, units_in(facts, path)), model_in(facts, path)
-    stray = [name for name in found if name.split(".", 1)[0] not in model.names]
-    if stray:
-        raise InputError(f"{stray[0]} beside the model {model} in {path}", WHAT, MEND)
+    model, found = estimates_in(fit_facts(path), path)
     return model, {name: p.value for name, p in found.items()}
 
 

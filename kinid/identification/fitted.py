@@ -89,14 +89,14 @@ class FittedModel(Shown):
         expect(path, (str, Path), "a fit's file", "a path", "name the file")
         path = Path(path)
         facts = fit_facts(path)
-        parameters = parameters_in(facts["parameters"], path, units_in(facts, path))
+        model, parameters = estimates_in(facts, path)
         errors: Json = facts["error"] if isinstance(facts.get("error"), dict) else {}
         train, held_out, noise = (number_in(errors, name, path) for name in ("train", "held_out", "noise_floor"))
         warnings = facts.get("warnings") or ()
         if not isinstance(warnings, list | tuple):
             raise InputError(f"warnings = {str(warnings)[:40]} in {path}", "a list of texts", MEND)
         return FittedModel(
-            model_in(facts, path),
+            model,
             parameters,
             FitError(train, held_out, noise, str(errors.get("unit", "N"))),
             tuple(map(str, warnings)),
@@ -221,6 +221,19 @@ class FittedModel(Shown):
             "layout": {"channels": list(own.channels), "kind": own.kind, "joints": list(own.joints)},
             "rest": dataclasses.asdict(self.rest),
         }
+
+
+def estimates_in(facts: Json, path: Path) -> tuple[Model, dict[str, FittedParameter]]:
+    """The model of a saved fit, and its estimates by name.
+
+    Raises:
+        InputError: no model, an estimate of no effect of it, or one that `parameters_in` refuses.
+    """
+    model, found = model_in(facts, path), parameters_in(facts["parameters"], path, units_in(facts, path))
+    stray = [name for name in found if name.split(".", 1)[0] not in model.names]
+    if stray:
+        raise InputError(f"{stray[0]} beside the model {model} in {path}", WHAT, MEND)
+    return model, found
 
 
 def parameters_in(facts: Json, path: Path, units: Mapping[str, str]) -> dict[str, FittedParameter]:

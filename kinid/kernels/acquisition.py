@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from kinid.kernels.kernel import kernel
 
 Array = NDArray[np.float64]
 
@@ -12,7 +13,7 @@ Array = NDArray[np.float64]
 ALIKE = 1e-9
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def lag(x: Array, dt: Array, tau: float, out: Array) -> None:
     """First-order low-pass τ ẏ = x − y, exact for an input that runs between samples as that of `delay`; y begins in
     balance.
@@ -48,7 +49,7 @@ def lag(x: Array, dt: Array, tau: float, out: Array) -> None:
             )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _driven(r: float) -> tuple[float, float, float]:
     """What a low-pass makes of u, u² and u³ over a step of r time constants, u from 0 to 1: ∫ r exp(−r (1 − u)) uᵏ
     du.
@@ -68,7 +69,7 @@ def _driven(r: float) -> tuple[float, float, float]:
     return one, two, three
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _differences(step: float, left: float, right: float, g: float, h: float, f: float) -> tuple[float, float, float]:
     """Of a course between two samples: what the differences between, before and behind them weigh, its slopes' shares
     included.
@@ -83,7 +84,7 @@ def _differences(step: float, left: float, right: float, g: float, h: float, f: 
     return between, before, after
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def delay(x: Array, t: Array, dt: Array, late: float, out: Array) -> None:
     """y(t) = x(t − late) by cubic Hermite interpolation, whose slopes at the samples are those of the parabola through
     three neighbours (Catmull-Rom on uneven times): y has a continuous derivative in `late`. Ends of runs are held.
@@ -122,7 +123,7 @@ def delay(x: Array, t: Array, dt: Array, late: float, out: Array) -> None:
         start = stop
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def slopes(x: Array, dt: Array, tolerance: float, out: Array) -> None:
     """What x changes by in such a time, from the sample before to the one after; 0 where memory begins anew.
 

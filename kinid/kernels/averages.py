@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from kinid.kernels.kernel import kernel
 
 Array = NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def weighted_sums(readings: Array, begin: NDArray[np.int64], end: NDArray[np.int64], weight: Array, out: Array) -> None:
     """Sum of each group of samples times its weight, channel after channel.
 
@@ -27,7 +28,7 @@ def weighted_sums(readings: Array, begin: NDArray[np.int64], end: NDArray[np.int
             o[k] = w[k] * total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def weighted_changes(
     after: Array,
     before: Array,

@@ -7,8 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
-from numba import njit
 from numba.core.dispatcher import Dispatcher
+
+from kinid.kernels.kernel import kernel
 
 
 def cached(*called: ModuleType) -> Callable[[Callable[..., object]], Dispatcher]:
@@ -24,7 +25,7 @@ def cached(*called: ModuleType) -> Callable[[Callable[..., object]], Dispatcher]
 
     def compile_(function: Callable[..., object]) -> Dispatcher:
         function.__qualname__ += f"_{sources}"
-        compiled: Dispatcher = njit(cache=True, error_model="numpy")(function)
+        compiled: Dispatcher = kernel(function)
         return compiled
 
     return compile_

@@ -17,6 +17,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from kinid.kernels.kernel import kernel
+
 Array = NDArray[np.float64]
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -44,7 +46,7 @@ def _part(function: F) -> F:
     return njit(fastmath=_FAST, forceinline=True)(function)  # type: ignore[no-any-return]
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FAST, inline="always")
+@kernel(fastmath=_FAST, inline="always")
 def _sincos(x: float) -> tuple[float, float]:
     """Sine and cosine to about 1 ulp (minimax polynomials on |r| ≤ π/4, FreeBSD msun k_sin, k_cos)."""
     k = (x * _TWO_OVER_PI + _MAGIC) - _MAGIC
@@ -176,7 +178,7 @@ def _advance(width: int, w: Array, x: Array, turns: Array, shifts: Array, prisma
                 _revolve(width, w, x, iq, iv, ia)
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FAST)
+@kernel(fastmath=_FAST)
 def poses(q: Array, dq: Array, ddq: Array, turns: Array, shifts: Array, prismatic: Array, out: Array) -> None:
     """Fill `out` (n, 24): rotation (row-major), position, ω, v, α, a of the last frame's origin, in the base frame.
 
@@ -351,7 +353,7 @@ def contact_block(
             out[11, i] = n0 * mx + n1 * my + n2 * mz
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FAST)
+@kernel(fastmath=_FAST)
 def contacts(
     q: Array,
     dq: Array,

@@ -8,8 +8,9 @@ the bias (Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 5 and 6, with 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from kinid.kernels.kernel import kernel
 
 Array = NDArray[np.float64]
 
@@ -20,7 +21,7 @@ WORK_COLUMNS = 34
 
 
 # one long function: a state goes through both recursions in scalars, which a call would put into memory
-@njit(cache=True, error_model="numpy")
+@kernel
 def dynamics(  # noqa: PLR0915
     q: Array,
     dq: Array,
@@ -183,7 +184,7 @@ def dynamics(  # noqa: PLR0915
         jacobian[3, j], jacobian[4, j], jacobian[5, j] = sx, sy, sz
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def factorise(matrix: Array, n: int) -> None:
     """Cholesky factor of a symmetric positive definite matrix, in place of its lower triangle."""
     for j in range(n):
@@ -199,7 +200,7 @@ def factorise(matrix: Array, n: int) -> None:
             matrix[i, j] = total / root
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def substitute(factor: Array, x: Array, n: int) -> None:
     """Solve L Lᵀ x = b for a factor of `factorise`; b is in x, and x takes its place."""
     for i in range(n):
@@ -214,7 +215,7 @@ def substitute(factor: Array, x: Array, n: int) -> None:
         x[i] = total / factor[i, i]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def energy(
     q: Array,
     dq: Array,

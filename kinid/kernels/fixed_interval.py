@@ -6,9 +6,9 @@ The state, its motion and its measurements are those of `state_space`.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from kinid.kernels.kernel import kernel
 from kinid.kernels.state_space import (
     LEAST,
     NUMBERS,
@@ -39,7 +39,7 @@ Rows = tuple[State, ...]  # of a matrix (d, d)
 CHUNK = 2048
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _filter(
     tau: Array,
     z: Array,
@@ -68,7 +68,7 @@ def _filter(
     return x, p
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def smooth(
     tau: Array,
     z: Array,

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from kinid.kernels.kernel import kernel
 
 Array = NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def contact_wrench(tangential: Array, normal: Array, axes: Array, tip: Array, load: Array, out: Array) -> None:
     """Wrench at the sensor's origin, in its axes: f = Rᵀ (T₁, T₂, N), τ = r × f, and the tool's load.
 
@@ -30,7 +31,7 @@ def contact_wrench(tangential: Array, normal: Array, axes: Array, tip: Array, lo
         out[5, i] = tip[0] * y - tip[1] * x + load[5, i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def point_load(specific: Array, omega: Array, alpha: Array, com: Array, out: Array) -> None:
     """Wrench at the sensor's origin of 1 kg at a point c of its frame: f = g − a − α × c − ω × (ω × c), τ = c × f.
 
@@ -49,7 +50,7 @@ def point_load(specific: Array, omega: Array, alpha: Array, com: Array, out: Arr
         out[3, i], out[4, i], out[5, i] = y * c - z * b, z * a - x * c, x * b - y * a
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def displaced(axes: Array, omega: Array, offset: Array, moved: Array, speed: Array) -> None:
     """Where a point of the sensor frame is from its origin, and how fast it moves about it, in contact axes: R d, R (ω
     × d).

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from kinid.kernels.kernel import kernel
 
 Array = NDArray[np.float64]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def contact_flag(signal: Array, depth: Array, on: float, off: float, reach: float, out: NDArray[np.bool_]) -> None:
     """True from where `signal` rises above `on` until it falls below `off`, only at depths above −`reach`.
 
@@ -26,7 +27,7 @@ def contact_flag(signal: Array, depth: Array, on: float, off: float, reach: floa
         out[i] = touching
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def steady_flag(
     signal: Array, depth: Array, on: float, off: float, reach: float, half: int, out: NDArray[np.bool_]
 ) -> None:

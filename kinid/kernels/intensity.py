@@ -7,9 +7,9 @@ The state, its motion and its measurements are those of `state_space`.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from kinid.kernels.kernel import kernel
 from kinid.kernels.state_space import (
     ORDER,
     Covariance,
@@ -50,7 +50,7 @@ GAIN, WEIGHT, ENTROPY, LIKELY, LEVEL = (row * LANES for row in (14, 18, 19, 20, 
 ROWS = 22
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def bank(
     tau: Array, y: Array, noise: Array, levels: Array, start: Array, spread: Array, out: NDArray[np.float32]
 ) -> None:
@@ -117,7 +117,7 @@ def _states(w: Array, move: State, position: float) -> None:
         w[LIKELY + j] = 0.5 * (w[ENTROPY + j] - min(e * e * w[WEIGHT + j], MOST))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def local_level(loglik: NDArray[np.float32], switch: float, out: Array) -> None:
     """Mean number of the level that is at work at each sample, levels that follow each other as a hidden Markov chain.
 
@@ -162,7 +162,7 @@ def local_level(loglik: NDArray[np.float32], switch: float, out: Array) -> None:
                 b[j] = share * a[j] / max(before, 1e-300)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def score(
     tau: Array, z: Array, noise: Array, drive: Array, start: Array, spread: Array, work: Array, out: Array, fits: Array
 ) -> float:
@@ -247,7 +247,7 @@ def _turned(p: Covariance) -> Covariance:
     return p[9], p[8], p[6], p[3], p[7], p[5], p[2], p[4], p[1], p[0]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def in_windows(found: Array, expected: Array, width: float, out: Array) -> None:
     """Quotient of what was found and expected over windows that hold `width` degrees of freedom, (n,).
 

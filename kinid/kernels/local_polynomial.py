@@ -5,8 +5,9 @@ elsewhere.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from kinid.kernels.kernel import kernel
 
 Array = NDArray[np.float64]
 
@@ -14,7 +15,7 @@ Array = NDArray[np.float64]
 EXACT = 1e-6
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _fit_at(t: Array, x: Array, low: int, high: int, at: int, order: int, first: Array, second: Array) -> None:
     """Least-squares polynomial over samples low…high (inclusive), derivatives at sample `at`.
 
@@ -61,7 +62,7 @@ def _fit_at(t: Array, x: Array, low: int, high: int, at: int, order: int, first:
         second[at, j] /= scale * scale
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"})
+@kernel(fastmath={"contract", "nsz"})
 def _convolve(
     flat: Array, columns: int, taps: Array, start: int, stop: int, half: int, first: Array, second: Array
 ) -> None:
@@ -85,9 +86,7 @@ def _convolve(
                 two[i] += even * (ahead[i] + behind[i])
 
 
-@njit(
-    cache=True, error_model="numpy", fastmath={"contract", "nsz"}
-)  # a sum of times in another order would round off the jitter
+@kernel(fastmath={"contract", "nsz"})  # a sum of times in another order would round off the jitter
 def _chain_rule(
     t: Array, period: float, taps: Array, start: int, stop: int, half: int, first: Array, second: Array
 ) -> None:
@@ -115,7 +114,7 @@ def _chain_rule(
                 second[begin + i, j] = (second[begin + i, j] - first[begin + i, j] * change[i]) / (rate[i] * rate[i])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _along(
     t: Array,
     x: Array,
@@ -134,7 +133,7 @@ def _along(
         _chain_rule(t, period, taps, start, stop, half, first, second)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def differentiate(
     t: Array, x: Array, half: int, order: int, taps: Array, tolerance: float, period: float, first: Array, second: Array
 ) -> None:

@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from kinid.kernels.kernel import kernel
 
 Array = NDArray[np.float64]
 
@@ -26,7 +27,7 @@ STRAIGHT, MOST_PIECES = 0.002, 8
 JOINT_BRISTLES = (1e-4, 1e-5)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def lowpass(x: Array, dt: Array, tau: float, out: Array) -> None:
     """First-order low-pass τ ẏ = x − y, exact for an input that runs straight between samples; y begins at 0.
 
@@ -46,7 +47,7 @@ def lowpass(x: Array, dt: Array, tau: float, out: Array) -> None:
         out[i] = y
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def bristles(
     v1: Array,
     v2: Array,
@@ -105,7 +106,7 @@ def bristles(
         out[1, i] = (1.0 - elastic) * u2 + w2 / length
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _turn(a1: float, a2: float, b1: float, b2: float) -> float:
     """Share of a step at which a velocity that goes straight from a to b is least, where it turns back; 1 where it
     doesn't.
@@ -116,7 +117,7 @@ def _turn(a1: float, a2: float, b1: float, b2: float) -> float:
     return -(a1 * c1 + a2 * c2) / (c1 * c1 + c2 * c2)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _pieces(a1: float, a2: float, b1: float, b2: float, scale: float) -> int:
     """Into how many pieces to take a step in which a velocity goes from a to b, `scale` being its time over what
     follows it.
@@ -131,13 +132,13 @@ def _pieces(a1: float, a2: float, b1: float, b2: float, scale: float) -> int:
     return min(MOST_PIECES, 1 + int(np.arctan2(across, along) * felt / STRAIGHT))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _touching(before: float, now: float) -> float:
     """Share of the step to a sample in contact that the tip was in contact."""
     return now / (now - before) if before <= 0.0 else 1.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def deepest(depth: Array, dt: Array, out: Array) -> None:
     """The deepest that the tip has been up to each sample, 0 at least [m], (n,)."""
     most = 0.0
@@ -148,7 +149,7 @@ def deepest(depth: Array, dt: Array, out: Array) -> None:
         out[i] = most
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def bond(depth: Array, dt: Array, length: float, out: Array) -> None:
     """How much of its greatest pull a bond exerts, 0…1, that forms at contact and tears at depth −ℓ.
 

@@ -31,8 +31,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
+
+from kinid.kernels.kernel import kernel
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -168,12 +169,12 @@ def _tree(corners: Array) -> tuple[Index, Array, int]:
     return order, box, depth
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _dot(a0: float, a1: float, a2: float, b0: float, b1: float, b2: float) -> float:
     return a0 * b0 + a1 * b1 + a2 * b2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _weights(x: float, y: float, z: float, tri: Array) -> tuple[float, float, float]:  # noqa: PLR0911 regions
     """Barycentric weights of a triangle's point closest to (x, y, z): exact zeros on edges and corners."""
     ab0, ab1, ab2 = tri[1, 0] - tri[0, 0], tri[1, 1] - tri[0, 1], tri[1, 2] - tri[0, 2]
@@ -209,7 +210,7 @@ def _weights(x: float, y: float, z: float, tri: Array) -> tuple[float, float, fl
     return va * scale, vb * scale, vc * scale
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _gap(x: float, y: float, z: float, box: Array) -> float:
     """Squared distance from a point to a box (6,)."""
     dx = max(box[0] - x, 0.0, x - box[3])
@@ -218,7 +219,7 @@ def _gap(x: float, y: float, z: float, box: Array) -> float:
     return float(dx * dx + dy * dy + dz * dz)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _squared(x: float, y: float, z: float, tri: Array) -> float:
     """Squared distance from a point to a triangle (3, 3)."""
     a, b, c = _weights(x, y, z, tri)
@@ -228,7 +229,7 @@ def _squared(x: float, y: float, z: float, tri: Array) -> float:
     return float(dx * dx + dy * dy + dz * dz)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _find(x: float, y: float, z: float, tree: MeshTree, start: int, nodes: Index, gaps: Array) -> int:
     """The triangle closest to a point; `start` gives the first bound, on a path nearly the answer."""
     best = start
@@ -265,14 +266,14 @@ def _find(x: float, y: float, z: float, tree: MeshTree, start: int, nodes: Index
     return best
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _fade(x: float) -> float:
     """A smooth step from 1 at x ≤ 0 to 0 at x ≥ 1."""
     x = min(max(x, 0.0), 1.0)
     return 1.0 - x * x * (3.0 - 2.0 * x)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _unit(vector: Array, otherwise: Array) -> None:
     """Bring a vector (3,) to unit length; one without a direction becomes the other vector."""
     size = np.sqrt(np.sum(vector**2))
@@ -282,7 +283,7 @@ def _unit(vector: Array, otherwise: Array) -> None:
         vector[:] = otherwise
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _smooth(k: int, weights: Array, point: Array, tree: MeshTree, normal: Array) -> None:
     """Write the smooth normal (3,) at a point of triangle k with these barycentric weights."""
     gap = weights * tree.height[k]
@@ -298,7 +299,7 @@ def _smooth(k: int, weights: Array, point: Array, tree: MeshTree, normal: Array)
             _unit(normal, tree.normal[k])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _closest(points: Array, tree: MeshTree, out: Closest) -> None:
     """Fill `out` for points (n, 3)."""
     nodes = np.empty(tree.depth + 2, dtype=np.int64)

@@ -8,15 +8,15 @@ of A z. Arrays are (n, S, S) for K, (n, S) for a, b, d and A; `dt` as in `kinid.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from kinid.kernels.kernel import kernel
 from kinid.kernels.memory import _touching, _turn
 
 Array = NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def recalled_bristles(
     rate: Array, dt: Array, depth: Array, length: float, elastic: float, keep: Array, before: Array, now: Array
 ) -> None:
@@ -56,7 +56,7 @@ def recalled_bristles(
         keep[i, 1, 0], keep[i, 1, 1], before[i, 1], now[i, 1] = of_w
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def recalled_deepest(depth: Array, dt: Array, forgotten: float, keep: Array, reach: Array, most: Array) -> None:
     """Of how deep the tip has been; where it is the deepest itself there is nothing to remember.
 
@@ -76,7 +76,7 @@ def recalled_deepest(depth: Array, dt: Array, forgotten: float, keep: Array, rea
             last = depth[i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def remembered(
     dx: Array, dv: Array, dt: Array, keep: Array, before: Array, now: Array, reach: Array, size: Array, out: Array
 ) -> None:
@@ -101,7 +101,7 @@ def remembered(
             out[i] += size[i, k] * z[k]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def forwards(
     rest: Array,
     dt: Array,

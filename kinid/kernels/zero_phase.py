@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from kinid.kernels.kernel import kernel
 
 Array = NDArray[np.float64]
 
@@ -15,7 +16,7 @@ BLOCK = 256
 BEYOND = 15
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def zero_phase(sections: Array, settled: Array, x: Array) -> None:
     """Two second-order sections forwards, then backwards, over readings that go on beyond their ends, mirrored in them;
     in place.
@@ -46,7 +47,7 @@ def zero_phase(sections: Array, settled: Array, x: Array) -> None:
                 two[k, i] = padded[k, BEYOND + i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _pass(sections: Array, settled: Array, row: Array, other: Array) -> None:
     """Both sections over two rows (m,), in place; what they remember stays in registers."""
     a0, a1, a2, a3, a4 = sections[0, 0], sections[0, 1], sections[0, 2], sections[0, 4], sections[0, 5]
@@ -69,7 +70,7 @@ def _pass(sections: Array, settled: Array, row: Array, other: Array) -> None:
         row[i], other[i] = z0, z1
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
+@kernel(fastmath={"contract", "nsz"})
 def symmetric(weights: Array, edges: NDArray[np.int64], x: Array, out: Array) -> None:
     """Weighted mean over neighbours on both sides, piece by piece; beyond its ends a piece stays at their values.
 

@@ -5,8 +5,9 @@ it.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from kinid.kernels.kernel import kernel
 
 Array = NDArray[np.float64]
 
@@ -27,7 +28,7 @@ MEMORY = FORCE + 3
 _AHEAD = 0.02  # share of a bristle's length that is purely elastic (Dupont et al. 2002)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _field(fields: Array, grid: Array, x: float, y: float, out: Array) -> None:
     """Bilinear interpolation of all fields (FIELDS, nx, ny); grid: x0, y0, dx, dy. Beyond the grid its edge
     continues.
@@ -43,7 +44,7 @@ def _field(fields: Array, grid: Array, x: float, y: float, out: Array) -> None:
         )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _branch(y: float, before: float, now: float, dt: float, tau: float) -> float:
     """τ ẏ = F − y over dt, F running straight."""
     h = dt / tau
@@ -52,7 +53,7 @@ def _branch(y: float, before: float, now: float, dt: float, tau: float) -> float
     return now - slope / h * (1.0 - e) + (y - before) * e if h > 1e-6 else y + h * (0.5 * (before + now) - y)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _play(w: float, u: float, step: float, length: float) -> tuple[float, float]:
     """A play of ± 0.02 ℓ, then Dahl's bristle, in one dimension."""
     w += step
@@ -64,7 +65,7 @@ def _play(w: float, u: float, step: float, length: float) -> tuple[float, float]
     return w, u
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _normal(depth: float, rate: float, t: float, dt: float, m: Array, new: Array, p: Array, at: Array) -> float:
     """Normal force at a depth; fills the normal part of the new memory."""
     new[_DEPTH] = depth
@@ -108,7 +109,7 @@ def _normal(depth: float, rate: float, t: float, dt: float, m: Array, new: Array
     return float(max(force, 0.0) - pull)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _patch(patches: NDArray[np.int64], grid: Array, x: float, y: float) -> int:
     """Number of the patch at a place: that of the nearest point of the grid."""
     i = int(min(max((x - grid[0]) / grid[2] + 0.5, 0.0), patches.shape[0] - 1.0))
@@ -116,7 +117,7 @@ def _patch(patches: NDArray[np.int64], grid: Array, x: float, y: float) -> int:
     return int(patches[i, j])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _effective(
     depth: float, rate: float, t: float, dt: float, m: Array, new: Array, p: Array, at: Array
 ) -> tuple[float, float]:
@@ -133,7 +134,7 @@ def _effective(
     return b, (b - e0) / dt
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _friction(x: Array, v: Array, normal: float, m: Array, new: Array, p: Array, at: Array) -> tuple[float, float]:
     """Tangential forces of a bristle, or of a film; fills the tangential part of the new memory."""
     if m[_TOUCH] == 0.0:
@@ -166,7 +167,7 @@ def _friction(x: Array, v: Array, normal: float, m: Array, new: Array, p: Array,
     return t1, t2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def contact(
     x: Array,
     v: Array,

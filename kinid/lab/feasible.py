@@ -6,11 +6,11 @@ import dataclasses
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from kinid.controllers._given import is_number, is_positive
 from kinid.errors import InputError
+from kinid.kernels.kernel import kernel
 from kinid.lab.arm import Gains, design_damping, spectral_radius
 
 if TYPE_CHECKING:
@@ -261,7 +261,7 @@ def asked_forces(setup: Setup, q: Array) -> tuple[Array, Array]:
     return out, pressed
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _follow(
     wanted: Array,
     mass: float,

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numba import float64, int64, njit
 
+from kinid.kernels.kernel import kernel
 from kinid.kernels.types import Compiled
 
 #: places of a clock (int64): the last stamp that was accepted, when it came; the smallest delay between stamp and
@@ -44,7 +45,7 @@ JOINTS, WRITTEN, READ = range(3)
 WAITING, UNPAIRED = 1, 2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def admit(clock: Compiled, stamp: int, received: int) -> int:
     """What becomes of a sample by its time; where it is accepted, `clock[LAST]` is its stamp on the continuous clock.
 
@@ -95,7 +96,7 @@ def admit(clock: Compiled, stamp: int, received: int) -> int:
     return code
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _remember(clock: Compiled, step: int) -> None:
     """One more step of time: the median of the last ones is the period, or their mean where that is longer."""
     at = clock[COUNT] % STEPS

@@ -14,22 +14,22 @@ not asked.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from kinid.kernels import dynamics as kernel
+from kinid.kernels import dynamics
 from kinid.kernels.cached import cached
+from kinid.kernels.kernel import kernel
 
 Array = NDArray[np.float64]
 
-_dynamics, _factorise, _substitute = kernel.dynamics, kernel.factorise, kernel.substitute
-_WORK = kernel.WORK_COLUMNS
+_dynamics, _factorise, _substitute = dynamics.dynamics, dynamics.factorise, dynamics.substitute
+_WORK = dynamics.WORK_COLUMNS
 
 #: how a pose ended: reached, not reached, reached beyond a joint's limits
 REACHED, MISSED, BEYOND = 0, 1, 2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _inverse(jacobian: Array, out: Array) -> float:
     """Damped right inverse of J (6, N) into `out` (N, 6); the product of the pivots √det(J Jᵀ) comes back."""
     n = jacobian.shape[1]
@@ -56,7 +56,7 @@ def _inverse(jacobian: Array, out: Array) -> float:
     return volume
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _slope(q: Array, jacobian: Array, inverse: Array, middle: Array, half: Array, weight: float, out: Array) -> None:
     """Gradient of H by the joints, brought into the null space of J, into `out` (N,).
 
@@ -96,7 +96,7 @@ def _slope(q: Array, jacobian: Array, inverse: Array, middle: Array, half: Array
 
 
 # one long function: its scratch arrays are shared by all that it does with a pose
-@cached(kernel)
+@cached(dynamics)
 def solve_poses(
     q: Array,
     positions: Array,
@@ -247,7 +247,7 @@ def solve_poses(
     return REACHED, n
 
 
-@cached(kernel)
+@cached(dynamics)
 def torques(
     q: Array,
     dq: Array,

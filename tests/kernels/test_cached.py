@@ -37,7 +37,7 @@ def test_an_edit_of_what_is_called_reaches_the_caller(tmp_path: Path) -> None:
             text=True,
             capture_output=True,
             check=True,
-            env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
+            env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1", "NUMBA_CACHE_DIR": ""},
         )
         found.append(int(done.stdout))
     assert found == [60, 70]
