@@ -196,21 +196,27 @@ def write_bytes(path: Path, data: bytes) -> None:
         temporary.write_bytes(data)
 
 
-def write_json(path: Path, facts: object, *, allow_nan: bool = True) -> None:
-    """Write facts as JSON, NumPy's values as numbers; the file is whole or isn't there.
+def write_json(path: Path, facts: object) -> None:
+    """Write facts as JSON; the file is whole or isn't there."""
+    write_text(path, json_text(facts, indent=2) + "\n")
 
-    Raises:
-        ValueError: not a number, where `allow_nan` is False.
-    """
-    text = json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=allow_nan, default=_plain)
-    write_text(path, text + "\n")
+
+def json_text(facts: object, *, indent: int | None = None) -> str:
+    """Facts as any reader of JSON takes them: NumPy's values as numbers, null where a number is not finite."""
+    return json.dumps(_plain(facts), indent=indent, ensure_ascii=False, allow_nan=False)
 
 
 def _plain(value: object) -> object:
     """NumPy's and other values as JSON knows them."""
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    return value.item() if isinstance(value, np.generic) else str(value)
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, float):
+        return finite(value)
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value if value is None or isinstance(value, str | int) else str(value)
 
 
 @contextmanager

@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from kinid.errors import InputError
-from kinid.writers import alone_with, check_outputs, check_table_name, replacing, write_table, write_text
+from kinid.writers import alone_with, check_outputs, check_table_name, replacing, write_json, write_table, write_text
 
 COLUMNS: dict[str, Any] = {
     "t": np.array([0.0, 0.1, 0.2]),
@@ -54,6 +54,21 @@ def test_csv_keeps_every_bit(tmp_path: Path) -> None:
     np.testing.assert_array_equal([float(row["depth"]) for row in rows], COLUMNS["depth"])
     assert [row["phase"] for row in rows] == list(COLUMNS["phase"])
     assert [row["in_contact"] for row in rows] == ["true", "false", "true"]
+
+
+def test_json_is_what_every_reader_takes(tmp_path: Path) -> None:
+    """Strict readers know no NaN: what is no number is null, wherever it stands."""
+    facts = {"a": np.array([[1.0, np.nan]]), "b": (np.float32(0.5), -np.inf), "c": {"n": np.int64(3), "p": tmp_path}}
+    write_json(tmp_path / "out.json", facts | {"yes": np.True_, "none": None, "name": "ä"})
+    read = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"), parse_constant=pytest.fail)
+    assert read == {
+        "a": [[1.0, None]],
+        "b": [0.5, None],
+        "c": {"n": 3, "p": str(tmp_path)},
+        "yes": True,
+        "none": None,
+        "name": "ä",
+    }
 
 
 @pytest.mark.parametrize("name", ["out.npz", "OUT.NPZ"])

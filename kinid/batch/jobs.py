@@ -20,7 +20,7 @@ from kinid.identification.fit import fit_model
 from kinid.identification.fitted import FittedParameter
 from kinid.memory import give_back
 from kinid.modeling.model import Model
-from kinid.writers import Column, Json
+from kinid.writers import Column, Json, json_text
 
 #: columns of a table, one or more rows, and facts that go along with it
 Made = tuple[dict[str, Column], Json]
@@ -79,7 +79,7 @@ def parquet(columns: dict[str, Column], facts: Json) -> bytes:
     from pyarrow import parquet as pq
 
     table = pa.table({name: pa.array(np.asarray(values)) for name, values in columns.items()})
-    text = json.dumps(facts, default=_plain, allow_nan=False)
+    text = json_text(facts)
     out = io.BytesIO()
     names = [name for name, values in columns.items() if np.asarray(values).dtype.kind in "US"]
     pq.write_table(table.replace_schema_metadata({"kinid": text}), out, use_dictionary=names, write_statistics=False)
@@ -142,16 +142,6 @@ def _flat(name: str, facts: Json) -> Json:
 
 def _row(values: dict[str, Any]) -> dict[str, Column]:
     return {name: np.array([value]) for name, value in values.items()}
-
-
-def _plain(value: object) -> object:
-    return (
-        value.item()
-        if isinstance(value, np.generic)
-        else value.tolist()
-        if isinstance(value, np.ndarray)
-        else str(value)
-    )
 
 
 KINDS: dict[str, Callable[[Job, Log, Rig, Item], Made]] = {"contact": _contact, "fit": _fit, "diagnose": _diagnose}

@@ -15,7 +15,7 @@ from kinid.batch.logs import Item
 from kinid.batch.runners import Lost, Runner
 from kinid.batch.store import Store
 from kinid.errors import InputError
-from kinid.writers import Json
+from kinid.writers import Json, json_text
 
 #: called with how many logs are done or put aside, of how many, and the last one's name
 Progress = Callable[[int, int, str], None]
@@ -131,4 +131,4 @@ def _write_manifest(job: Job, items: Sequence[Item], store: Store, outcome: Outc
 
 
 def _text(facts: Json) -> bytes:
-    return (json.dumps(facts, indent=2, ensure_ascii=False) + "\n").encode()
+    return (json_text(facts, indent=2) + "\n").encode()

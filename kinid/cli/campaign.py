@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -78,13 +77,13 @@ def fit_campaign(
     workers: int | None = None,
 ) -> None:
     """`kinid fit` of many logs."""
-    from kinid.writers import check_outputs, write_text
+    from kinid.writers import check_outputs, write_json, write_text
 
     check_outputs((plot, json_file), (*[log for log in logs if log.is_file()], rig))
     with _campaign(logs, rig, out, on, workers, model) as campaign, watched() as progress:
         result = campaign.fit(model, progress=progress)
     if json_file is not None:
-        write_text(json_file, json.dumps(result.to_dict(), indent=2, allow_nan=False) + "\n")
+        write_json(json_file, result.to_dict())
     if plot is not None:
         from kinid.reports.campaign_page import fit_page
 
@@ -107,13 +106,13 @@ def compare_campaign(
 ) -> None:
     """`kinid compare` of many logs."""
     from kinid.campaign import Campaign
-    from kinid.writers import check_outputs, write_text
+    from kinid.writers import check_outputs, write_json, write_text
 
     check_outputs((plot, json_file), (*[log for log in logs if log.is_file()], rig))
     with watched() as progress:
         result = Campaign(list(logs), rig).compare(models, reference=reference, progress=progress)
     if json_file is not None:
-        write_text(json_file, json.dumps(result.to_dict(), indent=2, allow_nan=False) + "\n")
+        write_json(json_file, result.to_dict())
     if plot is not None:
         from kinid.reports.campaign_page import comparison_page
 
@@ -164,13 +163,13 @@ def diagnose_campaign(
     workers: int | None = None,
 ) -> None:
     """`kinid diagnose` of many logs."""
-    from kinid.writers import check_outputs, write_text
+    from kinid.writers import check_outputs, write_json, write_text
 
     check_outputs((report, json_file), (*[log for log in logs if log.is_file()], rig))
     with _campaign(logs, rig, out, on, workers, model) as campaign, watched() as progress:
         result = campaign.diagnose(model, max_effects=max_effects, progress=progress)
     if json_file is not None:
-        write_text(json_file, json.dumps(result.to_dict(), indent=2, allow_nan=False) + "\n")
+        write_json(json_file, result.to_dict())
     if report is not None:
         from kinid.reports.campaign_page import diagnosis_page
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -36,7 +35,7 @@ def changes(
     from kinid.contact.doubts import contact_doubts
     from kinid.contact.series import contact_series
     from kinid.mapping.changes import find_changes
-    from kinid.writers import check_outputs, write_text
+    from kinid.writers import check_outputs, write_json
 
     check_outputs((json_file,), (log, rig_path(log, rig)))
     the_rig, the_log, robot = load(log, rig)
@@ -49,7 +48,7 @@ def changes(
             raise
         raise InputError(error.found, error.expected, f"first see to what is to be doubted: {doubts[0]}") from None
     if json_file is not None:
-        write_text(json_file, json.dumps([change.to_dict() for change in found], indent=1) + "\n")
+        write_json(json_file, [change.to_dict() for change in found])
     out = console()
     say(out, *(f"doubt: {doubt}" for doubt in doubts))
     if not found:

@@ -117,7 +117,7 @@ def diagnose(
 
     result = _watched(the_log, the_rig, chosen, add or [], max_effects, tolerance, rig_path(log, rig), json_file)
     if json_file is not None:
-        write_json(json_file, result.to_dict(), allow_nan=False)
+        write_json(json_file, result.to_dict())
     if out is not None:
         from kinid.cli.fit import prediction_columns
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import sys
 from pathlib import Path
@@ -63,7 +62,7 @@ def new(
     """Write an effect of that name and stage: a small law, commented, that passes `kinid effect check` as it stands."""
     from kinid.cli.effect_template import effect_file
     from kinid.cli.show import written
-    from kinid.writers import check_outputs, write_text
+    from kinid.writers import check_outputs, write_json, write_text
 
     chosen = _stage(stage)
     _check_name(name)
@@ -72,7 +71,7 @@ def new(
     path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path, effect_file(name, chosen))
     if json_file is not None:
-        write_text(json_file, json.dumps({"effect": name, "stage": chosen.value, "file": str(path)}, indent=2) + "\n")
+        write_json(json_file, {"effect": name, "stage": chosen.value, "file": str(path)})
     typer.echo(f"{name}, which acts at the {chosen.value} stage; to check it: kinid effect check {path}")
     written([item for item in (path, json_file) if item is not None])
 
@@ -86,7 +85,7 @@ def check(
     """
     from kinid.cli.show import written
     from kinid.modeling.contract import Case, check_effect, look_alikes
-    from kinid.writers import check_outputs, write_text
+    from kinid.writers import check_outputs, write_json
 
     check_outputs((json_file,), (file,))
     kind = _load(file)
@@ -99,7 +98,7 @@ def check(
         alike = look_alikes(case)
         _show_page(case, alike)
     if json_file is not None:
-        write_text(json_file, json.dumps(_facts(kind, outcomes, alike), indent=2, ensure_ascii=False) + "\n")
+        write_json(json_file, _facts(kind, outcomes, alike))
         written([json_file])
     if broken:
         raise InputError(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
@@ -178,7 +177,7 @@ def _run(
     from kinid.live.session import Session
     from kinid.live.tare import tare
     from kinid.live.terminal import Lines, Screen, show
-    from kinid.writers import write_text
+    from kinid.writers import write_json
 
     out = console()
     pipeline = Pipeline(rig, names, robot=robot, bandwidth=bandwidth)  # compiles: no sample waits for that
@@ -217,7 +216,7 @@ def _run(
     show(session, out)
     if outputs.json_file is not None:
         facts: Json = {**session.summary(), "list": [event.to_dict() for event in kept]}
-        write_text(outputs.json_file, json.dumps(facts, indent=1) + "\n")
+        write_json(outputs.json_file, facts)
     _end(outputs, sinks)
 
 

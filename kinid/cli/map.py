@@ -128,7 +128,7 @@ def map_(
             "written": [str(path) for path in files],
         }
         more |= {"borders": [border.to_dict() for border in borders]}
-        write_json(json_file, map_facts(grown, known, new, skipped) | more, allow_nan=False)
+        write_json(json_file, map_facts(grown, known, new, skipped) | more)
     written(files)
 
 

@@ -188,7 +188,7 @@ class Findings(Shown):
             InputError: a folder that isn't there or can't be written to.
         """
         expect(path, (str, Path), "a diagnosis' file", "a path", "name the file")
-        write_json(Path(path), self.to_dict(), allow_nan=False)
+        write_json(Path(path), self.to_dict())
 
     @property
     def explained(self) -> float:

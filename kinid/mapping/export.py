@@ -34,7 +34,7 @@ from kinid.inputs import raised, size_limit
 from kinid.mapping.png import to_png
 from kinid.mapping.property_map import PropertyMap
 from kinid.robotics.surface import Mesh
-from kinid.writers import Json, made_folder, write_bytes, write_text
+from kinid.writers import Json, made_folder, write_bytes, write_json, write_text
 
 Array = NDArray[np.float64]
 
@@ -371,7 +371,7 @@ def export(grown: PropertyMap, folder: Path, cells: int = CELLS, method: str = "
                     "high": high,
                     "value": "low + (grey − 1)/65534 · (high − low); grey 0 is unknown",
                 }
-        write_text(out[3], json.dumps(about, indent=1, ensure_ascii=False) + "\n")
+        write_json(out[3], about)
         return out
 
 
