@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.signal.rates import Learnt
+from kinid.signal.rates import ALIEN, Learnt
 from kinid.signal.smoother import Smoothed
 
 Array = NDArray[np.float64]
@@ -43,14 +43,21 @@ def _of_rates(
     errors, left_out = np.array([one.errors for one in learnt]), ~np.isfinite(noise)
     done = "they add nothing to the positions and were left out" if left_out.all() else ""
     out = []
-    off = (np.abs(bias) > SURE * errors[:, 0]) & (np.abs(bias) > SHARE * largest)
+    dead = left_out & (np.abs(gain) < 1.0 / ALIEN) & (SURE * errors[:, 1] < 1.0)
+    if dead.any():
+        still = ", ".join(names[j] for j in np.flatnonzero(dead).tolist())
+        out.append(
+            f"logged {what} of {still} never change, though the positions do; they were left out: name their columns "
+            "in [columns], or leave them out of the log"
+        )
+    off = ~dead & (np.abs(bias) > SURE * errors[:, 0]) & (np.abs(bias) > SHARE * largest)
     if off.any():
         figures = [f"{names[j]} {bias[j]:+.3g} ± {errors[j, 0]:.1g}{unit}" for j in np.flatnonzero(off).tolist()]
         out.append(
             f"logged {what} are offset from the derivative of the positions, {', '.join(figures)}; "
             + (done or "the offset was taken out")
         )
-    off = (np.abs(gain - 1.0) > SCALE) & (np.abs(gain - 1.0) > SURE * errors[:, 1]) & (gain != 0.0)
+    off = ~dead & (np.abs(gain - 1.0) > SCALE) & (np.abs(gain - 1.0) > SURE * errors[:, 1]) & (gain != 0.0)
     if off.any():
         figures = [f"{names[j]} {gain[j]:.4g} ± {errors[j, 1]:.1g}" for j in np.flatnonzero(off).tolist()]
         out.append(

@@ -192,6 +192,18 @@ def test_what_contradicts_the_positions_is_said_with_figures(
     assert all(word in lines[0] for word in said)
 
 
+@pytest.mark.parametrize("stuck", [0.0, 0.1])
+def test_rates_that_never_change_are_left_out_and_said(
+    stuck: float, measured: tuple[Array, tuple[Array, Array, Array], Array]
+) -> None:
+    t, _, x = measured
+    both = np.stack([x, np.full_like(x, 0.4)], axis=1)  # one that stands still has a rate of nothing
+    made = smooth_motion(t, both, [slice(0, len(t))], np.stack([np.full_like(t, stuck), np.zeros_like(t)], axis=1))
+    (line,) = contradictions(made, ["q1", "q2"], 0.002)
+    assert "velocities of q1 never change" in line
+    np.testing.assert_array_equal(made.first[:, 0], smooth_motion(t, both, [slice(0, len(t))]).first[:, 0])
+
+
 def test_a_long_piece_is_smoothed_as_a_short_one_is() -> None:
     """Covariances are kept for some samples at a time; nothing tells where."""
     t = np.arange(0, 5 * PERIOD, 0.002)
