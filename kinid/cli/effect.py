@@ -60,8 +60,8 @@ def new(
     json_file: Annotated[Path | None, typer.Option("--json", help="What was written, as JSON.")] = None,
 ) -> None:
     """Write an effect of that name and stage: a small law, commented, that passes `kinid effect check` as it stands."""
-    from kinid.cli.effect_template import effect_file
     from kinid.cli.show import written
+    from kinid.effects import effect_file
     from kinid.writers import check_outputs, write_json, write_text
 
     chosen = _stage(stage)

@@ -13,6 +13,7 @@ from kinid.effects._example import Example, Motion
 from kinid.effects._foreign import VARIABLE, effect_options, foreign_effects, load_effect, only_effect
 from kinid.effects._samples import Detection, Samples
 from kinid.effects._signals import Array, AsRead, JointMotion, Kind, Layout, SensorMotion, Signals
+from kinid.effects._template import effect_file
 from kinid.errors import InputError, near
 
 __all__ = [
@@ -32,6 +33,7 @@ __all__ = [
     "Signals",
     "Stage",
     "catalogue",
+    "effect_file",
     "effect_options",
     "get",
     "load_effect",

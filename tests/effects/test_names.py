@@ -16,7 +16,6 @@ ROOT = Path(__file__).parents[2]
 #: files that may name effects, and why
 ALLOWED = {
     "kinid/cli/demo.py": "the demo's own models",
-    "kinid/cli/effect_template.py": "the examples that it writes",
     "kinid/cli/map.py": "the command's default law",
     "kinid/mapping/probes.py": "the default law of a map",
     "kinid/viewer/scene.py": "the default law of a view",

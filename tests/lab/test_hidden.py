@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kinid.cli.effect_template import effect_file
-from kinid.effects import Stage, catalogue
+from kinid.effects import Stage, catalogue, effect_file
 from kinid.errors import InputError
 from kinid.lab.experiments import prepare
 from kinid.lab.hidden import hide

@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from dataclasses import dataclass
 
-from kinid.effects import Stage
+from kinid.effects._effect import Stage
 
 
 @dataclass(frozen=True)
