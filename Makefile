@@ -11,6 +11,9 @@ WORKERS ?= 2
 # where it is set, each of a thousand processes that tests begin would compile all modules that it imports
 unexport PYTHONDONTWRITEBYTECODE
 
+# each worker has one core: threads of linear algebra that wait busily for another made some tests 200 times as long
+export OMP_NUM_THREADS ?= 1
+
 .PHONY: demo test slow gallery notebooks story figure lint types bench docs lock clean
 
 demo: $(DEMO)/.ready

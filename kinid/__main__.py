@@ -15,6 +15,8 @@ def run() -> None:
     apart. So the process leaves as soon as whatever is to be done at its exit has been done. Whoever calls
     `kinid.cli.main` in a process of their own keeps it.
     """
+    # threads of linear algebra wait busily for each other; beside another process that took 200 times as long
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     code = 1
 
     def leave() -> None:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from kinid.campaign.differences import Difference, differences
 from kinid.campaign.oddness import reasons
@@ -23,6 +22,7 @@ from kinid.identification.pooling.result import PooledFit
 from kinid.identification.state import State
 from kinid.identification.whole import held_out_residual
 from kinid.modeling.model import Model
+from kinid.parallel import one_blas_thread
 from kinid.residuals import Cell
 from kinid.residuals.localization import where
 from kinid.writers import Json, finite
@@ -128,7 +128,7 @@ def diagnose(
     """
     settings = dataclasses.replace(settings or DiagnosisSettings(), max_effects=max_effects)
     before = campaign.fit(model, progress=progress)
-    with threadpool_limits(1, user_api="blas"):
+    with one_blas_thread():
         found = select(before, settings, progress)
         progress("what each log shows")
         shown = {name: _by_log(found.fits[-1], name) for name in found.added if name in found.fits[-1].model}

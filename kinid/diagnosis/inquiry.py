@@ -5,8 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 
-from threadpoolctl import threadpool_limits
-
 from kinid.contact.series import ContactSeries
 from kinid.data.log import Log
 from kinid.data.rig import Rig
@@ -21,6 +19,7 @@ from kinid.modeling.data_warnings import refuse_outliers, refuse_signs
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
 from kinid.modeling.readings import all_channels, check_excitation, refuse_undiagnosable
+from kinid.parallel import one_blas_thread
 
 
 def diagnose(
@@ -80,8 +79,7 @@ def diagnose(
     refuse_names(add, model, settings.max_effects)
     refuse_inapplicable(add, model, experiment)
     warnings = _checked(experiment, model)
-    # many small products: threads of a linear-algebra library would only wait for each other
-    with threadpool_limits(1, user_api="blas"):
+    with one_blas_thread():
         found = run(model, experiment, settings, known=known, forced=add, progress=progress)
         return Conclusions(found, settings, tolerance).diagnosis(progress, warnings)
 

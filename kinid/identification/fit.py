@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from kinid.contact.series import ContactSeries
 from kinid.data.log import Log
@@ -29,6 +28,7 @@ from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
 from kinid.modeling.parameter_names import starting_values
 from kinid.modeling.readings import check_excitation, experiment_for, refuse_inactive_effects
+from kinid.parallel import one_blas_thread
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -122,7 +122,7 @@ def fit_model(
         )
     known = starting_values(model, experiment, start)
     shown = experiment if train is None else dataclasses.replace(experiment, valid=experiment.valid & train)
-    with threadpool_limits(1, user_api="blas"):  # many small products: threads would only wait for each other
+    with one_blas_thread():
         state = estimate(model, shown, known)
         return fit_of(state, experiment, held_out=held_out, train=train, warnings=warnings, known=known)
 

@@ -11,10 +11,8 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
-from threadpoolctl import threadpool_limits
-
 from kinid.errors import KinidError
-from kinid.parallel import in_turn
+from kinid.parallel import in_turn, one_blas_thread
 
 In = TypeVar("In")
 Out = TypeVar("Out")
@@ -71,7 +69,7 @@ def attempt(do: Callable[[In], Out], item: In) -> Out | Lost:
     """
     for last in range(TRIES):
         try:
-            with threadpool_limits(1, user_api="blas"):  # the same sums in the same order, wherever it is done
+            with one_blas_thread():  # the same sums in the same order, wherever it is done
                 return do(item)
         except KinidError as error:
             return Lost(str(error))

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from kinid.errors import InputError
 from kinid.estimators.batch import Solution
@@ -28,6 +27,7 @@ from kinid.identification.pooling.sharing import PER, PER_LOG, POPULATION
 from kinid.identification.state import State
 from kinid.identification.whole import held_out_residual, train_residual
 from kinid.modeling.model import Model
+from kinid.parallel import one_blas_thread
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -68,7 +68,7 @@ def fit_logs(
     if twice is not None or not logs:
         found = "no log" if twice is None else f"two logs called {twice}"
         raise InputError(found, "logs, each with a name of its own", "name each log once")
-    with threadpool_limits(1, user_api="blas"):  # many small products: threads would only wait for each other
+    with one_blas_thread():
         begun, aside = begin(model, logs, progress, elsewhere)
         return fit_begun(model, begun, sharing or {}, aside, progress, elsewhere)
 

@@ -21,6 +21,7 @@ from kinid.mapping.interpolation.covariance import Covariance, constant, diagona
 from kinid.mapping.interpolation.local_bias import local_bias, shared_error, spread_over
 from kinid.mapping.interpolation.segments import belonging, candidates, neighbours, scaled
 from kinid.mapping.interpolation.uniform import Uniform, uniform_value
+from kinid.parallel import one_blas_thread
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -83,9 +84,12 @@ class GaussianProcess(Interpolator):
         spread = float(np.std(values)) or max(abs(float(values[0])), 1.0)
         noise = np.clip(np.where(np.isfinite(noise), noise, 1e3 * spread), 0.0, 1e3 * spread)
         shared = shared_error(sample_sites.places, values, noise, neighbours(sample_sites.places))
-        found, evidence = cls._fitted(sample_sites, values, noise, spread, smoothness, edges)
+        with one_blas_thread():
+            found, evidence = cls._fitted(sample_sites, values, noise, spread, smoothness, edges)
         if shared.any():
-            other, better = cls._fitted(sample_sites, values, np.sqrt(noise**2 - shared**2), spread, smoothness, edges)
+            own = np.sqrt(noise**2 - shared**2)
+            with one_blas_thread():
+                other, better = cls._fitted(sample_sites, values, own, spread, smoothness, edges)
             # errors that are large explain any step, also one that all around agree on: what neighbours tell of each
             # other counts
             if better > evidence or np.mean(other.left_out**2) < np.mean(found.left_out**2):
