@@ -20,9 +20,8 @@ from kinid.parameter import Parameter
 class JointStribeckFriction(Effect):
     """τ += Δ u exp(−(q̇/v_s)²): dry friction exceeds that of fast motion by Δ where a joint is slow; it fades over v_s.
 
-    u is that of `joint-coulomb-friction`, which turns within a fixed travel. One v_s serves all joints: drives of one
-    arm share their lubricant. It is that of a joint that turns; one that slides has v_s · 0.1 m, and alone its own
-    [m/s].
+    u is that of `joint-coulomb-friction`, which turns within a fixed travel. Each joint has a v_s of its own: gears of
+    one arm share their grease, but not their size.
     """
 
     id = "joint-stribeck-friction"
@@ -47,14 +46,11 @@ class JointStribeckFriction(Effect):
     grid = {"speed": (0.01, 0.03, 0.1, 0.3)}
     # friction fades with speed (what grows is viscous); films of grease carry from some per cent of a drive's speed on
     admissible = {"excess": (0.0, 1e5), "speed": (1e-4, 3.0)}
-    example = Example(("rigid-body", "joint-coulomb-friction"), {"speed": 0.3, "excess": (0.5, 0.3)}, Motion.ARM)
+    example = Example(("rigid-body", "joint-coulomb-friction"), {"speed": (0.3, 0.2), "excess": (0.5, 0.3)}, Motion.ARM)
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
-        """Excess of each joint, speed over which all fade."""
+        """Excess of each joint, and the speed over which it fades."""
         every = axes(layout)
-        if not every:
-            return ()
-        unit = "rad" if any(a.position == "rad" for a in every) else "m"
         return (
             *(
                 Parameter(
@@ -62,8 +58,17 @@ class JointStribeckFriction(Effect):
                 )
                 for a in every
             ),
-            Parameter("speed", "v_s", f"{unit}/s", 0.05, 1e-5, 100.0, scale=0.01),
+            *(
+                Parameter(f"speed{a.suffix}", "v_s", f"{a.position}/s", 0.05 * reach, 1e-5, 100.0, scale=0.01 * reach)
+                for a, reach in zip(every, _reach(layout).tolist())
+            ),
         )
+
+    def initial_guesses(self, signals: Signals) -> tuple[Array, ...]:
+        """All joints with one speed after the other."""
+        excess = [p.nominal for p in self.parameters(signals.layout) if p.linear]
+        reach = _reach(signals.layout)
+        return tuple(np.concatenate([excess, speed * reach]) for speed in self.grid["speed"])
 
     def implausible(
         self, values: Mapping[str, float], model_values: Mapping[str, float], signals: Signals | None = None
@@ -80,8 +85,14 @@ class JointStribeckFriction(Effect):
         """Add the torque."""
         motion = s.joints
         assert motion is not None
-        positions = [a.position for a in axes(s.layout)]
-        slide = 0.1 if "rad" in positions else 1.0
-        speed = p[-1] * np.array([1.0 if position == "rad" else slide for position in positions])
-        slow = derived("slowness", lambda: np.exp(-((motion.dq / speed[:, None]) ** 2)), motion.dq, at=(float(p[-1]),))
-        s.reading = s.reading + p[:-1, None] * directions(s) * slow
+        excess, speed = p.reshape(2, -1, 1)
+        slow = derived(
+            "slowness", lambda: np.exp(-((motion.dq / speed) ** 2)), motion.dq, at=tuple(speed.ravel().tolist())
+        )
+        s.reading = s.reading + excess * directions(s) * slow
+
+
+def _reach(layout: Layout) -> Array:
+    """What each joint moves by where others turn by a radian: 1 [rad], or 0.1 [m], (N,); 1 [m] where none turns."""
+    turns = np.array([a.position == "rad" for a in axes(layout)], dtype=np.bool_)
+    return np.where(turns | ~turns.any(), 1.0, 0.1)

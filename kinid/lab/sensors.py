@@ -124,7 +124,7 @@ class JointSensors:
     viscous: Array | float = 0.0
     asymmetry: Array | float = 0.0
     stribeck: Array | float = 0.0
-    stribeck_speed: float = 0.05
+    stribeck_speed: Array | float = 0.05
     load: Array | float = 0.0
     spring: Array | float = 0.0
     ripple: Array | float = 0.0

@@ -57,8 +57,9 @@ def _joints(name: str, parameter: str, low: Array | float, high: Array | float, 
 
 
 def _joint_stribeck(s: Setup, rng: np.random.Generator) -> Injected:
-    excess, speed = rng.uniform(0.5, 2.0, s.robot.joint_count), float(rng.uniform(0.02, 0.1))
-    truth: Truth = {"excess": excess.tolist(), "speed": speed}
+    n = s.robot.joint_count
+    excess, speed = rng.uniform(0.5, 2.0, n), rng.uniform(0.02, 0.1, n)
+    truth: Truth = {"excess": excess.tolist(), "speed": speed.tolist()}
     return s.replace(joint_sensors=s.joint_sensors.replace(stribeck=excess, stribeck_speed=speed)), truth
 
 
