@@ -59,7 +59,8 @@ def run(
     def found_beside(passed: Sequence[str]) -> Found:
         """All but marks of these names."""
         progress("looking for marks in the samples")
-        cleaned = detect(experiment, (*model.names, *passed), model.predict(experiment.signals, plain.values))
+        expected = plain.model.predict(experiment.signals, plain.values)
+        cleaned = detect(experiment, (*model.names, *passed), expected)
         marks = {mark.effect.id for mark in cleaned.marks}
         start = plain if cleaned.experiment is experiment else estimate(model, cleaned.experiment, known)
         selection = select(start, settings, [name for name in forced if name not in marks], progress)

@@ -42,5 +42,6 @@ class LoadDependentFriction(Effect):
 
     def friction(self, s: Signals, p: Array) -> None:
         """Scale the coefficient."""
-        # below a millinewton the coefficient stays what it is there: its power would be infinite at no load
-        s.mu = s.mu * np.power(np.maximum(s.load, 1e-3), p[0])
+        # below a millinewton the coefficient stays what it is there: its power would be infinite at no load. A dashpot
+        # that pulls where a tool retracts is a load of the other sign
+        s.mu = s.mu * np.power(np.maximum(np.abs(s.load), 1e-3), p[0])

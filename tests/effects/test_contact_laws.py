@@ -625,6 +625,24 @@ def test_friction_in_steady_slip() -> None:
             assert force[2 - axis, -1] == 0.0
 
 
+def test_friction_under_a_dashpot_that_pulls_is_a_power_of_the_load_too() -> None:
+    """Where a tool retracts fast, N is negative: T is as large as under one that presses, no power of nothing."""
+    t = np.linspace(0, 1, 1001)
+    values = {
+        "kelvin-voigt.stiffness": 1000.0,
+        "kelvin-voigt.damping": 100.0,
+        "coulomb-friction.coefficient": 1.0,
+        "load-dependent-friction.exponent": -0.65,
+    }
+    model = Model("kelvin-voigt", "coulomb-friction", "load-dependent-friction")
+    slip = np.stack([np.full(len(t), 0.03), np.zeros(len(t))])
+    for rate in (0.03, -0.03):
+        s = signals(t, np.full(len(t), 1e-3), np.full(len(t), rate), np.cumsum(slip, axis=1) * 1e-3, slip)
+        normal, tangential = model.predict(s, values)[:2, -1]
+        assert normal == pytest.approx(1.0 + 100.0 * rate)
+        assert abs(tangential) == pytest.approx(abs(normal) ** 0.35)
+
+
 def test_friction_at_rest_keeps_its_direction_and_ends_with_the_touch() -> None:
     t = np.linspace(0, 2, 2001)
     depth = np.where(t < 1.5, 2e-3, -1e-3)

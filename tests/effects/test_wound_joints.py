@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import kinid
 from kinid import Model
 from kinid.data.log import Log
 from kinid.data.rig import Rig
@@ -50,6 +51,9 @@ def test_springs_are_found_where_friction_turns(swing: Callable[..., Any]) -> No
     # the jumps are smeared by what the first look at 1/K was off: what is fitted is nearer to the truth, or as near
     fitted = [elastic.parameters[f"joint-elasticity.sag[{name}.all]"].value for name in list(wound)[:4]]
     np.testing.assert_allclose(fitted, 1.0 / STIFFNESS[:4], rtol=0.15)
+    # a diagnosis that is asked about such joints has the parameters that this log needs, too
+    found = kinid.diagnose(elastic, max_effects=0)
+    assert found.steps[0].held_out == pytest.approx(elastic.error.held_out, rel=1e-3)
 
 
 @pytest.mark.parametrize("seed", [4, 5, 6])
