@@ -52,7 +52,8 @@ def test_springs_are_found_where_friction_turns(swing: Callable[..., Any]) -> No
     fitted = [elastic.parameters[f"joint-elasticity.sag[{name}.all]"].value for name in list(wound)[:4]]
     np.testing.assert_allclose(fitted, 1.0 / STIFFNESS[:4], rtol=0.15)
     # a diagnosis that is asked about such joints has the parameters that this log needs, too
-    found = kinid.diagnose(elastic, max_effects=0)
+    model = Model("rigid-body", "joint-coulomb-friction", "joint-elasticity")
+    found = kinid.diagnose(log, LWR, model=model, max_effects=0)
     assert found.steps[0].held_out == pytest.approx(elastic.error.held_out, rel=1e-3)
 
 
