@@ -11,6 +11,8 @@ from kinid.robotics.motion import STATIC_PERIOD
 
 #: time between samples [s]: no robot logs faster than the first, and a touch is not logged slower than the second
 FASTEST, SLOWEST = 5e-5, 0.2
+#: a pause of more than this [s], and of more than all the rest, lies between two recordings
+PAUSE = 60.0
 #: poses that an arm stood still at are further apart in time than this [s]
 SETTLED = 1.0
 #: a motion goes on from sample to sample where its steps change by no more than this share, of those that are more
@@ -42,12 +44,27 @@ def time_doubts(log: Log, touched: bool) -> list[str]:
             "further: the stamps are of when rows arrived; state the sampler's rate in [columns] of the rig: "
             f"t = {{ rate = {rate:.4g} }}"
         ]
+    if paused := _pause(log):
+        return [paused]
     if log.dq is None and STATIC_PERIOD <= log.period < SETTLED and _goes_on(log):
         return [
             f"{log.period:.3g} s between samples, which is taken for poses at rest, and the joints go on from one to "
             f'the next: is the time in another unit? {say}"s" }}; or log the joints\' velocities'
         ]
     return []
+
+
+def _pause(log: Log) -> str:
+    """A pause that is longer than all that was recorded, in words; "" without one."""
+    steps = np.diff(log.t)
+    row = int(np.argmax(steps))
+    pause, rest = float(steps[row]), float(log.t[-1] - log.t[0] - steps[row])
+    if pause <= max(PAUSE, rest):
+        return ""
+    return (
+        f"nothing was recorded for {pause:.4g} s from {log.t[row]:.4g} s on, and {rest:.4g} s in all beside that: two "
+        "recordings, or a clock that was set; pass the rows before and behind it as two logs"
+    )
 
 
 def _in_bursts(log: Log) -> bool:

@@ -534,6 +534,15 @@ def test_rows_that_come_in_bursts_are_told_from_rows_that_are_lost(touched: tupl
     assert "bursts" not in doubts(lost, rig, robot)
 
 
+def test_a_pause_of_days_lies_between_two_recordings(touched: tuple[Log, Rig, Robot]) -> None:
+    log, rig, robot = touched
+    behind = np.arange(len(log)) >= 3000
+    for pause, said in ((2 * 86400.0, True), (20.0, False)):
+        words = doubts(dataclasses.replace(log, t=log.t + pause * behind), rig, robot)
+        assert ("two recordings" in words) == said
+        assert not said or f"1.728e+05 s from {log.t[2999]:.4g} s on" in words
+
+
 def test_joint_torques_of_the_opposite_sign_in_another_order_or_dead(touched: tuple[Log, Rig, Robot]) -> None:
     log, rig, robot = touched
     torques = joint_torques(dataclasses.replace(log, tau=np.zeros((len(log), 7))), rig, robot=robot).predicted
