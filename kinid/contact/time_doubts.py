@@ -37,15 +37,8 @@ def time_doubts(log: Log, touched: bool) -> list[str]:
     if log.period > SLOWEST and touched:
         unit = unit_of_steps(log.period) or "ms"
         return [f'{log.period:.3g} s between samples of a touch: is the time in another unit? {say}"{unit}" }}']
-    if _in_bursts(log):
-        rate = (len(log) - 1) / (log.t[-1] - log.t[0])
-        return [
-            f"rows come in bursts, {1e3 * log.period:.3g} ms apart and then a pause, in which the joints go no "
-            "further: the stamps are of when rows arrived; state the sampler's rate in [columns] of the rig: "
-            f"t = {{ rate = {rate:.4g} }}"
-        ]
-    if paused := _pause(log):
-        return [paused]
+    if said := _bursts(log) or _pause(log):
+        return [said]
     if log.dq is None and STATIC_PERIOD <= log.period < SETTLED and _goes_on(log):
         return [
             f"{log.period:.3g} s between samples, which is taken for poses at rest, and the joints go on from one to "
@@ -67,12 +60,19 @@ def _pause(log: Log) -> str:
     )
 
 
-def _in_bursts(log: Log) -> bool:
-    """Whether many steps of time are far longer than the usual one, and the joints' are not."""
+def _bursts(log: Log) -> str:
+    """Many steps of time that are far longer than the usual one, where the joints' are not, in words; "" without."""
     assert log.q is not None
     pause = np.diff(log.t) > LONG * log.period
     gone = np.nansum(np.abs(np.diff(log.q, axis=0)), axis=1)
-    return bool(np.mean(pause) > PAUSES and 0.0 < np.mean(gone[pause]) < AS_FAR * np.mean(gone[~pause]))
+    if not (np.mean(pause) > PAUSES and 0.0 < np.mean(gone[pause]) < AS_FAR * np.mean(gone[~pause])):
+        return ""
+    rate = (len(log) - 1) / (log.t[-1] - log.t[0])
+    return (
+        f"rows come in bursts, {1e3 * log.period:.3g} ms apart and then a pause, in which the joints go no further: "
+        "the stamps are of when rows arrived; state the sampler's rate in [columns] of the rig: "
+        f"t = {{ rate = {rate:.4g} }}"
+    )
 
 
 def _goes_on(log: Log) -> bool:
