@@ -18,6 +18,8 @@ FARTHEST, MOST_OFFSET = 1e3, 1e9
 #: standard deviations of a surface along its normal [m] and in its tilt [rad]: of one that is known no better, the log
 #: tells no depth
 LOOSEST, MOST_TILTED = 1.0, 1.0
+#: how well a sensor's gain is known, at worst
+LOOSEST_GAIN = 0.5
 #: between two clocks, one of which may count from 1970 [s]
 MOST_CLOCK = 1e10
 #: of gravity, from the Moon's to beyond Jupiter's [m/s²]

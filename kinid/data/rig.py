@@ -136,7 +136,7 @@ class SurfaceSpec(_Table):
 
 
 class SensorSpec(_Table):
-    """Known properties of the force/torque sensor, each as fx fy fz tx ty tz [N, N·m]."""
+    """Known properties of the force/torque sensor, most as fx fy fz tx ty tz [N, N·m]."""
 
     range: Annotated[Vec6, AfterValidator(_positive)] | None = None
     noise: Annotated[Vec6, AfterValidator(_not_negative)] | None = None  # standard deviation at the log's rate
@@ -144,6 +144,9 @@ class SensorSpec(_Table):
         None  # reading without any load
     )
     crosstalk: Matrix6 | None = None  # measured = crosstalk · true
+    gain_sd: Annotated[Positive, AfterValidator(plausible.within(plausible.LOOSEST_GAIN, "a deviation"))] | None = (
+        None  # standard deviation of its gain, as a share of 1
+    )
     wrench_frame: Literal["sensor", "base"] = "sensor"  # axes that the log's wrench is expressed in
 
     @model_validator(mode="after")

@@ -260,7 +260,7 @@ class Signals:
         sensor: motion of the sensor, for wrenches. joints: motion of the joints, for joint torques.
         as_read: the sensor's stated faults, None where `reading` is what the converter gives.
         surface_sd: standard deviations that the rig states of its surface, along the normal [m] and of the tilt [rad];
-            0 where it states none.
+            0 where it states none. gain_sd: the same of the sensor's gain.
     """
 
     layout: Layout
@@ -276,6 +276,7 @@ class Signals:
     joints: JointMotion | None = None
     as_read: AsRead | None = None
     surface_sd: tuple[float, float] = (0.0, 0.0)
+    gain_sd: float = 0.0
     compliance: float = 0.0
     elastic: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
     exponent: float = 1.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import final
 
 from kinid.effects._effect import Effect
@@ -35,6 +36,10 @@ class SensorGain(Effect):
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
         """Gain error."""
         return (Parameter("gain", "g", "1", 0.0, -0.9, 9.0, scale=0.01),)
+
+    def calibration_sd(self, signals: Signals) -> Mapping[str, float]:
+        """What the rig states: a data sheet's accuracy, which no log of contact shows."""
+        return {"gain": signals.gain_sd} if signals.gain_sd > 0.0 else {}
 
     def sensor(self, s: Signals, p: Array) -> None:
         """Scale the readings."""

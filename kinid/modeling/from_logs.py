@@ -60,6 +60,7 @@ def from_contact(touch: ContactSeries, channels: tuple[str, ...]) -> Experiment:
         np.nan_to_num(slip_rate),
         measured=measured,
         surface_sd=rig.surface_sd,
+        gain_sd=rig.sensor.gain_sd or 0.0,
     )
     noise = _noise(measured[:, valid])
     free = valid & ~in_contact & (depth < 0)
@@ -148,7 +149,15 @@ def from_wrench(
     measured = _rows(dataclasses.replace(reading, bias=stated).true()[rows])
     found, layout = _rows(reading.true()[rows]), Layout(WRENCH, "wrench")
     signals = Signals(
-        layout, t, dt, *_motion(touch, rows), measured=found, sensor=sensor, as_read=as_read, surface_sd=rig.surface_sd
+        layout,
+        t,
+        dt,
+        *_motion(touch, rows),
+        measured=found,
+        sensor=sensor,
+        as_read=as_read,
+        surface_sd=rig.surface_sd,
+        gain_sd=rig.sensor.gain_sd or 0.0,
     )
     touching = np.zeros(len(rows), dtype=np.bool_) if touch is None else _touching(touch, rows)
     counts = np.asarray(np.isfinite(measured).all(axis=0))

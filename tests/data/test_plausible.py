@@ -37,6 +37,7 @@ SURFACE = "[surface]\nnormal = [0, 0, 1]\n"
         ('[columns]\nwrench = { unit = "V" }', "newtons or newton metres in one V"),
         ('[columns]\nfz = { unit = "A" }', "newtons or newton metres in one A"),
         (SENSOR + "bias = [1000, 0, 0, 0, 0, 0]", "a bias within the sensor's range of [40, 40, 120, 2, 2, 2]"),
+        (SENSOR + "gain_sd = 3", "a deviation within ±0.5"),
         (SENSOR + "noise = [0.1, 0.1, 0.1, 3, 0, 0]", "a noise within the sensor's range"),
         (f"[sensor]\ncrosstalk = {(1000 * np.eye(6)).tolist()}", "near the identity: within 0.5"),
         (f"[sensor]\ncrosstalk = {(np.eye(6) + np.eye(6, k=-3)).tolist()}", "0.5 m for moments by forces"),
@@ -68,6 +69,7 @@ def test_what_no_robot_has_is_refused(text: str, expected: str) -> None:
         '[columns]\nq = { unit = "deg" }\ntau = { unit = "A", scale = 0.12 }\nfx = { unit = "1", scale = 0.001 }',
         '[columns]\nq1 = { unit = "mm" }',  # a linear axis
         "[tool]\nmass = 0",
+        "[sensor]\ngain_sd = 0.01",
         f"[sensor]\ncrosstalk = {(np.eye(6) + 0.2 * np.eye(6, k=3)).tolist()}",  # N per N·m: a lever's reciprocal
     ],
 )

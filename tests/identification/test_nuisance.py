@@ -73,6 +73,24 @@ def test_a_change_is_that_to_where_an_amount_is(amount: float) -> None:
     np.testing.assert_allclose(got, wanted, rtol=0, atol=1e-12)
 
 
+def test_a_stated_gain_is_in_intervals_of_what_scales_with_it() -> None:
+    """Of the forces' scale, stiffness and damping; not of a ratio or an exponent."""
+    t = np.arange(20_000) / 500.0
+    depth = 2e-3 * np.sin(3.0 * t)
+    rng, contact = np.random.default_rng(2), {"depth": depth, "slip1": 0.01 * np.sin(1.3 * t), "slip2": 0.0 * t}
+    normal = 5e4 * np.maximum(depth, 0.0) ** 1.4 * 1.01  # the sensor reads one per cent too much
+    along = -0.4 * normal * np.sign(np.cos(1.3 * t))
+    for name, force in (("normal_force", normal), ("tangential_force1", along), ("tangential_force2", 0.0 * t)):
+        contact[name] = force + 0.01 * rng.standard_normal(len(t))
+    log, model = kinid.Log(t=t, contact=contact), Model("hunt-crossley", "coulomb-friction")
+    plain, stated = (model.fit(log, kinid.Rig.parse({"sensor": sensor})) for sensor in ({}, {"gain_sd": 0.01}))
+    for name, widens in (("stiffness", True), ("exponent", False), ("coefficient", False)):
+        before, after = plain[name], stated[name]
+        assert after.value == pytest.approx(before.value, rel=1e-2)
+        assert ((after.high - after.low) > 1.2 * (before.high - before.low)) == widens, name
+    assert stated["stiffness"].low <= 5e4 <= stated["stiffness"].high
+
+
 @pytest.mark.real
 def test_a_measured_drive_ends_in_one_model_from_wherever_it_begins(real_data: Path) -> None:
     """Models that lack another part of the friction each end with the same effects at the same error."""
