@@ -37,7 +37,7 @@ def batch(rows, y, weights, prior_weight, prior):
     return theta, inverse @ inverse.T
 
 
-@pytest.mark.parametrize("p", [1, 2, 3, 4, 6])
+@pytest.mark.parametrize("p", [1, 2, 3, 4, pytest.param(6, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("forgetting", [Constant(1.0), Constant(0.98), Scheduled(rate=5.0, start=0.3, drop=0.01)])
 def test_equals_the_weighted_batch_solution(p, forgetting):
     n = 1500
