@@ -241,33 +241,49 @@ def _unsupported(evidence: Evidence, state: State, before: State, settings: Diag
 def _prune(found: Selection, settings: DiagnosisSettings, keep: set[str], last: bool = False) -> None:
     """Take back additions that others made needless; last, usual ones and doubtful ones that take little, too.
 
+    Of several that are needless beside each other the one goes without which least is left; of those without which as
+    little is left, the one with the most parameters.
+    """
+    while True:
+        shorter = {name: _without(found, name, settings, last) for name in found.added if name not in keep}
+        needless = {name: reduced for name, reduced in shorter.items() if reduced is not None}
+        if not needless:
+            return
+        left = {name: _reported(reduced) for name, reduced in needless.items()}
+        equals = [name for name in left if left[name] <= MAX_ERROR_RISE * min(left.values())]
+        name = min(equals, key=lambda n: (len(needless[n].values), found.evidence[n].gain))
+        found.alternatives.pop(name, None)
+        found.pruned.add(name)
+        found.added.remove(name)
+        found.states[-1] = relearn_errors(needless[name])
+
+
+def _without(found: Selection, name: str, settings: DiagnosisSettings, last: bool) -> State | None:
+    """The last state without an addition, refitted, where that is needless; None where it isn't.
+
     No law has exactly the form of a material or a machine: inside the tolerance, what leaves much has to be beyond
     doubt. Beside other additions, of all that is left; alone, of what is beyond noise.
     """
-    for name in sorted((n for n in found.added if n not in keep), key=lambda n: found.evidence[n].gain):
-        best = found.states[-1]
-        if not removable(best.model, name):
-            continue
-        reduced = without_effect(best, name)
-        if implausible(reduced, best):  # the others would have to stand in for it
-            continue
-        found.evidence[name] = evidence = compare_states(reduced, best, best.error.sigma)
-        needed, small = required_significance(evidence, settings), False
-        if last and inside_tolerance(reduced):
-            taken = evidence.beyond if len(found.added) == 1 else 1.0 - _reported(best) / _reported(reduced)
-            needed = max(needed, settings.beyond_doubt * (1.0 - taken))
-            small = taken < settings.explains or best.model[name].tolerated_at_any_share(best.problem.layout)
-        # what seemed much beside a model that lacked others may be no more than every rig has
-        usual = (
-            last
-            and not brings_inside(reduced, best)
-            and not remarkable(Refit(best.model[name], reduced, best, evidence), settings, small)
-        )
-        if usual or evidence.significance < needed or evidence.share < required_share(best.model[name], best, settings):
-            found.alternatives.pop(name, None)
-            found.pruned.add(name)
-            found.added.remove(name)
-            found.states[-1] = relearn_errors(reduced)
+    best = found.states[-1]
+    if not removable(best.model, name):
+        return None
+    reduced = without_effect(best, name)
+    if implausible(reduced, best):  # the others would have to stand in for it
+        return None
+    found.evidence[name] = evidence = compare_states(reduced, best, best.error.sigma)
+    needed, small = required_significance(evidence, settings), False
+    if last and inside_tolerance(reduced):
+        taken = evidence.beyond if len(found.added) == 1 else 1.0 - _reported(best) / _reported(reduced)
+        needed = max(needed, settings.beyond_doubt * (1.0 - taken))
+        small = taken < settings.explains or best.model[name].tolerated_at_any_share(best.problem.layout)
+    # what seemed much beside a model that lacked others may be no more than every rig has
+    usual = (
+        last
+        and not brings_inside(reduced, best)
+        and not remarkable(Refit(best.model[name], reduced, best, evidence), settings, small)
+    )
+    enough = evidence.significance >= needed and evidence.share >= required_share(best.model[name], best, settings)
+    return reduced if usual or not enough else None
 
 
 def _compare_alternatives(found: Selection, settings: DiagnosisSettings, forced: Sequence[str]) -> None:
