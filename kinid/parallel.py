@@ -43,12 +43,14 @@ def parallel_map(do: Callable[[In], Out], items: Sequence[In], samples: int) -> 
         return list(pool.map(quietly, items))
 
 
-def one_blas_thread() -> threadpool_limits:
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
     """Inside of it linear algebra has one thread: many small products, where more only wait for each other.
 
     They wait busily. Where another process has a core, a map of 49 probes takes 60 s instead of 0.3.
     """
-    return threadpool_limits(1, user_api="blas")
+    with threadpool_limits(1, user_api="blas"):
+        yield
 
 
 @contextmanager

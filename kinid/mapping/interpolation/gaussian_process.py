@@ -84,12 +84,9 @@ class GaussianProcess(Interpolator):
         spread = float(np.std(values)) or max(abs(float(values[0])), 1.0)
         noise = np.clip(np.where(np.isfinite(noise), noise, 1e3 * spread), 0.0, 1e3 * spread)
         shared = shared_error(sample_sites.places, values, noise, neighbours(sample_sites.places))
-        with one_blas_thread():
-            found, evidence = cls._fitted(sample_sites, values, noise, spread, smoothness, edges)
+        found, evidence = cls._fitted(sample_sites, values, noise, spread, smoothness, edges)
         if shared.any():
-            own = np.sqrt(noise**2 - shared**2)
-            with one_blas_thread():
-                other, better = cls._fitted(sample_sites, values, own, spread, smoothness, edges)
+            other, better = cls._fitted(sample_sites, values, np.sqrt(noise**2 - shared**2), spread, smoothness, edges)
             # errors that are large explain any step, also one that all around agree on: what neighbours tell of each
             # other counts
             if better > evidence or np.mean(other.left_out**2) < np.mean(found.left_out**2):
@@ -98,6 +95,7 @@ class GaussianProcess(Interpolator):
         return found
 
     @classmethod
+    @one_blas_thread()
     def _fitted(
         cls, sample_sites: PlaneSites, values: Array, noise: Array, spread: float, smoothness: float | None, edges: bool
     ) -> tuple[GaussianProcess, float]:
