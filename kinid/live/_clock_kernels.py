@@ -39,8 +39,13 @@ DRIFT = 5000
 JOINT_SLOTS, WRENCH_SLOTS = 64, 256
 #: two times are the same when they differ by less than this part of a step, as for logs
 SAME = 1e-6
-#: places of the pairing's state: joint samples written, wrench samples written, and read
-JOINTS, WRITTEN, READ = range(3)
+#: places of the pairing's state, behind both clocks: joint samples written, wrench samples written, and read; what
+#: became of the last pair that was asked for, until it is handed out: its time, minus `UNPAIRED`, or 0
+JOINTS, WRITTEN, READ, READY = range(2 * PLACES, 2 * PLACES + 4)
+#: both streams' stamps, behind that
+STAMPS = READY + 1
+#: how many whole numbers that is
+WHOLE = STAMPS + JOINT_SLOTS + WRENCH_SLOTS
 #: what came of asking for a pair, where none came
 WAITING, UNPAIRED = 1, 2
 
@@ -115,103 +120,107 @@ def _remember(clock: Compiled, step: int) -> None:
     clock[PERIOD] = max(ordered[n // 2], clock[MEAN])
 
 
+@kernel
+def _take_pair(whole: Compiled, real: Compiled, width: int, longest: int, offset: int) -> int:
+    """The oldest wrench that waits, with joints between their neighbours in time; arguments as `put`.
+
+    Returns:
+        Time of the wrench, with the offset [ns]; 0 where none waits or its joints haven't come; minus `UNPAIRED` where
+        they never will.
+    """
+    if whole[WRITTEN] - whole[READ] > WRENCH_SLOTS:
+        whole[READ] = whole[WRITTEN] - WRENCH_SLOTS
+        return -UNPAIRED
+    if whole[READ] >= whole[WRITTEN] or whole[JOINTS] == 0:
+        return 0
+    joint_stamps, wrench_stamps = whole[STAMPS : STAMPS + JOINT_SLOTS], whole[STAMPS + JOINT_SLOTS :]
+    slot = whole[READ] % WRENCH_SLOTS
+    at: int = wrench_stamps[slot] + offset
+    newest = whole[JOINTS] - 1
+    if joint_stamps[newest % JOINT_SLOTS] < at:
+        return 0
+    oldest = max(0, whole[JOINTS] - JOINT_SLOTS)
+    right = newest
+    while right > oldest and joint_stamps[(right - 1) % JOINT_SLOTS] >= at:
+        right -= 1
+    whole[READ] += 1
+    out = real[len(real) - 2 * (width + 6) :]
+    b = width * (right % JOINT_SLOTS)
+    if joint_stamps[right % JOINT_SLOTS] == at:
+        out[:width] = real[b : b + width]
+    elif right == oldest:
+        return -UNPAIRED
+    else:
+        a = width * ((right - 1) % JOINT_SLOTS)
+        before = joint_stamps[(right - 1) % JOINT_SLOTS]
+        span = joint_stamps[right % JOINT_SLOTS] - before
+        share = (at - before) / span
+        near = np.round(share)
+        if abs(share - near) < SAME:
+            share = near
+        elif span > (longest if longest > 0 else GAP_PERIODS * whole[PERIOD]):
+            return -UNPAIRED
+        for i in range(width):
+            out[i] = real[a + i] + share * (real[b + i] - real[a + i])
+    w = JOINT_SLOTS * width + 6 * slot
+    out[width : width + 6] = real[w : w + 6]
+    return at
+
+
 # both are compiled when this is imported: no sample waits for it
+@njit((int64[::1], float64[::1], int64, int64, int64), cache=True, error_model="numpy")
+def take_pair(whole: Compiled, real: Compiled, width: int, longest: int, offset: int) -> int:
+    """`_take_pair` as Python calls it."""
+    time: int = _take_pair(whole, real, width, longest, offset)
+    return time
+
+
 @njit(
-    (int64[::1], int64[::1], int64, int64[::1], float64[:, ::1], int64, int64, float64[::1], int64),
+    (int64[::1], float64[::1], int64, int64, int64, int64, int64, int64, int64),
     cache=True,
     error_model="numpy",
 )
 def put(
-    clock: Compiled,
-    counts: Compiled,
-    slot: int,
-    stamps: Compiled,
-    rows: Compiled,
+    whole: Compiled,
+    real: Compiled,
+    width: int,
+    longest: int,
+    offset: int,
+    stream: int,
     stamp: int,
     received: int,
-    row: Compiled,
     n: int,
 ) -> int:
-    """Ask the clock for a sample, and keep it where it is accepted.
+    """Ask the clock for a sample, keep it where it is accepted, and look for a pair where none is ready.
+
+    All that is known is two arrays, because what a call of compiled code costs is its arguments.
 
     Args:
-        counts: state of the pairing. slot: of the stream in it. stamps, rows: ring of the stream. row: the sample, of
-            which the first n numbers have to be finite.
+        whole: (WHOLE,) int64: the clocks of joints and wrench, the pairing's state, and the stamps of both rings.
+        real: rows of the joints' ring, (JOINT_SLOTS, width), and the wrench's, (WRENCH_SLOTS, 6); the last pair,
+            (width + 6); the sample itself: joints (width) and wrench (6).
+        width: numbers of a joint sample. longest: between two joint samples that may be bridged [ns]; 0: so many median
+            steps as for logs. offset: added to the wrench's stamps [ns].
+        stream: 0: joints, 1: wrench. n: so many numbers of the sample have to be finite.
 
     Returns:
-        The stamp on the continuous clock; for anything but `FINE` minus the code, with the stamp in `clock[LAST]`.
+        The stamp on the continuous clock; for anything but `FINE` minus the code, with the stamp in the clock's `LAST`.
     """
+    clock = whole[stream * PLACES : (stream + 1) * PLACES]
+    first = len(real) - 6 if stream == 1 else len(real) - 6 - width
     for i in range(n):
-        if not abs(row[i]) < np.inf:
+        if not abs(real[first + i]) < np.inf:
             return -NOT_FINITE
     code = admit(clock, stamp, received)
     if code < LATE:
-        at = counts[slot] % len(stamps)
-        stamps[at] = clock[LAST]
-        rows[at] = row
-        counts[slot] += 1
+        count = JOINTS + stream
+        ring, slots, size = (JOINT_SLOTS, WRENCH_SLOTS, 6) if stream == 1 else (0, JOINT_SLOTS, width)
+        at = whole[count] % slots
+        whole[STAMPS + ring + at] = clock[LAST]
+        to = ring * width + size * at
+        real[to : to + size] = real[first : first + size]
+        whole[count] += 1
+        if whole[READY] == 0:
+            whole[READY] = _take_pair(whole, real, width, longest, offset)
     stamped: int = clock[LAST]
     return stamped if code == FINE else -code
-
-
-@njit(
-    (int64[::1], int64[::1], int64[::1], float64[:, ::1], int64[::1], float64[:, ::1], int64, int64, float64[::1]),
-    cache=True,
-    error_model="numpy",
-)
-def take_pair(
-    clock: Compiled,
-    counts: Compiled,
-    joint_stamps: Compiled,
-    joint_rows: Compiled,
-    wrench_stamps: Compiled,
-    wrench_rows: Compiled,
-    longest: int,
-    offset: int,
-    out: Compiled,
-) -> int:
-    """The oldest wrench that waits, with joints between their neighbours in time.
-
-    Args:
-        clock: of the joints. counts: state of the pairing. longest: between two joint samples that may be bridged [ns];
-            0: so many median steps as for logs. offset: added to the wrench's stamps [ns].
-        out: gets q, dq, tau and the wrench, (3 N + 6,).
-
-    Returns:
-        Time of the wrench, with the offset [ns]; minus `WAITING` where none waits or its joints haven't come; minus
-        `UNPAIRED` where they never will.
-    """
-    if counts[WRITTEN] - counts[READ] > WRENCH_SLOTS:
-        counts[READ] = counts[WRITTEN] - WRENCH_SLOTS
-        return -UNPAIRED
-    if counts[READ] >= counts[WRITTEN] or counts[JOINTS] == 0:
-        return -WAITING
-    slot = counts[READ] % WRENCH_SLOTS
-    at: int = wrench_stamps[slot] + offset
-    newest = counts[JOINTS] - 1
-    if joint_stamps[newest % JOINT_SLOTS] < at:
-        return -WAITING
-    oldest = max(0, counts[JOINTS] - JOINT_SLOTS)
-    right = newest
-    while right > oldest and joint_stamps[(right - 1) % JOINT_SLOTS] >= at:
-        right -= 1
-    counts[READ] += 1
-    b = right % JOINT_SLOTS
-    width = out.shape[0] - 6
-    if joint_stamps[b] == at:
-        out[:width] = joint_rows[b]
-    elif right == oldest:
-        return -UNPAIRED
-    else:
-        a = (right - 1) % JOINT_SLOTS
-        span = joint_stamps[b] - joint_stamps[a]
-        share = (at - joint_stamps[a]) / span
-        near = np.round(share)
-        if abs(share - near) < SAME:
-            share = near
-        elif span > (longest if longest > 0 else GAP_PERIODS * clock[PERIOD]):
-            return -UNPAIRED
-        for i in range(width):
-            out[i] = joint_rows[a, i] + share * (joint_rows[b, i] - joint_rows[a, i])
-    out[width:] = wrench_rows[slot]
-    return at

@@ -240,7 +240,9 @@ def _watch(
 
 def _learn(
     t: float,
+    q: Array,
     wrench: Array,
+    dq: Array,
     contact: Array,
     rows: Compiled,
     start: int,
@@ -252,6 +254,10 @@ def _learn(
     friction_memory: Array,
     watch: Array,
 ) -> int:
+    rates = dq[:0] if np.isnan(dq[0]) else dq
+    code: int = causal.take(t, q, wrench, rates, dq[:0], contact)
+    if code > causal.NOT_FINITE:
+        return -code
     causal.hand_over(contact, rows, memory[start:])
     once(t, shape, memory)  # type: ignore[name-defined]  # noqa: F821
     causal.hand_over(contact, friction_rows, friction_memory[friction_start:])
@@ -269,14 +275,15 @@ _SOURCES = hashlib.sha256(
 
 
 def compile_learn(once: Compiled, parameters: int, friction_once: Compiled) -> Callable[..., int]:
-    """Both estimators and the watch as one compiled call, which allocates nothing.
+    """Contact frame, both estimators and the watch as one compiled call, which allocates nothing.
 
     Args:
         once: the normal law's kernel of one sample; parameters: of it. friction_once: that of friction.
 
     Returns:
-        A function of time, wrench, the contact's store behind its step; for the normal law and for friction the rows,
-        the place of the inputs, the shape and the store; and the watch. It answers with the bits of its events.
+        A function of time, positions, wrench, velocities (the first NaN where there are none) and the contact's store;
+        for the normal law and for friction the rows, the place of the inputs, the shape and the store; and the watch.
+        It answers with the bits of its events, or minus the code of `kinid.kernels.causal` of a sample left out.
     """
     # kernels are constants of the compiled code, as in causal.compile_step_and_learn
     known = {**globals(), "once": once, "friction_once": friction_once, "carve": causal._carve}
@@ -285,7 +292,7 @@ def compile_learn(once: Compiled, parameters: int, friction_once: Compiled) -> C
     compiled = njit(error_model="numpy", cache=True, _nrt=False)(function)
     estimator = (types.Array(int64, 1, "C"), int64)
     compiled.compile(
-        (float64, _GIVEN, float64[::1])
+        (float64, _GIVEN, _GIVEN, _GIVEN, float64[::1])
         + (*estimator, types.UniTuple(float64, parameters), float64[::1])
         + (*estimator, types.UniTuple(float64, 2), float64[::1], float64[::1])
     )

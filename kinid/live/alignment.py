@@ -7,7 +7,9 @@ used is left out and told; nothing here raises on what a sender sent.
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -34,56 +36,56 @@ class Clock:
     """One stream's clock: which samples are taken, and how their stamps go on.
 
     Args:
-        name: of the stream. report: is told what is wrong with a sample. slots: samples that are kept, of so many
-            numbers each. slot: of the stream in the pairing's counts.
+        name: of the stream. state: of its clock. report: is told what is wrong with a sample. put: the compiled call
+            that keeps a sample: of stamp, reception and how many numbers have to be finite.
+
+    Attributes:
+        started: whether a sample was accepted.
     """
 
-    def __init__(self, name: str, report: Report, slots: int, width: int, slot: int) -> None:
-        self.name, self._report, self.slot = name, report, slot
-        self.state = np.zeros(kernels.PLACES, np.int64)
-        self.state[kernels.COUNT] = -1
-        self.stamps = np.zeros(slots, np.int64)
-        self.rows = np.full((slots, width), np.nan)
-        self.row = np.full(width, np.nan)
+    def __init__(self, name: str, state: memoryview, report: Report, put: Callable[[int, int, int], int]) -> None:
+        self.name, self._state, self._report, self._put = name, state, report, put
+        self.started = False
+        state[kernels.COUNT] = -1
 
-    def put(self, counts: NDArray[np.int64], stamp: int | None, received: int, needed: int) -> int | None:
-        """Keep the sample that lies in `row`: its stamp on the continuous clock [ns]; None where it is left out.
+    def put(self, stamp: int | None, received: int, needed: int) -> int | None:
+        """Keep the sample that lies ready: its stamp on the continuous clock [ns]; None where it is left out.
 
         Args:
-            counts: state of the pairing. stamp, received: [ns]. needed: how many numbers of the row have to be finite.
+            stamp, received: [ns]. needed: how many numbers of the row have to be finite.
         """
         if stamp is None:
             stamp = received
-        code = kernels.put(self.state, counts, self.slot, self.stamps, self.rows, stamp, received, self.row, needed)
+        code = self._put(stamp, received, needed)
         return code if code > 0 else self._reported(-code, stamp)
-
-    @property
-    def started(self) -> bool:
-        """Whether a sample was accepted."""
-        return self.state.item(kernels.COUNT) >= 0
 
     @property
     def received(self) -> int:
         """When the last sample that was accepted came [ns]."""
-        return int(self.state[kernels.RECEIVED])
+        return int(self._state[kernels.RECEIVED])
 
     @property
     def period(self) -> int:
         """Usual step of time [ns]; 0 before the first."""
-        return int(self.state[kernels.PERIOD])
+        return int(self._state[kernels.PERIOD])
 
     @property
     def lag(self) -> int:
         """Time from the last stamp, as it goes on here, to its reception [ns]."""
-        return self.state.item(kernels.RECEIVED) - self.state.item(kernels.LAST)
+        return self.received - self._state[kernels.LAST]
 
+    @property
+    def shift(self) -> int:
+        """What is added to all stamps that come [ns]."""
+        return int(self._state[kernels.SHIFT])
+
+    @shift.setter
     def shift(self, by: int) -> None:
-        """Add something to all stamps that come [ns]."""
-        self.state[kernels.SHIFT] += by
+        self._state[kernels.SHIFT] = by
 
     def _reported(self, code: int, stamp: int) -> int | None:
         """Tell what became of a sample that isn't as it should be; its stamp where it is kept."""
-        step = 1e-6 * float(self.state[kernels.STEP])
+        step = 1e-6 * float(self._state[kernels.STEP])
         if code == kernels.GAP:
             self._report("gap", f"{step:.1f} ms between two samples of the {self.name}")
         elif code == kernels.JUMP:
@@ -95,9 +97,9 @@ class Clock:
         elif code == kernels.NOT_FINITE:
             self._report("not-finite", self.name)
         elif code == kernels.LATE:
-            behind = 1e-6 * float(self.state[kernels.LAST] - stamp - self.state[kernels.SHIFT])
+            behind = 1e-6 * float(self._state[kernels.LAST] - stamp - self._state[kernels.SHIFT])
             self._report("late", f"{self.name}, {behind:.1f} ms behind the newest")
-        return int(self.state[kernels.LAST]) if code < kernels.LATE else None
+        return int(self._state[kernels.LAST]) if code < kernels.LATE else None
 
 
 class Aligner:
@@ -111,7 +113,7 @@ class Aligner:
 
     Attributes:
         t: time of the last pair since the first sample [s]. q, dq, tau, wrench: of the last pair; overwritten by the
-            next. dq and tau are NaN where the joints come without.
+            next sample. dq and tau are NaN where the joints come without.
     """
 
     def __init__(
@@ -119,46 +121,51 @@ class Aligner:
     ) -> None:
         n = len(names)
         self._names, self._report = tuple(names), report
-        self._offset = round(1e9 * wrench_offset)
-        self._longest = 0 if max_gap is None else round(1e9 * max_gap)
-        self._joints = Clock(JOINTS, report, kernels.JOINT_SLOTS, 3 * n, kernels.JOINTS)
-        self._wrench = Clock(WRENCH, report, kernels.WRENCH_SLOTS, 6, kernels.WRITTEN)
-        self.clocks = {JOINTS: self._joints, WRENCH: self._wrench}
+        whole = np.zeros(kernels.WHOLE, np.int64)
+        real = np.full(kernels.JOINT_SLOTS * 3 * n + kernels.WRENCH_SLOTS * 6 + 2 * (3 * n + 6), np.nan)
+        longest = 0 if max_gap is None else round(1e9 * max_gap)
+        self._rings = (whole, real, 3 * n, longest, round(1e9 * wrench_offset))
+        self._counts = whole.data
+        self.clocks = {
+            name: Clock(
+                name,
+                self._counts[i * kernels.PLACES : (i + 1) * kernels.PLACES],
+                report,
+                partial(kernels.put, *self._rings, i),
+            )
+            for i, name in enumerate((JOINTS, WRENCH))
+        }
+        self._joints, self._wrench = self.clocks[JOINTS], self.clocks[WRENCH]
+        *parts, self._joint_row, self._wrench_row = np.split(real[-2 * (3 * n + 6) :], np.cumsum([n, n, n, 6, 3 * n]))
+        self.q, self.dq, self.tau, self.wrench = parts
+        # a sample mostly is a list, and packing it takes a third of the time of numpy's assignment
+        self._pack_joints = partial(struct.Struct(f"{n}d").pack_into, self._joint_row.data)
+        self._pack_wrench = partial(struct.Struct("6d").pack_into, self._wrench_row.data)
         self._orders: dict[tuple[str, ...], list[int] | None] = {}
-        self._counts = np.zeros(3, np.int64)
-        self._out = np.full(3 * n + 6, np.nan)
-        self.q, self.dq, self.tau, self.wrench = np.split(self._out, [n, 2 * n, 3 * n])
         self.t, self.stamp, self._rates = 0.0, 0, False
         self._origin = 0
-        self._rings = (
-            self._joints.state,
-            self._counts,
-            self._joints.stamps,
-            self._joints.rows,
-            self._wrench.stamps,
-            self._wrench.rows,
-            self._longest,
-            self._offset,
-            self._out,
-        )
 
     def put(self, message: Joints | Wrench) -> int | None:
         """Take one sample in: its stamp on the continuous clock [ns], None where it was left out, which was told."""
         try:
             return self._put_joints(message) if isinstance(message, Joints) else self._put_wrench(message)
-        except (TypeError, ValueError, OverflowError):
+        except (TypeError, ValueError, OverflowError, struct.error):
             self._report("malformed", f"{type(message).__name__.lower()} that aren't numbers: {str(message)[:80]}")
             return None
 
     def pair(self) -> bool:
         """Bring one wrench together with its joints; False where none is ready."""
+        counts = self._counts
         while True:
-            code = kernels.take_pair(*self._rings)
+            code = counts[kernels.READY]
+            if code == 0 and counts[kernels.WRITTEN] > counts[kernels.READ]:
+                code = kernels.take_pair(*self._rings)
+            counts[kernels.READY] = 0
             if code > 0:
                 self.stamp = code
                 self.t = 1e-9 * (code - self._origin)
                 return True
-            if code == -kernels.WAITING:
+            if code == 0:
                 return False
             self._report("unpaired", "a wrench without joints on both sides of it in time")
 
@@ -170,18 +177,22 @@ class Aligner:
             if order is None:
                 return None
             q, dq, tau = ([part[i] for i in order] if len(part) > 0 else part for part in (q, dq, tau))
-        if len(q) != n or len(dq) not in (0, n) or len(tau) not in (0, n):
-            self._report("joint-names", f"{len(q)} positions, {len(dq)} velocities, {len(tau)} torques of {n} joints")
+        rates, torques = len(dq), len(tau)
+        if len(q) != n or (rates and rates != n) or (torques and torques != n):
+            self._report("joint-names", f"{len(q)} positions, {rates} velocities, {torques} torques of {n} joints")
             return None
-        row, needed = self._joints.row, n
-        row[:n] = q
-        if self._rates or len(dq) or len(tau):
+        row, needed = self._joint_row, n
+        if isinstance(q, np.ndarray):
+            row[:n] = q
+        else:
+            self._pack_joints(0, *q)
+        if self._rates or rates or torques:
             self._rates = True
-            row[n : 2 * n] = dq if len(dq) else math.nan
-            row[2 * n :] = tau if len(tau) else math.nan
-            needed = 3 * n if len(dq) and len(tau) else 2 * n if len(dq) else n
+            row[n : 2 * n] = dq if rates else math.nan
+            row[2 * n :] = tau if torques else math.nan
+            needed = 3 * n if rates and torques else 2 * n if rates else n
         if self._joints.started and self._origin:
-            return self._joints.put(self._counts, message.stamp, message.received, needed)
+            return self._joints.put(message.stamp, message.received, needed)
         return self._first(self._joints, self._wrench, message, needed)
 
     def _put_wrench(self, message: Wrench) -> int | None:
@@ -189,9 +200,9 @@ class Aligner:
             self._report("malformed", f"a wrench of {len(message.wrench)} numbers")
             return None
         clock = self._wrench
-        clock.row[:] = message.wrench
+        self._pack_wrench(0, *message.wrench)
         if clock.started and self._origin:
-            return clock.put(self._counts, message.stamp, message.received, 6)
+            return clock.put(message.stamp, message.received, 6)
         return self._first(clock, self._joints, message, 6)
 
     def _first(self, clock: Clock, other: Clock, message: Joints | Wrench, needed: int) -> int | None:
@@ -199,15 +210,16 @@ class Aligner:
         sent = message.received if message.stamp is None else message.stamp
         if not self._origin and not other.started and not clock.started and sent < EARLIEST_NS:
             for each in (clock, other):
-                each.shift(EARLIEST_NS - sent)
+                each.shift += EARLIEST_NS - sent
         if not clock.started and other.started:
-            apart = message.received - sent - clock.state.item(kernels.SHIFT) - other.lag
+            apart = message.received - sent - clock.shift - other.lag
             if abs(apart) > EPOCH_NS:
-                clock.shift(apart)
+                clock.shift += apart
                 self._report("clock-offset", f"{1e-9 * apart:+.3f} s added to the stamps of the {clock.name}")
-        stamp = clock.put(self._counts, message.stamp, message.received, needed)
-        if stamp is not None and not self._origin:
-            self._origin = stamp
+        stamp = clock.put(message.stamp, message.received, needed)
+        if stamp is not None:
+            clock.started = True
+            self._origin = self._origin or stamp
         return stamp
 
     def _order(self, names: tuple[str, ...]) -> list[int] | None:

@@ -19,7 +19,7 @@ from kinid.estimators._friction_kernels import reopen as reopen_friction
 from kinid.estimators._machine import Machine, Online
 from kinid.estimators.estimate import Estimate, Prior, Status
 from kinid.estimators.hunt_crossley import logarithmic
-from kinid.kernels.causal import FLAG, NOT_FINITE, compile_step
+from kinid.kernels.causal import FLAG
 from kinid.live import _watch_kernels as kernels
 from kinid.live import events
 from kinid.live.events import Event
@@ -104,13 +104,11 @@ class Pipeline:
         self.friction: Machine = Friction().online().machine
         self._watch_state = np.full(kernels.PLACES, 0.0)
         self._set_up(rig, on, noise)
-        self._take = compile_step()
         self._learn = kernels.compile_learn(self.normal.once, len(self.normal.shape), self.friction.once)
         self._normal = _inputs(self.normal, ("depth", "depth_rate", "normal_force", "in_contact"))
         rubbing = ("normal_force", "slip_rate1", "slip_rate2", "tangential_force1", "tangential_force2", "in_contact")
         self._friction = _inputs(self.friction, rubbing)
         self._rest = (self.contact.store, *self._normal, *self._friction, self._watch_state)
-        self._none = np.empty(0)
         self.quantities = self.contact.quantities
 
     @property
@@ -150,11 +148,7 @@ class Pipeline:
         Returns:
             The bits; a negative number for a sample that was left out.
         """
-        none = self._none
-        code = self._take(t, q, wrench, dq if dq[0] == dq[0] else none, none, self.contact.store)
-        if code > NOT_FINITE:
-            return -code
-        return self._learn(t, wrench, *self._rest)
+        return self._learn(t, q, wrench, dq, *self._rest)
 
     def explain(self, event_bits: int, t: float) -> list[Event]:
         """The events that the bits of the last sample stand for; a change opens the estimators' covariance.

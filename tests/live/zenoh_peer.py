@@ -1,6 +1,7 @@
 """A robot of ROS 2 over Zenoh, as rmw_zenoh sends it, in a process of its own: PORT MODE and a plan of faults in JSON.
 
-The plan is {"cycles": n, "faults": [[cycle, kind], …]}; each cycle of 1 ms sends joints and wrench. It says "ready"
+The plan is {"cycles": n, "faults": [[cycle, kind], …], "log": "file.npz"}; each cycle of 1 ms sends joints and wrench,
+of that log's arrays `q` and `w` over and over where it is named. It says "ready"
 once it can be reached, and the time of each fault, [monotonic ns, kind], before it sends it.
 """
 
@@ -37,12 +38,26 @@ def joints(stamp: int, q: Any = Q, names: Any = NAMES) -> bytes:
     return bytes(STORE.serialize_cdr(message, "sensor_msgs/msg/JointState"))
 
 
-def wrench(stamp: int, force: Any = (0.0, 0.0, -2.4)) -> bytes:
+def wrench(stamp: int, force: Any = (0.0, 0.0, -2.4), torque: Any = (0.0, 0.0, 0.0)) -> bytes:
     kinds = STORE.types
     vector = kinds["geometry_msgs/msg/Vector3"]
-    both = kinds["geometry_msgs/msg/Wrench"](vector(*force), vector(0.0, 0.0, 0.0))
+    both = kinds["geometry_msgs/msg/Wrench"](vector(*force), vector(*torque))
     message = kinds["geometry_msgs/msg/WrenchStamped"](header(stamp), both)
     return bytes(STORE.serialize_cdr(message, "geometry_msgs/msg/WrenchStamped"))
+
+
+class Played:
+    """A log's messages, made before they are needed: what is sent in time mustn't wait for its serialisation."""
+
+    def __init__(self, file: str) -> None:
+        log = np.load(file)
+        self.made = [(bytearray(joints(0, q)), bytearray(wrench(0, w[:3], w[3:]))) for q, w in zip(log["q"], log["w"])]
+
+    def at(self, cycle: int, stamp: int) -> tuple[bytes, bytes]:
+        made = self.made[cycle % len(self.made)]
+        for payload in made:  # the header's stamp comes first, behind the four bytes of CDR's encapsulation
+            struct.pack_into("<iI", payload, 4, *divmod(stamp, 1_000_000_000))
+        return bytes(made[0]), bytes(made[1])
 
 
 class Robot:
@@ -76,6 +91,7 @@ class Robot:
 
 def run(port: int, mode: str, plan: Any) -> None:
     robot, faults = Robot(port, mode), dict(map(tuple, plan["faults"]))
+    played = Played(plan["log"]) if "log" in plan else None
     print("ready", flush=True)
     robot.wait()
     shift = held = 0
@@ -102,6 +118,10 @@ def run(port: int, mode: str, plan: Any) -> None:
             position = np.where(np.arange(7) == cycle % 7, np.nan, Q)
         if fault == "joint-names":
             names = [f"panda_{i}" for i in range(7)]
+        if played:
+            for role, payload in zip(KEYS, played.at(cycle, stamp)):
+                robot.put(role, payload)
+            continue
         payload = joints(stamp, position, names)
         if fault == "malformed":
             payload = payload[: cycle % len(payload)]
