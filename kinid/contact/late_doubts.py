@@ -14,8 +14,8 @@ Mask = NDArray[np.bool_]
 LATEST, STEPS = 0.25, 50
 #: no less than this is doubted [s], and only where so small a share of the squares is left
 LEAST, LEFT = 0.012, 0.3
-#: samples, at least
-FEWEST = 100
+#: samples that are looked at, at least and at most
+FEWEST, MOST = 100, 20_000
 
 
 def late_wrench(log: Log, clear: Mask, rows: NDArray[np.int64], pull: Array) -> tuple[str, float] | None:
@@ -32,7 +32,8 @@ def late_wrench(log: Log, clear: Mask, rows: NDArray[np.int64], pull: Array) -> 
     inside = (t[rows] - ends[after - 1] > LATEST) & (ends[after] - t[rows] > LATEST)
     if inside.sum() < FEWEST:
         return None
-    at, turning = t[rows][inside], pull[inside] - pull[inside].mean(axis=0)
+    some = np.flatnonzero(inside)[:: 1 + inside.sum() // MOST]
+    at, turning = t[rows[some]], pull[some] - pull[some].mean(axis=0)
     size = float(np.sum(turning**2))
     if not size > 0.0:
         return None

@@ -71,8 +71,9 @@ def _beginning(touch: ContactSeries, begin: int, end: int) -> tuple[int, Array, 
     """
     rows = np.arange(begin, end)
     rows = rows[touch.valid[rows]]
-    place = np.stack([touch.slip1, touch.slip2, -touch.depth], axis=1)[rows]
-    force = np.stack([touch.tangential_force1, touch.tangential_force2, touch.normal_force], axis=1)[rows]
+    place = np.stack([touch.slip1[rows], touch.slip2[rows], -touch.depth[rows]], axis=1)
+    forces = (touch.tangential_force1, touch.tangential_force2, touch.normal_force)
+    force = np.stack([component[rows] for component in forces], axis=1)
     size = np.linalg.norm(force, axis=1)
     if len(rows) < FEWEST:
         return None

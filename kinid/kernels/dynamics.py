@@ -238,3 +238,116 @@ def energy(
             total += 0.5 * dq[i] * matrix[i, j] * dq[j]
         total -= gravity[0] * work[i, 24] + gravity[1] * work[i, 25] + gravity[2] * work[i, 26]
     return total
+
+
+@kernel
+def newton_euler(
+    q: Array,
+    dq: Array,
+    ddq: Array,
+    parents: Array,
+    turns: Array,
+    shifts: Array,
+    prismatic: Array,
+    mass: Array,
+    com: Array,
+    inertia: Array,
+    gravity: Array,
+    carrier: int,
+    load: Array,
+    out: Array,
+) -> None:
+    """Joint torques of a tree of bodies by recursive Newton-Euler, in the axes of each body (Featherstone 2008, ch. 5).
+
+    Args:
+        q, dq, ddq: positions and derivatives, (n, N), each joint behind its parent.
+        parents: of each joint, −1 for the base, (N,) int64.
+        turns, shifts, prismatic: placement of each joint in its parent's axes at zero, (N, 3, 3), (N, 3), (N,); each
+            joint acts along its third axis.
+        mass: of each body [kg], (N,). com: (N, 3) [m]. inertia: about the com, (N, 3, 3) [kg·m²].
+        gravity: in base axes [m/s²], (3,).
+        carrier: the body that carries a load. load: that load, force above moment about that body's origin, in its axes
+            [N, N·m], (n, 6), or (0, 6) for none.
+        out: gets the torques, (n, N).
+    """
+    joints = q.shape[1]
+    rotation, place = np.empty((joints, 3, 3)), np.empty((joints, 3))
+    spin, turn, pull = np.empty((joints, 3)), np.empty((joints, 3)), np.empty((joints, 3))
+    force, moment = np.empty((joints, 3)), np.empty((joints, 3))
+    base, w, al, a = -gravity, np.empty(3), np.empty(3), np.empty(3)
+    still, step, moved = np.zeros(3), np.empty(3), np.empty(3)
+    for row in range(q.shape[0]):
+        for j in range(joints):
+            parent = parents[j]
+            position, speed, rise = q[row, j], dq[row, j], ddq[row, j]
+            w0, al0, a0 = (spin[parent], turn[parent], pull[parent]) if parent >= 0 else (still, still, base)
+            cosine, sine = (1.0, 0.0) if prismatic[j] else (np.cos(position), np.sin(position))
+            for i in range(3):
+                x, y = turns[j, i, 0], turns[j, i, 1]
+                rotation[j, i, 0], rotation[j, i, 1] = x * cosine + y * sine, y * cosine - x * sine
+                rotation[j, i, 2] = turns[j, i, 2]
+                place[j, i] = shifts[j, i] + (turns[j, i, 2] * position if prismatic[j] else 0.0)
+            _accelerate(w0, al0, place[j], step)
+            for i in range(3):
+                moved[i] = a0[i] + step[i]
+            _into(rotation[j], w0, w)
+            _into(rotation[j], al0, al)
+            _into(rotation[j], moved, a)
+            if prismatic[j]:
+                a[0] += 2.0 * w[1] * speed
+                a[1] -= 2.0 * w[0] * speed
+                a[2] += rise
+            else:
+                al[0] += w[1] * speed
+                al[1] -= w[0] * speed
+                al[2] += rise
+                w[2] += speed
+            _accelerate(w, al, com[j], step)
+            f, m = force[j], moment[j]
+            for i in range(3):
+                f[i] = mass[j] * (a[i] + step[i])
+                spin[j, i], turn[j, i], pull[j, i] = w[i], al[i], a[i]
+                moved[i] = inertia[j, i, 0] * w[0] + inertia[j, i, 1] * w[1] + inertia[j, i, 2] * w[2]
+                m[i] = inertia[j, i, 0] * al[0] + inertia[j, i, 1] * al[1] + inertia[j, i, 2] * al[2]
+            _add_cross(w, moved, m)
+            _add_cross(com[j], f, m)
+        if len(load) > 0:
+            for i in range(3):
+                force[carrier, i] -= load[row, i]
+                moment[carrier, i] -= load[row, 3 + i]
+        for j in range(joints - 1, -1, -1):
+            out[row, j] = force[j, 2] if prismatic[j] else moment[j, 2]
+            parent = parents[j]
+            if parent < 0:
+                continue
+            for i in range(3):
+                r0, r1, r2 = rotation[j, i, 0], rotation[j, i, 1], rotation[j, i, 2]
+                moved[i] = r0 * force[j, 0] + r1 * force[j, 1] + r2 * force[j, 2]
+                force[parent, i] += moved[i]
+                moment[parent, i] += r0 * moment[j, 0] + r1 * moment[j, 1] + r2 * moment[j, 2]
+            _add_cross(place[j], moved, moment[parent])
+
+
+@kernel
+def _add_cross(a: Array, b: Array, out: Array) -> None:
+    """Add a × b."""
+    out[0] += a[1] * b[2] - a[2] * b[1]
+    out[1] += a[2] * b[0] - a[0] * b[2]
+    out[2] += a[0] * b[1] - a[1] * b[0]
+
+
+@kernel
+def _into(rotation: Array, vector: Array, out: Array) -> None:
+    """A parent's vector in the axes of a body that stands in it with this rotation."""
+    for i in range(3):
+        out[i] = rotation[0, i] * vector[0] + rotation[1, i] * vector[1] + rotation[2, i] * vector[2]
+
+
+@kernel
+def _accelerate(w: Array, al: Array, arm: Array, out: Array) -> None:
+    """Acceleration of a point of a body beyond that of its origin: α × r + ω × (ω × r)."""
+    along = w[0] * arm[0] + w[1] * arm[1] + w[2] * arm[2]
+    square = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
+    for i in range(3):
+        out[i] = w[i] * along - square * arm[i]
+    _add_cross(al, arm, out)

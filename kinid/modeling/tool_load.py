@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from kinid.data.rig import Rig
 from kinid.effects import JointMotion, SensorMotion
+from kinid.robotics.body_tree import BodyTree
 from kinid.robotics.inverse_dynamics import inverse_dynamics
 from kinid.robotics.motion import JointMotion as Motion
 from kinid.robotics.robot import Kinematics, Robot
@@ -93,26 +94,14 @@ def payload_torques(robot: Robot, q: Array, dq: Array, ddq: Array) -> Array:
     name = robot.sensor_frame or robot.tip_frame or model.frames[model.nframes - 1].name
     motion = robot.kinematics(name, q, dq, ddq)
     wrench = payload_wrenches(*_in_sensor(motion, robot.gravity))
-    frame, data = model.getFrameId(name, robot.frame(name).type), model.createData()
-    configuration = robot.configuration(q)
-    out = np.empty((len(q), 4, model.nv))
-    for i in range(len(q)):
-        jacobian = pin.computeFrameJacobian(model, data, configuration[i], frame, pin.LOCAL)
-        out[i] = -wrench[:, :, i] @ jacobian
-    order = [robot.from_tangent(np.ascontiguousarray(out[:, k])) for k in range(4)]
-    return np.ascontiguousarray(np.stack(order).transpose(0, 2, 1))
+    tree = BodyTree.of(robot)
+    return np.ascontiguousarray([tree.torques_of_load(q, each.T, name).T for each in wrench])
 
 
 def gravity_torques(robot: Robot, q: Array) -> Array:
     """Joint torques that hold the arm per unit of gravity along each base axis, (3, N, n), in the log's order."""
-    data, configuration = robot.model.createData(), robot.configuration(q)
-    out = np.empty((3, len(q), robot.model.nv))
-    for axis in range(3):
-        model = pin.Model(robot.model)
-        model.gravity = pin.Motion(np.eye(3)[axis], np.zeros(3))
-        for i, row in enumerate(configuration):
-            out[axis, i] = pin.computeGeneralizedGravity(model, data, row)
-    return np.ascontiguousarray(np.stack([robot.from_tangent(rows) for rows in out]).transpose(0, 2, 1))
+    tree = BodyTree.of(robot)
+    return np.ascontiguousarray([tree.torques_of_gravity(q, axis).T for axis in np.eye(3)])
 
 
 def moment_torques(robot: Robot, q: Array) -> Array:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from kinid.data.log import Log, Provenance, frozen
 from kinid.data.rig import Rig
 from kinid.errors import InputError, expect
+from kinid.robotics.body_tree import BodyTree
 from kinid.robotics.motion import JointMotion, joint_motion
 from kinid.robotics.robot import Robot
 from kinid.robotics.wrench import Bias, read_wrench
@@ -124,19 +124,7 @@ def inverse_dynamics(robot: Robot, q: Array, dq: Array, ddq: Array, carried: Arr
         q: joint positions, with `dq`, `ddq`: (n, N).
         carried: load on what lies beyond the sensor frame, in its axes about its origin [N, N·m], (n, 6).
     """
-    model, data = robot.model, robot.model.createData()
-    configuration, velocity, acceleration = robot.configuration(q), robot.tangent(dq), robot.tangent(ddq)
-    out = np.empty_like(velocity)
-    if carried is None:
-        for i in range(len(out)):
-            out[i] = pin.rnea(model, data, configuration[i], velocity[i], acceleration[i])
-        return robot.from_tangent(out)
-    frame = robot.frame(robot.sensor_frame or "")
-    forces = [pin.Force.Zero() for _ in range(model.njoints)]
-    for i in range(len(out)):
-        forces[frame.parentJoint] = frame.placement.act(pin.Force(carried[i]))
-        out[i] = pin.rnea(model, data, configuration[i], velocity[i], acceleration[i], forces)
-    return robot.from_tangent(out)
+    return BodyTree.of(robot).torques(q, dq, ddq, carried, robot.sensor_frame or "")
 
 
 def _rms(values: Array) -> Array:
