@@ -1,7 +1,8 @@
 """A session for Foxglove: the recording's channels, events as a log, and the map as a cloud of points, on loopback.
 
 The server is that of Foxglove's SDK. It offers nothing that a client could change or command: no parameters, services
-or messages from clients. Only channels that somebody looks at are encoded.
+or messages from clients. Only channels that somebody looks at are encoded. A gate stands before it
+(`kinid.live.gate`).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 
 from kinid.errors import InputError, MissingDependencyError
 from kinid.live.encoding import EVENTS, Coder
+from kinid.live.gate import LOOPBACK, Gate, hidden_address
 from kinid.live.messages import Joints, Wrench
 from kinid.live.sink import Sink
 from kinid.mapping.property_map import PropertyMap
@@ -28,7 +30,6 @@ PORT = 8765
 FRAME = "base"
 #: panels to import in Foxglove
 LAYOUT = Path(__file__).with_name("foxglove.json")
-HOST = "127.0.0.1"
 #: what was sent last has so long to get there [s]
 DRAIN = 0.1
 
@@ -66,17 +67,20 @@ class Server(Sink):
         self._map: PropertyMap | None = None
         self._stamp, self._changed = 0, False
         try:
-            self._server = foxglove.start_server(
-                name="kinid", host=HOST, port=port, capabilities=[], context=context, server_listener=_listener(self)
-            )
-        except Exception as error:  # the SDK's, which has no root of its own
+            self._gate = Gate(port)
+        except (OSError, OverflowError) as error:
             raise InputError(
                 f"port {port}, which can't be had ({str(error)[:80]})",
                 "a free port of this machine",
                 "choose another --port, or 0 for any",
             ) from None
-        self.port = int(self._server.port)
-        self.url = f"ws://{HOST}:{self.port}"
+        address = hidden_address()
+        self._server = foxglove.start_server(
+            name="kinid", host=address, port=0, capabilities=[], context=context, server_listener=_listener(self)
+        )
+        self._gate.open(address, int(self._server.port))
+        self.port = self._gate.port
+        self.url = f"ws://{LOOPBACK}:{self.port}"
         self._thread.start()
 
     def show(self, grown: PropertyMap) -> None:
@@ -92,6 +96,7 @@ class Server(Sink):
         super().close()
         time.sleep(DRAIN)  # the SDK forgets what is still on its way
         self._server.stop()
+        self._gate.close()
 
     def _write(self, topic: str, received: int, stamp: int, what: Joints | Wrench | Json) -> None:
         # what is told before the first pair has no time of the session's

@@ -7,6 +7,7 @@ import json
 import re
 import socket
 import struct
+import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -22,7 +23,7 @@ pytest.importorskip("foxglove")
 from rosbags.typesys import Stores, get_typestore
 from websockets.exceptions import ConnectionClosed, WebSocketException
 from websockets.sync.client import ClientConnection, connect
-from websockets.typing import Subprotocol
+from websockets.typing import Origin, Subprotocol
 
 from kinid.data.rig import Rig
 from kinid.errors import InputError, MissingDependencyError
@@ -140,6 +141,59 @@ def test_it_answers_this_machine_alone_and_takes_no_orders(server: Server) -> No
         viewer.connection.send(json.dumps(order))
         said = json.loads(viewer.connection.recv(5))
     assert (said["op"], said["level"]) == ("status", 2)
+
+
+@pytest.mark.parametrize("origin", ["https://app.foxglove.dev", "http://localhost:8080", "file://"])
+def test_pages_of_foxglove_and_of_this_machine_may_look(server: Server, origin: str) -> None:
+    with connect(server.url, subprotocols=[PROTOCOL], origin=Origin(origin)) as connection:
+        assert json.loads(connection.recv(5))["op"] == "serverInfo"
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Origin": "https://example.org"},
+        {"Origin": "null"},
+        {"Origin": "https://app.foxglove.dev.example.org"},
+        {"Origin": "http://localhost.example.org"},
+        {"Host": "example.org:8765"},
+    ],
+)
+def test_pages_of_elsewhere_get_nothing(server: Server, headers: dict[str, str]) -> None:
+    sent = {"Host": f"127.0.0.1:{server.port}", "Upgrade": "websocket", "Connection": "Upgrade"} | headers
+    sent |= {"Sec-WebSocket-Key": "x" * 22 + "==", "Sec-WebSocket-Version": "13", "Sec-WebSocket-Protocol": PROTOCOL}
+    with socket.create_connection(("127.0.0.1", server.port)) as visitor:
+        visitor.sendall("".join(["GET / HTTP/1.1\r\n", *(f"{k}: {v}\r\n" for k, v in sent.items()), "\r\n"]).encode())
+        visitor.settimeout(5)
+        answer = b""
+        while some := visitor.recv(4096):
+            answer += some
+    assert answer.startswith(b"HTTP/1.1 403")
+
+
+def test_visitors_that_speak_no_http_harm_nobody(server: Server) -> None:
+    with socket.create_connection(("127.0.0.1", server.port)) as mute, viewed(server):
+        for bytes_ in (b"\x00" * 200_000, b"GET"):
+            with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", server.port)) as rude:
+                rude.sendall(bytes_)
+        assert mute.fileno() > 0
+        with viewed(server):  # and others are answered meanwhile
+            pass
+
+
+def test_the_gate_ends_with_the_process() -> None:
+    code = (
+        "import sys; from kinid.live.serving import Server; s = Server(['a'], 'sensor', 0); print(s.port, flush=True);"
+        "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    port = int(subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).stdout)
+    for _ in range(50):
+        try:
+            socket.create_connection(("127.0.0.1", port)).close()
+        except ConnectionRefusedError:
+            return
+        time.sleep(0.1)
+    pytest.fail("somebody still listens")
 
 
 def test_what_the_layout_shows_is_served(server: Server) -> None:
