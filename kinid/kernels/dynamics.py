@@ -240,6 +240,7 @@ def energy(
     return total
 
 
+# one long function: both recursions share their room, which is taken once for all states
 @kernel
 def newton_euler(
     q: Array,
