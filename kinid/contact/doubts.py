@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from kinid.contact.joint_doubts import frozen_joints, without_spikes
 from kinid.contact.normal_doubts import tilted_normal
+from kinid.contact.rig_doubts import rig_doubts
 from kinid.contact.series import ContactSeries
 from kinid.contact.surface_doubts import misplaced, turned_normal
 from kinid.contact.time_doubts import time_doubts
@@ -45,6 +46,7 @@ def contact_doubts(log: Log, rig: Rig, robot: Robot | None, touch: ContactSeries
         return []
     stuck = _stuck(log)
     out = [*_without_wrench(log, rig), *stuck, *_beyond_joints(log, robot), *_beyond_range(log, rig)]
+    out += rig_doubts(log, rig, robot)
     if touch is not None:
         deepest = float(np.nanmax(touch.depth)) if np.isfinite(touch.depth).any() else 0.0
         if deepest > DEEPEST:

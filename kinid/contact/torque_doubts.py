@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
@@ -10,21 +11,31 @@ from numpy.typing import NDArray
 from kinid.contact.lever_doubts import BETTER
 from kinid.contact.tool_doubts import FEWEST
 from kinid.contact.unit_doubts import LEFT, in_proportion, unit_meant
+from kinid.data.log import Log
 from kinid.data.plausible import ELECTRIC, TORQUE
 from kinid.data.rig import Rig
 from kinid.robotics.inverse_dynamics import JointTorques
-from kinid.signal.stuck import constant, noisy
+from kinid.signal.stuck import constant, frozen, noisy
 
 Array = NDArray[np.float64]
 
+#: torques are unlike those predicted where more than this share of the squares, of the larger of both, is left
+UNEXPLAINED = 0.25
+#: where the model explains more than this share of a joint's changes, they are so many times those predicted at least,
+#: or at most the inverse, for a doubt
+EXPLAINED, FACTOR = 0.5, 5.0
+#: the way that a joint moves is its change over so long [s]
+WINDOW = 0.04
 
-def torque_doubts(torques: JointTorques | None, rig: Rig) -> list[str]:
+
+def torque_doubts(torques: JointTorques | None, rig: Rig, log: Log) -> list[str]:
     """At most one sentence; of drives that log a current, whose factor nobody need know, only of dead channels.
 
     Args:
-        torques: measured and predicted, mostly by gravity; None without them. rig: what was measured with what.
+        torques: measured and predicted, mostly by gravity; None without them. rig: what was measured with what. log:
+            that they are of.
     """
-    if torques is None:
+    if torques is None or log.q is None:
         return []
     rows = torques.valid & np.isfinite(torques.measured).all(axis=1) & np.isfinite(torques.predicted).all(axis=1)
     if int(rows.sum()) < FEWEST:
@@ -44,7 +55,12 @@ def torque_doubts(torques: JointTorques | None, rig: Rig) -> list[str]:
             f"the joint torques are {times:.3g} times those that the robot's model predicts: are they {asked}? "
             f"Say so in [columns] of the rig: tau = {{ {say} }}"
         ]
-    return _turned(measured, predicted) or _exchanged(measured, predicted)
+    return (
+        _turned(measured, predicted)
+        or _exchanged(measured, predicted)
+        or _unlike(torques.joint_names, measured, predicted, _rates(log)[rows])
+        or _frozen(torques.t[rows], measured, predicted)
+    )
 
 
 def _dead(measured: Array) -> list[str]:
@@ -81,4 +97,64 @@ def _exchanged(measured: Array, predicted: Array) -> list[str]:
                 f"tau{i + 1} is what the robot's model predicts of tau{k + 1}, and tau{k + 1} what it predicts of "
                 f"tau{i + 1}: name them in their order in [columns] of the rig"
             ]
+    return []
+
+
+def _rates(log: Log) -> Array:
+    """Which way each joint moves, roughly: its change over `WINDOW` around each sample [rad], (n, N)."""
+    q, half = np.nan_to_num(np.asarray(log.q)), max(1, round(0.5 * WINDOW / log.period))
+    after = np.minimum(np.arange(len(q)) + half, len(q) - 1)
+    return np.asarray(q[after] - q[np.maximum(np.arange(len(q)) - half, 0)])
+
+
+def _unlike(names: Sequence[str], measured: Array, predicted: Array, rates: Array) -> list[str]:
+    """Torques that model and friction don't explain, or those of one joint of another sign or scale."""
+    square = np.mean(measured**2, axis=0), np.mean(predicted**2, axis=0)
+    left = np.array([_beside_friction(*one) for one in zip((measured - predicted).T, rates.T)])
+    factors = np.array([_factor(own, model) for own, model in zip(measured.T, predicted.T)])
+    off = np.flatnonzero((factors > FACTOR) | (factors < 1.0 / FACTOR))
+    whole = left.sum() > UNEXPLAINED * max(square[0].sum(), square[1].sum())
+    if len(off) == 1 and (not whole or left[off[0]] > 0.5 * left.sum()):
+        j, factor = int(off[0]), float(factors[off[0]])
+        what = "the opposite sign of what" if abs(factor + 1.0) < 0.5 else f"{factor:.3g} times what"
+        return [
+            f"tau{j + 1} has {what} the robot's model predicts of {names[j]}, unlike the others: correct its unit or "
+            f"sign in [columns] of the rig, or the URDF's masses: tau{j + 1} = {{ scale = {1.0 / factor:.3g} }}"
+        ]
+    if not whole and len(off) < 2:
+        return []
+    j = int(np.argmax(left))
+    sizes = [float(np.sqrt(values[j])) for values in square]
+    return [
+        f"the joint torques are not those that the robot's model predicts ({names[j]}: {sizes[0]:.3g} N·m measured, "
+        f"{sizes[1]:.3g} predicted, root mean squares): check masses and coms in the URDF, unit and order of tau in "
+        '[columns]; or state [robot] torques = "external" if gravity is taken out of them'
+    ]
+
+
+def _beside_friction(residual: Array, rate: Array) -> float:
+    """Mean square of a torque (n,) beside friction that is dry and viscous."""
+    parts = np.stack([np.sign(rate), rate], axis=1)
+    friction = parts @ np.linalg.lstsq(parts, residual)[0]
+    return float(np.mean((residual - friction) ** 2))
+
+
+def _factor(measured: Array, predicted: Array) -> float:
+    """Times that a torque's changes are those predicted; 1 where less than half of them is explained so."""
+    own, model = measured - measured.mean(), predicted - predicted.mean()
+    along, size = float(own @ model), float(model @ model)
+    return along / size if along * along > EXPLAINED * size * float(own @ own) > 0.0 else 1.0
+
+
+def _frozen(t: Array, measured: Array, predicted: Array) -> list[str]:
+    """One channel that repeats a reading while the others go on."""
+    moved = np.r_[False, (np.diff(predicted, axis=0) != 0.0).any(axis=1)]
+    for j in range(measured.shape[1]):
+        held = frozen(t, measured[:, [j]], moved)
+        if held is None or not noisy(measured[(t < held[0]) | (t > held[0] + held[1]), j]):
+            continue
+        return [
+            f"tau{j + 1} repeats one reading for {held[1]:.2g} s from {held[0]:.4g} s on, while the joints move: the "
+            "channel stood still; leave it empty in these rows, or record anew"
+        ]
     return []

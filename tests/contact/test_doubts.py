@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from contact.doubting import changed, doubts, only, with_joints
 from scripted import scripted_poke
 
 import kinid.urdf
@@ -20,53 +21,9 @@ from kinid.data.rig import Rig
 from kinid.errors import InputError
 from kinid.identification.fit import fit_model
 from kinid.modeling.model import Model
-from kinid.robotics.inverse_dynamics import joint_torques
-from kinid.robotics.reading import read
 from kinid.robotics.robot import Robot
 from kinid.robotics.wrench import tool_load
 from kinid.units import FACTORS
-
-
-@pytest.fixture(scope="module")
-def touched(tmp_path_factory: pytest.TempPathFactory) -> tuple[Log, Rig, Robot]:
-    """A poke whose free motion turns the wrist by half a radian about two axes, as a log of several poses does."""
-    path = scripted_poke(seed=5).write(tmp_path_factory.mktemp("doubts"))
-    rig = Rig.load(path.parent / "rig.toml")
-    robot = Robot.load(rig)
-    log = read(path, rig, robot=robot)
-    assert log.q is not None
-    assert log.wrench is not None
-    turns = np.repeat(log.q[:1], 2000, axis=0)
-    t = np.arange(2000) * log.period
-    q = turns.copy()
-    q[:, 5] += 0.5 * np.sin(2 * np.pi * t / 2.0) ** 3
-    q[:, 4] += 0.5 * np.sin(2 * np.pi * t / 4.0) ** 3
-    dq, ddq = np.gradient(q, t, axis=0), np.gradient(np.gradient(q, t, axis=0), t, axis=0)
-    assert rig.tool is not None
-    assert robot.sensor_frame is not None
-    load = tool_load(rig.tool, robot.kinematics(robot.sensor_frame, q, dq, ddq), robot.gravity)
-    bias = np.median(log.wrench[:200], axis=0) - load[0]
-    noise = np.random.default_rng(0).normal(scale=0.015, size=load.shape) * [1, 1, 2, 0.03, 0.04, 0.02]
-    return (
-        Log(
-            t=np.concatenate([t, log.t - log.t[0] + t[-1] + log.period]),
-            q=np.concatenate([q, log.q]),
-            wrench=np.concatenate([load + bias + noise, log.wrench]),
-        ),
-        rig,
-        robot,
-    )
-
-
-def doubts(log: Log, rig: Rig, robot: Robot, **options: object) -> str:
-    return " | ".join(analyse(log, rig, robot=robot, trust_wrench=True, **options).provenance.warnings)  # type: ignore[arg-type]
-
-
-def changed(rig: Rig, **tables: dict[str, object]) -> Rig:
-    whole = rig.model_dump(exclude_none=True)
-    for name, fields in tables.items():
-        whole[name] = {**whole[name], **fields}
-    return Rig.parse({k: v for k, v in whole.items() if k != "folder"}, folder=rig.folder)
 
 
 def test_a_good_log_is_not_doubted(touched: tuple[Log, Rig, Robot]) -> None:
@@ -314,14 +271,6 @@ def test_one_moment_in_another_unit(
     assert f'ty = {{ unit = "{unit}" }}' in words.replace("·", "")
 
 
-@pytest.mark.parametrize(("factor", "unit"), [(1.0, None), (1e3, "Nmm"), (1e-3, "kNm")])
-def test_joint_torques_in_another_unit(touched: tuple[Log, Rig, Robot], factor: float, unit: str | None) -> None:
-    log, rig, robot = touched
-    torques = joint_torques(dataclasses.replace(log, tau=np.zeros((len(log), 7))), rig, robot=robot).predicted
-    said = doubts(dataclasses.replace(log, tau=factor * torques), rig, robot)
-    assert said == "" if unit is None else f'tau = {{ unit = "{unit}" }}' in said
-
-
 def test_moments_on_other_axes_than_forces(touched: tuple[Log, Rig, Robot]) -> None:
     log, rig, robot = touched
     assert log.wrench is not None
@@ -543,35 +492,12 @@ def test_a_pause_of_days_lies_between_two_recordings(touched: tuple[Log, Rig, Ro
         assert not said or f"1.728e+05 s from {log.t[2999]:.4g} s on" in words
 
 
-def test_joint_torques_of_the_opposite_sign_in_another_order_or_dead(touched: tuple[Log, Rig, Robot]) -> None:
-    log, rig, robot = touched
-    torques = joint_torques(dataclasses.replace(log, tau=np.zeros((len(log), 7))), rig, robot=robot).predicted
-    tau = torques + np.random.default_rng(1).normal(scale=0.1, size=torques.shape)
-    assert doubts(dataclasses.replace(log, tau=tau), rig, robot) == ""
-    for wrong, words in (
-        (-tau, "tau = { scale = -1 }"),
-        (tau[:, [0, 3, 2, 1, 4, 5, 6]], "tau2 is what the robot's model predicts of tau4"),
-        (tau / 160, "tau = { scale = 16"),
-        (0.0 * tau, "the joint torques never change"),
-        (tau * [1, 1, 1, 1, 0, 1, 1], "tau5 never changes"),
-    ):
-        assert words in doubts(dataclasses.replace(log, tau=wrong), rig, robot)
-
-
 def test_a_sensor_that_stands_still_for_most_of_a_log(touched: tuple[Log, Rig, Robot]) -> None:
     log, rig, robot = touched
     wrench, q = np.array(log.wrench), np.array(log.q)
     wrench[len(log) // 3 :] = wrench[len(log) // 3]
     q += np.random.default_rng(2).normal(scale=1e-6, size=q.shape)
     assert "the wrench repeats one reading" in doubts(dataclasses.replace(log, wrench=wrench, q=q), rig, robot)
-
-
-def with_joints(log: Log, change: Callable[[np.ndarray], np.ndarray]) -> Log:
-    return dataclasses.replace(log, q=change(np.array(log.q)))
-
-
-def only(j: int, factor: float) -> np.ndarray:
-    return np.where(np.arange(7) == j - 1, factor, 1.0)
 
 
 @pytest.mark.parametrize(
