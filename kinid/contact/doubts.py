@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from kinid.contact.joint_doubts import frozen_joints, without_spikes
 from kinid.contact.normal_doubts import tilted_normal
-from kinid.contact.rig_doubts import rig_doubts
+from kinid.contact.rig_doubts import rig_doubts, too_quiet
 from kinid.contact.series import ContactSeries
 from kinid.contact.surface_doubts import misplaced, turned_normal
 from kinid.contact.time_doubts import time_doubts
@@ -70,6 +70,7 @@ def contact_doubts(log: Log, rig: Rig, robot: Robot | None, touch: ContactSeries
         or place
         or _too_loud(log, rig)
         or unfelt(rig, touch)
+        or too_quiet(log, rig)
     )
     return out + _not_read(log)
 

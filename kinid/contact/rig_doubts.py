@@ -26,12 +26,12 @@ BESIDE = 5
 
 
 def rig_doubts(log: Log, rig: Rig, robot: Robot) -> list[str]:
-    """Sentences about the plane's tangent, the sensor's noise and range, the joints' limits, and jumps of the joints.
+    """Sentences about the plane's tangent, the sensor's figures, the joints' limits, and jumps of the joints.
 
     Args:
         log: with joints. rig: what was measured with what. robot: of the rig.
     """
-    return [*_tangent(rig), *(_halves(rig) or _noise(log, rig)), *_limits(robot), *_jumps(log)]
+    return [*_tangent(rig), *_halves(rig), *_limits(robot), *_jumps(log)]
 
 
 def _tangent(rig: Rig) -> list[str]:
@@ -60,9 +60,9 @@ def _halves(rig: Rig) -> list[str]:
     return []
 
 
-def _noise(log: Log, rig: Rig) -> list[str]:
-    """A noise of the forces that is far below what the readings show from sample to sample."""
-    if log.wrench is None or rig.sensor.noise is None:
+def too_quiet(log: Log, rig: Rig) -> list[str]:
+    """A stated noise of the forces that is far below what the readings show from sample to sample."""
+    if log.wrench is None or rig.sensor.noise is None or _halves(rig):
         return []
     forces = np.asarray(log.wrench)[log.valid, :3].T
     shown = np.array([white_noise(force) if is_noise(force) else 0.0 for force in forces])
