@@ -19,8 +19,9 @@ from kinid.data.guess import columns_of
 from kinid.errors import InputError
 from kinid.inputs import FACTOR, MOST_BYTES, MOST_LEVELS, parse_toml, read_text, size_limit
 from kinid.live.sources import Asked, open_source
+from kinid.mapping.map_file import is_map
 from kinid.mapping.probes import logs_in
-from kinid.mapping.property_map import PropertyMap, is_map
+from kinid.mapping.property_map import PropertyMap
 from kinid.planning.touches import grid
 from kinid.planning.trajectory import read_trajectory
 

@@ -113,7 +113,7 @@ def live(
     if record is not None and record.suffix.lower() != ".mcap":
         raise InputError(f"--record {record.name}", "a name ending in .mcap", "rename it")
     if map_file is not None:
-        from kinid.mapping.property_map import check_map_name
+        from kinid.mapping.map_file import check_map_name
 
         check_map_name(map_file)
     opened, the_rig, robot = _open(source, rig, speed)

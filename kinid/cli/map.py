@@ -142,7 +142,7 @@ def _check(out: Path, follow: float, cell: float | None, export: Path | None) ->
             "the size of the export's patches [m]",
             "name a folder with --export" if export is None else "correct it",
         )
-    from kinid.mapping.property_map import check_map_name
+    from kinid.mapping.map_file import check_map_name
 
     check_map_name(out)
 

@@ -81,8 +81,9 @@ def picture(
     """Learns what values look like, says how well that holds for places left out, and predicts a map; strangers stay
     unknown.
     """
+    from kinid.mapping.map_file import check_map_name
     from kinid.mapping.picture_map import Sighted
-    from kinid.mapping.property_map import PropertyMap, check_map_name
+    from kinid.mapping.property_map import PropertyMap
     from kinid.robotics.surface import Plane
     from kinid.writers import check_outputs, write_json
 

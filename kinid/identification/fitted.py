@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from kinid.contact.series import ContactSeries
 from kinid.data.log import Log
 from kinid.data.rig import Rig
-from kinid.effects import Layout, Signals
+from kinid.effects import Effect, Layout, Signals
 from kinid.effects._signals import RestForm
 from kinid.errors import InputError, expect
-from kinid.identification.saved import MEND, WHAT, fit_facts, layout_in, model_in, number_in, rest_in, units_in
+from kinid.identification.saved import MEND, WHAT, fit_facts, layout_in, model_in, number_in, rest_in
+from kinid.identification.saved_schema import SavedFit, checked
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
 from kinid.modeling.parameter_names import full_name
@@ -90,16 +91,14 @@ class FittedModel(Shown):
         path = Path(path)
         facts = fit_facts(path)
         model, parameters = estimates_in(facts, path)
-        errors: Json = facts["error"] if isinstance(facts.get("error"), dict) else {}
-        train, held_out, noise = (number_in(errors, name, path) for name in ("train", "held_out", "noise_floor"))
-        warnings = facts.get("warnings") or ()
-        if not isinstance(warnings, list | tuple):
-            raise InputError(f"warnings = {str(warnings)[:40]} in {path}", "a list of texts", MEND)
+        known = checked(facts, SavedFit, path, WHAT, MEND)
+        error = (known.error.train, known.error.held_out, known.error.noise_floor)
+        train, held_out, noise = (np.nan if value is None else value for value in error)
         return FittedModel(
             model,
             parameters,
-            FitError(train, held_out, noise, str(errors.get("unit", "N"))),
-            tuple(map(str, warnings)),
+            FitError(train, held_out, noise, known.error.unit),
+            tuple(known.warnings),
             layout_in(facts, path),
             rest_in(facts, path),
         )
@@ -229,10 +228,19 @@ def estimates_in(facts: Json, path: Path) -> tuple[Model, dict[str, FittedParame
     Raises:
         InputError: no model, an estimate of no effect of it, or one that `parameters_in` refuses.
     """
-    model, found = model_in(facts, path), parameters_in(facts["parameters"], path, units_in(facts, path))
+    model = model_in(facts, path)
+    own = model.parameters(layout_in(facts, path)) if "layout" in facts else {}
+    found = parameters_in(facts["parameters"], path, {name: p.unit for name, p in own.items()})
     stray = [name for name in found if name.split(".", 1)[0] not in model.names]
     if stray:
         raise InputError(f"{stray[0]} beside the model {model} in {path}", WHAT, MEND)
+    whole = {effect.id for effect in model.effects if type(effect).for_log is Effect.for_log}
+    for name, p in own.items():
+        if name not in found and name.split(".", 1)[0] in whole:
+            raise InputError(f"no {name} in {path}, whose model has it", WHAT, MEND)
+        if name in found and not p.low <= found[name].value <= p.high:
+            expected = f"{p.low:g} to {p.high:g} {p.unit}".removesuffix(" 1")
+            raise InputError(f"{name} = {found[name].value:g} in {path}", expected, MEND)
     return model, found
 
 

@@ -8,6 +8,7 @@ from typing import get_args
 
 import numpy as np
 
+from kinid.data.rig import WRENCH
 from kinid.effects import Kind, Layout
 from kinid.effects._signals import RestForm
 from kinid.errors import InputError
@@ -15,6 +16,8 @@ from kinid.inputs import read_json
 from kinid.modeling.model import Model
 from kinid.writers import Json
 
+#: channels of a contact frame
+FRAME = ("normal_force", "tangential_force1", "tangential_force2")
 WHAT, MEND = "what fit.save or kinid fit --json wrote", "fit anew and save that"
 
 
@@ -57,13 +60,6 @@ def number_in(facts: Json, name: str, path: Path, *, open_end: float = np.nan) -
     return float(value)
 
 
-def units_in(facts: Json, path: Path) -> dict[str, str]:
-    """The unit of each parameter of a saved fit's model; none where the file doesn't say what it was made to."""
-    if "layout" not in facts:
-        return {}
-    return {name: p.unit for name, p in model_in(facts, path).parameters(layout_in(facts, path)).items()}
-
-
 def layout_in(facts: Json, path: Path) -> Layout:
     """The channels that a saved fit was made to.
 
@@ -76,6 +72,9 @@ def layout_in(facts: Json, path: Path) -> Layout:
     kind: Kind | None = next((known for known in get_args(Kind) if known == found.get("kind")), None)
     if not (isinstance(channels, list) and channels and isinstance(joints, list) and kind):
         raise InputError(f"no layout of channels in {path}", f"{WHAT}, of this version", MEND)
+    known = {"wrench": WRENCH, "contact": FRAME}.get(kind)
+    if known is not None and not set(map(str, channels)) <= set(known):
+        raise InputError(f"channels {str(channels)[:60]} of a {kind} in {path}", f"of {', '.join(known)}", MEND)
     return Layout(tuple(map(str, channels)), kind, tuple(map(str, joints)))
 
 

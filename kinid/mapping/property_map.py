@@ -6,36 +6,29 @@ grows sees the map as it was after some probe. The surface, a mesh included, is 
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.errors import InputError, check_name, near
-from kinid.inputs import check_regular, parse_json
+from kinid.errors import InputError, near
 from kinid.mapping.interpolation import MESH_METHODS, METHODS, Guess, Interpolator, PlaneSites
 from kinid.mapping.interpolation.gaussian_process import interpolator
 from kinid.mapping.interpolation.uniform import Uniform
-from kinid.mapping.surface_facts import surface_from_dict, surface_to_dict
 from kinid.robotics.surface import Mesh, Plane
-from kinid.writers import Json, replacing
+from kinid.writers import Json
 
 Array = NDArray[np.float64]
 
-VERSION = 1
-#: no estimate and no variance of a map is larger, in any unit
-LARGEST = 1e30
-KIND, MAP = "property map", "a Parquet file of kinid map"
-#: columns of text
-TEXTS = ("source", "digest")
 #: stands for the model where values were predicted from a picture
 PICTURE = "picture"
 #: of entries of a covariance, relative
 TOLERANCE = 1e-6
 #: of the base, no probe lies further away [m]
 FARTHEST = 100.0
+#: of so many probes at most a field is made: its time grows with their cube
+MOST_PROBES = 2000
 #: standard errors to either side that hold 95 %
 WITHIN = 1.96
 
@@ -111,10 +104,9 @@ class PropertyMap:
                 f"three finite coordinates in the base frame, below {FARTHEST:g} m",
                 "leave it out",
             )
-        if probe.residual < 0.0 or np.isinf(probe.residual):
-            raise InputError(
-                f"a residual of {probe.residual} N{_of(probe.source)}", "0 N or more", "leave the probe out"
-            )
+        for what, size in (("residual", probe.residual), ("noise", probe.noise)):
+            if size < 0.0 or np.isinf(size):
+                raise InputError(f"a {what} of {size} N{_of(probe.source)}", "0 N or more", "leave the probe out")
         if np.shape(probe.values) != (p,) or np.shape(probe.covariance) != (p, p):
             raise InputError(
                 f"a probe with values {np.shape(probe.values)} and covariance {np.shape(probe.covariance)}",
@@ -208,6 +200,12 @@ class PropertyMap:
         tells = np.isfinite(values)
         if not tells.any():
             raise InputError(f"no probe that tells {name}", "one at least", "map logs that excite it")
+        if tells.sum() > MOST_PROBES:
+            raise InputError(
+                f"{tells.sum()} probes of {name}",
+                f"{MOST_PROBES} at most, as the time of a field grows with their cube",
+                "make maps of parts of the surface",
+            )
         if isinstance(self.surface, Plane):
             return interpolator(method, PlaneSites(self.flat(self.places)[tells]), values[tells], noise[tells])
         from kinid.mapping.interpolation.mesh import MeshSites, on_mesh
@@ -256,109 +254,20 @@ class PropertyMap:
         Raises:
             InputError: a name that doesn't end in .parquet, or a folder that can't be written to.
         """
-        check_map_name(path)
-        import pyarrow as pa
-        from pyarrow import parquet
+        from kinid.mapping.map_file import write_map
 
-        names = [p.name for p in self.properties]
-        columns: Json = {text: pa.array([getattr(p, text) for p in self.probes], pa.string()) for text in TEXTS}
-        places = self.places
-        columns |= {axis: places[:, i] for i, axis in enumerate("xyz")}
-        if isinstance(self.surface, Plane) and len(self.probes):
-            flat = self.flat(places)
-            columns |= {"along1": flat[:, 0], "along2": flat[:, 1]}
-        values = np.array([p.values for p in self.probes]).reshape(-1, len(names))
-        covariances = np.array([p.covariance for p in self.probes]).reshape(-1, len(names), len(names))
-        for i, name in enumerate(names):
-            columns[name] = values[:, i]
-            columns |= {f"cov.{name}.{names[j]}": covariances[:, i, j] for j in range(i, len(names))}
-        columns["residual"] = np.array([p.residual for p in self.probes], dtype=float)
-        columns["noise"] = np.array([p.noise for p in self.probes], dtype=float)
-        table = pa.table(
-            {name: pa.array(column) if isinstance(column, np.ndarray) else column for name, column in columns.items()}
-        )
-        about = {
-            "kind": KIND,
-            "version": VERSION,
-            "model": self.model,
-            "surface": surface_to_dict(self.surface),
-            "properties": [{"name": p.name, "unit": p.unit} for p in self.properties],
-            "origin": self.origin,
-        }
-        table = table.replace_schema_metadata({"kinid": json.dumps(about)})
-        with replacing(path) as temporary:
-            parquet.write_table(table, temporary, compression="snappy")
+        write_map(self, path)
 
     @classmethod
     def read(cls, path: Path) -> PropertyMap:
         """A map from its file.
 
         Raises:
-            InputError: no map there.
+            InputError: no map there, or one whose parts contradict each other.
         """
-        import pyarrow as pa
-        from pyarrow import parquet
+        from kinid.mapping.map_file import read_map
 
-        check_regular(path, "map", MAP, "make it anew")
-        try:
-            # opened once: a map that is replaced between two looks at its name would be half old and half new.
-            # No thread of Arrow's may let go of a Python object after this: at exit that ends the process by an abort
-            with pa.OSFile(str(path)) as file:
-                table = parquet.ParquetFile(file).read(use_threads=False)
-        except (OSError, ValueError) as error:  # Arrow's own are of both kinds
-            raise InputError(f"no readable map at {path} ({str(error)[:80]})", MAP, "make it anew") from None
-        try:
-            meta = (table.schema.metadata or {}).get(b"kinid", b"{}")
-            about = parse_json(meta, f"map in {path}", MAP, "make it anew", open_ends=True)
-            if not isinstance(about, dict) or (about["kind"], about["version"]) != (KIND, VERSION):
-                raise ValueError(f"it says of itself that it is {str(about)[:40]}")
-            properties = tuple(Property(str(p["name"]), str(p["unit"])) for p in about["properties"])
-            surface = surface_from_dict(about["surface"])
-            names, n = [p.name for p in properties], table.num_rows
-            column = {
-                name: _numbers(table[name].to_numpy(), name, path) for name in table.column_names if name not in TEXTS
-            }
-            covariances = np.empty((n, len(names), len(names)))
-            for i, a in enumerate(names):
-                for j in range(i, len(names)):
-                    covariances[:, i, j] = covariances[:, j, i] = column[f"cov.{a}.{names[j]}"]
-            places = np.column_stack([column[axis] for axis in "xyz"])
-            values = np.column_stack([column[name] for name in names])
-            texts = (  # a map of an earlier kinid doesn't know its logs' digests
-                [str(text or "") for text in table[name].to_pylist()] if name in table.column_names else [""] * n
-                for name in TEXTS
-            )
-            rows = zip(places, values, covariances, column["residual"].tolist(), column["noise"].tolist(), *texts)
-            probes, origin = tuple(Probe(*row) for row in rows), dict(about.get("origin", {}))
-            return cls(surface, properties, probes, str(about["model"]), origin)
-        except (KeyError, ValueError, TypeError, AttributeError) as error:
-            why = f"without {error.args[0]}" if isinstance(error, KeyError) else str(error)[:80]
-            raise InputError(
-                f"{path}, which is no property map ({why})",
-                MAP,
-                "make it with kinid map LOGS -o MAP.parquet",
-            ) from None
-
-
-def check_map_name(path: Path) -> None:
-    """Refuse a map's name, before any work is done where it is asked early.
-
-    Raises:
-        InputError: an ending that no map has, or a name that is no UTF-8.
-    """
-    if path.suffix.lower() != ".parquet":
-        raise InputError(f"map '{path.name}'", "a name ending in .parquet", "rename it")
-    check_name(path)
-
-
-def _numbers(values: NDArray[np.generic], name: str, path: Path) -> Array:
-    """A column of a map's file, (n,); infinite and absent values say that something is open."""
-    if values.dtype.kind not in "fiu":
-        raise InputError(f"a column {name} of no numbers in {path}", "numbers", "make the map anew")
-    most = float(np.abs(values, where=np.isfinite(values), out=np.zeros(len(values))).max(initial=0.0))
-    if most > LARGEST:
-        raise InputError(f"{name} = {most:.3g} in {path}", f"{LARGEST:g} at most", "make the map anew")
-    return np.asarray(values, dtype=float)
+        return read_map(path)
 
 
 def _check_estimate(item: Property, value: float, variance: float, source: str) -> None:
@@ -388,18 +297,3 @@ def _check_estimate(item: Property, value: float, variance: float, source: str) 
 
 def _of(source: str) -> str:
     return f" of the probe {source}" if source else ""
-
-
-def is_map(path: Path) -> bool:
-    """Whether a Parquet file says that it is a property map, or has the columns of one."""
-    import pyarrow as pa
-    from pyarrow import parquet
-
-    try:
-        check_regular(path, "map", MAP, "make it anew")
-        with pa.OSFile(str(path)) as file:
-            schema = parquet.read_schema(file)
-        said = KIND.encode() in (schema.metadata or {}).get(b"kinid", b"")
-        return said or any(name.startswith("cov.") for name in schema.names)
-    except Exception:  # whatever is wrong with it, it is no map
-        return False

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from kinid.data.rig import Rig
 from kinid.errors import InputError, KinidError, near
+from kinid.mapping.map_file import is_map
 from kinid.mapping.probes import Prober, build, expected, logs_in, same_surface
-from kinid.mapping.property_map import Probe, PropertyMap, is_map
+from kinid.mapping.property_map import Probe, PropertyMap
 from kinid.modeling.model import Model
 from kinid.robotics.reading import read
 from kinid.robotics.robot import Robot

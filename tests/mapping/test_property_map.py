@@ -11,7 +11,8 @@ import trimesh
 from pyarrow import parquet
 
 from kinid.errors import InputError
-from kinid.mapping.property_map import Probe, Property, PropertyMap, is_map
+from kinid.mapping.map_file import is_map
+from kinid.mapping.property_map import Probe, Property, PropertyMap
 from kinid.robotics.surface import Mesh, Plane
 
 AXES = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
