@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.contact.channel_doubts import channel_doubts
 from kinid.contact.joint_doubts import frozen_joints, without_spikes
 from kinid.contact.normal_doubts import tilted_normal
 from kinid.contact.rig_doubts import rig_doubts, too_quiet
@@ -28,6 +29,8 @@ Mask = NDArray[np.bool_]
 
 #: no tool pokes deeper than this [m]
 DEEPEST = 0.3
+#: no touch lies further from the surface's point than this [m]
+FARTHEST = 2.5
 #: share of the sensor's range beyond which a reading is cut off or of another unit
 FULL = 0.99
 #: length of gravity on Earth, with room for who rounds it [m/s²]
@@ -44,9 +47,11 @@ def contact_doubts(log: Log, rig: Rig, robot: Robot | None, touch: ContactSeries
     """
     if log.q is None or robot is None:
         return []
-    stuck = _stuck(log)
+    single = channel_doubts(log)
+    stuck = [] if single else _stuck(log)
     out = [*_without_wrench(log, rig), *stuck, *_beyond_joints(log, robot), *_beyond_range(log, rig)]
     out += rig_doubts(log, rig, robot)
+    out += single
     if touch is not None:
         deepest = float(np.nanmax(touch.depth)) if np.isfinite(touch.depth).any() else 0.0
         if deepest > DEEPEST:
@@ -54,7 +59,13 @@ def contact_doubts(log: Log, rig: Rig, robot: Robot | None, touch: ContactSeries
                 f"the tip is {deepest:.3g} m inside the surface: check [surface] point and normal, which points out of "
                 "the material, and [robot] tip_frame"
             )
-    if stuck:  # shows as any of those behind it
+        away = np.hypot(touch.slip1, touch.slip2)[touch.in_contact & touch.valid]
+        if len(away) and float(np.median(away)) > FARTHEST:
+            out.append(
+                f"touches lie {float(np.median(away)):.3g} m beside [surface] point, further than the arm reaches from "
+                "its base: correct it, in m and in the base's axes"
+            )
+    if stuck or single:  # shows as any of those behind it
         return out + _not_read(log)
     # each of these would show as one of those behind it; where no label says what free motion is, touches of a surface
     # that is too low pass for it

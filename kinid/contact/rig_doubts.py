@@ -19,6 +19,8 @@ OUT_OF_PLANE = np.deg2rad(10.0)
 NOISIER = 4.0
 #: no joint turns further than this [rad]
 FARTHEST_TURN = 8.0 * np.pi
+#: a velocity is taken over so long [s]; it is beyond the limit by this factor, in more than one sample in a hundred
+WINDOW, BEYOND, USUAL = 0.04, 1.5, 0.99
 #: a position that jumps and returns at once does so by more than this [rad], and so many times the noise
 JUMP, JUMP_NOISE = 0.02, 50.0
 #: samples of the median that a jump stands out of
@@ -31,7 +33,7 @@ def rig_doubts(log: Log, rig: Rig, robot: Robot) -> list[str]:
     Args:
         log: with joints. rig: what was measured with what. robot: of the rig.
     """
-    return [*_tangent(rig), *_halves(rig), *_limits(robot), *_jumps(log)]
+    return [*_tangent(rig), *_halves(rig), *_limits(robot), *_too_fast(log, robot), *_jumps(log)]
 
 
 def _tangent(rig: Rig) -> list[str]:
@@ -84,6 +86,24 @@ def _limits(robot: Robot) -> list[str]:
             return [
                 f"{name} may turn from {low:.4g} to {high:.4g} rad by its URDF: limits there are in radians, or the "
                 "joint is continuous"
+            ]
+    return []
+
+
+def _too_fast(log: Log, robot: Robot) -> list[str]:
+    """Joints that moved faster than their URDF allows."""
+    q, half = np.asarray(log.q), max(1, round(0.5 * WINDOW / log.period))
+    limits = robot.from_tangent(np.atleast_2d(np.array(robot.model.velocityLimit, dtype=float)))[0]
+    if q.shape[1] != len(limits) or len(q) < 8 * half:
+        return []
+    speed = np.abs(q[2 * half :] - q[: -2 * half]) / (log.t[2 * half :] - log.t[: -2 * half])[:, None]
+    with np.errstate(invalid="ignore"):
+        fast = np.nanquantile(speed, USUAL, axis=0)
+    for name, limit, most in zip(robot.joint_names, limits, fast):
+        if 0.0 < limit < most / BEYOND:  # a URDF without a figure reads as zero
+            return [
+                f"{name} moves at {most:.3g} rad/s, its URDF allows {limit:.3g}: the limit there, the unit of q or "
+                "that of t is another"
             ]
     return []
 

@@ -87,15 +87,21 @@ def choose(refits: Sequence[Refit], before: State, settings: DiagnosisSettings) 
     The best are compared with their own error models: what a channel weighs differs from model to model.
     """
     taken = [t for t in refits if evident(t, before, settings)]
-    if not taken:
+    usual = [t for t in taken if not remarkable(t, settings)]
+    own: list[Refit] = []
+    if len(usual) == len(taken):
         # weighed by what was left before, a channel that is right can lose more than one that is wrong can gain
         left = compare_states(before, before, before.error.sigma).left - settings.min_significance**2
-        own = [t.weighed_by_its_own for t in refits[:REST_FORM_REFITS] if t.evidence.left < left]
-        taken = [t for t in own if t.evidence.share > MOST and evident(t, before, settings)]
-    usual = [t for t in taken if not remarkable(t, settings)]
+        own = [t.weighed_by_its_own for t in refits[:REST_FORM_REFITS] if t.evidence.left < left and t not in usual]
+        own = [t for t in own if t.evidence.share > MOST and evident(t, before, settings)]
+        usual += [t for t in own if not remarkable(t, settings)]
+        taken += own
     # what a usual amount of another effect explains as well is no finding
     accepted = [
-        t for t in taken if t not in usual and not any(covers(u, t, before.error.sigma, settings) for u in usual)
+        t
+        for t in taken
+        if t not in usual
+        and not any(covers(u, t, (t.state if t in own else before).error.sigma, settings) for u in usual)
     ]
     # unless nothing else brings what is left inside the tolerance: what matters isn't usual
     accepted = accepted or [t for t in taken if brings_inside(before, t.state)]

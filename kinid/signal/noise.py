@@ -27,6 +27,8 @@ REPEATED = 2e-16
 LOOKED_AT = 20_000
 #: share of gaps between neighbouring values that are whole steps of a lattice
 WHOLE = 0.98
+#: gaps that a step is refined by, in steps: each time further, as it is better known
+REACHES = (3.5, 10.5, 30.5)
 #: a lattice has at least this number of values in use
 FEWEST = 3
 #: … or two, where so many samples have them
@@ -128,6 +130,10 @@ def lattice(x: Array) -> float:
     step = float(gaps.min())
     for _ in range(DESCENTS if len(gaps) >= MANY else 1):
         step = float(np.median(gaps[gaps < 1.5 * step])) if (gaps < 1.5 * step).any() else step
+        # numbers that were written with few digits tell a step the better, the more of them a gap spans
+        for reach in REACHES:
+            near = gaps[gaps < reach * step]
+            step = float(near.sum() / max(1.0, np.round(near / step).sum())) if len(near) else step
         left = np.abs(gaps - step * np.round(gaps / step))
         off = left > 0.02 * step
         if np.mean(~off) >= WHOLE:

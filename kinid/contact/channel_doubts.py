@@ -1,0 +1,141 @@
+"""Channels of the wrench, or single readings, that no sensor gives: copies, zeros, jumps, one that stood still."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from kinid.data.log import Log
+from kinid.data.rig import WRENCH
+from kinid.signal.noise import white_noise
+from kinid.signal.stuck import frozen, noisy
+
+Array = NDArray[np.float64]
+
+#: samples of the median that a jump stands out of; by so many times the noise, and this share of the usual range
+BESIDE, JUMP_NOISE, OF_RANGE = 5, 50.0, 0.3
+#: a channel of one sign is cut off where it is exactly zero in more than this share of samples; others are so many
+CUT, FEWEST = 0.01, 50
+#: labels of phases are fewer than this
+MOST_PHASES = 50
+#: a reading of exactly zero is a lost one where those around it are so many times the noise away
+ZERO_NOISE = 10.0
+
+
+def channel_doubts(log: Log) -> list[str]:
+    """At most one sentence.
+
+    Args:
+        log: with joints and a wrench.
+    """
+    if log.wrench is None or log.q is None or not log.valid.any():
+        return []
+    wrench, t = np.asarray(log.wrench)[log.valid], log.t[log.valid]
+    if len(t) < 4 * BESIDE:
+        return []
+    return (
+        _phases(log)
+        or _copies(wrench, np.asarray(log.q)[log.valid])
+        or _binary(wrench)
+        or _lost(t, wrench)
+        or _frozen(t, wrench)
+        or _jumps(t, wrench)
+    )
+
+
+def _phases(log: Log) -> list[str]:
+    """Labels of what was done that are as many as readings are."""
+    if log.phase is None or len(set(log.phase.tolist())) <= MOST_PHASES:
+        return []
+    many, first = len(set(log.phase.tolist())), str(log.phase[0])[:20]
+    return [
+        f"phase holds {many} different labels, as {first}: it is another column; name its own in [columns] of the rig, "
+        "or leave it out"
+    ]
+
+
+def _copies(wrench: Array, q: Array) -> list[str]:
+    """Two channels that hold the same numbers."""
+    names = [*WRENCH, *(f"q{j + 1}" for j in range(q.shape[1]))]
+    columns = np.hstack([wrench, q]).T
+    live = [k for k, column in enumerate(columns) if np.ptp(column) > 0.0]
+    for i, k in combinations(live, 2):
+        if (columns[i] == columns[k]).all():
+            return [
+                f"{names[i]} and {names[k]} hold the same numbers throughout: one of them is a copy; name its own "
+                "column in [columns] of the rig"
+            ]
+    return []
+
+
+def _binary(wrench: Array) -> list[str]:
+    """A channel that knows two values alone."""
+    for name, column in zip(WRENCH, wrench.T):
+        low, high = column.min(), column.max()
+        if low < high and np.all((column == low) | (column == high)):
+            return [
+                f"{name} is {low:g} or {high:g} and nothing between: a flag, not a reading; name another column in "
+                "[columns] of the rig"
+            ]
+    return []
+
+
+def _lost(t: Array, wrench: Array) -> list[str]:
+    """Readings of exactly zero among others that are far from it."""
+    for name, column in zip(WRENCH, wrench.T):
+        zero = column == 0.0
+        one_sided = 0.0 in (column.min(), column.max())
+        if one_sided and CUT * len(zero) < zero.sum() < len(zero) - FEWEST and noisy(column[~zero]):
+            return [
+                f"{name} is exactly 0 in {100.0 * np.mean(zero):.2g} % of the samples and has one sign alone: it is "
+                "cut off at 0, or holds no readings there; record it whole"
+            ]
+        if not 0 < zero.sum() < 0.5 * len(zero) or not noisy(column[~zero]):
+            continue
+        around = np.interp(t[zero], t[~zero], column[~zero])
+        far = np.abs(around) > ZERO_NOISE * white_noise(column[~zero])
+        many = int(far.sum())
+        if many:
+            return [
+                f"{name} is exactly 0 in {many} sample{'s' * (many > 1)} (the first at "
+                f"{t[zero][far][0]:.4g} s) between readings that are far from it: lost ones, or cut off; leave them "
+                "empty"
+            ]
+    return []
+
+
+def _frozen(t: Array, wrench: Array) -> list[str]:
+    """One channel that repeats a reading while the others go on."""
+    for i, (name, column) in enumerate(zip(WRENCH, wrench.T)):
+        others = np.r_[False, (np.diff(np.delete(wrench, i, axis=1), axis=0) != 0.0).any(axis=1)]
+        held = frozen(t, column[:, None], others)
+        if held is None:
+            continue
+        inside = (t >= held[0]) & (t <= held[0] + held[1])
+        value = column[inside][0]
+        ends = value in (column.min(), column.max())  # at the end of its range it is cut off, not frozen
+        if ends or not noisy(column[~inside]):
+            continue
+        return [
+            f"{name} repeats one reading for {held[1]:.2g} s from {held[0]:.4g} s on, while the sensor's other "
+            "channels go on: that channel stood still; leave it empty in these rows, or record anew"
+        ]
+    return []
+
+
+def _jumps(t: Array, wrench: Array) -> list[str]:
+    """Readings that jump and return at once, further than the channel usually ranges."""
+    for name, unit, column in zip(WRENCH, ("N", "N", "N", "N·m", "N·m", "N·m"), wrench.T):
+        jump = np.abs(column - median_filter(column, BESIDE, mode="nearest"))
+        usual = float(np.ptp(np.quantile(column, [0.01, 0.99])))
+        many = int(np.sum(jump > max(JUMP_NOISE * white_noise(column), OF_RANGE * usual, 1e-12)))
+        if many:
+            row = int(np.argmax(jump))
+            return [
+                f"{name} jumps by {jump[row]:.3g} {unit} and returns at once ({many} sample{'s' * (many > 1)}, the "
+                f"largest at {t[row]:.4g} s), as no touch does: spikes on the line; leave these readings empty"
+            ]
+    return []
