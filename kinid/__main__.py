@@ -5,7 +5,9 @@ from __future__ import annotations
 import atexit
 import contextlib
 import os
+import signal
 import sys
+import warnings
 
 
 def run() -> None:
@@ -17,6 +19,8 @@ def run() -> None:
     """
     # threads of linear algebra wait busily for each other; beside another process that took 200 times as long
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # what overflows on the way is said of the result, in words; of an effect of the user's own, by its check
+    warnings.simplefilter("ignore", RuntimeWarning)
     code = 1
 
     def leave() -> None:
@@ -27,8 +31,11 @@ def run() -> None:
 
     # what is registered first is called last: the command line is imported behind it
     atexit.register(leave)
+    # nothing is begun while modules are loaded: Ctrl-C ends the process as it does any other
+    loading = signal.signal(signal.SIGINT, lambda *_: os._exit(130))
     from kinid.cli import main
 
+    signal.signal(signal.SIGINT, loading)
     try:
         main()
     except SystemExit as end:

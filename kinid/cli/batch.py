@@ -46,7 +46,8 @@ def running(on: str | None, workers: int | None) -> Iterator[Runner]:
     """A runner, its dashboard's address told."""
     from kinid.batch.runners import runner
 
-    with runner(on or ("serial" if workers is None else "processes"), workers) as made:
+    default = "serial" if workers is None else "processes"
+    with runner(default if on is None else on, workers) as made:
         if made.dashboard:
             typer.echo(f"{made.workers} workers; dashboard at {made.dashboard}", err=True)
         yield made

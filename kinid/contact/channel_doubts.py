@@ -129,6 +129,8 @@ def _frozen(t: Array, wrench: Array) -> list[str]:
 def _jumps(t: Array, wrench: Array) -> list[str]:
     """Readings that jump and return at once, further than the channel usually ranges."""
     for name, unit, column in zip(WRENCH, ("N", "N", "N", "N·m", "N·m", "N·m"), wrench.T):
+        if not noisy(column):
+            continue
         jump = np.abs(column - median_filter(column, BESIDE, mode="nearest"))
         usual = float(np.ptp(np.quantile(column, [0.01, 0.99])))
         many = int(np.sum(jump > max(JUMP_NOISE * white_noise(column), OF_RANGE * usual, 1e-12)))

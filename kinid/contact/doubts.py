@@ -47,11 +47,11 @@ def contact_doubts(log: Log, rig: Rig, robot: Robot | None, touch: ContactSeries
     """
     if log.q is None or robot is None:
         return []
-    single = channel_doubts(log)
-    stuck = [] if single else _stuck(log)
+    stuck = _stuck(log)
+    single = [] if stuck else channel_doubts(log)
+    stuck = stuck or single or (frozen_joints(log) if log.wrench is not None else [])
     out = [*_without_wrench(log, rig), *stuck, *_beyond_joints(log, robot), *_beyond_range(log, rig)]
     out += rig_doubts(log, rig, robot)
-    out += single
     if touch is not None:
         deepest = float(np.nanmax(touch.depth)) if np.isfinite(touch.depth).any() else 0.0
         if deepest > DEEPEST:
@@ -65,7 +65,7 @@ def contact_doubts(log: Log, rig: Rig, robot: Robot | None, touch: ContactSeries
                 f"touches lie {float(np.median(away)):.3g} m beside [surface] point, further than the arm reaches from "
                 "its base: correct it, in m and in the base's axes"
             )
-    if stuck or single:  # shows as any of those behind it
+    if stuck:  # shows as any of those behind it
         return out + _not_read(log)
     # each of these would show as one of those behind it; where no label says what free motion is, touches of a surface
     # that is too low pass for it
@@ -162,7 +162,7 @@ def _beyond_range(log: Log, rig: Rig) -> list[str]:
 
 
 def _stuck(log: Log) -> list[str]:
-    """The sensor, one of its channels, or the joints stand still while others show that they were not at rest."""
+    """The sensor, one of its channels, or all joints stand still while others show that they were not at rest."""
     if log.wrench is None or log.q is None or len(log) < FEWEST or not log.valid.any():
         return []
     dead = constant(log.wrench)
@@ -171,7 +171,7 @@ def _stuck(log: Log) -> list[str]:
             "the wrench never changes: was the sensor on? Name its columns in [columns] of the rig, or leave them out "
             "of the log"
         ]
-    return _dead_channels(log.wrench, dead) or _frozen(log, log.q, log.wrench) or frozen_joints(log)
+    return _dead_channels(log.wrench, dead) or _frozen(log, log.q, log.wrench)
 
 
 def _dead_channels(wrench: Array, dead: Mask) -> list[str]:

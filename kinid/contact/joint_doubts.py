@@ -9,7 +9,7 @@ from scipy.ndimage import median_filter
 from kinid.data.log import Log
 from kinid.robotics.motion import STATIC_PERIOD
 from kinid.signal.noise import white_noise
-from kinid.signal.stuck import LIVE, longest_repeat, noisy
+from kinid.signal.stuck import LIVE, longest_repeat
 
 Array = NDArray[np.float64]
 
@@ -48,8 +48,7 @@ def frozen_joints(log: Log) -> list[str]:
             continue
         begin, last = stretch
         others = np.delete(step, j, axis=1).sum(axis=1)
-        alive = noisy(np.delete(q[:, j], np.arange(begin, last + 1)))  # it shows its encoder's noise elsewhere
-        if (alive or _stops(step[:, j], begin, last)) and np.mean(others[begin:last] > 0.0) > LIVE:
+        if _stops(step[:, j], begin, last) and np.mean(others[begin:last] > 0.0) > LIVE:
             return [_said(f"q{j + 1} repeats one position", t, begin, last, "the other joints go on")]
     return []
 

@@ -81,7 +81,14 @@ def diagnose(
     warnings = _checked(experiment, model)
     with one_blas_thread():
         found = run(model, experiment, settings, known=known, forced=add, progress=progress)
-        return Conclusions(found, settings, tolerance).diagnosis(progress, warnings)
+        made = Conclusions(found, settings, tolerance).diagnosis(progress, warnings)
+    if made.left.tolerance > made.left.reading:
+        says = (
+            f"the tolerance of {made.left.tolerance:g} {made.unit} is more than the readings' own root mean square of "
+            f"{made.left.reading:.3g} {made.unit}: inside it no model fails; state what may be left of the error"
+        )
+        made = dataclasses.replace(made, warnings=(*made.warnings, says))
+    return made
 
 
 def diagnosable(log: Log, rig: Rig, model: Model) -> None:

@@ -62,6 +62,12 @@ def catalogue() -> dict[str, type[Effect]]:
             effect = only_effect(importlib.import_module(f"{__name__}.{module.name}"), module.name)
             found[effect.id] = effect
     for effect in foreign_effects():
+        if effect.id in TOGETHER:
+            raise InputError(
+                f"an effect '{effect.id}', in {effect.__module__}, a name that stands for others",
+                "a name of its own",
+                "rename the file and its id",
+            )
         if effect.id in found:
             where = effect.__module__
             raise InputError(

@@ -43,13 +43,17 @@ class Model:
 
     def __init__(self, *effects: str | Effect | Sequence[str | Effect]) -> None:
         flat: list[Effect] = []
+        free = False
         for each in effects:
             for effect in each if isinstance(each, list | tuple) else (each,):
                 remedy = "as Model('hooke', 'relaxation')"
                 expect(effect, (str, Effect), "an effect of a model", "names of effects", remedy)
+                free |= effect == "none"
                 together = catalogue.TOGETHER.get(effect, (effect,)) if isinstance(effect, str) else (effect,)
                 flat += [catalogue.get(item) if isinstance(item, str) else item for item in together]
         bases = [effect.id for effect in flat if effect.base]
+        if free and bases:
+            raise InputError(f"'none' beside {bases[0]}", "no contact, or a contact law", "leave one of them out")
         if len(bases) > 1:
             raise InputError(f"{len(bases)} bases, {' and '.join(bases)}", "one contact law at most", "choose one")
         names_seen = [effect.id for effect in flat]

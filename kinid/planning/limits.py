@@ -20,6 +20,8 @@ MARGIN = float(np.radians(1.0))
 #: where a URDF states none, which is usual: the LWR4's own acceleration [rad/s²]; and a jerk [rad/s³] that reaches it
 #: in 4 ms
 ACCELERATION, JERK = 4.0, 1000.0
+#: slower than this no motion comes to an end [rad/s², rad/s³]
+SLOWEST = {"acceleration": 1e-3, "jerk": 1e-2}
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +48,12 @@ class Limits:
             values = getattr(self, name)
             if not (values > 0).all():
                 raise InputError(f"limits of {name} with {values.min():g} among them", "positive limits", "correct it")
+            if values.min() < SLOWEST.get(name, 0.0):
+                raise InputError(
+                    f"limits of {name} with {values.min():g} among them",
+                    f"{SLOWEST[name]:g} {'rad/s²' if name == 'acceleration' else 'rad/s³'} or more",
+                    "correct it: no motion would come to an end",
+                )
         if not (self.lower < self.upper).all():
             j = int(np.flatnonzero(self.lower >= self.upper)[0])
             raise InputError(

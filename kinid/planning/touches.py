@@ -23,6 +23,8 @@ Place = tuple[float, ...]
 
 #: more touches than this are more than one plan
 MOST = 20_000
+#: places closer than this are one [m]
+CLOSEST = 1e-5
 #: deeper than this [m] no tool of an arm reaches: somebody means millimetres
 DEEPEST = 0.3
 #: a tool that leans more than this touches with its side [rad]
@@ -132,9 +134,9 @@ def four_paths(length: float = 0.02, centre: Place = (0.0, 0.0), **options: Any)
 
 def grid(rows: int, columns: int, spacing: float, centre: Place = (0.0, 0.0)) -> list[Place]:
     """Places of a grid about a centre, along both tangents [m]."""
-    if not (rows > 0 and columns > 0 and np.isfinite(spacing) and spacing > 0):
+    if not (rows > 0 and columns > 0 and np.isfinite(spacing) and spacing >= CLOSEST):
         found = f"a grid of {rows} × {columns} places {spacing} m apart"
-        raise InputError(found, "one place at least, a positive spacing", "correct it")
+        raise InputError(found, f"one place at least, a spacing of {CLOSEST:g} m or more", "correct it")
     if rows * columns > size_limit(MOST):
         raise InputError(
             f"a grid of {rows} × {columns} places {spacing} m apart",

@@ -257,6 +257,16 @@ def test_a_position_that_stands_alone_is_passed_over(lattice: float) -> None:
     np.testing.assert_allclose(turned.value[:, 0], kink, atol=2e-5)
 
 
+def test_positions_written_with_few_digits_lie_on_a_lattice_still() -> None:
+    """Steps of 5.1444 µrad in hundredths of a µrad: each gap is off by a little, and long ones by more."""
+    rng = np.random.default_rng(9)
+    t = np.cumsum(1e-3 + 1e-4 * rng.standard_normal(20_000))
+    truth = 0.1 * np.sin(1.3 * t) * (np.sin(0.2 * t) > 0.0)  # at rest for half of the time
+    q = np.round(np.round((truth[:, None] + [0.0, 1.8]) / 5.1444e-6) * 5.1444e-6, 8)
+    smoothed = smooth_motion(t, q, [slice(0, len(t))])
+    np.testing.assert_allclose(smoothed.facts["step"], 5.1444e-6, rtol=1e-4)
+
+
 def test_an_axis_at_rest_on_two_values_stays_there() -> None:
     """An encoder of an axis at rest shows the value beside its own now and then; the other axes go on moving."""
     t = np.arange(4000) * 0.004
