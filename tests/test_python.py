@@ -177,6 +177,80 @@ def test_a_file_that_is_no_fit_is_refused_in_one_line(text: str, says: str, tmp_
     assert len(str(refused.value)) < 400
 
 
+def changed(facts: Any, *path: Any) -> Any:
+    """The facts with another value at the end of a path of keys; without it where the value is `...`."""
+    *keys, last, value = path
+    out = json.loads(json.dumps(facts))
+    inner = out
+    for key in keys:
+        inner = inner[key]
+    if value is ...:
+        del inner[last]
+    else:
+        inner[last] = value
+    return out
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        ("error", ...),
+        ("error", "held_out", -1.0),
+        ("error", "held_out", True),
+        ("error", "unit", "kg"),
+        ("warnings", {}),
+        ("rest", [1]),
+        ("layout", "channels", ["a"]),
+        ("parameters", "kelvin-voigt.stiffness", ...),
+        ("parameters", "kelvin-voigt.stiffness", {"value": -1.0, "low": -2.0, "high": 0.0, "unit": "N/m"}),
+        ("parameters", "kelvin-voigt.stiffness", {"value": 1e9, "low": 0.0, "high": 2e9, "unit": "N/m"}),
+    ],
+    ids=str,
+)
+def test_a_fit_with_a_field_that_cant_be_is_refused(fit: kinid.Fit, path: Any, tmp_path: Path) -> None:
+    file = tmp_path / "fit.json"
+    file.write_text(json.dumps(changed(fit.to_save(), *path)), encoding="utf-8")
+    with pytest.raises(kinid.InputError) as refused:
+        kinid.Fit.load(file)
+    assert len(str(refused.value)) < 400
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        ("verdict", "missing?"),
+        ("says", ...),
+        ("steps", []),
+        ("steps", 0, "model", ["hertz"]),
+        ("steps", 0, "explained", 3.0),
+        ("error", "after", -1.0),
+        ("error", "before", 7.5),
+        ("error", "unit", "kg"),
+        ("added", ["no-such-effect"]),
+        ("effects", []),
+        ("effects", 0, "id", "no-such-effect"),
+        ("effects", 0, "evidence", "much"),
+        ("where", 0, "share", 3.0),
+        ("left", {}),
+        ("tolerance", -1.0),
+        ("explained", 7.0),
+    ],
+    ids=str,
+)
+def test_a_diagnosis_with_a_field_that_cant_be_is_refused(results: dict[str, Any], path: Any, tmp_path: Path) -> None:
+    file = tmp_path / "found.json"
+    file.write_text(json.dumps(changed(results["diagnosis"].to_dict(), *path)), encoding="utf-8")
+    with pytest.raises(kinid.InputError) as refused:
+        kinid.Diagnosis.load(file)
+    assert len(str(refused.value)) < 400
+
+
+def test_none_is_no_contact_law() -> None:
+    assert kinid.Model("none", "tool-mass").names == ("tool-mass",)
+    with pytest.raises(kinid.InputError, match="'none' beside hooke"):
+        kinid.Model("none", "hooke")
+
+
 WRONG: dict[str, Callable[[Any], object]] = {
     "read": lambda _: kinid.read(5),  # type: ignore[arg-type]
     "read, rig": lambda _: kinid.read("log.csv", "rig.toml"),  # type: ignore[arg-type]

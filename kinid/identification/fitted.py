@@ -91,6 +91,7 @@ class FittedModel(Shown):
         path = Path(path)
         facts = fit_facts(path)
         model, parameters = estimates_in(facts, path)
+        layout = layout_in(facts, path)
         known = checked(facts, SavedFit, path, WHAT, MEND)
         error = (known.error.train, known.error.held_out, known.error.noise_floor)
         train, held_out, noise = (np.nan if value is None else value for value in error)
@@ -99,7 +100,7 @@ class FittedModel(Shown):
             parameters,
             FitError(train, held_out, noise, known.error.unit),
             tuple(known.warnings),
-            layout_in(facts, path),
+            layout,
             rest_in(facts, path),
         )
 

@@ -41,6 +41,17 @@ def test_an_error_that_was_not_foreseen_is_one_line_and_a_file(run, monkeypatch,
     assert report.stat().st_mode & 0o077 == 0  # it may hold names of the user's files
 
 
+@pytest.mark.parametrize("after", [0.15, 0.3, 0.6])
+def test_ctrl_c_while_modules_are_loaded_shows_no_traceback(after: float) -> None:
+    code = WITH_SIGINT + "import sys; sys.argv = ['kinid', 'doctor']; from kinid.__main__ import run; run()"
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as running:
+        time.sleep(after)
+        running.send_signal(signal.SIGINT)
+        _, said = running.communicate(timeout=60)
+    assert b"Traceback" not in said
+    assert running.returncode in (0, 130)
+
+
 @pytest.mark.parametrize("text", ["[" * 100_000, '{"a":' * 100_000, "1" + "0" * 5000])
 def test_json_that_is_nested_or_long_beyond_measure_is_bad_input(run, log, text):
     (log.parent / "fit.json").write_text(text, encoding="utf-8")

@@ -78,6 +78,12 @@ def test_a_tolerance_that_is_none_is_refused(tester: Tester, tolerance: float) -
         kinid.diagnose(tester.log(tester.kelvin_voigt()), RIG, model=kinid.Model("kelvin-voigt"), tolerance=tolerance)
 
 
+def test_a_tolerance_beyond_all_readings_is_doubted(tester: Tester) -> None:
+    log = tester.log(strange(tester, 0.3))
+    found = kinid.diagnose(log, RIG, model=kinid.Model("kelvin-voigt"), max_effects=0, tolerance=1000.0)
+    assert any("more than the readings' own root mean square" in doubt for doubt in found.warnings)
+
+
 def test_none_at_all_may_be_left_of_noise(tester: Tester) -> None:
     """A tolerance of nought is one: of a right model nothing is left beside noise that chance would not make."""
     found = kinid.diagnose(tester.log(tester.kelvin_voigt()), RIG, model=kinid.Model("kelvin-voigt"), tolerance=0.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import threading
 
 import numpy as np
@@ -11,6 +12,7 @@ import trimesh
 from pyarrow import parquet
 
 from kinid.errors import InputError
+from kinid.mapping import property_map
 from kinid.mapping.map_file import is_map
 from kinid.mapping.property_map import Probe, Property, PropertyMap
 from kinid.robotics.surface import Mesh, Plane
@@ -168,6 +170,49 @@ def test_values_that_no_map_has_are_refused(column, values, says, tmp_path):
     parquet.write_table(table.set_column(table.column_names.index(column), column, pa.array(values)), path)
     with pytest.raises(InputError, match=says):
         PropertyMap.read(path)
+
+
+@pytest.mark.parametrize(
+    ("column", "change", "says"),
+    [
+        ("along1", lambda x: x + 0.01, "of different places"),
+        ("x", lambda x: x + 10.0, "10 m off its plane"),
+        ("noise", lambda x: x - 1.0, "a noise of -"),
+    ],
+)
+def test_columns_that_contradict_each_other_are_refused(column, change, says, tmp_path):
+    path = tmp_path / "m.parquet"
+    rng = np.random.default_rng(0)
+    PropertyMap(Plane(np.array([0.5, 0.0, 0.0]), AXES), PROPERTIES, tuple(probe(k, rng) for k in range(3))).write(path)
+    table = parquet.read_table(path)
+    changed = pa.array(change(np.nan_to_num(table[column].to_numpy())))
+    parquet.write_table(table.set_column(table.column_names.index(column), column, changed), path)
+    with pytest.raises(InputError, match=says):
+        PropertyMap.read(path)
+
+
+def test_a_unit_that_no_such_parameter_has_is_refused(tmp_path):
+    path = tmp_path / "m.parquet"
+    wrong = (Property("stiffness", "kg"), *PROPERTIES[1:])
+    PropertyMap(Plane(np.array([0.5, 0.0, 0.0]), AXES), wrong, (probe(0, np.random.default_rng(0)),)).write(path)
+    with pytest.raises(InputError, match="stiffness in kg"):
+        PropertyMap.read(path)
+
+
+def test_a_probe_that_stands_there_twice_is_refused(tmp_path):
+    path = tmp_path / "m.parquet"
+    one = dataclasses.replace(probe(0, np.random.default_rng(0)), digest="a" * 64)
+    PropertyMap(Plane(np.array([0.5, 0.0, 0.0]), AXES), PROPERTIES, (one, one)).write(path)
+    with pytest.raises(InputError, match="stands there twice"):
+        PropertyMap.read(path)
+
+
+def test_a_field_of_more_probes_than_can_be_is_refused(monkeypatch):
+    monkeypatch.setattr(property_map, "MOST_PROBES", 2)
+    rng = np.random.default_rng(0)
+    made = PropertyMap(Plane(np.array([0.5, 0.0, 0.0]), AXES), PROPERTIES, tuple(probe(k, rng) for k in range(3)))
+    with pytest.raises(InputError, match="3 probes of stiffness"):
+        made.interpolator("stiffness")
 
 
 @pytest.mark.parametrize(
