@@ -6,17 +6,16 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from kinid.data.log import Log
 from kinid.data.rig import WRENCH
 from kinid.signal.noise import white_noise
-from kinid.signal.stuck import frozen, noisy
+from kinid.signal.stuck import jumps, noisy, one_frozen
 
 Array = NDArray[np.float64]
 
-#: samples of the median that a jump stands out of; by so many times the noise, and this share of the usual range
-BESIDE, JUMP_NOISE, OF_RANGE = 5, 50.0, 0.3
+#: a jump is further than this share of the usual range; logs of fewer samples say nothing
+OF_RANGE, FEWEST_SAMPLES = 0.3, 20
 #: a channel of one sign is cut off where it is exactly zero in more than this share of samples; others are so many
 CUT, FEWEST = 0.01, 50
 #: labels of phases are fewer than this
@@ -34,7 +33,7 @@ def channel_doubts(log: Log) -> list[str]:
     if log.wrench is None or log.q is None or not log.valid.any():
         return []
     wrench, t = np.asarray(log.wrench)[log.valid], log.t[log.valid]
-    if len(t) < 4 * BESIDE:
+    if len(t) < FEWEST_SAMPLES:
         return []
     return (
         _phases(log)
@@ -109,35 +108,26 @@ def _lost(t: Array, wrench: Array) -> list[str]:
 
 def _frozen(t: Array, wrench: Array) -> list[str]:
     """One channel that repeats a reading while the others go on."""
-    for i, (name, column) in enumerate(zip(WRENCH, wrench.T)):
-        others = np.r_[False, (np.diff(np.delete(wrench, i, axis=1), axis=0) != 0.0).any(axis=1)]
-        held = frozen(t, column[:, None], others)
-        if held is None:
-            continue
-        inside = (t >= held[0]) & (t <= held[0] + held[1])
-        value = column[inside][0]
-        ends = value in (column.min(), column.max())  # at the end of its range it is cut off, not frozen
-        if ends or not noisy(column[~inside]):
-            continue
-        return [
-            f"{name} repeats one reading for {held[1]:.2g} s from {held[0]:.4g} s on, while the sensor's other "
-            "channels go on: that channel stood still; leave it empty in these rows, or record anew"
-        ]
-    return []
+    changed = np.diff(wrench, axis=0, prepend=wrench[:1]) != 0.0
+    held = one_frozen(t, wrench, lambda k: np.delete(changed, k, axis=1).any(axis=1))
+    if held is None:
+        return []
+    channel, since, duration = held
+    return [
+        f"{WRENCH[channel]} repeats one reading for {duration:.2g} s from {since:.4g} s on, while the sensor's other "
+        "channels go on: that channel stood still; leave it empty in these rows, or record anew"
+    ]
 
 
 def _jumps(t: Array, wrench: Array) -> list[str]:
     """Readings that jump and return at once, further than the channel usually ranges."""
     for name, unit, column in zip(WRENCH, ("N", "N", "N", "N·m", "N·m", "N·m"), wrench.T):
-        if not noisy(column):
-            continue
-        jump = np.abs(column - median_filter(column, BESIDE, mode="nearest"))
         usual = float(np.ptp(np.quantile(column, [0.01, 0.99])))
-        many = int(np.sum(jump > max(JUMP_NOISE * white_noise(column), OF_RANGE * usual, 1e-12)))
-        if many:
-            row = int(np.argmax(jump))
+        found = jumps(column, OF_RANGE * usual) if noisy(column) else None
+        if found is not None:
+            many, row, size = found
             return [
-                f"{name} jumps by {jump[row]:.3g} {unit} and returns at once ({many} sample{'s' * (many > 1)}, the "
-                f"largest at {t[row]:.4g} s), as no touch does: spikes on the line; leave these readings empty"
+                f"{name} jumps by {size:.3g} {unit} and returns at once ({many} sample{'s' * (many > 1)}, the largest "
+                f"at {t[row]:.4g} s), as no touch does: spikes on the line; leave these readings empty"
             ]
     return []

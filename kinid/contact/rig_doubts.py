@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from kinid.data.log import Log
 from kinid.data.rig import Rig
 from kinid.robotics.robot import Robot
 from kinid.signal.noise import is_noise, white_noise
+from kinid.signal.stuck import jumps
 
 Array = NDArray[np.float64]
 
@@ -21,10 +21,8 @@ NOISIER = 4.0
 FARTHEST_TURN = 8.0 * np.pi
 #: a velocity is taken over so long [s]; it is beyond the limit by this factor, in more than one sample in a hundred
 WINDOW, BEYOND, USUAL = 0.04, 1.5, 0.99
-#: a position that jumps and returns at once does so by more than this [rad], and so many times the noise
-JUMP, JUMP_NOISE = 0.02, 50.0
-#: samples of the median that a jump stands out of
-BESIDE = 5
+#: a position that jumps and returns at once does so by more than this [rad or m]; fewer samples say nothing
+JUMP, FEWEST = 0.02, 10
 
 
 def rig_doubts(log: Log, rig: Rig, robot: Robot) -> list[str]:
@@ -110,17 +108,16 @@ def _too_fast(log: Log, robot: Robot) -> list[str]:
 
 def _jumps(log: Log) -> list[str]:
     """Positions that jump and return at once, which no joint does."""
-    q = np.asarray(log.q)[log.valid]
-    if len(q) < 2 * BESIDE:
+    t, q = log.t[log.valid], np.asarray(log.q)[log.valid]
+    if len(q) < FEWEST:
         return []
     for j, one in enumerate(q.T):
-        jump = np.abs(one - median_filter(one, BESIDE, mode="nearest"))
-        many = int(np.sum(jump > max(JUMP, JUMP_NOISE * white_noise(one))))
-        if many:
-            row = int(np.argmax(jump))
+        found = jumps(one, JUMP)
+        if found is not None:
+            many, row, size = found
             return [
-                f"q{j + 1} jumps by {jump[row]:.3g} and returns at once ({many} sample{'s' * (many > 1)}, the largest "
-                f"at {log.t[log.valid][row]:.4g} s), which no joint does: those readings count for nothing; leave them "
-                "empty, or check the line"
+                f"q{j + 1} jumps by {size:.3g} and returns at once ({many} sample{'s' * (many > 1)}, the largest at "
+                f"{t[row]:.4g} s), which no joint does: those readings count for nothing; leave them empty, or check "
+                "the line"
             ]
     return []

@@ -15,7 +15,7 @@ from kinid.data.log import Log
 from kinid.data.plausible import ELECTRIC, TORQUE
 from kinid.data.rig import Rig
 from kinid.robotics.inverse_dynamics import JointTorques
-from kinid.signal.stuck import constant, frozen, noisy
+from kinid.signal.stuck import constant, noisy, one_frozen
 
 Array = NDArray[np.float64]
 
@@ -147,14 +147,13 @@ def _factor(measured: Array, predicted: Array) -> float:
 
 
 def _frozen(t: Array, measured: Array, predicted: Array) -> list[str]:
-    """One channel that repeats a reading while the others go on."""
+    """One channel that repeats a reading while the joints go on."""
     moved = np.r_[False, (np.diff(predicted, axis=0) != 0.0).any(axis=1)]
-    for j in range(measured.shape[1]):
-        held = frozen(t, measured[:, [j]], moved)
-        if held is None or not noisy(measured[(t < held[0]) | (t > held[0] + held[1]), j]):
-            continue
-        return [
-            f"tau{j + 1} repeats one reading for {held[1]:.2g} s from {held[0]:.4g} s on, while the joints move: the "
-            "channel stood still; leave it empty in these rows, or record anew"
-        ]
-    return []
+    held = one_frozen(t, measured, lambda _: moved)
+    if held is None:
+        return []
+    joint, since, duration = held
+    return [
+        f"tau{joint + 1} repeats one reading for {duration:.2g} s from {since:.4g} s on, while the joints move: the "
+        "channel stood still; leave it empty in these rows, or record anew"
+    ]

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
-from kinid.signal.noise import is_noise
+from kinid.signal.noise import is_noise, white_noise
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -14,6 +17,8 @@ Mask = NDArray[np.bool_]
 LIVE = 0.5
 #: a stretch of repeated readings is one that froze from this duration on [s], if it is so many times the usual one
 FROZEN, UNUSUAL = 0.2, 10.0
+#: samples of the median that a jump stands out of, by so many times the noise
+BESIDE, JUMP_NOISE = 5, 50.0
 
 
 def constant(readings: Array) -> Mask:
@@ -47,6 +52,34 @@ def frozen(t: Array, readings: Array, moving: Mask) -> tuple[float, float] | Non
     begin, last = stretch
     duration = float(t[last] - t[begin])
     return (float(t[begin]), duration) if duration > FROZEN and np.mean(moving[begin + 1 : last + 1]) > LIVE else None
+
+
+def one_frozen(t: Array, readings: Array, moving: Callable[[int], Mask]) -> tuple[int, float, float] | None:
+    """The first channel that repeats a reading while others go on: which, since when and for how long [s].
+
+    One that repeats the end of its range is cut off, not frozen.
+
+    Args:
+        t: time [s], (n,). readings: (n, k). moving: rows before which something beside a channel moved, (n,).
+    """
+    for k, channel in enumerate(readings.T):
+        held = frozen(t, channel[:, None], moving(k))
+        if held is None:
+            continue
+        inside = (t >= held[0]) & (t <= held[0] + held[1])
+        if channel[inside][0] not in (channel.min(), channel.max()) and noisy(channel[~inside]):
+            return k, *held
+    return None
+
+
+def jumps(channel: Array, least: float) -> tuple[int, int, float] | None:
+    """Readings (n,) that jump and return at once, further than `least` and many times the noise: how many, the row and
+    the size of the largest.
+    """
+    jump = np.abs(channel - median_filter(channel, BESIDE, mode="nearest"))
+    many = int(np.sum(jump > max(least, JUMP_NOISE * white_noise(channel))))
+    row = int(np.argmax(jump))
+    return (many, row, float(jump[row])) if many else None
 
 
 def longest_repeat(same: Mask) -> tuple[int, int] | None:
