@@ -31,11 +31,13 @@ def run() -> None:
 
     # what is registered first is called last: the command line is imported behind it
     atexit.register(leave)
-    # nothing is begun while modules are loaded: Ctrl-C ends the process as it does any other
-    loading = signal.signal(signal.SIGINT, lambda *_: os._exit(130))
+    # nothing is begun while modules are loaded: Ctrl-C ends the process as it does any other, where it isn't ignored
+    handler = signal.getsignal(signal.SIGINT)
+    if handler is signal.default_int_handler:
+        signal.signal(signal.SIGINT, lambda *_: os._exit(130))
     from kinid.cli import main
 
-    signal.signal(signal.SIGINT, loading)
+    signal.signal(signal.SIGINT, handler)
     try:
         main()
     except SystemExit as end:
