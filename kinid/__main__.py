@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import _thread
 import atexit
 import contextlib
 import os
 import signal
 import sys
+import threading
 import warnings
 
 
@@ -29,6 +31,14 @@ def run() -> None:
                 stream.flush()
         os._exit(code)
 
+    def again(lost: sys.UnraisableHookArgs) -> None:
+        # Ctrl-C came where nothing can be raised, as in the middle of an import: it comes once more
+        if issubclass(lost.exc_type, KeyboardInterrupt):
+            threading.Timer(0.02, _thread.interrupt_main).start()
+        else:
+            sys.__unraisablehook__(lost)
+
+    sys.unraisablehook = again
     # what is registered first is called last: the command line is imported behind it
     atexit.register(leave)
     # nothing is begun while modules are loaded: Ctrl-C ends the process as it does any other, where it isn't ignored
