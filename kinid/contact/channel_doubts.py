@@ -47,12 +47,12 @@ def channel_doubts(log: Log) -> list[str]:
 
 def _phases(log: Log) -> list[str]:
     """Labels of what was done that are as many as readings are."""
-    if log.phase is None or len(set(log.phase.tolist())) <= MOST_PHASES:
+    labels = set() if log.phase is None else set(log.phase.tolist())
+    if log.phase is None or len(labels) <= MOST_PHASES:
         return []
-    many, first = len(set(log.phase.tolist())), str(log.phase[0])[:20]
     return [
-        f"phase holds {many} different labels, as {first}: it is another column; name its own in [columns] of the rig, "
-        "or leave it out"
+        f"phase holds {len(labels)} different labels, as {str(log.phase[0])[:20]}: it is another column; name its own "
+        "in [columns] of the rig, or leave it out"
     ]
 
 

@@ -59,10 +59,11 @@ def contact_doubts(log: Log, rig: Rig, robot: Robot | None, touch: ContactSeries
                 f"the tip is {deepest:.3g} m inside the surface: check [surface] point and normal, which points out of "
                 "the material, and [robot] tip_frame"
             )
-        away = np.hypot(touch.slip1, touch.slip2)[touch.in_contact & touch.valid]
-        if len(away) and float(np.median(away)) > FARTHEST:
+        places = np.hypot(touch.slip1, touch.slip2)[touch.in_contact & touch.valid]
+        away = float(np.median(places)) if len(places) else 0.0
+        if away > FARTHEST:
             out.append(
-                f"touches lie {float(np.median(away)):.3g} m beside [surface] point, further than the arm reaches from "
+                f"touches lie {away:.3g} m beside [surface] point, further than the arm reaches from "
                 "its base: correct it, in m and in the base's axes"
             )
     if stuck:  # shows as any of those behind it

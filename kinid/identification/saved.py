@@ -14,10 +14,9 @@ from kinid.effects._signals import RestForm
 from kinid.errors import InputError
 from kinid.inputs import read_json
 from kinid.modeling.model import Model
+from kinid.modeling.reference_motions import CHANNELS
 from kinid.writers import Json
 
-#: channels of a contact frame
-FRAME = ("normal_force", "tangential_force1", "tangential_force2")
 WHAT, MEND = "what fit.save or kinid fit --json wrote", "fit anew and save that"
 
 
@@ -72,7 +71,7 @@ def layout_in(facts: Json, path: Path) -> Layout:
     kind: Kind | None = next((known for known in get_args(Kind) if known == found.get("kind")), None)
     if not (isinstance(channels, list) and channels and isinstance(joints, list) and kind):
         raise InputError(f"no layout of channels in {path}", f"{WHAT}, of this version", MEND)
-    known = {"wrench": WRENCH, "contact": FRAME}.get(kind)
+    known = {"wrench": WRENCH, "contact": CHANNELS}.get(kind)
     if known is not None and not set(map(str, channels)) <= set(known):
         raise InputError(f"channels {str(channels)[:60]} of a {kind} in {path}", f"of {', '.join(known)}", MEND)
     return Layout(tuple(map(str, channels)), kind, tuple(map(str, joints)))

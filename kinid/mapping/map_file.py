@@ -15,6 +15,7 @@ from kinid.errors import InputError, check_name
 from kinid.inputs import check_regular, parse_json
 from kinid.mapping.property_map import Probe, Property, PropertyMap
 from kinid.mapping.surface_facts import surface_from_dict, surface_to_dict
+from kinid.modeling.reference_motions import CHANNELS
 from kinid.robotics.surface import Plane
 from kinid.writers import Json, replacing
 
@@ -29,7 +30,7 @@ TEXTS = ("source", "digest")
 #: no place of a plane's map is further off it than this [m]; places in two kinds of coordinates agree to that
 OFF_SURFACE, SAME_PLACE = 0.1, 1e-6
 #: channels that mapped parameters are of
-CONTACT = Layout(("normal_force", "tangential_force1", "tangential_force2"), "contact")
+CONTACT = Layout(CHANNELS, "contact")
 
 
 def write_map(made: PropertyMap, path: Path) -> None:
