@@ -28,10 +28,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Outputs:
-    """Where a session goes: a recording, a map, a port of the server, JSON; None for what isn't asked for."""
+    """Where a session goes: a recording, a map (and what its estimators start from), a port of the server, JSON; None
+    for what isn't asked for.
+    """
 
     record: Path | None
     map_file: Path | None
+    prior: Path | None
     port: int | None
     json_file: Path | None
 
@@ -78,6 +81,13 @@ def live(
         Path | None,
         typer.Option("--map", help="Map that touches join as they end, and start from.", show_default=False),
     ] = None,
+    prior: Annotated[
+        Path | None,
+        typer.Option(
+            help="Map that estimators start from, too, and that doesn't grow: of kinid map or kinid picture.",
+            show_default=False,
+        ),
+    ] = None,
     serve: Annotated[
         bool, typer.Option("--serve", help="Serve the session to Foxglove, on this machine alone.")
     ] = False,
@@ -109,7 +119,7 @@ def live(
 
     path = _log_of(source)
     rig = rig or (path.parent / "rig.toml" if path is not None else None)
-    check_outputs((record, json_file, map_file), (path, rig))
+    check_outputs((record, json_file, map_file), (path, rig, prior))
     if record is not None and record.suffix.lower() != ".mcap":
         raise InputError(f"--record {record.name}", "a name ending in .mcap", "rename it")
     if map_file is not None:
@@ -121,7 +131,7 @@ def live(
         for file in (map_file, record):
             if file is not None:
                 alone.enter_context(alone_with(file))
-        outputs = Outputs(record, map_file, port if serve else None, json_file)
+        outputs = Outputs(record, map_file, prior, port if serve else None, json_file)
         _run(opened, the_rig, robot, names, outputs, duration, tare, bandwidth, quiet)
 
 
@@ -247,10 +257,13 @@ def _sinks(
     server = None if outputs.port is None else _server(outputs.port, robot, out)
     sinks: list[Sink] = [] if server is None else [server]
     try:
-        if outputs.map_file is not None:
+        if outputs.map_file is not None or outputs.prior is not None:
             from kinid.live.growing import Growing
+            from kinid.mapping.property_map import PropertyMap
 
-            sinks.append(Growing(outputs.map_file, pipeline, rig, opened.name, None if server is None else server.show))
+            prior = None if outputs.prior is None else PropertyMap.read(outputs.prior)
+            show = None if server is None else server.show
+            sinks.append(Growing(outputs.map_file, pipeline, rig, opened.name, show, prior))
         if outputs.record is not None:
             sinks.append(_recorder(outputs.record, opened, rig, robot, list(pipeline.model), bandwidth))
     except Exception:

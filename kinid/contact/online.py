@@ -20,10 +20,10 @@ from kinid.data.rig import CONTACT, Rig
 from kinid.errors import InputError, near
 from kinid.estimators._machine import Machine, Online
 from kinid.estimators.estimate import Estimate
-from kinid.kernels import causal
+from kinid.kernels import causal, on_mesh
 from kinid.kernels import chain as kernel
 from kinid.robotics.robot import Robot
-from kinid.robotics.surface import Plane
+from kinid.robotics.surface import Mesh, Plane, Surface
 from kinid.robotics.surface import load as load_surface
 from kinid.robotics.wrench import packed_tool
 
@@ -43,28 +43,28 @@ class Stepper(Protocol):
 
 
 class OnlineContact:
-    """Contact-frame quantities of a plane, sample by sample, with the kernel that logs are worked on with.
+    """Contact-frame quantities of a plane or a mesh, sample by sample, with the kernel that logs are worked on with.
 
     Velocities and accelerations that the loop doesn't give come from causal first-order low-passes of the stated
-    bandwidth, each of which delays by 1/(2π·bandwidth) seconds. Nothing is allocated once it is built.
+    bandwidth, whose lag is taken away (see `kinid.kernels.causal.advance`): motion of up to a quarter of the bandwidth
+    is followed to a tenth. Nothing is allocated once it is built.
 
     Args:
-        rig: with a robot, a plane, and what is known of tool and sensor.
+        rig: with a robot, a surface, and what is known of tool and sensor.
         bandwidth: of that filter [Hz].
         contact_force: normal force from which the tool counts as touching [N].
 
     Raises:
-        InputError: a rig without robot or plane.
+        InputError: a rig without robot or surface.
     """
 
     def __init__(
         self, rig: Rig, *, robot: Robot | None = None, bandwidth: float = 40.0, contact_force: float = 0.1
     ) -> None:
         surface = load_surface(rig)
-        if not isinstance(surface, Plane):
-            raise InputError(
-                "a rig without a plane", "[surface] point and normal", "work on meshes offline, with contact_series"
-            )
+        if surface is None:
+            raise InputError("a rig without a surface", "[surface] point and normal, or mesh", "add what is touched")
+        plane, sheet = _on(surface)
         robot = robot or Robot.load(rig)
         if robot.sensor_frame is None or robot.tip_frame is None:
             raise InputError(f"{robot.name} without sensor or tip frame", "both", "name them in [robot] of the rig")
@@ -78,11 +78,13 @@ class OnlineContact:
             robot.tip_in_sensor(),
             np.concatenate([np.linalg.inv(rig.sensor.crosstalk_matrix).ravel(), rig.sensor.stated_bias]),
             packed_tool(rig, robot),
-            surface.packed(),
+            plane,
             robot.compliance.ravel(),
             2 * np.pi * bandwidth,
             contact_force,
+            sheet,
         )
+        self._surface = surface
         self._room = causal.carve(self.store)
         self._step = causal.compile_step()
         self.quantities: Array = self._room.quantities
@@ -100,6 +102,14 @@ class OnlineContact:
     def touching(self) -> bool:
         """Whether the last sample was in contact; False where its force isn't known."""
         return bool(self.quantities[kernel.NORMAL] > self.threshold)
+
+    @property
+    def place(self) -> Array:
+        """The surface's point nearest to the tip at the last sample, base frame, (3,) [m]."""
+        if isinstance(self._surface, Plane):
+            slips = self.quantities[[kernel.SLIP1, kernel.SLIP2]]
+            return np.asarray(self._surface.point + slips @ self._surface.axes[:2])
+        return np.array(on_mesh.sheet_of(self._room.sheet).found[:3])
 
     def step(
         self,
@@ -255,6 +265,14 @@ class OnlineEstimator:
     def _value(self, row: int) -> float | bool:
         """A quantity of the last sample, as a Python number."""
         return self.contact.touching if row == causal.FLAG else self.contact.quantities.item(row)
+
+
+def _on(surface: Surface) -> tuple[Array, Array]:
+    """The plane and the sheet of `causal.build`."""
+    if isinstance(surface, Plane):
+        return surface.packed(), np.empty(0)
+    assert isinstance(surface, Mesh)  # there is no third
+    return on_mesh.BASE_FRAME, surface.packed()
 
 
 def _row(name: str) -> int:

@@ -70,7 +70,7 @@ def load_effect(path: Path) -> type[Effect]:
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # dataclasses look their module up
     try:
-        with _importing(str(path), "a Python file that holds one effect", "mend the file"):
+        with _importing(str(path), "a Python file that holds one effect", "mend the file"), _no_bytecode():
             spec.loader.exec_module(module)
     except InputError:
         del sys.modules[name]
@@ -90,6 +90,16 @@ def _importing(what: str, expected: str, mend: str) -> Iterator[None]:
     except BaseException as error:
         line = f"{type(error).__name__}: {error}".removesuffix(": ")
         raise InputError(f"{what} can't be imported ({line})", expected, mend) from error
+
+
+@contextmanager
+def _no_bytecode() -> Iterator[None]:
+    """Nothing is written into a folder of a user's own by reading it."""
+    before, sys.dont_write_bytecode = sys.dont_write_bytecode, True
+    try:
+        yield
+    finally:
+        sys.dont_write_bytecode = before
 
 
 def only_effect(module: ModuleType, file_name: str) -> type[Effect]:

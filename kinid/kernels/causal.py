@@ -4,9 +4,10 @@ All that a contact remembers is one float64 array, its store, because what a cal
 arguments:
 
     head (6) | columns (N) | prismatic (N) | turns 9 (N + 1) | shifts 3 (N + 1) | tip (3) | reader (42) | tool (16)
-    | plane (12) | compliance (9) | motion 3 N | quantities (9) | scratch
+    | plane (12) | compliance (9) | motion 3 N | low-passes 3 N | quantities (9) | scratch | sheet
 
-for N joints; what isn't named here is as in `kinid.kernels.chain.contacts`.
+for N joints, the sheet of a mesh as in `kinid.kernels.on_mesh`; what isn't named here is as in
+`kinid.kernels.chain.contacts`.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import numpy as np
 from numba import float64, int64, njit, types
 from numpy.typing import NDArray
 
-from kinid.kernels import chain
+from kinid.kernels import chain, mesh, on_mesh
 from kinid.kernels.cached import stamp
 
 Array = NDArray[np.float64]
@@ -58,8 +59,10 @@ class Contact(NamedTuple):
     plane: Array
     compliance: Array
     motion: Array  # position, velocity, acceleration, (3, N)
+    passed: Array  # velocities behind one low-pass, accelerations behind two and three, (3, N)
     quantities: Array
     scratch: Array
+    sheet: Array  # empty on a plane
 
 
 def carve(store: Array) -> Contact:
@@ -67,7 +70,9 @@ def carve(store: Array) -> Contact:
     n = int(store[JOINTS])
     joints, rest = store[6:], store[6 + 14 * n + 12 :]
     turns, shifts, motion = joints[2 * n :], joints[11 * n + 9 :], rest[82:]
-    quantities = motion[3 * n :]
+    quantities = motion[6 * n :]
+    scratch = quantities[QUANTITIES:]
+    size = (3 * n + 36) * chain.BLOCK
     return Contact(
         store[:6],
         joints[:n],
@@ -80,8 +85,10 @@ def carve(store: Array) -> Contact:
         rest[61:73],
         rest[73:82],
         motion[: 3 * n].reshape(3, n),
+        motion[3 * n : 6 * n].reshape(3, n),
         quantities[:QUANTITIES],
-        quantities[QUANTITIES:],
+        scratch[:size],
+        scratch[size:],
     )
 
 
@@ -97,13 +104,14 @@ def build(
     compliance: Array,
     cutoff: float,
     touching: float,
+    sheet: Array,
 ) -> Array:
-    """A store at rest that has seen no sample; arguments as the parts."""
+    """A store at rest that has seen no sample; arguments as the parts. On a mesh the plane is `BASE_FRAME`."""
     n = len(columns)
     bends, cleans = chain.needed.py_func(reader, compliance)  # type: ignore[attr-defined]
     head = (-math.inf, cutoff, touching, float(bends), float(cleans), float(n))
-    room = np.zeros(3 * n + QUANTITIES + (3 * n + 36) * chain.BLOCK)
-    parts = (head, columns, prismatic, turns, shifts, tip, reader, tool, plane, compliance, room)
+    room = np.zeros(6 * n + QUANTITIES + (3 * n + 36) * chain.BLOCK)
+    parts = (head, columns, prismatic, turns, shifts, tip, reader, tool, plane, compliance, room, sheet)
     return np.concatenate([np.asarray(part, dtype=np.float64).ravel() for part in parts])
 
 
@@ -111,26 +119,35 @@ _carve = njit(forceinline=True)(carve)
 
 
 @njit(error_model="numpy", forceinline=True)
-def advance(t: float, q: Array, dq: Array, ddq: Array, head: Array, columns: Array, motion: Array) -> None:
+def advance(
+    t: float, q: Array, dq: Array, ddq: Array, head: Array, columns: Array, motion: Array, passed: Array
+) -> None:
     """Take in one sample of joint positions; arguments as `take`.
 
-    Velocities that aren't given are differences through a first-order low-pass, accelerations those of the velocities
-    through another; the first sample starts at rest.
+    Velocities that aren't given are differences through a first-order low-pass, accelerations differences of these
+    through a second and a third. What each low-pass is late by, the next derivative takes away, so that what
+    accelerates evenly, or with an even jerk, is followed without a lag. The first sample starts at rest.
     """
     dt = t - head[TIME]
     first = dt == np.inf
     gain = 0.0 if first else head[CUTOFF] * dt / (1.0 + head[CUTOFF] * dt)
+    if first:
+        passed[:] = 0.0
     for j in range(columns.shape[0]):
         i = int(columns[j])
-        before = motion[1, j]
+        before = passed[0, j]
         if len(dq) > 0:
-            motion[1, j] = dq[i]
-        else:
-            motion[1, j] = 0.0 if first else before + gain * ((q[i] - motion[0, j]) / dt - before)
-        if len(ddq) > 0:
-            motion[2, j] = ddq[i]
-        else:
-            motion[2, j] = 0.0 if first else motion[2, j] + gain * ((motion[1, j] - before) / dt - motion[2, j])
+            passed[0, j] = dq[i]
+        elif not first:
+            passed[0, j] += gain * ((q[i] - motion[0, j]) / dt - before)
+        if not first:
+            passed[1, j] += gain * ((passed[0, j] - before) / dt - passed[1, j])
+            passed[2, j] += gain * (passed[1, j] - passed[2, j])
+        # lags of the velocity: that of its low-pass, and half a period of the difference
+        lag = 0.0 if first or len(dq) > 0 else 1.0 / head[CUTOFF] + 0.5 * dt
+        jerk = head[CUTOFF] * (passed[1, j] - passed[2, j])
+        motion[1, j] = passed[0, j] + lag * passed[1, j]
+        motion[2, j] = ddq[i] if len(ddq) > 0 else passed[2, j] + (2.0 / head[CUTOFF] + lag) * jerk
         motion[0, j] = q[i]
     head[TIME] = t
 
@@ -161,7 +178,8 @@ def take(t: float, q: Array, wrench: Array, dq: Array, ddq: Array, store: Array)
     if not fine:
         room.quantities[:] = np.nan
         return NOT_FINITE
-    advance(t, q, dq, ddq, room.head, room.columns, room.motion)
+    first = room.head[TIME] == -np.inf
+    advance(t, q, dq, ddq, room.head, room.columns, room.motion, room.passed)
     block = chain.BLOCK
     end_x, end_w = 3 * n * block, (3 * n + 24) * block
     x, w = room.scratch[:end_x], room.scratch[end_x:end_w]
@@ -175,6 +193,10 @@ def take(t: float, q: Array, wrench: Array, dq: Array, ddq: Array, store: Array)
     out = room.quantities.reshape(QUANTITIES, 1)
     scratch = chain.Scratch(x, w, f, o)
     chain.contact_block(0, 1, True, bends, cleans, scratch, room, QUANTITIES, out)
+    if len(room.sheet) > 0:
+        if first:
+            room.sheet[on_mesh.SEEN] = 0.0
+        on_mesh.onto_mesh(room.sheet, room.quantities)
     return FINE
 
 
@@ -198,7 +220,7 @@ _GIVEN = types.Array(float64, 1, "A", readonly=True)
 _RAW = (float64, _GIVEN, _GIVEN, _GIVEN, _GIVEN, float64[::1])
 
 #: names the cache of compiled code, which on its own would miss a change in what is inlined
-_SOURCES = stamp(sys.modules[__name__], chain)
+_SOURCES = stamp(sys.modules[__name__], chain, mesh, on_mesh)
 
 
 def _step(t: float, q: Array, wrench: Array, dq: Array, ddq: Array, store: Array) -> int:

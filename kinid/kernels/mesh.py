@@ -230,18 +230,23 @@ def _squared(x: float, y: float, z: float, tri: Array) -> float:
 
 
 @kernel
-def _find(x: float, y: float, z: float, tree: MeshTree, start: int, nodes: Index, gaps: Array) -> int:
-    """The triangle closest to a point; `start` gives the first bound, on a path nearly the answer."""
+def _find(x: float, y: float, z: float, tree: MeshTree, start: int, stack: Array) -> int:
+    """The triangle closest to a point; `start` gives the first bound, on a path nearly the answer.
+
+    Args:
+        stack: scratch, (2, depth + 2): nodes that wait, and the squared gap to each.
+    """
     best = start
     bound = _squared(x, y, z, tree.corners[start])
     m, leaves = tree.corners.shape[0], 1 << tree.depth
-    nodes[0], gaps[0] = 1, _gap(x, y, z, tree.box[1])
+    nodes, gaps = stack[0], stack[1]
+    nodes[0], gaps[0] = 1.0, _gap(x, y, z, tree.box[1])
     top = 1
     while top > 0:
         top -= 1
         if gaps[top] >= bound:
             continue
-        node = nodes[top]
+        node = int(nodes[top])
         if node >= leaves:
             leaf = node - leaves
             for k in range((leaf * m) >> tree.depth, ((leaf + 1) * m) >> tree.depth):
@@ -276,72 +281,119 @@ def _fade(x: float) -> float:
 @kernel
 def _unit(vector: Array, otherwise: Array) -> None:
     """Bring a vector (3,) to unit length; one without a direction becomes the other vector."""
-    size = np.sqrt(np.sum(vector**2))
-    if size > 1e-9:
-        vector /= size
-    else:
-        vector[:] = otherwise
+    size = np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
+    for j in range(3):
+        vector[j] = vector[j] / size if size > 1e-9 else otherwise[j]
 
 
 @kernel
-def _smooth(k: int, weights: Array, point: Array, tree: MeshTree, normal: Array) -> None:
+def _smooth(k: int, weights: tuple[float, float, float], point: Array, tree: MeshTree, normal: Array) -> None:
     """Write the smooth normal (3,) at a point of triangle k with these barycentric weights."""
-    gap = weights * tree.height[k]
-    e = int(np.argmin(gap))
+    height = tree.height[k]
+    gap = weights[0] * height[0], weights[1] * height[1], weights[2] * height[2]
+    e = _least(gap)
     d1, d2 = gap[e], min(gap[(e + 1) % 3], gap[(e + 2) % 3])
     share = _fade(max(d1 / tree.edge_radius[k, e], 2.0 * d1 / (d1 + d2))) if d2 > 0.0 else 0.0
-    normal[:] = tree.normal[k] + share * tree.across[k, e]
+    for j in range(3):
+        normal[j] = tree.normal[k, j] + share * tree.across[k, e, j]
     _unit(normal, tree.normal[k])  # on the edge of a fold by 180° there is no other
     for v in range(3):
-        share = _fade(np.sqrt(np.sum((point - tree.corners[k, v]) ** 2)) / tree.corner_radius[k, v])
+        corner = tree.corners[k, v]
+        away = (point[0] - corner[0]) ** 2 + (point[1] - corner[1]) ** 2 + (point[2] - corner[2]) ** 2
+        share = _fade(np.sqrt(away) / tree.corner_radius[k, v])
         if share > 0.0:  # for one corner at most: their balls are disjoint
-            normal[:] = (1.0 - share) * normal + share * tree.corner_normal[k, v]
+            for j in range(3):
+                normal[j] = (1.0 - share) * normal[j] + share * tree.corner_normal[k, v, j]
             _unit(normal, tree.normal[k])
+
+
+@kernel
+def _least(three: tuple[float, float, float]) -> int:
+    """The first of the smallest of three numbers."""
+    if three[0] <= three[1] and three[0] <= three[2]:
+        return 0
+    return 1 if three[1] <= three[2] else 2
+
+
+@kernel
+def locate(x: float, y: float, z: float, tree: MeshTree, start: int, stack: Array, found: Array) -> int:
+    """What of the mesh is closest to a finite point; allocates nothing.
+
+    Args:
+        tree: or whatever else has its attributes. start, stack: as `_find`.
+        found: the closest point, signed distance, its gradient, and the smooth normal, (10,), to be filled.
+
+    Returns:
+        The triangle, in the tree's order: the start for the next point of a path.
+    """
+    k: int = _find(x, y, z, tree, start, stack)
+    tri = tree.corners[k]
+    weights = _weights(x, y, z, tri)
+    point, gradient = found[:3], found[4:7]
+    for j in range(3):
+        point[j] = weights[0] * tri[0, j] + weights[1] * tri[1, j] + weights[2] * tri[2, j]
+    dx, dy, dz = x - point[0], y - point[1], z - point[2]
+
+    zeros = (weights[0] == 0.0) + (weights[1] == 0.0) + (weights[2] == 0.0)
+    for j in range(3):
+        outward = tree.normal[k, j]
+        if zeros == 1:
+            outward += tree.across[k, _least(weights), j]
+        elif zeros == 2:
+            outward = tree.corner_normal[k, _least((-weights[0], -weights[1], -weights[2])), j]
+        gradient[j] = outward
+    if zeros == 0:
+        # above a face the gradient is its normal, without the rounding of a difference
+        found[3] = _dot(x - tri[0, 0], y - tri[0, 1], z - tri[0, 2], gradient[0], gradient[1], gradient[2])
+    else:
+        distance = np.sqrt(dx * dx + dy * dy + dz * dz)
+        sign = 1.0 if _dot(dx, dy, dz, gradient[0], gradient[1], gradient[2]) >= 0.0 else -1.0
+        found[3] = sign * distance
+        if distance > 1e-12:
+            gradient[0], gradient[1], gradient[2] = sign * dx / distance, sign * dy / distance, sign * dz / distance
+        else:  # on the edge itself any direction between the faces is a gradient
+            _unit(gradient, tree.normal[k])
+    _smooth(k, weights, point, tree, found[7:])
+    return k
+
+
+@kernel
+def axes_of(normal: Array, rule: Array, axes: Array) -> None:
+    """Write tangent1, tangent2 and normal (9,) for a normal (3,).
+
+    Args:
+        rule: the wanted first tangent (3,), the cosine between it and the normal from which the other is taken, and the
+            other (3,).
+    """
+    along = abs(_dot(normal[0], normal[1], normal[2], rule[0], rule[1], rule[2]))
+    wanted = rule[4:] if along >= rule[3] else rule[:3]
+    out = _dot(normal[0], normal[1], normal[2], wanted[0], wanted[1], wanted[2])
+    x, y, z = wanted[0] - out * normal[0], wanted[1] - out * normal[1], wanted[2] - out * normal[2]
+    size = np.sqrt(_dot(x, y, z, x, y, z))
+    axes[0], axes[1], axes[2] = x / size, y / size, z / size
+    axes[3] = normal[1] * axes[2] - normal[2] * axes[1]
+    axes[4] = normal[2] * axes[0] - normal[0] * axes[2]
+    axes[5] = normal[0] * axes[1] - normal[1] * axes[0]
+    axes[6], axes[7], axes[8] = normal[0], normal[1], normal[2]
+
+
+@kernel
+def all_axes(normals: Array, rule: Array, out: Array) -> None:
+    """`axes_of` for normals (n, 3), into (n, 9)."""
+    for i in range(normals.shape[0]):
+        axes_of(normals[i], rule, out[i])
 
 
 @kernel
 def _closest(points: Array, tree: MeshTree, out: Closest) -> None:
     """Fill `out` for points (n, 3)."""
-    nodes = np.empty(tree.depth + 2, dtype=np.int64)
-    gaps = np.empty(tree.depth + 2)
-    weights = np.empty(3)
-    outward = np.empty(3)
+    stack, found = np.empty((2, tree.depth + 2)), np.empty(10)
     last = 0
     for i in range(points.shape[0]):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         if not np.isfinite(x + y + z):
             continue
-        k = _find(x, y, z, tree, last, nodes, gaps)
-        last = k
-        tri = tree.corners[k]
-        weights[0], weights[1], weights[2] = _weights(x, y, z, tri)
-        squared = 0.0
+        last = locate(x, y, z, tree, last, stack, found)
+        out.face[i], out.distance[i] = tree.face[last], found[3]
         for j in range(3):
-            out.point[i, j] = weights[0] * tri[0, j] + weights[1] * tri[1, j] + weights[2] * tri[2, j]
-            squared += (points[i, j] - out.point[i, j]) ** 2
-        out.face[i] = tree.face[k]
-
-        zeros = int(np.sum(weights == 0.0))
-        outward[:] = tree.normal[k]
-        if zeros == 1:
-            outward += tree.across[k, int(np.argmin(weights))]
-        elif zeros == 2:
-            outward[:] = tree.corner_normal[k, int(np.argmax(weights))]
-        side = 0.0
-        for j in range(3):
-            side += (points[i, j] - out.point[i, j]) * outward[j]
-        if zeros == 0:
-            # above a face the gradient is its normal, without the rounding of a difference
-            side = _dot(x - tri[0, 0], y - tri[0, 1], z - tri[0, 2], outward[0], outward[1], outward[2])
-            out.distance[i] = side
-            out.gradient[i] = outward
-        else:
-            distance = np.sqrt(squared)
-            sign = 1.0 if side >= 0.0 else -1.0
-            out.distance[i] = sign * distance
-            if distance > 1e-12:
-                out.gradient[i] = sign * (points[i] - out.point[i]) / distance
-            else:  # on the edge itself any direction between the faces is a gradient
-                _unit(outward, tree.normal[k])
-                out.gradient[i] = outward
-        _smooth(k, weights, out.point[i], tree, out.normal[i])
+            out.point[i, j], out.gradient[i, j], out.normal[i, j] = found[j], found[4 + j], found[7 + j]

@@ -6,17 +6,17 @@ Its bits are those of `kinid.live.events`.
 
 from __future__ import annotations
 
-import hashlib
 import math
+import sys
 from collections.abc import Callable
-from pathlib import Path
 from types import FunctionType
 
 import numpy as np
 from numba import float64, int64, njit, types
 from numpy.typing import NDArray
 
-from kinid.kernels import causal, chain
+from kinid.kernels import causal, chain, mesh, on_mesh
+from kinid.kernels.cached import stamp
 from kinid.kernels.types import Compiled
 from kinid.live.events import ABOVE, CHANGE, DIVERGENCE, EXCITATION, LEAVE, SATURATED, TOUCH
 
@@ -269,9 +269,7 @@ def _learn(
 
 
 _GIVEN = types.Array(float64, 1, "A", readonly=True)
-_SOURCES = hashlib.sha256(
-    b"".join(Path(file).read_bytes() for file in (__file__, causal.__file__, chain.__file__))
-).hexdigest()[:12]
+_SOURCES = stamp(sys.modules[__name__], causal, chain, mesh, on_mesh)
 
 
 def compile_learn(once: Compiled, parameters: int, friction_once: Compiled) -> Callable[..., int]:

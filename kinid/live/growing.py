@@ -1,4 +1,4 @@
-"""A property map that a session's touches join as they end, and that its estimators start from."""
+"""A property map that a session's touches join as they end, and what its estimators start from."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from kinid.live.sink import Sink
 from kinid.mapping.probes import SHORTEST, same_surface
 from kinid.mapping.property_map import Probe, Property, PropertyMap
 from kinid.modeling.model import Model
-from kinid.robotics.surface import Plane
+from kinid.robotics.surface import Mesh, Plane
 from kinid.robotics.surface import load as load_surface
 from kinid.writers import Json
 
@@ -35,55 +35,64 @@ FORCES = ("normal_force", "tangential_force1", "tangential_force2")
 class Growing(Sink):
     """A map on disk that grows: a touch joins it as it ends, or as a border or a jump ends what it was.
 
-    As something is touched, and behind a border, the estimators start from what the map holds nearest to that place;
-    how much it may differ there is `pipeline.SPREAD`. Of a touch its last valid estimates are kept: what was never
-    valid is left open, and a touch without any, or shorter than `probes.SHORTEST`, joins nothing.
+    As something is touched, and behind a border, the estimators start from what is known nearest to that place, from
+    this map or from one of before; how much it may differ there is `pipeline.SPREAD`. Of a touch its last valid
+    estimates are kept: what was never valid is left open, and a touch without any, or shorter than `probes.SHORTEST`,
+    joins nothing.
 
     Args:
-        path: of the map, which goes on where it is one of the same model and surface. pipeline: whose touches they are.
-        rig: with the plane that is touched. source: of the samples, for people.
+        path: of the map, which goes on where it is one of the same model and surface; None keeps it in memory alone.
+        pipeline: whose touches they are.
+        rig: with the surface that is touched. source: of the samples, for people.
         show: is handed the map whenever it has grown.
+        prior: a map to start from that doesn't grow: of another day, or predicted from a picture.
 
     Attributes:
         map: as it is now. joining: times that touches took to join [ns]. started: how often estimators started from it.
 
     Raises:
-        InputError: a file that holds no map, or that of another model or surface.
+        InputError: a file that holds no map, or that of another model or surface; a prior on another surface.
     """
 
     def __init__(
         self,
-        path: Path,
+        path: Path | None,
         pipeline: Pipeline,
         rig: Rig,
         source: str,
         show: Callable[[PropertyMap], None] | None = None,
+        prior: PropertyMap | None = None,
     ) -> None:
         super().__init__("map")
         self._path, self._pipeline, self._source, self._show = path, pipeline, source, show
         self._noise = max(rig.sensor.noise[:3]) if rig.sensor.noise else float("nan")
-        plane = load_surface(rig)
-        assert isinstance(plane, Plane)  # the pipeline asked for it
+        surface = load_surface(rig)
+        assert isinstance(surface, Plane | Mesh)  # the pipeline asked for one
         model = Model(*pipeline.model)
         properties = _properties(pipeline.model)
-        self.map = PropertyMap(plane, properties, (), str(model))
-        if path.is_file():
+        self.map = PropertyMap(surface, properties, (), str(model))
+        if path is not None and path.is_file():
             self.map = PropertyMap.read(path)
             there = [p.name for p in self.map.properties]
             if (
                 self.map.model != str(model)
                 or there != [p.name for p in properties]
-                or not same_surface(self.map.surface, plane)
+                or not same_surface(self.map.surface, surface)
             ):
                 raise InputError(
                     f"a map of {self.map.model}, perhaps on another surface, at {path}",
-                    f"a map of {model} on the rig's plane",
+                    f"a map of {model} on the rig's surface",
                     "write to another file",
                 )
+        if prior is not None and not same_surface(prior.surface, surface):
+            raise InputError(
+                "a prior on another surface than the rig's", "one surface", "take the rig that the prior was made with"
+            )
+        self._prior = prior
         self._places = self.map.places
-        self._plane, self._written = plane, len(self.map)
+        self._surface, self._written = surface, len(self.map)
         self.joining, self.started = Latencies(), 0
-        self._sum, self._first, self._last = np.zeros(3), 0, 0
+        self._sum, self._first, self._last = np.zeros(4), 0, 0
         self._valid: dict[str, Estimate] = {}
         if show is not None and len(self.map):
             show(self.map)
@@ -98,7 +107,7 @@ class Growing(Sink):
             return
         # the deeper, the more a place says about the estimate
         weight = max(float(values["depth"]), 0.0) + 1e-9
-        self._sum += weight * np.array([values["slip1"], values["slip2"], 1.0])
+        self._sum += weight * np.append(self._pipeline.place, 1.0)
         self._first = self._first or stamp
         self._last = stamp
         self._valid |= {part: e for part, e in self._pipeline.estimates.items() if e.valid}
@@ -108,7 +117,7 @@ class Growing(Sink):
         if event.kind not in ("touch", "leave", "reopened"):
             return
         begin = time.perf_counter_ns()
-        near = None if event.kind == "leave" else self._nearest(event.place)
+        near = None if event.kind == "leave" else self._nearest()
         if self._join():
             self.joining.add(time.perf_counter_ns() - begin)
         self._begin()
@@ -117,22 +126,32 @@ class Growing(Sink):
             self.started += 1
 
     def _begin(self) -> None:
-        self._sum, self._first, self._last, self._valid = np.zeros(3), 0, 0, {}
+        self._sum, self._first, self._last, self._valid = np.zeros(4), 0, 0, {}
 
-    def _nearest(self, place: Sequence[float]) -> dict[str, float] | None:
-        """What the map holds nearest to a place along the plane's tangents [m]; None where it holds nothing."""
-        if not len(self._places) or not np.isfinite(place[:2]).all():
+    def _nearest(self) -> dict[str, float] | None:
+        """What is known nearest to where the tool is, in the map or the prior; None where nothing is."""
+        at, nearest, least = self._pipeline.place, None, np.inf
+        if not np.isfinite(at).all():
             return None
-        at = self._plane.point + np.asarray(place[:2]) @ self._plane.axes[:2]
-        probe = self.map.probes[int(np.argmin(((self._places - at) ** 2).sum(axis=1)))]
+        known_maps = [(self.map, self._places)]
+        if self._prior is not None:
+            known_maps.append((self._prior, self._prior.places))
+        for known_map, places in known_maps:
+            away = ((places - at) ** 2).sum(axis=1)
+            if len(away) and away.min() < least:
+                nearest, least = (known_map.properties, known_map.probes[int(np.argmin(away))]), away.min()
+        if nearest is None:
+            return None
+        properties, probe = nearest
         known = np.isfinite(np.diag(probe.covariance))
-        return {p.name: float(v) for p, v, is_known in zip(self.map.properties, probe.values, known) if is_known}
+        return {p.name: float(v) for p, v, is_known in zip(properties, probe.values, known) if is_known}
 
     def _join(self) -> bool:
         """The touch so far as a probe; whether it was one."""
         if not self._valid or self._last - self._first < 1e9 * SHORTEST:
             return False
-        flat = self._sum[:2] / self._sum[2]
+        # a mean of points of a curved surface lies beside it
+        place = self._surface.locate(self._sum[:3] / self._sum[3]).closest[0]
         names = [p.name for p in self.map.properties]
         values, covariance = np.zeros(len(names)), np.diag(np.full(len(names), np.inf))
         for estimate in self._valid.values():
@@ -142,7 +161,6 @@ class Growing(Sink):
                 for j, m in rows:
                     covariance[i, j] = estimate.covariance[k, m]
         normal = self._valid.get("normal")
-        place = self._plane.point + flat @ self._plane.axes[:2]
         probe = Probe(
             place,
             values,
@@ -166,7 +184,7 @@ class Growing(Sink):
     def _commit(self) -> None:
         """The map as it is now on disk, whole or not at all; in the thread."""
         now = self.map
-        if len(now) != self._written:
+        if self._path is not None and len(now) != self._written:
             now.write(self._path)
             self._written = len(now)
 

@@ -69,7 +69,7 @@ class Pipeline:
     """From aligned samples to quantities, estimates and events.
 
     Args:
-        rig: with a robot, a plane, and what is known of tool and sensor.
+        rig: with a robot, a surface, and what is known of tool and sensor.
         model: names of effects that a recursive estimator follows: a contact law, friction.
         bandwidth: of the velocities that the stream lacks [Hz], as in `OnlineContact`.
         watch: when something is told.
@@ -80,7 +80,7 @@ class Pipeline:
         quantities: contact quantities of the last sample, in the order of `CONTACT`; overwritten by the next.
 
     Raises:
-        InputError: a rig without robot or plane, or a model that isn't estimated live.
+        InputError: a rig without robot or surface, or a model that isn't estimated live.
     """
 
     def __init__(
@@ -96,6 +96,7 @@ class Pipeline:
         law = _law(model)
         noise = UNSTATED_NOISE if rig.sensor.noise is None else max(1e-4, *rig.sensor.noise[:3])
         on = max(LEAST_FORCE, TOUCHES * noise) if contact_force is None else contact_force
+        self._noise = noise
         self.rig, self.model, self.watch = rig, tuple(model), watch or Watch()
         self.contact = OnlineContact(rig, robot=robot, bandwidth=bandwidth, contact_force=on)
         self.normal: Machine = (
@@ -115,6 +116,11 @@ class Pipeline:
     def touching(self) -> bool:
         """Whether the tool touches, with hysteresis."""
         return bool(self._watch_state[kernels.TOUCHING] > 0.0)
+
+    @property
+    def place(self) -> Array:
+        """The surface's point nearest to the tip at the last sample, base frame, (3,) [m]."""
+        return self.contact.place
 
     @property
     def free(self) -> bool:
@@ -170,22 +176,24 @@ class Pipeline:
 
     def reopen(self) -> None:
         """Open both estimators' covariance: what was learnt stays as a start, which the next samples may overrule."""
-        reopen(self.normal)
+        reopen(self.normal, self._noise)
         reopen_friction(self.friction.room.state, SPREAD)
 
     def start(self, values: Mapping[str, float]) -> None:
         """Start from what is known of another place, each value with the standard deviation `SPREAD`.
 
         Args:
-            values: by the names of the parameters; estimators of which one is missing go on as they are.
+            values: by the names of the parameters. Of a law that isn't linear all are needed, else the stiffness at
+                least; without them an estimator goes on as it is.
         """
-        names = self.normal.names
-        if all(name in values for name in names) and values[names[0]] > 0.0:
-            known = np.array([values[name] for name in names])
+        names, state = self.normal.names, self.normal.room.state
+        known = np.array([name in values for name in names])
+        if known[0] and values[names[0]] > 0.0 and (known.all() or "exponent" not in names):
+            given = np.array([values.get(name, 0.0) for name in names])
             if "exponent" in names:  # that machine keeps the logarithm of its law
-                known = logarithmic(Prior(known, np.eye(3)), math.log(SingleStage().reference_depth), 1.0).values
-            self.normal.room.state[: len(names)] = known
-            reopen(self.normal)
+                given = logarithmic(Prior(given, np.eye(3)), math.log(SingleStage().reference_depth), 1.0).values
+            state[: len(names)] = given
+            reopen(self.normal, self._noise, known)
         if "friction" in values:
             self.friction.room.state[0] = values["friction"]
             reopen_friction(self.friction.room.state, SPREAD)
@@ -208,11 +216,19 @@ class Pipeline:
         state[kernels.LAST_TIME] = 0.0
 
 
-def reopen(machine: Machine) -> None:
-    """Give an estimator its values with the standard deviation `SPREAD` of each, as if nothing else were known."""
+def reopen(machine: Machine, force_noise: float, known: NDArray[np.bool_] | None = None) -> None:
+    """Give an estimator its values with the standard deviation `SPREAD` of each, as if nothing else were known.
+
+    Args:
+        force_noise: of a reading [N]: the first residuals of a touch show less by chance, or none.
+        known: which values are, (p,); the others are as open as at the beginning. None: all.
+    """
     state, p = machine.room.state, len(machine.names)
-    noise = max(float(machine.room.record[2 * p + 1]), 1e-12)
+    shown = float(machine.room.record[2 * p + 1])
+    noise = max(shown if math.isfinite(shown) else 0.0, force_noise**2)
     unit = np.minimum(np.maximum((SPREAD * state[:p]) ** 2, 1e-12) / noise, machine.room.limit)
+    if known is not None:
+        unit = np.where(known, unit, machine.room.limit)
     state[p : 2 * p] = unit
     state[2 * p : 2 * p + p * p] = np.eye(p).ravel()
     state[2 * p + p * p : 3 * p + p * p] = unit

@@ -185,7 +185,22 @@ class Mesh(Surface):
         from kinid.kernels import mesh
 
         found = mesh.closest(points, self.tree)
-        return Located(-found.distance, found.gradient, _frames(found.normal, self.tangent), found.point)
+        axes = np.empty((len(found.normal), 9))
+        mesh.all_axes(found.normal, self._tangent_rule(), axes)
+        return Located(-found.distance, found.gradient, axes.reshape(-1, 3, 3), found.point)
+
+    def packed(self) -> Array:
+        """For the step of a loop (`kinid.kernels.on_mesh`)."""
+        from kinid.kernels import on_mesh
+
+        return on_mesh.pack(self.tree, self._tangent_rule())
+
+    def _tangent_rule(self) -> Array:
+        """The rule of the first tangent as `kinid.kernels.mesh.axes_of` takes it, (7,)."""
+        if self.tangent is None:
+            return np.array([1.0, 0.0, 0.0, 0.9, 0.0, 1.0, 0.0])
+        wanted = self.tangent / np.linalg.norm(self.tangent)
+        return np.concatenate([wanted, [0.999], np.eye(3)[np.abs(wanted).argmin()]])
 
 
 def load(rig: Rig) -> Surface | None:
@@ -371,17 +386,3 @@ def _check(vertices: Array, faces: Index, slivers: int, source: str) -> tuple[st
     if (width := float(np.ptp(vertices, axis=0).max())) > WIDE:
         notes.append(f"{source} is {width:.4g} m wide: a rig's mesh is in m, many mesh files are in mm")
     return tuple(notes)
-
-
-def _frames(normal: Array, tangent: Array | None) -> Array:
-    """Rows tangent1, tangent2, normal for normals (n, 3), by the rule of `Mesh`, (n, 3, 3)."""
-    if tangent is None:
-        wanted, limit = np.array([1.0, 0.0, 0.0]), 0.9
-        other = np.array([0.0, 1.0, 0.0])
-    else:
-        wanted, limit = tangent / np.linalg.norm(tangent), 0.999
-        other = np.eye(3)[np.abs(wanted).argmin()]
-    t1 = np.where((np.abs(normal @ wanted) >= limit)[:, None], other, wanted)
-    t1 = t1 - np.einsum("ni,ni->n", t1, normal)[:, None] * normal
-    t1 /= np.linalg.norm(t1, axis=1, keepdims=True)
-    return np.stack([t1, np.cross(normal, t1), normal], axis=1)

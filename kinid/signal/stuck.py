@@ -76,8 +76,13 @@ def jumps(channel: Array, least: float) -> tuple[int, int, float] | None:
     """Readings (n,) that jump and return at once, further than `least` and many times the noise: how many, the row and
     the size of the largest.
     """
+    # a median is a neighbour, at most BESIDE // 2 steps away: without a step of that share there is no jump
+    steps = float(np.max(np.abs(np.diff(channel)), initial=0.0)) * (BESIDE // 2)
+    if steps <= least:
+        return None
+    least = max(least, JUMP_NOISE * white_noise(channel))
     jump = np.abs(channel - median_filter(channel, BESIDE, mode="nearest"))
-    many = int(np.sum(jump > max(least, JUMP_NOISE * white_noise(channel))))
+    many = int(np.sum(jump > least))
     row = int(np.argmax(jump))
     return (many, row, float(jump[row])) if many else None
 

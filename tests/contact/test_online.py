@@ -57,9 +57,10 @@ def test_velocities_of_its_own_are_near_the_true_ones(scripted: Scripted, rig: R
     online, rates = OnlineContact(rig), []
     for t, q, w in zip(scripted.log.t, scripted.log.q, scripted.log.wrench):  # type: ignore[arg-type]
         rates.append(online.step(float(t), q, w)[CONTACT.index("depth_rate")])
-    # a low-pass of 40 Hz delays by 4 ms: of a 4 Hz poke it loses 2π·4·0.004 = 10 %
+    # a low-pass of 40 Hz alone delays by 4 ms: of a 4 Hz poke it would lose 2π·4·0.004 = 10 %
     error = np.array(rates) - offline.depth_rate
-    assert np.sqrt(np.mean(error**2)) < 0.12 * np.sqrt(np.mean(offline.depth_rate**2))
+    print(f"depth rates differ by {100 * np.std(error) / np.std(offline.depth_rate):.2f} %")
+    assert np.sqrt(np.mean(error**2)) < 0.04 * np.sqrt(np.mean(offline.depth_rate**2))
 
 
 @pytest.mark.parametrize("kind", ["kelvin-voigt", "hunt-crossley", "friction"])
@@ -196,6 +197,24 @@ def test_accelerations_follow_the_velocities_that_are_given(rig: Rig) -> None:
     assert error[0] < error[1] < 0.12
 
 
+@pytest.mark.parametrize("hertz", [1.0, 3.0])
+def test_velocities_come_without_the_low_pass_s_lag(rig: Rig, hertz: float) -> None:
+    """Joint 2 swings: beside the low-pass of 40 Hz alone, which is late by 4 ms, hardly anything is missing."""
+    contact, exact = OnlineContact(rig, bandwidth=40.0), OnlineContact(rig)
+    t = np.arange(0.0, 3.0, 1e-3)
+    q = np.tile(np.deg2rad([0.0, -40.0, 0.0, 85.0, 0.0, -55.0, 0.0]), (len(t), 1))
+    dq = np.zeros_like(q)
+    q[:, 1] += 0.01 * np.sin(2 * np.pi * hertz * t)
+    dq[:, 1] = 0.01 * 2 * np.pi * hertz * np.cos(2 * np.pi * hertz * t)
+    rate, none = CONTACT.index("depth_rate"), np.zeros(6)
+    truth = np.array([exact.step(t[k], q[k], none, dq[k])[rate] for k in range(len(t))])[1000:]
+    found = np.array([contact.step(t[k], q[k], none)[rate] for k in range(len(t))])[1000:]
+    share = np.std(found - truth) / np.std(truth)
+    late = 2 * np.pi * hertz * 4.5e-3  # of the low-pass and of a difference, in parts of the swing
+    print(f"{hertz:g} Hz: rate wrong by {100 * share:.2f} %, by {100 * late:.1f} % where it is late")
+    assert share < 2.0 * late**2
+
+
 @pytest.mark.parametrize("bad", [0.0, -1.0, np.nan, np.inf, -np.inf], ids=["again", "backward", "nan", "inf", "-inf"])
 def test_time_that_does_not_grow_is_refused_and_changes_nothing(scripted: Scripted, rig: Rig, bad: float) -> None:
     loops = [OnlineEstimator(OnlineContact(rig), KelvinVoigt().online()) for _ in range(2)]
@@ -305,6 +324,6 @@ def test_scheduled_forgetting_needs_a_time_and_has_it(scripted: Scripted, rig: R
     assert loop.update(0.0, q, w).status is Status.NO_CONTACT
 
 
-def test_a_rig_without_a_plane_is_refused() -> None:
-    with pytest.raises(InputError, match="plane"):
+def test_a_rig_without_a_surface_is_refused() -> None:
+    with pytest.raises(InputError, match="without a surface"):
         OnlineContact(Rig.parse({"robot": {"model": "lwr4plus"}}))

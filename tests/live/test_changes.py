@@ -70,8 +70,8 @@ def slide(
         stretch = float(np.clip(stretch + speed[i, 0] / RATE, -most, most))
         tangential[i] = -SHEAR * stretch
     force = np.column_stack([tangential, np.zeros_like(t), normal]) @ rig.axes
-    still = robot.kinematics("ft_sensor", q, np.zeros_like(q), np.zeros_like(q))
-    wrench = tool_load(rig.tool, still, robot.gravity)
+    dq = np.gradient(q, t, axis=0)
+    wrench = tool_load(rig.tool, robot.kinematics("ft_sensor", q, dq, np.gradient(dq, t, axis=0)), robot.gravity)
     in_sensor = np.einsum("nji,nj->ni", rotation, force)
     wrench[:, :3] += in_sensor
     wrench[:, 3:] += np.cross(robot.tip_in_sensor(), in_sensor)
@@ -131,9 +131,7 @@ def test_a_hundred_passes_of_plain_materials(path: tuple[np.ndarray, ...], robot
         borders += "border" in kinds
         jumps += "force-jump" in kinds
     print(f"{borders} of 100 passes with a false border, {jumps} with a false jump before them, while the depth shakes")
-    assert borders <= 1  # asked for
-    # soft materials whose damping force isn't small: a velocity that comes 4 ms late explains it badly
-    assert jumps <= 25
+    assert borders + jumps <= 1  # asked for
 
 
 def test_an_opened_estimator_follows_the_new_material(
