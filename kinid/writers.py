@@ -130,6 +130,10 @@ def check_folder(path: Path) -> None:
         raise InputError(f"no folder {path.absolute().parent}", "an existing folder for the output", "make it first")
 
 
+#: files that people write, and that results never replace
+SOURCES = (".toml", ".py", ".urdf", ".xacro")
+
+
 def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None]) -> None:
     """Refuse outputs that can't be written, that are one file, or that would replace what is read.
 
@@ -145,6 +149,12 @@ def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None])
         if path.exists() and not path.is_file():
             raise InputError(
                 f"output {path}, which is no regular file", "a file that can be replaced", "name another one"
+            )
+        if path.suffix.lower() in SOURCES and path.exists():
+            raise InputError(
+                f"output {path}, which is no result of kinid and would be lost",
+                "a name that is free, or a result's",
+                "rename the output",
             )
         if _real(path) in read:
             raise InputError(

@@ -208,6 +208,9 @@ def load(log: Path, rig: Path | None) -> tuple[Rig, Log, Robot | None]:
     from kinid.robotics.reading import read
 
     if rig is None and not rig_path(log, rig).is_file():
+        recorded = _recorded_rig(log)
+        if recorded is not None:
+            return _read_with(recorded, log)
         plain = Rig()
         the_log = read(log, plain)
         one_axis = the_log.q is not None and the_log.q.shape[1] == 1 and the_log.wrench is None
@@ -224,13 +227,27 @@ def load(log: Path, rig: Path | None) -> tuple[Rig, Log, Robot | None]:
                 "name it with --rig, or put rig.toml beside the log",
             )
         return plain, the_log, None
-    the_rig = Rig.load(rig_path(log, rig))
+    return _read_with(Rig.load(rig_path(log, rig)), log)
+
+
+def _recorded_rig(log: Path) -> Rig | None:
+    """The rig that a recording of `kinid live` holds."""
+    if log.suffix.lower() != ".mcap" or not log.is_file():
+        return None
+    from kinid.data.readers.mcap import recorded_rig
+
+    return recorded_rig(log)
+
+
+def _read_with(rig: Rig, log: Path) -> tuple[Rig, Log, Robot | None]:
+    from kinid.robotics.reading import read
+
     robot = None
-    if the_rig.robot is not None:
+    if rig.robot is not None:
         from kinid.robotics.robot import Robot
 
-        robot = Robot.load(the_rig)
-    return the_rig, read(log, the_rig, robot=robot), robot
+        robot = Robot.load(rig)
+    return rig, read(log, rig, robot=robot), robot
 
 
 def rig_path(log: Path, rig: Path | None) -> Path:

@@ -24,6 +24,8 @@ BAD_INPUT, UNFORESEEN, STOPPED, READER_GONE = 2, 70, 130, 141
 REFUSED_OUTPUT = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO, errno.EBADF)
 #: set by a shell that asks what a word can be completed to; the answer ends the process
 COMPLETION = "_KINID_COMPLETE"
+#: options of the library that write what a shell needs
+SHELLS = {"--show-completion", "--install-completion"}
 #: characters of a file's name that are shown
 LONGEST_NAME = 100
 #: names of modules that hold effects of the user's own begin so, see `kinid.effects`
@@ -55,6 +57,8 @@ def ended(command: Callable[[], int | None], words: Sequence[str], version: str)
         if isinstance(error, SystemExit):
             if COMPLETION in os.environ:
                 raise
+            if not error.code and SHELLS.intersection(words):  # the library has printed, and ends the process
+                return 0
             # the libraries that print end a program whose reader has gone
             error = error.__context__ if isinstance(error.__context__, BrokenPipeError) else error
         return _exit_code(error, words, version)

@@ -22,7 +22,7 @@ STEPS, SLOW, OUTLIER = 15, 64, 8
 PLACES = RING + 2 * STEPS
 
 #: what became of a sample: accepted; accepted behind a gap, behind a jump of its clock, or late but in order; left out
-#: because it is late, there already, or no finite number
+#: because it is late, there already, or no number that a sensor gives
 FINE, GAP, JUMP, DELAY, LATE, REPEATED, NOT_FINITE = range(7)
 
 #: longer than so many median steps is a gap, as for logs
@@ -34,6 +34,9 @@ JUMP_NS, BACK_NS, BACK = 250_000_000, 100_000_000, 3
 DELAY_NS, PROMPT_NS = 50_000_000, 20_000_000
 #: the smallest delay may rise so slowly: clocks that run apart by 200 ppm are none that jump
 DRIFT = 5000
+
+#: no joint and no sensor gives a number beyond it [rad, rad/s, N, N·m]
+FAR = 1e6
 
 #: samples of joints that are kept; wrench samples that can wait for them
 JOINT_SLOTS, WRENCH_SLOTS = 64, 256
@@ -201,7 +204,7 @@ def put(
             (width + 6); the sample itself: joints (width) and wrench (6).
         width: numbers of a joint sample. longest: between two joint samples that may be bridged [ns]; 0: so many median
             steps as for logs. offset: added to the wrench's stamps [ns].
-        stream: 0: joints, 1: wrench. n: so many numbers of the sample have to be finite.
+        stream: 0: joints, 1: wrench. n: so many numbers of the sample have to be below `FAR`.
 
     Returns:
         The stamp on the continuous clock; for anything but `FINE` minus the code, with the stamp in the clock's `LAST`.
@@ -209,7 +212,7 @@ def put(
     clock = whole[stream * PLACES : (stream + 1) * PLACES]
     first = len(real) - 6 if stream == 1 else len(real) - 6 - width
     for i in range(n):
-        if not abs(real[first + i]) < np.inf:
+        if not abs(real[first + i]) < FAR:
             return -NOT_FINITE
     code = admit(clock, stamp, received)
     if code < LATE:

@@ -40,10 +40,15 @@ REPORTED = SINCE + 4
 EXCITED = REPORTED + 4
 MEAN_SQUARES = EXCITED + 1
 LAST_TIME = MEAN_SQUARES + 2
-#: logarithm of force over depth on the way so far, and just now, and mean square of their difference; time on that way,
-#: and since it has changed [s]; and the way's velocity along both tangents [m/s]
-FAR_SECANT, NEAR_SECANT, SWING, ON_WAY, CHANGED, ALONG1, ALONG2 = range(LAST_TIME + 1, LAST_TIME + 8)
-PLACES = LAST_TIME + 8
+#: of a ratio on the way: its logarithm so far, and just now, and mean square of their difference; time on that way, and
+#: since it has changed [s]
+FAR, NEAR, SWING, ON_WAY, CHANGED = range(5)
+#: those of force over depth, and of tangential over normal force; and the way's velocity along both tangents [m/s]
+DEPTH_RATIO, FRICTION_RATIO, ALONG1, ALONG2 = LAST_TIME + 1, LAST_TIME + 6, LAST_TIME + 11, LAST_TIME + 12
+#: logarithm of force over depth to the law's power in this touch so far, mean square of what it leaves, its time [s], and
+#: the law's exponent and damping over stiffness so far; then of force over depth alone: its logarithm, and that swing
+USUAL_FORCE, FORCE_SWING, IN_TOUCH, EXPONENT, LOSS, USUAL_SECANT, SECANT_SWING = range(LAST_TIME + 13, LAST_TIME + 20)
+PLACES = LAST_TIME + 20
 
 #: samples in a row that make or end a touch; time constants of the mean squares that tell a divergence, and of the
 #: usual size of innovations [s]
@@ -60,9 +65,13 @@ REACH = 5e-3
 SLIDING, DEEP, STEEP = 5e-4, 3e-4, 0.5
 #: time constants of what force over depth was on the way, and is now; how long the way has to be before, and the change
 #: has to last [s]
-FAR_TIME, NEAR_TIME, WAY, LASTS = 1.0, 0.02, 0.4, 0.02
+FAR_TIME, NEAR_TIME, WAY, LASTS = 1.0, 0.01, 0.4, 0.006
 #: a depth that shakes makes force over depth swing, by damping: a change is beyond so many times its rms on the way
 BEYOND_SWING = 3.0
+#: damping over stiffness of a material that rests within so long is no longer damping [s]
+LONGEST = 0.1
+#: damping takes a force down to this share of it at most
+LEAST_LEFT = 0.2
 #: the way turns where it leaves its direction by 20°, or its speed by this share; both follow it so slowly [s]
 TURNED, BRAKED, FOLLOWS = 0.94, 0.3, 0.05
 #: an innovation counts for so many standard deviations at most, so that no single sample raises an alarm
@@ -71,7 +80,7 @@ CLIP = 6.0
 ALWAYS = 0.1
 VALID, NOT_EXCITED, NO_CONTACT, NOT_SLIDING, NOT_FINITE = 0, 2, 3, 7, 6
 
-_INNOVATION, _NOISE, _STATUS = -6, -5, -3
+_INNOVATION, _STATUS = -6, -3
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -79,7 +88,8 @@ def _begin(w: Compiled) -> None:
     """Look for changes anew, once the estimates have settled."""
     w[SUMS : SUMS + 4] = 0.0
     w[NORMAL_SINCE] = w[FRICTION_SINCE] = np.inf
-    w[ON_WAY] = w[CHANGED] = 0.0
+    w[DEPTH_RATIO + ON_WAY] = w[DEPTH_RATIO + CHANGED] = 0.0
+    w[FRICTION_RATIO + ON_WAY] = w[FRICTION_RATIO + CHANGED] = 0.0
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -146,30 +156,80 @@ def _turn(dt: float, quantities: Compiled, w: Compiled) -> None:
 
 @njit(error_model="numpy", forceinline=True)
 def _passes(dt: float, quantities: Compiled, w: Compiled) -> bool:
-    """Whether force over depth has changed on the way: a border that is as wide as the tip follows no single sample."""
+    """Whether force over depth, or friction over force, has changed on the way.
+
+    A border that is as wide as the tip follows no single sample, and of a small change the innovations say little.
+    """
     depth, force = quantities[chain.DEPTH], quantities[chain.NORMAL]
     speed = math.hypot(quantities[chain.SLIP_RATE1], quantities[chain.SLIP_RATE2])
     if w[TOUCHING] <= 0.0:
-        w[ON_WAY] = w[CHANGED] = 0.0
+        w[DEPTH_RATIO + ON_WAY] = w[DEPTH_RATIO + CHANGED] = 0.0
+        w[FRICTION_RATIO + ON_WAY] = w[FRICTION_RATIO + CHANGED] = 0.0
         return False
     if speed < SLIDING or depth < DEEP or force < w[ON] or abs(quantities[chain.DEPTH_RATE]) > STEEP * speed:
         return False
-    secant = math.log(force / depth)
-    if w[ON_WAY] == 0.0:
-        w[FAR_SECANT] = w[NEAR_SECANT] = secant
-        w[SWING] = 0.0
-    w[ON_WAY] += dt
-    w[NEAR_SECANT] += dt / (NEAR_TIME + dt) * (secant - w[NEAR_SECANT])
-    share = dt / (min(FAR_TIME, w[ON_WAY]) + dt)
-    w[FAR_SECANT] += share * (secant - w[FAR_SECANT])
-    away = w[NEAR_SECANT] - w[FAR_SECANT]
-    usual = BEYOND_SWING * math.sqrt(w[SWING])
-    w[SWING] += share * (away * away - w[SWING])
+    friction = math.hypot(quantities[chain.TANGENT1], quantities[chain.TANGENT2])
+    changed = _ratio_changed(dt, math.log(force / depth), w[DEPTH_RATIO:], w)
+    return bool(changed | (friction > w[ON] and _ratio_changed(dt, math.log(friction / force), w[FRICTION_RATIO:], w)))
+
+
+@njit(error_model="numpy", forceinline=True)
+def _ratio_changed(dt: float, ratio: float, at: Compiled, w: Compiled) -> bool:
+    """Whether the logarithm of a ratio has left its mean on the way, by more than it usually swings."""
+    if at[ON_WAY] == 0.0:
+        at[FAR] = at[NEAR] = ratio
+        at[SWING] = 0.0
+    at[ON_WAY] += dt
+    at[NEAR] += dt / (NEAR_TIME + dt) * (ratio - at[NEAR])
+    share = dt / (min(FAR_TIME, at[ON_WAY]) + dt)
+    at[FAR] += share * (ratio - at[FAR])
+    away = at[NEAR] - at[FAR]
+    usual = BEYOND_SWING * math.sqrt(at[SWING])
+    at[SWING] += share * (away * away - at[SWING])
     if abs(away) < max(w[SECANT_SHARE], usual):
-        w[CHANGED] = 0.0
+        at[CHANGED] = 0.0
         return False
-    w[CHANGED] += dt
-    return bool(w[CHANGED] >= LASTS and w[ON_WAY] >= WAY)
+    at[CHANGED] += dt
+    return bool(at[CHANGED] >= LASTS and at[ON_WAY] >= WAY)
+
+
+@njit(error_model="numpy", forceinline=True)
+def _is_above(dt: float, quantities: Compiled, normal: Compiled, parameters: int, w: Compiled) -> bool:
+    """Whether the force is above what this touch has shown at that depth: a stop behind the material, a collision.
+
+    A recursive estimate follows within tens of samples and would call any force its own. What is held against is the
+    mean over a second of ln f − n ln x, of the force without its damping, with the law's own exponent n and damping, of
+    which the same mean is taken; and of ln f − ln x alone, for exponent and damping may be wrong.
+    """
+    depth, force = quantities[chain.DEPTH], quantities[chain.NORMAL]
+    if w[TOUCHING] <= 0.0:
+        w[IN_TOUCH] = 0.0
+        return False
+    if depth < DEEP or force < w[ON]:
+        return False
+    w[IN_TOUCH] += dt
+    share = dt / (min(FAR_TIME, w[IN_TOUCH]) + dt)
+    first = w[IN_TOUCH] == dt
+    exponent = min(max(normal[2], 0.5), 3.0) if parameters > 2 else 1.0
+    loss = min(max(normal[1] / normal[0], 0.0), LONGEST) if normal[0] > 0.0 else 0.0
+    w[EXPONENT] = exponent if first else w[EXPONENT] + share * (exponent - w[EXPONENT])
+    w[LOSS] = loss if first else w[LOSS] + share * (loss - w[LOSS])
+    # Kelvin-Voigt loses f by the rate whatever the depth, Hunt-Crossley in parts of f
+    damping = w[LOSS] * quantities[chain.DEPTH_RATE] / (1.0 if parameters > 2 else depth)
+    now = math.log(force) - w[EXPONENT] * math.log(depth) - math.log(max(1.0 + damping, LEAST_LEFT))
+    secant = math.log(force / depth)
+    if w[IN_TOUCH] <= w[SETTLED]:
+        w[USUAL_FORCE], w[FORCE_SWING] = now, 0.0
+        w[USUAL_SECANT], w[SECANT_SWING] = secant, 0.0
+    beyond, further = now - w[USUAL_FORCE], secant - w[USUAL_SECANT]
+    allowed = math.log1p(w[ABOVE_SHARE]) + 5.0 * w[NOISE] / force
+    above = beyond > allowed + math.sqrt(w[FORCE_SWING]) and further > allowed + math.sqrt(w[SECANT_SWING])
+    w[USUAL_FORCE] += share * beyond
+    w[USUAL_SECANT] += share * further
+    if not above:  # what is being reported mustn't hide itself
+        w[FORCE_SWING] += share * (beyond * beyond - w[FORCE_SWING])
+        w[SECANT_SWING] += share * (further * further - w[SECANT_SWING])
+    return bool(above and w[IN_TOUCH] > w[SETTLED])
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -216,7 +276,7 @@ def _watch(
             event_bits |= CHANGE
     status = int(normal[len(normal) + _STATUS])
     innovation = normal[len(normal) + _INNOVATION]
-    settled = touching and status == VALID and t - w[NORMAL_SINCE] > w[SETTLED]
+    settled = touching and t - w[NORMAL_SINCE] > w[SETTLED]
     if touching:
         w[MEAN_INNOVATION] += share * (innovation * innovation - w[MEAN_INNOVATION])
         w[MEAN_FORCE] += share * (force * force - w[MEAN_FORCE])
@@ -230,10 +290,8 @@ def _watch(
     if _lasts(t, 1, touching and status == NOT_EXCITED and w[EXCITED] >= STOOD, LASTING[1], w):
         event_bits |= EXCITATION
         w[EXCITED] = 0.0
-    allowed = w[ABOVE_SHARE] * abs(force - innovation) + 5.0 * np.sqrt(
-        max(normal[len(normal) + _NOISE], w[MEAN_SQUARES], w[NOISE] * w[NOISE])
-    )
-    if _lasts(t, 3, settled and innovation > allowed, LASTING[3], w):
+    parameters = (len(normal) - 6) // 2
+    if _lasts(t, 3, _is_above(dt, quantities, normal, parameters, w), LASTING[3], w):
         event_bits |= ABOVE
     return event_bits
 

@@ -1,7 +1,8 @@
 """A guard for controllers: one question a cycle, answered in microseconds, that never waits for anything.
 
-    guard = Guard(pipeline, force=20.0, depth=8e-3, dead_man=0.02)
-    if (reason := guard.check(pipeline.quantities)) != guard.OK:
+    guard = Guard(force=20.0, depth=8e-3, dead_man=0.02)
+    fresh = session.samples > seen  # the array is overwritten in place: old numbers in it are no new sample
+    if (reason := guard.check(pipeline.quantities if fresh else None)) != guard.OK:
         ...  # what to do is the controller's: nothing here commands a robot
 
 It latches: once it has said a reason it says it again until `reset`, so that no single cycle can miss it.
@@ -70,7 +71,8 @@ class Guard:
         """Whether the touch may go on: "ok", or why not.
 
         Args:
-            sample: contact quantities in the order of `CONTACT`, as `Pipeline.quantities`; None where no new one came.
+            sample: contact quantities in the order of `CONTACT`, as `Pipeline.quantities`; None where no new one came,
+                or the dead man's time never ends.
         """
         if self._reason is not self.OK:
             return self._reason
@@ -81,7 +83,12 @@ class Guard:
         if sample is None:
             return self.OK
         self._last = now
-        x: list[float] = sample.tolist()  # of Python numbers, which are compared ten times faster
+        try:
+            x: list[float] = sample.tolist()  # of Python numbers, which are compared ten times faster
+            x[_TANGENT2] < 0.0
+        except (AttributeError, IndexError, TypeError):
+            self._reason = f"no contact quantities: {str(sample)[:60]}"
+            return self._reason
         normal, depth, rate = x[_NORMAL], x[_DEPTH], x[_RATE]
         if (
             abs(normal) <= self._force

@@ -9,6 +9,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 
 from kinid.data.rig import CONTACT as QUANTITIES
+from kinid.errors import KinidError
 from kinid.estimators.estimate import Estimate
 from kinid.live import encoding
 from kinid.live.alignment import Aligner
@@ -88,7 +89,10 @@ class Session:
             for sink in self._sinks:
                 sink.close()
             self._leave_failed()
-            self._doubts = self._readings.doubts()  # it takes its time, which no sample waits for
+            try:
+                self._doubts = self._readings.doubts()  # it takes its time, which no sample waits for
+            except KinidError as error:  # readings that no log may hold: the session's result stands
+                self._doubts = [f"the readings of free motion can't be judged: {error}"]
 
     def summary(self) -> Json:
         """What went through, as plain types."""

@@ -57,7 +57,12 @@ class Screen:
         now = f"{state}: depth {1e3 * depth:.2f} mm, normal force {force:.2f} N"
         events = Text("\n".join(str(event) for event in list(session.events)[-SHOWN:]))
         doubts = Text("\n".join(f"doubt: {doubt}" for doubt in facts["doubts"]))
-        return Group(Text(head), Text(now if math.isfinite(depth) else state), estimates(session), doubts, events)
+        times = [
+            f"{name} {facts[key]['median']:.0f} µs, 99.9 % {facts[key]['p99.9']:.0f}"
+            for name, key in (("processing", "processing_us"), ("from reception to estimate", "latency_us"))
+            if facts[key] and facts["samples"]
+        ]
+        return Group(Text(head), Text("   ".join(times)), Text(now if math.isfinite(depth) else state), estimates(session), doubts, events)
 
 
 def estimates(session: Session) -> Table:

@@ -40,6 +40,8 @@ MANY, DESCENTS = 12, 8
 MOVED_ON, CAUGHT_UP = 6.0, 1.5
 #: a position that stands alone is off by so many times the noise
 ALONE = 8.0
+#: share of the differences below the largest, and what that quantile of |N(0, 1)| is
+LARGE, NORMAL_90 = 0.9, 1.645
 #: the edge of a step is known to within this share of it: no lattice is even
 EDGE = 0.03
 
@@ -183,6 +185,17 @@ def positions(x: Array, tau: Array | None = None, every: int = 1) -> Positions:
     variance[edges] = step**2 * (1.0 / (12.0 * many**2) + np.where(many > 1, EDGE**2, 0.0))
     # dithered by more than a step, positions hold white noise as well
     return Positions(value, np.maximum(variance, noise**2 if noise > step else 0.0), noise, step, least)
+
+
+def rough(x: Array) -> Positions:
+    """What positions (n,) say whose noise hides from most of their differences, as of steps that were interpolated.
+
+    Most such positions repeat, or differ by a sliver of a step; the largest tenth of the differences shows the step.
+    """
+    size = np.abs(np.diff(x, n=3))
+    noise = float(np.quantile(size, LARGE)) / NORMAL_90 / THIRD_DIFFERENCE**0.5 if len(size) else 0.0
+    noise = max(noise, FLOOR * float(np.ptp(x)) + DIGITS * float(np.abs(x).max(initial=0.0)) + 1e-100)
+    return Positions(x, np.full(len(x), noise**2), noise, 0.0, noise)
 
 
 def wrong(x: Array, tau: Array, noise: float, grid: float) -> NDArray[np.bool_]:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from kinid.kernels.state_space import ORDER
 from kinid.signal.axis import Axis
 from kinid.signal.clock import time_steps
-from kinid.signal.noise import positions, wrong
+from kinid.signal.noise import Positions, positions, rough, wrong
 from kinid.signal.pieces import GAP_FACTOR, runs
 from kinid.signal.rates import Learnt, figures, learn, together
 
@@ -30,6 +30,8 @@ T = TypeVar("T")
 
 #: a sample that comes so shortly behind another one, in samples, repeats it
 REPEATED = 0.1
+#: positions of which more seem single faults aren't faulty: their noise is larger than it seemed
+MOST_FAULTS = 0.2
 #: from this many numbers on, axes are smoothed side by side
 WORTH_THREADS = 50_000
 
@@ -140,17 +142,26 @@ def _track(x: Array, runs: Sequence[Rows], steps: Sequence[Array], unit: float, 
     """One axis from its positions (n,), in runs of rows with their steps of time; see `smooth_motion`."""
     ticks = np.concatenate(steps)
     ticks[ticks == 0.0] = 1.0  # over a gap differences mean nothing, whatever it is
+
+    def single_faults(known: Positions) -> list[NDArray[np.bool_]]:
+        pairs = zip(runs, steps)
+        return [wrong(x[rows], np.where(tau > 0.0, tau, 1.0), known.noise, known.step) for rows, tau in pairs]
+
     known = positions(x[np.concatenate(runs)], ticks, every)
+    faults = single_faults(known)
+    if np.mean(np.concatenate(faults)) > MOST_FAULTS:
+        known = rough(x[np.concatenate(runs)])
+        faults = single_faults(known)
     quieter = 1.0 if known.step else min(1.0, (known.least / known.noise) ** 2)
     made, at = [], 0
-    for rows, tau in zip(runs, steps):
+    for rows, tau, fault in zip(runs, steps, faults):
         own = slice(at, at + len(rows))
         at += len(rows)
         variance = known.variance[own].copy()
         if every > 1 and len(rows) > ORDER * every:
             variance[np.arange(len(rows)) % every > 0] = np.inf
         variance[1:][tau[1:] < REPEATED] = np.inf  # what the sample before has said already
-        variance[wrong(x[rows], np.where(tau > 0.0, tau, 1.0), known.noise, known.step)] = np.inf
+        variance[fault] = np.inf
         axis = Axis.of(tau, known.value[own], variance, known.noise**2, quieter)
         axis.climb()
         made.append((rows, axis))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from typing import Any
 
 import numpy as np
 import pytest
@@ -78,3 +79,9 @@ def test_it_takes_microseconds() -> None:
     median, p99 = np.percentile(times, [50, 99]) / 1e3
     print(f"median {median:.2f} µs, 99 % {p99:.2f} µs, longest {max(times) / 1e3:.0f} µs")
     assert median < 5.0  # asked for; the longest are those in which something else ran
+
+
+@pytest.mark.parametrize("bad", [[1.0] * 9, np.zeros(3), "touch", np.array(["a"] * 9)], ids=["list", "short", "text", "words"])
+def test_what_is_no_sample_is_a_no(bad: Any) -> None:
+    guard = Guard(force=20.0, dead_man=10.0)
+    assert "no contact quantities" in guard.check(bad)

@@ -211,3 +211,68 @@ def test_a_file_that_is_no_ring(tmp_path: Path) -> None:
         path.write_bytes(content)
         with pytest.raises(InputError, match="ring"):
             open_source(f"shm:{path}", Asked(joints=NAMES))
+
+
+def test_a_sender_that_begins_anew_again_and_again_ends_no_reader(tmp_path: Path) -> None:
+    """It cuts the file off while it is read, or puts another one in its place."""
+    space: dict[str, Any] = {"__name__": "sender"}
+    exec((SENDERS / "send_ring.py").read_text(), space)
+    path = tmp_path / "ring"
+    space["Ring"](path)
+    source = open_source(f"shm:{path}", Asked(joints=NAMES))
+    seen: list[Item] = []
+    reader = threading.Thread(target=lambda: seen.extend(item for item in source.items() if item is not None))
+    reader.start()
+    for run in range(30):
+        if run % 3 == 2:
+            path.unlink()
+        ring = space["Ring"](path)
+        for _ in range(5):
+            ring.put(2, time.time_ns(), [float(run)] * 6)
+            time.sleep(2e-3)
+        if run % 3 == 2:
+            time.sleep(0.1)  # another file is looked for where it is quiet
+    time.sleep(0.3)
+    source.close()
+    reader.join(10.0)
+    assert not reader.is_alive()
+    told = [item for item in seen if isinstance(item, Notice)]
+    assert {item.kind for item in told} <= {"source-restarted", "overrun"}
+    assert sum(item.kind == "source-restarted" for item in told) >= 20
+    assert max(item.wrench[0] for item in seen if isinstance(item, Wrench)) == 29.0
+
+
+@pytest.mark.parametrize(
+    "line",
+    [b'{"wrench": [true, false, 0, 0, 0, 0]}', b'{"wrench": ["1", 0, 0, 0, 0, 0]}', b'{"q": [false]}'],
+    ids=["flags", "text", "a flag"],
+)
+def test_what_is_no_number_is_no_sample(line: bytes) -> None:
+    assert [item.kind for item in parse(line, 1) if isinstance(item, Notice)] == ["malformed"]
+
+
+def test_a_table_on_one_clock_is_replayed_and_recorded_as_it_stands(tmp_path: Path, scripted: Scripted) -> None:
+    """The rig's offset of the wrench's clock is of streams that aren't aligned yet."""
+    from kinid.data.readers import read
+    from kinid.data.readers.mcap import recorded_rig
+    from kinid.live import Pipeline, Recorder, Session
+
+    path = scripted.write(tmp_path)
+    plain = (tmp_path / "rig.toml").read_text() + f"bias = {scripted.bias.tolist()}\n"
+    rig = Rig.parse_text(plain + "\n[streams]\nwrench_clock_offset = -0.0013\n", folder=tmp_path)
+    log = read(path, rig, NAMES)
+    source = open_source(str(path), Asked(rig, NAMES, 0.0))
+    pipeline = Pipeline(rig, ("kelvin-voigt",))
+    tables = rig.model_dump_json(exclude_none=True, exclude={"folder"})
+    recorder = Recorder(tmp_path / "out.mcap", NAMES, "ft_sensor", {"rig": tables})
+    session = Session(source, pipeline, NAMES, wrench_offset=-0.0013, sinks=[recorder])
+    session.run()
+    again = read(tmp_path / "out.mcap", rig, NAMES)
+    rows = slice(1, len(again) - 1)
+    assert len(again) >= len(log) - 2
+    first = int(np.argmin(np.abs(log.t - log.t[0] - (again.t[1] - again.t[0]))))
+    np.testing.assert_allclose(again.q[rows], log.q[first : first + len(again) - 2], atol=1e-12)  # type: ignore[index]
+    np.testing.assert_allclose(again.wrench[rows], log.wrench[first : first + len(again) - 2], atol=1e-12)  # type: ignore[index]
+    found = recorded_rig(tmp_path / "out.mcap")
+    assert found is not None
+    assert found.sensor.bias == rig.sensor.bias

@@ -279,3 +279,16 @@ def test_an_axis_at_rest_on_two_values_stays_there() -> None:
     assert np.abs(made.first[:, 1]).max() < 1e-3  # a step of 1e-5 in a sample would be 2.5e-3
     assert np.abs(made.value[:, 0] - poke(t)[0]).max() < 1e-5
     assert (made.value[:, 2] == 0.0).all()
+
+
+@pytest.mark.parametrize("share", [0.014, 0.1, 0.35])
+def test_positions_between_those_of_an_encoder_are_followed(share: float) -> None:
+    """A stream of joints put onto the clock of a wrench: most differences are slivers of a step, or nothing."""
+    t = np.arange(8000) * 2e-3
+    true = 0.2 * np.clip(np.sin(1.3 * t), 0.0, None) ** 3
+    read = np.round(true / 2e-6) * 2e-6
+    between, exact = (x[:-1] + share * np.diff(x) for x in (read, true))
+    made = smooth_motion(t[:-1], between[:, None], [slice(0, len(between))])
+    assert np.abs(made.value[:, 0] - exact).max() < 4e-6  # two steps
+    speed = np.gradient(exact, t[:-1])
+    assert np.std(made.first[50:-50, 0] - speed[50:-50]) < 5e-4

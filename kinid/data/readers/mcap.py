@@ -41,6 +41,26 @@ def read(path: Path, rig: Rig, joints: Sequence[str] | None = None) -> Log:
         return to_log(_Bag(path, reader), rig, joints)
 
 
+def recorded_rig(path: Path) -> Rig | None:
+    """The rig that `kinid live --record` wrote into its recording; None where there is none.
+
+    Raises:
+        InputError: a damaged file, or a rig in it that can't be one.
+    """
+    try:
+        import mcap.reader
+    except ImportError:
+        return None
+    with path.open("rb") as stream, readable(path, "MCAP", _DAMAGED):
+        kept = next((m for m in mcap.reader.make_reader(stream).iter_metadata() if m.name == "kinid"), None)
+    text = None if kept is None else kept.metadata.get("rig")
+    if text is None:
+        return None
+    with readable(path, "MCAP", _DAMAGED):
+        tables = json.loads(text)
+    return Rig.parse(tables, folder=path.parent, where=f"the rig in {path}")
+
+
 class _Bag:
     """An open file as `_bag` wants it."""
 

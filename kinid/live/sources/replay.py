@@ -44,6 +44,9 @@ class Table:
             if missing is None:
                 raise InputError(f"no {what} in {path}", "joints and wrench", "replay a log that has both")
         self._speed = asked.speed
+        # the reader has put both onto one clock; whoever takes the samples adds what the rig says of the wrench's
+        streams = None if asked.rig is None else asked.rig.streams
+        self._ahead = round(1e9 * ((streams.wrench_clock_offset if streams else None) or 0.0))
 
     def items(self) -> Iterator[Item]:
         """See `Source`."""
@@ -57,7 +60,7 @@ class Table:
             dq = () if log.dq is None else log.dq[i]
             tau = () if log.tau is None else log.tau[i]
             yield Joints(received, stamp, log.q[i], dq, tau)
-            yield Wrench(received, stamp, log.wrench[i])
+            yield Wrench(received, stamp - self._ahead, log.wrench[i])
 
     def close(self) -> None:
         """See `Source`."""

@@ -8,12 +8,13 @@ The file holds a head of 64 bytes and then slots, all little-endian and in the m
            | int64 stamp [ns] | float64 numbers: q (N), dq (N) or none, tau (N) or none; or the wrench (6)
 
 The sender writes 0 to the slot's number, then the sample, then the number, then the head's count, and never waits for
-anybody; a reader that was too slow is told how many it missed.
+anybody; a reader that was too slow is told how many it missed. It reads the file instead of mapping it: a sender that
+begins anew may cut it off, or put another one in its place, and a mapping would end the reader with it.
 """
 
 from __future__ import annotations
 
-import mmap
+import os
 import struct
 import time
 from collections.abc import Iterator
@@ -59,18 +60,15 @@ class Ring:
     def __init__(self, path: Path, joints: int) -> None:
         self.name, self._joints = f"shm:{path}", joints
         check_regular(path, "ring", "the file of a sender that has begun", "begin the sender first")
+        self._path = path
         try:
-            with path.open("rb") as file:
-                self._map = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        except (OSError, ValueError) as error:
+            self._file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        except OSError as error:
             raise InputError(
-                f"no ring at {path} ({error})", "the file of a sender that has begun", "begin the sender first"
+                f"no ring at {path} ({error.strerror})", "the file of a sender that has begun", "begin the sender first"
             ) from None
-        magic, version, self._slots, self._width, _ = (
-            _LAYOUT.unpack_from(self._map) if len(self._map) >= HEAD else 5 * (0,)
-        )
-        self._size = _SLOT.size + 8 * self._width
-        if magic != MAGIC or version != VERSION or len(self._map) < HEAD + self._slots * self._size or not self._slots:
+        if not self._look_at_head():
+            os.close(self._file)
             raise InputError(f"{path}, which is no ring of version {VERSION}", "a ring", "see docs/live.md")
         self._open = True
 
@@ -80,14 +78,15 @@ class Ring:
         quiet = 0.0
         while self._open:
             now = self._long(_COUNT)
-            if self._long(_RUN) != run:
+            if self._long(_RUN) != run and self._look_at_head():
                 run, count, now = self._long(_RUN), 0, self._long(_COUNT)
                 yield Notice(time.monotonic_ns(), "source-restarted", self.name)
-            if now == count:
+            if now <= count:  # less: a sender that is just beginning anew
                 time.sleep(LOOK)
                 quiet += LOOK
                 if quiet >= IDLE:
                     quiet = 0.0
+                    self._follow()
                     yield None
                 continue
             quiet = 0.0
@@ -100,16 +99,42 @@ class Ring:
 
     def close(self) -> None:
         """See `Source`."""
-        self._open = False
+        if self._open:
+            self._open = False
+            os.close(self._file)
+
+    def _look_at_head(self) -> bool:
+        """Whether the file is a ring by now; takes its sizes from there."""
+        head = os.pread(self._file, _LAYOUT.size, 0)
+        if len(head) < _LAYOUT.size:
+            return False
+        magic, version, self._slots, self._width, _ = _LAYOUT.unpack(head)
+        self._size = _SLOT.size + 8 * self._width
+        whole = os.fstat(self._file).st_size >= HEAD + self._slots * self._size
+        return bool(magic == MAGIC and version == VERSION and self._slots and whole)
+
+    def _follow(self) -> None:
+        """Go on with the file that stands at the path now, if it is another one."""
+        try:
+            now = os.open(self._path, os.O_RDONLY | os.O_CLOEXEC)
+        except OSError:  # the sender is about to make it
+            return
+        if os.path.samestat(os.fstat(now), os.fstat(self._file)):
+            os.close(now)
+            return
+        os.close(self._file)
+        self._file = now
 
     def _long(self, at: int) -> int:
-        return int.from_bytes(self._map[at : at + 8], "little")
+        return int.from_bytes(os.pread(self._file, 8, at), "little")
 
     def _read(self, number: int) -> Item:
         """One sample; a notice where it was overwritten meanwhile or isn't one."""
         begin = HEAD + (number % self._slots) * self._size
         received = time.monotonic_ns()
-        data = self._map[begin : begin + self._size]  # a copy, which is checked against the number behind it
+        data = os.pread(self._file, self._size, begin)  # a copy, which is checked against the number behind it
+        if len(data) < self._size:
+            return Notice(received, "overrun", "1 sample was missed")
         mark, kind, many, stamp = _SLOT.unpack_from(data)
         if mark != number + 1 or self._long(begin) != mark:
             return Notice(received, "overrun", "1 sample was missed")

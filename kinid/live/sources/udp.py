@@ -78,6 +78,8 @@ class Socket:
             except OSError:  # closed
                 return
             received = time.monotonic_ns()
+            if not data.strip():
+                yield Notice(received, "malformed", "an empty datagram")
             for line in data.splitlines():
                 yield from parse(line, received)
 
@@ -111,5 +113,14 @@ def parse(line: bytes, received: int) -> Iterator[Item]:
 
 
 def _numbers(values: Iterable[float | None] | None) -> list[float]:
-    """A list of numbers, as sent; null is no number, and so not finite."""
-    return [float("nan") if value is None else float(value) for value in values or ()]
+    """A list of numbers, as sent; null is no number, and so not finite.
+
+    Raises:
+        TypeError: something else is in it.
+    """
+    out = []
+    for value in values or ():
+        if isinstance(value, bool | str):
+            raise TypeError(f"{value!r} is no number")
+        out.append(float("nan") if value is None else float(value))
+    return out
