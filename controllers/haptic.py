@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.controllers._given import closest, is_number, is_positive, numbers
-from kinid.controllers.passivity import Observer, Passivity, check_period
+from kinid.controllers.passivity import SPRING, Observer, Passivity, check_period
 from kinid.controllers.properties import Plane, Properties, PropertyMap, Touchable, checked_map, material_at
 from kinid.controllers.state import ArmState
 from kinid.errors import InputError
@@ -26,9 +26,6 @@ if TYPE_CHECKING:
     from kinid.mapping.property_map import PropertyMap as Map
 
 Array = NDArray[np.float64]
-
-#: share of m/T² up to which a held spring is rendered
-SPRING = 0.1
 
 
 class ContactLaw(ABC):

@@ -24,6 +24,8 @@ from numba import njit
 from kinid.controllers._given import is_number
 from kinid.errors import InputError
 
+#: share of m/T² up to which a held spring is rendered
+SPRING = 0.1
 #: periods that a tank's energy lasts for
 LASTS = 10
 #: time constant with which a share comes back [s]
@@ -41,6 +43,21 @@ def pay(energy: float, speed_squared: float, period: float, most: float) -> floa
     if energy >= 0.0 or speed_squared <= 0.0:
         return 0.0
     return min(-energy / (speed_squared * period), most)
+
+
+@njit(cache=True, error_model="numpy")
+def brake(force: float, way: float, stiffness: float, damping: float, period: float) -> float:
+    """Force of a damper behind a spring over the next period [N].
+
+    A damper alone must stay below 2 m/T, see `pay`. Behind a spring it may be as strong as it has to: slow motion meets
+    the damper, fast motion the spring, which a held force can render up to `SPRING` m/T². Without damping the spring is
+    released.
+
+    Args:
+        force: over the last period [N]. way: of the device over it [m]. stiffness: [N/m]. damping: [N·s/m]. period:
+            [s].
+    """
+    return 0.0 if damping <= 0.0 else (force + stiffness * way) / (1.0 + stiffness * period / damping)
 
 
 @njit(cache=True, error_model="numpy")

@@ -9,13 +9,25 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from kinid.controllers._given import is_number
-from kinid.controllers.teleoperator import LINEAR, METHODS, Array, Complex, Environment, Teleoperator, checked_method
+from kinid.controllers.teleoperator import (
+    LINEAR,
+    METHODS,
+    REFLECTIONS,
+    Array,
+    Complex,
+    Environment,
+    Teleoperator,
+    checked_method,
+)
 from kinid.errors import InputError
+
+if TYPE_CHECKING:
+    from kinid.controllers._line import Line
 
 #: frequencies of a hand that explores [Hz]
 BAND = (0.2, 8.0)
@@ -59,6 +71,19 @@ def simulate(
     Raises:
         InputError: an unknown method, a depth that isn't positive, or a duration shorter than ten round trips and 4 s.
     """
+    t, intended = push(teleoperator, depth, duration)
+    out = _run(teleoperator, environment, method, believed, intended, False)
+    tail = out[0, 3 * len(t) // 4 :]
+    stable = bool(np.isfinite(out).all() and tail.max() - tail.min() < REST * (depth + 0.005))
+    return Motion(t, out[0], out[1], intended, out[2], out[3], out[4], out[5], out[6], stable)
+
+
+def push(teleoperator: Teleoperator, depth: float, duration: float) -> tuple[Array, Array]:
+    """Times [s] and the intended place [m, > 0 inside] of a push from 5 mm above the surface, held, (n,) each.
+
+    Raises:
+        InputError: see `simulate`.
+    """
     shortest = max(4.0, 20 * teleoperator.delay)
     if not (is_number(depth) and depth > 0 and is_number(duration) and duration >= shortest):
         raise InputError(
@@ -68,10 +93,7 @@ def simulate(
     t = np.arange(n, dtype=np.float64) * teleoperator.period
     s = np.minimum(t, 1.0)
     intended: Array = -0.005 + (depth + 0.005) * s**3 * (10 - 15 * s + 6 * s**2)
-    out = _run(teleoperator, environment, method, believed, intended, False)
-    tail = out[0, 3 * n // 4 :]
-    stable = bool(np.isfinite(out).all() and tail.max() - tail.min() < REST * (depth + 0.005))
-    return Motion(t, out[0], out[1], intended, out[2], out[3], out[4], out[5], out[6], stable)
+    return t, intended
 
 
 def measured_impedance(
@@ -146,7 +168,7 @@ def study(
     environment: Environment | None = None,
     believed: Environment | None = None,
     delays: Sequence[float] = (0.05, 0.1, 0.2, 0.4),
-    methods: Sequence[str] = METHODS,
+    methods: Sequence[str] = REFLECTIONS,
     teleoperator: Teleoperator | None = None,
     points: int = 24,
 ) -> Study:
@@ -195,8 +217,18 @@ def _run(
 ) -> Array:
     from kinid.controllers import _line
 
-    believed, o = believed or environment, teleoperator
-    line = _line.Line(
+    o, out = teleoperator, np.empty((7, len(path)))
+    line, number = compiled_line(o, environment, believed or environment), METHODS.index(checked_method(method))
+    forth, back = (o.network.schedule(len(path), o.delay, o.period, way) for way in (0, 1))
+    _line.run(line, forth, back, number, np.ascontiguousarray(path), moved, out)
+    return out
+
+
+def compiled_line(o: Teleoperator, environment: Environment, believed: Environment) -> Line:
+    """As the compiled line takes it; believed: what the map says."""
+    from kinid.controllers import _line
+
+    return _line.Line(
         mass=o.moving_mass,
         damping=o.master_damping,
         hand_damping=o.hand_damping,
@@ -209,10 +241,9 @@ def _run(
         environment_damping=environment.damping,
         believed_stiffness=believed.stiffness,
         believed_damping=believed.damping,
-        most_damping=o.most_damping,
+        most_damping=o.full_damping,
+        brake_stiffness=o.brake_stiffness,
         capacity=o.tank,
+        wave_impedance=o.wave_impedance,
         period=o.period,
     )
-    out, delay = np.empty((7, len(path))), round(o.delay / o.period)
-    _line.run(line, delay, METHODS.index(checked_method(method)), np.ascontiguousarray(path), moved, out)
-    return out

@@ -154,7 +154,9 @@ def compare(
     believed = poked(material, seed, place) if measured_map is None else believed_of(measured_map, *place)
     found = study(truth, believed, delays, points=POINTS)
     measured = {
-        (o.delay, method): measured_impedance(o, truth, CHECKED, method, believed) for o in cases for method in LINEAR
+        (o.delay, method): measured_impedance(o, truth, CHECKED, method, believed)
+        for o in cases
+        for method in ("direct", "impedance")
     }
     hard = Environment(MISTAKEN * truth.stiffness, MISTAKEN * truth.damping)
     error = transparency_error(hard.impedance(found.frequency), found.environment)

@@ -11,7 +11,7 @@ from types import FunctionType
 import pytest
 from numba.core.registry import CPUDispatcher
 
-from kinid.controllers import _line
+from kinid.controllers import _line, _rigid_line
 from kinid.kernels.cached import stamp
 from kinid.lab import closed_loop
 
@@ -44,7 +44,7 @@ def test_an_edit_of_what_is_called_reaches_the_caller(tmp_path: Path) -> None:
     assert len(list((tmp_path / "__pycache__").glob("outer*.nbi"))) == 2
 
 
-@pytest.mark.parametrize("module", [closed_loop, _line])
+@pytest.mark.parametrize("module", [closed_loop, _line, _rigid_line])
 def test_all_that_a_loop_calls_is_in_its_stamp(module) -> None:
     """Compiled functions of other files that it or its own file's functions call: each file's source must be in the
     name of the cache.
@@ -61,7 +61,16 @@ def test_all_that_a_loop_calls_is_in_its_stamp(module) -> None:
     modules = {name: sys.modules[name] for name in others}
     expected = {
         "kinid.lab.closed_loop": ["kinid.kernels.dynamics", "kinid.lab._law", "kinid.controllers.impedance"],
-        "kinid.controllers._line": ["kinid.controllers.passivity", "kinid.kernels.contact_laws"],
+        "kinid.controllers._line": [
+            "kinid.controllers.passivity",
+            "kinid.kernels.contact_laws",
+            "kinid.controllers.waves",
+        ],
+        # that loop's own file calls others in turn
+        "kinid.controllers._rigid_line": ["kinid.controllers._line"],
     }[module.__name__]
     assert sorted(expected) == others
+    if module is _rigid_line:
+        expected = ["kinid.controllers._line", "kinid.controllers.passivity", "kinid.controllers.waves"]
+        modules |= {name: sys.modules[name] for name in expected}
     assert function.__qualname__ == f"run_{stamp(*(modules[name] for name in expected))}"
