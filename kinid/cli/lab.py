@@ -168,7 +168,9 @@ def lab(
     )
     if experiment == TELEOPERATION:
         x, y = (0.0, 0.0) if at is None else _numbers(at, 2, "--at", "0.02,0.02")
-        summary = runs.teleoperation(out, asked, measured_map, (x, y))
+        from kinid.cli.lab_teleoperation import teleoperation
+
+        summary = teleoperation(out, material or "ecoflex-50", seed, measured_map, (x, y))
     elif experiment == CONTROL:
         from kinid.cli.lab_control import control
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 import typer
 
-from kinid.cli.show import console, right, written
+from kinid.cli.show import console, right
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -70,7 +69,7 @@ def single(
         if asked.where is not None:
             check_met(asked.where, setup.script.place[setup.script.touching, :2])
     setup.check()
-    with _progress() as progress:
+    with progress_bar() as progress:
         bar = progress.add_task(f"{len(setup.script.t) * setup.gains.period:.1f} s of set-points", total=1.0)
         result = setup.run(lambda share: progress.update(bar, completed=share))
     guard: list[str] = []
@@ -147,28 +146,6 @@ def _show(path: Path, result: Result, nominal: Setup, mcap: bool, guard: list[st
     return {name: str(file) for name, file in made.items()} | {"phases": phases, "doubts": doubts}
 
 
-def teleoperation(out: Path, asked: Asked, measured_map: Path | None, place: tuple[float, float]) -> dict[str, object]:
-    """The study of teleoperation, at a place [m] of a material."""
-    from kinid.lab import teleoperation as lab
-    from kinid.lab.folder import check_free
-
-    check_free(out)
-    with console().status("a poke, its fit, and the study …"):
-        found = lab.compare(asked.material or "ecoflex-50", asked.seed, measured_map=measured_map, place=place)
-    with _writing(out):
-        page = lab.write(out, found)
-    console().print(
-        f"{found.material} at ({1e3 * place[0]:g}, {1e3 * place[1]:g}) mm: true {found.truth.stiffness:.4g} N/m and "
-        f"{found.truth.damping:.3g} N·s/m; {found.map_source} says {found.believed.stiffness:.4g} N/m and "
-        f"{found.believed.damping:.3g} N·s/m",
-    )
-    console().print(found.study.table())
-    facts = out / "teleoperation.json"
-    written((facts, page))
-    known = json.loads(facts.read_text(encoding="utf-8"))
-    return {"experiment": "teleoperation", "seed": asked.seed, "page": str(page), **known}
-
-
 def campaign(
     experiment: str, asked: Asked, places: tuple[int, int], spacing: float, mcap: bool, out: Path
 ) -> dict[str, object]:
@@ -208,7 +185,7 @@ def _made(task: Campaign, out: Path) -> int:
     from kinid.lab import campaign as lab
     from kinid.lab.folder import is_whole
 
-    with _progress() as progress:
+    with progress_bar() as progress:
         bar = progress.add_task(f"{task.count} {task.touch}s on {task.material}", total=task.count)
         try:
             return lab.run(task, out, lambda index: progress.update(bar, completed=index + 1))
@@ -223,7 +200,8 @@ def _made(task: Campaign, out: Path) -> int:
             raise typer.Exit(130) from None
 
 
-def _progress() -> Progress:
+def progress_bar() -> Progress:
+    """On a terminal; nothing is shown where output is piped."""
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())

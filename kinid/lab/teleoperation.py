@@ -23,6 +23,7 @@ from kinid.lab import materials
 from kinid.lab.experiments import SILICONE_POKE, prepare
 from kinid.lab.materials import Material
 from kinid.lab.protocol import five_phases
+from kinid.lab.teleoperation_study import Outcome, bound_cells, bound_figure, cells, facts, yielded
 from kinid.reports.plots import BLUE, GREEN, GREY, ORANGE, VERMILION
 from kinid.reports.render import render
 from kinid.writers import make_folder, write_json, write_text
@@ -164,15 +165,15 @@ def compare(
     return Comparison(material, truth, believed, found, measured, error, place, map_source)
 
 
-def write(folder: Path, comparison: Comparison) -> Path:
+def write(folder: Path, comparison: Comparison, found: Outcome) -> Path:
     """Write `teleoperation.json` and the page `teleoperation.html` into a folder; the page's path."""
     make_folder(folder)
-    write_json(folder / "teleoperation.json", comparison.to_dict())
-    write_text(folder / "teleoperation.html", comparison_page(comparison))
+    write_json(folder / "teleoperation.json", comparison.to_dict() | {"study": facts(found)})
+    write_text(folder / "teleoperation.html", comparison_page(comparison, found))
     return folder / "teleoperation.html"
 
 
-def comparison_page(c: Comparison) -> str:
+def comparison_page(c: Comparison, found: Outcome) -> str:
     """Transparency and stability as one self-contained HTML page."""
     return render(
         "teleoperation.html",
@@ -185,6 +186,12 @@ def comparison_page(c: Comparison) -> str:
             ("Transparency: impedance that the operator feels, and the environment's", transparency_figure(c)),
             ("Stability: a push of 10 mm, held", stability_figure(c)),
         ],
+        lines=[(line, *cells(found, line)) for line in dict.fromkeys(each.line for each in found.cases)],
+        bounds=bound_cells(found),
+        yielded=", ".join(
+            f"{100 * yielded(k):.0f} % of {k:g} N/m" for k in dict.fromkeys(e.stiffness for e in found.cases)
+        ),
+        bound_figure=bound_figure(found),
     )
 
 
