@@ -25,8 +25,10 @@ if TYPE_CHECKING:
     from kinid.controllers.impedance import impedance_torque, potential
     from kinid.controllers.measured import Measured
     from kinid.controllers.mesh_surface import MeshSurface
+    from kinid.controllers.packets import Network
     from kinid.controllers.passivity import EnergyTank, Observer
     from kinid.controllers.properties import Foot, Plane, Properties, PropertyMap, Touchable, Uniform
+    from kinid.controllers.rigid_teleoperation import RigidMotion, Tool, simulate_rigid
     from kinid.controllers.state import ArmState, Target
     from kinid.controllers.teleoperation import Study, measured_impedance, simulate, study
     from kinid.controllers.teleoperator import Environment, Teleoperator
@@ -53,6 +55,7 @@ __all__ = [
     "MapGains",
     "Measured",
     "MeshSurface",
+    "Network",
     "Observer",
     "OnlineGains",
     "Plane",
@@ -60,10 +63,12 @@ __all__ = [
     "PropertyMap",
     "Reading",
     "Rendered",
+    "RigidMotion",
     "Schedule",
     "Study",
     "Target",
     "Teleoperator",
+    "Tool",
     "Touchable",
     "Uniform",
     "design_damping",
@@ -72,6 +77,7 @@ __all__ = [
     "potential",
     "sampled_radius",
     "simulate",
+    "simulate_rigid",
     "study",
 ]
 
@@ -84,8 +90,10 @@ _HOMES = {
     "impedance": ("impedance_torque", "potential"),
     "measured": ("Measured",),
     "mesh_surface": ("MeshSurface",),
+    "packets": ("Network",),
     "passivity": ("EnergyTank", "Observer"),
     "properties": ("Foot", "Plane", "Properties", "PropertyMap", "Touchable", "Uniform"),
+    "rigid_teleoperation": ("RigidMotion", "Tool", "simulate_rigid"),
     "state": ("ArmState", "Target"),
     "teleoperation": ("Study", "measured_impedance", "simulate", "study"),
     "teleoperator": ("Environment", "Teleoperator"),

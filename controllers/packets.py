@@ -1,13 +1,14 @@
 """How packets cross a line: delayed, jittered, lost; and how a receiver makes waves of what arrives.
 
 A sender counts packets, one a control period. Where a receiver wants the newest reading it takes that of the greatest
-count that has arrived. Waves are wanted all, in order, once: a packet carries the wave's integral and energy up to
-now, so that a later one stands for those that were lost, and a buffer holds packets back until the slowest would have
-come (G. Niemeyer, J.-J. E. Slotine, Towards force-reflecting teleoperation over the Internet, ICRA 1998).
+count that has arrived. Waves are wanted all, in order, once: a packet carries the wave's integral and energy up to now,
+so that a later one stands for those that were lost, and a buffer holds packets back until the slowest would have come
+(G. Niemeyer, J.-J. E. Slotine, Towards force-reflecting teleoperation over the Internet, ICRA 1998).
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -21,6 +22,8 @@ from kinid.errors import InputError
 Counts = NDArray[np.int64]
 #: count of a packet that there isn't
 NONE = -1
+#: share of the bursts of lost packets that outlast a buffer
+OUTLAST = 1e-3
 
 
 class Schedule(NamedTuple):
@@ -74,7 +77,13 @@ class Network:
         after = max(way, round(delay / period))
         arrival = np.arange(n) + after + late
         arrival[self._lost(rng, n)] = n
-        return Schedule(*_received(arrival, after, after + round(self.jitter / period)))
+        return Schedule(*_received(arrival, after, after + self.wait(period)))
+
+    def wait(self, period: float) -> int:
+        """Periods [s] that a buffer holds a packet back: for the slowest, and for all but `OUTLAST` of the bursts."""
+        ends = 1.0 - 1.0 / self.burst
+        burst = math.ceil(math.log(OUTLAST) / math.log(ends)) if ends > 0.0 else 1
+        return round(self.jitter / period) + (burst if self.loss > 0.0 else 0)
 
     def _lost(self, rng: np.random.Generator, n: int) -> NDArray[np.bool_]:
         """Which packets are lost, by Gilbert's chain of two states."""

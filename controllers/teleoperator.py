@@ -222,12 +222,13 @@ class Teleoperator:
         return np.asarray(environment.impedance(frequency) * self.following(environment, frequency) * late)
 
     def _over_waves(self, environment: Environment, frequency: Array) -> Complex:
-        """Z_t over a line of waves, which the buffer for jitter makes longer."""
+        """Z_t over a line of waves, which the buffer makes longer."""
         s, b = 2j * np.pi * frequency, self.wave_impedance
         coupling = self.coupling_damping + self.coupling_stiffness / s
         slave = self.slave_mass * s + self.slave_damping + environment.impedance(frequency)
         end = coupling * slave / (coupling + slave)
-        echo = (end - b) / (end + b) * np.exp(-2.0 * s * (self.delay + self.network.jitter))
+        one_way = self.delay + self.network.wait(self.period) * self.period
+        echo = (end - b) / (end + b) * np.exp(-2.0 * s * one_way)
         return np.asarray(b + b * (1.0 + echo) / (1.0 - echo))
 
     def is_stable(self, environment: Environment, method: str, believed: Environment | None = None) -> bool:

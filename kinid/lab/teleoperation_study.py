@@ -2,8 +2,8 @@
 
 Each case is a push that turns and moves along, held, in six degrees of freedom
 (`kinid.controllers.rigid_teleoperation`), and the transparency along the normal (`kinid.controllers.teleoperation`).
-Beside it stands how hard a material each delay bears, by simulation and by theory. Controllers know neither the material
-nor the hand; a map knows the material, 20 % off where that is said.
+Beside it stands how hard a material each delay bears, by simulation and by theory. Controllers know neither the
+material nor the hand; a map knows the material, 20 % off where that is said.
 """
 
 from __future__ import annotations
@@ -67,8 +67,8 @@ class Case(NamedTuple):
     Attributes:
         line: of `NETWORKS`. stiffness: true [N/m]. scheme: name. delay: one-way [s]. stable: comes to rest about all
         axes. transparency: rms of |Z_t − Z_e| / |Z_e| over the hand's band [1]. felt: stiffness felt at rest over the
-        true one, less 1 [1]. tracking: way of the slave's tip from the master's, a delay before, rms [m]; NaN where there
-        is no rest.
+        true one, less 1 [1]. tracking: way of the slave's tip from the master's, a delay before, rms [m]; NaN where
+        there is no rest.
     """
 
     line: str
@@ -205,7 +205,7 @@ def bound_cells(found: Outcome) -> tuple[list[str], list[list[str]]]:
 
 
 def yielded(stiffness: float) -> float:
-    """Share of a stiffness [N/m] that isn't felt because the slave's coupling gives way, in whatever comes back by force."""
+    """Share of a stiffness [N/m] that isn't felt where forces come back: the slave's coupling gives way."""
     return stiffness / (stiffness + Teleoperator().coupling_stiffness)
 
 

@@ -10,6 +10,7 @@ import pytest
 from scipy import signal
 
 from kinid.controllers import Environment, Properties, Teleoperator, Uniform, measured_impedance, simulate, study
+from kinid.controllers.passivity import brake
 from kinid.controllers.teleoperation import Study
 from kinid.controllers.teleoperator import REFLECTIONS
 from kinid.errors import InputError
@@ -134,6 +135,91 @@ def test_a_tank_keeps_direct_reflection_passive_and_stable(delay: float) -> None
     echoes = tame.t[-1] / (2 * delay)
     assert np.abs(np.diff(tame.force)).sum() < 2 * echoes * np.abs(tame.force).max()
     assert np.abs(np.diff(tame.share)).max() < 0.5
+
+
+@pytest.mark.parametrize("stiffness", [732.0, 1853.0, 2400.0])
+@pytest.mark.parametrize("method", ["passivated", "tank"])
+def test_passivity_controllers_hold_hard_materials_at_400_ms(method: str, stiffness: float) -> None:
+    """All that is felt is there, but for what the slave's coupling gives way."""
+    o = Teleoperator(delay=0.4)
+    motion = simulate(o, Environment(stiffness, 0.01 * stiffness), method)
+    assert motion.stable
+    felt = motion.force[-1000:].mean() / motion.master[-1000:].mean()
+    assert felt == pytest.approx(stiffness * 5000 / (stiffness + 5000), rel=0.02)
+
+
+@pytest.mark.parametrize("delay", [0.2, 0.4])
+def test_a_damper_below_the_bound_never_pays(delay: float) -> None:
+    """By simulation and by Nyquist's criterion the same stiffness; below it the account is settled, above never."""
+    o = Teleoperator(delay=delay, most_damping=300.0)
+    low, high = 50.0, 20_000.0
+    for _ in range(12):
+        middle = float(np.sqrt(low * high))
+        low, high = (middle, high) if o.pays(Environment(middle, 0.01 * middle)) else (low, middle)
+    print(f"{1e3 * delay:.0f} ms, 300 N·s/m: {low:.0f} N/m")
+    for factor, stable in ((0.8, True), (1.2, False)):
+        e = Environment(factor * low, 0.01 * factor * low)
+        motion = simulate(o, e, "passivated", duration=60.0)
+        assert motion.stable is stable
+        late = motion.injected[len(motion.t) // 2 :]
+        assert stable or (late >= 300.0 * (1 - 1e-12)).all()
+    # without mass, slave and sampling it is the formula of the docstring
+    felt, k = low * 5000 / (low + 5000), 250.0
+    bound = 2 * delay * np.sqrt(felt**2 - k**2) / (np.pi - np.arccos(k / felt))
+    assert bound == pytest.approx(300.0 + 8.5, rel=0.1)
+
+
+def test_the_damping_of_a_delay_is_that_of_the_bound_for_any_hand() -> None:
+    for delay in (0.05, 0.2, 0.4):
+        o = Teleoperator(delay=delay)
+        for k in (10.0, 250.0, 1000.0):
+            felt = 2500.0
+            needed = o.round_trip * np.sqrt(felt**2 - k**2) / (np.pi - np.arccos(k / felt))
+            assert needed <= o.full_damping * (1 + 1e-12)
+        assert o.full_damping == Teleoperator(delay=delay, hand_stiffness=77.0, hand_damping=3.0).full_damping
+    assert Teleoperator(most_damping=12.0).full_damping == 12.0
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.1, 0.4])
+def test_a_line_of_waves_is_passive_and_its_simulation_is_the_formula(delay: float) -> None:
+    frequency = np.geomspace(0.05, 50.0, 4000)
+    for stiffness in (100.0, 1853.0, 20_000.0):
+        o, e = Teleoperator(delay=delay), Environment(stiffness, 1.0)
+        assert o.transmitted(e, frequency, "wave").real.min() > 0.0
+        assert o.is_stable(e, "wave")
+        assert simulate(o, e, "wave").port_energy.min() > -1e-4
+    # a material that damps, so that waves die out between a master that doesn't give way and the slave
+    o, e = Teleoperator(delay=delay, period=2.5e-4), Environment(300.0, 90.0)
+    at = [1.0, 2.0, 4.0]
+    found = measured_impedance(o, e, at, "wave")
+    # held for half a period and counted for one each way: 1.5 ms in all at 250 µs
+    assert np.abs(found / o.transmitted(e, np.array(at), "wave") - 1).max() < 0.06
+
+
+def test_a_wave_line_at_rest_is_a_spring_of_its_own() -> None:
+    """b/T in series with what the slave feels: the force is whole, the stiffness isn't."""
+    for delay in (0.1, 0.4):
+        o, e = Teleoperator(delay=delay), Environment()
+        motion = simulate(o, e, "wave")
+        slave = 732.0 * 5000 / 5732
+        line = o.wave_impedance / delay
+        felt = motion.force[-1000:].mean() / motion.master[-1000:].mean()
+        assert felt == pytest.approx(1 / (1 / slave + 1 / line), rel=0.03)
+        assert motion.force[-1] == pytest.approx(motion.environment_force[-1], rel=1e-3)
+
+
+def test_a_spring_lets_a_damper_be_stronger_than_a_held_one_can_be() -> None:
+    """Slow motion meets the damper; fast motion no more than the spring."""
+    force, slow, quick = 0.0, [], []
+    for _ in range(4000):
+        force = brake(force, 1e-6, 30_000.0, 1276.0, 1e-3)
+        slow.append(force)
+    assert slow[-1] == pytest.approx(1276.0 * 1e-3, rel=1e-6)
+    for i in range(4000):
+        force = brake(force, 1e-3 * np.sin(2 * np.pi * 0.05 * i) * 2 * np.pi * 0.05, 30_000.0, 1276.0, 1e-3)
+        quick.append(force)
+    assert np.abs(quick[2000:]).max() < 1.05 * 30_000.0 * 1e-3
+    assert brake(5.0, 1e-3, 30_000.0, 0.0, 1e-3) == 0.0
 
 
 def test_impedance_reflection_settles_in_static_balance() -> None:

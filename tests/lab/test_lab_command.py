@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 import kinid
 from kinid.cli.lab import lab
 from kinid.errors import InputError
+from kinid.lab import teleoperation_study
 from kinid.mapping.property_map import Probe, Property, PropertyMap
 from kinid.robotics.surface import Plane
 
@@ -59,6 +60,14 @@ def test_streams_of_a_campaign_and_an_effect_in_a_part_of_the_surface(app: typer
     assert facts["where"] == [[0.0, -0.05], [0.05, 0.0]]
 
 
+@pytest.fixture
+def one_delay(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A small study of all schemes."""
+    monkeypatch.setattr(teleoperation_study, "DELAYS", (0.05,))
+    monkeypatch.setattr(teleoperation_study, "STIFFNESSES", (732.0,))
+
+
+@pytest.mark.usefixtures("one_delay")
 def test_teleoperation(app: typer.Typer, tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["teleoperation", "--material", "sponge", "-o", str(tmp_path / "t")])
     assert result.exit_code == 0, result.output
@@ -66,6 +75,7 @@ def test_teleoperation(app: typer.Typer, tmp_path: Path) -> None:
     assert {p.name for p in (tmp_path / "t").iterdir()} == {"teleoperation.html", "teleoperation.json"}
 
 
+@pytest.mark.usefixtures("one_delay")
 def test_teleoperation_reflects_a_map_that_was_measured(app: typer.Typer, tmp_path: Path) -> None:
     lies = Plane(np.array([0.55, 0.0, 0.1]), np.eye(3))
     places = [lies.point + [x, y, 0.0] for x in (0.01, 0.02, 0.03) for y in (0.01, 0.02, 0.03)]
