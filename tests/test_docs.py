@@ -108,7 +108,10 @@ def test_commands_run(
     page: Path, desk: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from kinid.cli import main
+    from kinid.lab import teleoperation_study
 
+    for name, fewer in (("DELAYS", (0.1,)), ("STIFFNESSES", (1853.0,))):
+        monkeypatch.setattr(teleoperation_study, name, fewer)
     monkeypatch.chdir(desk)
     targets = set(re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
     for words in map(quick, commands(page)):

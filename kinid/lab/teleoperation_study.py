@@ -189,9 +189,13 @@ def cells(found: Outcome, line: str) -> tuple[list[str], list[list[str]]]:
         row = [f"{stiffness:g}", scheme]
         for delay in delays:
             c = found.case(line, stiffness, scheme, delay)
-            row.append(f"{c.transparency:.2f} {100 * c.felt:+.0f} % {1e3 * c.tracking:.1f}" if c.stable else "no rest")
+            row.append(_shown(c) if c.stable else "no rest")
         rows.append(row)
     return ["[N/m]", "scheme", *(f"{1e3 * delay:g} ms" for delay in delays)], rows
+
+
+def _shown(c: Case) -> str:
+    return f"{c.transparency:.2f}, {round(100 * c.felt):+d} %, {1e3 * c.tracking:.1f}"
 
 
 def bound_cells(found: Outcome) -> tuple[list[str], list[list[str]]]:
