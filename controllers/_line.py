@@ -33,8 +33,8 @@ class Line(NamedTuple):
     mass [kg], damping [N·s/m]: of the master with the hand on it. hand_damping, hand_stiffness [N/m]: of the arm that
     moves it. slave_mass, slave_damping: of the slave. coupling_stiffness, coupling_damping: of its controller.
     environment_…: stiffness and damping of what it touches, believed_…: the same as the map has it.
-    most_damping, brake_stiffness, capacity: of the passivity controllers [N·s/m, N/m, J]. wave_impedance: [N·s/m].
-    period: [s].
+    most_damping, plain_damping, brake_stiffness, capacity: of the passivity controllers, with and without a spring
+    [N·s/m, N/m, J]. wave_impedance: [N·s/m]. period: [s].
     """
 
     mass: float
@@ -50,6 +50,7 @@ class Line(NamedTuple):
     believed_stiffness: float
     believed_damping: float
     most_damping: float
+    plain_damping: float
     brake_stiffness: float
     capacity: float
     wave_impedance: float
@@ -79,8 +80,9 @@ def protect(
     """
     share = 1.0
     if tank:
-        share = _afford(stored, -wanted * rate, abs(wanted), rate * rate, o.period, o.most_damping)
+        share = _afford(stored, -wanted * rate, abs(wanted), rate * rate, o.period, o.plain_damping)
         share = _ease(eased, share, o.period)
+        # none where it is full, all of it from KEPT downwards
         added = _refill(stored - KEPT * o.capacity, 2.0 * (1.0 - KEPT) * o.capacity, o.most_damping)
     else:
         added = _pay(stored, rate * rate, o.period, o.most_damping)

@@ -242,6 +242,7 @@ def compiled_line(o: Teleoperator, environment: Environment, believed: Environme
         believed_stiffness=believed.stiffness,
         believed_damping=believed.damping,
         most_damping=o.full_damping,
+        plain_damping=min(o.full_damping, o.plain_damping),
         brake_stiffness=o.brake_stiffness,
         capacity=o.tank,
         wave_impedance=o.wave_impedance,

@@ -138,6 +138,8 @@ class Teleoperator:
         )
         if self.most_damping is not None:
             _not_negative(self, "most_damping")
+        if not isinstance(self.network, Network):
+            raise InputError(f"a network {self.network!r}", "Network(…)", "see its docstring")
         for name, unit in (("master_mass", "mass [kg]"), ("slave_mass", "mass [kg]"), ("tank", "energy [J]")):
             if not (is_number(getattr(self, name)) and getattr(self, name) > 0):
                 raise InputError(
@@ -170,7 +172,12 @@ class Teleoperator:
     @property
     def wave_impedance(self) -> float:
         """Of the line, b [N·s/m]: the coupling's damping, or what a held force may be at the master if that is less."""
-        return min(self.coupling_damping, self.master_mass / self.period)
+        return min(self.coupling_damping, self.plain_damping)
+
+    @property
+    def plain_damping(self) -> float:
+        """What a held damper may be on the device, whoever holds it, m/T_s [N·s/m]."""
+        return self.master_mass / self.period
 
     @property
     def brake_stiffness(self) -> float:

@@ -38,8 +38,8 @@ MISTAKEN = 0.2
 POINTS, FINER = 12, 400
 #: stiffnesses between which a bound is looked for [N/m], steps of that, and how long is waited [s]
 SOUGHT, STEPS, PATIENCE = (50.0, 20_000.0), 8, 40.0
-#: what a damper without a spring may be on a device whose hand may let go, m/T [N·s/m]
-PLAIN = Teleoperator().master_mass / Teleoperator().period
+#: what a damper without a spring may be [N·s/m]
+PLAIN = Teleoperator().plain_damping
 
 
 class Scheme(NamedTuple):

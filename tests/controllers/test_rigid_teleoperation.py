@@ -103,7 +103,7 @@ def test_some_hands_lines_and_materials() -> None:
 @pytest.mark.slow
 def test_a_hundred_hands_lines_and_materials() -> None:
     for method in METHODS:
-        count = at_rest(method, range(200, 300))
+        count = at_rest(method, range(300, 400))
         print(f"{method}: {count} of 100 at rest")
         assert count == 0 if method == "direct" else count >= 90, method
 

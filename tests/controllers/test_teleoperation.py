@@ -258,6 +258,7 @@ def test_environment_from_a_map() -> None:
         ({"period": 0.0}, "period"),
         ({"coupling_damping": 5000.0}, "too strong"),
         ({"most_damping": -1.0}, "most_damping"),
+        ({"network": "lossy"}, "network"),
         ({"tank": 0.0}, "tank"),
         ({"slave_mass": "2"}, "slave_mass"),
         ({"delay": None}, "delay"),
