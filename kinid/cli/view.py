@@ -47,9 +47,10 @@ def view(
     browser: Annotated[bool, typer.Option("--open/--no-open", help="Open the browser.")] = True,
 ) -> None:
     """The arm moving through a log, or the surface coloured by a property, while it grows; to this machine only."""
+    from kinid.planning.saved_doubts import is_trajectory, saved_doubts
     from kinid.viewer.page import page
     from kinid.viewer.server import ViewServer
-    from kinid.viewer.viewer import View
+    from kinid.viewer.viewer import Kind, View
     from kinid.viewer.viewer import record as recorded
     from kinid.writers import check_outputs, write_json, write_text
 
@@ -58,6 +59,9 @@ def view(
         raise InputError(f"--port {port}", "0 to 65535", "choose another")
     check_outputs((record, json_file), (target, rig))
     seen = View(target, rig, shown, method, model)
+    if seen.robot is not None and seen.kind is Kind.LOG and is_trajectory(target):
+        for doubt in saved_doubts(target, seen.robot):
+            typer.echo(f"doubt: {doubt}")
     if record is not None:
         write_text(record, recorded(seen))
         typer.echo(f"wrote {record}")

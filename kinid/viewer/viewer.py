@@ -103,6 +103,11 @@ class View:
             self._rig = self._robot = self._shown_log = None
 
     @property
+    def robot(self) -> Robot | None:
+        """The arm that is shown, None without one."""
+        return self._robot
+
+    @property
     def _effects(self) -> list[str] | None:
         return None if self.model is None else [part.strip() for part in self.model.split(",") if part.strip()]
 
