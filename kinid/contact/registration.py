@@ -156,8 +156,23 @@ def find_surface(
     return replace(out, rig=rig.model_copy(update={"surface": known}))
 
 
+@dataclass(frozen=True, eq=False)
+class Felt:
+    """One touch in a motion: where it began, and its rows."""
+
+    onset: Onset
+    rows: slice
+
+
 def onsets(log: Log, rig: Rig, robot: Robot, differentiator: Differentiator | None = None) -> list[Onset]:
     """Where the touches of one log began, in order of time."""
+    return [each.onset for each in felt_in_log(log, rig, robot, differentiator)[1]]
+
+
+def felt_in_log(
+    log: Log, rig: Rig, robot: Robot, differentiator: Differentiator | None = None
+) -> tuple[TipMotion, list[Felt]]:
+    """The tip's motion in a log, and its touches in order of time."""
     if log.wrench is None:
         raise InputError(
             f"no wrench in {log.provenance.source}",
@@ -171,22 +186,45 @@ def onsets(log: Log, rig: Rig, robot: Robot, differentiator: Differentiator | No
     motion_beside = tip_motions(log, rig, robot=robot, differentiator=differentiator)
     for _ in range(1 if labelled else 3):  # what is free follows from what touches, and the bias from what is free
         motion = motion_beside(free)
-        force = motion.force if motion.force is not None else np.zeros_like(motion.position)
-        size = np.linalg.norm(force, axis=1)
-        noise = max(float(force_noise(force[np.isfinite(size), axis])) for axis in range(3))
-        # the length of a noisy vector is never zero: its mean is 1.6 and it rarely exceeds 4 noises
-        quiet = size[free][np.isfinite(size[free])]
-        on = max(2 * ON * noise, 1.5 * float(np.quantile(quiet, 0.999)) if len(quiet) else 0.0)
-        flag = np.zeros(len(log), dtype=np.bool_)
-        contact_flag(size, np.zeros(len(log)), on, on * OFF / ON, 1.0, flag)
+        flag, on, noise = _flagged(motion, free)
         if not labelled:
             free = np.flatnonzero(~_widened(flag, max(1, round(MARGIN / log.period))))
+    return motion, _felt(motion, flag, on, noise)
+
+
+def felt_in_motion(motion: TipMotion) -> list[Felt]:
+    """The touches of a motion that begins in the air, in order of time."""
+    return _felt(motion, *_flagged(motion, np.flatnonzero(motion.t < motion.t[0] + STARTS_FREE)))
+
+
+def _flagged(motion: TipMotion, free: NDArray[np.int64]) -> tuple[NDArray[np.bool_], float, float]:
+    """Where a force is felt, (n,), the force that it is noticed at, and the noise [N]."""
+    force, size = _force(motion)
+    noise = max(float(force_noise(axis[np.isfinite(size)])) for axis in force.T)
+    # the length of a noisy vector is never zero: its mean is 1.6 and it rarely exceeds 4 noises
+    quiet = size[free][np.isfinite(size[free])]
+    on = max(2 * ON * noise, 1.5 * float(np.quantile(quiet, 0.999)) if len(quiet) else 0.0)
+    flag = np.zeros(len(size), dtype=np.bool_)
+    contact_flag(size, np.zeros(len(size)), on, on * OFF / ON, 1.0, flag)
+    return flag, on, noise
+
+
+def _felt(motion: TipMotion, flag: NDArray[np.bool_], on: float, noise: float) -> list[Felt]:
+    """The touches that are firm enough to have an onset."""
     # a flag that flickers at a light touch is one touch
-    joined = ~_widened(~_widened(flag, round(MARGIN / 2 / log.period)), round(MARGIN / 2 / log.period))
+    bridged = round(MARGIN / 2 / float(np.median(np.diff(motion.t)))) if len(motion.t) > 1 else 0
+    joined = ~_widened(~_widened(flag, bridged), bridged)
     edges = np.diff((joined | flag).astype(np.int8), prepend=0, append=0)
-    starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-    made = (_onset(motion, force, size, int(a), int(b), on, noise) for a, b in zip(starts, ends))
-    return [onset for onset in made if onset is not None]
+    spans = zip(np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist())
+    force, size = _force(motion)
+    made = ((slice(a, b), _onset(motion, force, size, a, b, on, noise)) for a, b in spans)
+    return [Felt(onset, rows) for rows, onset in made if onset is not None]
+
+
+def _force(motion: TipMotion) -> tuple[Array, Array]:
+    """The force (n, 3) and its size (n,) [N]."""
+    force = np.zeros_like(motion.position) if motion.force is None else motion.force
+    return force, np.asarray(np.linalg.norm(force, axis=1))
 
 
 def _onset(motion: TipMotion, force: Array, size: Array, start: int, end: int, on: float, noise: float) -> Onset | None:

@@ -20,7 +20,7 @@ from kinid.reports.render import render
 from kinid.robotics.surface import Plane
 
 if TYPE_CHECKING:
-    from plotly.graph_objects import Figure, Scatter
+    from plotly.graph_objects import Figure, Scatter, Scatter3d
 
 Array = NDArray[np.float64]
 
@@ -207,36 +207,39 @@ def residual_figure(grown: PropertyMap) -> Figure:
 
 def mesh_figure(grown: PropertyMap, name: str, method: str = "gp") -> Figure:
     """A property over a mesh; faces with an unknown corner are grey."""
-    from plotly.graph_objects import Figure as NewFigure
-    from plotly.graph_objects import Mesh3d, Scatter3d
-
     assert not isinstance(grown.surface, Plane)
     vertices, faces = grown.surface.vertices, grown.surface.faces
     guess = grown.interpolator(name, method).at(np.arange(len(vertices)))
-    known = guess.known[faces].all(axis=1)
     unit = grown.properties[grown.index(name)].unit
+    figure = coloured_mesh(vertices, faces, guess.mean, colour_range(grown, name), SCALE, unit)
+    figure.add_trace(marks(grown.places))
+    return figure
+
+
+def coloured_mesh(
+    vertices: Array, faces: NDArray[np.int64], values: Array, span: tuple[float, float], scale: str, unit: str
+) -> Figure:
+    """A mesh coloured by values at its vertices; faces with a corner without one are grey."""
+    from plotly.graph_objects import Figure as NewFigure
+    from plotly.graph_objects import Mesh3d
+
+    known = np.isfinite(values)[faces].all(axis=1)
     x, y, z = vertices.T
-    figure, (low, high) = NewFigure(), colour_range(grown, name)
-    scale = {"colorscale": SCALE, "cmin": low, "cmax": high, "colorbar": {"title": {"text": unit}}}
+    figure, (low, high) = NewFigure(), span
+    bar = {"colorscale": scale, "cmin": low, "cmax": high, "colorbar": {"title": {"text": unit}}}
     for part, options in (
         (faces[~known], {"color": UNKNOWN}),
-        (
-            faces[known],
-            {"intensity": np.nan_to_num(guess.mean), **scale},
-        ),
+        (faces[known], {"intensity": np.nan_to_num(values), **bar}),
     ):
         if len(part):
             figure.add_trace(Mesh3d(x=x, y=y, z=z, i=part[:, 0], j=part[:, 1], k=part[:, 2], **options))
-    places = grown.places
-    figure.add_trace(
-        Scatter3d(
-            x=places[:, 0],
-            y=places[:, 1],
-            z=places[:, 2],
-            mode="markers",
-            showlegend=False,
-            marker={"size": 2, "color": "#000000"},
-        )
-    )
     figure.update_layout(height=520, margin={"l": 0, "r": 0, "t": 20, "b": 0}, scene={"aspectmode": "data"})
     return figure
+
+
+def marks(places: Array, colour: str = "#000000", size: int = 2) -> Scatter3d:
+    """Points in space, (n, 3) [m]."""
+    from plotly.graph_objects import Scatter3d as NewScatter3d
+
+    x, y, z = places.T
+    return NewScatter3d(x=x, y=y, z=z, mode="markers", showlegend=False, marker={"size": size, "color": colour})

@@ -187,7 +187,7 @@ class Prober:
         fits = [self.model.fit(part, held_out=False) for part in parts]
         ways = [self._ways(part) for part in parts]
         exponent = _exponent([fit for fit, slides in zip(fits, ways) if not slides]) or _exponent(fits, fixed=True)
-        properties = tuple(Property(_short(name, fits[-1]), p.unit) for name, p in fits[-1].parameters.items())
+        properties = tuple(Property(property_name(name, fits[-1]), p.unit) for name, p in fits[-1].parameters.items())
         out: list[Probe] = []
         for i, ((a, b), fit, slides) in enumerate(zip(spans, fits, ways)):
             name = source if len(spans) == 1 else f"{source}#{i}"
@@ -350,7 +350,7 @@ def _exponent(fits: Sequence[Fit], fixed: bool = False) -> Exponent | None:
     return Exponent(mean, chance + max(0.0, scatter - (len(values) - 1) * chance))
 
 
-def _short(name: str, fit: Fit) -> str:
+def property_name(name: str, fit: Fit) -> str:
     """What maps call a parameter; else its name, without its effect where that is clear."""
     effect, own = name.split(".", 1)
     if own in fit.model[effect].map_names:

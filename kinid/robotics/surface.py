@@ -271,6 +271,14 @@ def _read(path: Path) -> tuple[Array, Index]:
         ) from None
 
 
+def mesh_bytes(vertices: Array, faces: Index, ending: str) -> bytes:
+    """A mesh as a file of one of `FORMATS`, for [surface] mesh: vertices (k, 3) [m] and their numbers (m, 3)."""
+    import trimesh
+
+    packed = trimesh.Trimesh(vertices, faces, process=False).export(file_type=ending.lower()[1:])
+    return packed.encode() if isinstance(packed, str) else bytes(packed)
+
+
 def _clean(vertices: Array, faces: Index) -> tuple[Array, Index, int]:
     """Merge vertices, drop degenerate faces, turn slivers away; the last number counts slivers that stay.
 
