@@ -24,6 +24,7 @@ from kinid.cli import (
     live,
     picture,
     plan,
+    shape,
     view,
     watch,
 )
@@ -81,6 +82,7 @@ for name, function, examples, short in (
     ("live", live.live, live.EXAMPLES, "A robot's stream as it comes: contact frame, estimates, events."),
     ("changes", changes.changes, changes.EXAMPLES, "Borders and jumps along slides."),
     ("map", map_command.map_, map_command.EXAMPLES, "Touches to a map of properties."),
+    ("shape", shape.shape, shape.EXAMPLES, "Touches of an unknown surface to its mesh."),
     ("picture", picture.picture, picture.EXAMPLES, "What a picture says of a mapped property."),
     ("view", view.view, view.EXAMPLES, "A log or a map in three dimensions."),
 ):

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from kinid.modeling.model import Model
 
 #: commands whose arguments are logs
-OF_LOGS = ("contact", "fit", "compare", "diagnose", "changes", "map", "live", "view")
+OF_LOGS = ("contact", "fit", "compare", "diagnose", "changes", "map", "shape", "live", "view")
 #: such a command within a sentence, as a message advises it
 OF_A_LOG = re.compile(rf"\bkinid ((?:{'|'.join(OF_LOGS)}|plan) )")
 #: names folders of effects, as kinid.effects reads it
