@@ -45,8 +45,8 @@ LAST_TIME = MEAN_SQUARES + 2
 FAR, NEAR, SWING, ON_WAY, CHANGED = range(5)
 #: those of force over depth, and of tangential over normal force; and the way's velocity along both tangents [m/s]
 DEPTH_RATIO, FRICTION_RATIO, ALONG1, ALONG2 = LAST_TIME + 1, LAST_TIME + 6, LAST_TIME + 11, LAST_TIME + 12
-#: logarithm of force over depth to the law's power in this touch so far, mean square of what it leaves, its time [s], and
-#: the law's exponent and damping over stiffness so far; then of force over depth alone: its logarithm, and that swing
+#: logarithm of force over depth to the law's power in this touch so far, mean square of what it leaves, its time [s],
+#: and the law's exponent and damping over stiffness so far; then of force over depth alone: its logarithm, that swing
 USUAL_FORCE, FORCE_SWING, IN_TOUCH, EXPONENT, LOSS, USUAL_SECANT, SECANT_SWING = range(LAST_TIME + 13, LAST_TIME + 20)
 PLACES = LAST_TIME + 20
 

@@ -85,7 +85,7 @@ class Guard:
         self._last = now
         try:
             x: list[float] = sample.tolist()  # of Python numbers, which are compared ten times faster
-            x[_TANGENT2] < 0.0
+            math.hypot(x[_TANGENT1], x[_TANGENT2])
         except (AttributeError, IndexError, TypeError):
             self._reason = f"no contact quantities: {str(sample)[:60]}"
             return self._reason

@@ -62,7 +62,14 @@ class Screen:
             for name, key in (("processing", "processing_us"), ("from reception to estimate", "latency_us"))
             if facts[key] and facts["samples"]
         ]
-        return Group(Text(head), Text("   ".join(times)), Text(now if math.isfinite(depth) else state), estimates(session), doubts, events)
+        return Group(
+            Text(head),
+            Text("   ".join(times)),
+            Text(now if math.isfinite(depth) else state),
+            estimates(session),
+            doubts,
+            events,
+        )
 
 
 def estimates(session: Session) -> Table:

@@ -82,4 +82,6 @@ def _rates(motion: Trajectory) -> list[str]:
     off = float(np.sqrt(np.mean((motion.dq - own) ** 2)))
     if off <= SAME_RATES * size + 1e-6:
         return []
-    return [f"the velocities are {100.0 * off / max(size, 1e-9):.3g} % beside what the positions do: sign, order or unit"]
+    return [
+        f"the velocities are {100.0 * off / max(size, 1e-9):.3g} % beside what the positions do: sign, order or unit"
+    ]

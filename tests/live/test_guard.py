@@ -81,7 +81,9 @@ def test_it_takes_microseconds() -> None:
     assert median < 5.0  # asked for; the longest are those in which something else ran
 
 
-@pytest.mark.parametrize("bad", [[1.0] * 9, np.zeros(3), "touch", np.array(["a"] * 9)], ids=["list", "short", "text", "words"])
+@pytest.mark.parametrize(
+    "bad", [[1.0] * 9, np.zeros(3), "touch", np.array(["a"] * 9)], ids=["list", "short", "text", "words"]
+)
 def test_what_is_no_sample_is_a_no(bad: Any) -> None:
     guard = Guard(force=20.0, dead_man=10.0)
     assert "no contact quantities" in guard.check(bad)
