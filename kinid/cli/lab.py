@@ -21,6 +21,8 @@ kinid lab mould --campaign 10x10 -o campaign
 
 kinid lab mould --campaign 10x10 --hide relaxation --where 0,-0.05,0.05,0 -o part
 
+kinid lab mould --campaign 10x10 --precision 0.05 -o quick
+
 kinid lab --trajectory plan.parquet --rig rig.toml --material dragon-skin-10 -o run
 
 kinid lab study -o found
@@ -40,6 +42,8 @@ NEEDS = (
     ("--where", "--hide", "the effect that is hidden there"),
     ("--spacing", "--campaign", "a grid, as 10x10"),
     ("--rig", "--trajectory", "what was planned for it"),
+    ("--precision", "--campaign", "a grid of pokes, as 10x10"),
+    ("--prior", "--precision", "how well stiffness and damping are to be known, as 0.05"),
 )
 #: options that a study ignores, unless it takes them
 NOT_OF_STUDIES = (
@@ -103,6 +107,20 @@ def lab(
         ),
     ] = None,
     spacing: Annotated[float | None, typer.Option(help="Between the places of a campaign [m]; default: 0.01.")] = None,
+    precision: Annotated[
+        float | None,
+        typer.Option(
+            help="Of pokes of a campaign: each ends as soon as half of the 95 % intervals of stiffness and damping is "
+            "this share of them, as 0.05."
+        ),
+    ] = None,
+    prior: Annotated[
+        str | None,
+        typer.Option(
+            help="What such pokes expect of their place: neighbours, a map or a fit (JSON) beside them, or none.",
+            show_default="neighbours",
+        ),
+    ] = None,
     stiffness: Annotated[
         float, typer.Option(help="Translational stiffness of the impedance controller [N/m].")
     ] = STIFFNESS,
@@ -142,6 +160,8 @@ def lab(
         "--where": where,
         "--campaign": campaign,
         "--spacing": spacing,
+        "--precision": precision,
+        "--prior": prior,
         "--point": point,
         "--normal": normal,
         "--mcap": mcap,
@@ -155,7 +175,7 @@ def lab(
     from kinid.cli.show import written
     from kinid.writers import check_outputs, write_json
 
-    check_outputs((json_file,), (rig, trajectory, measured_map))
+    check_outputs((json_file,), (rig, trajectory, measured_map, None if prior is None else Path(prior)))
     asked = runs.Asked(
         material,
         hide,
@@ -185,7 +205,9 @@ def lab(
         summary = slides(out, seed)
     elif campaign is not None and experiment is not None:
         places = grid(campaign, "--campaign")
-        summary = runs.campaign(experiment, asked, places, 0.01 if spacing is None else spacing, bool(mcap), out)
+        start = None if precision is None or prior == "none" else prior or "neighbours"
+        apart = 0.01 if spacing is None else spacing
+        summary = runs.campaign(experiment, asked, places, apart, bool(mcap), out, precision, start)
     else:
         summary = runs.single(out, asked, experiment, trajectory, rig, mcap is None or mcap)
     if json_file is not None:

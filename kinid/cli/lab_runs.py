@@ -147,18 +147,26 @@ def _show(path: Path, result: Result, nominal: Setup, mcap: bool, guard: list[st
 
 
 def campaign(
-    experiment: str, asked: Asked, places: tuple[int, int], spacing: float, mcap: bool, out: Path
+    experiment: str,
+    asked: Asked,
+    places: tuple[int, int],
+    spacing: float,
+    mcap: bool,
+    out: Path,
+    precision: float | None = None,
+    prior: str | None = None,
 ) -> dict[str, object]:
-    """A grid of pokes, or of slides, so far apart [m]."""
+    """A grid of pokes, or of slides, so far apart [m]; pokes end early where a precision is asked."""
     from kinid.lab import campaign as lab
     from kinid.lab import experiments
     from kinid.lab.campaign_page import NAME
+    from kinid.lab.early_stop import robot_seconds
     from kinid.lab.materials import material
     from kinid.lab.writing import check_mcap
 
     options = asdict(asked)
     options["material"] = material(asked.material or experiments.named(experiment).material).name
-    options["hidden"] = options.pop("hide")
+    options |= {"hidden": options.pop("hide"), "precision": precision, "prior": prior}
     task = lab.Campaign(*places, spacing, "slide" if experiment == "slide" else "poke", mcap=mcap, **options)
     if mcap:
         check_mcap()
@@ -168,9 +176,13 @@ def campaign(
         f"{made} {task.touch}s made{there}: {out}/{task.touch}_*.parquet, {rig}; at a glance: {page}; the truth, which "
         f"no other command reads: {truth}"
     )
+    seconds = robot_seconds(task, out)
+    learnt = f"; map of what they told: {out / lab.LEARNT}" if precision is not None else ""
+    typer.echo(f"time of the robot: {seconds:.0f} s, ways between places included{learnt}")
     return {
         "experiment": "campaign",
         "seed": task.seed,
+        "robot_seconds": seconds,
         "count": task.count,
         "made": made,
         "logs": [str(log) for log in sorted(out.glob(f"{task.touch}_*.parquet"))],

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from kinid.batch.runners import Runner
     from kinid.mapping.probes import Prober
     from kinid.mapping.property_map import PropertyMap
+    from kinid.mapping.warm_start import Neighbourhood
 
 EXAMPLES = """Examples:
 
@@ -25,6 +26,8 @@ kinid map mould -o mould.parquet --plot mould.html
 kinid map poke_1.parquet poke_2.parquet --rig rig.toml -o map.parquet
 
 kinid map running-campaign -o map.parquet --follow 10
+
+kinid map short-pokes -o map.parquet --prior neighbours
 """
 #: the map is written while it grows, but not more often than this [s]
 EVERY = 0.5
@@ -70,6 +73,13 @@ def map_(
         float,
         typer.Option(help="A slide of more than 20 mm is cut into probes of this length [m]; 0 for one probe a touch."),
     ] = 0.002,
+    prior: Annotated[
+        str | None,
+        typer.Option(
+            help="Join each touch with what is expected of its place: neighbours, a map or a fit (JSON) beside them.",
+            show_default="each touch alone",
+        ),
+    ] = None,
     json_file: Annotated[
         Path | None, typer.Option("--json", help="Probes, ranges and left-out errors to write as JSON.")
     ] = None,
@@ -85,6 +95,7 @@ def map_(
     from kinid.mapping.origin import refuse_changed, unknown_origin
     from kinid.mapping.property_map import PropertyMap
     from kinid.mapping.slide_borders import slide_borders
+    from kinid.mapping.warm_start import Expectation, Neighbourhood
     from kinid.writers import alone_with, check_outputs, write_json, write_text
 
     check_method(method)
@@ -93,13 +104,14 @@ def map_(
     found = found_in(given)
     folder = logs[0] if logs[0].is_dir() or (is_remote(logs[0]) and found[0] != given[0]) else logs[0].parent
     rig_file = rig or folder / "rig.toml"
-    check_outputs((out, plot, json_file), [rig_file, *map(Path, found)])
+    check_outputs((out, plot, json_file), [rig_file, *map(Path, found), *([] if prior is None else [Path(prior)])])
+    near = None if prior is None else Neighbourhood(Expectation.read(prior))
     prober = _prober(rig_file, model, along, cell)
     with alone_with(out), running(on, workers) as runner:
         start = PropertyMap.read(out) if out.is_file() and not anew else None
         if start is not None:
             refuse_changed(start, out.stat().st_mtime)
-        grown, skipped = _grow(given, found, prober, start, out, follow, runner)
+        grown, skipped = _grow(given, found, prober, start, out, follow, runner, near)
     borders = slide_borders(grown, prober.rig)
     if plot is not None:
         from kinid.mapping.map_page import map_page
@@ -170,12 +182,13 @@ def _grow(
     out: Path,
     follow: float,
     runner: Runner,
+    near: Neighbourhood | None,
 ) -> tuple[PropertyMap, dict[str, str]]:
     """The map with all probes that come while it is waited, written as it grows; and logs left out, with the reason.
 
     Args:
         logs: files and folders. found: logs in them at first. start: a map to go on with. out: file of the map.
-        follow: how long to wait for a log that is still to come [s]. runner: who makes the probes.
+        follow: how long to wait for a log that is still to come [s]. runner: who makes the probes. near: see `build`.
     """
     from functools import partial
 
@@ -188,7 +201,7 @@ def _grow(
         before = len(grown) if grown is not None else 0
         todo = [path for path in found if path not in skipped]
         elsewhere = partial(probed, runner, prober)
-        for latest in build(todo, prober, grown, lambda path, why: skipped.update({path: why}), elsewhere):
+        for latest in build(todo, prober, grown, lambda path, why: skipped.update({path: why}), elsewhere, near):
             grown = latest
             if time.monotonic() - last > EVERY:
                 grown.write(out)

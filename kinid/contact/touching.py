@@ -20,6 +20,8 @@ ON, OFF = 6.0, 3.0
 SETTLE = 4
 #: a touch that is interrupted for less is one touch [s]
 JOINED = 0.1
+#: a shorter touch is a knock [s]
+SHORTEST = 0.2
 
 
 def touching(table: Array, log: Log, rig: Rig, forces: bool, valid: Mask) -> tuple[Mask, Step]:

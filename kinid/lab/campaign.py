@@ -1,8 +1,9 @@
 """Many pokes or slides, one file each: stopped at any moment, even by a power cut, a campaign goes on where it was.
 
 A poke is done when its log is there: the log is written last, under another name first, and renamed whole. What each
-poke does follows from the seed and its number alone, so that a campaign that was stopped ends with the same bytes as
-one that wasn't; a file that is damaged or gone is made again, with the bytes that it had.
+poke does follows from the seed and its number alone, and from the pokes before it where they end early, so that a
+campaign that was stopped ends with the same bytes as one that wasn't; a file that is damaged or gone is made again,
+with the bytes that it had.
 """
 
 from __future__ import annotations
@@ -16,12 +17,14 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.contact.early_stop import check_precision
 from kinid.controllers._given import closest
 from kinid.data.rig import Rig
 from kinid.errors import InputError
-from kinid.inputs import read_json
+from kinid.inputs import digest, read_json
 from kinid.lab.arm import Gains
 from kinid.lab.campaign_page import Overview
+from kinid.lab.early_stop import Learning, carry_out
 from kinid.lab.experiments import Vector, prepare
 from kinid.lab.folder import at_work, check_free, is_whole
 from kinid.lab.hidden import Rectangle, check_met, hide
@@ -29,12 +32,15 @@ from kinid.lab.places import Grid
 from kinid.lab.protocol import Poke, Slide, five_phases
 from kinid.lab.setup import Setup
 from kinid.lab.writing import write_experiment, write_rig
+from kinid.mapping.warm_start import Expectation
 from kinid.writers import Json, make_folder, write_json
 
 Array = NDArray[np.float64]
 
 #: in the folder, and with what is hidden in the truth's
 MANIFEST = "campaign.json"
+#: map of the recursive estimates of a campaign whose pokes end early
+LEARNT = "learnt.parquet"
 #: of a manifest: some hundred bytes a place
 MOST_BYTES = 100_000_000
 #: what is done at each place, shorter than the study's: three turns of the slow sine, or 3 mm out and back each way
@@ -54,9 +60,13 @@ class Campaign(Grid):
         material, seed, hidden, where, stiffness, torque_limit: as for one experiment.
         point, normal: of the surface; default: the lab's.
         mcap: whether each poke's streams are written, too.
+        precision: pokes end when half of the 95 % intervals of stiffness and damping is this share of them, and the
+            tool turns in the air before the first alone; None: all are done to their end.
+        prior: what such pokes expect of their place, as `kinid.mapping.warm_start.Expectation.read` takes it;
+            None: nothing.
 
     Raises:
-        InputError: no such touch.
+        InputError: no such touch, a precision that is none, or one of slides.
     """
 
     touch: Touch = "poke"
@@ -69,6 +79,8 @@ class Campaign(Grid):
     point: Vector | None = None
     normal: Vector | None = None
     mcap: bool = False
+    precision: float | None = None
+    prior: str | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -76,6 +88,10 @@ class Campaign(Grid):
             raise InputError(
                 f"a campaign of '{self.touch}'", f"one of {', '.join(get_args(Touch))}", closest(self.touch, MOTIONS)
             )
+        if self.precision is not None:
+            check_precision(self.precision)
+            if self.touch != "poke":
+                raise InputError(f"a precision of {self.touch}s", "pokes, which can end early", "leave it out")
 
     @property
     def done_there(self) -> str:
@@ -91,6 +107,8 @@ class Campaign(Grid):
             "motion": vars(MOTIONS[self.touch]),
             "rig": rig_facts(rig),
         }
+        if self.prior is not None and Path(self.prior).is_file():
+            whole["prior_digest"] = digest(Path(self.prior))
         if not everything:
             whole = {name: value for name, value in whole.items() if name not in ("hidden", "where")}
         out: Json = json.loads(json.dumps(whole))
@@ -115,12 +133,25 @@ class Campaign(Grid):
     def setup(self, index: int) -> tuple[Setup, dict[str, object]]:
         """Of one poke, and what is hidden in it."""
         base, truth = self.base()
+        # weight and bias, which a turn in the air shows apart, are those of the whole campaign
+        free = 0.4 if self.precision is None or index == 0 else 0.0
         script = five_phases(
-            MOTIONS[self.touch], place=self.place(index), height=0.008, free=0.4, hold=0.4, approach=0.8, tilt=0.1
+            MOTIONS[self.touch], place=self.place(index), height=0.008, free=free, hold=0.4, approach=0.8, tilt=0.1
         )
         # the seed and the number: the same poke always, and another noise for each
         seed = int(np.random.SeedSequence([self.seed, 3, index]).generate_state(1)[0])
         return base.replace(script=script, seed=seed), truth
+
+    def learning(self) -> Learning | None:
+        """What it learns while it goes on; None where pokes don't end early.
+
+        Raises:
+            InputError: as `Expectation.read`.
+        """
+        if self.precision is None:
+            return None
+        start = None if self.prior is None else Expectation.read(self.prior)
+        return Learning(self, self.base()[0].rig, self.precision, start)
 
     def check(self) -> None:
         """Refuse places that can't be poked, before any is: the outermost ones.
@@ -137,7 +168,8 @@ class Campaign(Grid):
 
 
 def run(campaign: Campaign, folder: Path, done: Callable[[int], None] | None = None) -> int:
-    """Make the pokes that aren't there yet, and the page `overview.html`; how many were made now.
+    """Make the pokes that aren't there yet, the page `overview.html` and, where they end early, the map of what they
+    told; how many were made now.
 
     Args:
         campaign: what is done. folder: of the logs. done: told the number of each poke that is there, old ones first.
@@ -146,6 +178,7 @@ def run(campaign: Campaign, folder: Path, done: Callable[[int], None] | None = N
         InputError: another campaign or process in the folder, or a campaign that can't work.
     """
     campaign.check()
+    learning = campaign.learning()
     with at_work(folder):
         _claim(campaign, folder)
         clean(folder)
@@ -154,17 +187,21 @@ def run(campaign: Campaign, folder: Path, done: Callable[[int], None] | None = N
         try:
             for index in range(campaign.count):
                 if not is_whole(folder, campaign.name(index)):
-                    _poke(campaign, folder, index)
+                    _poke(campaign, folder, index, learning)
                     made += 1
+                elif learning is not None:
+                    learning.recall(index, folder / f"{campaign.name(index)}.parquet")
                 overview.add(index)
                 if done is not None:
                     done(index)
         finally:
             overview.write()
+            if learning is not None and len(learning.map):
+                learning.map.write(folder / LEARNT)
     return made
 
 
-def _poke(campaign: Campaign, folder: Path, index: int) -> None:
+def _poke(campaign: Campaign, folder: Path, index: int, learning: Learning | None) -> None:
     setup, truth = campaign.setup(index)
     x, y = campaign.place(index)
     properties = {k: float(v[0]) for k, v in setup.material.at(np.array([x]), np.array([y])).items()}
@@ -172,7 +209,13 @@ def _poke(campaign: Campaign, folder: Path, index: int) -> None:
     if setup.material.colors is not None:
         color = tuple(setup.material.colors(np.array([x]), np.array([y]))[0].tolist())
     truth |= {"place": [x, y], "properties": properties, "color": color}
-    write_experiment(folder, setup.run(), truth, name=campaign.name(index), mcap=campaign.mcap)
+    if learning is None:
+        result = setup.run()
+    else:
+        poke = learning.begin(index)
+        result = carry_out(setup, poke)
+        learning.add(index, poke)
+    write_experiment(folder, result, truth, name=campaign.name(index), mcap=campaign.mcap)
 
 
 def logs(folder: Path) -> Iterator[Path]:
@@ -237,6 +280,6 @@ def _check_rig(path: Path, begun_with: Json) -> None:
 def clean(folder: Path) -> None:
     """Remove what a writer that was killed has left: files that never got their name."""
     for place in (folder, folder / "truth", folder / "streams"):
-        for kind in (".poke_", ".slide_", ".overview.", ".rig.", ".campaign."):
+        for kind in (".poke_", ".slide_", ".overview.", ".rig.", ".campaign.", ".learnt."):
             for left in (*place.glob(f"{kind}*.*"), *place.glob(f".{kind}*.*")):
                 left.unlink(missing_ok=True)

@@ -26,6 +26,8 @@ Array = NDArray[np.float64]
 NAME = "overview.html"
 #: the page of a campaign that goes on is written again after so long [s]
 AGAIN = 5.0
+#: of a poke that ends before it holds, so many samples stand for the hold
+LAST = 25
 #: points of each force that is drawn
 DRAWN = 200
 
@@ -72,7 +74,10 @@ class Overview:
             self.unreadable.append(path.name)
             return
         phase = np.full(len(touch), "") if touch.phase is None else touch.phase
-        hold = touch.normal_force[(phase == "hold") & touch.in_contact]
+        held = phase == "hold"
+        if not held.any():  # a poke that ended before
+            held = np.roll(phase == "retract", -LAST) & (phase != "retract")
+        hold = touch.normal_force[held & touch.in_contact]
         rows = np.linspace(0, len(touch) - 1, DRAWN).astype(np.int64)
         self.seen[index] = Seen(
             float(np.nanmax(touch.normal_force)),

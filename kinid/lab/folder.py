@@ -22,6 +22,7 @@ LEFT = (
     "streams",
     "truth",
     "campaign.json",
+    "learnt.parquet",
     "teleoperation.json",
     "control.json",
     "study.json",

@@ -96,6 +96,26 @@ class Script:
         positions, rotations = self.poses(axes, point)
         return joints_along(robot, positions[rows], rotations[rows], start, "a motion")
 
+    def ended(self, row: int) -> tuple[Script, int]:
+        """The same up to a set-point, from there to where it ends however it moves, and then it stands there.
+
+        Args:
+            row: of a set-point before the retraction, the third or a later one.
+
+        Returns:
+            As many set-points as before, and how many of them there are until it has rested as long as before.
+        """
+        n, period = len(self.t), float(self.t[1] - self.t[0])
+        back, rest = (int((self.phase == name).sum()) for name in ("retract", "rest"))
+        before, last, here = self.place[row - 2 : row + 1]
+        speed, acceleration = (here - last) / period, (here - 2.0 * last + before) / period**2
+        path = _to_rest(here, speed, acceleration, self.place[-1], back * period, (np.arange(back) + 1.0) / back)
+        count = row + 1 + back + rest
+        place = np.vstack([self.place[: row + 1], path, np.tile(self.place[-1], (n, 1))])[:n]
+        phase = np.concatenate([self.phase[: row + 1], np.repeat(["retract", "rest"], [back, n])])[:n]
+        tilt = np.vstack([self.tilt[: row + 1], np.zeros((n, 2))])[:n]
+        return Script(self.t, phase, place, tilt), count
+
     @property
     def touching(self) -> NDArray[np.bool_]:
         """Set-points inside the material, (n,)."""
@@ -185,6 +205,18 @@ def minimum_jerk(s: NDArray[np.floating]) -> Array:
     """Rest to rest on [0, 1] with continuous acceleration (Flash & Hogan 1985)."""
     s = np.clip(s, 0.0, 1.0)
     return np.asarray(s**3 * (10 - 15 * s + 6 * s**2), dtype=np.float64)
+
+
+def _to_rest(here: Array, speed: Array, acceleration: Array, there: Array, span: float, share: Array) -> Array:
+    """From a motion to rest at another place within `span` [s]: the polynomial of fifth degree, (len(share), k).
+
+    It has the least jerk of all that begin and end so (Flash & Hogan 1985). Shares of the span are 0…1, (n,).
+    """
+    s, way, v, a = share[:, None], there - here, speed * span, acceleration * span**2
+    rise = (10.0 * way - 6.0 * v - 1.5 * a) + s * (
+        (-15.0 * way + 8.0 * v + 1.5 * a) + s * (6.0 * way - 3.0 * v - 0.5 * a)
+    )
+    return np.asarray(here + s * (v + s * (0.5 * a + s * rise)))
 
 
 def _turn(angle: Array, axis: Array) -> Array:

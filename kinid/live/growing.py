@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.contact.touching import SHORTEST
 from kinid.data.rig import Rig
 from kinid.effects import Layout
 from kinid.errors import InputError
@@ -19,7 +20,7 @@ from kinid.live.latency import Latencies
 from kinid.live.messages import Joints, Wrench
 from kinid.live.pipeline import Pipeline
 from kinid.live.sink import Sink
-from kinid.mapping.probes import SHORTEST, same_surface
+from kinid.mapping.probes import same_surface
 from kinid.mapping.property_map import Probe, Property, PropertyMap
 from kinid.modeling.model import Model
 from kinid.robotics.surface import Mesh, Plane
@@ -37,7 +38,7 @@ class Growing(Sink):
 
     As something is touched, and behind a border, the estimators start from what is known nearest to that place, from
     this map or from one of before; how much it may differ there is `pipeline.SPREAD`. Of a touch its last valid
-    estimates are kept: what was never valid is left open, and a touch without any, or shorter than `probes.SHORTEST`,
+    estimates are kept: what was never valid is left open, and a touch without any, or shorter than `touching.SHORTEST`,
     joins nothing.
 
     Args:

@@ -16,6 +16,8 @@ from kinid.writers import Json
 ANEW = "make the map anew with --anew, or write to another file"
 #: name of the digest of the robot's URDF beside the rig's tables
 URDF = "urdf"
+#: what places were expected to be like beside the rig's tables; absent where each touch speaks alone
+PRIOR = "prior"
 
 
 def origin(rig: Rig) -> Json:
@@ -33,6 +35,9 @@ def refuse_another(before: Json, now: Json) -> None:
     Raises:
         InputError: what differs first.
     """
+    if before and before.get(PRIOR) != now.get(PRIOR):
+        asked, was = (facts.get(PRIOR, "none") for facts in (now, before))
+        raise InputError(f"--prior {asked} for a map begun with {was}", "the same for all of its places", ANEW)
     for table, old in before.items():
         new = now.get(table)
         if table == URDF and old != new:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from kinid.contact import touching
 from kinid.contact.series import ContactSeries, contact_series, tip_motion
+from kinid.contact.touching import SHORTEST
 from kinid.data.log import Log
 from kinid.data.rig import Rig
 from kinid.effects import Stage
@@ -21,8 +22,9 @@ from kinid.errors import InputError, KinidError
 from kinid.identification.fit import Fit
 from kinid.inputs import check_regular, digest, read_json
 from kinid.mapping.boundaries import SlidePath, paths
-from kinid.mapping.origin import origin, refuse_another
+from kinid.mapping.origin import PRIOR, origin, refuse_another
 from kinid.mapping.property_map import Probe, Property, PropertyMap
+from kinid.mapping.warm_start import Neighbourhood
 from kinid.modeling.model import Model
 from kinid.robotics.reading import read
 from kinid.robotics.robot import Robot
@@ -33,8 +35,6 @@ Array = NDArray[np.float64]
 #: properties of a log, and a probe for each touch
 Found = tuple[tuple[Property, ...], list[Probe]]
 
-#: a shorter touch is a knock [s]
-SHORTEST = 0.2
 #: a slide further than this is cut into pieces, each a probe: one estimate would be of no place [m]
 FAR = 0.02
 #: neighbouring bins of a slide share their errors: so many count as one
@@ -263,19 +263,21 @@ def build(
     start: PropertyMap | None = None,
     skipped: Callable[[str, str], None] | None = None,
     elsewhere: Callable[[Sequence[str]], Iterator[tuple[str, Found | str]]] | None = None,
+    near: Neighbourhood | None = None,
 ) -> Iterator[PropertyMap]:
     """The map as it grows, log by log; logs that `start` holds already, by their path, are passed over.
 
     Args:
         paths: of logs. prober: fits them. start: a map to go on with. skipped: told of logs that can't be used, and
             why; without it, such a log ends it. elsewhere: gives the probes of each log in order, or why it has none;
-            default: they are made here.
+            default: they are made here. near: what is expected of a place, which each probe is joined with; without
+            it, probes say what their own touches do.
 
     Raises:
         InputError: as `Prober.probes`; a log that is there under another name; or a start that has another surface,
             model or properties, or was made by another rig.
     """
-    made_with = origin(prober.rig)
+    made_with = origin(prober.rig) | ({} if near is None else {PRIOR: near.source})
     if start is not None and (start.model != prober.name or not same_surface(start.surface, prober.surface)):
         raise InputError(
             f"a map of {start.model}, perhaps on another surface",
@@ -298,7 +300,10 @@ def build(
             if twin := next((known[probe.digest] for probe in probes if probe.digest in known), ""):
                 raise InputError(f"the same log twice, {twin} and {source}", "each log once", "leave one of them out")
             empty = PropertyMap(prober.surface, properties, (), prober.name, made_with) if grown is None else grown
-            grown = empty.added(*probes)
+            for probe in probes:
+                own = probe if near is None else near.applied(empty, [p.name for p in properties], probe)
+                empty = empty.added(own)
+            grown = empty
             known |= {probe.digest: source for probe in probes if probe.digest}
         except KinidError as error:
             if skipped is None:

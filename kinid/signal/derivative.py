@@ -102,13 +102,13 @@ class Differentiator:
                 continue
             order = min(self.order, length - 1)
             reach = min(half, (length - 1) // 2)
-            taps = self._taps(reach, period) if 2 * reach >= self.order else np.zeros((2, 0))
+            taps = self.taps(reach, period) if 2 * reach >= self.order else np.zeros((2, 0))
             one, two = np.full((2, length, x.shape[1]), np.nan)
             differentiate(t[rows], x[rows], reach, order, taps, UNEVEN * period, period, one, two)
             first[rows], second[rows] = one, two
         return Derivatives(first, second, 2 * half + 1, self.achieved_bandwidth(half, period))
 
-    def _taps(self, half: int, period: float) -> Array:
+    def taps(self, half: int, period: float) -> Array:
         """Convolution for even sampling: rows for the first and the second derivative, (2, 2·half + 1)."""
         scale = half * period  # the fit is solved in times of order one
         powers = np.vander(np.arange(-half, half + 1) / half, self.order + 1, increasing=True)

@@ -11,6 +11,7 @@ import sys
 
 import numpy as np
 import pytest
+from mould import felt
 
 import kinid
 from kinid.cli.map import map_
@@ -18,7 +19,6 @@ from kinid.errors import InputError
 from kinid.inputs import digest
 from kinid.lab import campaign as campaigns
 from kinid.lab.campaign import MOTIONS, Campaign
-from kinid.lab.materials import MOULD
 from kinid.lab.protocol import Slide, five_phases
 from kinid.mapping.boundaries import changes, paths
 from kinid.mapping.exploration import Region, explore, pokes_after_slides
@@ -27,25 +27,6 @@ from kinid.mapping.interpolation.triangles import Triangles
 from kinid.mapping.probes import Prober, build, expected, logs_in
 from kinid.mapping.property_map import PropertyMap
 from kinid.writers import alone_with
-
-#: of the virtual arm's impedance controller [N/m]: under it the tip goes less deep where the material is stiff
-IMPEDANCE = 5200.0
-
-
-def felt(x, y):
-    """What one spring is, that pushes back like the mould over the depths of a poke: under the film the law has a
-    bend.
-    """
-    p = MOULD.at(x, y)
-    wave = 3e-3 + 1.5e-3 * np.sin(np.linspace(0, 2 * np.pi, 100, endpoint=False))
-    k = p["stiffness"] + p["layer"]
-    for _ in range(40):
-        depth = wave * (IMPEDANCE / (IMPEDANCE + k))[..., None]
-        force = p["stiffness"][..., None] * depth + p["layer"][..., None] * np.maximum(
-            depth - p["layer_depth"][..., None], 0
-        )
-        k = np.sum(force * depth, axis=-1) / np.sum(depth**2, axis=-1)
-    return k
 
 
 @pytest.fixture(scope="module")
