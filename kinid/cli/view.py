@@ -22,6 +22,7 @@ kinid view running-campaign --property damping
 """
 
 
+# as long as its options and their help
 def view(
     target: Annotated[
         Path, typer.Argument(help="A map, a log, or a folder of logs, perhaps a running campaign.", show_default=False)
