@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinid.cli.show import console, plain_table, right, say
 from kinid.errors import InputError
@@ -75,8 +76,22 @@ def _open_pieces(grown: PropertyMap) -> int:
     """Pieces of slides that don't tell stiffness."""
     if not any(p.name == "stiffness" for p in grown.properties):
         return 0
-    piece = np.array(["piece" in probe.source.rpartition("#")[2] for probe in grown.probes])
-    return int(np.sum(piece & np.isnan(grown.values("stiffness"))))
+    return int(np.sum(_piece(grown) & np.isnan(grown.values("stiffness"))))
+
+
+def _piece(grown: PropertyMap) -> NDArray[np.bool_]:
+    """Which probes are pieces of slides, (n,)."""
+    return np.array(["piece" in probe.source.rpartition("#")[2] for probe in grown.probes], np.bool_)
+
+
+def _shown_by_some(grown: PropertyMap, known: Sequence[Known]) -> list[str]:
+    """Which properties only some touches show, as those of a layer, and how many do."""
+    touches = ~_piece(grown)
+    by_count: dict[int, list[str]] = {}
+    for p in known:
+        by_count.setdefault(int(np.sum(touches & np.isfinite(grown.values(p.name)))), []).append(p.name)
+    total = int(touches.sum())
+    return [f"{', '.join(names)}: shown by {n} of {total} touches" for n, names in by_count.items() if 0 < n < total]
 
 
 def _next(grown: PropertyMap, rig: Path) -> str:
@@ -118,6 +133,7 @@ def show_map(grown: PropertyMap, known: Sequence[Known], new: int, left_out: Map
             f"stiffness: open at {open_} pieces of slides: one depth doesn't tell the law's exponent; "
             "poke in the same log, too, or map whole slides with --along 0",
         )
+    say(out, *_shown_by_some(grown, known))
     say(out, *(f"{p.name}: {p.uniform.words(p.unit)}" for p in known if p.uniform is not None))
     if failing := int(np.nansum(grown.residual_over_noise > FAILING)):
         say(

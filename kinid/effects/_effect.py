@@ -70,6 +70,8 @@ class Effect(ABC):
         constant: whether it is one constant a channel, which a fit estimates along where a model lacks it.
         recursive: name of the estimator in `kinid.estimators` that follows its parameters sample by sample.
         map_names: parameter name → what a map calls it.
+        above: of an effect that some places of a surface have and others lack, as a film: amount → what a map calls the
+            contact law's parameter of that name where the effect hasn't begun; the sum of both has the law's own name.
         unremarkable: parameter name → distance from its null that every material and every rig has; names as below.
         tolerated: parameter name → distance that many a rig has: no finding where the error with it is inside the
             tolerance; infinite for what has no exact form: a finding where it takes off what is beyond noise.
@@ -112,6 +114,7 @@ class Effect(ABC):
     constant: ClassVar[bool] = False
     recursive: ClassVar[str] = ""
     map_names: ClassVar[Mapping[str, str]] = {}
+    above: ClassVar[Mapping[str, str]] = {}
     unremarkable: ClassVar[Mapping[str, float]] = {}
     tolerated: ClassVar[Mapping[str, float]] = {}
     tolerated_in_joints: ClassVar[Mapping[str, float]] = {}

@@ -28,6 +28,8 @@ class StiffeningLayer(Effect):
     null = {"stiffness": 0.0}
     grid = {"depth": (3e-4, 1e-3, 2e-3, 4e-3, 8e-3, 1.6e-2)}
     order = 1
+    map_names = {"depth": "film.thickness"}
+    above = {"stiffness": "film.stiffness"}
     tolerated = {"stiffness": math.inf}  # no material has exactly the form of a law
     admissible = {
         "stiffness": (-1e8, 1e8),

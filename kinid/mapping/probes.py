@@ -22,6 +22,7 @@ from kinid.errors import InputError, KinidError
 from kinid.identification.fit import Fit
 from kinid.inputs import check_regular, digest, read_json
 from kinid.mapping.boundaries import SlidePath, paths
+from kinid.mapping.layers import estimates, fit_touch, mapped
 from kinid.mapping.origin import PRIOR, origin, refuse_another
 from kinid.mapping.property_map import Probe, Property, PropertyMap
 from kinid.mapping.warm_start import Neighbourhood
@@ -108,8 +109,8 @@ class Prober:
     """Turns logs of one rig into probes.
 
     Attributes:
-        rig: what measured. model: effects to fit. robot, surface: the rig's. along: length of the pieces that slides
-            further than `FAR` are cut into [m]; 0 for none.
+        rig: what measured. model: effects to fit; layers (`Effect.above`) where touches show them. robot, surface: the
+            rig's. along: length of the pieces that slides further than `FAR` are cut into [m]; 0 for none.
     """
 
     rig: Rig
@@ -184,10 +185,13 @@ class Prober:
         position = tip_motion(log, self.rig, robot=self.robot).position
         edges = [0, *((a[1] + b[0]) // 2 for a, b in itertools.pairwise(spans)), len(touch)]
         parts = [_cut(touch, *ends) for ends in itertools.pairwise(edges)] if len(spans) > 1 else [touch]
-        fits = [self.model.fit(part, held_out=False) for part in parts]
+        fits = [fit_touch(self.model, part) for part in parts]
         ways = [self._ways(part) for part in parts]
         exponent = _exponent([fit for fit, slides in zip(fits, ways) if not slides]) or _exponent(fits, fixed=True)
-        properties = tuple(Property(property_name(name, fits[-1]), p.unit) for name, p in fits[-1].parameters.items())
+        if any(effect.above for effect in self.model.effects):
+            exponent = None  # one depth tells film and body as little
+        called = mapped(self.model, fits)
+        properties = tuple(Property(*item) for item in zip(called.names, called.units))
         out: list[Probe] = []
         for i, ((a, b), fit, slides) in enumerate(zip(spans, fits, ways)):
             name = source if len(spans) == 1 else f"{source}#{i}"
@@ -202,8 +206,7 @@ class Prober:
             out.append(
                 Probe(
                     place,
-                    fit.values.copy(),
-                    fit.solution.covariance.copy(),
+                    *estimates(fit, self.model, called),
                     fit.error.train,
                     fit.error.noise_floor,
                     name,
@@ -353,14 +356,6 @@ def _exponent(fits: Sequence[Fit], fixed: bool = False) -> Exponent | None:
     scatter = float(np.average((np.array(values) - mean) ** 2, weights=trust))
     chance = 1.0 / float(trust.sum())
     return Exponent(mean, chance + max(0.0, scatter - (len(values) - 1) * chance))
-
-
-def property_name(name: str, fit: Fit) -> str:
-    """What maps call a parameter; else its name, without its effect where that is clear."""
-    effect, own = name.split(".", 1)
-    if own in fit.model[effect].map_names:
-        return fit.model[effect].map_names[own]
-    return own if sum(other.split(".", 1)[1] == own for other in fit.parameters) == 1 else name
 
 
 def _cut(touch: ContactSeries, low: int, high: int) -> ContactSeries:

@@ -206,11 +206,17 @@ class PropertyMap:
                 f"{MOST_PROBES} at most, as the time of a field grows with their cube",
                 "make maps of parts of the surface",
             )
+        errors = noise[tells], self._lasting(noise)[tells]
         if isinstance(self.surface, Plane):
-            return interpolator(method, PlaneSites(self.flat(self.places)[tells]), values[tells], noise[tells])
+            return interpolator(method, PlaneSites(self.flat(self.places)[tells]), values[tells], *errors)
         from kinid.mapping.interpolation.mesh import MeshSites, on_mesh
 
-        return on_mesh(method, MeshSites(self.surface, self.places[tells]), values[tells], noise[tells])
+        return on_mesh(method, MeshSites(self.surface, self.places[tells]), values[tells], *errors)
+
+    def _lasting(self, noise: Array) -> Array:
+        """The part of errors (n,) that a law makes which is wrong at a place, (n,): further probes don't average it."""
+        more = np.nan_to_num(self.residual_over_noise, nan=1.0)
+        return np.where(np.isfinite(noise), noise, 0.0) * np.sqrt(1.0 - 1.0 / np.maximum(more, 1.0) ** 2)
 
     def uniform(self, name: str) -> Uniform | None:
         """The one value of a property that is the same everywhere, with its error; None where it varies.

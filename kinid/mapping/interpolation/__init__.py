@@ -43,6 +43,8 @@ Prior = Callable[[Array], tuple[Array, Array]]
 REACH = 1.25
 #: beyond the hull of the probes a guess is known within this share of a spacing only
 RIM = 0.5
+#: a probe within this share of a spacing of the hull is an outermost one
+AT_HULL = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,9 +139,20 @@ class PlaneSites:
         distance = cKDTree(self.places).query(queries)[0]
         if self._hull is None:
             return np.asarray(distance <= RIM / REACH * self.reach)
+        return np.asarray((distance <= self.reach) & (self._beyond(queries) <= RIM / REACH * self.reach))
+
+    @property
+    def outermost(self) -> Mask:
+        """Which probes lie at their hull, (n,): all where they lie in one line."""
+        if self._hull is None:
+            return np.ones(len(self.places), np.bool_)
+        return np.asarray(self._beyond(self.places) > -AT_HULL * self.spacing)
+
+    def _beyond(self, queries: Array) -> Array:
+        """How far places lie outside the hull [m], (m,); negative within it."""
+        assert self._hull is not None
         faces = self._hull.equations
-        beyond = (queries @ faces[:, :2].T + faces[:, 2]).max(axis=1)
-        return np.asarray((distance <= self.reach) & (beyond <= RIM / REACH * self.reach))
+        return np.asarray((queries @ faces[:, :2].T + faces[:, 2]).max(axis=1))
 
 
 @final

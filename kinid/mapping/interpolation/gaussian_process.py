@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinid.errors import InputError, near
 from kinid.mapping.interpolation import METHODS, Biharmonic, Guess, Interpolator, Nearest, PlaneSites, on_plane
 from kinid.mapping.interpolation.covariance import Covariance, constant, diagonal, distances, learn
-from kinid.mapping.interpolation.local_bias import local_bias, shared_error, spread_over
+from kinid.mapping.interpolation.local_bias import local_bias, shared_error, spread_over, unexplained
 from kinid.mapping.interpolation.segments import belonging, candidates, neighbours, scaled
 from kinid.mapping.interpolation.uniform import Uniform, uniform_value
 from kinid.parallel import one_blas_thread
@@ -49,6 +49,7 @@ class GaussianProcess(Interpolator):
         shared: the part of each probe's error that its neighbours make too, (n,); it isn't in `noise`, but in what is
             stated.
         uniform: the one value, where the probes say that the property has one.
+        lasting: the part of each probe's error that no further probe averages away, (n,).
     """
 
     sample_sites: PlaneSites
@@ -63,6 +64,7 @@ class GaussianProcess(Interpolator):
     step: float = float("inf")
     shared: Array | None = None
     uniform: Uniform | None = None
+    lasting: Array | None = None
 
     @classmethod
     def fit(
@@ -72,12 +74,15 @@ class GaussianProcess(Interpolator):
         noise: Array | None = None,
         smoothness: float | None = None,
         edges: bool = True,
+        lasting: Array | None = None,
     ) -> GaussianProcess:
         """Learn smoothness (unless given), length, size and nugget by the marginal likelihood, and edges.
 
         Args:
             sample_sites: places. values: (n,). noise: standard deviations (n,), infinite ones count for nothing.
             smoothness: one of `SMOOTHNESS`. edges: look for segments with sharp steps between them.
+            lasting: the part of `noise` that a law makes which is wrong there, (n,): the mean of many probes has it
+            too.
         """
         values = np.asarray(values, dtype=float)
         noise = np.zeros(len(values)) if noise is None else np.asarray(noise, dtype=float)
@@ -91,8 +96,8 @@ class GaussianProcess(Interpolator):
             # other counts
             if better > evidence or np.mean(other.left_out**2) < np.mean(found.left_out**2):
                 uniform = None if other.uniform is None else other.uniform.with_shared(shared)
-                return replace(other, shared=shared, uniform=uniform)
-        return found
+                return replace(other, shared=shared, uniform=uniform, lasting=lasting)
+        return replace(found, lasting=lasting)
 
     @classmethod
     @one_blas_thread()
@@ -160,7 +165,7 @@ class GaussianProcess(Interpolator):
         weights = cho_solve((factor, True), values - self.mean, check_finite=False)
         sample_sites = replace(self.sample_sites, places=np.vstack([self.sample_sites.places, place]))
         segments = np.append(self.segments, segment)
-        shared = None if self.shared is None else np.append(self.shared, 0.0)
+        shared, lasting = (None if part is None else np.append(part, 0.0) for part in (self.shared, self.lasting))
         return replace(
             self,
             sample_sites=sample_sites,
@@ -170,6 +175,7 @@ class GaussianProcess(Interpolator):
             weights=weights,
             segments=segments,
             shared=shared,
+            lasting=lasting,
         )
 
     def _segment_of(self, distance: Array, value: float) -> int:
@@ -185,8 +191,9 @@ class GaussianProcess(Interpolator):
         """Mean and standard deviation of the property itself (no probe's noise), (m,) each.
 
         Where probes side by side deviate from the mean to one side by more than chance, that is in the standard
-        deviation. Many queries are answered in single precision: the standard deviation is good to 0.1 % of the prior's
-        there.
+        deviation; so is what probes around differ by beyond what the others say of them, and what a border beyond the
+        outermost ones would change. Many queries are answered in single precision: the standard deviation is good to
+        0.1 % of the prior's there.
         """
         q = on_plane(queries)
         if self.across >= 1.0:
@@ -198,7 +205,9 @@ class GaussianProcess(Interpolator):
         if sd and self.across >= 1.0:
             known &= deviation <= IGNORANCE * self.covariance.size
         if sd:
-            deviation = np.hypot(deviation, spread_over(self.sample_sites.places, self._off, q))
+            sites = self.sample_sites
+            deviation = np.maximum(deviation, spread_over(sites.places, self._unlike, q, sites.spacing))
+            deviation = np.hypot(deviation, spread_over(sites.places, self._off, q))
         return Guess(np.where(known, mean, np.nan), np.where(known, deviation, np.nan), known)
 
     @cached_property
@@ -217,7 +226,25 @@ class GaussianProcess(Interpolator):
     @property
     def _off(self) -> Array:
         """What the mean may be off by at each probe beyond chance, (n,)."""
-        return self.local_bias if self.shared is None else np.hypot(self.local_bias, self.shared)
+        off = self.local_bias if self.shared is None else np.hypot(self.local_bias, self.shared)
+        return off if self.lasting is None else np.maximum(off, self.lasting)
+
+    @cached_property
+    def _unlike(self) -> Array:
+        """What each probe and its surroundings differ by beyond what the other probes say, (n,).
+
+        Nothing is known of what lies beyond the outermost ones: borders are as many there as between probes.
+        """
+        if self.uniform is not None:
+            return np.zeros(len(self.values))
+        off = unexplained(self.left_out, np.sqrt(diagonal(self.noise, self.covariance)))
+        if self.across < 1.0:
+            a, b = neighbours(self.sample_sites.places).T
+            heights, _ = scaled(self.values, self.noise)
+            size = np.std(heights) * (1.0 if heights is self.values else self.values)
+            border = size * np.sqrt(np.mean(self.segments[a] != self.segments[b]))
+            off = np.where(self.sample_sites.outermost, np.hypot(off, border), off)
+        return off
 
     def _mixture(self, q: Array, sd: bool) -> tuple[Array, Array]:
         """Mean and variance over the two segments that a query may lie in."""
@@ -311,8 +338,11 @@ class GaussianProcess(Interpolator):
         return mean + self.mean, np.sum(share * (variances + (means - mean[:, None]) ** 2), axis=1)
 
 
-def interpolator(method: str, sample_sites: PlaneSites, values: Array, noise: Array | None = None) -> Interpolator:
-    """One of `METHODS` for values (n,) with standard deviations `noise` (n,) at sample sites.
+def interpolator(
+    method: str, sample_sites: PlaneSites, values: Array, noise: Array | None = None, lasting: Array | None = None
+) -> Interpolator:
+    """One of `METHODS` for values (n,) with standard deviations `noise` (n,) at sample sites, of which probes share the
+    part `lasting` (n,).
 
     Raises:
         InputError: no such method, or values that don't go with the places.
@@ -331,9 +361,8 @@ def interpolator(method: str, sample_sites: PlaneSites, values: Array, noise: Ar
     if method == "triangles":
         from kinid.mapping.interpolation.triangles import Triangles
 
-        return Triangles(
-            sample_sites, values, np.zeros(len(values)) if noise is None else np.asarray(noise, dtype=float)
-        )
+        errors = np.zeros(len(values)) if noise is None else np.asarray(noise, dtype=float)
+        return Triangles(sample_sites, values, errors, lasting=lasting)
     if method == "gp":
-        return GaussianProcess.fit(sample_sites, values, noise)
+        return GaussianProcess.fit(sample_sites, values, noise, lasting=lasting)
     raise InputError(f"method '{method}'", f"one of {', '.join(METHODS)}", near(method, METHODS))

@@ -82,9 +82,28 @@ def shared_error(places: Array, values: Array, noise: Array, pairs: NDArray[np.i
     return out
 
 
-def spread_over(places: Array, off: Array, queries: Array) -> Array:
+def unexplained(left_out: Array, noise: Array) -> Array:
+    """What the other probes don't say of each one, (n,): its residual where it is left out; 0 where that may be noise.
+
+    Where a border runs, a law changes, or a material ends, neighbours differ by more than the surface at large makes
+    likely: what is between them is as uncertain as they are unlike.
+
+    Args:
+        left_out: value less what the others say of its place, (n,), NaN where there are none. noise: standard error of
+            each, (n,).
+    """
+    off = np.nan_to_num(np.abs(left_out))
+    return np.where(off > LIMIT * noise, off, 0.0)
+
+
+def spread_over(places: Array, off: Array, queries: Array, within: float | None = None) -> Array:
     """The same between the probes, (m,): of the nearest ones, weighed by the inverse square of their distance
     (Shepard).
+
+    Args:
+        places: of probes [m], (n, d). off: at each, (n,). queries: places [m], (m, d). within: its square grows with
+            the distance to the nearest probe, from nothing, up to this one [m], as that of a random walk does; None:
+            it is the same at any distance.
     """
     from scipy.spatial import cKDTree
 
@@ -94,4 +113,7 @@ def spread_over(places: Array, off: Array, queries: Array) -> Array:
     distance, at = cKDTree(places).query(queries, k=count)
     distance, at = distance.reshape(-1, count), at.reshape(-1, count)
     weight = 1.0 / (distance**2 + 1e-12 * float(np.ptp(places, axis=0).max()) ** 2 + 1e-300)
-    return np.asarray(np.sqrt(np.sum(weight * off[at] ** 2, axis=1) / weight.sum(axis=1)))
+    square = np.sum(weight * off[at] ** 2, axis=1) / weight.sum(axis=1)
+    if within is not None:
+        square *= np.minimum(distance[:, 0] / within, 1.0)
+    return np.asarray(np.sqrt(square))

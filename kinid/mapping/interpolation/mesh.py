@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinid.errors import InputError, near
 from kinid.mapping.interpolation import MESH_METHODS, REACH, Guess, Interpolator, Mask, less_the_nearest
-from kinid.mapping.interpolation.local_bias import local_bias, spread_over
+from kinid.mapping.interpolation.local_bias import local_bias, spread_over, unexplained
 from kinid.mapping.interpolation.uniform import Uniform, uniform_value
 from kinid.robotics.surface import Mesh
 
@@ -188,7 +188,8 @@ class MeshProcess(Interpolator):
 
     Attributes:
         sample_sites, values, noise: of the probes. length: range √(8 ν)/κ [m], where the correlation has fallen to
-            0.14. size: standard deviation of the property. states: whether it states its uncertainty.
+            0.14. size: standard deviation of the property. states: whether it states its uncertainty. lasting: as of a
+            `GaussianProcess`.
     """
 
     sample_sites: MeshSites
@@ -199,6 +200,7 @@ class MeshProcess(Interpolator):
     mean: float
     states: bool = True
     uniform: Uniform | None = None
+    lasting: Array | None = None
 
     @classmethod
     def fit(cls, sample_sites: MeshSites, values: Array, noise: Array | None = None) -> MeshProcess:
@@ -306,9 +308,12 @@ class MeshProcess(Interpolator):
             return Guess(np.where(known, mean, np.nan), np.full(len(q), np.nan), known)
         mean, deviation, prior = (part[q] for part in self._vertices)
         known &= deviation <= IGNORANCE * prior
-        deviation = np.hypot(
-            deviation, spread_over(self.sample_sites.places, self.local_bias, self.sample_sites.mesh.vertices[q])
-        )
+        places, at = self.sample_sites.places, self.sample_sites.mesh.vertices[q]
+        if self.uniform is None:
+            off = unexplained(self.left_out, self.noise)
+            deviation = np.maximum(deviation, spread_over(places, off, at, self.sample_sites.spacing))
+        lasting = 0.0 if self.lasting is None else self.lasting
+        deviation = np.hypot(deviation, spread_over(places, np.maximum(self.local_bias, lasting), at))
         return Guess(np.where(known, mean, np.nan), np.where(known, deviation, np.nan), known)
 
     @property
@@ -317,8 +322,10 @@ class MeshProcess(Interpolator):
         return np.asarray((self._inverse @ (self.values - self.mean)) / np.diag(self._inverse))
 
 
-def on_mesh(method: str, sample_sites: MeshSites, values: Array, noise: Array | None = None) -> Interpolator:
-    """One of `kinid.mapping.interpolation.MESH_METHODS` along a mesh.
+def on_mesh(
+    method: str, sample_sites: MeshSites, values: Array, noise: Array | None = None, lasting: Array | None = None
+) -> Interpolator:
+    """One of `kinid.mapping.interpolation.MESH_METHODS` along a mesh; arguments as of `interpolator`.
 
     Raises:
         InputError: no such method.
@@ -328,5 +335,5 @@ def on_mesh(method: str, sample_sites: MeshSites, values: Array, noise: Array | 
     if method == "biharmonic":
         return MeshProcess.biharmonic(sample_sites, values, noise)
     if method == "gp":
-        return MeshProcess.fit(sample_sites, values, noise)
+        return replace(MeshProcess.fit(sample_sites, values, noise), lasting=lasting)
     raise InputError(f"method '{method}'", f"one of {', '.join(MESH_METHODS)}", near(method, MESH_METHODS))

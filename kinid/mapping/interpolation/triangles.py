@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinid.mapping.interpolation import RIM, Guess, Interpolator, PlaneSites, Prior, expected, on_plane
+from kinid.mapping.interpolation.local_bias import spread_over, unexplained
 from kinid.mapping.interpolation.segments import scaled
 
 Array = NDArray[np.float64]
@@ -36,12 +37,14 @@ class Triangles(Interpolator):
 
     Attributes:
         sample_sites: places. values: (n,). noise: standard deviation of each (n,). prior: what was expected before.
+        lasting: the part of each probe's error that no further probe averages away, (n,).
     """
 
     sample_sites: PlaneSites
     values: Array
     noise: Array
     prior: Prior | None = None
+    lasting: Array | None = None
 
     @cached_property
     def logarithmic(self) -> bool:
@@ -124,10 +127,20 @@ class Triangles(Interpolator):
             mean = np.exp(mean)
             variance = mean**2 * variance
         known = self.sample_sites.known(q)
-        nothing = np.full(len(q), np.nan)
-        return Guess(
-            np.where(known, mean, np.nan), np.where(known, np.sqrt(variance), np.nan) if sd else nothing, known
-        )
+        deviation = np.full(len(q), np.nan)
+        if sd:
+            places, spacing = self.sample_sites.places, self.sample_sites.spacing
+            deviation = np.maximum(np.sqrt(variance), spread_over(places, self._unlike, q, spacing))
+            if self.lasting is not None:
+                deviation = np.hypot(deviation, spread_over(places, self.lasting, q))
+        return Guess(np.where(known, mean, np.nan), np.where(known, deviation, np.nan), known)
+
+    @cached_property
+    def _unlike(self) -> Array:
+        """What each probe's neighbours don't say of it, (n,); a prior does where there is one."""
+        if self.prior is not None:
+            return np.zeros(len(self.values))
+        return unexplained(self.left_out, self.noise)
 
     @property
     def left_out(self) -> Array:

@@ -26,7 +26,7 @@ from kinid.contact.series import ContactSeries
 from kinid.data.log import Log
 from kinid.data.rig import Rig, surface_axes
 from kinid.errors import InputError
-from kinid.mapping.probes import property_name
+from kinid.mapping.layers import property_name
 from kinid.mapping.property_map import Probe, Property
 from kinid.modeling.model import Model
 from kinid.robotics.motion import TipMotion
@@ -174,7 +174,8 @@ def _touch(ball: Ball, onset: Onset, rows: slice, model: Model, source: str) -> 
     first = ball.position[rows.start]
     middle = first - (first - onset.position) @ onset.direction / min(way @ onset.direction, -LEAST) * way
     fit = model.fit(_series(ball, Plane(middle, surface_axes(normal.tolist())), press), held_out=False)
-    properties = tuple(Property(property_name(name, fit), p.unit) for name, p in fit.parameters.items())
+    known = fit.model.parameters(fit.layout)
+    properties = tuple(Property(property_name(name, fit.model, known), p.unit) for name, p in known.items())
     place, covariance = middle - ball.radius * normal, fit.solution.covariance.copy()
     probe = Probe(place, fit.values.copy(), covariance, fit.error.train, fit.error.noise_floor, source)
     turned = slid if slid and not free else [(_felt_at(ball, press), normal), *slid]
