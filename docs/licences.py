@@ -44,6 +44,7 @@ READ = {
     "lazy-importer": "Apache-2.0",
     "ptyprocess": "ISC",
     "python-dateutil": "Apache-2.0 OR BSD-3-Clause",
+    "scikit-fem": "BSD-3-Clause",
     "scipy": "BSD-3-Clause",
     "traitlets": "BSD-3-Clause",
     "trimesh": "MIT",

@@ -73,9 +73,9 @@ def lab(
     experiment: Annotated[
         str | None,
         typer.Argument(
-            help="poke, slide, band, sponge, ecoflex-50, dragon-skin-10, mould, wave; or a study: teleoperation; "
-            "control, force control with a map; slides, borders along four slides over the mould; or study, which "
-            "finds the published materials again.",
+            help="poke, slide, band, sponge, ecoflex-50, dragon-skin-10, mould, free-mould, walled-mould, wave; or a "
+            "study: teleoperation; control, force control with a map; slides, borders along four slides over the "
+            "mould; or study, which finds the published materials again.",
             show_default=False,
         ),
     ] = None,

@@ -74,6 +74,8 @@ EXPERIMENTS = {
             "mould",
             _touch(SILICONE_POKE),
         ),
+        Experiment("free-mould", "the same with the free sides of a block", "free-mould", _touch(SILICONE_POKE)),
+        Experiment("walled-mould", "the same, stuck to rigid walls", "walled-mould", _touch(SILICONE_POKE)),
         Experiment("wave", "free motion of all joints, nothing touched", "ecoflex-50", _wave),
     )
 }

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import kinid
 from kinid.errors import InputError
+from kinid.lab.campaign import MOTIONS
 from kinid.lab.experiments import prepare
 from kinid.lab.hidden import hide
 from kinid.lab.materials import MOULD, Material, Patch
@@ -24,6 +26,22 @@ def test_mould_has_quarters_a_soft_rim_and_a_film() -> None:
     assert MOULD.colors is not None
     colors = MOULD.colors(np.array([-0.03, -0.03, 0.03, 0.03]), np.array([-0.03, 0.03, -0.03, 0.03]))
     assert len(np.unique(np.round(colors, 3), axis=0)) == 4
+
+
+@pytest.mark.parametrize(("name", "change"), [("free-mould", -0.233), ("walled-mould", 0.185)])
+def test_pokes_beside_a_side_read_what_a_block_does_there(name: str, change: float) -> None:
+    """At 5 mm from it stiffness and damping are both less at a free side, both more at a wall: from raw logs."""
+    found = []
+    for x in (-0.045, -0.02):
+        script = five_phases(
+            MOTIONS["poke"], place=(x, -0.025), height=0.008, free=0.4, hold=0.4, approach=0.8, tilt=0.1
+        )
+        setup = prepare("poke", material=name, seed=21).replace(script=script)
+        fit = kinid.Model("kelvin-voigt").fit(kinid.contact_series(setup.run().log, setup.rig, robot=setup.robot))
+        found.append((fit["stiffness"].value, fit["damping"].value))
+    (stiffness, damping), (far, slow) = found
+    assert stiffness / far == pytest.approx(1 + change, abs=0.02)
+    assert damping / slow == pytest.approx(1 + change, abs=0.12)
 
 
 def _force(place: tuple[float, float], effect: str | None) -> tuple[np.ndarray, np.ndarray]:

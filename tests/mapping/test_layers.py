@@ -13,7 +13,7 @@ from kinid.lab import materials
 from kinid.lab.campaign import MOTIONS, Campaign
 from kinid.lab.experiments import prepare
 from kinid.lab.hidden import hide
-from kinid.lab.materials import MOULD
+from kinid.lab.materials import MOULD, material
 from kinid.lab.protocol import five_phases
 from kinid.mapping.layers import fit_touch
 from kinid.mapping.probes import Prober, build, logs_in
@@ -23,9 +23,9 @@ from kinid.robotics.surface import Plane
 LAYERED = ("kelvin-voigt", "stiffening-layer")
 
 
-def truths(x, y):
+def truths(x, y, of=MOULD):
     """Of all that a map with layers holds: a body's stiffness is that of its film and what it has more."""
-    at = MOULD.at(x, y)
+    at = of.at(x, y)
     return {
         "stiffness": at["stiffness"] + at["layer"],
         "damping": at["damping"],
@@ -187,16 +187,20 @@ def test_two_deviations_hold_nine_of_ten_places_of_random_moulds():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [8101, 8102, 8103])
-def test_two_deviations_hold_from_raw_logs(tmp_path, seed):
+@pytest.mark.parametrize(
+    ("seed", "name"),
+    [(8101, "mould"), (8102, "mould"), (8103, "mould"), (8104, "free-mould"), (8105, "walled-mould")],
+    ids=["8101", "8102", "8103", "free", "walled"],
+)
+def test_two_deviations_hold_from_raw_logs(tmp_path, seed, name):
     """A hundred pokes on the mould, every place that the map knows; none of these seeds was set on."""
-    campaigns.run(Campaign(10, 10, seed=seed), tmp_path)
+    campaigns.run(Campaign(10, 10, seed=seed, material=name), tmp_path)
     for model in (("kelvin-voigt",), LAYERED):
         *_, grown = build(logs_in([tmp_path]), Prober.of(kinid.Rig.load(tmp_path / "rig.toml"), model))
         for item in grown.properties:
             covered = {"where": lambda x, y: materials._film(x, y) > 0.5} if item.name.startswith("film.") else {}
-            found = held(grown, item.name, lambda x, y, name=item.name: truths(x, y)[name], **covered)
+            found = held(grown, item.name, lambda x, y, p=item.name: truths(x, y, material(name))[p], **covered)
             figures = "held {:.1%}, deviation {:.1%}, error {:.1%}, rms {:.1%}".format(*found)
-            print(f"seed {seed}, {grown.model}: {item.name} {figures}")
+            print(f"{name}, seed {seed}, {grown.model}: {item.name} {figures}")
             if item.name in ("stiffness", "damping"):
                 assert found[0] > 0.9
