@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid import effects
 from kinid.errors import InputError, near
 from kinid.mapping.interpolation import MESH_METHODS, METHODS, Guess, Interpolator, PlaneSites
 from kinid.mapping.interpolation.gaussian_process import interpolator
@@ -208,7 +209,9 @@ class PropertyMap:
             )
         errors = noise[tells], self._lasting(noise)[tells]
         if isinstance(self.surface, Plane):
-            return interpolator(method, PlaneSites(self.flat(self.places)[tells]), values[tells], *errors)
+            flat = self.flat(self.places)
+            without = flat[~tells] if name in _of_layers(self.model) else None
+            return interpolator(method, PlaneSites(flat[tells], without=without), values[tells], *errors)
         from kinid.mapping.interpolation.mesh import MeshSites, on_mesh
 
         return on_mesh(method, MeshSites(self.surface, self.places[tells]), values[tells], *errors)
@@ -299,6 +302,12 @@ def _check_estimate(item: Property, value: float, variance: float, source: str) 
             "one whose interval reaches positive values",
             "check the surface's normal and the sign of the force",
         )
+
+
+def _of_layers(model: str) -> set[str]:
+    """What a map calls properties that only places with a layer have, by the model's name."""
+    known = [effects.get(name) for name in model.split(" + ") if name in effects.catalogue()]
+    return {name for effect in known if effect.above for name in (*effect.above.values(), *effect.map_names.values())}
 
 
 def _of(source: str) -> str:

@@ -45,6 +45,8 @@ REACH = 1.25
 RIM = 0.5
 #: a probe within this share of a spacing of the hull is an outermost one
 AT_HULL = 0.25
+#: nearer to a probe without a layer than this share of a spacing, the layer's border may run
+WITHOUT = 0.95
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,10 +92,14 @@ class Interpolator(ABC):
 
 @dataclass(frozen=True, eq=False)
 class PlaneSites:
-    """Places of n probes on a plane [m], (n, 2), and how far their word carries [m]; default from their spacing."""
+    """Places of n probes on a plane [m], (n, 2), and how far their word carries [m]; default from their spacing.
+
+    Those `without` what is mapped, as a layer that other probes show, say where it isn't known, (m, 2).
+    """
 
     places: Array
     reach: float = float("nan")
+    without: Array | None = None
 
     def __post_init__(self) -> None:
         places = np.ascontiguousarray(self.places, dtype=float)
@@ -137,6 +143,9 @@ class PlaneSites:
         from scipy.spatial import cKDTree
 
         distance = cKDTree(self.places).query(queries)[0]
+        if self.without is not None and len(self.without):
+            lacking = cKDTree(self.without).query(queries)[0] < WITHOUT * self.spacing
+            distance = np.where(lacking, np.inf, distance)
         if self._hull is None:
             return np.asarray(distance <= RIM / REACH * self.reach)
         return np.asarray((distance <= self.reach) & (self._beyond(queries) <= RIM / REACH * self.reach))
