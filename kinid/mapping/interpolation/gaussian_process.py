@@ -206,7 +206,9 @@ class GaussianProcess(Interpolator):
             known &= deviation <= IGNORANCE * self.covariance.size
         if sd:
             sites = self.sample_sites
-            deviation = np.maximum(deviation, spread_over(sites.places, self._unlike, q, sites.spacing))
+            unlike = spread_over(sites.places, self._unlike, q, sites.spacing, self.values)
+            beyond = spread_over(sites.places, self._beyond, q, sites.spacing)
+            deviation = np.maximum(deviation, np.hypot(unlike, beyond))
             deviation = np.hypot(deviation, spread_over(sites.places, self._off, q))
         return Guess(np.where(known, mean, np.nan), np.where(known, deviation, np.nan), known)
 
@@ -231,20 +233,21 @@ class GaussianProcess(Interpolator):
 
     @cached_property
     def _unlike(self) -> Array:
-        """What each probe and its surroundings differ by beyond what the other probes say, (n,).
-
-        Nothing is known of what lies beyond the outermost ones: borders are as many there as between probes.
-        """
+        """What each probe and its surroundings differ by beyond what the other probes say, (n,)."""
         if self.uniform is not None:
             return np.zeros(len(self.values))
-        off = unexplained(self.left_out, np.sqrt(diagonal(self.noise, self.covariance)))
-        if self.across < 1.0:
-            a, b = neighbours(self.sample_sites.places).T
-            heights, _ = scaled(self.values, self.noise)
-            size = np.std(heights) * (1.0 if heights is self.values else self.values)
-            border = size * np.sqrt(np.mean(self.segments[a] != self.segments[b]))
-            off = np.where(self.sample_sites.outermost, np.hypot(off, border), off)
-        return off
+        return unexplained(self.left_out, np.sqrt(diagonal(self.noise, self.covariance)))
+
+    @cached_property
+    def _beyond(self) -> Array:
+        """What a border beyond the outermost probes would change at each, (n,), were they as many as between probes."""
+        if self.across >= 1.0:
+            return np.zeros(len(self.values))
+        a, b = neighbours(self.sample_sites.places).T
+        heights, _ = scaled(self.values, self.noise)
+        size = np.std(heights) * (1.0 if heights is self.values else self.values)
+        border = size * np.sqrt(np.mean(self.segments[a] != self.segments[b]))
+        return np.where(self.sample_sites.outermost, border, 0.0)
 
     def _mixture(self, q: Array, sd: bool) -> tuple[Array, Array]:
         """Mean and variance over the two segments that a query may lie in."""

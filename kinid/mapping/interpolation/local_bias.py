@@ -96,14 +96,16 @@ def unexplained(left_out: Array, noise: Array) -> Array:
     return np.where(off > LIMIT * noise, off, 0.0)
 
 
-def spread_over(places: Array, off: Array, queries: Array, within: float | None = None) -> Array:
+def spread_over(
+    places: Array, off: Array, queries: Array, within: float | None = None, values: Array | None = None
+) -> Array:
     """The same between the probes, (m,): of the nearest ones, weighed by the inverse square of their distance
     (Shepard).
 
     Args:
         places: of probes [m], (n, d). off: at each, (n,). queries: places [m], (m, d). within: its square grows with
             the distance to the nearest probe, from nothing, up to this one [m], as that of a random walk does; None:
-            it is the same at any distance.
+            it is the same at any distance. values: of the probes, (n,): no more than the nearest ones differ by.
     """
     from scipy.spatial import cKDTree
 
@@ -114,6 +116,8 @@ def spread_over(places: Array, off: Array, queries: Array, within: float | None 
     distance, at = distance.reshape(-1, count), at.reshape(-1, count)
     weight = 1.0 / (distance**2 + 1e-12 * float(np.ptp(places, axis=0).max()) ** 2 + 1e-300)
     square = np.sum(weight * off[at] ** 2, axis=1) / weight.sum(axis=1)
+    if values is not None:
+        square = np.minimum(square, np.ptp(values[at], axis=1) ** 2)
     if within is not None:
         square *= np.minimum(distance[:, 0] / within, 1.0)
     return np.asarray(np.sqrt(square))

@@ -311,7 +311,7 @@ class MeshProcess(Interpolator):
         places, at = self.sample_sites.places, self.sample_sites.mesh.vertices[q]
         if self.uniform is None:
             off = unexplained(self.left_out, self.noise)
-            deviation = np.maximum(deviation, spread_over(places, off, at, self.sample_sites.spacing))
+            deviation = np.maximum(deviation, spread_over(places, off, at, self.sample_sites.spacing, self.values))
         lasting = 0.0 if self.lasting is None else self.lasting
         deviation = np.hypot(deviation, spread_over(places, np.maximum(self.local_bias, lasting), at))
         return Guess(np.where(known, mean, np.nan), np.where(known, deviation, np.nan), known)

@@ -130,7 +130,7 @@ class Triangles(Interpolator):
         deviation = np.full(len(q), np.nan)
         if sd:
             places, spacing = self.sample_sites.places, self.sample_sites.spacing
-            deviation = np.maximum(np.sqrt(variance), spread_over(places, self._unlike, q, spacing))
+            deviation = np.maximum(np.sqrt(variance), spread_over(places, self._unlike, q, spacing, self.values))
             if self.lasting is not None:
                 deviation = np.hypot(deviation, spread_over(places, self.lasting, q))
         return Guess(np.where(known, mean, np.nan), np.where(known, deviation, np.nan), known)
