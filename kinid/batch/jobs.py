@@ -6,7 +6,7 @@ import io
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -43,8 +43,15 @@ class Job:
         return {"kind": self.kind, "model": list(self.model), "max_effects": self.max_effects}
 
 
-def work(job: Job, store: Store, item: Item) -> int:
-    """Read a log, work out its table, and put that into the store: all that a worker does. Its size [bytes].
+class Done(NamedTuple):
+    """What a worker tells of a log: the size of its table [bytes], and what speaks against it."""
+
+    size: int
+    doubts: tuple[str, ...]
+
+
+def work(job: Job, store: Store, item: Item) -> Done:
+    """Read a log, work out its table, and put that into the store: all that a worker does.
 
     Raises:
         InputError: a log that can't be read, or can't carry the model.
@@ -67,10 +74,11 @@ def take_in(jobs: Sequence[Job], store: Store, item: Item) -> None:
     give_back()
 
 
-def _put(job: Job, store: Store, item: Item, log: Log, rig: Rig) -> int:
-    data = parquet(*KINDS[job.kind](job, log, rig, item))
+def _put(job: Job, store: Store, item: Item, log: Log, rig: Rig) -> Done:
+    columns, facts = KINDS[job.kind](job, log, rig, item)
+    data = parquet(columns, facts)
     store.write(item.part(job.kind), data)
-    return len(data)
+    return Done(len(data), tuple(facts["doubts"]))
 
 
 def parquet(columns: dict[str, Column], facts: Json) -> bytes:
@@ -106,7 +114,11 @@ def unparquet(data: bytes) -> tuple[Any, Json]:
 
 def _contact(job: Job, log: Log, rig: Rig, item: Item) -> Made:
     result = analyse(log, rig)
-    return dict(result.columns()), {"name": item.name, "provenance": result.provenance.to_dict()}
+    return dict(result.columns()), {
+        "name": item.name,
+        "provenance": result.provenance.to_dict(),
+        "doubts": list(result.provenance.warnings),
+    }
 
 
 def _fit(job: Job, log: Log, rig: Rig, item: Item) -> Made:
@@ -115,7 +127,7 @@ def _fit(job: Job, log: Log, rig: Rig, item: Item) -> Made:
     columns: Json = {"log": item.name, **item.columns}
     columns |= _numbers(fit.parameters) | _flat("error", facts["error"])
     columns |= {"excess": fit.left.excess, "warnings": "\n".join(fit.warnings)}
-    return _row(columns), {"name": item.name, "fit": facts}
+    return _row(columns), {"name": item.name, "fit": facts, "doubts": list(fit.warnings)}
 
 
 def _diagnose(job: Job, log: Log, rig: Rig, item: Item) -> Made:
@@ -125,7 +137,7 @@ def _diagnose(job: Job, log: Log, rig: Rig, item: Item) -> Made:
     facts = found.to_dict()
     columns: Json = {"log": item.name, **item.columns, "verdict": str(found.verdict), "added": ",".join(found.added)}
     columns |= _flat("error", facts["error"]) | _numbers(found.fit.parameters)
-    return _row(columns), {"name": item.name, "diagnosis": facts}
+    return _row(columns), {"name": item.name, "diagnosis": facts, "doubts": list(found.fit.warnings)}
 
 
 def _numbers(parameters: Mapping[str, FittedParameter]) -> Json:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -29,12 +29,13 @@ class Outcome:
 
     Attributes:
         done: size of each log's table in the store [bytes]. before: how many of them were there before. aside: name →
-            why.
+            why. doubts: name → what speaks against a log that was worked at now.
     """
 
     done: dict[str, int]
     before: int
     aside: dict[str, str]
+    doubts: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 def run(job: Job, items: Sequence[Item], store: Store, runner: Runner, progress: Progress = lambda *_: None) -> Outcome:
@@ -51,7 +52,7 @@ def run(job: Job, items: Sequence[Item], store: Store, runner: Runner, progress:
     parts = {item.name: item.part(job.kind).removeprefix(f"{job.kind}/") for item in items}
     sweep(job.kind, items, store, files)
     todo = [item for item in items if parts[item.name] not in files]
-    done, aside = {}, dict[str, str]()
+    done, aside, doubts = {}, dict[str, str](), dict[str, tuple[str, ...]]()
     for count, (place, result) in enumerate(
         runner.run(partial(work, job, store), todo), start=len(items) - len(todo) + 1
     ):
@@ -59,12 +60,15 @@ def run(job: Job, items: Sequence[Item], store: Store, runner: Runner, progress:
         if isinstance(result, Lost):
             aside[name] = result.why
         else:
-            done[name] = result
+            done[name] = result.size
+            if result.doubts:
+                doubts[name] = result.doubts
         progress(count, len(items), name)
     for item in items:
         if parts[item.name] in files:
             done[item.name] = int(files[parts[item.name]]["size"])
-    whole = Outcome({item.name: done[item.name] for item in items if item.name in done}, len(items) - len(todo), aside)
+    sizes = {item.name: done[item.name] for item in items if item.name in done}
+    whole = Outcome(sizes, len(items) - len(todo), aside, doubts)
     _write_manifest(job, items, store, whole)
     return whole
 

@@ -102,7 +102,7 @@ def each_log(
     with running(on, workers) as runner, counted(job.kind) as progress:
         outcome = run(job, items, Store(address_of(out)), runner, progress)
     if json_file is not None:
-        facts = {"done": outcome.done, "before": outcome.before, "put_aside": outcome.aside}
+        facts = {"done": outcome.done, "before": outcome.before, "put_aside": outcome.aside, "doubts": outcome.doubts}
         write_json(json_file, facts)
     show_outcome(outcome)
     if outcome.aside and not outcome.done:
@@ -133,6 +133,11 @@ def show_outcome(outcome: Outcome) -> None:
         typer.echo(f"put aside: {name}: {why}")
     if len(outcome.aside) > MOST_NAMED:
         typer.echo(f"and {len(outcome.aside) - MOST_NAMED} more, in the manifest")
+    for name, says in list(outcome.doubts.items())[:MOST_NAMED]:
+        more = f" (and {len(says) - 1} more)" if len(says) > 1 else ""
+        typer.echo(f"doubt: {name}: {says[0]}{more}")
+    if len(outcome.doubts) > MOST_NAMED:
+        typer.echo(f"and {len(outcome.doubts) - MOST_NAMED} more logs with doubts, in their tables")
 
 
 @contextmanager

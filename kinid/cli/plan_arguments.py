@@ -238,7 +238,14 @@ def model_of(o: Options) -> tuple[Model, dict[str, float]]:
         if model is None:
             model = ",".join(named.names)
         kept = {effect.id for effect in parse_model(model).effects}
-        values = {name: v for name, v in values.items() if name.split(".", 1)[0] in kept}
+        used = {name: v for name, v in values.items() if name.split(".", 1)[0] in kept}
+        if not used:
+            raise InputError(
+                f"a fit of {', '.join(named.names)} in {o.fit}, and the model {model}",
+                "values of that model",
+                "fit it, or leave out --model or --fit",
+            )
+        values = used
     if model is None:
         raise InputError("no model", "the effects to plan for", "name them with --model, or a fit with --fit")
     given: list[str] = []

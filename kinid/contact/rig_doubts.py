@@ -31,7 +31,14 @@ def rig_doubts(log: Log, rig: Rig, robot: Robot) -> list[str]:
     Args:
         log: with joints. rig: what was measured with what. robot: of the rig.
     """
-    return [*_tangent(rig), *_halves(rig), *_limits(robot), *_too_fast(log, robot), *_jumps(log)]
+    return [
+        *_tangent(rig),
+        *_halves(rig),
+        *_limits(robot),
+        *_too_fast(log, robot),
+        *_too_strong(log, robot),
+        *_jumps(log),
+    ]
 
 
 def _tangent(rig: Rig) -> list[str]:
@@ -102,6 +109,23 @@ def _too_fast(log: Log, robot: Robot) -> list[str]:
             return [
                 f"{name} moves at {most:.3g} rad/s, its URDF allows {limit:.3g}: the limit there, the unit of q or "
                 "that of t is another"
+            ]
+    return []
+
+
+def _too_strong(log: Log, robot: Robot) -> list[str]:
+    """Joints whose measured torque is beyond what their URDF allows."""
+    if log.tau is None:
+        return []
+    limits = robot.from_tangent(np.atleast_2d(np.array(robot.model.effortLimit, dtype=float)))[0]
+    tau = np.abs(np.asarray(log.tau))[log.valid]
+    if tau.shape[1:] != limits.shape or not len(tau):
+        return []
+    for name, limit, most in zip(robot.joint_names, limits, np.quantile(tau, USUAL, axis=0)):
+        if 0.0 < limit < most / BEYOND:  # a URDF without a figure reads as zero
+            return [
+                f"{name} bears {most:.3g} N·m, its URDF allows an effort of {limit:.3g}: the limit there, or the "
+                "unit of tau, is another"
             ]
     return []
 

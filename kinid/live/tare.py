@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 
 from kinid.contact.series import contact_series
@@ -13,6 +15,9 @@ from kinid.live.messages import Notice, Source
 from kinid.robotics.robot import Robot
 from kinid.robotics.wrench import FEWEST_FREE
 
+#: a source that sends nothing is waited for so long [s]
+PATIENCE = 10.0
+
 
 def tare(source: Source, rig: Rig, robot: Robot, seconds: float) -> Rig:
     """The rig with the bias that the first samples of a source have, as logs' free motion gives it.
@@ -21,15 +26,21 @@ def tare(source: Source, rig: Rig, robot: Robot, seconds: float) -> Rig:
         source: whose first samples are taken, with the tool clear of the surface. seconds: of them.
 
     Raises:
-        InputError: too few samples, or none clear of the surface.
+        InputError: too few samples, none for `PATIENCE`, or none clear of the surface.
     """
     aligner = Aligner(
         robot.joint_names, lambda _kind, _says: None, wrench_offset=rig.streams.wrench_clock_offset or 0.0
     )
     t, q, wrench = [], [], []
+    heard = time.monotonic()
     for item in source.items():
         if item is None or isinstance(item, Notice):
+            if time.monotonic() - heard > PATIENCE:
+                raise InputError(
+                    f"no sample for {PATIENCE:g} s from {source.name}", "joints and wrench", "begin the sender first"
+                )
             continue
+        heard = time.monotonic()
         aligner.put(item)
         while aligner.pair():
             t.append(aligner.t)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from contact.doubting import changed, doubts
 
 import kinid.urdf
+from kinid.contact.rig_doubts import rig_doubts
 from kinid.data.log import Log
 from kinid.data.rig import Rig
 from kinid.robotics.robot import Robot
@@ -50,6 +52,22 @@ def test_a_joint_that_jumps_and_returns_at_once(touched: tuple[Log, Rig, Robot])
     q = np.array(log.q)
     q[[500, 2600], 1] += 0.3
     assert "q2 jumps by 0.3 and returns at once (2 samples" in doubts(dataclasses.replace(log, q=q), rig, robot)
+
+
+@pytest.mark.parametrize(("effort", "says"), [(5.0, "its URDF allows an effort of 5"), (0.0, ""), (200.0, "")])
+def test_torques_beyond_what_the_urdf_allows(
+    touched: tuple[Log, Rig, Robot], tmp_path: Path, effort: float, says: str
+) -> None:
+    log, rig, _ = touched
+    text = (Path(kinid.urdf.__file__).parent / "lwr4plus.urdf").read_text()
+    name = tmp_path / "arm.urdf"
+    name.write_text(re.sub(r'effort="[0-9.]+"', f'effort="{effort}"', text))
+    own = changed(rig, robot={"model": str(name), "sensor_frame": "ft_sensor", "tip_frame": "tool_tip"})
+    torque = np.zeros_like(np.asarray(log.q))
+    torque[:, 1] = 30.0 + np.sin(log.t)
+    said = " | ".join(rig_doubts(dataclasses.replace(log, tau=torque), own, Robot.load(own)))
+    assert says in said
+    assert bool(says) == bool(said)
 
 
 def test_limits_in_degrees(touched: tuple[Log, Rig, Robot], tmp_path: Path) -> None:

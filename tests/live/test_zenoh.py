@@ -38,9 +38,11 @@ def free() -> int:
 
 
 @contextlib.contextmanager
-def process(port: int, mode: str, cycles: int = 0, faults: object = ()) -> Iterator[subprocess.Popen[str]]:
+def process(
+    port: int, mode: str, cycles: int = 0, faults: object = (), gripper: bool = False
+) -> Iterator[subprocess.Popen[str]]:
     """A robot, or a router, that is ready."""
-    plan = json.dumps({"cycles": cycles, "faults": faults})
+    plan = json.dumps({"cycles": cycles, "faults": faults, "gripper": gripper})
     command = [sys.executable, str(PEER), str(port), mode, plan]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as running:
         try:
@@ -82,6 +84,20 @@ def test_both_streams_of_a_peer_are_whole() -> None:
         stamps = [item.stamp or 0 for item in stream if isinstance(item, Joints | Wrench)]
         assert np.diff(stamps).min() > 0
         assert abs(stamps[0] - time.time_ns()) < 60e9
+
+
+def test_a_gripper_that_publishes_on_the_same_topic_is_left_out() -> None:
+    port = free()
+    with process(port, "peer", 200, gripper=True):
+        source = open_source(f"zenoh://127.0.0.1:{port}", Asked(joints=NAMES))
+        assert isinstance(source, Client)
+        items = collect(source, 400)
+    told = [item.kind for item in items if isinstance(item, Notice)]
+    assert 1 <= told.count("topic") <= 2
+    assert set(told) <= {"topic"}
+    joints = [item for item in items if isinstance(item, Joints)]
+    assert sum(item.names == NAMES for item in joints) >= 195
+    assert sum(item.names != NAMES for item in joints) <= 3  # until both are known
 
 
 def test_a_router_stands_between_and_nothing_listens() -> None:

@@ -34,7 +34,7 @@ def header(stamp: int) -> Any:
 
 
 def joints(stamp: int, q: Any = Q, names: Any = NAMES) -> bytes:
-    message = STORE.types["sensor_msgs/msg/JointState"](header(stamp), list(names), q, 0 * Q, np.empty(0))
+    message = STORE.types["sensor_msgs/msg/JointState"](header(stamp), list(names), q, 0 * np.asarray(q), np.empty(0))
     return bytes(STORE.serialize_cdr(message, "sensor_msgs/msg/JointState"))
 
 
@@ -88,6 +88,11 @@ class Robot:
             attachment = struct.pack("<qq", self.numbers[role], time.time_ns()) + self.gid
             self.publishers[role].put(payload, attachment=attachment)
 
+    def put_beside(self, payload: bytes, number: int) -> None:
+        """Joints of another device, whose publisher is another one."""
+        gid = struct.pack("<B16s", 16, b"gripper")
+        self.publishers["joints"].put(payload, attachment=struct.pack("<qq", number, time.time_ns()) + gid)
+
 
 def run(port: int, mode: str, plan: Any) -> None:
     robot, faults = Robot(port, mode), dict(map(tuple, plan["faults"]))
@@ -122,6 +127,8 @@ def run(port: int, mode: str, plan: Any) -> None:
             for role, payload in zip(KEYS, played.at(cycle, stamp)):
                 robot.put(role, payload)
             continue
+        if plan.get("gripper"):
+            robot.put_beside(joints(stamp, Q[:2], ["finger_1", "finger_2"]), cycle + 1)
         payload = joints(stamp, position, names)
         if fault == "malformed":
             payload = payload[: cycle % len(payload)]

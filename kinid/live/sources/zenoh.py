@@ -12,7 +12,7 @@ import json
 import queue
 import struct
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from kinid.data.rig import Rig
@@ -36,6 +36,8 @@ TYPES = {"joints": "sensor_msgs/msg/JointState", "wrench": "geometry_msgs/msg/Wr
 _ATTACHMENT = struct.Struct("<qq")
 #: topics that are told not to be taken
 MOST_TOPICS = 64
+#: a publisher is another one's successor where that has been silent for so long [ns]
+SILENT_NS = 200_000_000
 
 
 def open_source(address: str, asked: Asked) -> Source:
@@ -44,15 +46,20 @@ def open_source(address: str, asked: Asked) -> Source:
     Raises:
         InputError: no such address, or nobody who answers there. MissingDependencyError: no Zenoh, or no rosbags.
     """
-    return Client(address, asked.rig)
+    return Client(address, asked.rig, asked.joints)
 
 
 class Client:
-    """A Zenoh client that takes two topics. Args: address: HOST:PORT[/DOMAIN]; rig: may name the topics."""
+    """A Zenoh client that takes two topics, of each topic one publisher.
+
+    Args:
+        address: HOST:PORT[/DOMAIN]. rig: may name the topics. joints: of the robot: a publisher of none of them is of
+            another device.
+    """
 
     live = True
 
-    def __init__(self, address: str, rig: Rig | None = None) -> None:
+    def __init__(self, address: str, rig: Rig | None = None, joints: Sequence[str] | None = None) -> None:
         where, _, domain = address.partition("/")
         host, colon, port = (where or ADDRESS).rpartition(":")
         domain = domain or "0"
@@ -63,8 +70,9 @@ class Client:
         streams = (rig or Rig()).streams
         named = {"joints": streams.joints, "wrench": streams.wrench}
         self._taken = {role: name.strip("/") for role, name in named.items() if name}
-        self._others: set[str] = set()
-        self._publishers: dict[str, tuple[bytes, int]] = {}
+        self._others, self._joints = set[str](), tuple(joints or ())
+        self._publishers: dict[str, tuple[bytes, int, int]] = {}
+        self._beside: set[bytes] = set()
         self._queue: queue.SimpleQueue[tuple[str, int, Sample] | None] = queue.SimpleQueue()
         self._missed, self._open = 0, True
         self._keys = {
@@ -122,26 +130,45 @@ class Client:
                 self._others.add(topic)
                 yield Notice(received, "topic", f"/{topic} beside /{self._taken[role]}: [streams] {role} chooses")
             return
-        if sample.attachment is not None:
-            yield from self._followed(topic, received, bytes(sample.attachment))
+        publisher = b"" if sample.attachment is None else bytes(sample.attachment)[_ATTACHMENT.size :]
+        if publisher:
+            if not self._is_taken(topic, publisher, received):
+                if publisher not in self._beside and len(self._beside) < MOST_TOPICS:
+                    self._beside.add(publisher)
+                    yield Notice(received, "topic", f"two publishers of /{topic}: one is taken, the other left out")
+                return
+            yield from self._followed(topic, publisher, received, _ATTACHMENT.unpack_from(bytes(sample.attachment))[0])
         payload = bytes(sample.payload)
         try:
-            yield self._decode(role, received, payload)
+            item = self._decode(role, received, payload)
+            if isinstance(item, Joints) and self._beside and not self._knows(item.names):
+                # of another device, and there is a second publisher: that one is taken from now on
+                self._publishers.pop(topic, None)
+                self._beside = {publisher}
+            yield item
         except Exception as error:  # whatever a decoder makes of bytes that are no message
             yield Notice(received, "malformed", f"/{topic}, {len(payload)} bytes: {type(error).__name__} {error}"[:200])
 
-    def _followed(self, topic: str, received: int, attachment: bytes) -> Iterator[Notice]:
+    def _knows(self, names: Sequence[str] | None) -> bool:
+        """Whether any of a message's joints is the robot's."""
+        return names is None or not self._joints or bool(set(self._joints) & set(names))
+
+    def _is_taken(self, topic: str, publisher: bytes, received: int) -> bool:
+        """Whether messages of this publisher are taken: of two that speak at once the first is."""
+        if topic not in self._publishers:
+            return publisher not in self._beside
+        taken, _, heard = self._publishers[topic]
+        return taken == publisher or received - heard > SILENT_NS
+
+    def _followed(self, topic: str, publisher: bytes, received: int, number: int) -> Iterator[Notice]:
         """What the publisher's running number says: of messages that never came, of another publisher."""
-        if len(attachment) <= _ATTACHMENT.size:
-            return
-        number, _ = _ATTACHMENT.unpack_from(attachment)
-        publisher, last = self._publishers.get(topic, (b"", number - 1))
-        this = attachment[_ATTACHMENT.size :]
-        if publisher not in (b"", this):
+        before, last, _ = self._publishers.get(topic, (publisher, number - 1, received))
+        if before != publisher:
+            self._beside.discard(publisher)
             yield Notice(received, "source-restarted", f"another publisher of /{topic}")
         elif number > last + 1:
             yield Notice(received, "gap", f"{number - last - 1} messages of /{topic} never came")
-        self._publishers[topic] = (this, number if publisher != this else max(number, last))
+        self._publishers[topic] = (publisher, number if before != publisher else max(number, last), received)
 
 
 def _mangled(kind: str) -> str:
