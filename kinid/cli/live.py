@@ -28,14 +28,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Outputs:
-    """Where a session goes: a recording, a map (and what its estimators start from), a port of the server, JSON; None
-    for what isn't asked for.
+    """Where a session goes: a recording, a map (and what its estimators start from), ports of Foxglove's server and of
+    the view, JSON; None for what isn't asked for.
     """
 
     record: Path | None
     map_file: Path | None
     prior: Path | None
     port: int | None
+    view: int | None
     json_file: Path | None
 
 
@@ -92,6 +93,13 @@ def live(
         bool, typer.Option("--serve", help="Serve the session to Foxglove, on this machine alone.")
     ] = False,
     port: Annotated[int, typer.Option(help="Of that server; 0 chooses a free one.")] = 8765,
+    view: Annotated[
+        int | None,
+        typer.Option(
+            help="Show arm, forces, map and events to the browsers of this machine at this port; 0 chooses a free one.",
+            show_default=False,
+        ),
+    ] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Summary and events to write as JSON.")] = None,
     speed: Annotated[
         float, typer.Option(help="Of what is replayed, in parts of its own; 0: as fast as it goes.")
@@ -113,8 +121,9 @@ def live(
         raise InputError(f"--tare {tare:g}", "seconds ≥ 0", "leave it out for the rig's bias")
     if not (math.isfinite(bandwidth) and bandwidth > 0.0):
         raise InputError(f"--bandwidth {bandwidth:g}", "a frequency > 0 Hz", "leave it out for 40")
-    if not 0 <= port < 65536:
-        raise InputError(f"--port {port}", "a port from 0 to 65535", "leave it out for 8765")
+    for name, given in (("port", port), ("view", view or 0)):
+        if not 0 <= given < 65536:
+            raise InputError(f"--{name} {given}", "a port from 0 to 65535", "0 chooses a free one")
     from kinid.writers import alone_with, check_outputs
 
     path = _log_of(source)
@@ -131,7 +140,7 @@ def live(
         for file in (map_file, record):
             if file is not None:
                 alone.enter_context(alone_with(file))
-        outputs = Outputs(record, map_file, prior, port if serve else None, json_file)
+        outputs = Outputs(record, map_file, prior, port if serve else None, view, json_file)
         _run(opened, the_rig, robot, names, outputs, duration, tare, bandwidth, quiet)
 
 
@@ -256,14 +265,21 @@ def _sinks(
     """All that takes the session; the map first, since it may be refused, and nothing is begun then."""
     server = None if outputs.port is None else _server(outputs.port, robot, out)
     sinks: list[Sink] = [] if server is None else [server]
+    shows = [] if server is None else [server.show]
     try:
+        if outputs.view is not None:
+            from kinid.live.viewing import Viewing
+
+            viewing = Viewing(pipeline, rig, opened.name, outputs.view)
+            out.print(f"arm, forces and events: {viewing.url} (for this machine only)", soft_wrap=True)
+            sinks.append(viewing)
+            shows.append(viewing.show)
         if outputs.map_file is not None or outputs.prior is not None:
             from kinid.live.growing import Growing
             from kinid.mapping.property_map import PropertyMap
 
             prior = None if outputs.prior is None else PropertyMap.read(outputs.prior)
-            show = None if server is None else server.show
-            sinks.append(Growing(outputs.map_file, pipeline, rig, opened.name, show, prior))
+            sinks.append(Growing(outputs.map_file, pipeline, rig, opened.name, shows, prior))
         if outputs.record is not None:
             sinks.append(_recorder(outputs.record, opened, rig, robot, list(pipeline.model), bandwidth))
     except Exception:

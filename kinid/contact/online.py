@@ -111,6 +111,20 @@ class OnlineContact:
             return np.asarray(self._surface.point + slips @ self._surface.axes[:2])
         return np.array(on_mesh.sheet_of(self._room.sheet).found[:3])
 
+    @property
+    def axes(self) -> Array:
+        """Rows tangent1, tangent2, normal at the last sample, base frame, (3, 3)."""
+        if isinstance(self._surface, Plane):
+            return self._surface.axes
+        return np.array(on_mesh.sheet_of(self._room.sheet).axes).reshape(3, 3)
+
+    @property
+    def positions(self) -> Array:
+        """Joint positions of the last sample, (N,); 0 of joints behind the sensor."""
+        out = np.zeros(self.joint_count)
+        out[self._room.columns.astype(int)] = self._room.motion[0]
+        return out
+
     def step(
         self,
         t: float,

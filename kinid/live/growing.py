@@ -45,7 +45,7 @@ class Growing(Sink):
         path: of the map, which goes on where it is one of the same model and surface; None keeps it in memory alone.
         pipeline: whose touches they are.
         rig: with the surface that is touched. source: of the samples, for people.
-        show: is handed the map whenever it has grown.
+        shows: are handed the map whenever it has grown.
         prior: a map to start from that doesn't grow: of another day, or predicted from a picture.
 
     Attributes:
@@ -61,11 +61,11 @@ class Growing(Sink):
         pipeline: Pipeline,
         rig: Rig,
         source: str,
-        show: Callable[[PropertyMap], None] | None = None,
+        shows: Sequence[Callable[[PropertyMap], None]] = (),
         prior: PropertyMap | None = None,
     ) -> None:
         super().__init__("map")
-        self._path, self._pipeline, self._source, self._show = path, pipeline, source, show
+        self._path, self._pipeline, self._source, self._shows = path, pipeline, source, tuple(shows)
         self._noise = max(rig.sensor.noise[:3]) if rig.sensor.noise else float("nan")
         surface = load_surface(rig)
         assert isinstance(surface, Plane | Mesh)  # the pipeline asked for one
@@ -95,7 +95,7 @@ class Growing(Sink):
         self.joining, self.started = Latencies(), 0
         self._sum, self._first, self._last = np.zeros(4), 0, 0
         self._valid: dict[str, Estimate] = {}
-        if show is not None and len(self.map):
+        for show in shows if len(self.map) else ():
             show(self.map)
         self._thread.start()
 
@@ -175,8 +175,8 @@ class Growing(Sink):
         except InputError:  # an estimate that is none, as a stiffness that is surely negative
             return False
         self._places = np.vstack([self._places, place])
-        if self._show is not None:
-            self._show(self.map)
+        for show in self._shows:
+            show(self.map)
         return True
 
     def _write(self, topic: str, received: int, stamp: int, what: Joints | Wrench | Json) -> None:

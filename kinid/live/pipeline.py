@@ -142,6 +142,16 @@ class Pipeline:
         innovation = self.normal.estimate().innovation
         return float(self.quantities[_NORMAL]) - innovation if innovation != 0.0 else math.nan
 
+    @property
+    def predicted_friction(self) -> Array:
+        """Tangential forces that friction's estimate expects of the last sample [N], (2,); 0 where nothing slides."""
+        rates = self.quantities[[_SLIP_RATE1, _SLIP_RATE2]]
+        speed = math.hypot(*rates)
+        if "friction" not in self.estimates or not self.touching or not speed > SLIDING:
+            return np.zeros(2)
+        friction, viscous = self.friction.estimate().values[:2]
+        return np.asarray(-(friction * float(self.quantities[_NORMAL]) + viscous * speed) * rates / speed)
+
     def step(self, t: float, q: Array, wrench: Array, dq: Array) -> int:
         """Work out one sample; bits of its events (`kinid.live.events`), for `explain`.
 

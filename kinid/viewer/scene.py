@@ -157,10 +157,10 @@ def robot_scene(rig: Rig, robot: Robot) -> Json:
         tip = robot.frame(robot.tip_frame)
         if not shapes or robot.sensor_frame is None:
             joints[tip.parentJoint].append(_stick(np.asarray(tip.placement.translation)))
-    return {"joints": joints, "zero": packed(_joint_poses(robot, pin.neutral(robot.model)), "<f4")}
+    return {"joints": joints, "zero": packed(joint_poses(robot, pin.neutral(robot.model)), "<f4")}
 
 
-def _joint_poses(robot: Robot, configuration: Array) -> Array:
+def joint_poses(robot: Robot, configuration: Array) -> Array:
     """Places [m] and quaternions of all joints in the base frame, (N + 1, 7)."""
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, configuration)
@@ -174,7 +174,7 @@ def motion_scene(log: Log, rig: Rig, robot: Robot, model: str | None = None) -> 
     step = max(1, round(1.0 / (FRAMES * log.period))) if log.period > 0 else 1
     keep = keep[::step]
     configuration = robot.configuration(log.q[keep])
-    poses = np.array([_joint_poses(robot, row) for row in configuration]).reshape(len(keep), robot.model.njoints, 7)
+    poses = np.array([joint_poses(robot, row) for row in configuration]).reshape(len(keep), robot.model.njoints, 7)
     out: Json = {
         "t": packed(log.t[keep] - log.t[keep[0]], "<f4"),
         "poses": packed(poses, "<f4"),

@@ -157,6 +157,19 @@ function setRobot(robot) {
   pose(floats(robot.zero), 0);
 }
 
+// where something happened
+function setMarks(marks) {
+  const group = new THREE.Group();
+  for (const mark of marks) {
+    const ball = new THREE.Mesh(new THREE.SphereGeometry(0.003, 14, 10), new THREE.MeshLambertMaterial({color: mark.color}));
+    ball.position.set(...mark.at);
+    group.add(ball);
+  }
+  kinid.marks = marks.length;
+  place(["marks"], group);
+  $("facts").textContent = marks[marks.length - 1].says;
+}
+
 function setMotion(m) {
   motion = {t: floats(m.t), poses: floats(m.poses), n: m.n, joints: m.joints, tip: m.tip ? floats(m.tip) : null, forces: {}, scale: m.scale,
             phase: m.phase || []};
@@ -455,6 +468,7 @@ kinid.apply = message => {
   const newest = message.follow && motion && (kinid.playing || kinid.frame >= motion.n - 1);
   if (message.motion) setMotion(message.motion);
   if (newest) { play(false); show(motion.n - 1); }
+  if (message.marks && message.marks.length) setMarks(message.marks);
   if (message.map) setMap(message.map);
   if (message.robot && !message.ground) setGround({centre: [0.3, 0, -2e-3], size: 0.9});
   if (message.camera && !message.views) {
