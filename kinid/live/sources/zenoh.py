@@ -130,14 +130,15 @@ class Client:
                 self._others.add(topic)
                 yield Notice(received, "topic", f"/{topic} beside /{self._taken[role]}: [streams] {role} chooses")
             return
-        publisher = b"" if sample.attachment is None else bytes(sample.attachment)[_ATTACHMENT.size :]
+        attachment = b"" if sample.attachment is None else bytes(sample.attachment)
+        publisher = attachment[_ATTACHMENT.size :]
         if publisher:
             if not self._is_taken(topic, publisher, received):
                 if publisher not in self._beside and len(self._beside) < MOST_TOPICS:
                     self._beside.add(publisher)
                     yield Notice(received, "topic", f"two publishers of /{topic}: one is taken, the other left out")
                 return
-            yield from self._followed(topic, publisher, received, _ATTACHMENT.unpack_from(bytes(sample.attachment))[0])
+            yield from self._followed(topic, publisher, received, _ATTACHMENT.unpack_from(attachment)[0])
         payload = bytes(sample.payload)
         try:
             item = self._decode(role, received, payload)
