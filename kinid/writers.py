@@ -150,15 +150,15 @@ def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None])
             raise InputError(
                 f"output {path}, which is no regular file", "a file that can be replaced", "name another one"
             )
+        if _real(path) in read:
+            raise InputError(
+                f"output {path}, which is read too", "another file than the log and the rig", "rename the output"
+            )
         if path.suffix.lower() in SOURCES and path.exists():
             raise InputError(
                 f"output {path}, which is no result of kinid and would be lost",
                 "a name that is free, or a result's",
                 "rename the output",
-            )
-        if _real(path) in read:
-            raise InputError(
-                f"output {path}, which is read too", "another file than the log and the rig", "rename the output"
             )
         if _real(path) in seen:
             raise InputError(f"{path} named for two outputs", "a file for each", "rename one")

@@ -62,7 +62,7 @@ class Expectation:
             raise InputError(
                 f"a prior '{text}'",
                 f"{NEIGHBOURS}, a map (.parquet) or a fit (.json)",
-                "name a file that kinid map, kinid picture or kinid fit --json wrote",
+                "name the file of a map, of what a picture predicts, or of a fit",
             )
         earlier = PropertyMap.read(path)
         if not isinstance(earlier.surface, Plane):

@@ -17,6 +17,7 @@ ROOT = Path(__file__).parents[2]
 ALLOWED = {
     "kinid/cli/demo.py": "the demo's own models",
     "kinid/cli/map.py": "the command's default law",
+    "kinid/cli/shape.py": "the command's default law",
     "kinid/mapping/probes.py": "the default law of a map",
     "kinid/viewer/scene.py": "the default law of a view",
 }
