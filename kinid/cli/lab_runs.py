@@ -177,7 +177,7 @@ def campaign(
         f"no other command reads: {truth}"
     )
     seconds = robot_seconds(task, out)
-    learnt = f"; map of what they told: {out / lab.LEARNT}" if precision is not None else ""
+    learnt = f"; map of the recursive estimates: {out / lab.LEARNT}" if precision is not None else ""
     typer.echo(f"time of the robot: {seconds:.0f} s, ways between places included{learnt}")
     return {
         "experiment": "campaign",

@@ -120,7 +120,7 @@ def test_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     words = ["lab", "mould", "--campaign", "1x2", "--precision", "0.05", "-o", str(quick), "--json", str(facts)]
     made = CliRunner().invoke(app, words)
     assert made.exit_code == 0, made.output
-    assert f"map of what they told: {quick / LEARNT}" in made.output.replace("\n", "")
+    assert f"map of the recursive estimates: {quick / LEARNT}" in made.output.replace("\n", "")
     assert 3.0 < json.loads(facts.read_text())["robot_seconds"] < 8.0
     joined = CliRunner().invoke(app, ["map", str(quick), "-o", str(out), "--prior", "neighbours"])
     assert joined.exit_code == 0, joined.output
