@@ -14,6 +14,7 @@ begins anew may cut it off, or put another one in its place, and a mapping would
 
 from __future__ import annotations
 
+import contextlib
 import os
 import struct
 import time
@@ -62,18 +63,22 @@ class Ring:
         check_regular(path, "ring", "the file of a sender that has begun", "begin the sender first")
         self._path = path
         try:
-            self._file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+            self._file = path.open("rb", buffering=0)
         except OSError as error:
             raise InputError(
                 f"no ring at {path} ({error.strerror})", "the file of a sender that has begun", "begin the sender first"
             ) from None
         if not self._look_at_head():
-            os.close(self._file)
+            self._file.close()
             raise InputError(f"{path}, which is no ring of version {VERSION}", "a ring", "see docs/live.md")
         self._open = True
 
     def items(self) -> Iterator[Item]:
         """See `Source`."""
+        with contextlib.suppress(ValueError):  # it was closed while it was read
+            yield from self._items()
+
+    def _items(self) -> Iterator[Item]:
         run, count = self._long(_RUN), self._long(_COUNT)
         quiet = 0.0
         while self._open:
@@ -99,40 +104,38 @@ class Ring:
 
     def close(self) -> None:
         """See `Source`."""
-        if self._open:
-            self._open = False
-            os.close(self._file)
+        self._open = False
+        self._file.close()
 
     def _look_at_head(self) -> bool:
         """Whether the file is a ring by now; takes its sizes from there."""
-        head = os.pread(self._file, _LAYOUT.size, 0)
+        head = os.pread(self._file.fileno(), _LAYOUT.size, 0)
         if len(head) < _LAYOUT.size:
             return False
         magic, version, self._slots, self._width, _ = _LAYOUT.unpack(head)
         self._size = _SLOT.size + 8 * self._width
-        whole = os.fstat(self._file).st_size >= HEAD + self._slots * self._size
+        whole = os.fstat(self._file.fileno()).st_size >= HEAD + self._slots * self._size
         return bool(magic == MAGIC and version == VERSION and self._slots and whole)
 
     def _follow(self) -> None:
         """Go on with the file that stands at the path now, if it is another one."""
         try:
-            now = os.open(self._path, os.O_RDONLY | os.O_CLOEXEC)
+            if os.path.samestat(self._path.stat(), os.fstat(self._file.fileno())):
+                return
+            now = self._path.open("rb", buffering=0)
         except OSError:  # the sender is about to make it
             return
-        if os.path.samestat(os.fstat(now), os.fstat(self._file)):
-            os.close(now)
-            return
-        os.close(self._file)
+        self._file.close()
         self._file = now
 
     def _long(self, at: int) -> int:
-        return int.from_bytes(os.pread(self._file, 8, at), "little")
+        return int.from_bytes(os.pread(self._file.fileno(), 8, at), "little")
 
     def _read(self, number: int) -> Item:
         """One sample; a notice where it was overwritten meanwhile or isn't one."""
         begin = HEAD + (number % self._slots) * self._size
         received = time.monotonic_ns()
-        data = os.pread(self._file, self._size, begin)  # a copy, which is checked against the number behind it
+        data = os.pread(self._file.fileno(), self._size, begin)  # a copy, which is checked against the number behind it
         if len(data) < self._size:
             return Notice(received, "overrun", "1 sample was missed")
         mark, kind, many, stamp = _SLOT.unpack_from(data)
