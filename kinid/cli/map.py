@@ -10,7 +10,7 @@ import typer
 
 from kinid.cli import complete
 from kinid.cli.batch import On, Workers, running
-from kinid.cli.options import PAGE, check_method, names
+from kinid.cli.options import PAGE, FirstRigFile, TouchModel, check_method, names
 from kinid.errors import InputError
 
 if TYPE_CHECKING:
@@ -41,12 +41,8 @@ def map_(
     out: Annotated[
         Path, typer.Option("-o", "--out", help="Map: .parquet; it can be read while it grows.", show_default=False)
     ],
-    rig: Annotated[
-        Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the first log.")
-    ] = None,
-    model: Annotated[
-        str, typer.Option(help="Effects that are fitted to each touch.", autocompletion=complete.model)
-    ] = "kelvin-voigt",
+    rig: FirstRigFile = None,
+    model: TouchModel = "kelvin-voigt",
     plot: Annotated[
         Path | None, typer.Option(help="Pictures of the map: one offline HTML file.", callback=PAGE)
     ] = None,

@@ -40,6 +40,11 @@ ModelText = Annotated[
     str,
     typer.Option(help="Effects of the model, separated by commas.", show_default=False, autocompletion=complete.model),
 ]
+#: of commands that take many logs of one rig, and fit a model to each touch
+FirstRigFile = Annotated[
+    Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the first log.")
+]
+TouchModel = Annotated[str, typer.Option(help="Effects that are fitted to each touch.", autocompletion=complete.model)]
 PlotFile = Annotated[Path | None, typer.Option(help="Plot to write: one offline HTML file.", callback=PAGE)]
 
 

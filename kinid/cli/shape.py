@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from kinid.cli import complete
-from kinid.cli.options import PAGE, ending_in, names
+from kinid.cli.options import PAGE, FirstRigFile, TouchModel, ending_in, names
 from kinid.errors import InputError, KinidError
 
 if TYPE_CHECKING:
@@ -41,12 +40,8 @@ def shape(
             show_default=False,
         ),
     ],
-    rig: Annotated[
-        Path | None, typer.Option(help="What was measured with what; default: rig.toml beside the first log.")
-    ] = None,
-    model: Annotated[
-        str, typer.Option(help="Effects that are fitted to each touch.", autocompletion=complete.model)
-    ] = "kelvin-voigt",
+    rig: FirstRigFile = None,
+    model: TouchModel = "kelvin-voigt",
     tip_radius: Annotated[
         float, typer.Option(help="Radius of the ball that the tool ends in, at its tip frame [m]; 0 for a point.")
     ] = 0.0,

@@ -98,7 +98,7 @@ def _limits(robot: Robot) -> list[str]:
 def _too_fast(log: Log, robot: Robot) -> list[str]:
     """Joints that moved faster than their URDF allows."""
     q, half = np.asarray(log.q), max(1, round(0.5 * WINDOW / log.period))
-    limits = robot.from_tangent(np.atleast_2d(np.array(robot.model.velocityLimit, dtype=float)))[0]
+    limits = robot.velocity_limit
     if q.shape[1] != len(limits) or len(q) < 8 * half:
         return []
     speed = np.abs(q[2 * half :] - q[: -2 * half]) / (log.t[2 * half :] - log.t[: -2 * half])[:, None]
@@ -117,7 +117,7 @@ def _too_strong(log: Log, robot: Robot) -> list[str]:
     """Joints whose measured torque is beyond what their URDF allows."""
     if log.tau is None:
         return []
-    limits = robot.from_tangent(np.atleast_2d(np.array(robot.model.effortLimit, dtype=float)))[0]
+    limits = robot.effort_limit
     tau = np.abs(np.asarray(log.tau))[log.valid]
     if tau.shape[1:] != limits.shape or not len(tau):
         return []

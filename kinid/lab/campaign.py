@@ -168,8 +168,8 @@ class Campaign(Grid):
 
 
 def run(campaign: Campaign, folder: Path, done: Callable[[int], None] | None = None) -> int:
-    """Make the pokes that aren't there yet, the page `overview.html` and, where they end early, the map of what they
-    told; how many were made now.
+    """Make the pokes that aren't there yet, the page `overview.html` and, where they end early, the map of their
+    recursive estimates; how many were made now.
 
     Args:
         campaign: what is done. folder: of the logs. done: told the number of each poke that is there, old ones first.

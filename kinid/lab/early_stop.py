@@ -60,7 +60,7 @@ class Learning:
         return EarlyStop(self._rig, self._precision, start, robot=self._robot)
 
     def add(self, index: int, poke: EarlyStop) -> None:
-        """Keep what a poke told."""
+        """Keep what a poke showed."""
         if poke.learnt is None or poke.alone is None or poke.own is None:
             return
         if poke.enough and self._near is not None:

@@ -106,7 +106,7 @@ def _check_surface(setup: Setup) -> None:
 def _check_speeds(setup: Setup, q: Array, rows: NDArray[np.int64]) -> None:
     """Mean speeds between the set-points that are tried."""
     robot = setup.robot
-    most = robot.from_tangent(robot.model.velocityLimit[None, :])[0]
+    most = robot.velocity_limit
     if len(rows) < 2 or not np.isfinite(most).all() or not (most > 0).all():
         return
     speed = np.abs(np.diff(q, axis=0)) / (np.diff(rows) * setup.gains.period)[:, None]

@@ -194,7 +194,7 @@ def _check_limits(path: Path, robot: Robot, points: SetPoints) -> None:
             "joints within their limits",
             "plan within the virtual arm's limits",
         )
-    most = robot.from_tangent(robot.model.velocityLimit[None, :])[0]
+    most = robot.velocity_limit
     share = np.abs(points.dq) / np.where(most > 0, most, np.inf)
     if share.max() > 1.0:
         i, j = np.unravel_index(int(share.argmax()), share.shape)

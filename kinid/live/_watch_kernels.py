@@ -84,12 +84,18 @@ _INNOVATION, _STATUS = -6, -3
 
 
 @njit(error_model="numpy", forceinline=True)
+def _leave_way(w: Compiled) -> None:
+    """The next way is another one."""
+    for ratio in (DEPTH_RATIO, FRICTION_RATIO):
+        w[ratio + ON_WAY] = w[ratio + CHANGED] = 0.0
+
+
+@njit(error_model="numpy", forceinline=True)
 def _begin(w: Compiled) -> None:
     """Look for changes anew, once the estimates have settled."""
     w[SUMS : SUMS + 4] = 0.0
     w[NORMAL_SINCE] = w[FRICTION_SINCE] = np.inf
-    w[DEPTH_RATIO + ON_WAY] = w[DEPTH_RATIO + CHANGED] = 0.0
-    w[FRICTION_RATIO + ON_WAY] = w[FRICTION_RATIO + CHANGED] = 0.0
+    _leave_way(w)
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -163,8 +169,7 @@ def _passes(dt: float, quantities: Compiled, w: Compiled) -> bool:
     depth, force = quantities[chain.DEPTH], quantities[chain.NORMAL]
     speed = math.hypot(quantities[chain.SLIP_RATE1], quantities[chain.SLIP_RATE2])
     if w[TOUCHING] <= 0.0:
-        w[DEPTH_RATIO + ON_WAY] = w[DEPTH_RATIO + CHANGED] = 0.0
-        w[FRICTION_RATIO + ON_WAY] = w[FRICTION_RATIO + CHANGED] = 0.0
+        _leave_way(w)
         return False
     if speed < SLIDING or depth < DEEP or force < w[ON] or abs(quantities[chain.DEPTH_RATE]) > STEEP * speed:
         return False

@@ -147,9 +147,10 @@ class Pipeline:
         """Tangential forces that friction's estimate expects of the last sample [N], (2,); 0 where nothing slides."""
         rates = self.quantities[[_SLIP_RATE1, _SLIP_RATE2]]
         speed = math.hypot(*rates)
-        if "friction" not in self.estimates or not self.touching or not speed > SLIDING:
+        estimate = self.estimates.get("friction")
+        if estimate is None or not self.touching or not speed > SLIDING:
             return np.zeros(2)
-        friction, viscous = self.friction.estimate().values[:2]
+        friction, viscous = estimate.values[:2]
         return np.asarray(-(friction * float(self.quantities[_NORMAL]) + viscous * speed) * rates / speed)
 
     def step(self, t: float, q: Array, wrench: Array, dq: Array) -> int:

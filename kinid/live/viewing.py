@@ -65,7 +65,7 @@ class Viewing(Sink):
         super().__init__("view")
         self._pipeline, self._robot = pipeline, pipeline.contact.robot
         self._frames, self._marks = deque[Frame](maxlen=KEPT), deque[tuple[Array, str, str]](maxlen=MARKS)
-        self._last, self._sent, self._marked = -np.inf, 0.0, False
+        self._last, self._shown, self._sent, self._marked = -np.inf, -np.inf, 0.0, False
         self._map: PropertyMap | None = None
         self._scene: Json = {
             "title": title,
@@ -131,7 +131,8 @@ class Viewing(Sink):
         self._sent = now
         frames = list(self._frames)
         message: Json = {}
-        if len(frames) > 1:
+        if len(frames) > 1 and frames[-1].t != self._shown:
+            self._shown = frames[-1].t
             message |= {"motion": self._motion(frames), "follow": True}
         if self._marked:
             self._marked = False

@@ -79,11 +79,7 @@ class Limits:
             margin: kept from position limits [rad or m]. acceleration, jerk: for all joints instead of stated or
                 default ones.
         """
-        model, n = robot.model, robot.joint_count
-        velocity, torque = (
-            robot.from_tangent(np.atleast_2d(np.array(v, dtype=float)))[0]
-            for v in (model.velocityLimit, model.effortLimit)
-        )
+        n, velocity, torque = robot.joint_count, robot.velocity_limit, robot.effort_limit
         stated = _stated(urdf, robot.joint_names) if urdf is not None else {}
         rates = {}
         for name, given, default in (("acceleration", acceleration, ACCELERATION), ("jerk", jerk, JERK)):

@@ -65,7 +65,7 @@ def _limits(motion: Trajectory, robot: Robot) -> list[str]:
             f"{robot.joint_names[j]} is {over[i, j]:.3g} rad beyond its limits, {motion.t[i]:.4g} s in: angles in "
             "degrees, or of another robot"
         ]
-    most = robot.from_tangent(robot.model.velocityLimit[None, :])[0]
+    most = robot.velocity_limit
     share = np.abs(np.diff(motion.q, axis=0) / np.diff(motion.t)[:, None]) / np.where(most > 0.0, most, np.inf)
     if share.max() <= ROUNDED:
         return []

@@ -176,6 +176,18 @@ class Robot:
         """Upper position limits in the log's order [rad or m], (N,)."""
         return self._limit(self.model.upperPositionLimit, np.inf)
 
+    @property
+    def velocity_limit(self) -> Array:
+        """Greatest speeds in the log's order [rad/s or m/s], (N,); 0 where the URDF states none."""
+        out: Array = self.from_tangent(np.array(self.model.velocityLimit, dtype=float)[None, :])[0]
+        return out
+
+    @property
+    def effort_limit(self) -> Array:
+        """Greatest torques or forces in the log's order [N·m or N], (N,); 0 where the URDF states none."""
+        out: Array = self.from_tangent(np.array(self.model.effortLimit, dtype=float)[None, :])[0]
+        return out
+
     def chain(self, frame: str) -> Chain:
         """The chain from the base to a frame."""
         model = self.model

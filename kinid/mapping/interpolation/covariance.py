@@ -19,6 +19,8 @@ Index = NDArray[np.int64]
 #: a uniform property is a process whose length is so many times the extent of the probes, and whose size so many times
 #: their spread: a constant that the prior hardly pulls
 UNIFORM_LENGTH, UNIFORM_SIZE = 1e4, 3.0
+#: negative log likelihood of values that no covariance has
+IMPOSSIBLE = 1e25
 
 
 @dataclass(frozen=True)
@@ -138,9 +140,6 @@ def evidence(
     logs: Array, kind: float, distance: Array, y: Array, variance: Array, shared: Array | float = 1.0
 ) -> tuple[float, Array]:
     """Negative log marginal likelihood, and its derivative by the logarithms of length, size and nugget."""
-    from scipy.linalg import LinAlgError, cholesky
-    from scipy.linalg.lapack import dpotri
-
     length, size, nugget = np.exp(logs)
     r = distance * (np.sqrt(2 * kind) / length)
     e = np.exp(-r)
@@ -153,19 +152,30 @@ def evidence(
     shape, slope = shape * shared, slope * shared
     system = size**2 * shape
     system[np.diag_indices_from(system)] += variance + nugget**2 + 1e-9 * size**2
-    try:
-        factor = cholesky(system, lower=True, check_finite=False)
-    except LinAlgError:
-        return 1e25, np.zeros(3)
-    inverse = dpotri(factor, lower=1)[0]
-    inverse = np.tril(inverse) + np.tril(inverse, -1).T
+    found = inverted(system)
+    if found is None:
+        return IMPOSSIBLE, np.zeros(3)
+    inverse, half_log_determinant = found
     a = inverse @ y
-    value = 0.5 * y @ a + np.log(np.diag(factor)).sum()
+    value = 0.5 * y @ a + half_log_determinant
     inner = np.outer(a, a) - inverse
     by_length = -0.5 * size**2 * np.sum(inner * slope)
     by_size = -np.sum(inner * (size**2 * shape))
     by_nugget = -(nugget**2) * np.trace(inner)
     return float(value), np.array([by_length, by_size, by_nugget])
+
+
+def inverted(system: Array) -> tuple[Array, float] | None:
+    """Inverse (n, n) of a covariance and half the logarithm of its determinant; None where it isn't positive."""
+    from scipy.linalg import LinAlgError, cholesky
+    from scipy.linalg.lapack import dpotri
+
+    try:
+        factor = cholesky(system, lower=True, check_finite=False)
+    except LinAlgError:
+        return None
+    inverse = dpotri(factor, lower=1)[0]
+    return np.tril(inverse) + np.tril(inverse, -1).T, float(np.log(np.diag(factor)).sum())
 
 
 def constant(sample_sites: PlaneSites, spread: float, scatter: float) -> Covariance:

@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.mapping.interpolation.covariance import IMPOSSIBLE, inverted
 from kinid.mapping.interpolation.uniform import sample_of
 from kinid.parallel import one_blas_thread
 from kinid.robotics.surface import Plane
@@ -276,23 +277,18 @@ def _evidence(logs: Array, kind: float, seen: Observations, away: Array, turned:
 
     That by the length takes the covariance's difference quotient: exact derivatives would ask for φ'''.
     """
-    from scipy.linalg import LinAlgError, cholesky
-    from scipy.linalg.lapack import dpotri
-
     learnt = Hyperparameters(kind, *np.exp(logs))
     shared = _covariance(learnt, seen, seen)
     noise = _noise(learnt, seen)
     system = shared.copy()
     system[np.diag_indices_from(system)] += noise
-    try:
-        factor = cholesky(system, lower=True, check_finite=False)
-    except LinAlgError:
-        return 1e25, np.zeros(4)
-    inverse = dpotri(factor, lower=1)[0]
-    inverse = np.tril(inverse) + np.tril(inverse, -1).T
+    found = inverted(system)
+    if found is None:
+        return IMPOSSIBLE, np.zeros(4)
+    inverse, half_log_determinant = found
     y = np.concatenate([away, turned.ravel()])
     weights = inverse @ y
-    value = 0.5 * float(y @ weights) + float(np.log(np.diag(factor)).sum())
+    value = 0.5 * float(y @ weights) + half_log_determinant
     inner, step, points = np.outer(weights, weights) - inverse, 1e-4, len(away)
     further, nearer = (
         _covariance(learnt._replace(length=learnt.length * np.exp(h)), seen, seen) for h in (step, -step)
