@@ -8,10 +8,10 @@
 
 struct Sender {
   int out = socket(AF_INET, SOCK_DGRAM, 0);
-  sockaddr_in to{};
+  sockaddr_in to{};  // and the number of the next line, by which each that is lost is known
+  long long number = 0;
   explicit Sender(int port) {
-    to.sin_family = AF_INET;
-    to.sin_port = htons(port);
+    to.sin_family = AF_INET, to.sin_port = htons(port);
     inet_pton(AF_INET, "127.0.0.1", &to.sin_addr);
   }
   static int list(char *at, const char *name, const double *values, int n) {
@@ -22,7 +22,7 @@ struct Sender {
   // when it was measured [ns], n positions [rad], fx fy fz tx ty tz [N, N·m]
   void send(long long t_ns, const double *q, int n, const double *wrench) {
     char line[2048];
-    int used = std::sprintf(line, "{\"t_ns\": %lld", t_ns);
+    int used = std::sprintf(line, "{\"n\": %lld, \"t_ns\": %lld", number++, t_ns);
     used += list(line + used, "q", q, n);
     used += list(line + used, "wrench", wrench, 6);
     used += std::sprintf(line + used, "}");

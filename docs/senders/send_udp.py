@@ -1,5 +1,6 @@
 """Joints and wrench to `kinid live udp://127.0.0.1:5005`: one JSON object a line. Copy `send` into the robot's loop."""
 
+import itertools
 import json
 import math
 import socket
@@ -7,11 +8,12 @@ import sys
 import time
 
 out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+numbers = itertools.count()  # of lines: by it each that is lost is known
 
 
 def send(port, t_ns, q, wrench, dq=()):
     """One cycle: when it was measured [ns], positions [rad], fx fy fz tx ty tz [N, N·m], velocities [rad/s]."""
-    line = {"t_ns": t_ns, "q": list(q), "wrench": list(wrench)}
+    line = {"n": next(numbers), "t_ns": t_ns, "q": list(q), "wrench": list(wrench)}
     if len(dq):
         line["dq"] = list(dq)
     out.sendto(json.dumps(line).encode(), ("127.0.0.1", port))

@@ -208,7 +208,7 @@ def load(log: Path, rig: Path | None) -> tuple[Rig, Log, Robot | None]:
     from kinid.robotics.reading import read
 
     if rig is None and not rig_path(log, rig).is_file():
-        recorded = _recorded_rig(log)
+        recorded = recorded_rig(log)
         if recorded is not None:
             return _read_with(recorded, log)
         plain = Rig()
@@ -230,13 +230,13 @@ def load(log: Path, rig: Path | None) -> tuple[Rig, Log, Robot | None]:
     return _read_with(Rig.load(rig_path(log, rig)), log)
 
 
-def _recorded_rig(log: Path) -> Rig | None:
+def recorded_rig(log: Path) -> Rig | None:
     """The rig that a recording of `kinid live` holds."""
     if log.suffix.lower() != ".mcap" or not log.is_file():
         return None
-    from kinid.data.readers.mcap import recorded_rig
+    from kinid.data.readers import mcap
 
-    return recorded_rig(log)
+    return mcap.recorded_rig(log)
 
 
 def _read_with(rig: Rig, log: Path) -> tuple[Rig, Log, Robot | None]:

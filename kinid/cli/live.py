@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from kinid.data.rig import Rig
+    from kinid.live.growing import Growing
     from kinid.live.messages import Source
     from kinid.live.pipeline import Pipeline
     from kinid.live.recording import Recorder
@@ -135,7 +136,7 @@ def live(
         from kinid.mapping.map_file import check_map_name
 
         check_map_name(map_file)
-    opened, the_rig, robot = _open(source, rig, speed)
+    opened, the_rig, robot = _open(source, rig, path, speed)
     with closing(opened), ExitStack() as alone:
         for file in (map_file, record):
             if file is not None:
@@ -154,8 +155,9 @@ def _log_of(source: str) -> Path | None:
     return Path(rest if scheme == "file" and colon else source)
 
 
-def _open(source: str, rig: Path | None, speed: float) -> tuple[Source, Rig, Robot]:
-    """The source, and what is measured with what."""
+def _open(source: str, rig: Path | None, log: Path | None, speed: float) -> tuple[Source, Rig, Robot]:
+    """The source, and what is measured with what; log: which one it replays, if any."""
+    from kinid.cli.contact import recorded_rig
     from kinid.data.rig import Rig
     from kinid.live.sources import Asked, open_source
     from kinid.robotics.robot import Robot
@@ -167,7 +169,8 @@ def _open(source: str, rig: Path | None, speed: float) -> tuple[Source, Rig, Rob
             opened.close()
             raise InputError(f"no rig for {source}", "what is measured with what", "name it with --rig rig.toml")
         return opened, the_rig, Robot.load(the_rig)
-    the_rig = Rig.load(rig)
+    recorded = recorded_rig(log) if log is not None and not rig.is_file() else None
+    the_rig = Rig.load(rig) if recorded is None else recorded
     if the_rig.robot is None:
         raise InputError(f"a rig without [robot] at {rig}", "a robot, for its joints", "add [robot] model")
     if the_rig.streams.reference == "joints":
@@ -206,7 +209,7 @@ def _run(
         pipeline = Pipeline(rig, names, robot=robot, bandwidth=bandwidth)
     elif rig.sensor.bias is None:
         out.print("doubt: the rig states no bias of the sensor: add [sensor] bias, or --tare 2 in the air")
-    sinks = _sinks(outputs, opened, pipeline, rig, robot, bandwidth, out)
+    sinks, known = _sinks(outputs, opened, pipeline, rig, robot, bandwidth, out)
     kept: list[Event] = []
     lines = Lines(out)
 
@@ -224,6 +227,7 @@ def _run(
         max_gap=rig.streams.max_gap,
         sinks=sinks,
         tell=tell,
+        known=known,
         full=rig.sensor.range,
     )
     limit = math.inf if duration is None else duration
@@ -261,11 +265,12 @@ def _end(outputs: Outputs, sinks: list[Sink]) -> None:
 
 def _sinks(
     outputs: Outputs, opened: Source, pipeline: Pipeline, rig: Rig, robot: Robot, bandwidth: float, out: Console
-) -> list[Sink]:
-    """All that takes the session; the map first, since it may be refused, and nothing is begun then."""
+) -> tuple[list[Sink], Growing | None]:
+    """All that takes the session, and the map that it starts from; the recording last: it may not begin in vain."""
     server = None if outputs.port is None else _server(outputs.port, robot, out)
     sinks: list[Sink] = [] if server is None else [server]
     shows = [] if server is None else [server.show]
+    known = None
     try:
         if outputs.view is not None:
             from kinid.live.viewing import Viewing
@@ -279,14 +284,15 @@ def _sinks(
             from kinid.mapping.property_map import PropertyMap
 
             prior = None if outputs.prior is None else PropertyMap.read(outputs.prior)
-            sinks.append(Growing(outputs.map_file, pipeline, rig, opened.name, shows, prior))
+            known = Growing(outputs.map_file, pipeline, rig, opened.name, shows, prior)
+            sinks.append(known)
         if outputs.record is not None:
             sinks.append(_recorder(outputs.record, opened, rig, robot, list(pipeline.model), bandwidth))
     except Exception:
         for sink in sinks:
             sink.close()
         raise
-    return sinks
+    return sinks, known
 
 
 def _recorder(record: Path, source: Source, rig: Rig, robot: Robot, names: list[str], bandwidth: float) -> Recorder:

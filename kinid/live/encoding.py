@@ -110,6 +110,7 @@ _OWN: tuple[tuple[str, str, Json], ...] = (
             "kind": _TEXT,
             "says": _TEXT,
             **dict.fromkeys(("slip1", "slip2", "depth", "normal_force"), _OPEN),
+            "values": {"type": "object", "properties": dict.fromkeys(PARAMETERS, _NUMBER)},
         },
     ),
 )

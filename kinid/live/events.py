@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from kinid.writers import Json, finite
@@ -18,6 +19,7 @@ KINDS = {
     "saturated": "a channel of the wrench is at the end of its range",
     "force-above": "the force is above what the model and its uncertainty allow",
     "reopened": "the estimators' covariance was opened",
+    "warm-start": "the estimators started from what is known nearest to that place",
     "gap": "samples are missing, or a sender paused and caught up",
     "late": "a sample came behind a newer one and was left out",
     "repeated": "a sample came twice and was left out once",
@@ -47,6 +49,7 @@ class Event(NamedTuple):
         kind: of `KINDS`. t: time since the first sample [s], of the sample it was found at.
         place: slip along both tangents and depth there [m]; NaN where no place belongs to it.
         force: normal force there [N]. says: figures, in words.
+        values: that estimators started from, by the names of the parameters.
     """
 
     kind: str
@@ -54,6 +57,7 @@ class Event(NamedTuple):
     says: str
     place: tuple[float, float, float] = (math.nan, math.nan, math.nan)
     force: float = math.nan
+    values: Mapping[str, float] | None = None
 
     def __str__(self) -> str:
         where = ""
@@ -66,4 +70,5 @@ class Event(NamedTuple):
         """Plain types, for JSON; None where something isn't known."""
         numbers = {"slip1": self.place[0], "slip2": self.place[1], "depth": self.place[2], "normal_force": self.force}
         known = {name: finite(value) for name, value in numbers.items()}
-        return {"kind": self.kind, "t": self.t, **known, "says": self.says}
+        started = {} if self.values is None else {"values": dict(self.values)}
+        return {"kind": self.kind, "t": self.t, **known, "says": self.says, **started}

@@ -36,8 +36,8 @@ FORCES = ("normal_force", "tangential_force1", "tangential_force2")
 class Growing(Sink):
     """A map on disk that grows: a touch joins it as it ends, or as a border or a jump ends what it was.
 
-    As something is touched, and behind a border, the estimators start from what is known nearest to that place, from
-    this map or from one of before; how much it may differ there is `pipeline.SPREAD`. Of a touch its last valid
+    As something is touched, and behind a border, a session's estimators start from what is known `nearest` to that
+    place, in this map or in one of before; how much it may differ there is `pipeline.SPREAD`. Of a touch its last valid
     estimates are kept: what was never valid is left open, and a touch without any, or shorter than `touching.SHORTEST`,
     joins nothing.
 
@@ -49,7 +49,7 @@ class Growing(Sink):
         prior: a map to start from that doesn't grow: of another day, or predicted from a picture.
 
     Attributes:
-        map: as it is now. joining: times that touches took to join [ns]. started: how often estimators started from it.
+        map: as it is now. joining: times that touches took to join [ns].
 
     Raises:
         InputError: a file that holds no map, or that of another model or surface; a prior on another surface.
@@ -92,7 +92,7 @@ class Growing(Sink):
         self._prior = prior
         self._places = self.map.places
         self._surface, self._written = surface, len(self.map)
-        self.joining, self.started = Latencies(), 0
+        self.joining = Latencies()
         self._sum, self._first, self._last = np.zeros(4), 0, 0
         self._valid: dict[str, Estimate] = {}
         for show in shows if len(self.map) else ():
@@ -118,19 +118,18 @@ class Growing(Sink):
         if event.kind not in ("touch", "leave", "reopened"):
             return
         begin = time.perf_counter_ns()
-        near = None if event.kind == "leave" else self._nearest()
         if self._join():
             self.joining.add(time.perf_counter_ns() - begin)
         self._begin()
-        if near is not None:
-            self._pipeline.start(near)
-            self.started += 1
 
     def _begin(self) -> None:
         self._sum, self._first, self._last, self._valid = np.zeros(4), 0, 0, {}
 
-    def _nearest(self) -> dict[str, float] | None:
-        """What is known nearest to where the tool is, in the map or the prior; None where nothing is."""
+    def nearest(self) -> dict[str, float] | None:
+        """What is known nearest to where the tool is, in the map or the prior; None where nothing is.
+
+        Of a prior of another model, properties of the same name and unit count.
+        """
         at, nearest, least = self._pipeline.place, None, np.inf
         if not np.isfinite(at).all():
             return None
@@ -145,7 +144,12 @@ class Growing(Sink):
             return None
         properties, probe = nearest
         known = np.isfinite(np.diag(probe.covariance))
-        return {p.name: float(v) for p, v, is_known in zip(properties, probe.values, known) if is_known}
+        units = {p.name: p.unit for p in self.map.properties}
+        return {
+            p.name: float(v)
+            for p, v, is_known in zip(properties, probe.values, known)
+            if is_known and units.get(p.name) == p.unit
+        }
 
     def _join(self) -> bool:
         """The touch so far as a probe; whether it was one."""

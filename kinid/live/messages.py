@@ -1,8 +1,8 @@
-"""What a source hands over: joint samples, wrench samples, and notices of its own."""
+"""What a source hands over: joint samples, wrench samples, notices of its own, and starts of a recorded session."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeAlias
 
 if TYPE_CHECKING:
@@ -46,8 +46,21 @@ class Notice(NamedTuple):
     says: str
 
 
+class Start(NamedTuple):
+    """What the estimators of a recorded session started from as something was touched.
+
+    Attributes:
+        received: as in `Joints`. stamp: of the sample at which they did, on the continuous clock [ns].
+        values: by the names of the parameters.
+    """
+
+    received: int
+    stamp: int
+    values: Mapping[str, float]
+
+
 #: None: nothing came for a while; whoever waits can look at the clock
-Item: TypeAlias = Joints | Wrench | Notice | None
+Item: TypeAlias = Joints | Wrench | Notice | Start | None
 
 
 class Source(Protocol):

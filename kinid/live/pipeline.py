@@ -195,11 +195,12 @@ class Pipeline:
 
         Args:
             values: by the names of the parameters. Of a law that isn't linear all are needed, else the stiffness at
-                least; without them an estimator goes on as it is.
+                least, and no exponent; without them an estimator goes on as it is.
         """
         names, state = self.normal.names, self.normal.room.state
         known = np.array([name in values for name in names])
-        if known[0] and values[names[0]] > 0.0 and (known.all() or "exponent" not in names):
+        same_law = known.all() if "exponent" in names else known[0] and "exponent" not in values
+        if same_law and values[names[0]] > 0.0:
             given = np.array([values.get(name, 0.0) for name in names])
             if "exponent" in names:  # that machine keeps the logarithm of its law
                 given = logarithmic(Prior(given, np.eye(3)), math.log(SingleStage().reference_depth), 1.0).values

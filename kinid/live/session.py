@@ -7,6 +7,7 @@ import math
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
+from typing import Protocol
 
 from kinid.data.rig import CONTACT as QUANTITIES
 from kinid.errors import KinidError
@@ -15,7 +16,7 @@ from kinid.live import encoding
 from kinid.live.alignment import Aligner
 from kinid.live.events import Event
 from kinid.live.latency import Latencies
-from kinid.live.messages import Notice, Source
+from kinid.live.messages import Notice, Source, Start
 from kinid.live.pipeline import Pipeline
 from kinid.live.readings import Readings
 from kinid.live.sink import Sink
@@ -32,6 +33,13 @@ RECORD_NS = 20_000_000
 REMEMBERED = 1000
 
 
+class Known(Protocol):
+    """What is known of places: a map."""
+
+    def nearest(self) -> Mapping[str, float] | None:
+        """Values nearest to where the tool is, by the names of the parameters; None where nothing is known."""
+
+
 class Session:
     """One run of a source through a pipeline.
 
@@ -39,6 +47,8 @@ class Session:
         source: of samples. pipeline: that works on them. joints: names of the robot's joints, in order.
         wrench_offset, max_gap: as in `Aligner`.
         sinks: take all of it, as a recorder or a server do. tell: is told each event.
+        known: gives what the estimators start from as something is touched, and behind a border or a jump; None: a
+            recorded session's starts, where its recording is replayed.
         full: range of the sensor [N, N·m], where it is known.
 
     Attributes:
@@ -57,10 +67,12 @@ class Session:
         max_gap: float | None = None,
         sinks: Sequence[Sink] = (),
         tell: Callable[[Event], None] | None = None,
+        known: Known | None = None,
         full: Sequence[float] | None = None,
     ) -> None:
         self.source, self.pipeline, self._tell = source, pipeline, tell
         self._sinks, self._working = tuple(sinks), list(sinks)
+        self._known, self._starts = known, dict[int, Mapping[str, float]]()
         self.aligner = Aligner(joints, self._report, wrench_offset=wrench_offset, max_gap=max_gap)
         self.samples, self.counts, self.events = 0, Counter[str](), deque[Event](maxlen=REMEMBERED)
         self.processing, self.latency = Latencies(), Latencies()
@@ -131,9 +143,8 @@ class Session:
                         now - heard > 1.25 * BEGIN_NS and now - begun > 1e9 * duration
                     ):  # a stream that is silent ends, too
                         return
-            elif isinstance(item, Notice):
-                self._received = item.received
-                self._report(item.kind, item.says)
+            elif isinstance(item, Notice | Start):
+                self._heed(item)
             else:
                 if item.received - self._looked > LOOK_NS:
                     self._look(item.received)
@@ -153,6 +164,14 @@ class Session:
                 spent += clock() - begin
             if self._stop or aligner.t > duration:
                 return
+
+    def _heed(self, item: Notice | Start) -> None:
+        """What a source says of itself, or of what is to come."""
+        if isinstance(item, Start):
+            self._starts[item.stamp] = item.values
+        else:
+            self._received = item.received
+            self._report(item.kind, item.says)
 
     def _sample(self) -> None:
         """The pair that is ready, through the pipeline."""
@@ -198,12 +217,22 @@ class Session:
         self._note(Event(kind, self.aligner.t, says))
 
     def _note(self, event: Event) -> None:
+        # asked before a map takes in what was touched till now
+        start = self._start() if event.kind in ("touch", "reopened") else None
         self.counts[event.kind] += 1
         self.events.append(event)
         for sink in self._working:
             sink.event(event, self._received, self.aligner.stamp)
         if self._tell is not None:
             self._tell(event)
+        if start:
+            self.pipeline.start(start)
+            says = ", ".join(f"{name} {value:.4g}" for name, value in start.items())
+            self._note(Event("warm-start", event.t, says, event.place, event.force, start))
+
+    def _start(self) -> Mapping[str, float] | None:
+        """What the estimators start from here."""
+        return self._starts.get(self.aligner.stamp) if self._known is None else self._known.nearest()
 
     def _look(self, now: int) -> None:
         """Whether a stream is silent, or back."""

@@ -23,16 +23,18 @@ Array = NDArray[np.float64]
 MODEL = ("kelvin-voigt", "coulomb-friction")
 
 
-def run(path: Path, rig: Rig, rows: list[Item], model: tuple[str, ...] = MODEL) -> Growing:
+def run(path: Path, rig: Rig, rows: list[Item], model: tuple[str, ...] = MODEL) -> tuple[Growing, Session]:
     pipeline = Pipeline(rig, model)
     growing = Growing(path, pipeline, rig, "stream")
-    Session(Prepared(rows), pipeline, NAMES, sinks=[growing]).run()
-    return growing
+    session = Session(Prepared(rows), pipeline, NAMES, sinks=[growing], known=growing)
+    session.run()
+    return growing, session
 
 
 def test_a_touch_joins_the_map_as_it_ends(tmp_path: Path, rig: Rig, rows: list[Item], scripted: Scripted) -> None:
     path = tmp_path / "map.parquet"
-    growing = run(path, rig, rows)
+    growing, first = run(path, rig, rows)
+    assert not first.counts["warm-start"]
     found = PropertyMap.read(path)
     assert growing.joining.count >= 1
     assert len(found) == len(growing.map) >= 1
@@ -45,9 +47,11 @@ def test_a_touch_joins_the_map_as_it_ends(tmp_path: Path, rig: Rig, rows: list[I
     # where the whole log has one: its long slides are cut into pieces
     assert min(np.linalg.norm(found.places[-1] - p.place) for p in probes) < 2e-3
     # it goes on
-    again = run(path, rig, rows)
+    again, session = run(path, rig, rows)
     assert len(PropertyMap.read(path)) == 2 * len(found)
-    assert again.started >= 1
+    assert session.counts["warm-start"] >= 1
+    (start, *_) = (event for event in session.events if event.kind == "warm-start")
+    assert start.values == pytest.approx(dict(zip(("stiffness", "damping", "friction"), found.probes[-1].values)))
     assert len({probe.source for probe in again.map.probes}) == len(again.map)
 
 
@@ -77,7 +81,7 @@ def test_starting_from_the_map_is_sooner(tmp_path: Path, rig: Rig, rows: list[It
     cold, warm = Watched(rig, MODEL), Watched(rig, MODEL)
     for pipeline, start in ((cold, tmp_path / "new.parquet"), (warm, path)):
         growing = Growing(start, pipeline, rig, "stream")
-        Session(Prepared(rows), pipeline, NAMES, sinks=[growing]).run()
+        Session(Prepared(rows), pipeline, NAMES, sinks=[growing], known=growing).run()
     print(
         f"wrong by 10 % for {cold.wrong:.3f} s, with a map {warm.wrong:.3f} s; valid {cold.valid:.3f}, {warm.valid:.3f}"
     )
@@ -95,7 +99,7 @@ def test_starting_from_a_picture_is_sooner(rig: Rig, rows: list[Item]) -> None:
     picture = PropertyMap(surface, (Property("stiffness", "N/m"),), (cell,), PICTURE)
     for pipeline, prior in ((cold, None), (warm, picture)):
         growing = Growing(None, pipeline, rig, "stream", prior=prior)
-        Session(Prepared(rows), pipeline, NAMES, sinks=[growing]).run()
+        Session(Prepared(rows), pipeline, NAMES, sinks=[growing], known=growing).run()
     print(f"wrong by 10 % for {cold.wrong:.3f} s, with a picture {warm.wrong:.3f} s")
     assert warm.wrong < cold.wrong
     other = rig.model_copy(update={"surface": rig.surface.model_copy(update={"point": (0.5, 0.0, 0.1)})})  # type: ignore[union-attr]
@@ -118,7 +122,6 @@ def test_thousand_touches_are_no_slower(tmp_path: Path, rig: Rig) -> None:
         growing.event(Event("leave", 2.0, "", (0.0, 0.0, 0.0)), 0, 2 * 10**9)
     assert (time.perf_counter() - begin) / 40 < 5e-3
     growing.close()
-    assert growing.started == 20
     assert pipeline.estimates["normal"].names == ("stiffness", "damping")
 
 

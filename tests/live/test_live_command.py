@@ -56,6 +56,27 @@ def test_a_map_grows_and_foxglove_may_look(run: Run, log: Path) -> None:
     assert len(PropertyMap.read(grown)) == len(first)
 
 
+def test_a_recording_alone_is_replayed_to_the_same_values(run: Run, log: Path) -> None:
+    """With its own rig, and with the starts that a map gave, which has grown since."""
+    grown, alone = log.parent / "map.parquet", log.parent / "elsewhere"
+    alone.mkdir()
+    record, summary = alone / "out.mcap", log.parent / "out.json"
+    args = ("--model", "kelvin-voigt,coulomb-friction", "--speed", 0, "--quiet", "--json", summary)
+    facts = []
+    for source in (
+        (log, "--tare", 2, "--map", grown),
+        (log, "--tare", 2, "--map", grown, "--record", record),
+        (record,),
+    ):
+        code, _, err = run("live", *source, *args)
+        assert code == 0, err
+        facts.append(json.loads(summary.read_text()))
+    _, live, again = facts
+    assert live["events"]["warm-start"] >= 1
+    for name in ("events", "list", "estimates", "samples"):
+        assert again[name] == live[name]
+
+
 def test_quiet_and_a_duration(run: Run, log: Path) -> None:
     code, out, _ = run("live", log, "--model", "kelvin-voigt", "--speed", 0, "--quiet", "--duration", 6)
     assert code == 0

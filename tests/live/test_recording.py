@@ -16,6 +16,7 @@ import pytest
 from live.prepared import NAMES, Prepared
 
 import kinid
+from kinid.data.readers.mcap import recorded_rig
 from kinid.data.rig import Rig
 from kinid.errors import InputError
 from kinid.live import Event, Pipeline, Recorder, Session, open_source
@@ -108,6 +109,58 @@ def test_a_recording_gives_the_same_estimates_again(recorded: tuple[Path, Sessio
     assert again.counts == session.counts
     for part, estimate in session.pipeline.estimates.items():
         np.testing.assert_allclose(again.pipeline.estimates[part].values, estimate.values, rtol=1e-9)
+
+
+def test_a_session_that_started_from_a_map_is_replayed_to_the_same_values(
+    rig: Rig, rows: list[Item], tmp_path: Path
+) -> None:
+    """One message of slow joints completes several pairs, and estimators start in the midst of them."""
+    slow = [item for k, item in enumerate(rows) if isinstance(item, Wrench) or k % 10 == 0]
+    known = {"stiffness": 900.0, "damping": 4.0, "friction": 0.3}
+
+    class Known:
+        def nearest(self) -> dict[str, float]:
+            return known
+
+    def run(source: Any, known: Any = None, record: bool = False) -> Session:
+        provenance = {"rig": rig.model_dump_json(exclude={"folder"})}
+        sinks = [Recorder(tmp_path / "out.mcap", NAMES, "ft_sensor", provenance)] if record else []
+        session = Session(source, Pipeline(rig, MODEL), NAMES, sinks=sinks, known=known, max_gap=1.0)
+        session.run()
+        return session
+
+    (touch, *_) = (event for event in run(Prepared(slow)).events if event.kind == "touch")
+    # soon behind it: later, what was learnt hides where it began
+    cut = [item for item in slow if item is not None and item.received < 1e9 * (touch.t + 1.1)]
+    first, cold = run(Prepared(cut), Known(), record=True), run(Prepared(cut))
+    again = run(open_source(str(tmp_path / "out.mcap"), Asked(rig, NAMES, 0.0)))
+    assert again.counts == first.counts
+    assert first.counts["warm-start"] > 0
+    assert [e.values for e in again.events if e.kind == "warm-start"] == [known] * first.counts["warm-start"]
+    for part, estimate in first.pipeline.estimates.items():
+        np.testing.assert_allclose(again.pipeline.estimates[part].values, estimate.values, rtol=1e-9)
+    difference = cold.pipeline.estimates["normal"].values - first.pipeline.estimates["normal"].values
+    assert abs(difference[0]) > 1e-6 * first.pipeline.estimates["normal"].values[0]
+
+
+def test_a_recording_has_its_own_topics_and_units(rig: Rig, rows: list[Item], tmp_path: Path) -> None:
+    """Those of the session's source, which the rig names, are no longer what is read."""
+    path = tmp_path / "out.mcap"
+    tables = json.loads(rig.model_dump_json(exclude_none=True, exclude={"folder"}))
+    tables["streams"] = {"joints": "/arm/joints", "wrench": "/arm/wrench"}
+    tables["columns"] = {"q": {"unit": "deg"}, "wrench": {"scale": 2.0}}
+    recorder = Recorder(path, NAMES, "ft_sensor", {"rig": json.dumps(tables)})
+    session = Session(Prepared(rows[:4000]), Pipeline(rig, MODEL), NAMES, sinks=[recorder])
+    session.run()
+    named = recorded_rig(path)
+    assert named is not None
+    assert named.streams.joints == "/arm/joints"
+    log = kinid.read(path, named)
+    np.testing.assert_array_equal(log.q, [item.q for item in rows[:4000] if isinstance(item, Joints)])
+    again = Session(open_source(str(path), Asked(named, NAMES, 0.0)), Pipeline(named, MODEL), NAMES)
+    again.run()
+    assert again.samples == session.samples
+    np.testing.assert_allclose(again.aligner.wrench, session.aligner.wrench, rtol=1e-12)
 
 
 WRITES = """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import socket
 import subprocess
@@ -158,6 +159,21 @@ def test_udp_listens_on_this_machine_alone() -> None:
         taken.bind(("127.0.0.1", 0))
         with pytest.raises(InputError, match="no way to listen"):
             open_source(f"udp://127.0.0.1:{taken.getsockname()[1]}", Asked())
+
+
+def test_each_lost_line_is_known_by_its_number() -> None:
+    source = open_source("udp://127.0.0.1:0", Asked(joints=NAMES))
+    assert isinstance(source, Socket)
+    numbers = [0, 1, 2, 4, 3, 5, 5, 9, 400, 0, 1, "7", None, 2]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+        for k, number in enumerate(numbers):
+            line = {"n": number, "t": 1.0 + 1e-3 * k, "wrench": [0, 0, 0, 0, 0, 0]}
+            out.sendto(json.dumps(line).encode(), ("127.0.0.1", source.port))
+    items = collect(source, lambda seen: len(seen) >= len(numbers) + 4)
+    notices = [(item.kind, item.says.split(" ", 1)[0]) for item in items if isinstance(item, Notice)]
+    assert [kind for kind, _ in notices] == ["gap", "gap", "gap", "source-restarted", "malformed"]
+    assert [says for kind, says in notices if kind == "gap"] == ["1", "3", "390"]
+    assert sum(isinstance(item, Wrench) for item in items) == len(numbers) - 1
 
 
 def test_a_log_is_replayed_as_it_is(scripted: Scripted, tmp_path: Path, rig: Rig) -> None:

@@ -1,7 +1,8 @@
 """Logs from files: one module a format, found by scanning this folder.
 
 A module of this package whose name has no leading underscore is a format. It declares `SUFFIXES`, where a
-folder is the log `MARKER`, the file that tells such a folder, and `read(path, rig, joints) -> Log`. With
+folder is the log `MARKER`, the file that tells such a folder, and `read(path, rig, joints) -> Log`; where a log is made
+of messages, `opened(path, rig)`, a context with them (`_bag.Bag`) and the rig that they are read with. With
 `write_example(path, columns)` the tests of all formats write a log of it, and read it back.
 """
 
@@ -10,15 +11,17 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from types import ModuleType
 
 from kinid.data.log import Log
+from kinid.data.readers._bag import Bag
 from kinid.data.rig import Rig
 from kinid.errors import InputError, check_name
 from kinid.inputs import check_regular
 
-__all__ = ["formats", "read"]
+__all__ = ["formats", "messages", "read"]
 
 
 def read(path: str | Path, rig: Rig | None = None, joint_names: Sequence[str] | None = None) -> Log:
@@ -43,6 +46,18 @@ def read(path: str | Path, rig: Rig | None = None, joint_names: Sequence[str] | 
     joints = rig.robot.joints if rig.robot and rig.robot.joints else joint_names
     log: Log = module.read(path, rig, tuple(joints) if joints is not None else None)
     return log
+
+
+def messages(path: Path, rig: Rig) -> AbstractContextManager[tuple[Bag, Rig]] | None:
+    """A log that is made of messages, open, and the rig that they are read with; None where it is a table.
+
+    Raises:
+        InputError, MissingDependencyError: as `read`.
+    """
+    module = _module(path)
+    context: AbstractContextManager[tuple[Bag, Rig]] | None
+    context = module.opened(path, rig) if hasattr(module, "opened") else None
+    return context
 
 
 def formats() -> dict[str, ModuleType]:

@@ -17,7 +17,13 @@ from kinid.data.streams import Merged, Stream, merge
 from kinid.errors import InputError, near
 
 #: what a message type means here, by the last part of its name
-KINDS: dict[str, str] = {"JointState": "joints", "JointStates": "joints", "WrenchStamped": "wrench", "String": "text"}
+KINDS: dict[str, str] = {
+    "JointState": "joints",
+    "JointStates": "joints",
+    "WrenchStamped": "wrench",
+    "String": "text",
+    "Event": "event",
+}
 #: what a library makes of a message: its fields as attributes, by names that differ from one encoding to another
 Message = Any
 _FIELDS = ("position", "velocity", "effort")
@@ -27,7 +33,7 @@ _PHASE = "phase"
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic of a bag: its name, message type, `joints`, `wrench`, `text` or None, and number of messages."""
+    """A topic of a bag: its name, message type, `joints`, `wrench`, `text`, `event` or None, and number of messages."""
 
     name: str
     type: str
@@ -93,7 +99,7 @@ def to_log(bag: Bag, rig: Rig, joints: Sequence[str] | None) -> Log:
     Raises:
         InputError: no topic or several candidates, joints that are missing, streams that share no time.
     """
-    topics = _topics(bag, rig)
+    topics = topics_of(bag, rig)
     samples = _collect(bag, topics)
     facts: dict[str, object] = {"format": "bag", "topics": topics}
     parts: list[_Part] = []
@@ -162,6 +168,14 @@ def _stream(part: _Part, stamps: Sequence[int], origin: int) -> Stream:
     return Stream(part.name, t, part.values, tuple(f"{q}{i + 1}" for q, i in part.targets))
 
 
+def in_si(rig: Rig, quantity: str) -> tuple[float, float]:
+    """Factor and offset that a rig gives for a quantity of messages, which have no columns."""
+    spec = rig.columns.get(quantity)
+    if spec is None or spec.column is not None or spec.columns is not None:
+        return 1.0, 0.0
+    return spec.to_si, spec.offset
+
+
 def _merge(streams: Sequence[Stream], rig: Rig, source: str) -> Merged:
     """All streams on the clock that the rig names, the wrench's by default."""
     wanted = rig.streams.reference
@@ -198,10 +212,10 @@ def _log(
     fields = {q: v for q, v in fields.items() if np.isfinite(v).any()}
     scales = {}
     for quantity in fields:
-        spec = rig.columns.get(quantity)
-        if spec is not None and spec.column is None and spec.columns is None:
-            scales[quantity] = spec.to_si
-            fields[quantity] = fields[quantity] * spec.to_si + spec.offset
+        scale, offset = in_si(rig, quantity)
+        if (scale, offset) != (1.0, 0.0):
+            scales[quantity] = scale
+            fields[quantity] = fields[quantity] * scale + offset
     facts |= {"to_si": scales} if scales else {}
     slower = merged.interpolated.get("joints", 0.0)
     log = Log(merged.t, phase=phase, provenance=Provenance(source), joint_period=slower, **fields)  # type: ignore[arg-type]
@@ -212,7 +226,7 @@ def _log(
 # ---------------------------------------------------------------------------------------- topics and messages
 
 
-def _topics(bag: Bag, rig: Rig) -> dict[str, str]:
+def topics_of(bag: Bag, rig: Rig) -> dict[str, str]:
     """Topic by role: wrench, joints, joint_commands, phase."""
     streams = rig.streams
     chosen: dict[str, str] = {}
@@ -266,14 +280,14 @@ def _collect(bag: Bag, topics: Mapping[str, str]) -> dict[str, dict[Names, _Samp
         try:
             if role == "wrench":
                 names: Names = ()
-                row: ArrayLike = _wrench_row(message)
+                row: ArrayLike = wrench_row(message)
             elif role == "phase":
                 names, row = (), message.data
             else:
-                found, values = _joint_values(message)
+                found, values = joint_values(message)
                 names, places = orders.setdefault(found, _order(found, samples[role]))
                 row = _joint_row(values, places)
-            stamp = _stamp(message)
+            stamp = stamp_of(message)
         except (AttributeError, TypeError, ValueError, KeyError) as error:
             raise InputError(
                 f"a message on {topic} of {bag.source} that is no {role} ({error})",
@@ -296,13 +310,13 @@ def _order(found: Names, known: Mapping[Names, _Samples]) -> tuple[Names, list[i
     return kept, [found.index(name) for name in kept]
 
 
-def _wrench_row(message: Message) -> tuple[float, ...]:
+def wrench_row(message: Message) -> tuple[float, ...]:
     wrench = message.wrench if hasattr(message, "wrench") else message
     force, torque = wrench.force, wrench.torque
     return force.x, force.y, force.z, torque.x, torque.y, torque.z
 
 
-def _joint_values(message: Message) -> tuple[Names, tuple[Sequence[float | None], ...]]:
+def joint_values(message: Message) -> tuple[Names, tuple[Sequence[float | None], ...]]:
     """Names, and positions, velocities and efforts, each empty where the message has none."""
     if hasattr(message, "joints"):  # one record a joint, instead of one list a quantity
         joints = message.joints
@@ -319,7 +333,7 @@ def _joint_row(values: Sequence[Sequence[float | None]], places: Sequence[int]) 
     return row
 
 
-def _stamp(message: Message) -> int:
+def stamp_of(message: Message) -> int:
     """Stamp of the header [ns], 0 without one."""
     header = getattr(message, "header", None)
     stamp = getattr(header, "stamp", None) if header is not None else getattr(message, "timestamp", None)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 from kinid.data.log import Log
-from kinid.data.readers._bag import KINDS, Message, Topic, to_log
+from kinid.data.readers._bag import KINDS, Bag, Message, Topic, to_log
 from kinid.data.readers._guard import readable
 from kinid.data.rig import Rig
 from kinid.errors import MissingDependencyError
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 
 SUFFIXES: tuple[str, ...] = (".mcap",)
 
+#: how files that this project writes name their library, and the metadata of a session
+LIBRARY = "kinid"
 _DAMAGED = "repair or copy it again: 'mcap recover' rescues what a cut-off file still holds"
 _TYPES = {
     "joints": "sensor_msgs/msg/JointState",
@@ -31,6 +34,20 @@ _TYPES = {
 
 def read(path: Path, rig: Rig, joints: Sequence[str] | None = None) -> Log:
     """Read the JointState and WrenchStamped topics of an MCAP file; JSON messages have the same fields."""
+    with opened(path, rig) as (bag, rig_of_bag):
+        return to_log(bag, rig_of_bag, joints)
+
+
+@contextmanager
+def opened(path: Path, rig: Rig) -> Iterator[tuple[Bag, Rig]]:
+    """An open file, and the rig that its messages are read with.
+
+    A recording of `kinid live` holds SI units on topics of its own, whatever units and topics its source had: of it,
+    those that the rig names for the source don't count.
+
+    Raises:
+        MissingDependencyError: no library for MCAP. InputError: a damaged file.
+    """
     try:
         import mcap.reader
     except ImportError:
@@ -38,7 +55,10 @@ def read(path: Path, rig: Rig, joints: Sequence[str] | None = None) -> Log:
     with path.open("rb") as stream:
         with readable(path, "MCAP", _DAMAGED):
             reader = mcap.reader.make_reader(stream, validate_crcs=True)
-        return to_log(_Bag(path, reader), rig, joints)
+        if _session(path) is not None:
+            streams = rig.streams.model_copy(update={"joints": None, "wrench": None, "joint_commands": None})
+            rig = rig.model_copy(update={"columns": {}, "streams": streams})
+        yield _Bag(path, reader), rig
 
 
 def recorded_rig(path: Path) -> Rig | None:
@@ -47,18 +67,25 @@ def recorded_rig(path: Path) -> Rig | None:
     Raises:
         InputError: a damaged file, or a rig in it that can't be one.
     """
-    try:
-        import mcap.reader
-    except ImportError:
-        return None
-    with path.open("rb") as stream, readable(path, "MCAP", _DAMAGED):
-        kept = next((m for m in mcap.reader.make_reader(stream).iter_metadata() if m.name == "kinid"), None)
-    text = None if kept is None else kept.metadata.get("rig")
+    text = (_session(path) or {}).get("rig")
     if text is None:
         return None
     with readable(path, "MCAP", _DAMAGED):
         tables = json.loads(text)
     return Rig.parse(tables, folder=path.parent, where=f"the rig in {path}")
+
+
+def _session(path: Path) -> dict[str, str] | None:
+    """What `kinid live --record` wrote of its session; None for a file of anybody else, or without the library."""
+    try:
+        import mcap.reader
+    except ImportError:
+        return None
+    with path.open("rb") as stream, readable(path, "MCAP", _DAMAGED):
+        reader = mcap.reader.make_reader(stream)
+        if reader.get_header().library != LIBRARY:
+            return None
+        return next((dict(m.metadata) for m in reader.iter_metadata() if m.name == LIBRARY), None)
 
 
 class _Bag:
@@ -137,7 +164,7 @@ def _decoder(encoding: str, kind: str) -> Callable[[bytes], Message] | None:
     """From bytes to a message; None for an encoding that is not read."""
     if encoding == "json":
         return _parse
-    if encoding not in ("cdr", "ros1"):
+    if encoding not in ("cdr", "ros1") or kind not in _TYPES:
         return None
     try:
         from rosbags.typesys import Stores, get_typestore

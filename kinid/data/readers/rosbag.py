@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kinid.data.log import Log
-from kinid.data.readers._bag import KINDS, Message, Topic, to_log
+from kinid.data.readers._bag import KINDS, Bag, Message, Topic, to_log
 from kinid.data.readers._guard import readable
 from kinid.data.rig import Rig
 from kinid.errors import InputError, MissingDependencyError
@@ -24,6 +25,17 @@ _DAMAGED = "repair or copy it again: 'rosbag reindex' for a ROS 1 bag, 'ros2 bag
 
 def read(path: Path, rig: Rig, joints: Sequence[str] | None = None) -> Log:
     """Read the JointState and WrenchStamped topics of a bag, by their standard definitions."""
+    with opened(path, rig) as (bag, rig_of_bag):
+        return to_log(bag, rig_of_bag, joints)
+
+
+@contextmanager
+def opened(path: Path, rig: Rig) -> Iterator[tuple[Bag, Rig]]:
+    """An open bag, and the rig that its messages are read with.
+
+    Raises:
+        MissingDependencyError: no library for bags. InputError: a damaged bag.
+    """
     try:
         from rosbags.rosbag1 import Reader as Reader1
         from rosbags.rosbag2 import Reader as Reader2
@@ -34,7 +46,7 @@ def read(path: Path, rig: Rig, joints: Sequence[str] | None = None) -> Log:
         reader = Reader1(path) if ros1 else Reader2(path)
         reader.open()
     try:
-        return to_log(_Bag(str(path), reader, ros1), rig, joints)
+        yield _Bag(str(path), reader, ros1), rig
     finally:
         reader.close()
 

@@ -1,17 +1,22 @@
 """A log as a stream, at its own or any other speed: `log.parquet`, `poke.csv`, `out.mcap`, `file:log.npz`.
 
-MCAP is replayed message by message, as it was received; of tables each row is a sample of joints and wrench.
+MCAP and ROS bags are replayed message by message, as they were received; of tables each row is a sample of joints and
+wrench.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 
+from kinid.data.readers import messages, read
+from kinid.data.readers._bag import Bag, Message, in_si, joint_values, stamp_of, topics_of, wrench_row
 from kinid.data.rig import Rig
-from kinid.errors import InputError, MissingDependencyError
-from kinid.live.messages import Item, Joints, Source, Wrench
+from kinid.errors import InputError
+from kinid.live.encoding import EVENTS
+from kinid.live.messages import Item, Joints, Source, Start, Wrench
 from kinid.live.sources import Asked, Pace
 
 SCHEME = "file"
@@ -25,9 +30,8 @@ def open_source(address: str, asked: Asked) -> Source:
         InputError: a log that can't be read, or that has no joints or no wrench.
     """
     path = Path(address)
-    if path.suffix.lower() == ".mcap" and path.is_file():
-        return Recording(path, asked)
-    return Table(path, asked)
+    bag = messages(path, asked.rig or Rig())
+    return Table(path, asked) if bag is None else Recording(path, bag, asked)
 
 
 class Table:
@@ -36,8 +40,6 @@ class Table:
     live = False
 
     def __init__(self, path: Path, asked: Asked) -> None:
-        from kinid.data.readers import read
-
         self.name, self.live = str(path), asked.speed > 0.0
         self._log = log = read(path, asked.rig, asked.joints)
         for missing, what in ((log.q, "joint positions"), (log.wrench, "wrench")):
@@ -67,48 +69,59 @@ class Table:
 
 
 class Recording:
-    """Messages of an MCAP file, in the order and at the times of their reception. Arguments as `open_source`."""
+    """Messages of a bag, in the order and at the times of their reception.
+
+    Args:
+        path: of the bag, for people. bag: it, and the rig that its messages are read with. asked: as in `open_source`.
+    """
 
     live = False
 
-    def __init__(self, path: Path, asked: Asked) -> None:
-        try:
-            import mcap.reader
-        except ImportError:
-            raise MissingDependencyError("mcap", "bags") from None
-        from kinid.data.readers import _bag
-        from kinid.data.readers._guard import readable
-        from kinid.data.readers.mcap import _DAMAGED, _Bag
-
+    def __init__(self, path: Path, bag: AbstractContextManager[tuple[Bag, Rig]], asked: Asked) -> None:
         self.name, self.live = str(path), asked.speed > 0.0
-        self._file = path.open("rb")
-        with readable(path, "MCAP", _DAMAGED):
-            reader = mcap.reader.make_reader(self._file)
-        self._bag = _Bag(path, reader)
-        roles = _bag._topics(self._bag, asked.rig or Rig())
-        for role in ("joints", "wrench"):
-            if role not in roles:
-                raise InputError(
-                    f"no topic for the {role} in {path}", "joints and wrench", "replay a log that has both"
-                )
+        self._speed, self._open = asked.speed, ExitStack()
+        self._bag, self._rig = self._open.enter_context(bag)
+        try:
+            roles = topics_of(self._bag, self._rig)
+            for role in ("joints", "wrench"):
+                if role not in roles:
+                    raise InputError(
+                        f"no topic for the {role} in {path}", "joints and wrench", "replay a log that has both"
+                    )
+        except InputError:
+            self._open.close()
+            raise
         self._roles = {topic: role for role, topic in roles.items() if role in ("joints", "wrench")}
-        self._speed = asked.speed
 
     def items(self) -> Iterator[Item]:
         """See `Source`."""
-        from kinid.data.readers import _bag
+        events = [topic.name for topic in self._bag.topics if topic.kind == "event" and topic.name == EVENTS]
+        pace, sample = Pace(self._speed), None
+        # a sample may complete several pairs, and estimators start in the midst of them: what is recorded behind it
+        # comes first
+        for topic, received, message in self._bag.messages([*self._roles, *events]):
+            if topic in self._roles:
+                if sample is not None:
+                    yield self._sample(pace, *sample)
+                sample = (topic, received, message)
+            elif message.kind == "warm-start":
+                yield Start(received, stamp_of(message), vars(message.values))
+        if sample is not None:
+            yield self._sample(pace, *sample)
 
-        pace = Pace(self._speed)
-        for topic, logged, message in self._bag.messages(list(self._roles)):
-            received = pace.wait(logged)
-            stamp = _bag._stamp(message) or None
-            if self._roles[topic] == "wrench":
-                yield Wrench(received, stamp, _bag._wrench_row(message))
-            else:
-                names, values = _bag._joint_values(message)
-                q, dq, tau = ([math.nan if x is None else x for x in value] for value in values)
-                yield Joints(received, stamp, q, dq, tau, names)
+    def _sample(self, pace: Pace, topic: str, recorded: int, message: Message) -> Item:
+        """A message as a sample, when it is due."""
+        received, stamp = pace.wait(recorded), stamp_of(message) or None
+        if self._roles[topic] == "wrench":
+            return Wrench(received, stamp, self._si("wrench", wrench_row(message)))
+        names, values = joint_values(message)
+        q, dq, tau = (self._si(quantity, value) for quantity, value in zip(("q", "dq", "tau"), values))
+        return Joints(received, stamp, q, dq, tau, names)
+
+    def _si(self, quantity: str, values: Sequence[float | None]) -> list[float]:
+        scale, offset = in_si(self._rig, quantity)
+        return [math.nan if x is None else x * scale + offset for x in values]
 
     def close(self) -> None:
         """See `Source`."""
-        self._file.close()
+        self._open.close()

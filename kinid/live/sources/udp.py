@@ -2,20 +2,23 @@
 
 A line is one object with the names of the log format:
 
-    {"t": 12.345, "q": [...], "dq": [...], "tau": [...], "names": [...], "wrench": [fx, fy, fz, tx, ty, tz]}
+    {"n": 0, "t": 12.345, "q": [...], "dq": [...], "tau": [...], "names": [...], "wrench": [fx, fy, fz, tx, ty, tz]}
 
 `t` is the sender's clock [s]; `t_ns` a whole number of nanoseconds instead, for clocks that count from 1970; neither
-where the time of reception is to be used. `q` or `wrench` or both; all else may be left out. A datagram may hold
-several lines. It listens on this machine alone unless the address says otherwise, and never answers.
+where the time of reception is to be used. `n` counts a sender's lines, by which each that is lost is known; where it
+begins anew, the sender did. `q` or `wrench` or both; all else may be left out. A datagram may hold several lines. It
+listens on this machine alone unless the address says otherwise, and never answers.
 """
 
 from __future__ import annotations
 
 import json
+import operator
 import select
 import socket
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 
 from kinid.errors import InputError
 from kinid.live.messages import Item, Joints, Notice, Source, Wrench
@@ -27,6 +30,8 @@ HELP = "udp://127.0.0.1:5005 takes lines of JSON"
 
 #: room for datagrams that wait while something else is done [bytes]; and of one datagram
 BUFFER, LARGEST = 4 << 20, 65536
+#: senders whose running numbers are kept; how far lines may overtake each other
+MOST_SENDERS, ORDERED = 64, 100
 
 
 def open_source(address: str, asked: Asked) -> Source:
@@ -65,12 +70,13 @@ class Socket:
         self.port = int(self._socket.getsockname()[1])
         self.name = f"udp://{host}:{self.port}"
         self._open = True
+        self._numbers: dict[tuple[object, ...], int] = {}
 
     def items(self) -> Iterator[Item]:
         """See `Source`."""
         while self._open:
             try:
-                data = self._socket.recv(LARGEST)
+                data, sender = self._socket.recvfrom(LARGEST)
             except BlockingIOError:
                 if not select.select([self._socket], [], [], IDLE)[0]:
                     yield None
@@ -81,7 +87,19 @@ class Socket:
             if not data.strip():
                 yield Notice(received, "malformed", "an empty datagram")
             for line in data.splitlines():
-                yield from parse(line, received)
+                yield from parse(line, received, partial(self._follow, sender, received))
+
+    def _follow(self, sender: tuple[object, ...], received: int, number: int) -> Iterator[Notice]:
+        """What a sender's running number says: of lines that never came, of a sender that began anew."""
+        last = self._numbers.pop(sender, number - 1)
+        if number > last + 1:
+            yield Notice(received, "gap", f"{number - last - 1} lines of {sender[0]}:{sender[1]} never came")
+        elif number < last - ORDERED:
+            yield Notice(received, "source-restarted", f"{sender[0]}:{sender[1]} counts from {number} after {last}")
+            last = number
+        self._numbers[sender] = max(number, last)
+        if len(self._numbers) > MOST_SENDERS:  # whoever sends, memory stays as it is; the one heard longest ago goes
+            del self._numbers[next(iter(self._numbers))]
 
     def close(self) -> None:
         """See `Source`."""
@@ -89,15 +107,15 @@ class Socket:
         self._socket.close()
 
 
-def parse(line: bytes, received: int) -> Iterator[Item]:
-    """Samples of one line; a notice of what isn't one."""
+def parse(line: bytes, received: int, follow: Callable[[int], Iterable[Notice]] = lambda number: ()) -> Iterator[Item]:
+    """Samples of one line; a notice of what isn't one. `follow` gives what its running number says."""
     try:
         sample: Json = json.loads(line)
+        out: list[Item] = [] if sample.get("n") is None else [*follow(operator.index(sample["n"]))]
         stamp = int(sample["t_ns"]) if "t_ns" in sample else round(1e9 * sample["t"]) if "t" in sample else None
         wrench, q = sample.get("wrench"), sample.get("q")
         if q is None and wrench is None:
             raise ValueError("neither q nor wrench")
-        out: list[Item] = []
         if q is not None:
             names = sample.get("names")
             known = None if names is None else tuple(map(str, names))

@@ -229,9 +229,9 @@ def _decoder() -> Callable[[str, int, bytes], Item]:
 
     def read(role: str, received: int, payload: bytes) -> Item:
         message: Any = decode(payload, TYPES[role])
-        stamp = _bag._stamp(message) or None
+        stamp = _bag.stamp_of(message) or None
         if role == "wrench":
-            return Wrench(received, stamp, _bag._wrench_row(message))
+            return Wrench(received, stamp, _bag.wrench_row(message))
         q, dq, tau = message.position, message.velocity, message.effort
         return Joints(received, stamp, q, dq, tau, tuple(message.name))
 

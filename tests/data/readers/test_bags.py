@@ -16,6 +16,9 @@ from kinid.data.log import Log
 from kinid.data.readers import read
 from kinid.data.rig import Rig
 from kinid.errors import InputError
+from kinid.live import open_source
+from kinid.live.messages import Joints, Wrench
+from kinid.live.sources import Asked
 
 rosbag1 = pytest.importorskip("rosbags.rosbag1")
 rosbag2 = pytest.importorskip("rosbags.rosbag2")
@@ -496,3 +499,27 @@ def test_a_ros2_folder_without_its_file(tmp_path: Path) -> None:
     (path / "metadata.yaml").write_text("not: [what it should be\n")
     with pytest.raises(InputError, match="can't be read as a ROS bag"):
         read(path)
+
+
+# ------------------------------------------------------------------------------------------------------- as a stream
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_a_bag_is_replayed_message_by_message(kind: str, tmp_path: Path) -> None:
+    """Each stream at its own rate, by its own stamps, in the units that the rig gives."""
+    path = write(tmp_path, kind, [*arm(SLOW), *forces(FAST)])
+    sources = [open_source(str(path), Asked(rig, NAMES, 0.0)) for rig in (None, Rig.parse_text(TWICE))]
+    items, twice = (list(source.items()) for source in sources)
+    for source in sources:
+        source.close()
+    joints, wrench = [i for i in items if isinstance(i, Joints)], [i for i in items if isinstance(i, Wrench)]
+    assert [i.stamp for i in joints] == (START + SLOW).tolist()
+    assert [i.stamp for i in wrench] == (START + FAST).tolist()
+    assert all(i.received == (i.stamp or 0) + 200_000 for i in (*joints, *wrench))
+    assert {i.names for i in joints} == {NAMES}
+    np.testing.assert_array_equal(joints[-1].q, np.array([1.0, 2.0, 3.0]) + 1e-9 * SLOW[-1])
+    np.testing.assert_array_equal([i.wrench[0] for i in wrench], 1e-9 * FAST)
+    np.testing.assert_array_equal([i.wrench[0] for i in twice if isinstance(i, Wrench)], 2e-9 * FAST)
+
+
+TWICE = "[columns]\nwrench = {scale = 2.0}\n"
