@@ -45,10 +45,14 @@ LAST_TIME = MEAN_SQUARES + 2
 FAR, NEAR, SWING, ON_WAY, CHANGED = range(5)
 #: those of force over depth, and of tangential over normal force; and the way's velocity along both tangents [m/s]
 DEPTH_RATIO, FRICTION_RATIO, ALONG1, ALONG2 = LAST_TIME + 1, LAST_TIME + 6, LAST_TIME + 11, LAST_TIME + 12
-#: logarithm of force over depth to the law's power in this touch so far, mean square of what it leaves, its time [s],
-#: and the law's exponent and damping over stiffness so far; then of force over depth alone: its logarithm, that swing
-USUAL_FORCE, FORCE_SWING, IN_TOUCH, EXPONENT, LOSS, USUAL_SECANT, SECANT_SWING = range(LAST_TIME + 13, LAST_TIME + 20)
-PLACES = LAST_TIME + 20
+#: logarithm of force over depth to the law's power, without damping: now, and in this touch so far, and mean square of
+#: what that leaves; time in touch [s]; the law's exponent and damping over stiffness so far; then of force over depth
+#: alone: its logarithm, that swing
+LAW_RATIO, USUAL_FORCE, FORCE_SWING, IN_TOUCH = range(LAST_TIME + 13, LAST_TIME + 17)
+EXPONENT, LOSS, USUAL_SECANT, SECANT_SWING = range(LAST_TIME + 17, LAST_TIME + 21)
+#: way since changes are looked for anew [m]
+SLID = LAST_TIME + 21
+PLACES = LAST_TIME + 22
 
 #: samples in a row that make or end a touch; time constants of the mean squares that tell a divergence, and of the
 #: usual size of innovations [s]
@@ -61,8 +65,9 @@ STOOD = 0.1
 FULL = 0.98
 #: contact isn't sought further outside the material than this [m]
 REACH = 5e-3
-#: on the way is who slides at least so fast [m/s], so deep [m], and with so much of it down or up at most
-SLIDING, DEEP, STEEP = 5e-4, 3e-4, 0.5
+#: on the way is who slides at least so fast [m/s], so deep [m]; bristles bend on its first piece [m], where friction
+#: grows
+SLIDING, DEEP, BENDING = 5e-4, 3e-4, 2e-3
 #: time constants of what force over depth was on the way, and is now; how long the way has to be before, and the change
 #: has to last [s]
 FAR_TIME, NEAR_TIME, WAY, LASTS = 1.0, 0.01, 0.4, 0.006
@@ -95,6 +100,7 @@ def _begin(w: Compiled) -> None:
     """Look for changes anew, once the estimates have settled."""
     w[SUMS : SUMS + 4] = 0.0
     w[NORMAL_SINCE] = w[FRICTION_SINCE] = np.inf
+    w[SLID] = 0.0
     _leave_way(w)
 
 
@@ -117,11 +123,12 @@ def _touch(quantities: Compiled, w: Compiled) -> int:
 
 @njit(error_model="numpy", forceinline=True)
 def _cumulate(
-    t: float, dt: float, load: float, record: Compiled, w: Compiled, since: int, sums: int, squares: int
+    t: float, dt: float, load: float, begun: bool, record: Compiled, w: Compiled, since: int, sums: int, squares: int
 ) -> bool:
     """Cumulated sums of one estimator's innovations (E. S. Page, Biometrika 41, 1954), each over its usual size.
 
-    The usual size follows slowly what is left of the innovations: a law that doesn't quite fit is no border.
+    They count once it has `begun`. The usual size follows slowly what is left of the innovations: a law that doesn't
+    quite fit is no border.
     """
     status = int(record[len(record) + _STATUS])
     if status in (NO_CONTACT, NOT_SLIDING):
@@ -135,7 +142,7 @@ def _cumulate(
         w[since] = t
     # a mean of what there was: one that begins at zero is half the usual size after the time that it settles for
     share = dt / (min(USUAL, t - w[since]) + dt) if dt > 0.0 else 0.0
-    if t - w[since] < w[SETTLED]:
+    if t - w[since] < w[SETTLED] or not begun:
         w[squares] += share * (innovation * innovation - w[squares])
         return False
     size = max(np.sqrt(w[squares]), w[NOISE], ALWAYS * abs(load))
@@ -156,25 +163,52 @@ def _turn(dt: float, quantities: Compiled, w: Compiled) -> None:
     straight = v1 * w[ALONG1] + v2 * w[ALONG2] >= TURNED * speed * before
     w[ALONG1] += share * (v1 - w[ALONG1])
     w[ALONG2] += share * (v2 - w[ALONG2])
+    w[SLID] += speed * dt
     if max(speed, before) > SLIDING and not (straight and abs(speed - before) < BRAKED * max(speed, before)):
         _begin(w)
 
 
 @njit(error_model="numpy", forceinline=True)
-def _passes(dt: float, quantities: Compiled, w: Compiled) -> bool:
-    """Whether force over depth, or friction over force, has changed on the way.
+def _follow_law(dt: float, quantities: Compiled, normal: Compiled, parameters: int, w: Compiled) -> bool:
+    """The mean over a second of a law's exponent n and damping, and ln f − n ln x of the force without its damping.
+
+    Returns:
+        Whether the tip is deep enough in the material for it.
+    """
+    depth, force = quantities[chain.DEPTH], quantities[chain.NORMAL]
+    if w[TOUCHING] <= 0.0:
+        w[IN_TOUCH] = 0.0
+        return False
+    if depth < DEEP or force < w[ON]:
+        return False
+    w[IN_TOUCH] += dt
+    share = dt / (min(FAR_TIME, w[IN_TOUCH]) + dt)
+    first = w[IN_TOUCH] == dt
+    exponent = min(max(normal[2], 0.5), 3.0) if parameters > 2 else 1.0
+    loss = min(max(normal[1] / normal[0], 0.0), LONGEST) if normal[0] > 0.0 else 0.0
+    w[EXPONENT] = exponent if first else w[EXPONENT] + share * (exponent - w[EXPONENT])
+    w[LOSS] = loss if first else w[LOSS] + share * (loss - w[LOSS])
+    # Kelvin-Voigt loses f by the rate whatever the depth, Hunt-Crossley in parts of f
+    damping = w[LOSS] * quantities[chain.DEPTH_RATE] / (1.0 if parameters > 2 else depth)
+    w[LAW_RATIO] = math.log(force) - w[EXPONENT] * math.log(depth) - math.log(max(1.0 + damping, LEAST_LEFT))
+    return True
+
+
+@njit(error_model="numpy", forceinline=True)
+def _passes(dt: float, quantities: Compiled, is_deep: bool, w: Compiled) -> bool:
+    """Whether force over the law of the depth, or friction over force, has changed on the way.
 
     A border that is as wide as the tip follows no single sample, and of a small change the innovations say little.
     """
-    depth, force = quantities[chain.DEPTH], quantities[chain.NORMAL]
+    force = quantities[chain.NORMAL]
     speed = math.hypot(quantities[chain.SLIP_RATE1], quantities[chain.SLIP_RATE2])
     if w[TOUCHING] <= 0.0:
         _leave_way(w)
         return False
-    if speed < SLIDING or depth < DEEP or force < w[ON] or abs(quantities[chain.DEPTH_RATE]) > STEEP * speed:
+    if speed < SLIDING or not is_deep:
         return False
+    changed = _ratio_changed(dt, w[LAW_RATIO], w[DEPTH_RATIO:], w)
     friction = math.hypot(quantities[chain.TANGENT1], quantities[chain.TANGENT2])
-    changed = _ratio_changed(dt, math.log(force / depth), w[DEPTH_RATIO:], w)
     return bool(changed | (friction > w[ON] and _ratio_changed(dt, math.log(friction / force), w[FRICTION_RATIO:], w)))
 
 
@@ -199,29 +233,14 @@ def _ratio_changed(dt: float, ratio: float, at: Compiled, w: Compiled) -> bool:
 
 
 @njit(error_model="numpy", forceinline=True)
-def _is_above(dt: float, quantities: Compiled, normal: Compiled, parameters: int, w: Compiled) -> bool:
+def _is_above(dt: float, quantities: Compiled, w: Compiled) -> bool:
     """Whether the force is above what this touch has shown at that depth: a stop behind the material, a collision.
 
     A recursive estimate follows within tens of samples and would call any force its own. What is held against is the
-    mean over a second of ln f − n ln x, of the force without its damping, with the law's own exponent n and damping, of
-    which the same mean is taken; and of ln f − ln x alone, for exponent and damping may be wrong.
+    mean over a second of `LAW_RATIO`; and of ln f − ln x alone, for exponent and damping may be wrong.
     """
-    depth, force = quantities[chain.DEPTH], quantities[chain.NORMAL]
-    if w[TOUCHING] <= 0.0:
-        w[IN_TOUCH] = 0.0
-        return False
-    if depth < DEEP or force < w[ON]:
-        return False
-    w[IN_TOUCH] += dt
+    depth, force, now = quantities[chain.DEPTH], quantities[chain.NORMAL], w[LAW_RATIO]
     share = dt / (min(FAR_TIME, w[IN_TOUCH]) + dt)
-    first = w[IN_TOUCH] == dt
-    exponent = min(max(normal[2], 0.5), 3.0) if parameters > 2 else 1.0
-    loss = min(max(normal[1] / normal[0], 0.0), LONGEST) if normal[0] > 0.0 else 0.0
-    w[EXPONENT] = exponent if first else w[EXPONENT] + share * (exponent - w[EXPONENT])
-    w[LOSS] = loss if first else w[LOSS] + share * (loss - w[LOSS])
-    # Kelvin-Voigt loses f by the rate whatever the depth, Hunt-Crossley in parts of f
-    damping = w[LOSS] * quantities[chain.DEPTH_RATE] / (1.0 if parameters > 2 else depth)
-    now = math.log(force) - w[EXPONENT] * math.log(depth) - math.log(max(1.0 + damping, LEAST_LEFT))
     secant = math.log(force / depth)
     if w[IN_TOUCH] <= w[SETTLED]:
         w[USUAL_FORCE], w[FORCE_SWING] = now, 0.0
@@ -272,9 +291,11 @@ def _watch(
     touching = w[TOUCHING] > 0.0
     share = dt / (dt + MEMORY)
     _turn(dt, quantities, w)
-    changed = _cumulate(t, dt, force, normal, w, NORMAL_SINCE, SUMS, MEAN_SQUARES)
-    changed |= _cumulate(t, dt, force, friction, w, FRICTION_SINCE, SUMS + 2, MEAN_SQUARES + 1)
-    changed |= _passes(dt, quantities, w)
+    changed = _cumulate(t, dt, force, True, normal, w, NORMAL_SINCE, SUMS, MEAN_SQUARES)
+    slides = w[SLID] > BENDING
+    changed |= _cumulate(t, dt, force, slides, friction, w, FRICTION_SINCE, SUMS + 2, MEAN_SQUARES + 1)
+    is_deep = _follow_law(dt, quantities, normal, (len(normal) - 6) // 2, w)
+    changed |= _passes(dt, quantities, is_deep, w)
     if changed:
         _begin(w)
         if touching:
@@ -295,8 +316,7 @@ def _watch(
     if _lasts(t, 1, touching and status == NOT_EXCITED and w[EXCITED] >= STOOD, LASTING[1], w):
         event_bits |= EXCITATION
         w[EXCITED] = 0.0
-    parameters = (len(normal) - 6) // 2
-    if _lasts(t, 3, _is_above(dt, quantities, normal, parameters, w), LASTING[3], w):
+    if _lasts(t, 3, is_deep and _is_above(dt, quantities, w), LASTING[3], w):
         event_bits |= ABOVE
     return event_bits
 

@@ -33,20 +33,27 @@ def robot() -> Robot:
     return Robot.load(Rig.parse_text(RIG))
 
 
+Path = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
+
 @pytest.fixture(scope="module")
-def path(robot: Robot) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def path(robot: Robot) -> Path:
+    return moved(robot, SPEED, 0.1)
+
+
+def moved(robot: Robot, along_speed: float, share: float) -> Path:
     """Time, joints, offset of the tip in contact axes, and the rotation of the sensor: down, and 40 mm along.
 
-    While it slides the depth shakes by a tenth, as an arm does, so that stiffness and damping are told apart.
+    While it slides the depth shakes by a share of it, as an arm does, so that stiffness and damping are told apart.
     """
     rig = Rig.parse_text(RIG)
     assert rig.axes is not None
     assert rig.surface is not None
-    t = np.arange(round(2.6 * RATE)) / RATE
+    t = np.arange(round((1.2 + 0.04 / along_speed) * RATE)) / RATE
     s = np.clip((t - 0.2) / 0.6, 0.0, 1.0)
     down = 0.01 - (0.01 + DEPTH) * (s**3 * (10 - 15 * s + 6 * s**2))
-    shake = 0.1 * DEPTH * np.clip((t - 0.8) / 0.2, 0.0, 1.0) * (np.sin(40.0 * t) + 0.5 * np.sin(97.0 * t))
-    along = np.clip(t - 1.2, 0.0, None) * SPEED - 0.02
+    shake = share * DEPTH * np.clip((t - 0.8) / 0.2, 0.0, 1.0) * (np.sin(40.0 * t) + 0.5 * np.sin(97.0 * t))
+    along = np.clip(t - 1.2, 0.0, None) * along_speed - 0.02
     offset = np.column_stack([along, np.zeros_like(t), down + shake])
     q = follow(robot, np.asarray(rig.surface.point) + offset @ rig.axes, np.zeros((len(t), 2)))
     return t, q, offset, robot.kinematics("ft_sensor", q).rotation
@@ -114,6 +121,33 @@ def test_a_sharp_border_is_told_within_twenty_milliseconds(
     print(f"{after}: told {1e3 * np.min(late):.0f} to {1e3 * np.max(late):.0f} ms behind the border")
     assert min(late) > 0.0
     assert max(late) <= 0.020  # asked for
+
+
+@pytest.mark.parametrize(
+    ("along_speed", "share", "after"),
+    [(0.01, 0.2, (976.0, 0.45)), (0.03, 0.2, (549.0, 0.45)), (0.05, 0.1, (976.0, 0.45)), (0.01, 0.1, (732.0, 0.6))],
+    ids=["slow", "softer", "fast", "rougher"],
+)
+def test_a_small_border_is_told_while_the_depth_shakes(
+    robot: Robot, still_rig: Rig, along_speed: float, share: float, after: tuple[float, float]
+) -> None:
+    """A third more stiffness or friction, or a quarter less: damping is no change of the material."""
+    way = moved(robot, along_speed, share)
+    over = slide(way, robot, (732.0, 0.45), after, 4)
+    found = changes(run(over.items, still_rig))
+    assert found
+    late = found[0][1] - over.border
+    print(
+        f"{after} at {1e3 * along_speed:.0f} mm/s, shaking by {share:.0%}: told {1e3 * late:.0f} ms behind the border"
+    )
+    assert 0.0 < late <= 0.020  # asked for
+
+
+def test_a_first_piece_of_a_way_is_no_border(robot: Robot, still_rig: Rig) -> None:
+    """Long bristles bend over a millimetre, and friction grows meanwhile."""
+    way = moved(robot, 0.005, 0.0)
+    hard = (2100.0, 0.8)
+    assert changes(run(slide(way, robot, hard, hard, 1).items, still_rig)) == []
 
 
 def test_a_plain_material_has_no_borders(path: tuple[np.ndarray, ...], robot: Robot, still_rig: Rig) -> None:
