@@ -14,13 +14,20 @@ unexport PYTHONDONTWRITEBYTECODE
 # each worker has one core: threads of linear algebra that wait busily for another made some tests 200 times as long
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test slow gallery notebooks story figure lint types bench docs lock clean
+# what others wrote, for the tests of live sessions to ask; its licences are on docs/licences.md, and kinid imports none of it
+READER := $(VENV)/mcap-cli
+CLIENT := tests/live/foxglove_client
+
+.PHONY: demo test counterparts slow gallery notebooks story figure lint types bench docs lock clean
 
 demo: $(DEMO)/.ready
 	$(DEMO)/bin/kinid demo -o $(OUT)
 
 test: $(TEST)/.ready lint types
 	$(TEST)/bin/pytest -n $(WORKERS) --dist worksteal -m "not slow" $(PYTEST_ARGS)
+
+# Foxglove's client library and readers of MCAP, which tests of live sessions skip by name without; needs npm
+counterparts: $(READER)/.ready $(CLIENT)/node_modules/.package-lock.json
 
 # the long studies
 slow: $(TEST)/.ready
@@ -73,12 +80,23 @@ $(TEST)/.ready: requirements/test.lock pyproject.toml
 	$(TEST)/bin/python -m pip install --quiet --no-deps --no-build-isolation --editable .
 	touch $@
 
+$(READER)/.ready: requirements/mcap-cli.lock $(TEST)/.ready
+	rm -rf $(READER)
+	$(TEST)/bin/python -m pip install --quiet --no-deps --require-hashes --target $(READER) -r requirements/mcap-cli.lock
+	touch $@
+
+$(CLIENT)/node_modules/.package-lock.json: $(CLIENT)/package-lock.json
+	cd $(CLIENT) && npm ci --silent --ignore-scripts
+	touch $@
+
 # Needs uv. Hashes, and no address of where packages come from.
 lock:
 	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header --no-annotate \
 		--extra bags pyproject.toml requirements/build.in -o requirements/demo.lock
 	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header --no-annotate \
 		--extra bags --extra batch --extra live --extra vision --extra docs --extra test pyproject.toml requirements/build.in -o requirements/test.lock
+	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header --no-annotate \
+		--no-deps requirements/mcap-cli.in -o requirements/mcap-cli.lock
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info
+	rm -rf $(VENV) build dist *.egg-info $(CLIENT)/node_modules

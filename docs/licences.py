@@ -1,10 +1,11 @@
 """Writes docs/licences.md: what the locked packages are licensed under, by what they say of themselves.
 
-`python docs/licences.py docs/licences.md` in the environment of the tests, after a change of requirements/test.lock.
+`python docs/licences.py docs/licences.md` in the environment of the tests, after a change of a lock file.
 """
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 import tomllib
@@ -72,6 +73,17 @@ OLD = {
     "u-msgpack-python": ("2.8.0", "2023-05", "messages of meshcat; complete, in plain Python"),
     "zict": ("3.0.0", "2023-04", "mappings of distributed; complete, in plain Python"),
 }  # fmt: skip
+#: of requirements/mcap-cli.lock, as its packages say it
+APART = {
+    "cyclopts": "Apache-2.0",
+    "docstring-parser": "MIT",
+    "mcap-ros2-support-fast": "GPL-3.0",
+    "platformdirs": "MIT",
+    "pymcap-cli": "GPL-3.0",
+    "rich-rst": "MIT",
+    "ros-parser": "GPL-3.0",
+    "small-mcap": "GPL-3.0",
+}
 HEAD = """\
 # Licences
 
@@ -94,6 +106,16 @@ By the month in which the registry got the version that is pinned, looked up in 
 |---|---|---|---|
 {old}
 
+## Apart from kinid
+
+Foxglove's client library and readers of MCAP, which tests of live sessions run as programs on what kinid serves and
+records. `make counterparts` installs them, each in a folder of its own. kinid neither imports nor holds any of it and
+needs none of it; those tests skip by name without it.
+
+| package | licence | from |
+|---|---|---|
+{apart}
+
 ## All
 
 `for` is the first that needs it: kinid itself, else an extra.
@@ -104,9 +126,9 @@ By the month in which the registry got the version that is pinned, looked up in 
 """
 
 
-def locked() -> dict[str, str]:
-    """Versions that the environment of the tests pins, by name."""
-    lock = (ROOT / "requirements" / "test.lock").read_text(encoding="utf-8")
+def locked(of: str = "test") -> dict[str, str]:
+    """Versions that a lock pins, that of the tests' environment or another, by name."""
+    lock = (ROOT / "requirements" / f"{of}.lock").read_text(encoding="utf-8")
     return {canonicalize_name(name): version for name, version in re.findall(r"^([\w.\-]+)==([^\s;]+)", lock, re.M)}
 
 
@@ -128,6 +150,27 @@ def licence(name: str) -> str:
         if _terms(found := NAMES.get(text, text)) <= PERMISSIVE | OF_THEIR_OWN_FILES:
             return found
     raise ValueError(f"{name} says {', '.join(texts) or 'nothing'}: read its licence file, add it to READ")
+
+
+def apart() -> dict[str, tuple[str, str]]:
+    """Licence and registry of what tests run as programs, by name.
+
+    Raises:
+        ValueError: a licence that nobody has looked at, or one of JavaScript that asks for more.
+    """
+    names = set(locked("mcap-cli"))
+    if names != set(APART):
+        raise ValueError(f"{', '.join(sorted(names ^ set(APART)))}: look at their licences, mend APART")
+    out = {name: (APART[name], "PyPI") for name in sorted(names)}
+    lock = ROOT / "tests" / "live" / "foxglove_client" / "package-lock.json"
+    for path, entry in json.loads(lock.read_text(encoding="utf-8"))["packages"].items():
+        name, under = path.removeprefix("node_modules/"), entry.get("license", "nothing")
+        if not name:  # the folder itself
+            continue
+        if not _terms(under) <= PERMISSIVE:
+            raise ValueError(f"{name} of npm says {under}")
+        out[name] = (under, "npm")
+    return out
 
 
 def _terms(expression: str) -> set[str]:
@@ -177,6 +220,7 @@ def page() -> str:
         own=", ".join(sorted(OF_THEIR_OWN_FILES)),
         users="; ".join(f"{kind}: {', '.join(which)}" for kind, which in users.items() if which),
         old="\n".join(f"| {name} | {version} | {month} | {why} |" for name, (version, month, why) in OLD.items()),
+        apart="\n".join(f"| {name} | {text} | {registry} |" for name, (text, registry) in apart().items()),
         rows="\n".join(f"| {name} | {text} | {groups[name]} |" for name, text in under.items()),
     )
 

@@ -33,3 +33,14 @@ def test_a_licence_that_asks_for_more_is_refused(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setitem(licence.__globals__, "metadata", lambda name: said)
     with pytest.raises(ValueError, match="AGPL"):
         licence("some-package")
+
+
+def test_what_tests_run_as_programs_is_looked_at_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    apart = LICENCES["apart"]
+    with monkeypatch.context() as without:
+        without.setitem(apart.__globals__, "PERMISSIVE", LICENCES["PERMISSIVE"] - {"ISC"})
+        with pytest.raises(ValueError, match="md5-typescript of npm says ISC"):
+            apart()
+    monkeypatch.delitem(LICENCES["APART"], "small-mcap")
+    with pytest.raises(ValueError, match="small-mcap"):
+        apart()

@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -14,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from live.prepared import NAMES, Prepared
+from live.recordings import killed, messages
 
 import kinid
 from kinid.data.readers.mcap import recorded_rig
@@ -24,23 +21,8 @@ from kinid.live.messages import Item, Joints, Wrench
 from kinid.live.sources import Asked
 
 mcap_reader = pytest.importorskip("mcap.reader")
-typesys = pytest.importorskip("rosbags.typesys")
+pytest.importorskip("rosbags.typesys")
 MODEL = ("kelvin-voigt", "coulomb-friction")
-
-
-def messages(path: Path) -> list[tuple[str, int, int, Any]]:
-    """Topic, stamp, time of reception and decoded message, by the official reader and the types of rosbags."""
-    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-    out = []
-    with path.open("rb") as file:
-        for schema, channel, message in mcap_reader.make_reader(file, validate_crcs=True).iter_messages():
-            if channel.message_encoding == "cdr":
-                decoded = store.deserialize_cdr(message.data, schema.name)
-            else:
-                decoded = json.loads(message.data)
-                assert set(decoded) <= set(json.loads(schema.data)["properties"])
-            out.append((channel.topic, message.publish_time, message.log_time, decoded))
-    return out
 
 
 @pytest.fixture(scope="module")
@@ -163,38 +145,16 @@ def test_a_recording_has_its_own_topics_and_units(rig: Rig, rows: list[Item], tm
     np.testing.assert_allclose(again.aligner.wrench, session.aligner.wrench, rtol=1e-12)
 
 
-WRITES = """
-import sys, time
-from pathlib import Path
-from kinid.live import Recorder
-from kinid.live.messages import Wrench
-recorder = Recorder(Path(sys.argv[1]), ("a",), "s", {})
-print("ready", flush=True)
-begin = time.monotonic_ns()
-for k in range(60_000):
-    while time.monotonic_ns() < begin + k * 1_000_000:
-        time.sleep(2e-4)
-    now = time.monotonic_ns()
-    recorder.sample(Wrench(now, now, [float(k)] * 6), now)
-"""
-
-
 @pytest.mark.parametrize(
     "after", [0.35, 0.5, 0.75, *(pytest.param(t, marks=pytest.mark.slow) for t in np.linspace(0.05, 2.0, 25))]
 )
 def test_a_program_that_is_killed_has_lost_a_tenth_of_a_second_at_most(after: float, tmp_path: Path) -> None:
     path = tmp_path / "out.mcap"
-    with subprocess.Popen([sys.executable, "-c", WRITES, str(path)], stdout=subprocess.PIPE) as process:
-        assert process.stdout is not None
-        process.stdout.readline()
-        time.sleep(after)
-        os.kill(process.pid, signal.SIGKILL)
-        killed = time.monotonic_ns()
-        process.wait()
+    end = killed(path, after)
     found = messages(path)
     loads = [m[3].wrench.force.x for m in found]
     assert loads == [float(k) for k in range(len(loads))]  # all that is there is whole and in order
-    lost = 1e-9 * (killed - found[-1][1])
+    lost = 1e-9 * (end - found[-1][1])
     print(f"killed after {after} s: {len(found)} samples, {1e3 * lost:.1f} ms lost")
     assert lost < 0.1  # asked for
     assert np.isfinite(loads).all()
