@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from pathlib import Path
 from typing import Any
@@ -68,6 +69,49 @@ def test_provenance_events_and_estimates_are_inside(recorded: tuple[Path, Sessio
     assert max(m["depth"] for m in contact) > 4e-3
     last = [m[3] for m in found if m[0] == "/kinid/estimates"][-1]
     assert last["values"]["stiffness"]["value"] == pytest.approx(732, rel=0.02)
+
+
+def test_a_closed_file_is_read_by_its_index(recorded: tuple[Path, Session]) -> None:
+    """A part of a topic's time without a look at the rest, as viewers do it."""
+    path, _ = recorded
+    chosen = [m[1] for m in messages(path) if m[0] == "/kinid/contact" and 8 * 10**9 <= m[2] < 9 * 10**9]
+    with path.open("rb") as file:
+        reader = mcap_reader.make_reader(file, validate_crcs=True)
+        chunks = reader.get_summary().chunk_indexes
+        found = list(reader.iter_messages(["/kinid/contact"], starting_at=8 * 10**9, ending_before=9 * 10**9))
+    assert len(chunks) > 2
+    assert max(chunk.chunk_length for chunk in chunks) < 2 * 10**6
+    assert sum(len(chunk.message_index_offsets) for chunk in chunks) >= 4 * len(chunks)
+    assert [message.publish_time for _, _, message in found] == chosen
+
+
+def test_the_file_is_whole_after_each_write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three chunks' worth of events, the file looked at after each write to it: nothing that was there is ever gone."""
+    path, write, states = tmp_path / "out.mcap", os.pwrite, list[bytes]()
+
+    def watched(file: int, data: bytes, at: int) -> int:
+        done = write(file, data, at)
+        states.append(path.read_bytes())
+        return done
+
+    monkeypatch.setattr(os, "pwrite", watched)
+    recorder = Recorder(path, NAMES, "s", {})
+    for k in range(40):
+        before = len(states)
+        recorder.event(Event("gap", float(k), "x" * 80_000), k, k + 1)
+        end = time.monotonic() + 5.0
+        while len(states) == before and time.monotonic() < end:
+            time.sleep(1e-3)
+    recorder.close()
+    known = 0
+    for state in states:
+        (copy := tmp_path / "copy.mcap").write_bytes(state)
+        times = [m[3]["t"] for m in messages(copy)]
+        assert times == [float(k) for k in range(len(times))]
+        assert len(times) >= known
+        known = len(times)
+    assert known == 40
+    assert len(states) > 40 + 2  # headers of full chunks among them
 
 
 def test_a_recording_gives_the_same_estimates_again(recorded: tuple[Path, Session], rig: Rig, rows: list[Item]) -> None:

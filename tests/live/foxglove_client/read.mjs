@@ -1,7 +1,9 @@
 // MCAP's reader in TypeScript reads a recording: node read.mjs FILE
-// Writes a line for the header, each metadata record and each decoded message, and one for the whole.
-import { McapStreamReader } from "@mcap/core";
+// Writes a line for the header, each metadata record and each decoded message, as they stand in the file, and one for the
+// whole: did it end as it must, and which messages does the reader that seeks find by the file's index, in order of time?
+import { McapIndexedReader, McapStreamReader } from "@mcap/core";
 import { createReadStream } from "node:fs";
+import { open } from "node:fs/promises";
 import { decoder, line } from "./decode.mjs";
 
 const say = (what) => process.stdout.write(`${line(what)}\n`);
@@ -42,4 +44,24 @@ for await (const data of createReadStream(process.argv[2])) {
   reader.append(data);
   for (let record; (record = reader.nextRecord()); ) take(record);
 }
-say({ whole: whole && reader.done() });
+say({ whole: whole && reader.done(), sought: await seek(process.argv[2]) });
+
+// running numbers of the messages that it finds; null where the file has no index
+async function seek(path) {
+  const file = await open(path);
+  const size = async () => BigInt((await file.stat()).size);
+  const read = async (at, length) => {
+    const bytes = new Uint8Array(Number(length));
+    await file.read(bytes, 0, bytes.length, Number(at));
+    return bytes;
+  };
+  try {
+    const indexed = await McapIndexedReader.Initialize({ readable: { size, read } }).catch(() => null);
+    if (indexed === null) return null;
+    const found = [];
+    for await (const message of indexed.readMessages()) found.push(message.sequence);
+    return found;
+  } finally {
+    await file.close();
+  }
+}
