@@ -70,8 +70,6 @@ def test_no_file_may_grow(lines: tuple[str, ...], limits: tuple[int, ...], tmp_p
 
 def test_a_recording_keeps_what_it_had(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The disk takes half of a go, which had written over the end of the file; what was before it is read."""
-    from kinid.live import recording
-
     path, write = tmp_path / "a.mcap", os.pwrite
     recorder = Recorder(path, ("a",), "s", {})
     begun = path.read_bytes()
@@ -83,7 +81,7 @@ def test_a_recording_keeps_what_it_had(tmp_path: Path, monkeypatch: pytest.Monke
             raise OSError(28, "No space left on device")
         return write(file, data[: room.pop()] if len(data) > 60 else data, at)
 
-    monkeypatch.setattr(recording.os, "pwrite", full)
+    monkeypatch.setattr(os, "pwrite", full)
     recorder.sample(Wrench(1, 1, [0.0] * 6), 1)
     recorder.close()
     assert "No space left" in recorder.error
@@ -92,12 +90,10 @@ def test_a_recording_keeps_what_it_had(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def test_a_recording_that_cannot_begin_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from kinid.live import recording
-
     def full(*_: object) -> int:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(recording.os, "pwrite", full)
+    monkeypatch.setattr(os, "pwrite", full)
     with pytest.raises(InputError, match="No space left"):
         Recorder(tmp_path / "a.mcap", ("a",), "s", {})
     assert not list(tmp_path.iterdir())
