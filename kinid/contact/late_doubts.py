@@ -46,11 +46,11 @@ def late_wrench(log: Log, clear: Mask, rows: NDArray[np.int64], pull: Array) -> 
 
     shifts = np.linspace(-LATEST, LATEST, 2 * STEPS + 1)
     squares = np.stack([left(shift) for shift in shifts])
-    found, usual = squares.mean(axis=1), np.median(squares, axis=1)
+    found = squares.mean(axis=1)
     best = int(np.argmin(found))
     if not 0 < best < len(found) - 1 or abs(shifts[best]) < LEAST or found[best] > LEFT * found[STEPS]:
         return None
-    if usual[best] > LEFT * usual[STEPS]:  # a few spikes that another time misses
+    if np.median(squares[best]) > LEFT * np.median(squares[STEPS]):  # a few spikes that another time misses
         return None
     word = "after" if shifts[best] > 0.0 else "before"
     return (

@@ -39,9 +39,11 @@ def estimate_problem(model: Model, problem: Problem, known: Mapping[str, float] 
     values = np.array([given.get(name, value) for name, value in zip(named, nominal)])
     # before a search has bent anything to make up for a wrong one, and the same from wherever it starts
     fresh = initial_values(problem, model, nominal, error)
-    begun = best_form(search(problem, model, fresh, error, max_steps=0))
+    looked = search(problem, model, fresh, error, max_steps=0)
+    begun = best_form(looked)
     start = initial_values(problem, model, values, error, frozenset(given)) if given else begun.values
-    state = with_rest_form(solve(begun.problem, model, start))
+    known_there = looked.jacobian if begun is looked and not given else None
+    state = with_rest_form(solve(begun.problem, model, start, known=known_there))
     if state.problem is begun.problem or linear_parameters(model, problem).all():
         return state
     # under the wrong form, what bends may have stood in for the right one, and may stay where it ended

@@ -13,11 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kinid.effects import Effect, Signals
+from kinid.effects import Effect, Layout, Signals
 from kinid.identification.problem import Problem
 from kinid.modeling.applicability import amplitudes, base_of, candidate_effects
 from kinid.modeling.forward import Course
 from kinid.modeling.model import Model
+from kinid.modeling.remembered import remembered
 
 Array = NDArray[np.float64]
 
@@ -84,17 +85,28 @@ def with_calibration(
 
     The effects themselves act, not their first order, in which a fit found the amounts: a delay across a step is none.
     """
-    layout, base = signals.layout, base_of(model)
+    layout = signals.layout
     whole, own = model, {effect.id: values[model.place(effect.id, layout)] for effect in model.effects}
     for nuisance, amount in zip(open_, trusted(shift)):
         effect = nuisance.effect
         if effect.id not in own:
-            null = amplitudes(effect, layout, base)
-            whole = whole + effect
-            own[effect.id] = np.array([null.get(i, p.nominal) for i, p in enumerate(effect.parameters(layout))])
+            whole = _beside(whole, effect)
+            own[effect.id] = np.array(_nothing(effect, layout, base_of(model)))
         own[effect.id][nuisance.index] += amount * nuisance.sd
     together = [own[effect.id] for effect in whole.effects]
     return whole.predict(signals, np.concatenate(together) if together else values, near)
+
+
+@remembered  # a model that logs share remembers its way along the chain
+def _beside(model: Model, effect: Effect) -> Model:
+    return model + effect
+
+
+@remembered
+def _nothing(effect: Effect, layout: Layout, base: str | None) -> tuple[float, ...]:
+    """Values of an effect's parameters at which it does nothing."""
+    null = amplitudes(effect, layout, base)
+    return tuple(null.get(i, p.nominal) for i, p in enumerate(effect.parameters(layout)))
 
 
 def nuisance_columns(

@@ -75,7 +75,9 @@ def _with(rest: RestForm, fields: list[str], values: Array) -> RestForm:
 
 def _change(state: State, rest: RestForm) -> Array:
     """What another form changes of the means, (channels, g)."""
-    return state.problem.with_rest(rest).predict(state.model, state.values) - state.problem.means(state.course.reading)
+    signals = state.problem.experiment.signals.copy()
+    signals.rest = rest
+    return state.problem.means(state.model.predict(signals, state.values)) - state.means
 
 
 def _noticed(state: State, change: Array) -> bool:

@@ -56,6 +56,11 @@ class State:
         return np.array([p.scale for p in self.model.parameters(self.problem.layout).values()])
 
     @cached_property
+    def means(self) -> Array:
+        """The prediction in means, without nuisances, (channels, g)."""
+        return self.problem.means(self.course.reading)
+
+    @cached_property
     def weighted(self) -> Array:
         """Jacobian of the free directions over σ, (channels · g, f)."""
         out: Array = self.jacobian[:, self.free] / self.error.sigma.reshape(-1, 1)

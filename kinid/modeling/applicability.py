@@ -12,6 +12,7 @@ from kinid.effects import Effect, Layout, Signals
 from kinid.errors import InputError
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
+from kinid.modeling.remembered import remembered
 
 Array = NDArray[np.float64]
 
@@ -23,11 +24,14 @@ def base_of(model: Model) -> str | None:
 
 def candidate_effects(model: Model, layout: Layout) -> Iterator[tuple[Effect, str]]:
     """Every effect that isn't a base and isn't in the model, with why it can't act in this log ("" where it can)."""
-    base = base_of(model)
-    for name in catalogue.catalogue():
-        effect = catalogue.get(name)
-        if not effect.base and name not in model:
-            yield effect, why_inapplicable(effect, model, base, layout)
+    known = tuple(catalogue.catalogue().values())
+    return iter(_candidates(known, model, layout))
+
+
+@remembered
+def _candidates(known: tuple[type[Effect], ...], model: Model, layout: Layout) -> tuple[tuple[Effect, str], ...]:
+    base, lacking = base_of(model), [kind() for kind in known if not kind.base and kind.id not in model]
+    return tuple((effect, why_inapplicable(effect, model, base, layout)) for effect in lacking)
 
 
 def why_inapplicable(effect: Effect, model: Model, base: str | None, layout: Layout) -> str:

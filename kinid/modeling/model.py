@@ -71,6 +71,9 @@ class Model:
                 )
         object.__setattr__(self, "effects", tuple(effect.beside(names_seen) for effect in flat))
 
+    def __getstate__(self) -> dict[str, object]:
+        return {"effects": self.effects}  # what was remembered of logs stays here
+
     def __add__(self, other: str | Effect | Model) -> Model:
         more = other.effects if isinstance(other, Model) else (other,)
         return Model(*self.effects, *more)
@@ -135,7 +138,10 @@ class Model:
 
     def parameters(self, layout: Layout) -> dict[str, Parameter]:
         """All parameters for logs of this layout, by the text of their `ParameterId`, in order."""
-        return {f"{effect.id}.{p.name}": p for effect in self.effects for p in effect.parameters(layout)}
+        if layout not in self._named:
+            named = {f"{effect.id}.{p.name}": p for effect in self.effects for p in effect.parameters(layout)}
+            self._named[layout] = named
+        return self._named[layout].copy()
 
     def nominal(self, layout: Layout) -> Array:
         """Nominal values of all parameters."""
@@ -169,6 +175,10 @@ class Model:
 
     @cached_property
     def _routes(self) -> dict[str, Route]:
+        return {}
+
+    @cached_property
+    def _named(self) -> dict[Layout, dict[str, Parameter]]:
         return {}
 
     @cached_property

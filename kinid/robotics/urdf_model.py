@@ -7,6 +7,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import IO
 
@@ -118,8 +119,16 @@ def joint_axis(model: pin.Model, j: int) -> tuple[Array, bool]:
 
 
 def z_onto(axis: Array) -> Array:
-    """A rotation whose third column is the axis."""
+    """A rotation whose third column is the axis, (3, 3), read-only."""
+    return _z_onto(*axis.tolist())
+
+
+@cache  # an arm has few axes, and asks for them at each log
+def _z_onto(*along: float) -> Array:
+    axis = np.array(along)
     helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
     x = helper - (helper @ axis) * axis
     x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(axis, x), axis], axis=1)
+    out = np.stack([x, np.cross(axis, x), axis], axis=1)
+    out.flags.writeable = False
+    return out
