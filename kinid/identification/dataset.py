@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from kinid.writers import Json
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Places = NDArray[np.int64]
 
 #: samples that predictions are made at, at most; and where they are denser than `DENSE_RATE` [Hz]
 MAX_SAMPLES, MAX_DENSE, DENSE_RATE = 40_000, 10_000, 160.0
@@ -71,14 +73,33 @@ def averaged_signals(signals: Signals, begin: NDArray[np.int64], end: NDArray[np
     )
 
 
-def averaged(experiment: Experiment) -> tuple[Experiment, tuple[Signals, ...]]:
+class Draws:
+    """Draws of a motion's error, averaged as an experiment is; worked out when they are first asked for.
+
+    Args:
+        whole: at the log's own rate. begin, end: the samples that are averaged over, (g,); None where none are.
+    """
+
+    def __init__(self, whole: Experiment, begin: Places | None = None, end: Places | None = None) -> None:
+        self._whole, self._begin, self._end = whole, begin, end
+
+    @cached_property
+    def signals(self) -> tuple[Signals, ...]:
+        """Signals under each draw."""
+        if self._begin is None or self._end is None:
+            return self._whole.motion_draws
+        # one draw at a time: each is as large as the log
+        return tuple(averaged_signals(draw, self._begin, self._end) for draw in self._whole.each_draw())
+
+
+def averaged(experiment: Experiment) -> tuple[Experiment, Draws]:
     """Average an experiment and its motion draws over neighbouring samples where there are more than needed."""
     signals = experiment.signals
     size = math.ceil(len(signals) / MAX_SAMPLES)
     rate = 1.0 / sample_period(signals)
     size = max(size, min(math.ceil(len(signals) / MAX_DENSE), round(rate / DENSE_RATE)))
     if size <= 1:
-        return experiment, experiment.motion_draws
+        return experiment, Draws(experiment)
     begin, end = group_edges(signals, experiment.valid, size)
     count = (end - begin).astype(float)
     small = dataclasses.replace(
@@ -92,8 +113,7 @@ def averaged(experiment: Experiment) -> tuple[Experiment, tuple[Signals, ...]]:
         rows=experiment.rows[begin],
         touch=None,
     )
-    # one draw at a time: each is as large as the log
-    return small, tuple(averaged_signals(draw, begin, end) for draw in experiment.each_draw())
+    return small, Draws(experiment, begin, end)
 
 
 def hold_out_folds(signals: Signals, block: NDArray[np.int64]) -> Mask:

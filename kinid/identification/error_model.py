@@ -117,11 +117,12 @@ def _released(problem: Problem) -> Array:
 def motion_variance(problem: Problem, model: Model, values: Array) -> Array:
     """Variance of the means from errors of the motion estimate, carried through the model by draws, (channels, g)."""
     total = np.zeros(problem.shape)
-    if not problem.draws:
+    draws = problem.draws
+    if not draws:
         return total
     here = problem.predict(model, values)
-    for draw in problem.draws:
-        total += (problem.means(model.predict(draw, values)) - here) ** 2 / len(problem.draws)
+    for draw in draws:
+        total += (problem.means(model.predict(draw, values)) - here) ** 2 / len(draws)
     width = max(1, round(MOTION_VARIANCE_WINDOW / problem.spacing))
     # never below its own share of the window: sums that run along lose the small beside the large
     return np.asarray(np.maximum(uniform_filter1d(total, width, axis=1), total / width))
@@ -136,14 +137,14 @@ def discrepancy(residual: Array, known: Array) -> Array:
         residual, known: of the means, (channels, g).
     """
     square = np.zeros(len(residual))
-    for channel, (r, v) in enumerate(zip(residual**2, known)):
-        if not len(r) or np.mean(r / v) <= 1.0:
-            continue
-        low, high = 0.0, float(np.mean(r))
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if np.mean(r / (v + middle)) > 1.0 else (low, middle)
-        square[channel] = high
+    some = np.flatnonzero(~(np.mean(residual**2 / known, axis=1) <= 1.0)) if residual.size else np.zeros(0, np.int64)
+    r, v = residual[some] ** 2, known[some]
+    low, high = np.zeros(len(some)), np.mean(r, axis=1)
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        more = np.mean(r / (v + middle[:, None]), axis=1) > 1.0
+        low, high = np.where(more, middle, low), np.where(more, high, middle)
+    square[some] = high
     return np.asarray(np.sqrt(square))
 
 
@@ -161,10 +162,14 @@ def memory_of(problem: Problem, whitened: Array) -> float:
     return spacing * total
 
 
-def learn(problem: Problem, model: Model, values: Array, residual: Array, fixed: Array | None = None) -> ErrorModel:
-    """Learn the error model from a residual (channels, g); `fixed` is the motion's variance where it is known."""
-    reading = reading_variance(problem)
-    motion = motion_variance(problem, model, values) if fixed is None else fixed
+def learn(
+    problem: Problem, model: Model, values: Array, residual: Array, known: ErrorModel | None = None
+) -> ErrorModel:
+    """Learn the error model from a residual (channels, g); of a known one, what the residual doesn't tell stays."""
+    if known is None:
+        reading, motion = reading_variance(problem), motion_variance(problem, model, values)
+    else:
+        reading, motion = known.reading, known.motion
     unusual = np.ones(problem.shape)
     for _ in range(REWEIGHTINGS):
         left = discrepancy(residual / np.sqrt(unusual), reading + motion)

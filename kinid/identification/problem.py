@@ -14,7 +14,7 @@ from kinid.effects import Layout, Signals
 from kinid.effects._derived import sample_period
 from kinid.effects._samples import lattice
 from kinid.effects._signals import RestForm
-from kinid.identification.dataset import averaged, group_edges, hold_out_folds
+from kinid.identification.dataset import Draws, averaged, group_edges, hold_out_folds
 from kinid.kernels.averages import weighted_changes, weighted_sums
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.forward import Course
@@ -42,8 +42,7 @@ class Problem:
     Predictions are made at the experiment's own samples and then averaged, so that nothing is lost of fast reversals.
 
     Attributes:
-        whole: at the log's own rate. experiment: averaged to a bounded size. draws: its signals under draws of the
-            motion's error.
+        whole: at the log's own rate. experiment: averaged to a bounded size. drawn: draws of the motion's error.
         begin, end: samples of each group that counts, (g,). block: number of the block of each, without holes, (g,).
         fold: which of two folds each lies in, (g,). whole_fold: and each sample of the whole, (n,).
         columns: changes of the means per unit of a parameter that are the same for all models (`jacobian.changes`).
@@ -51,7 +50,7 @@ class Problem:
 
     whole: Experiment
     experiment: Experiment
-    draws: tuple[Signals, ...]
+    drawn: Draws
     begin: NDArray[np.int64]
     end: NDArray[np.int64]
     block: NDArray[np.int64]
@@ -62,7 +61,7 @@ class Problem:
     @classmethod
     def build(cls, whole: Experiment) -> Problem:
         """Average and deal out a log."""
-        experiment, draws = averaged(whole)
+        experiment, drawn = averaged(whole)
         s = experiment.signals
         span = float(s.t[-1]) if len(s) else 0.0
         channels = len(experiment.measured)
@@ -81,7 +80,7 @@ class Problem:
         return cls(
             whole,
             experiment,
-            draws,
+            drawn,
             begin,
             end,
             np.unique(block[begin], return_inverse=True)[1],
@@ -99,9 +98,14 @@ class Problem:
             self,
             whole=dataclasses.replace(self.whole, signals=form(self.whole.signals)),
             experiment=dataclasses.replace(self.experiment, signals=form(self.experiment.signals)),
-            draws=tuple(form(draw) for draw in self.draws),
             columns={},
         )
+
+    @property
+    def draws(self) -> tuple[Signals, ...]:
+        """Its signals under draws of the motion's error."""
+        rest = self.experiment.signals.rest
+        return tuple(dataclasses.replace(draw, rest=rest) for draw in self.drawn.signals)
 
     @property
     def layout(self) -> Layout:

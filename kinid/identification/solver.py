@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -293,20 +295,23 @@ def first_error_model(problem: Problem) -> ErrorModel:
     return ErrorModel(reading_variance(problem), np.zeros(problem.shape), INITIAL_DISCREPANCY * size, 0.0)
 
 
-def solve(problem: Problem, model: Model, start: Array, *, max_steps: int = 60) -> State:
+def solve(problem: Problem, model: Model, start: Array, *, max_steps: int = 60, known: Array | None = None) -> State:
     """Fit a model and learn its error model along.
 
     Args:
         problem, model: what is fitted to what. start: values to begin at, (p,). max_steps: of each search.
+        known: the jacobian there, where it was worked out already.
     """
-    return relearn(search(problem, model, start, first_error_model(problem), max_steps=max_steps), max_steps)
+    error = first_error_model(problem)
+    return relearn(search(problem, model, start, error, known=known, max_steps=max_steps), max_steps)
 
 
 def relearn(state: State, max_steps: int = 60) -> State:
     """The same model with an error model that is learnt from its own residual."""
     motion = motion_variance(state.problem, state.model, state.values)
     for _ in range(ERROR_MODEL_ITERATIONS):
-        learnt = learn(state.problem, state.model, state.values, state.residual, motion)
+        known = dataclasses.replace(state.error, motion=motion)
+        learnt = learn(state.problem, state.model, state.values, state.residual, known)
         state = search(
             state.problem,
             state.model,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import shlex
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -63,8 +64,7 @@ def fit_logs(
     Raises:
         InputError: no log that can carry the model, two logs of one name, or sharing that can't be.
     """
-    names = [log.name for log in logs]
-    twice = next((name for name in names if names.count(name) > 1), None)
+    twice = next((name for name, count in Counter(log.name for log in logs).items() if count > 1), None)
     if twice is not None or not logs:
         found = "no log" if twice is None else f"two logs called {twice}"
         raise InputError(found, "logs, each with a name of its own", "name each log once")

@@ -101,8 +101,6 @@ class _Kept:
         problem = self._problems.get(number)
         if problem is None:
             problem = Problem.build(log.load())
-            # the draws that count are the problem's own, in means
-            problem.whole.__dict__.pop("motion_draws", None)
         if rest is not None and rest != problem.whole.signals.rest:
             problem = problem.with_rest(rest)
         self._problems[number] = problem

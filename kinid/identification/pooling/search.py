@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError, KinidError
-from kinid.identification.error_model import ErrorModel, learn
+from kinid.identification.error_model import learn
 from kinid.identification.estimation import estimate_problem
 from kinid.identification.pooling.logs import Elsewhere, PooledLog, Problems
 from kinid.identification.pooling.normals import Normals, Reduced, shared_step
@@ -26,6 +26,7 @@ from kinid.identification.problem import Problem
 from kinid.identification.solver import CONVERGED_GAIN, ERROR_MODEL_ITERATIONS, MIN_GAIN_RATIO
 from kinid.identification.state import State, fixed_parameters, prior_precision
 from kinid.modeling.model import Model
+from kinid.writers import Json
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -242,12 +243,16 @@ def _step(pool: Pool, damping: float) -> tuple[Spot, float]:
 def _relearn(pool: Pool) -> None:
     """Every log's error model anew, from what is left there."""
     found = pool.visits(_relearnt)
-    pool.error, pool.normals = [error for error, _ in found], [normals for _, normals in found]
+    # what follows from the log alone stays as it is, once in memory
+    pool.error = [dataclasses.replace(old, **learnt) for old, (learnt, _) in zip(pool.error, found)]
+    pool.normals = [normals for _, normals in found]
 
 
-def _relearnt(state: State) -> tuple[ErrorModel, Normals]:
-    error = learn(state.problem, state.model, state.values, state.residual, state.error.motion)
-    return error, Normals.of(dataclasses.replace(state, error=error))
+def _relearnt(state: State) -> tuple[Json, Normals]:
+    """What is new of an error model, by name, and the normal equations with it."""
+    error = learn(state.problem, state.model, state.values, state.residual, state.error)
+    learnt = {"discrepancy": error.discrepancy, "memory": error.memory, "unusual": error.unusual}
+    return learnt, Normals.of(dataclasses.replace(state, error=error))
 
 
 def _spread(pool: Pool) -> None:
