@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kinid.batch.logs import Item
+from kinid.batch.pooled import OWN, packed
 from kinid.batch.store import Store
 from kinid.contact.analysis import analyse
 from kinid.data.log import Log
@@ -18,12 +19,20 @@ from kinid.data.rig import Rig
 from kinid.errors import InputError
 from kinid.identification.fit import fit_model
 from kinid.identification.fitted import FittedParameter
+from kinid.identification.pooling.pool import Alone
 from kinid.memory import give_back
 from kinid.modeling.model import Model
 from kinid.writers import Column, Json, json_text
 
-#: columns of a table, one or more rows, and facts that go along with it
-Made = tuple[dict[str, Column], Json]
+
+class Made(NamedTuple):
+    """Columns of a table, one or more rows; facts that go along with it; and of a fit, where it ended, as bytes that a
+    pooled fit begins from.
+    """
+
+    columns: dict[str, Column]
+    facts: Json
+    end: bytes = b""
 
 
 @dataclass(frozen=True)
@@ -57,7 +66,10 @@ def work(job: Job, store: Store, item: Item) -> Done:
         InputError: a log that can't be read, or can't carry the model.
     """
     try:
-        return _put(job, store, item, *item())
+        made = KINDS[job.kind](job, *item(), item)
+        if made.end:
+            store.write(item.part(OWN, "npz"), made.end)
+        return _put(job, store, item, made)
     finally:
         give_back()  # or a worker grows from log to log
 
@@ -70,15 +82,14 @@ def take_in(jobs: Sequence[Job], store: Store, item: Item) -> None:
     """
     log, rig = item()
     for job in jobs:
-        _put(job, store, item, log, rig)
+        _put(job, store, item, KINDS[job.kind](job, log, rig, item))
     give_back()
 
 
-def _put(job: Job, store: Store, item: Item, log: Log, rig: Rig) -> Done:
-    columns, facts = KINDS[job.kind](job, log, rig, item)
-    data = parquet(columns, facts)
+def _put(job: Job, store: Store, item: Item, made: Made) -> Done:
+    data = parquet(made.columns, made.facts)
     store.write(item.part(job.kind), data)
-    return Done(len(data), tuple(facts["doubts"]))
+    return Done(len(data), tuple(made.facts["doubts"]))
 
 
 def parquet(columns: dict[str, Column], facts: Json) -> bytes:
@@ -114,11 +125,8 @@ def unparquet(data: bytes) -> tuple[Any, Json]:
 
 def _contact(job: Job, log: Log, rig: Rig, item: Item) -> Made:
     result = analyse(log, rig)
-    return dict(result.columns()), {
-        "name": item.name,
-        "provenance": result.provenance.to_dict(),
-        "doubts": list(result.provenance.warnings),
-    }
+    facts: Json = {"name": item.name, "provenance": result.provenance.to_dict()}
+    return Made(dict(result.columns()), facts | {"doubts": list(result.provenance.warnings)})
 
 
 def _fit(job: Job, log: Log, rig: Rig, item: Item) -> Made:
@@ -127,7 +135,8 @@ def _fit(job: Job, log: Log, rig: Rig, item: Item) -> Made:
     columns: Json = {"log": item.name, **item.columns}
     columns |= _numbers(fit.parameters) | _flat("error", facts["error"])
     columns |= {"excess": fit.left.excess, "warnings": "\n".join(fit.warnings)}
-    return _row(columns), {"name": item.name, "fit": facts, "doubts": list(fit.warnings)}
+    facts = {"name": item.name, "fit": facts, "doubts": list(fit.warnings)}
+    return Made(_row(columns), facts, packed(Alone.of(fit.state)))
 
 
 def _diagnose(job: Job, log: Log, rig: Rig, item: Item) -> Made:
@@ -137,7 +146,7 @@ def _diagnose(job: Job, log: Log, rig: Rig, item: Item) -> Made:
     facts = found.to_dict()
     columns: Json = {"log": item.name, **item.columns, "verdict": str(found.verdict), "added": ",".join(found.added)}
     columns |= _flat("error", facts["error"]) | _numbers(found.fit.parameters)
-    return _row(columns), {"name": item.name, "diagnosis": facts, "doubts": list(found.fit.warnings)}
+    return Made(_row(columns), {"name": item.name, "diagnosis": facts, "doubts": list(found.fit.warnings)})
 
 
 def _numbers(parameters: Mapping[str, FittedParameter]) -> Json:

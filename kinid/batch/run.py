@@ -12,6 +12,7 @@ import numpy as np
 import kinid
 from kinid.batch.jobs import Job, parquet, work
 from kinid.batch.logs import Item
+from kinid.batch.pooled import OWN
 from kinid.batch.runners import Lost, Runner
 from kinid.batch.store import Store
 from kinid.errors import InputError
@@ -51,6 +52,8 @@ def run(job: Job, items: Sequence[Item], store: Store, runner: Runner, progress:
     files = store.files(job.kind)
     parts = {item.name: item.part(job.kind).removeprefix(f"{job.kind}/") for item in items}
     sweep(job.kind, items, store, files)
+    if job.kind == "fit":
+        sweep(OWN, items, store, store.files(OWN), "npz")
     todo = [item for item in items if parts[item.name] not in files]
     done, aside, doubts = {}, dict[str, str](), dict[str, tuple[str, ...]]()
     for count, (place, result) in enumerate(
@@ -73,8 +76,8 @@ def run(job: Job, items: Sequence[Item], store: Store, runner: Runner, progress:
     return whole
 
 
-def claim(job: Json, store: Store, runner: Runner) -> None:
-    """Make a store that of a job, or see that it is.
+def claim(job: Json, store: Store, runner: Runner, also: Sequence[Json] = ()) -> None:
+    """Make a store that of a job, or see that it is, or that of another one whose results serve it, too.
 
     Raises:
         InputError: it is another's, or lies in this process' memory where others work.
@@ -97,20 +100,20 @@ def claim(job: Json, store: Store, runner: Runner) -> None:
         before = json.loads(data)["job"]
     except (ValueError, KeyError, TypeError, RecursionError):
         before = f"no {MANIFEST} of kinid"
-    if before != job:
+    if before != job and before not in also:
         raise InputError(
             f"{store.address}, which holds {before}", f"an empty folder, or one of {job}", "name another -o"
         )
 
 
-def sweep(kind: str, items: Sequence[Item], store: Store, files: Iterable[str]) -> None:
+def sweep(kind: str, items: Sequence[Item], store: Store, files: Iterable[str], suffix: str = "parquet") -> None:
     """Take away tables of logs that have changed since: a log's own name ends its key."""
     there: dict[str, list[str]] = {}
     for name in files:
         there.setdefault(name.rpartition(".")[0].rpartition("-")[2], []).append(f"{kind}/{name}")
     for item in items:
         for name in there.get(item.key.rpartition("-")[2], []):
-            if name != item.part(kind):
+            if name != item.part(kind, suffix):
                 store.remove(name)
 
 

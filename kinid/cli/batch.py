@@ -145,8 +145,9 @@ def campaign_on(
     logs: Sequence[Path], rig: Path | None, out: Path | None, on: str | None, workers: int | None, model: Model
 ) -> Iterator[Campaign]:
     """A campaign whose logs a runner works at; in the folder `out` each log's own fit is kept, to go on with."""
+    from kinid.batch.jobs import Job
     from kinid.batch.logs import campaign_of, items_of
-    from kinid.batch.pooled import ByRunner
+    from kinid.batch.pooled import ByRunner, shelf_for
     from kinid.batch.run import claim
     from kinid.batch.store import Store, address_of
 
@@ -157,5 +158,7 @@ def campaign_on(
         store = None
         if out is not None:
             store = Store(address_of(out))
-            claim({"kind": "pooled", "model": list(model.names)}, store, runner)
-        yield campaign_of(items, sharing, ByRunner.of(runner, store, items))
+            each = Job("fit", model.names).to_dict()
+            claim({"kind": "pooled", "model": list(model.names)}, store, runner, also=(each,))
+        with shelf_for(runner, store) as shelf:
+            yield campaign_of(items, sharing, ByRunner.of(runner, store, items, shelf))

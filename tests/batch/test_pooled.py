@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from batch.tasks import MODEL, write_logs
 
 import kinid
+from kinid.batch.jobs import Job
 from kinid.batch.logs import campaign_of, items_of
-from kinid.batch.pooled import ByRunner
+from kinid.batch.pooled import ByRunner, shelf_for
+from kinid.batch.run import run as run_job
 from kinid.batch.runners import Runner, runner
 from kinid.batch.store import Store
 from kinid.errors import InputError
 
+Run = Callable[..., tuple[int, str, str]]
 ASKED = kinid.Model(*MODEL)
 
 
@@ -84,6 +89,60 @@ def test_it_goes_on_from_fits_that_are_kept(
     store.write(f"own/{next(iter(store.files('own')))}", b"PK")
     found = by(runner("serial"), logs, store).fit(ASKED)
     assert sum("isn't whole" in why for why in found.put_aside.values()) == 1
+
+
+def test_fits_of_single_logs_are_what_one_model_begins_from(
+    logs: Path, tmp_path: Path, expected: kinid.CampaignDiagnosis, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def never(*_: object) -> None:
+        raise AssertionError("fitted twice")
+
+    job = logs, "--model", ",".join(MODEL), "-o", tmp_path / "fits", "--on", "serial"
+    assert run("fit", *job, "--each")[0] == 0
+    assert len(Store(str(tmp_path / "fits")).files("own")) == 3
+    monkeypatch.setattr("kinid.batch.pooled.begin_one", never)
+    code, _, err = run("fit", *job, "--json", tmp_path / "pooled.json")
+    assert code == 0, err
+    found = json.loads((tmp_path / "pooled.json").read_text())
+    assert found["logs"] == json.loads(json.dumps(expected.before.to_dict()))["logs"]
+    # the shelf has gone, and the folder is still that of the fits
+    assert not list((tmp_path / "fits").glob(".*"))
+    assert run("fit", *job, "--each")[1].startswith("3 logs done, 3 of them before")
+    # fits of another model don't serve
+    code, _, err = run("fit", logs, "--model", "hooke", *job[3:])
+    assert code == 2
+    assert "'kelvin-voigt'" in err
+
+
+def test_a_fit_of_a_log_that_has_changed_is_not_begun_from(logs: Path, tmp_path: Path) -> None:
+    shutil.copytree(logs, tmp_path / "logs")
+    store, job = Store(str(tmp_path / "fits")), Job("fit", ASKED.names)
+    run_job(job, items_of([tmp_path / "logs"])[0], store, runner("serial"))
+    before = set(store.files("own"))
+    os.utime(tmp_path / "logs" / "poke_0_1.parquet", (1.0, 1.0))
+    run_job(job, items_of([tmp_path / "logs"])[0], store, runner("serial"))
+    after = set(store.files("own"))
+    assert len(after) == 3
+    assert len(after & before) == 2
+
+
+@pytest.mark.parametrize("on", ["serial", "processes"])
+def test_logs_are_read_once(
+    on: str, logs: Path, tmp_path: Path, processes: Runner, expected: kinid.CampaignDiagnosis
+) -> None:
+    """Whoever fitted them may go, and so may the logs: all visits are of what was made of them."""
+    shutil.copytree(logs, tmp_path / "logs")
+    made, store = runner("serial") if on == "serial" else processes, Store(str(tmp_path / "kept"))
+
+    def fitted(words: str) -> None:
+        if words.startswith("fitting all"):
+            shutil.rmtree(tmp_path / "logs")
+
+    items, sharing = items_of([tmp_path / "logs"])
+    with shelf_for(made, store) as shelf:
+        found = campaign_of(items, sharing, ByRunner.of(made, store, items, shelf)).fit(ASKED, progress=fitted)
+    assert json.dumps(found.to_dict()["parameters"]) == json.dumps(expected.before.to_dict()["parameters"])
+    assert json.dumps(found.to_dict()["logs"]) == json.dumps(expected.before.to_dict()["logs"])
 
 
 def test_a_log_that_is_gone_when_it_is_visited_is_one_line(logs: Path) -> None:

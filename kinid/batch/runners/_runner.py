@@ -37,12 +37,14 @@ class Runner(ABC):
 
     Attributes:
         workers: how many items are worked out at a time. dashboard: address of a page that shows it, "" for none.
-        apart: whether that happens in other processes, which see nothing of this one's memory.
+        apart: whether that happens in other processes, which see nothing of this one's memory. here: whether all of
+            them are on this machine.
     """
 
     workers: int = 1
     dashboard: str = ""
     apart: bool = True
+    here: bool = True
 
     @abstractmethod
     def run(self, do: Callable[[In], Out], items: Sequence[In]) -> Iterator[tuple[int, Out | Lost]]:

@@ -30,7 +30,7 @@ class Dask(Runner):
         dask.config.set(
             {"distributed.scheduler.allowed-failures": TRIES - 1, "distributed.scheduler.worker-saturation": 1.0}
         )
-        self.workers, self._cluster = workers or cores(), None
+        self.workers, self._cluster, self.here = workers or cores(), None, not address
         if not address:
             self._cluster = LocalCluster(
                 n_workers=self.workers,
