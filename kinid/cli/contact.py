@@ -207,10 +207,8 @@ def load(log: Path, rig: Path | None) -> tuple[Rig, Log, Robot | None]:
     from kinid.data.rig import Rig
     from kinid.robotics.reading import read
 
-    if rig is None and not rig_path(log, rig).is_file():
-        recorded = recorded_rig(log)
-        if recorded is not None:
-            return _read_with(recorded, log)
+    the_rig = rig_of(log, rig)
+    if the_rig is None:
         plain = Rig()
         the_log = read(log, plain)
         one_axis = the_log.q is not None and the_log.q.shape[1] == 1 and the_log.wrench is None
@@ -227,16 +225,20 @@ def load(log: Path, rig: Path | None) -> tuple[Rig, Log, Robot | None]:
                 "name it with --rig, or put rig.toml beside the log",
             )
         return plain, the_log, None
-    return _read_with(Rig.load(rig_path(log, rig)), log)
+    return _read_with(the_rig, log)
 
 
-def recorded_rig(log: Path) -> Rig | None:
-    """The rig that a recording of `kinid live` holds."""
+def rig_of(log: Path, rig: Path | None) -> Rig | None:
+    """The rig as named, else beside the log, else as a recording of `kinid live` holds it; None without any."""
+    from kinid.data.rig import Rig
+
+    if rig is not None or rig_path(log, rig).is_file():
+        return Rig.load(rig_path(log, rig))
     if log.suffix.lower() != ".mcap" or not log.is_file():
         return None
-    from kinid.data.readers import mcap
+    from kinid.data.readers.mcap import recorded_rig
 
-    return mcap.recorded_rig(log)
+    return recorded_rig(log)
 
 
 def _read_with(rig: Rig, log: Path) -> tuple[Rig, Log, Robot | None]:

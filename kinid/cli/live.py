@@ -125,18 +125,20 @@ def live(
     for name, given in (("port", port), ("view", view or 0)):
         if not 0 <= given < 65536:
             raise InputError(f"--{name} {given}", "a port from 0 to 65535", "0 chooses a free one")
+    from kinid.cli.contact import rig_of, rig_path
     from kinid.writers import alone_with, check_outputs
 
     path = _log_of(source)
-    rig = rig or (path.parent / "rig.toml" if path is not None else None)
-    check_outputs((record, json_file, map_file), (path, rig, prior))
+    beside = rig if path is None else rig_path(path, rig)
+    check_outputs((record, json_file, map_file), (path, beside, prior))
     if record is not None and record.suffix.lower() != ".mcap":
         raise InputError(f"--record {record.name}", "a name ending in .mcap", "rename it")
     if map_file is not None:
         from kinid.mapping.map_file import check_map_name
 
         check_map_name(map_file)
-    opened, the_rig, robot = _open(source, rig, path, speed)
+    held = None if path is None else rig_of(path, rig)
+    opened, the_rig, robot = _open(source, beside, held, speed)
     with closing(opened), ExitStack() as alone:
         for file in (map_file, record):
             if file is not None:
@@ -155,9 +157,8 @@ def _log_of(source: str) -> Path | None:
     return Path(rest if scheme == "file" and colon else source)
 
 
-def _open(source: str, rig: Path | None, log: Path | None, speed: float) -> tuple[Source, Rig, Robot]:
-    """The source, and what is measured with what; log: which one it replays, if any."""
-    from kinid.cli.contact import recorded_rig
+def _open(source: str, rig: Path | None, held: Rig | None, speed: float) -> tuple[Source, Rig, Robot]:
+    """The source, and what is measured with what; held: the rig of the log that it replays, where that has one."""
     from kinid.data.rig import Rig
     from kinid.live.sources import Asked, open_source
     from kinid.robotics.robot import Robot
@@ -169,8 +170,7 @@ def _open(source: str, rig: Path | None, log: Path | None, speed: float) -> tupl
             opened.close()
             raise InputError(f"no rig for {source}", "what is measured with what", "name it with --rig rig.toml")
         return opened, the_rig, Robot.load(the_rig)
-    recorded = recorded_rig(log) if log is not None and not rig.is_file() else None
-    the_rig = Rig.load(rig) if recorded is None else recorded
+    the_rig = Rig.load(rig) if held is None else held
     if the_rig.robot is None:
         raise InputError(f"a rig without [robot] at {rig}", "a robot, for its joints", "add [robot] model")
     if the_rig.streams.reference == "joints":

@@ -75,6 +75,10 @@ def test_a_recording_alone_is_replayed_to_the_same_values(run: Run, log: Path) -
     assert live["events"]["warm-start"] >= 1
     for name in ("events", "list", "estimates", "samples"):
         assert again[name] == live[name]
+    # a rig that is named counts, also where there is none
+    code, _, err = run("live", record, "--rig", log.parent / "none.toml", *args)
+    assert code == 2
+    assert "none.toml" in err
 
 
 def test_quiet_and_a_duration(run: Run, log: Path) -> None:
