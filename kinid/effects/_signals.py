@@ -299,6 +299,12 @@ class Signals:
         """A copy that shares all arrays."""
         return copy.copy(self)
 
+    def with_rest(self, rest: RestForm) -> Signals:
+        """The same with another form of friction at rest; nothing that is kept of a log depends on it."""
+        out = self.copy()
+        out.rest = rest
+        return out
+
     def fresh(self) -> Signals:
         """A copy to predict with: inputs shared, the chain's quantities zero."""
         none, pair, reading = self.zeros

@@ -90,22 +90,16 @@ class Problem:
 
     def with_rest(self, rest: RestForm) -> Problem:
         """The same with another form of friction at rest."""
-
-        def form(signals: Signals) -> Signals:
-            return dataclasses.replace(signals, rest=rest)
-
-        return dataclasses.replace(
-            self,
-            whole=dataclasses.replace(self.whole, signals=form(self.whole.signals)),
-            experiment=dataclasses.replace(self.experiment, signals=form(self.experiment.signals)),
-            columns={},
+        whole, experiment = (
+            dataclasses.replace(one, signals=one.signals.with_rest(rest)) for one in (self.whole, self.experiment)
         )
+        return dataclasses.replace(self, whole=whole, experiment=experiment, columns={})
 
     @property
     def draws(self) -> tuple[Signals, ...]:
         """Its signals under draws of the motion's error."""
         rest = self.experiment.signals.rest
-        return tuple(dataclasses.replace(draw, rest=rest) for draw in self.drawn.signals)
+        return tuple(draw.with_rest(rest) for draw in self.drawn.signals)
 
     @property
     def layout(self) -> Layout:

@@ -75,8 +75,7 @@ def _with(rest: RestForm, fields: list[str], values: Array) -> RestForm:
 
 def _change(state: State, rest: RestForm) -> Array:
     """What another form changes of the means, (channels, g)."""
-    signals = state.problem.experiment.signals.copy()
-    signals.rest = rest
+    signals = state.problem.experiment.signals.with_rest(rest)
     return state.problem.means(state.model.predict(signals, state.values)) - state.means
 
 

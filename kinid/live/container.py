@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from kinid.data.readers.mcap import LIBRARY
 from kinid.live.encoding import Channel
 
 _MAGIC = b"\x89MCAP0\r\n"
@@ -116,9 +117,9 @@ class Container:
         ]
         self._numbers = {c.topic: k for k, c in enumerate(channels, 1)}
         file.write(_MAGIC)
-        file.write(self._bytes([r.Header(profile="ros2", library="kinid"), *self._schemas, *self._channels]))
-        known = self._bytes([r.Metadata(name="kinid", metadata=dict(metadata))])
-        self._metadata = r.MetadataIndex(offset=file.tell(), length=len(known), name="kinid")
+        file.write(self._bytes([r.Header(profile="ros2", library=LIBRARY), *self._schemas, *self._channels]))
+        known = self._bytes([r.Metadata(name=LIBRARY, metadata=dict(metadata))])
+        self._metadata = r.MetadataIndex(offset=file.tell(), length=len(known), name=LIBRARY)
         file.write(known)
         self._count, self._counts = 0, dict.fromkeys(self._numbers.values(), 0)
         self._chunks: list[Any] = []

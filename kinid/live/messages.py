@@ -59,6 +59,9 @@ class Start(NamedTuple):
     values: Mapping[str, float]
 
 
+#: what is no sample, for `isinstance` at each item: a union would be made anew every time
+NO_SAMPLE = (Notice, Start)
+
 #: None: nothing came for a while; whoever waits can look at the clock
 Item: TypeAlias = Joints | Wrench | Notice | Start | None
 

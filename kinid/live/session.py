@@ -16,7 +16,7 @@ from kinid.live import encoding
 from kinid.live.alignment import Aligner
 from kinid.live.events import Event
 from kinid.live.latency import Latencies
-from kinid.live.messages import Notice, Source, Start
+from kinid.live.messages import NO_SAMPLE, Notice, Source, Start
 from kinid.live.pipeline import Pipeline
 from kinid.live.readings import Readings
 from kinid.live.sink import Sink
@@ -143,7 +143,7 @@ class Session:
                         now - heard > 1.25 * BEGIN_NS and now - begun > 1e9 * duration
                     ):  # a stream that is silent ends, too
                         return
-            elif isinstance(item, Notice | Start):
+            elif isinstance(item, NO_SAMPLE):
                 self._heed(item)
             else:
                 if item.received - self._looked > LOOK_NS:

@@ -11,7 +11,7 @@ from kinid.data.log import Log, Provenance
 from kinid.data.rig import Rig
 from kinid.errors import InputError
 from kinid.live.alignment import Aligner
-from kinid.live.messages import Notice, Source, Start
+from kinid.live.messages import NO_SAMPLE, Source
 from kinid.robotics.robot import Robot
 from kinid.robotics.wrench import FEWEST_FREE
 
@@ -34,7 +34,7 @@ def tare(source: Source, rig: Rig, robot: Robot, seconds: float) -> Rig:
     t, q, wrench = [], [], []
     heard = time.monotonic()
     for item in source.items():
-        if item is None or isinstance(item, Notice | Start):
+        if item is None or isinstance(item, NO_SAMPLE):
             if time.monotonic() - heard > PATIENCE:
                 raise InputError(
                     f"no sample for {PATIENCE:g} s from {source.name}", "joints and wrench", "begin the sender first"

@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -103,8 +102,7 @@ def pooled(folder: Path, fits: Store, by: Runner, say: Callable[[str], None]) ->
     say(f"  {found.pool.steps} steps; on disk meanwhile {size / len(items) / 1e6:.2f} MB a log")
 
 
-@contextmanager
-def spots(by: Runner, say: Callable[[str], None]) -> Iterator[Callable[[int, int, str], None]]:
+def spots(by: Runner, say: Callable[[str], None]) -> Callable[[int, int, str], None]:
     """Says of a job at a tenth, at half and at its end what processes took and had until then."""
 
     def progress(done: int, total: int, _: str) -> None:
@@ -112,7 +110,7 @@ def spots(by: Runner, say: Callable[[str], None]) -> Iterator[Callable[[int, int
             pids = (os.getpid(), *(by.pids() if by.apart else ()))  # type: ignore[attr-defined]
             say(f"  {done} of {total}: " + ", ".join(f"{peak(pid):.0f} MB" for pid in pids))
 
-    yield progress
+    return progress
 
 
 @pytest.mark.slow
@@ -124,7 +122,8 @@ def test_time_is_straight_and_memory_flat(workers: int, tmp_path: Path, capsys: 
             print(words, flush=True)
 
     found: dict[str, list[Cost]] = {}
-    with runner("processes" if workers else "serial", workers or None) as by, spots(by, say) as progress:
+    with runner("processes" if workers else "serial", workers or None) as by:
+        progress = spots(by, say)
         for what in ("contact", "fit", "pooled"):
             for count in (5, *COUNTS):  # the first ones compile, and aren't looked at
                 folder, fits = tmp_path / f"logs_{count}", Store(str(tmp_path / f"fit_{count}"))

@@ -124,9 +124,9 @@ def test_foxgloves_client_library_sees_what_is_recorded(seen: Seen) -> None:
 
 @needs_client
 def test_it_sees_events_as_a_log_and_the_map_as_a_cloud(seen: Seen) -> None:
-    told = {stamp: f"{event['kind']}: {event['says']}" for stamp, event in seen.of(EVENTS).items()}
+    expected = {stamp: f"{event['kind']}: {event['says']}" for stamp, event in seen.of(EVENTS).items()}
     log = seen.of("/kinid/log")
-    assert {stamp: message["message"] for stamp, message in log.items()} == told
+    assert {stamp: message["message"] for stamp, message in log.items()} == expected
     for stamp, message in log.items():
         assert 10**9 * int(message["timestamp"]["seconds"]) + message["timestamp"]["nanos"] == stamp
         assert (message["level"], message["name"]) == (2, "kinid")

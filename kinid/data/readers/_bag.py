@@ -311,6 +311,7 @@ def _order(found: Names, known: Mapping[Names, _Samples]) -> tuple[Names, list[i
 
 
 def wrench_row(message: Message) -> tuple[float, ...]:
+    """The six numbers fx … tz of a message with a wrench or one that is a wrench."""
     wrench = message.wrench if hasattr(message, "wrench") else message
     force, torque = wrench.force, wrench.torque
     return force.x, force.y, force.z, torque.x, torque.y, torque.z

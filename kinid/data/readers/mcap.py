@@ -55,7 +55,8 @@ def opened(path: Path, rig: Rig) -> Iterator[tuple[Bag, Rig]]:
     with path.open("rb") as stream:
         with readable(path, "MCAP", _DAMAGED):
             reader = mcap.reader.make_reader(stream, validate_crcs=True)
-        if _session(path) is not None:
+            session = _session(reader)
+        if session is not None:
             streams = rig.streams.model_copy(update={"joints": None, "wrench": None, "joint_commands": None})
             rig = rig.model_copy(update={"columns": {}, "streams": streams})
         yield _Bag(path, reader), rig
@@ -67,25 +68,23 @@ def recorded_rig(path: Path) -> Rig | None:
     Raises:
         InputError: a damaged file, or a rig in it that can't be one.
     """
-    text = (_session(path) or {}).get("rig")
-    if text is None:
-        return None
-    with readable(path, "MCAP", _DAMAGED):
-        tables = json.loads(text)
-    return Rig.parse(tables, folder=path.parent, where=f"the rig in {path}")
-
-
-def _session(path: Path) -> dict[str, str] | None:
-    """What `kinid live --record` wrote of its session; None for a file of anybody else, or without the library."""
     try:
         import mcap.reader
     except ImportError:
         return None
     with path.open("rb") as stream, readable(path, "MCAP", _DAMAGED):
-        reader = mcap.reader.make_reader(stream)
-        if reader.get_header().library != LIBRARY:
+        text = (_session(mcap.reader.make_reader(stream)) or {}).get("rig")
+        if text is None:
             return None
-        return next((dict(m.metadata) for m in reader.iter_metadata() if m.name == LIBRARY), None)
+        tables = json.loads(text)
+    return Rig.parse(tables, folder=path.parent, where=f"the rig in {path}")
+
+
+def _session(reader: McapReader) -> dict[str, str] | None:
+    """What `kinid live --record` wrote of its session; None for a file of anybody else."""
+    if reader.get_header().library != LIBRARY:
+        return None
+    return next((dict(m.metadata) for m in reader.iter_metadata() if m.name == LIBRARY), None)
 
 
 class _Bag:

@@ -16,6 +16,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -83,7 +84,7 @@ class Shelved:
         return made
 
 
-@dataclass
+@dataclass(frozen=True)
 class Anew:
     """In place of what no file holds: made from the log again when it is called."""
 
@@ -92,13 +93,14 @@ class Anew:
 
     def __call__(self, *args: Any) -> Any:
         """What it does."""
-        found: Any = self.__dict__.get("found")
-        if found is None:
-            found = self.load()
-            for name in self.path:
-                found = getattr(found, name)
-            self.__dict__["found"] = found
-        return found(*args)
+        return self._made(*args)
+
+    @cached_property
+    def _made(self) -> Callable[..., Any]:
+        made: Any = self.load()
+        for name in self.path:
+            made = getattr(made, name)
+        return made  # type: ignore[no-any-return]
 
 
 class _Arrays:

@@ -80,9 +80,9 @@ class Recording:
     def __init__(self, path: Path, bag: AbstractContextManager[tuple[Bag, Rig]], asked: Asked) -> None:
         self.name, self.live = str(path), asked.speed > 0.0
         self._speed, self._open = asked.speed, ExitStack()
-        self._bag, self._rig = self._open.enter_context(bag)
+        self._bag, rig = self._open.enter_context(bag)
         try:
-            roles = topics_of(self._bag, self._rig)
+            roles = topics_of(self._bag, rig)
             for role in ("joints", "wrench"):
                 if role not in roles:
                     raise InputError(
@@ -92,6 +92,7 @@ class Recording:
             self._open.close()
             raise
         self._roles = {topic: role for role, topic in roles.items() if role in ("joints", "wrench")}
+        self._scales = {quantity: in_si(rig, quantity) for quantity in ("q", "dq", "tau", "wrench")}
 
     def items(self) -> Iterator[Item]:
         """See `Source`."""
@@ -119,7 +120,7 @@ class Recording:
         return Joints(received, stamp, q, dq, tau, names)
 
     def _si(self, quantity: str, values: Sequence[float | None]) -> list[float]:
-        scale, offset = in_si(self._rig, quantity)
+        scale, offset = self._scales[quantity]
         return [math.nan if x is None else x * scale + offset for x in values]
 
     def close(self) -> None:
