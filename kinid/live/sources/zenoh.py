@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 from kinid.data.rig import Rig
 from kinid.errors import InputError, MissingDependencyError
-from kinid.live.messages import Item, Joints, Notice, Source, Wrench
+from kinid.live.cdr import TYPES, Decoder
+from kinid.live.messages import Item, Joints, Notice, Source
 from kinid.live.sources import IDLE, Asked
 
 if TYPE_CHECKING:
@@ -30,8 +31,6 @@ HELP = "zenoh://127.0.0.1:7447[/DOMAIN] takes topics of ROS 2 (rmw_zenoh)"
 ADDRESS, ANSWERS, AGAIN = "127.0.0.1:7447", 3.0, 500
 #: messages that wait at most; what comes then is left out, and told
 WAITING = 20_000
-#: message type of each role, and how its key calls it
-TYPES = {"joints": "sensor_msgs/msg/JointState", "wrench": "geometry_msgs/msg/WrenchStamped"}
 #: of an attachment: running number, time of sending [ns]; the rest is the publisher's name
 _ATTACHMENT = struct.Struct("<qq")
 #: topics that are told not to be taken
@@ -66,7 +65,7 @@ class Client:
         if not host or not colon or not (port.isdigit() and 0 < int(port) < 65536) or not domain.isdigit():
             raise InputError(f"address '{address}'", "HOST:PORT, or HOST:PORT/DOMAIN", f"name it as zenoh://{ADDRESS}")
         self.name = f"zenoh://{host}:{port}/{domain}"
-        self._decode = _decoder()
+        self._decode = Decoder()
         streams = (rig or Rig()).streams
         named = {"joints": streams.joints, "wrench": streams.wrench}
         self._taken = {role: name.strip("/") for role, name in named.items() if name}
@@ -215,24 +214,3 @@ def _connect(endpoint: str, name: str, keys: Mapping[str, str]) -> Any:
             "a Zenoh router or peer",
             "start it first: ros2 run rmw_zenoh_cpp rmw_zenohd",
         ) from None
-
-
-def _decoder() -> Callable[[str, int, bytes], Item]:
-    """From CDR to samples: of a role, a time of reception and a payload."""
-    try:
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError:
-        raise MissingDependencyError("rosbags", "live") from None
-    from kinid.data.readers import _bag
-
-    decode = get_typestore(Stores.ROS2_HUMBLE).deserialize_cdr
-
-    def read(role: str, received: int, payload: bytes) -> Item:
-        message: Any = decode(payload, TYPES[role])
-        stamp = _bag.stamp_of(message) or None
-        if role == "wrench":
-            return Wrench(received, stamp, _bag.wrench_row(message))
-        q, dq, tau = message.position, message.velocity, message.effort
-        return Joints(received, stamp, q, dq, tau, tuple(message.name))
-
-    return read
