@@ -103,8 +103,8 @@ def as_written(case: Row) -> Row:
     """A case whose models are words with commas, whatever form its author gave them."""
     if "base" in case:
         case = _of_base_and_truth(case)
-    elif case["group"] in GROUPS and "truth" in case:
-        case = _of_model_and_truth(case)
+    elif case["group"] in GROUPS and "unexcited" not in case:
+        case = _of_model_and_truth({"truth": case.get("hidden", []), **case})
     out = dict(case)
     for key in ("model", "true_model"):
         out[key] = case[key] if isinstance(case[key], str) else ",".join(case[key])
