@@ -63,6 +63,11 @@ class Parameter:
         return ParameterId.parse(self.name).name
 
     @property
+    def is_share(self) -> bool:
+        """Whether it is a share of something, of which none and all are cases of the law."""
+        return (self.unit, self.low, self.high) == ("1", 0.0, 1.0)
+
+    @property
     def fixed(self) -> bool:
         """Whether nothing is left to estimate."""
         return self.low == self.high

@@ -247,7 +247,7 @@ class Signals:
         measured: measured readings, (channels, n); no law is driven by them but springs of joints, which they wind up.
         compliance: of the arm along the normal, which the contact law is behind [m/N].
         elastic: elastic force F_e [N], (n,). exponent: of its power law. normal: N [N], (n,). pull: of bonds, which
-            is in N already [N], (n,).
+            is in N already [N], (n,). pressing: share of it that presses rubbing surfaces together.
         recalls: how laws that remember the path behind them do, for those that look through a compliance.
         agreed: behind a compliance: on the way, what was agreed on beside this prediction, None for nothing; in the
             end, here.
@@ -282,6 +282,7 @@ class Signals:
     exponent: float = 1.0
     normal: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
     pull: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
+    pressing: float = 1.0
     recalls: tuple[Callable[[], Recall], ...] = ()
     agreed: Agreement | None = None
     beside: bool = False
@@ -310,6 +311,7 @@ class Signals:
         none, pair, reading = self.zeros
         out = self.copy()
         out.compliance, out.exponent, out.bristle, out.rounding = 0.0, 1.0, self.rest.length, self.rest.speed
+        out.pressing = 1.0
         out.recalls, out.agreed, out.touch = (), None, self.everywhere if self.rest.kept else None
         out.elastic, out.normal, out.pull, out.mu, out.tangential, out.reading = none, none, none, pair, pair, reading
         return out
@@ -357,8 +359,14 @@ class Signals:
 
     @property
     def load(self) -> Array:
-        """What presses the surfaces together, and makes them rub: N without the pull of bonds [N], (n,)."""
-        return self.normal + self.pull
+        """What presses the rubbing surfaces together: N, and as much of a bond's pull as does so [N], (n,).
+
+        The rest of the pull takes off no more than there is: surfaces that nothing presses together don't rub.
+        """
+        whole = self.normal + self.pull
+        if self.pressing == 1.0:
+            return whole
+        return whole - np.minimum((1.0 - self.pressing) * self.pull, np.maximum(whole, 0.0))
 
     @property
     def penetration(self) -> Array:

@@ -26,8 +26,9 @@ class Adhesion(Effect):
     contact, δ_m, on, within a retraction of r [m]. Outside the material a neck tears, g(x) = 1 − xᵖ: nothing jumps at
     pull-off, but what has a neck of large p tears late and fast. On touching anew everything begins again. Cases, some
     within a few per cent of the pull: a constant pull with a neck (p large), a pull that fades with the distance
-    (Dugdale, p = 1), and a soft sphere (JKR: s = 1 with p large, beside a base `hertz`). What rubs is the surfaces'
-    load, N without the pull (B. V. Derjaguin, Wear 128, 1988).
+    (Dugdale, p = 1), and a soft sphere (JKR: s = 1 with p large, beside a base `hertz`). Friction is that of the load
+    N + λ × pull, and none where that is negative: with λ = 1 the bond presses together what rubs (B. V. Derjaguin, Wear
+    128, 1988), with λ = 0 it takes its pull off the load.
     """
 
     id = "adhesion"
@@ -45,21 +46,30 @@ class Adhesion(Effect):
     }
     excited_by = "a slow retraction until well outside the material"
     acts_outside = True
+    affine, nearly_affine = False, True  # with λ < 1, where a bond would take off more load than there is
     null = {"force": 0.0}
-    grid = {"tack": (0.1, 0.9), "length": (1e-4, 3e-4, 1e-3, 3e-3), "rise": (3e-5, 3e-4), "neck": (1.0, 4.0)}
+    grid = {
+        "tack": (0.1, 0.9),
+        "length": (1e-4, 3e-4, 1e-3, 3e-3),
+        "rise": (3e-5, 3e-4),
+        "neck": (1.0, 4.0),
+        "rubbing": (0.0, 1.0),
+    }
     admissible = {"force": (0.0, 1e4), "length": (0.0, 0.02)}  # bonds pull; necks of gels reach a centimetre
     example = Example(
-        ("hooke", "coulomb-friction"), {"force": 0.55, "tack": 0.27, "length": 0.6e-3, "rise": 0.4e-3, "neck": 2.6}
+        ("hooke", "coulomb-friction"),
+        {"force": 0.55, "tack": 0.27, "length": 0.6e-3, "rise": 0.4e-3, "neck": 2.6, "rubbing": 0.7},
     )
 
     def parameters(self, layout: Layout) -> tuple[Parameter, ...]:
-        """Pull at its greatest, share of it on the way in, reach, retraction until it pulls, shape of the neck."""
+        """Pull at its greatest, share of it on the way in, reach, retraction until it pulls, neck, share that rubs."""
         return (
             Parameter("force", "F_a", "N", 0.1, 0.0, 1e5, scale=0.05, linear=True),
             Parameter("tack", "s", "1", 0.0, 0.0, 1.0, scale=0.1),
             Parameter("length", "ℓ", "m", 5e-4, 1e-6, 0.1, scale=1e-4),
             Parameter("rise", "r", "m", 3e-4, SHORTEST, 0.1, scale=1e-4),
             Parameter("neck", "p", "1", 2.0, 0.5, LATEST, scale=0.5),
+            Parameter("rubbing", "λ", "1", 1.0, 0.0, 1.0, scale=0.2),
         )
 
     def implausible(
@@ -78,13 +88,13 @@ class Adhesion(Effect):
 
     def normal(self, s: Signals, p: Array) -> None:
         """Pull."""
-        force, tack, length, rise, neck = (float(value) for value in p)
+        force, tack, length, rise, neck, rubbing = (float(value) for value in p)
         keep, reach, before = np.empty((len(s), 1, 1)), np.empty((len(s), 1)), np.empty(len(s))
         recalled_deepest(s.depth, s.dt, -length, keep, reach, before)
         most = np.maximum(before, s.penetration * reach[:, 0])
         pull = force * (1.0 - (1.0 - tack) * np.exp(np.minimum(s.depth - most, 0.0) / rise))
-        s.pull = np.where(most > 0.0, pull * _left(s.depth, length, neck), 0.0)
-        s.normal = s.normal - s.pull
+        pull = np.where(most > 0.0, pull * _left(s.depth, length, neck), 0.0)
+        s.normal, s.pull, s.pressing = s.normal - pull, pull, rubbing
         if s.compliance > 0.0:
             depth = s.depth
 

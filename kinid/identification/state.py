@@ -186,9 +186,14 @@ def parameter_bounds(model: Model, problem: Problem) -> tuple[Array, Array]:
 
 
 def linear_parameters(model: Model, problem: Problem) -> Mask:
-    """Whether readings are affine in each parameter with all others held, (p,)."""
+    """Whether readings are affine, or nearly so, in each parameter with all others held, (p,)."""
     return np.array(
-        [p.linear and effect.affine for effect in model.effects for p in effect.parameters(problem.layout)], np.bool_
+        [
+            p.linear and (effect.affine or effect.nearly_affine)
+            for effect in model.effects
+            for p in effect.parameters(problem.layout)
+        ],
+        np.bool_,
     )
 
 

@@ -111,7 +111,7 @@ def of_fit(
         for (name, p), value, bound, is_open in zip(
             named.items(), solution.values, solution.at_bound, solution.unidentified
         )
-        if bound and not is_open
+        if bound and not is_open and not p.is_share
     ]
     if stuck:
         out.append(

@@ -175,8 +175,9 @@ def contact_models(draw: st.DrawFn, without: frozenset[str] = frozenset()) -> Mo
 QUICK = settings(max_examples=40, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 
 
-#: these bend what others predict: a tool that leaves what has flowed does so at a force that the whole law decides
-BENDING = frozenset({"load-dependent-friction", "relaxation", "hysteresis", "maxwell", "zener"})
+#: these bend what others predict: a tool that leaves what has flowed does so at a force that the whole law decides,
+#: a bond takes no more off the load than there is
+BENDING = frozenset({"load-dependent-friction", "relaxation", "hysteresis", "maxwell", "zener", "adhesion"})
 
 
 @QUICK

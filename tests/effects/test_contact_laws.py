@@ -643,6 +643,22 @@ def test_friction_under_a_dashpot_that_pulls_is_a_power_of_the_load_too() -> Non
         assert abs(tangential) == pytest.approx(abs(normal) ** 0.35)
 
 
+@pytest.mark.parametrize("rubbing", [0.0, 0.4, 1.0])
+def test_a_bond_presses_by_its_share_and_friction_never_pushes(rubbing: float) -> None:
+    """T = μ max(F + (λ − 1) pull, 0) by hand, while a tool slides steadily out of a sticky material."""
+    t = np.linspace(0, 1, 4001)
+    depth = 2e-3 - 2.4e-3 * t
+    slip = np.stack([0.03 * t, 0 * t])
+    s = signals(t, depth, np.full(len(t), -2.4e-3), slip, np.stack([np.full(len(t), 0.03), 0 * t]))
+    values = {"hooke.stiffness": 1000.0, "coulomb-friction.coefficient": 0.5, "adhesion.force": 0.8}
+    values |= {"adhesion.tack": 1.0, "adhesion.length": 2e-4, "adhesion.neck": 20.0, "adhesion.rubbing": rubbing}
+    normal, tangential = Model("hooke", "coulomb-friction", "adhesion").predict(s, values)[:2]
+    settled = (t > 0.05) & (depth > 1e-5)  # bristles have bent, and the neck is whole
+    np.testing.assert_allclose(normal[settled], 1000.0 * depth[settled] - 0.8, rtol=1e-12)
+    expected = -0.5 * np.maximum(1000.0 * depth + (rubbing - 1.0) * 0.8, 0.0)
+    np.testing.assert_allclose(tangential[settled], expected[settled], rtol=2e-3, atol=1e-12)
+
+
 def test_friction_at_rest_keeps_its_direction_and_ends_with_the_touch() -> None:
     t = np.linspace(0, 2, 2001)
     depth = np.where(t < 1.5, 2e-3, -1e-3)
