@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from kinid.contact.channel_doubts import channel_doubts
 from kinid.contact.joint_doubts import frozen_joints, without_spikes
 from kinid.contact.normal_doubts import tilted_normal
+from kinid.contact.one_unit_doubts import one_unit
 from kinid.contact.rig_doubts import rig_doubts, too_quiet
 from kinid.contact.series import ContactSeries
 from kinid.contact.surface_doubts import misplaced, turned_normal
@@ -50,7 +51,9 @@ def contact_doubts(log: Log, rig: Rig, robot: Robot | None, touch: ContactSeries
     stuck = _stuck(log)
     single = [] if stuck else channel_doubts(log)
     stuck = stuck or single or (frozen_joints(log) if log.wrench is not None else [])
-    out = [*_without_wrench(log, rig), *stuck, *_beyond_joints(log, robot), *_beyond_range(log, rig)]
+    alone = [] if stuck else one_unit(log, rig, robot, touch)
+    out = [*_without_wrench(log, rig), *stuck, *alone, *_beyond_joints(log, robot)]
+    out += [] if alone else _beyond_range(log, rig)
     out += rig_doubts(log, rig, robot)
     if touch is not None:
         deepest = float(np.nanmax(touch.depth)) if np.isfinite(touch.depth).any() else 0.0
@@ -66,7 +69,7 @@ def contact_doubts(log: Log, rig: Rig, robot: Robot | None, touch: ContactSeries
                 f"touches lie {away:.3g} m beside [surface] point, further than the arm reaches from "
                 "its base: correct it, in m and in the base's axes"
             )
-    if stuck:  # shows as any of those behind it
+    if stuck or alone:  # shows as any of those behind it
         return out + _not_read(log)
     # each of these would show as one of those behind it; where no label says what free motion is, touches of a surface
     # that is too low pass for it

@@ -19,15 +19,18 @@ MASS_SHARE = 0.1
 LEFT = 0.3
 #: moments are of another unit than forces where they are so many times what these do at their levers
 UNIT_OF_MOMENTS = 30.0
-#: … of one axis, where those are more than this share of what is expected of all
-LARGE_AXIS = 0.2
 #: forces, or moments, are those of the stated tool within this factor
 OWN = 1.5
 FORCES, MOMENTS = ("fx", "fy", "fz"), ("tx", "ty", "tz")
 
 
 def unit_meant(
-    times: float, rig: Rig, names: tuple[str, ...], units: tuple[str, ...], usual: tuple[str, ...] = ()
+    times: float,
+    rig: Rig,
+    names: tuple[str, ...],
+    units: tuple[str, ...],
+    usual: tuple[str, ...] = (),
+    within: float = OWN,
 ) -> str | None:
     """The unit of what reads so many times too much with what the rig says of it under the first of some names; where
     levers aren't known so well, one of the usual units, within a factor.
@@ -36,29 +39,16 @@ def unit_meant(
     true = (1.0 if said is None else said.to_si) / times
     exact = next((unit for unit in units if abs(true / factor(unit, "[columns]") - 1.0) < MASS_SHARE), None)
     off = {unit: abs(np.log(true / factor(unit, "[columns]"))) for unit in usual}
-    return exact or next((unit for unit in sorted(off, key=lambda unit: off[unit]) if off[unit] < np.log(OWN)), None)
+    return exact or next((unit for unit in sorted(off, key=lambda unit: off[unit]) if off[unit] < np.log(within)), None)
 
 
 def unit_of_moments(moment: Array, expected: Array, air: Array, load: Array, rig: Rig) -> str | None:
-    """Whether the moment, or one axis of it, is a multiple of that of the forces at their levers that only another unit
-    gives.
+    """Whether the moment is a multiple of that of the forces at their levers that only another unit gives.
 
     Args:
         moment, expected: both without their means, (n, 3). air, load: force in free motion, and that of the tool,
             (m, 3). rig: says what units were stated.
     """
-    sizes = np.sqrt(np.mean(expected**2, axis=0))
-    large = [k for k in range(3) if sizes[k] > LARGE_AXIS * np.linalg.norm(sizes)]
-    alone = {MOMENTS[k]: slope for k in large if (slope := in_proportion(moment[:, k], expected[:, k])) is not None}
-    if len(alone) < len(large):
-        units = {name: unit_meant(slope, rig, (name, "wrench"), TORQUE) for name, slope in alone.items()}
-        known = {name: unit for name, unit in units.items() if unit is not None}
-        times = " and ".join(f"{name} is {slope:.3g}" for name, slope in alone.items())
-        if known:
-            return (
-                f"{times} times the moment of the forces at the tool's com and tip, the others aren't: another unit? "
-                f"{_say(known)}"
-            )
     slope = in_proportion(moment, expected)
     if slope is None:
         return None
@@ -70,9 +60,9 @@ def unit_of_moments(moment: Array, expected: Array, air: Array, load: Array, rig
     forces = not 1.0 / OWN < weight < OWN if weighs else slope < 1.0
     wrong, every, usual = (FORCES, FORCE, ("mN", "kN")) if forces else (MOMENTS, TORQUE, ("Nmm", "Ncm", "kNm"))
     unit = unit_meant(1.0 / slope if forces else slope, rig, (wrong[0], "wrench"), every, usual)
-    mend = (
-        _say(dict.fromkeys(wrong, unit)) if unit is not None else "Correct their unit or scale in [columns] of the rig"
-    )
+    mend = "Correct their unit or scale in [columns] of the rig"
+    if unit is not None:
+        mend = say_units(dict.fromkeys(wrong, unit))
     return (
         f"the moments are {slope:.3g} times those of the forces at the tool's com and tip: are "
         f"{'the forces' if forces else 'they'} in another unit? {mend}"
@@ -104,11 +94,12 @@ def unit_of_forces(force: Array, moment: Array, load: Array, rig: Rig) -> str | 
         units |= dict.fromkeys(MOMENTS, arm)
     return (
         f"in free motion the forces are {times:.3g} times the tool's weight, and the moments {turned:.3g} times its: "
-        f"are they in {' and '.join(dict.fromkeys(units.values()))}? {_say(units)}"
+        f"are they in {' and '.join(dict.fromkeys(units.values()))}? {say_units(units)}"
     )
 
 
-def _say(units: Mapping[str, str]) -> str:
+def say_units(units: Mapping[str, str]) -> str:
+    """How a rig states units of columns by their names."""
     said = ", ".join(f'{name} = {{ unit = "{unit}" }}' for name, unit in units.items())
     return f"Say so in [columns] of the rig: {said}"
 

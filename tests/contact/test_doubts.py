@@ -17,7 +17,7 @@ from kinid.contact.analysis import analyse
 from kinid.contact.doubts import contact_doubts
 from kinid.contact.series import contact_series
 from kinid.data.log import Log
-from kinid.data.rig import Rig
+from kinid.data.rig import WRENCH, Rig
 from kinid.errors import InputError
 from kinid.identification.fit import fit_model
 from kinid.modeling.model import Model
@@ -269,6 +269,61 @@ def test_one_moment_in_another_unit(
     words = doubts(dataclasses.replace(log, wrench=wrench), rig, robot)
     assert "ty is " in words
     assert f'ty = {{ unit = "{unit}" }}' in words.replace("·", "")
+
+
+@pytest.mark.parametrize("noise", ["stated", "not stated"])
+@pytest.mark.parametrize("turning", [True, False])
+@pytest.mark.parametrize(
+    ("name", "factor", "unit"),
+    [
+        ("fx", 1e3, "mN"),
+        ("fz", 1e3, "mN"),
+        ("fy", 1e-3, "kN"),
+        ("fx", 1 / 9.80665, "kgf"),
+        ("tx", 1e3, "Nmm"),
+        ("tz", 1e3, "Nmm"),
+        ("ty", 1e-3, "kNm"),
+    ],
+)
+def test_one_channel_in_another_unit_than_its_fellows(
+    touched: tuple[Log, Rig, Robot], name: str, factor: float, unit: str, turning: bool, noise: str
+) -> None:
+    log, rig, robot = touched
+    if noise == "not stated":
+        rig = rig.model_copy(update={"sensor": rig.sensor.model_copy(update={"noise": None})})
+    rows = slice(0 if turning else 2000, None)
+    wrench = np.array(log.wrench)[rows]
+    wrench[:, WRENCH.index(name)] *= factor
+    said = doubts(Log(t=log.t[rows], q=np.asarray(log.q)[rows], wrench=wrench), rig, robot)
+    assert said.startswith(f"{name} is ")
+    assert said.endswith(f'[columns] of the rig: {name} = {{ unit = "{unit}" }}')  # and nothing that follows from it
+
+
+@pytest.mark.parametrize(("name", "factor", "unit"), [("tx", 1e3, "Nmm"), ("ty", 1e-3, "kNm"), ("tx", 1e-3, "kNm")])
+def test_levers_tell_a_moment_in_another_unit_behind_a_coarse_converter(
+    touched: tuple[Log, Rig, Robot], name: str, factor: float, unit: str
+) -> None:
+    log, rig, robot = touched
+    c, s = np.cos(0.6), np.sin(0.6)  # a tool turned about its axis, so that a slide shows in two forces
+    axes = np.kron(np.eye(2), np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]))
+    steps = np.array([0.25, 0.25, 0.25, 0.01, 0.01, 0.01])
+    wrench = np.round((np.asarray(log.wrench) @ axes.T)[2000:] / steps) * steps
+    wrench[:, WRENCH.index(name)] *= factor
+    q = np.array(log.q)[2000:] + 0.6 * (np.arange(7) == 6)
+    rig = rig.model_copy(update={"sensor": rig.sensor.model_copy(update={"noise": None})})
+    said = doubts(Log(t=log.t[2000:], q=q, wrench=wrench), rig, robot)
+    assert said.startswith(f"{name} is ")
+    assert "the moment of the forces at the tool's com and tip" in said
+    assert said.endswith(f'[columns] of the rig: {name} = {{ unit = "{unit}" }}')
+
+
+def test_a_channel_whose_noise_is_another_is_in_no_other_unit(touched: tuple[Log, Rig, Robot]) -> None:
+    """Filters, and a converter's noise, are no powers of ten."""
+    log, rig, robot = touched
+    for name, factor in (("fz", 30.0), ("tx", 0.1), ("ty", 20.0)):
+        noise = list(rig.sensor.noise or ())
+        noise[WRENCH.index(name)] /= factor
+        assert "another unit" not in doubts(log, changed(rig, sensor={"noise": tuple(noise)}), robot)
 
 
 def test_moments_on_other_axes_than_forces(touched: tuple[Log, Rig, Robot]) -> None:
