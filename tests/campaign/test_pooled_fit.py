@@ -134,6 +134,17 @@ def test_what_cannot_be_shared_is_said() -> None:
         kinid.Campaign(logs, columns={"robot": ["a"]})
 
 
+def test_a_log_without_the_column_that_a_parameter_is_shared_by_is_refused(tmp_path: Path) -> None:
+    write(tmp_path, several(2))
+    (tmp_path / "campaign.toml").write_text(
+        'logs = ["*.parquet"]\n[sharing]\n"kelvin-voigt.stiffness" = "per day"\n'
+        '[[log]]\nfile = "a.parquet"\nday = "monday"\n'
+    )
+    with pytest.raises(InputError, match="1 of 2 logs without day: b.parquet") as refused:
+        kinid.Campaign(tmp_path / "campaign.toml").fit(MODEL)
+    assert 'day = "…"' in refused.value.mend
+
+
 def test_models_side_by_side_on_logs_held_out() -> None:
     found = kinid.Campaign(several(4, stiffening=8e4)).compare(
         [kinid.Model("kelvin-voigt", "surface-offset"), kinid.Model("hunt-crossley", "surface-offset")]
@@ -156,7 +167,8 @@ def test_files_folders_and_campaign_files_are_one(tmp_path: Path) -> None:
     paths = write(tmp_path, several(3))
     (tmp_path / "rest.toml").write_text(
         'logs = ["a.parquet", "b.*"]\n[sharing]\n"kelvin-voigt.stiffness" = "per robot"\n'
-        '[[log]]\nfile = "a.parquet"\nrobot = "left"\n[[log]]\nfile = "c.parquet"\nrobot = "right"\n'
+        '[[log]]\nfile = "a.parquet"\nrobot = "left"\n[[log]]\nfile = "b.parquet"\nrobot = "left"\n'
+        '[[log]]\nfile = "c.parquet"\nrobot = "right"\n'
     )
     by_name, folder = kinid.Campaign(paths), kinid.Campaign(tmp_path)
     assert by_name.names == folder.names == ["a.parquet", "b.parquet", "c.parquet"]

@@ -24,7 +24,7 @@ from kinid.identification.pooling.odd import odd_logs
 from kinid.identification.pooling.pool import Pool
 from kinid.identification.pooling.result import LogResult, PooledFit
 from kinid.identification.pooling.search import Begun, begin, pooled
-from kinid.identification.pooling.sharing import PER, PER_LOG, POPULATION
+from kinid.identification.pooling.sharing import PER, PER_LOG, POPULATION, refuse_ungrouped
 from kinid.identification.state import State
 from kinid.identification.whole import held_out_residual, train_residual
 from kinid.modeling.model import Model
@@ -62,12 +62,14 @@ def fit_logs(
         progress: called with what is being done, in words. elsewhere: where logs are worked at; default: here.
 
     Raises:
-        InputError: no log that can carry the model, two logs of one name, or sharing that can't be.
+        InputError: no log that can carry the model, two logs of one name, or sharing that can't be, as by a column
+            that a log lacks.
     """
     twice = next((name for name, count in Counter(log.name for log in logs).items() if count > 1), None)
     if twice is not None or not logs:
         found = "no log" if twice is None else f"two logs called {twice}"
         raise InputError(found, "logs, each with a name of its own", "name each log once")
+    refuse_ungrouped(logs, sharing or {})
     with one_blas_thread():
         begun, aside = begin(model, logs, progress, elsewhere)
         return fit_begun(model, begun, sharing or {}, aside, progress, elsewhere)

@@ -25,6 +25,8 @@ PER = "per "
 #: of many logs one is always beyond two tolerances: bounds of what calibration leaves open of each log, whose shared
 #: values other logs hold, are so many times those of a single log (0.006 % of logs are beyond four)
 WIDER = 2.0
+#: logs that a message names
+MOST_NAMED = 3
 
 
 def sharing_of(model: Model, layout: Layout, asked: Mapping[str, str], columns: Sequence[str] = ()) -> dict[str, str]:
@@ -50,6 +52,28 @@ def sharing_of(model: Model, layout: Layout, asked: Mapping[str, str], columns: 
             raise InputError(f"'{given}' to be {way}", f"an effect or a parameter of {model}", near(given, known))
         out |= dict.fromkeys(meant, way)
     return out
+
+
+def refuse_ungrouped(logs: Sequence[PooledLog], asked: Mapping[str, str]) -> None:
+    """Refuse logs that lack a column which a parameter is shared by: they would be a group of their own, unnamed.
+
+    Args:
+        logs: of which each has its columns. asked: as of `sharing_of`, which refuses a column that no log has.
+
+    Raises:
+        InputError: the column, and the logs without it.
+    """
+    for given, way in asked.items():
+        column = way.removeprefix(PER)
+        lacking = [log.name for log in logs if not log.groups.get(column)]
+        if column == way or not lacking or len(lacking) == len(logs):
+            continue
+        shown = ", ".join(lacking[:MOST_NAMED]) + (", …" if len(lacking) > MOST_NAMED else "")
+        raise InputError(
+            f"{given} = '{way}', and {len(lacking)} of {len(logs)} logs without {column}: {shown}",
+            f"{column} of every log",
+            f'state it in the [[log]] table of each, as {column} = "…", or share {given} in another way',
+        )
 
 
 @dataclass(frozen=True, eq=False)
