@@ -20,6 +20,10 @@ TORQUES |= {f"{force}{arm}": TORQUES[f"{force}·{arm}"] for force in ("N", "mN",
 _TIMES = re.compile(r"(?<=[a-zA-Z])\s*[·⋅∙×*.\s-]\s*(?=[a-zA-Z])")
 _SIGNS = str.maketrans({"²": "^2", "°": "deg", "μ": "µ"})
 
+#: what parameters of effects come in: a product and quotient of powers of SI units, and of the minute; exponents may be
+#: a parameter of the law
+SI = re.compile(r"1?((^|[·/(])(kg|N|m|s|min|rad|A|V|Hz)(²|³|\^(\d+(\.\d+)?|n|\(n\+1\)))?\)?)*")
+
 #: factor to SI by unit name
 FACTORS: dict[str, float] = {
     "1": 1.0,

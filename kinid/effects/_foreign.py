@@ -12,13 +12,21 @@ from pathlib import Path
 from types import ModuleType
 
 from kinid.effects._effect import Effect
+from kinid.effects._signals import Layout
 from kinid.errors import InputError
 from kinid.inputs import check_regular
+from kinid.units import SI
 
 #: the environment variable that names folders of effects, written like PATH; processes that are begun inherit it
 VARIABLE = "KINID_EFFECTS"
 #: packages offer effects under this group: name = "package.module:Class"
 GROUP = "kinid.effects"
+#: kinds of logs that an effect's parameters are asked for
+LAYOUTS = (
+    Layout(("normal_force", "tangential_force1", "tangential_force2"), "contact"),
+    Layout(("fx", "fy", "fz", "tx", "ty", "tz"), "wrench"),
+    Layout(("tau1",), "joints", ("joint_1",)),
+)
 
 
 def effect_options() -> list[str]:
@@ -35,7 +43,7 @@ def foreign_effects() -> Iterator[type[Effect]]:
 
     Raises:
         InputError: a folder that isn't there, a file that can't be imported or doesn't hold one effect of its own name,
-            an entry point that is no effect.
+            an entry point that is no effect, parameters that aren't in SI units.
     """
     for folder in _folders():
         if not Path(folder).is_dir():
@@ -43,7 +51,7 @@ def foreign_effects() -> Iterator[type[Effect]]:
                 f"no folder {folder}", "a folder of effects, one a file", f"check --effects, or {VARIABLE}"
             )
         for path in sorted(Path(folder).glob("[!_.]*.py")):
-            yield load_effect(path)
+            yield _in_si(load_effect(path), str(path))
     for point in entry_points(group=GROUP):
         with _importing(
             f"entry point '{point.name}' of {GROUP}", "a class of kinid.effects.Effect", "mend its package"
@@ -53,7 +61,29 @@ def foreign_effects() -> Iterator[type[Effect]]:
             raise InputError(
                 f"entry point '{point.name}' of {GROUP}", "a class of kinid.effects.Effect", "mend its package"
             )
-        yield effect
+        yield _in_si(effect, f"entry point '{point.name}' of {GROUP}")
+
+
+def _in_si(effect: type[Effect], where: str) -> type[Effect]:
+    """An effect whose parameters are in SI units: what a log holds is, so that another unit would go into its law, and
+    onto every page, a power of ten off.
+
+    Raises:
+        InputError: a parameter in another unit.
+    """
+    for layout in LAYOUTS:
+        try:
+            parameters = effect().parameters(layout)
+        except Exception:  # it isn't made for such logs, or broken, which shows where it is used
+            continue
+        for p in parameters:
+            if not SI.fullmatch(p.unit):
+                raise InputError(
+                    f"{p.name} of effect '{effect.id}' in '{p.unit}', in {where}",
+                    "parameters in SI units, as m, rad, N/m, or 1 for none",
+                    "write the law, bounds and scale in SI; kinid effect check says what else there is",
+                )
+    return effect
 
 
 def load_effect(path: Path) -> type[Effect]:

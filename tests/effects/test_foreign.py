@@ -46,6 +46,27 @@ def test_what_is_no_effect_is_refused(folder: Path, name: str, text: str, said: 
     assert said in str(refused.value)
 
 
+@pytest.mark.parametrize(
+    ("name", "si", "unit"),
+    [
+        ("surface_offset", "m", "mm"),
+        ("sensor_misalignment", "rad", "deg"),
+        ("hooke", "N/m", "kN/m"),
+        ("tool_mass", "kg", "g"),
+    ],
+)
+def test_parameters_in_other_than_si_units_are_refused(folder: Path, name: str, si: str, unit: str) -> None:
+    copied(folder, name, "my-law", "my_law.py")
+    text = (folder / "my_law.py").read_text(encoding="utf-8")
+    assert f'"{si}"' in text
+    assert effects.get("my-law").id == "my-law"
+    effects.catalogue.cache_clear()
+    (folder / "my_law.py").write_text(text.replace(f'"{si}"', f'"{unit}"'), encoding="utf-8")
+    with pytest.raises(InputError, match="parameters in SI units") as refused:
+        effects.catalogue()
+    assert f"of effect 'my-law' in '{unit}', in {folder / 'my_law.py'}" in refused.value.found
+
+
 def test_names_are_taken_once(folder: Path) -> None:
     shutil.copy(HOME / "hooke.py", folder)
     with pytest.raises(InputError, match="a second effect 'hooke'"):

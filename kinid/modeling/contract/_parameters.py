@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from kinid.modeling.contract._case import Case, Rule, demand, short
 from kinid.parameter import Parameter
+from kinid.units import SI
 
 Array = NDArray[np.float64]
 
-#: a product and quotient of powers of SI units, and of the minute; exponents may be a parameter of the law
-UNIT = re.compile(r"1?((^|[·/(])(kg|N|m|s|min|rad|A|V|Hz)(²|³|\^(\d+(\.\d+)?|n|\(n\+1\)))?\)?)*")
 #: of a name: kebab-case, perhaps a joint or channel in brackets
 NAME = re.compile(r"[a-z]+(-[a-z0-9]+)*\d?(\[[^\]]+\])?")
 #: values of a grid: more take long, one is a nominal value
@@ -35,7 +34,7 @@ def names(case: Case) -> str:
 def units(case: Case) -> str:
     """Units are SI."""
     for p in case.own.values():
-        demand(p.unit and UNIT.fullmatch(p.unit), f"{p.name} in '{p.unit}'")
+        demand(p.unit and SI.fullmatch(p.unit), f"{p.name} in '{p.unit}'")
     return ", ".join(dict.fromkeys(p.unit for p in case.own.values())) or "none"
 
 
