@@ -255,7 +255,7 @@ def from_joint_torques(
     joints = joint_signals(motion, rows, arm, robot, carried)
     if arm is not robot and rig.tool is not None:
         joints = dataclasses.replace(joints, tool=(rig.tool.mass, rig.tool.mass * float(np.linalg.norm(rig.tool.com))))
-    layout = _joint_layout(rig, robot, log.tau.shape[1])
+    layout = joint_layout(rig, robot, log.tau.shape[1])
     measured = _rows(log.tau[rows])
     none, pair = np.zeros(len(rows)), np.zeros((2, len(rows)))
     signals = Signals(layout, t, dt, none, none, pair, pair, measured=measured, joints=joints)
@@ -282,7 +282,7 @@ def _beyond_sensor(log: Log, rig: Rig, robot: Robot, motion: JointMotion, bias: 
     return read_wrench(log, rig, robot, motion, log.labelled_free, bias, trust=True).true()
 
 
-def _joint_layout(rig: Rig, robot: Robot | None, count: int) -> Layout:
+def joint_layout(rig: Rig, robot: Robot | None, count: int) -> Layout:
     """Channels of joint torques."""
     names = () if robot is None else robot.joint_names
     slides = [_slides(rig, j) for j in range(count)] if robot is None else [robot.is_prismatic(name) for name in names]

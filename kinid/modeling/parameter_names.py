@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+from kinid.effects import Layout
 from kinid.errors import InputError, expect, near
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
@@ -28,6 +29,25 @@ def full_name(name: str, named: Iterable[str], model: Model, what: str = "parame
     # what several effects have is offered with its effect
     shown = named if "." in name else [end if ends.count(end) == 1 else full for full, end in zip(named, ends)]
     raise InputError(f"{what}'{name}'", f"a parameter of {model}", near(name, shown))
+
+
+def assumed_values(model: Model, values: Mapping[str, float], layout: Layout) -> dict[str, float]:
+    """Values that are assumed of a model for logs of a layout, under their full names.
+
+    Raises:
+        InputError: a name that no parameter has, or several, or a value outside its bounds.
+    """
+    named = model.parameters(layout)
+    whole = {}
+    for given, value in values.items():
+        name = full_name(given, named, model, "value for ")
+        p = named[name]
+        if not p.low <= value <= p.high:
+            raise InputError(
+                f"{name} = {value:g} {p.unit}", f"a value from {p.low:g} to {p.high:g} {p.unit}", "correct it"
+            )
+        whole[name] = float(value)
+    return whole
 
 
 def starting_values(model: Model, experiment: Experiment, start: Mapping[str, float] | None) -> dict[str, float]:

@@ -27,7 +27,7 @@ from kinid.identification.problem import MEAN_RATE
 from kinid.modeling.applicability import base_of, candidate_effects
 from kinid.modeling.experiment import Experiment
 from kinid.modeling.model import Model
-from kinid.modeling.parameter_names import full_name
+from kinid.modeling.parameter_names import assumed_values
 from kinid.planning.discrimination import SURE, Discrimination, Pair, Verdict, why_separable
 from kinid.planning.distances import cells, even, left, rest, where
 from kinid.planning.expected import expected_law
@@ -270,7 +270,7 @@ def rank(
         planned.append((proposal, motion, bench.experiment(proposal, motion)))
     if not planned:
         raise _none(refused)
-    judge = dataclasses.replace(judge, values=_values(model, judge.values, planned[0][2].layout))
+    judge = dataclasses.replace(judge, values=assumed_values(model, judge.values, planned[0][2].layout))
     judge.ready([experiment for _, _, experiment in planned])
     with threadpool_limits(1, user_api="blas"):  # products of a few columns: threads would only wait for each other
         verdicts = [judge(proposal, each, motion.duration, motion.touch) for proposal, motion, each in planned]
@@ -364,21 +364,6 @@ def _gentle(planner: Planner, depth: float) -> float:
 def _none(refused: Mapping[str, InputError]) -> InputError:
     why = next(iter(refused.values()))
     return InputError(f"no experiment that the robot can do: {why.found}", why.expected, why.mend)
-
-
-def _values(model: Model, values: Mapping[str, float], layout: Layout) -> dict[str, float]:
-    """Values under their full names, each within its bounds."""
-    named = model.parameters(layout)
-    whole = {}
-    for given, value in values.items():
-        name = full_name(given, named, model, "value for ")
-        p = named[name]
-        if not p.low <= value <= p.high:
-            raise InputError(
-                f"{name} = {value:g} {p.unit}", f"a value from {p.low:g} to {p.high:g} {p.unit}", "correct it"
-            )
-        whole[name] = float(value)
-    return whole
 
 
 def _tolerances(model: Model, values: Array, s: Signals, predicted: Array, candidates: set[str]) -> list[Array]:

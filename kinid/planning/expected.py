@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kinid.effects import Layout, Signals, catalogue
 from kinid.errors import InputError
 from kinid.modeling.model import Model
-from kinid.modeling.parameter_names import full_name
+from kinid.modeling.parameter_names import assumed_values
 from kinid.writers import Json
 
 Array = NDArray[np.float64]
@@ -40,14 +40,7 @@ class Law:
             )
         named = self.model.parameters(self.layout())
         complete = {name: p.nominal for name, p in named.items()}
-        for given, value in self.values.items():
-            name = full_name(given, named, self.model, "value for ")
-            p = named[name]
-            if not p.low <= value <= p.high:
-                raise InputError(
-                    f"{name} = {value:g} {p.unit}", f"a value from {p.low:g} to {p.high:g} {p.unit}", "correct it"
-                )
-            complete[name] = float(value)
+        complete |= assumed_values(self.model, self.values, self.layout())
         object.__setattr__(self, "values", complete)
 
     def layout(self) -> Layout:

@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 
 import kinid.urdf
 from kinid.data.log import Log, Provenance
-from kinid.data.rig import Rig
+from kinid.data.rig import WRENCH, Rig
+from kinid.effects import Layout
 from kinid.errors import InputError
 from kinid.modeling.experiment import Experiment
-from kinid.modeling.from_logs import from_joint_torques, from_wrench
+from kinid.modeling.from_logs import from_joint_torques, from_wrench, joint_layout
 from kinid.modeling.model import Model
+from kinid.modeling.parameter_names import assumed_values
 from kinid.planning.check import Usage, check
 from kinid.planning.collision import Scene
 from kinid.planning.information import Interval, cost, information, intervals, sensitivities, without
@@ -199,12 +201,13 @@ def excite_free(
     """The free motion that tells most about effects of tool, sensor or joints.
 
     Args:
-        rig: with a robot. model: without a contact law. values: assumed, by full name; others nominal.
+        rig: with a robot. model: without a contact law. values: assumed, others nominal.
         bounds: duration, bandwidth and fade count. start: posture to swing about [rad], (N,); default: found.
         sines: a joint. criterion: "D" or "A". rate: of log and trajectory [Hz]. limits: default: the URDF's.
 
     Raises:
-        InputError: a model with contact, no posture free to swing about, or parameters that no free motion tells.
+        InputError: a model with contact, a value of no parameter of it or out of its bounds, no posture free to swing
+            about, or parameters that no free motion tells.
     """
     if model.contact_law is not None or not model.effects:
         raise InputError(f"{model} for free motion", "effects of tool, sensor or joints", "plan contact laws by pokes")
@@ -213,7 +216,9 @@ def excite_free(
     reach = Reach(robot, limits, rig.tool)
     scene = scene_of(rig, robot) if collisions else None
     bare = rig.model_copy(update={"surface": None})
-    design = Design(bare, robot, limits, model, values or {}, reach, scene, criterion, rate)
+    layout = joint_layout(rig, robot, robot.joint_count) if "joints" in model.needs else Layout(WRENCH, "wrench")
+    assumed = assumed_values(model, values or {}, layout)
+    design = Design(bare, robot, limits, model, assumed, reach, scene, criterion, rate)
     rng = np.random.default_rng(3)
     best: tuple[float, Swing] | None = None
     for number in range(DRAWN):

@@ -33,6 +33,22 @@ def test_a_swing_has_its_derivatives() -> None:
     np.testing.assert_allclose(np.stack(ends[1:]), 0.0, atol=1e-12)
 
 
+def test_values_are_those_of_parameters_by_short_names_too(rig: Any) -> None:
+    model, bounds = kinid.Model("tool-mass", "tool-com"), Bounds(duration=3.0, bandwidth=1.5)
+    for values, words in (
+        ({"stiffness": 900.0}, "value for 'stiffness'"),
+        ({"tool-mass.error": 0.1}, "'tool-mass.error'"),
+        ({"mass": 1e9}, "tool-mass.mass = 1e.09 kg"),
+    ):
+        with pytest.raises(InputError, match=words):
+            excite_free(rig, model, values, bounds=bounds, rate=50.0)
+    short, full = (
+        excite_free(rig, kinid.Model("tool-mass"), {name: 0.3}, bounds=bounds, rate=50.0, sines=1, collisions=False)
+        for name in ("mass", "tool-mass.mass")
+    )
+    assert short.intervals["tool-mass.mass"].value == full.intervals["tool-mass.mass"].value == 0.3
+
+
 def test_the_tools_load(rig: Any) -> None:
     """Expected intervals beside those of fits to simulated wrenches; and more than a motion at random tells."""
     model = kinid.Model("tool-mass", "tool-com")
