@@ -16,8 +16,10 @@ from kinid.errors import InputError
 MAX_GAP_PERIODS = 3.5
 #: a stream at least this many times faster than the reference is averaged, else it is interpolated
 FASTER = 1.1
-#: streams share this share of their time less, and this much [s], only with a clock offset that is wrong
+#: streams that were recorded together share all of their time but for this share, or this much [s]
 LOST, LOST_LEAST = 0.05, 0.5
+#: stamps are no times of measurement where more than this share of samples has that of another one
+ONE_STAMP = 0.02
 #: two times are the same when they differ by less than this part of a sample time: the rounding of stamps
 _SAME = 1e-6
 
@@ -132,7 +134,8 @@ def merge(
         offsets: by stream name, time [s] that is added to its stamps.
 
     Raises:
-        InputError: two streams of one name, or a stream that shares no time with the reference.
+        InputError: two streams of one name, a stream whose samples all have one stamp, or one that shares no time with
+            the reference.
     """
     names = [s.name for s in (reference, *others)]
     if len(set(names)) < len(names):
@@ -140,7 +143,7 @@ def merge(
     offsets = offsets or {}
     clock, facts = _on_own_clock(reference, offsets)
     brought = {reference.name: clock.values}
-    steps = [Step("merge", {**facts, "method": "reference clock"})]
+    steps = [Step("merge", {**facts, "method": "reference clock"}, _of_one_stamp(reference, facts))]
     interpolated: dict[str, float] = {}
     for other in others:
         stream, facts = _on_own_clock(other, offsets)
@@ -156,7 +159,11 @@ def merge(
         interpolated |= {} if faster else {stream.name: stream.period}
         facts["method"] = "average over the reference's interval" if faster else "linear interpolation"
         facts |= {"empty": missing} | ({"max_gap": float(limit)} if limit < float("inf") else {})
-        steps.append(Step("merge", facts, _parted((reference, other), (clock, stream))))
+        doubts = _parted((reference, other), (clock, stream)) or apart(
+            {s.name: (float(s.t[0]), float(s.t[-1])) for s in (clock, stream)},
+            ", or state the offset between their clocks, [streams] wrench_clock_offset",
+        )
+        steps.append(Step("merge", facts, (*_of_one_stamp(other, facts), *doubts)))
     return Merged(clock.t, {name: frozen(v) for name, v in brought.items()}, tuple(steps), interpolated)
 
 
@@ -173,8 +180,53 @@ def _parted(raw: tuple[Stream, Stream], shifted: tuple[Stream, Stream]) -> tuple
     )
 
 
+def apart(spans: Mapping[str, tuple[float, float]], mend: str) -> tuple[str, ...]:
+    """At most one doubt: that one of several sources begins late or ends early beside the others.
+
+    Args:
+        spans: first and last time of each [s], on one clock. mend: what else to do about it, in words.
+    """
+    first, last = (max(spans, key=lambda name: sign * spans[name][k]) for sign, k in ((-1, 0), (1, 1)))
+    begin, end = spans[first][0], spans[last][1]
+    most = max(LOST * (end - begin), LOST_LEAST)
+    late = {name: span[0] - begin for name, span in spans.items() if span[0] - begin > most}
+    early = {name: end - span[1] for name, span in spans.items() if end - span[1] > most}
+    said = [f"{name} begins {by:.3g} s after {first}" for name, by in late.items()]
+    said += [f"{name} ends {by:.3g} s before {last}" for name, by in early.items()]
+    if not said:
+        return ()
+    shared = min(span[1] for span in spans.values()) - max(span[0] for span in spans.values())
+    return (
+        f"{', '.join(said)}: {max(shared, 0.0):.4g} s of {end - begin:.4g} s hold all, and the rest counts for "
+        f"nothing; record them together from begin to end{mend}",
+    )
+
+
+def _of_one_stamp(stream: Stream, facts: Mapping[str, object]) -> tuple[str, ...]:
+    """A doubt where many samples of a stream that differ have one stamp: it is none of a measurement.
+
+    Args:
+        stream: as it was received. facts: what `tidy` did to it.
+    """
+    many = int(str(facts.get("averaged", 0)))
+    if many <= ONE_STAMP * len(stream.t):
+        return ()
+    return (
+        f"{many} of {len(stream.t)} samples of {stream.name} have the stamp of another one and other values, and their "
+        "mean is taken: stamps of when a block was sent, or too coarse ones; give each sample its own when it is "
+        "recorded",
+    )
+
+
 def _on_own_clock(stream: Stream, offsets: Mapping[str, float]) -> tuple[Stream, dict[str, object]]:
     tidied, counts = tidy(stream)
+    if counts["averaged"] and len(tidied.t) == 1:
+        raise InputError(
+            f"{len(stream.t)} samples of {stream.name} with one stamp, {float(tidied.t[0]):.6g} s",
+            "the time of each sample",
+            "record anew with stamps of the sensor or of reception; as a table, rows that come evenly need no time: "
+            "[columns] t = { rate = … }",
+        )
     facts: dict[str, object] = {"stream": stream.name, "samples": len(tidied.t), "rate": 1.0 / tidied.period}
     facts |= {name: count for name, count in counts.items() if count}
     offset = offsets.get(stream.name, 0.0)

@@ -97,6 +97,39 @@ def test_an_offset_that_parts_streams_recorded_together_is_doubted(behind: float
     assert [("wrench_clock_offset" in words) for words in said] == [True] * doubted
 
 
+@pytest.mark.parametrize(
+    ("begin", "end", "says"),
+    [
+        (0.0, 10.0, ""),
+        (0.3, 9.7, ""),  # recorders subscribe to one topic after the other
+        (3.0, 10.0, "joints begins 3 s after wrench: 7 s of 10 s hold all"),
+        (0.0, 4.0, "joints ends 6 s before wrench: 4 s of 10 s hold all"),
+        (-2.0, 8.0, "wrench begins 2 s after joints, joints ends 2 s before wrench: 8 s of 12 s hold all"),
+    ],
+)
+def test_streams_that_were_not_recorded_together_are_doubted(begin: float, end: float, says: str) -> None:
+    wrench, joints = (
+        stream(t, np.sin(t), name) for t, name in ((SPAN, "wrench"), (np.arange(begin, end + 5e-3, 0.01), "joints"))
+    )
+    said = [warning for step in merge(wrench, [joints]).steps for warning in step.warnings]
+    assert len(said) == bool(says)
+    assert not says or (said[0].startswith(says) and "record them together" in said[0])
+
+
+SPAN = np.arange(0.0, 10.0 + 1e-3, 2e-3)
+
+
+@pytest.mark.parametrize(("block", "doubted"), [(1, False), (10, True)])
+def test_many_samples_of_one_stamp_are_doubted(block: int, doubted: bool) -> None:
+    t = SPAN[np.arange(len(SPAN)) // block * block]
+    merged = merge(stream(t, np.sin(SPAN), "wrench"), [stream(SPAN, np.cos(SPAN), "joints")])
+    said = [warning for step in merged.steps for warning in step.warnings]
+    assert any("of 5001 samples of wrench have the stamp of another one" in warning for warning in said) == doubted
+    assert len(said) == doubted
+    with pytest.raises(InputError, match="5001 samples of joints with one stamp, 3 s"):
+        merge(stream(SPAN, np.sin(SPAN), "wrench"), [stream(0.0 * SPAN + 3.0, np.cos(SPAN), "joints")])
+
+
 def test_a_pause_is_not_bridged_unless_allowed() -> None:
     t = np.concatenate([np.arange(0, 1, 0.1), np.arange(1.6, 2.5, 0.1)])
     slow, clock = stream(t, t, "slow"), stream(np.arange(0.05, 2.4, 0.05), np.zeros(47), "clock")

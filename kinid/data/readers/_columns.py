@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from kinid.data.log import Array, Log, Provenance
+from kinid.data.log import Array, Log, Provenance, Step
 from kinid.data.readers._cells import Column, numbers, seconds, words
 from kinid.data.rig import CONTACT, GROUPS, WRENCH, ColumnSpec, Rig
+from kinid.data.streams import apart
 from kinid.errors import InputError, near
+from kinid.signal.pieces import finite_rows
 
 Arrays = list[Column]
 #: a rate and the times of the rows are one where they differ by this share, at most
@@ -98,7 +100,8 @@ def to_log(table: Table, rig: Rig, joints: Sequence[str] | None = None) -> Log:
 
     Raises:
         InputError: no time, a column that the rig names and the table lacks, a hole in the numbers of joints,
-            cells that are no numbers, columns of differing length, or what `Log` refuses.
+            cells that are no numbers, columns of differing length, no row that has all quantities, or what `Log`
+            refuses.
     """
     ours = frozenset(table.names or ()) >= CONTACT_TABLE
     if ours:
@@ -141,7 +144,33 @@ def to_log(table: Table, rig: Rig, joints: Sequence[str] | None = None) -> Log:
     assert t is not None
     log = Log(t, contact=contact, phase=phase, provenance=Provenance(table.source), **joined)  # type: ignore[arg-type]
     _check_joints(log, rig, table.source)
-    return log.replace("read", facts | {"invalid_rows": int((~log.valid).sum())})
+    facts |= {"invalid_rows": int((~log.valid).sum())}
+    return replace(log, provenance=log.provenance.after(Step("read", facts, _apart(log))))
+
+
+def _apart(log: Log) -> tuple[str, ...]:
+    """A doubt where joints or readings begin late or end early beside the others of a table.
+
+    Raises:
+        InputError: no row has all of them.
+    """
+    if log.valid.all():
+        return ()
+    groups = {
+        name: finite_rows(values) for name in (*JOINT_GROUPS, "wrench") if (values := getattr(log, name)) is not None
+    }
+    groups |= {name: np.isfinite(values) for name, values in log.contact.items()}
+    spans = {name: (log.t[rows][0], log.t[rows][-1]) for name, rows in groups.items() if rows.any()}
+    if len(spans) < len(groups):  # what is empty throughout is said where it is needed
+        return ()
+    if not log.valid.any():
+        shown = " and ".join(f"{name} from {a:.4g} to {b:.4g} s" for name, (a, b) in spans.items())
+        raise InputError(
+            f"no row of {log.provenance.source} with all of {shown}",
+            "joints and readings of one time in one row",
+            "bring them onto one clock before they are written, or record them as streams of one bag",
+        )
+    return apart(spans, ", or leave out the rows that lack one of them")
 
 
 def _check_rate(t: Array, rate: float | None, source: str, label: str) -> None:

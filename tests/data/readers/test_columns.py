@@ -300,3 +300,29 @@ def test_a_rate_beside_a_column_of_times_agrees_with_it(rate: float, right: bool
         return
     with pytest.raises(InputError, match=r"2 rows/s by the times in 't'"):
         log_of(arrays, {"t": {"rate": rate}})
+
+
+@pytest.mark.parametrize(
+    ("joints", "wrench", "says"),
+    [
+        ((0.0, 10.0), (0.0, 10.0), ""),
+        ((0.2, 10.0), (0.0, 9.7), ""),
+        ((4.0, 10.0), (0.0, 10.0), "q begins 4 s after wrench: 6 s of 10 s hold all"),
+        ((0.0, 10.0), (1.0, 7.0), "wrench begins 1 s after q, wrench ends 3 s before q: 6 s of 10 s hold all"),
+    ],
+)
+def test_joints_and_wrench_that_begin_or_end_apart_are_doubted(
+    joints: tuple[float, float], wrench: tuple[float, float], says: str
+) -> None:
+    t = np.arange(1001) * 0.01
+    q, f = (np.where((t >= a - 1e-9) & (t <= b + 1e-9), np.sin(t), np.nan) for a, b in (joints, wrench))
+    said = log_of({"t": t, "q1": q, **dict.fromkeys(WRENCH, f)}).provenance.warnings
+    assert len(said) == bool(says)
+    assert not says or said[0].startswith(says)
+
+
+def test_joints_and_wrench_without_a_row_in_common_are_refused() -> None:
+    t = np.arange(1001) * 0.01
+    q, f = np.where(t < 5.0, np.sin(t), np.nan), np.where(t < 5.0, np.nan, np.cos(t))
+    with pytest.raises(InputError, match="no row of memory with all of q from 0 to 4.99 s and wrench from 5 to 10 s"):
+        log_of({"t": t, "q1": q, **dict.fromkeys(WRENCH, f)})
