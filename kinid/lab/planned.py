@@ -31,8 +31,14 @@ SMOOTH, ROUNDED = 5e-3, 1.05
 JERKS, FAST = 2.0, 0.3
 #: a guard looks at the mean of the measured force over so long [s]: noise doesn't stop the arm
 REACTION = 0.01
-#: by how much the depths that a trajectory states may differ from those on the rig's surface [m]
+#: by how much tip, slip and depth that a trajectory states may differ from where its joints put the tip [m]
 SAME = 1e-4
+#: set-points that are carried out, at most: at 1 kHz, half an hour and more
+MOST_POINTS = 2_000_000
+#: samples this far apart [s], between which no joint gets faster than the second [rad/s], have times in another unit
+FAR_APART, CRAWLS = 0.5, 0.01
+#: share of the speed (root mean squares) that stated velocities may differ by from the positions' changes
+OTHER_SPEED = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +129,8 @@ def planned(
         base: what is touched, gains, sensor and seed; default: as for a poke. point, normal: of the surface instead.
 
     Raises:
-        InputError: no trajectory; another robot's joints, limits or surface; a start in motion or in the material.
+        InputError: no trajectory; another robot's joints, limits, kinematics or surface; times in another unit, or too
+            many; velocities that aren't the positions'; a start in motion or in the material.
     """
     base = base or prepare("poke", point=point, normal=normal)
     check_gains(base.gains)
@@ -132,17 +139,18 @@ def planned(
         base = _as_rigged(base, rig, moved)
     robot = base.robot
     motion = read_trajectory(path, robot.joint_names)
+    _check_times(path, motion, base.gains.period)
+    _check_velocities(path, motion)
     ahead = motion.force is not None and bool(np.isfinite(motion.force).all())
     points = set_points(motion, robot, base.gains.period, base.gains.translation if ahead else None)
     _check_limits(path, robot, points)
     _check_smooth(path, robot, points, base.gains.period)
-    place, tip = (
-        _on_surface(base, positions)
-        for positions in (points.positions, robot.kinematics(robot.tip_frame or "", points.q).position)
-    )
+    place, reached = _on_surface(base, points.positions), robot.kinematics(robot.tip_frame or "", motion.q).position
+    tip = _on_surface(base, reached)
     _check_start(path, robot, points, tip)
+    _check_tip(path, motion, reached)
     if rig is not None and rig.surface is not None and not moved:
-        _check_surface(path, motion, points, tip)
+        _check_surface(path, motion, tip)
     limit = None
     if motion.force_limit is not None:
         row = np.searchsorted(motion.t - motion.t[0], points.t + 1e-9, side="right") - 1
@@ -181,6 +189,55 @@ def _on_surface(setup: Setup, positions: Array) -> Array:
     """Along both tangents, and depth [m], (n, 3)."""
     out: Array = (positions - np.asarray(setup.point)) @ setup.axes.T * np.array([1.0, 1.0, -1.0])
     return out
+
+
+def _check_times(path: Path, motion: Trajectory, period: float) -> None:
+    """Times in seconds, and no more of them than can be carried out."""
+    step, points = float(np.median(np.diff(motion.t))), motion.duration / period
+    speed = float(np.abs(np.diff(motion.q, axis=0) / np.diff(motion.t)[:, None]).max())
+    if step > FAR_APART and speed < CRAWLS:
+        raise InputError(
+            f"{path} with samples {step:.3g} s apart, between which no joint gets faster than {speed:.2g} rad/s",
+            "times in s",
+            "divide the column t by 1000, if it is in ms",
+        )
+    if points > MOST_POINTS:
+        raise InputError(
+            f"{path} of {motion.duration:.4g} s, {points:.3g} set-points at {1.0 / period:g} Hz",
+            f"{MOST_POINTS} at most",
+            "cut it into several, or write its times in s",
+        )
+
+
+def _check_velocities(path: Path, motion: Trajectory) -> None:
+    """Stated velocities are the positions' derivative: q₁ − q₀ = h (q̇₀ + q̇₁) / 2 + h² (q̈₀ − q̈₁) / 12, but for the
+    fifth power of the step h.
+    """
+    h = np.diff(motion.t)[:, None]
+    moved = np.diff(motion.q, axis=0) / h
+    stated = 0.5 * (motion.dq[1:] + motion.dq[:-1]) - h * np.diff(motion.ddq, axis=0) / 12.0
+    apart, speed = (np.sqrt(np.mean(part**2, axis=0)) for part in (stated - moved, moved))
+    j = int(np.argmax(apart))
+    if not apart[j] <= OTHER_SPEED * max(float(speed.max()), REST):
+        raise InputError(
+            f"{path}, whose dq{j + 1} is not the derivative of q{j + 1}: {apart[j]:.3g} rad/s beside it, where the "
+            f"joints move at {float(speed.max()):.3g} rad/s (root mean squares)",
+            "velocities in rad/s, of these positions over these times",
+            "correct dq and ddq, or the unit of t; or leave both out, and they are worked out",
+        )
+
+
+def _check_tip(path: Path, motion: Trajectory, reached: Array) -> None:
+    """The tip that the plan states is where the joints put it, (n, 3)."""
+    if not np.isfinite(motion.tip).all():
+        return
+    apart = float(np.linalg.norm(motion.tip - reached, axis=1).max())
+    if apart > SAME:
+        raise InputError(
+            f"{path}, whose tip_x, tip_y, tip_z lie up to {1e3 * apart:.2f} mm beside where its joints put the tip",
+            "joints and tip of one motion of this arm, in rad and m",
+            "name the rig that it was planned for with --rig, or leave the tip's columns out: the joints are followed",
+        )
 
 
 def _check_limits(path: Path, robot: Robot, points: SetPoints) -> None:
@@ -266,14 +323,15 @@ def _check_start(path: Path, robot: Robot, points: SetPoints, tip: Array) -> Non
         )
 
 
-def _check_surface(path: Path, motion: Trajectory, points: SetPoints, tip: Array) -> None:
-    """The depths that the plan states are those on this surface."""
-    if motion.place is None or not np.isfinite(motion.place[:, 2]).all():
+def _check_surface(path: Path, motion: Trajectory, tip: Array) -> None:
+    """The slip and the depth that the plan states are those on this surface, (n, 3)."""
+    if motion.place is None or not np.isfinite(motion.place).all():
         return
-    apart = np.abs(np.interp(points.t, motion.t - motion.t[0], motion.place[:, 2]) - tip[:, 2]).max()
-    if apart > SAME:
-        raise InputError(
-            f"{path}, whose depths lie up to {1e3 * apart:.2f} mm beside those on this surface",
-            "a trajectory that was planned for it",
-            "name the rig that it was planned for with --rig",
-        )
+    apart = np.abs(motion.place - tip).max(axis=0)
+    for what, most in (("depths", apart[2]), ("slips", apart[:2].max())):
+        if most > SAME:
+            raise InputError(
+                f"{path}, whose {what} lie up to {1e3 * most:.2f} mm beside those on this surface",
+                "a trajectory that was planned for it",
+                "name the rig that it was planned for with --rig",
+            )

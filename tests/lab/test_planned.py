@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from kinid.lab.experiments import prepare
 from kinid.lab.planned import doubts, planned
 from kinid.lab.writing import write_rig
 from kinid.modeling.model import Model
-from kinid.planning.trajectory import read_trajectory
+from kinid.planning.trajectory import Trajectory, read_trajectory
 from kinid.signal.derivative import Differentiator
 from kinid.writers import write_table
 
@@ -179,6 +180,37 @@ def test_a_trajectory_that_does_not_fit_is_refused(plans: Path, tmp_path: Path, 
     with pytest.raises(InputError, match="trajectory of panda_joint1.*joints of lwr4plus"):
         planned(tmp_path / "panda.parquet", Rig.load(plans / "rig.toml"))
     assert not (tmp_path / "never").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda m: {"t": 1e3 * m.t}, "samples 2 s apart.*expected times in s"),
+        (lambda m: {"t": 1e3 * m.t, "dq": 1e-3 * m.dq, "ddq": 1e-6 * m.ddq}, "samples 2 s apart.*expected times in s"),
+        (lambda m: {"t": np.concatenate([m.t[:-1], [2100.0]])}, "2.1e.06 set-points at 1000 Hz"),
+        (lambda m: {"dq": np.rad2deg(m.dq)}, "whose dq. is not the derivative"),
+        (lambda m: {"dq": 0.0 * m.dq, "ddq": 0.0 * m.ddq}, "whose dq. is not the derivative"),
+        (lambda m: {"tip": 1e3 * m.tip}, "tip_x, tip_y, tip_z lie up to"),
+        (lambda m: {"tip": m.tip + [0.001, 0.0, 0.0]}, "lie up to 1.00 mm beside where its joints"),
+        (lambda m: {"place": m.place + [0.02, 0.0, 0.0]}, "slips lie up to 20.00 mm beside"),
+    ],
+)
+def test_a_trajectory_that_contradicts_itself_is_refused(
+    plans: Path, tmp_path: Path, change: Callable[[Trajectory], dict[str, Any]], words: str
+) -> None:
+    motion = read_trajectory(plans / "poke.parquet")
+    dataclasses.replace(motion, **change(motion)).write(tmp_path / "other.parquet")
+    with pytest.raises(InputError, match=words):
+        planned(tmp_path / "other.parquet", Rig.load(plans / "rig.toml"))
+
+
+@pytest.mark.parametrize("name", list(PLANS))
+@pytest.mark.parametrize("every", [1, 25])
+def test_plans_are_taken_at_any_rate(plans: Path, tmp_path: Path, name: str, every: int) -> None:
+    motion = read_trajectory(plans / f"{name}.parquet")
+    rows = {key: values[::every] for key, values in motion.columns().items()}
+    write_table(tmp_path / "plan.csv", rows)
+    planned(tmp_path / "plan.csv", Rig.load(plans / "rig.toml"))
 
 
 def test_a_log_is_no_plan_and_a_hurried_plan_neither(app: typer.Typer, plans: Path, tmp_path: Path) -> None:
