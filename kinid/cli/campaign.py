@@ -235,9 +235,10 @@ def show_pooled(result: PooledFit) -> None:
     show_logs(result)
     error = result.error
     by_log = f", {result.by_log:.4g} on logs held out" if result.by_log == result.by_log else ""
+    aside, total = len(result.put_aside), len(result.logs) + len(result.put_aside)
     out.print(
         f"error {error.train:.4g} {error.unit} rms on samples seen, {error.held_out:.4g} on blocks held out{by_log}; "
-        f"the noise is {error.noise_floor:.4g}",
+        f"the noise is {error.noise_floor:.4g}" + (f"; {aside} of {total} logs put aside" if aside else ""),
         soft_wrap=True,
     )
     for warning in result.warnings:

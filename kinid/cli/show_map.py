@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 #: times the noise from which a model fails at a place
 FAILING = 3
 #: logs that were left out are named, so many
-MOST_LEFT_OUT = 5
+MOST_LEFT_OUT = 20
 
 
 class Known(NamedTuple):
@@ -115,7 +115,8 @@ def show_map(grown: PropertyMap, known: Sequence[Known], new: int, left_out: Map
     """Two tables: together they are wider than a terminal."""
     out, probes = console(), len(grown)
     old = f", {probes - new} of them there already" if new < probes else ""
-    out.print(f"{grown.words}{old}", soft_wrap=True)
+    aside = f"; {len(left_out)} log{'s' * (len(left_out) != 1)} left out" if left_out else ""
+    out.print(f"{grown.words}{old}{aside}", soft_wrap=True)
     table = plain_table("property", "unit", *right("lowest", "highest", "standard error"))
     for p in known:
         low, high, error = p.numbers

@@ -43,7 +43,7 @@ SHARED = 3.0
 #: what touches are fitted with unless the user says more
 MODEL = ("kelvin-voigt",)
 #: files of logs in a folder
-LOG_SUFFIXES = (".parquet", ".csv", ".csv.gz", ".npz", ".mcap", ".bag")
+LOG_SUFFIXES = (".parquet", ".csv", ".csv.gz", ".npz", ".mat", ".mcap", ".bag")
 
 
 class Exponent(NamedTuple):
@@ -54,7 +54,8 @@ class Exponent(NamedTuple):
 
 
 def logs_in(paths: Sequence[Path]) -> list[Path]:
-    """The logs that files and folders name, in order; of a campaign's folder its pokes and slides.
+    """The logs that files and folders name, in order; of the laboratory's campaign, which has a manifest, its pokes and
+    slides, of any other folder every file of a log's kind.
 
     Raises:
         InputError: a folder without logs, or nothing there.
@@ -67,12 +68,13 @@ def logs_in(paths: Sequence[Path]) -> list[Path]:
                 raise InputError(f"no log at {path}", "a log, or a folder of logs", "correct the name")
             out.append(path)
             continue
-        found = sorted((*path.glob("poke_*.parquet"), *path.glob("slide_*.parquet")))
-        if not found and not (path / "campaign.json").is_file():
-            found = sorted(
-                f for f in path.iterdir() if f.name.lower().endswith(LOG_SUFFIXES) and not f.name.startswith(".")
-            )
-        if not found and not (path / "campaign.json").is_file():
+        if (path / "campaign.json").is_file():
+            out += sorted((*path.glob("poke_*.parquet"), *path.glob("slide_*.parquet")))
+            continue
+        found = sorted(
+            f for f in path.iterdir() if f.name.lower().endswith(LOG_SUFFIXES) and not f.name.startswith(".")
+        )
+        if not found:
             raise InputError(f"no logs in {path}", f"files ending in {', '.join(LOG_SUFFIXES)}", "name another folder")
         out += found
     return list(dict.fromkeys(out))

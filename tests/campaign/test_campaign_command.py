@@ -46,6 +46,19 @@ def test_a_folder_is_fitted(folder: Path, monkeypatch: pytest.MonkeyPatch, capsy
     assert "http://" not in text.split("plotly.js", maxsplit=1)[0]
 
 
+def test_logs_that_cannot_be_used_are_counted_and_named(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = pq.read_table(folder / "c.parquet")
+    pq.write_table(whole.drop_columns(["normal_force"]), folder / "deaf.parquet")
+    (folder / "notes.csv").write_text("who,when\nme,today\n")
+    assert run(monkeypatch, "fit", folder, "--model", "kelvin-voigt,surface-offset,sensor-bias") == 0
+    said = capsys.readouterr().out
+    assert "; 2 of 5 logs put aside\n" in said
+    for name, why in (("deaf.parquet", "no normal force"), ("notes.csv", "no time")):
+        assert f"doubt: {name} is put aside: found {why}" in said
+
+
 def test_a_rejected_fit_of_many_logs_names_the_command_that_says_more(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -12,9 +12,11 @@ import sys
 import numpy as np
 import pytest
 from mould import felt
+from pyarrow import parquet
 
 import kinid
 from kinid.cli.map import map_
+from kinid.data.rig import WRENCH
 from kinid.errors import InputError
 from kinid.inputs import digest
 from kinid.lab import campaign as campaigns
@@ -222,6 +224,26 @@ def test_pieces_of_a_slide_are_of_the_quantity_that_pokes_tell(power_law, model)
     # no piece is surer than the exponent that it was told with
     n = made.deviations("exponent")[0]
     assert (error[1:] > 0.9 * stiffness[1:] * n * np.log(1 / 3e-3)).all()
+
+
+def test_logs_of_a_folder_that_cannot_be_used_are_counted_and_named(small, tmp_path, capsys):
+    """Beside pokes, too; maps in the folder are known for what they are, and one of them may go on there."""
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    for name in ("poke_0000.parquet", "poke_0001.parquet", "rig.toml"):
+        shutil.copy(small / name, folder)
+    whole = parquet.read_table(small / "poke_0002.parquet")
+    parquet.write_table(whole.drop_columns(list(WRENCH)), folder / "deaf.parquet")
+    parquet.write_table(whole.slice(0, 200), folder / "short.parquet")
+    (folder / "notes.csv").write_text("who,when\nme,today\n")
+    for _ in range(2):
+        map_([folder], folder / "map.parquet", json_file=tmp_path / "map.json")
+        said = capsys.readouterr().out
+        assert said.startswith("2 probes with kelvin-voigt")
+        assert "; 3 logs left out\n" in said
+        for name, why in (("deaf.parquet", "no normal force"), ("short.parquet", "no touch"), ("notes.csv", "no time")):
+            assert f"left out: {folder / name}: found {why}" in said
+        assert len(json.loads((tmp_path / "map.json").read_text())["left_out_logs"]) == 3
 
 
 def test_a_slide_alone_leaves_stiffness_open_and_the_map_says_so(power_law, tmp_path, capsys):
