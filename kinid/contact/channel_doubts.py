@@ -14,12 +14,16 @@ from kinid.signal.stuck import jumps, noisy, one_frozen
 
 Array = NDArray[np.float64]
 
+UNITS = 3 * ("N",) + 3 * ("N·m",)
 #: a jump is further than this share of the usual range; logs of fewer samples say nothing
 OF_RANGE, FEWEST_SAMPLES = 0.3, 20
 #: a channel of one sign is cut off where it is exactly zero in more than this share of samples; others are so many
 CUT, FEWEST = 0.01, 50
 #: labels of phases are fewer than this
 MOST_PHASES = 50
+#: a channel is cut off at an end of its readings where so many in a row are exactly there, and so many times those that
+#: repeat anywhere else
+IN_A_ROW, LONGER = 20, 5.0
 #: a reading of exactly zero is a lost one where those around it are so many times the noise away
 ZERO_NOISE = 10.0
 
@@ -40,6 +44,7 @@ def channel_doubts(log: Log) -> list[str]:
         or _copies(wrench, np.asarray(log.q)[log.valid])
         or _binary(wrench)
         or _lost(t, wrench)
+        or _cut_off(wrench)
         or _frozen(t, wrench)
         or _jumps(t, wrench)
     )
@@ -107,6 +112,23 @@ def _lost(t: Array, wrench: Array) -> list[str]:
     return []
 
 
+def _cut_off(wrench: Array) -> list[str]:
+    """A channel that shows noise but at one end of its readings, or both, where many are exactly the same."""
+    for name, unit, column in zip(WRENCH, UNITS, wrench.T):
+        starts = np.flatnonzero(np.diff(column, prepend=np.nan) != 0.0)
+        runs, values = np.diff(np.r_[starts, len(column)]), column[starts]
+        inside = (values != column.min()) & (values != column.max())
+        usual = max(IN_A_ROW, LONGER * float(runs[inside].max(initial=0)))
+        ends = [level for level in (column.min(), column.max()) if runs[values == level].max() > usual]
+        if ends and noisy(column[~np.isin(column, ends)]):
+            said = " and ".join(f"{level:.4g} {unit} in {np.sum(column == level)} samples" for level in ends)
+            return [
+                f"{name} is exactly {said}, and shows noise elsewhere: it is cut off there, by the range that sensor "
+                "or amplifier was set to; set it higher, or leave these readings empty"
+            ]
+    return []
+
+
 def _frozen(t: Array, wrench: Array) -> list[str]:
     """One channel that repeats a reading while the others go on."""
     changed = np.diff(wrench, axis=0, prepend=wrench[:1]) != 0.0
@@ -122,7 +144,7 @@ def _frozen(t: Array, wrench: Array) -> list[str]:
 
 def _jumps(t: Array, wrench: Array) -> list[str]:
     """Readings that jump and return at once, further than the channel usually ranges."""
-    for name, unit, column in zip(WRENCH, ("N", "N", "N", "N·m", "N·m", "N·m"), wrench.T):
+    for name, unit, column in zip(WRENCH, UNITS, wrench.T):
         usual = float(np.ptp(np.quantile(column, [0.01, 0.99])))
         found = jumps(column, OF_RANGE * usual) if noisy(column) else None
         if found is not None:

@@ -36,6 +36,16 @@ def cut(wrench: np.ndarray) -> np.ndarray:
     return wrench
 
 
+def clipped(wrench: np.ndarray) -> np.ndarray:
+    wrench[:, 2] = np.clip(wrench[:, 2], *np.quantile(wrench[:, 2], [0.1, 0.9]))
+    return wrench
+
+
+def clipped_above(wrench: np.ndarray) -> np.ndarray:
+    wrench[:, 0] = np.minimum(wrench[:, 0], np.quantile(wrench[:, 0], 0.95))
+    return wrench
+
+
 def copied(wrench: np.ndarray) -> np.ndarray:
     wrench[:, 3] = wrench[:, 0]
     return wrench
@@ -53,6 +63,9 @@ def flagged(wrench: np.ndarray) -> np.ndarray:
         (spiked, "fz jumps by 30 N and returns at once (2 samples"),
         (dropped, "is exactly 0 in"),
         (cut, "it is cut off at 0"),
+        (clipped, "fz is exactly -"),
+        (clipped, " samples, and shows noise elsewhere: it is cut off there"),
+        (clipped_above, "fx is exactly "),
         (copied, "fx and tx hold the same numbers throughout"),
         (flagged, "fx is 0 or 1 and nothing between"),
     ],
