@@ -26,6 +26,8 @@ PASSIVE = (*MATERIAL, "coefficient")
 MIN_PARTICIPATION = 0.2
 #: share of the variance of a joint's torque that a model may leave, beside noise, where all joints together are well
 MAX_LEFT_OF_A_JOINT = 0.5
+#: standard errors by which calibration is beyond its tolerance, and blocks of time any one of which may be left out
+SURE, BLOCKS = 2.0, 16
 #: time constant of a low-pass from which on it is worth a word [s]
 MIN_FILTER_LAG = 6e-3
 
@@ -52,9 +54,11 @@ def negative(names: Iterable[str], values: Array, room: Array, kinds: Collection
 def of_nuisances(state: State, left: LackOfFit) -> list[str]:
     """Calibration that ended where its tolerance ends: an effect that the model lacks, most often."""
     ends: dict[str, list[str]] = {}
-    for nuisance, shift in zip(state.open_, state.shift):
+    for j, (nuisance, shift) in enumerate(zip(state.open_, state.shift)):
+        if abs(shift) < MAX_SHIFT - 1e-6:
+            continue
         # where much is left, calibration that is bound bends to what is missing: a diagnosis says what that is
-        if abs(shift) >= MAX_SHIFT - 1e-6 and not (left.matters and np.isfinite(nuisance.high)):
+        if not (left.matters and np.isfinite(nuisance.high)) and _surely_beyond(state, j):
             amount = f"{nuisance.name} {shift * nuisance.sd:.2g} {nuisance.unit}".removesuffix(" 1")
             ends.setdefault(nuisance.effect.id, []).append(amount)
     mend = "add it to the model, or mend the rig"
@@ -63,6 +67,33 @@ def of_nuisances(state: State, left: LackOfFit) -> list[str]:
     return [
         f"{name} beyond what calibration is trusted to ({', '.join(amounts)}): {mend}" for name, amounts in ends.items()
     ]
+
+
+def _surely_beyond(state: State, j: int) -> bool:
+    """Whether readings take a nuisance, its number j, beyond its tolerance by more than its own error, whichever block
+    of time is left out.
+
+    A calibration that is off shows wherever readings change. What a law lacks at a reversal or an impact bends one as
+    well, but there alone. Asked is the step that it would take from where it ended if nothing held it.
+    """
+    if not state.finite:
+        return True
+    p, (channels, groups) = len(state.values), state.problem.shape
+    at = np.union1d(np.flatnonzero(state.free), [p + j])
+    k = int(np.flatnonzero(at == p + j)[0])
+    weighted = (state.jacobian[:, at] / state.error.sigma.reshape(-1, 1)).reshape(channels, groups, -1)
+    residual = state.residual / state.error.sigma
+    prior, placed = state.prior[np.ix_(at, at)], np.r_[np.zeros(p), state.shift][at]
+    blocks = [rows for rows in np.array_split(np.arange(groups), BLOCKS) if len(rows)]
+    parts = [(weighted[:, rows].reshape(-1, len(at)), residual[:, rows].ravel()) for rows in blocks]
+    squares, gradients = np.array([m.T @ m for m, _ in parts]), np.array([m.T @ r for m, r in parts])
+    whole, along = squares.sum(axis=0) + prior, gradients.sum(axis=0) - prior @ placed
+    for square, gradient in zip(squares, gradients):
+        inverse = np.linalg.pinv(whole - square, hermitian=True)[k]
+        error = np.sqrt(max(float(inverse[k]), 0.0) * state.inflation)
+        if abs(state.shift[j] + float(inverse @ (along - gradient))) - SURE * error <= MAX_SHIFT:
+            return False
+    return True
 
 
 def of_joints(state: State, residual: Array, left: LackOfFit) -> list[str]:

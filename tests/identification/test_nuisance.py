@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 from measured.cases import planned, unchanged
+from scripted import RIG, scripted_poke
 
 import kinid
+from kinid.identification.fit import fit_model
 from kinid.identification.nuisance import nuisance_columns, nuisances, with_calibration
 from kinid.modeling.model import Model
 from kinid.robotics.inverse_dynamics import inverse_dynamics
@@ -103,3 +105,20 @@ def test_a_measured_drive_ends_in_one_model_from_wherever_it_begins(real_data: P
             errors.append(found.steps[-1].held_out)
     assert all(end >= DRIVE for end in ends)
     assert max(errors) < 1.05 * min(errors)
+
+
+@pytest.mark.parametrize(("late", "doubted"), [(0.0, False), (-0.005, True), (0.01, True)])
+@pytest.mark.parametrize("seed", [0, 2])
+def test_what_one_reversal_bends_is_no_clock_that_is_off(late: float, doubted: bool, seed: int) -> None:
+    """Friction of another form at rest, which the model lacks, asks for an earlier clock at the one reversal."""
+    made = scripted_poke(seed=seed)
+    t = np.asarray(made.log.t)
+    wrench = np.stack([np.interp(t - late, t, channel) for channel in np.asarray(made.log.wrench).T], axis=1)
+    rig = kinid.Rig.parse_text(RIG)
+    rig = rig.model_copy(update={"sensor": rig.sensor.model_copy(update={"bias": tuple(made.bias)})})
+    log = kinid.Log(t=t, q=made.log.q, wrench=wrench, phase=made.log.phase)
+    fit = fit_model(Model("kelvin-voigt", "coulomb-friction"), log, rig, held_out=False)
+    assert any("time-offset beyond what calibration is trusted to" in said for said in fit.warnings) == doubted
+    # whatever is said of the clock, a bias that the rig doesn't state shows everywhere
+    fit = fit_model(Model("kelvin-voigt", "coulomb-friction"), log, kinid.Rig.parse_text(RIG), held_out=False)
+    assert any("sensor-bias beyond what calibration is trusted to (offset[fx]" in said for said in fit.warnings)
