@@ -117,7 +117,7 @@ def analyse(
         provenance = provenance.after(*tip.steps)
     absent = (left_out(log, rig, robot), unused_offset(log, rig))
     provenance = provenance.after(*(step for step in absent if step is not None))
-    doubts = [*contact_doubts(log, rig, robot, contact), *torque_doubts(torques, rig, log)]
+    doubts = [*contact_doubts(log, rig, robot, contact), *torque_doubts(torques, rig, log, robot)]
     if doubts:
         provenance = provenance.after(Step("doubts", {}, tuple(doubts)))
     return Analysis(contact, tip, torques, provenance)

@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.contact.lever_doubts import BETTER
+from kinid.contact.mass_doubts import mass_doubt
 from kinid.contact.tool_doubts import FEWEST
 from kinid.contact.unit_doubts import LEFT, in_proportion, unit_meant
 from kinid.data.log import Log
 from kinid.data.plausible import ELECTRIC, TORQUE
 from kinid.data.rig import Rig
 from kinid.robotics.inverse_dynamics import JointTorques
+from kinid.robotics.robot import Robot
 from kinid.signal.stuck import constant, noisy, one_frozen
 
 Array = NDArray[np.float64]
@@ -28,12 +30,12 @@ EXPLAINED, FACTOR = 0.5, 5.0
 WINDOW = 0.04
 
 
-def torque_doubts(torques: JointTorques | None, rig: Rig, log: Log) -> list[str]:
+def torque_doubts(torques: JointTorques | None, rig: Rig, log: Log, robot: Robot | None = None) -> list[str]:
     """At most one sentence; of drives that log a current, whose factor nobody need know, only of dead channels.
 
     Args:
         torques: measured and predicted, mostly by gravity; None without them. rig: what was measured with what. log:
-            that they are of.
+            that they are of. robot: of the rig; None where its bodies aren't asked about.
     """
     if torques is None or log.q is None:
         return []
@@ -58,6 +60,7 @@ def torque_doubts(torques: JointTorques | None, rig: Rig, log: Log) -> list[str]
     return (
         _turned(measured, predicted)
         or _exchanged(measured, predicted)
+        or ([] if robot is None else mass_doubt(measured - predicted, log.q[rows], _rates(log)[rows], robot))
         or _unlike(torques.joint_names, measured, predicted, _rates(log)[rows])
         or _frozen(torques.t[rows], measured, predicted)
     )

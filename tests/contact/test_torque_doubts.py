@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from contact.doubting import doubts
+from contact.doubting import changed, doubts
 
+import kinid.urdf
 from kinid.data.log import Log
 from kinid.data.rig import Rig
-from kinid.robotics.inverse_dynamics import joint_torques
+from kinid.robotics.inverse_dynamics import inverse_dynamics, joint_torques
 from kinid.robotics.robot import Robot
 
 
@@ -103,3 +104,42 @@ def test_an_arm_that_its_friction_moves_more_than_its_weight(tmp_path: Path) -> 
     tau = rub + joint_torques(Log(t=t, q=q, tau=rub), rig).predicted
     assert doubts(Log(t=t, q=q, tau=tau), rig, Robot.load(rig)) == ""
     assert "are not those" in doubts(Log(t=t, q=q, tau=tau + 2.0 * np.cos(3.0 * t)[:, None]), rig, Robot.load(rig))
+
+
+def swinging(rig: Rig, gain: float = 1.0) -> Log:
+    """An arm with friction and offsets in its torques that swings through many poses, 20 s."""
+    rng, t = np.random.default_rng(0), np.arange(2000) * 0.01
+    q = np.deg2rad([0.0, -40.0, 0.0, 85.0, 0.0, -55.0, 0.0]) + 0.4 * sum(
+        np.sin(2 * np.pi * rng.uniform(0.05, 0.2, 7) * t[:, None] + rng.uniform(0, 6, 7)) for _ in range(2)
+    )
+    dq = np.gradient(q, t, axis=0)
+    ddq = np.gradient(dq, t, axis=0)
+    assert rig.tool is not None
+    tau = gain * inverse_dynamics(Robot.load(rig).with_tool(rig.tool), q, dq, ddq)
+    tau = tau + rng.uniform(0.2, 0.8, 7) * np.tanh(dq / 0.01) + rng.normal(scale=0.4, size=7)
+    return Log(t=t, q=q, tau=tau + rng.normal(scale=0.05, size=q.shape))
+
+
+@pytest.mark.parametrize(("link", "mass"), [(7, 0.3), (6, 1.6), (5, 1.7), (4, 2.7), (3, 2.7)])
+@pytest.mark.parametrize("factor", [0.1, 3.0, 10.0])
+def test_a_link_of_another_mass_is_told_by_torques_in_several_poses(
+    tmp_path: Path, touched: tuple[Log, Rig, Robot], link: int, mass: float, factor: float
+) -> None:
+    _, rig, _ = touched
+    text = (Path(kinid.urdf.__file__).parent / "lwr4plus.urdf").read_text(encoding="utf-8")
+    before, own = text.split(f'<link name="link_{link}">')
+    own = own.replace(f'<mass value="{mass}"/>', f'<mass value="{factor * mass}"/>', 1)
+    (tmp_path / "arm.urdf").write_text(f'{before}<link name="link_{link}">{own}', encoding="utf-8")
+    other = changed(rig.model_copy(update={"surface": None}), robot={"model": str(tmp_path / "arm.urdf")})
+    said = doubts(swinging(rig), other, Robot.load(other))
+    assert "the joint torques in these poses ask for " in said
+    named = said.split("ask for ")[1].split(", which explains")[0].split(" or ")
+    (own_words,) = [words for words in named if f"behind joint_{link}, not {factor * mass:.2g}" in words]
+    # noise and the tool's own mass, beside a link's
+    assert float(own_words.split(" kg")[0]) == pytest.approx(mass, rel=0.15, abs=0.1)
+
+
+@pytest.mark.parametrize("gain", [0.9, 1.0, 1.1])
+def test_gains_of_torques_are_no_masses_of_links(touched: tuple[Log, Rig, Robot], gain: float) -> None:
+    _, rig, robot = touched
+    assert doubts(swinging(rig, gain), rig.model_copy(update={"surface": None}), robot) == ""
