@@ -75,7 +75,8 @@ def _by_weight_and_levers(log: Log, rig: Rig, robot: Robot, touch: ContactSeries
     if not np.isfinite(load).all():  # joints that were not smoothed over a gap
         return None
     slopes = _slopes(wrench[:, :3], load[:, :3])
-    found = _of_weight(slopes, rig)
+    found = _of_weight(slopes, FORCES, FORCE, rig)
+    found = found or _of_weight(_slopes(wrench[:, 3:], load[:, 3:]), MOMENTS, TORQUE, rig)
     if found is not None or touch is None or not np.asarray(log.wrench)[valid, 3:].any():
         return found
     bias = np.median(wrench[:, :3] - load[:, :3], axis=0)
@@ -95,11 +96,11 @@ def _loads(log: Log, rig: Rig, robot: Robot, rows: NDArray[np.int64]) -> tuple[A
     return np.asarray(log.wrench)[rows], tool_load(rig.carried, kinematics, robot.gravity)
 
 
-def _slopes(force: Array, load: Array) -> dict[int, float]:
-    """How many times the tool's weight each axis reads whose changes are in proportion to it, both (n, 3)."""
+def _slopes(measured: Array, load: Array) -> dict[int, float]:
+    """How many times the tool's load each axis reads whose changes are in proportion to it, both (n, 3)."""
     out = {}
     for k in range(3):
-        readings, expected = force[:, k] - force[:, k].mean(), load[:, k] - load[:, k].mean()
+        readings, expected = measured[:, k] - measured[:, k].mean(), load[:, k] - load[:, k].mean()
         size, whole = float(expected @ expected), float(readings @ readings)
         least = len(load) * (TURNING * float(np.sqrt(np.mean(np.sum(load**2, axis=1))))) ** 2
         slope = float(readings @ expected) / size if size > least > 0.0 else 0.0
@@ -113,10 +114,13 @@ def _own(times: float) -> bool:
     return 1.0 / OWN < times < OWN
 
 
-def _of_weight(slopes: dict[int, float], rig: Rig) -> _Apart | None:
-    """Axes that read a multiple of the tool's weight that a unit gives, where others read it as it is."""
-    apart = {FORCES[k]: slope for k, slope in slopes.items() if not _own(slope)}
-    units = {name: unit_meant(slope, rig, (name, "wrench"), FORCE) for name, slope in apart.items()}
+def _of_weight(slopes: dict[int, float], names: tuple[str, ...], every: tuple[str, ...], rig: Rig) -> _Apart | None:
+    """Axes that read a multiple of the tool's weight, or of its moment at the com, that one of the units gives, where
+    others read it as it is, or nearly so: these tell how well it is known.
+    """
+    own = [slope for slope in slopes.values() if _own(slope)]
+    apart = {names[k]: slope / float(np.median(own)) for k, slope in slopes.items() if own and not _own(slope)}
+    units = {name: unit_meant(slope, rig, (name, "wrench"), every) for name, slope in apart.items()}
     known = {name: unit for name, unit in units.items() if unit is not None}
     if not known or len(known) < len(apart) or len(apart) == len(slopes):
         return None

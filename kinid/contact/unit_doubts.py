@@ -37,9 +37,10 @@ def unit_meant(
     """
     said = next((rig.columns[name] for name in names if name in rig.columns), None)
     true = (1.0 if said is None else said.to_si) / times
-    exact = next((unit for unit in units if abs(true / factor(unit, "[columns]") - 1.0) < MASS_SHARE), None)
-    off = {unit: abs(np.log(true / factor(unit, "[columns]"))) for unit in usual}
-    return exact or next((unit for unit in sorted(off, key=lambda unit: off[unit]) if off[unit] < np.log(within)), None)
+    off = {unit: abs(np.log(true / factor(unit, "[columns]"))) for unit in (*units, *usual)}
+    near = sorted(off, key=lambda unit: off[unit])  # the first of those that are one by two names
+    exact = next((unit for unit in near if unit in units and off[unit] < np.log(1.0 + MASS_SHARE)), None)
+    return exact or next((unit for unit in near if unit in usual and off[unit] < np.log(within)), None)
 
 
 def unit_of_moments(moment: Array, expected: Array, air: Array, load: Array, rig: Rig) -> str | None:

@@ -17,7 +17,7 @@ from kinid.contact.analysis import analyse
 from kinid.contact.doubts import contact_doubts
 from kinid.contact.series import contact_series
 from kinid.data.log import Log
-from kinid.data.rig import WRENCH, Rig
+from kinid.data.rig import WRENCH, Rig, ToolSpec
 from kinid.errors import InputError
 from kinid.identification.fit import fit_model
 from kinid.modeling.model import Model
@@ -283,6 +283,7 @@ def test_one_moment_in_another_unit(
         ("tx", 1e3, "Nmm"),
         ("tz", 1e3, "Nmm"),
         ("ty", 1e-3, "kNm"),
+        ("ty", 1 / 9.80665, "kgf·m"),
     ],
 )
 def test_one_channel_in_another_unit_than_its_fellows(
@@ -303,6 +304,7 @@ def test_one_channel_in_another_unit_than_its_fellows(
 def test_levers_tell_a_moment_in_another_unit_behind_a_coarse_converter(
     touched: tuple[Log, Rig, Robot], name: str, factor: float, unit: str
 ) -> None:
+    """Its noise tells nothing, nor does the moment of a tool whose com the rig doesn't know."""
     log, rig, robot = touched
     c, s = np.cos(0.6), np.sin(0.6)  # a tool turned about its axis, so that a slide shows in two forces
     axes = np.kron(np.eye(2), np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]))
@@ -310,7 +312,7 @@ def test_levers_tell_a_moment_in_another_unit_behind_a_coarse_converter(
     wrench = np.round((np.asarray(log.wrench) @ axes.T)[2000:] / steps) * steps
     wrench[:, WRENCH.index(name)] *= factor
     q = np.array(log.q)[2000:] + 0.6 * (np.arange(7) == 6)
-    rig = rig.model_copy(update={"sensor": rig.sensor.model_copy(update={"noise": None})})
+    rig = rig.model_copy(update={"sensor": rig.sensor.model_copy(update={"noise": None}), "tool": ToolSpec(mass=0.24)})
     said = doubts(Log(t=log.t[2000:], q=q, wrench=wrench), rig, robot)
     assert said.startswith(f"{name} is ")
     assert "the moment of the forces at the tool's com and tip" in said
