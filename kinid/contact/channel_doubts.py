@@ -114,12 +114,15 @@ def _lost(t: Array, wrench: Array) -> list[str]:
 
 def _cut_off(wrench: Array) -> list[str]:
     """A channel that shows noise but at one end of its readings, or both, where many are exactly the same."""
-    for name, unit, column in zip(WRENCH, UNITS, wrench.T):
+    ends_of = np.stack([wrench.min(axis=0), wrench.max(axis=0)])
+    many = np.maximum(*(np.count_nonzero(wrench == level, axis=0) for level in ends_of))
+    for k in np.flatnonzero(many > IN_A_ROW):
+        name, unit, column, levels = WRENCH[k], UNITS[k], wrench[:, k], ends_of[:, k]
         starts = np.flatnonzero(np.diff(column, prepend=np.nan) != 0.0)
         runs, values = np.diff(np.r_[starts, len(column)]), column[starts]
-        inside = (values != column.min()) & (values != column.max())
+        inside = ~np.isin(values, levels)
         usual = max(IN_A_ROW, LONGER * float(runs[inside].max(initial=0)))
-        ends = [level for level in (column.min(), column.max()) if runs[values == level].max() > usual]
+        ends = [level for level in levels if runs[values == level].max() > usual]
         if ends and noisy(column[~np.isin(column, ends)]):
             said = " and ".join(f"{level:.4g} {unit} in {np.sum(column == level)} samples" for level in ends)
             return [

@@ -21,7 +21,7 @@ from kinid.data.rig import WRENCH, Rig
 from kinid.robotics.motion import joint_motion
 from kinid.robotics.robot import Robot
 from kinid.robotics.wrench import tool_load
-from kinid.signal.noise import is_noise, white_noise
+from kinid.signal.noise import LOOKED_AT, is_noise, white_noise
 
 Array = NDArray[np.float64]
 
@@ -54,7 +54,8 @@ def one_unit(log: Log, rig: Rig, robot: Robot, touch: ContactSeries | None) -> l
     """
     if log.wrench is None or log.q is None or log.q.shape[1] != robot.joint_count or not log.valid.any():
         return []
-    found = _by_weight_and_levers(log, rig, robot, touch) or _by_noise(np.asarray(log.wrench)[log.valid], rig)
+    some = np.asarray(log.wrench)[np.flatnonzero(log.valid)[:LOOKED_AT]]
+    found = _by_weight_and_levers(log, rig, robot, touch) or _by_noise(some, rig)
     if found is None:
         return []
     times = " and ".join(f"{name} is {factor:.3g}" for name, factor in found.times.items())
@@ -65,10 +66,10 @@ def _by_weight_and_levers(log: Log, rig: Rig, robot: Robot, touch: ContactSeries
     """What the tool's weight says in free motion; else what the levers of the forces do in touches."""
     if robot.sensor_frame is None or rig.sensor.wrench_frame == "base":
         return None
-    valid = np.flatnonzero(log.valid if touch is None else touch.valid)
-    air = np.intersect1d(log.labelled_free, valid)
+    valid = log.valid if touch is None else touch.valid
+    air = log.labelled_free[valid[log.labelled_free]]
     if len(air) < FEWEST and touch is not None:
-        air = valid[touch.depth[valid] < -REACH]
+        air = np.flatnonzero(valid & (touch.depth < -REACH))
     if len(air) < FEWEST:
         return None
     wrench, load = _loads(log, rig, robot, air)
@@ -77,10 +78,10 @@ def _by_weight_and_levers(log: Log, rig: Rig, robot: Robot, touch: ContactSeries
     slopes = _slopes(wrench[:, :3], load[:, :3])
     found = _of_weight(slopes, FORCES, FORCE, rig)
     found = found or _of_weight(_slopes(wrench[:, 3:], load[:, 3:]), MOMENTS, TORQUE, rig)
-    if found is not None or touch is None or not np.asarray(log.wrench)[valid, 3:].any():
+    if found is not None or touch is None or not wrench[:, 3:].any():  # else a sensor of forces alone
         return found
     bias = np.median(wrench[:, :3] - load[:, :3], axis=0)
-    inside = valid[touch.depth[valid] > 0.0]
+    inside = np.flatnonzero(valid & (touch.depth > 0.0))
     if len(inside) < FEWEST:
         return None
     wrench, load = _loads(log, rig, robot, inside)
