@@ -61,8 +61,8 @@ class Effect(ABC):
             small, all others change readings in proportion, and any start serves.
         affine: whether readings stay affine in the linear parameters of a model that holds it; False for a law that
             bends what others predict (a power of the normal force, a clipped reading).
-        nearly_affine: of one that isn't: whether all but few samples are, so that a search may try the linear parameters
-            at their best all the same.
+        nearly_affine: of one that isn't: whether all but few samples are, so that a search may try linear parameters at
+            their best all the same.
         tensile: whether the law pulls at a tool that retracts, as a linear dashpot does and no material that lets go.
         acts_outside: whether its force acts outside the material, too.
         couples: whether it carries force or motion from one axis into another.
