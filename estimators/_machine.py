@@ -253,6 +253,12 @@ class Online:
         self._learn(sample, t)
         return self.machine.estimate()
 
+    def pass_over(self) -> None:
+        """Count a sample that isn't finite, of whatever time."""
+        machine = self.machine
+        machine.room.inputs[:] = math.nan
+        self._once(math.nan, machine.shape, machine.store)
+
     def _learn(self, sample: tuple[ArrayLike, ...], t: float | None) -> None:
         """See `step`."""
         now = math.nan if t is None else self._checked(t)

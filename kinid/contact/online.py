@@ -9,6 +9,7 @@ while it runs, or collect in its pauses; and run with real-time priority on a co
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -20,7 +21,7 @@ from kinid.data.rig import CONTACT, Rig
 from kinid.errors import InputError, near
 from kinid.estimators._machine import Machine, Online
 from kinid.estimators.estimate import Estimate
-from kinid.kernels import causal, on_mesh
+from kinid.kernels import causal, on_mesh, window
 from kinid.kernels import chain as kernel
 from kinid.robotics.robot import Robot
 from kinid.robotics.surface import Mesh, Plane, Surface
@@ -38,6 +39,10 @@ Raw = tuple[float, Numbers, Numbers, Numbers | None, Numbers | None]
 class Stepper(Protocol):
     """A recursive estimator that takes one sample at a time: `online()` of those in `kinid.estimators`."""
 
+    @property
+    def estimate(self) -> Estimate:
+        """What was known after the last sample."""
+
     def update(self, *sample: ArrayLike, t: float | None = None) -> Estimate:
         """Learn one sample and say what is known now."""
 
@@ -49,14 +54,26 @@ class OnlineContact:
     bandwidth, whose lag is taken away (see `kinid.kernels.causal.advance`): motion of up to a quarter of the bandwidth
     is followed to a tenth. Nothing is allocated once it is built.
 
+    Estimates rest on better velocities: `next_delayed` gives each sample once more, some `DELAY` later, with the motion
+    that the samples on both sides of it show, in which there is neither lag nor bias (see `kinid.kernels.window`). Not
+    those within that time of a gap, of the first sample, or of the last. A loop that gives velocities and accelerations
+    needn't wait: such a sample comes at once, as it is.
+
     Args:
         rig: with a robot, a surface, and what is known of tool and sensor.
         bandwidth: of that filter [Hz].
         contact_force: normal force from which the tool counts as touching [N].
 
+    Attributes:
+        quantities: of the last sample, in the order of `CONTACT`; the next one overwrites them.
+        delayed: the same of the sample of `next_delayed`.
+
     Raises:
         InputError: a rig without robot or surface.
     """
+
+    #: half of the window that estimates wait for [s]
+    DELAY = window.DELAY
 
     def __init__(
         self, rig: Rig, *, robot: Robot | None = None, bandwidth: float = 40.0, contact_force: float = 0.1
@@ -87,7 +104,9 @@ class OnlineContact:
         self._surface = surface
         self._room = causal.carve(self.store)
         self._step = causal.compile_step()
+        self._next = causal.compile_next()
         self.quantities: Array = self._room.quantities
+        self.delayed: Array = self._room.late
 
     def reset(self) -> None:
         """Forget the last sample: a new log begins, whose time may start anew."""
@@ -149,6 +168,19 @@ class OnlineContact:
         self.call(self._step, (t, q, wrench, dq, ddq), (self.store,))
         return self.quantities
 
+    def next_delayed(self) -> bool:
+        """Work out the next sample that an estimator may learn into `delayed`; False where none is ready.
+
+        To be called after `step` until there is none.
+        """
+        return self._next(self.store)
+
+    @property
+    def delayed_time(self) -> float | None:
+        """Time of that sample [s]; None for one that isn't finite, which comes as soon as it is taken."""
+        at = float(self._room.window[window.AT])
+        return None if math.isnan(at) else at
+
     def call(self, step: Callable[..., int], raw: Raw, rest: tuple[object, ...]) -> None:
         """A compiled step with one raw sample, whatever its numbers came in.
 
@@ -200,7 +232,9 @@ class OnlineContact:
 class OnlineEstimator:
     """A recursive estimator fed from raw joints and wrench.
 
-    With an estimator of this project a sample is one compiled call; any other that has `update` is fed from Python.
+    It is given each sample when the motion around it is known (`OnlineContact.next_delayed`): an estimate comes with
+    every sample at once, and rests on all that is older than `OnlineContact.DELAY`. With an estimator of this project
+    that forgets evenly a sample is one compiled call; any other is fed from Python.
 
     Attributes:
         contact: the way into the contact frame.
@@ -223,10 +257,12 @@ class OnlineEstimator:
         rows = [_row(name) if isinstance(name, str) else [_row(part) for part in name] for name in self.takes]
         object.__setattr__(self, "_rows", rows)
         if isinstance(self.estimator, Online):
-            self._fuse(self.estimator)
+            self._check(self.estimator)
+            if self.estimator.machine.constant is not None:
+                self._fuse(self.estimator)
 
-    def _fuse(self, online: Online) -> None:
-        """Both halves as one compiled call."""
+    def _check(self, online: Online) -> None:
+        """Whether the samples are what the estimator takes."""
         machine = online.machine
         widths, expected = [1 if isinstance(row, int) else len(row) for row in self._rows], machine.widths
         missing = len(expected) - len(widths)
@@ -236,7 +272,12 @@ class OnlineEstimator:
                 f"{len(expected)} values of {expected} numbers",
                 "name a quantity for each, in the order of update(), several in brackets for a vector",
             )
+
+    def _fuse(self, online: Online) -> None:
+        """Both halves as one compiled call."""
+        machine = online.machine
         flat = [row for rows in self._rows for row in (rows if isinstance(rows, list) else [rows])]
+        missing = len(machine.widths) - len(self._rows)
         rows = np.array(flat + [causal.YES] * missing, dtype=np.int64)
         start = (machine.room.inputs.ctypes.data - machine.store.ctypes.data) // machine.store.itemsize
         fused = causal.compile_step_and_learn(machine.once, len(machine.shape))
@@ -260,25 +301,29 @@ class OnlineEstimator:
         Raises:
             InputError: as `OnlineContact.step`; all stays as it was.
         """
-        machine = self._machine
-        if machine is None:
+        if self._machine is None:
             self.contact.step(t, q, wrench, dq, ddq)
-            sample = [
-                self._value(row) if isinstance(row, int) else [self._value(part) for part in row] for row in self._rows
-            ]
-            return self.estimator.update(*sample, t=t)
-        raw = t, q, wrench, dq, ddq
-        if machine.constant is None:
-            try:
-                machine.room.factor[0] = machine.forgetting.at(t)
-            except (TypeError, ValueError):
-                raise self.contact.refusal(causal.MISSHAPEN, raw) from None
-        self.contact.call(self._fused, raw, self._rest)
-        return machine.estimate()
+            while self.contact.next_delayed():
+                self._give()
+            return self.estimator.estimate
+        self.contact.call(self._fused, (t, q, wrench, dq, ddq), self._rest)
+        return self._machine.estimate()
+
+    def _give(self) -> None:
+        """The sample that is ready to the estimator, from Python."""
+        t = self.contact.delayed_time
+        if t is None and isinstance(self.estimator, Online):
+            self.estimator.pass_over()
+            return
+        sample = [
+            self._value(row) if isinstance(row, int) else [self._value(part) for part in row] for row in self._rows
+        ]
+        self.estimator.update(*sample, t=t)
 
     def _value(self, row: int) -> float | bool:
-        """A quantity of the last sample, as a Python number."""
-        return self.contact.touching if row == causal.FLAG else self.contact.quantities.item(row)
+        """A quantity of that sample, as a Python number."""
+        delayed = self.contact.delayed
+        return bool(delayed[kernel.NORMAL] > self.contact.threshold) if row == causal.FLAG else delayed.item(row)
 
 
 def _on(surface: Surface) -> tuple[Array, Array]:

@@ -1,10 +1,15 @@
 """Inside a loop, one raw sample at a time: differences through low-passes, then the contact frame, and no allocation.
 
+What a loop watches is of the present sample. What is estimated from it is not: low-passes make velocities late or
+noisy, and both put estimates off. So estimators get each sample a little later (`kinid.kernels.window`), in the contact
+frame with the motion that the samples on both sides of it show, and with its own wrench.
+
 All that a contact remembers is one float64 array, its store, because what a call of compiled code costs is its
 arguments:
 
     head (6) | columns (N) | prismatic (N) | turns 9 (N + 1) | shifts 3 (N + 1) | tip (3) | reader (42) | tool (16)
-    | plane (12) | compliance (9) | motion 3 N | low-passes 3 N | quantities (9) | scratch | sheet
+    | plane (12) | compliance (9) | motion 3 N | low-passes 3 N | quantities (9) | delayed motion 3 N, quantities (9)
+    and head of the sheet (41) | scratch | window | sheet
 
 for N joints, the sheet of a mesh as in `kinid.kernels.on_mesh`; what isn't named here is as in
 `kinid.kernels.chain.contacts`.
@@ -16,14 +21,16 @@ import math
 import sys
 from collections.abc import Callable
 from types import FunctionType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import float64, int64, njit, types
 from numpy.typing import NDArray
 
 from kinid.kernels import chain, mesh, on_mesh
+from kinid.kernels import window as past
 from kinid.kernels.cached import stamp
+from kinid.kernels.types import Compiled
 
 Array = NDArray[np.float64]
 
@@ -40,6 +47,10 @@ FAR = 1e5
 #: what became of a sample: all well; positions or rates that aren't finite, quantities NaN; and two that change
 #: nothing: arrays of another length; a time that isn't finite or doesn't grow
 FINE, NOT_FINITE, MISSHAPEN, LATE = range(4)
+
+#: what an estimator has to be given of the last sample: what is due; all of it at once, since the loop knows its
+#: velocities and accelerations; that it isn't finite; nothing more
+DUE, AT_ONCE, BROKEN, DONE = range(4)
 
 #: rows that are no contact quantity: whether the tool touches, and a plain yes
 FLAG, YES = -1, -2
@@ -61,7 +72,11 @@ class Contact(NamedTuple):
     motion: Array  # position, velocity, acceleration, (3, N)
     passed: Array  # velocities behind one low-pass, accelerations behind two and three, (3, N)
     quantities: Array
+    late_motion: Array  # as `motion`, of the sample that estimators are given
+    late: Array  # its quantities
+    late_sheet: Array  # what the sheet remembers of the one before it
     scratch: Array
+    window: Array
     sheet: Array  # empty on a plane
 
 
@@ -71,8 +86,10 @@ def carve(store: Array) -> Contact:
     joints, rest = store[6:], store[6 + 14 * n + 12 :]
     turns, shifts, motion = joints[2 * n :], joints[11 * n + 9 :], rest[82:]
     quantities = motion[6 * n :]
-    scratch = quantities[QUANTITIES:]
+    late = quantities[QUANTITIES:]
+    scratch = late[3 * n + QUANTITIES + on_mesh.HEAD :]
     size = (3 * n + 36) * chain.BLOCK
+    end = size + past.FIXED + past.EACH * n
     return Contact(
         store[:6],
         joints[:n],
@@ -87,8 +104,12 @@ def carve(store: Array) -> Contact:
         motion[: 3 * n].reshape(3, n),
         motion[3 * n : 6 * n].reshape(3, n),
         quantities[:QUANTITIES],
+        late[: 3 * n].reshape(3, n),
+        late[3 * n : 3 * n + QUANTITIES],
+        late[3 * n + QUANTITIES : 3 * n + QUANTITIES + on_mesh.HEAD],
         scratch[:size],
-        scratch[size:],
+        scratch[size:end],
+        scratch[end:],
     )
 
 
@@ -110,7 +131,7 @@ def build(
     n = len(columns)
     bends, cleans = chain.needed.py_func(reader, compliance)  # type: ignore[attr-defined]
     head = (-math.inf, cutoff, touching, float(bends), float(cleans), float(n))
-    room = np.zeros(6 * n + QUANTITIES + (3 * n + 36) * chain.BLOCK)
+    room = np.zeros(9 * n + 2 * QUANTITIES + on_mesh.HEAD + (3 * n + 36) * chain.BLOCK + past.FIXED + past.EACH * n)
     parts = (head, columns, prismatic, turns, shifts, tip, reader, tool, plane, compliance, room, sheet)
     return np.concatenate([np.asarray(part, dtype=np.float64).ravel() for part in parts])
 
@@ -177,40 +198,104 @@ def take(t: float, q: Array, wrench: Array, dq: Array, ddq: Array, store: Array)
         fine &= abs(ddq[j]) < np.inf
     if not fine:
         room.quantities[:] = np.nan
+        room.window[past.PENDING] = BROKEN
         return NOT_FINITE
     first = room.head[TIME] == -np.inf
     advance(t, q, dq, ddq, room.head, room.columns, room.motion, room.passed)
-    block = chain.BLOCK
+    if first and len(room.sheet) > 0:
+        room.sheet[on_mesh.SEEN] = 0.0
+    _into_frame(room, room.motion, wrench, room.quantities)
+    if first:
+        past.clear(room.window)
+        for i in range(on_mesh.HEAD if len(room.sheet) > 0 else 0):
+            room.late_sheet[i] = room.sheet[i]
+    known = abs(room.quantities[chain.NORMAL]) < np.inf
+    room.window[past.PENDING] = DUE if known else BROKEN
+    if len(dq) == 0 or len(ddq) == 0:
+        past.push(t, q, dq, wrench, room.columns, room.window)
+    else:
+        past.clear(room.window)
+        room.window[past.PENDING] = AT_ONCE if known else BROKEN
+    return FINE
+
+
+@njit(error_model="numpy", forceinline=True)
+def _into_frame(room: Compiled, motion: Array, wrench: Array, out: Array) -> None:
+    """Contact quantities, (9,), of a motion (3, N) and a wrench (6,)."""
+    n, block = len(room.columns), chain.BLOCK
     end_x, end_w = 3 * n * block, (3 * n + 24) * block
     x, w = room.scratch[:end_x], room.scratch[end_x:end_w]
     f, o = room.scratch[end_w : end_w + 6 * block], room.scratch[end_w + 6 * block :]
     for k in range(3):
         for j in range(n):
-            x[(k * n + j) * block] = room.motion[k, j]
+            x[(k * n + j) * block] = motion[k, j]
     for i in range(6):
         f[i * block] = wrench[i]
     bends, cleans = room.head[BENDS] > 0.0, room.head[CLEANS] > 0.0
-    out = room.quantities.reshape(QUANTITIES, 1)
     scratch = chain.Scratch(x, w, f, o)
-    chain.contact_block(0, 1, True, bends, cleans, scratch, room, QUANTITIES, out)
+    chain.contact_block(0, 1, True, bends, cleans, scratch, room, QUANTITIES, out.reshape(QUANTITIES, 1))
     if len(room.sheet) > 0:
-        if first:
-            room.sheet[on_mesh.SEEN] = 0.0
-        on_mesh.onto_mesh(room.sheet, room.quantities)
-    return FINE
+        on_mesh.onto_mesh(room.sheet, out)
+
+
+@njit(error_model="numpy", forceinline=True)
+def next_late(store: Array) -> bool:
+    """Work out the next sample that an estimator is to be given, into `late` and the window's `AT`; False for none.
+
+    To be called after `take` until there is none. The time is NaN for a sample that isn't finite: nothing of it may
+    be learnt, and those before it are still to come.
+    """
+    room = _carve(store)
+    window, pending = room.window, room.window[past.PENDING]
+    if pending in (AT_ONCE, BROKEN):
+        window[past.PENDING] = DONE
+        at_once = pending == AT_ONCE
+        for i in range(QUANTITIES):
+            room.late[i] = room.quantities[i] if at_once else np.nan
+        window[past.AT] = room.head[TIME] if at_once else np.nan
+        return True
+    if pending == DONE:
+        return False
+    n = len(room.columns)
+    samples = past.parts(window, n)
+    k = past.due(window, n)
+    while k >= 0:
+        past.move_to(k, window, n, room.late_motion)
+        _swap_sheet(room)
+        _into_frame(room, room.late_motion, samples.wrench[:, k], room.late)
+        _swap_sheet(room)
+        window[past.AT] = samples.times[k]
+        if abs(room.late[chain.NORMAL]) < np.inf:
+            return True
+        k = past.due(window, n)  # of a wrench that isn't finite was told as it came
+    return False
+
+
+@njit(error_model="numpy", forceinline=True)
+def _swap_sheet(room: Contact) -> None:
+    """A mesh remembers the sample before: the present one's, or that of those which estimators are given."""
+    if len(room.sheet) > 0:
+        for i in range(on_mesh.HEAD):
+            room.sheet[i], room.late_sheet[i] = room.late_sheet[i], room.sheet[i]
 
 
 @njit(error_model="numpy", forceinline=True)
 def hand_over(store: Array, rows: NDArray[np.int64], inputs: Array) -> None:
-    """The quantities that an estimator asked for, or flags, into its inputs."""
+    """The quantities of the sample of `next_late` that an estimator asked for, or flags, into its inputs."""
     room = _carve(store)
     for i in range(len(rows)):
         if rows[i] == FLAG:
-            inputs[i] = room.quantities[chain.NORMAL] > room.head[TOUCHING]
+            inputs[i] = room.late[chain.NORMAL] > room.head[TOUCHING]
         elif rows[i] == YES:
             inputs[i] = 1.0
         else:
-            inputs[i] = room.quantities[rows[i]]
+            inputs[i] = room.late[rows[i]]
+
+
+@njit(error_model="numpy", forceinline=True)
+def late_time(store: Array) -> float:
+    """Time of the sample of `next_late` [s]; NaN where it isn't finite."""
+    return float(_carve(store).window[past.AT])
 
 
 # --- what Python calls
@@ -220,7 +305,7 @@ _GIVEN = types.Array(float64, 1, "A", readonly=True)
 _RAW = (float64, _GIVEN, _GIVEN, _GIVEN, _GIVEN, float64[::1])
 
 #: names the cache of compiled code, which on its own would miss a change in what is inlined
-_SOURCES = stamp(sys.modules[__name__], chain, mesh, on_mesh)
+_SOURCES = stamp(sys.modules[__name__], chain, mesh, on_mesh, past)
 
 
 def _step(t: float, q: Array, wrench: Array, dq: Array, ddq: Array, store: Array) -> int:
@@ -241,15 +326,25 @@ def _step_and_learn(
     memory: Array,
 ) -> int:
     code: int = take(t, q, wrench, dq, ddq, store)
-    if code <= NOT_FINITE:
+    while code <= NOT_FINITE and next_late(store):
         hand_over(store, rows, memory[start:])
-        once(t, shape, memory)  # type: ignore[name-defined]  # noqa: F821
+        once(late_time(store), shape, memory)  # type: ignore[name-defined]  # noqa: F821
     return code
+
+
+def _next(store: Array) -> bool:
+    more: bool = next_late(store)
+    return more
 
 
 def compile_step() -> Callable[..., int]:
     """`take` as one compiled call."""
     return _compiled(_step, "step", _RAW)
+
+
+def compile_next() -> Callable[..., bool]:
+    """`next_late` as one compiled call."""
+    return _compiled(_next, "next", (float64[::1],))
 
 
 def compile_step_and_learn(once: Callable[..., object], parameters: int) -> Callable[..., int]:
@@ -271,7 +366,7 @@ def compile_step_and_learn(once: Callable[..., object], parameters: int) -> Call
     return _compiled(function, name, (*_RAW, *extra))
 
 
-def _compiled(function: Callable[..., int], name: str, signature: tuple[types.Type, ...]) -> Callable[..., int]:
+def _compiled(function: Callable[..., Any], name: str, signature: tuple[types.Type, ...]) -> Callable[..., Any]:
     """Compiled now, and for no other types: a loop mustn't wait for a compiler because somebody passed another
     array.
     """

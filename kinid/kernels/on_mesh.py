@@ -23,8 +23,8 @@ from kinid.kernels.mesh import MeshTree, axes_of, locate
 Array = NDArray[np.float64]
 
 TRIANGLES, TREE_DEPTH, LAST, SEEN = range(4)
-#: numbers before those of the triangles, and of each triangle
-_HEAD, _EACH = 41, 39
+#: numbers before those of the triangles, which are all that samples change; and of each triangle
+HEAD, _EACH = 41, 39
 #: a plane through the base's origin along its axes: with it a sample's quantities are tip and force in the base frame
 BASE_FRAME: Array = np.concatenate([np.zeros(3), np.eye(3).ravel()])
 
@@ -56,7 +56,7 @@ def pack(tree: MeshTree, rule: Array) -> Array:
     Args:
         tree: of `kinid.kernels.mesh.build`. rule: of its tangents, (7,), as `axes_of` takes it.
     """
-    head = np.zeros(_HEAD)
+    head = np.zeros(HEAD)
     head[TRIANGLES], head[TREE_DEPTH], head[4:11] = len(tree.corners), tree.depth, rule
     triangles = (tree.corners, tree.normal, tree.across, tree.corner_normal)
     sizes = (tree.height, tree.edge_radius, tree.corner_radius, tree.box, np.zeros(2 * (tree.depth + 2)))
@@ -66,7 +66,7 @@ def pack(tree: MeshTree, rule: Array) -> Array:
 def sheet_of(packed: Array) -> Sheet:
     """The parts of a sheet."""
     m, depth = int(packed[TRIANGLES]), int(packed[TREE_DEPTH])
-    rest, boxes = packed[_HEAD:], packed[_HEAD + _EACH * m :]
+    rest, boxes = packed[HEAD:], packed[HEAD + _EACH * m :]
     split = 6 << (depth + 1)
     return Sheet(
         packed[:4],

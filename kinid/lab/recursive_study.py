@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.contact.online import OnlineContact
 from kinid.contact.series import ContactSeries, contact_series
+from kinid.data.log import Log
+from kinid.data.rig import CONTACT, Rig
 from kinid.errors import InputError
 from kinid.estimators import Friction, HuntCrossleyKalman, KelvinVoigt, Offset, SingleStage, Track, TwoStage
 from kinid.estimators.forgetting import Constant
@@ -120,12 +123,38 @@ def _setup(material: str, seed: int) -> Setup:
     return prepare(material, seed=seed)
 
 
-def study(estimators: Iterable[str], seeds: Iterable[int], materials: Iterable[str] | None = None) -> list[Score]:
+def from_loop(log: Log, rig: Rig) -> ContactSeries:
+    """What estimators are given inside the loop, of a log's samples one after the other; NaN where it is nothing."""
+    assert log.q is not None
+    assert log.wrench is not None
+    contact, times, rows = OnlineContact(rig), [], []
+    for t, q, wrench in zip(log.t.tolist(), np.array(log.q), np.array(log.wrench)):
+        contact.step(t, q, wrench)
+        while contact.next_delayed():
+            times.append(contact.delayed_time)
+            rows.append(contact.delayed.copy())
+    quantities = np.full((len(CONTACT), len(log)), np.nan)
+    quantities[:, np.searchsorted(log.t, np.array(times))] = np.transpose(rows)
+    named: dict[str, Any] = dict(zip(CONTACT, quantities))
+    force = named["normal_force"]
+    return ContactSeries(
+        t=log.t, in_contact=force > contact.threshold, valid=np.isfinite(force), phase=log.phase, **named
+    )
+
+
+def study(
+    estimators: Iterable[str],
+    seeds: Iterable[int],
+    materials: Iterable[str] | None = None,
+    *,
+    series: Callable[[Log, Rig], ContactSeries] = contact_series,
+) -> list[Score]:
     """Run estimators on closed-loop logs of every seed, and score them.
 
     Args:
         estimators: names of `STUDIES`. seeds: of sensor faults, drift and noise.
         materials: instead of those that an estimator is tried on.
+        series: makes contact quantities of a log: offline, or `from_loop`.
 
     Raises:
         InputError: no such estimator, or no seeds.
@@ -142,7 +171,7 @@ def study(estimators: Iterable[str], seeds: Iterable[int], materials: Iterable[s
         moved = _setup(material, 0).run().motion
         for seed in numbers:
             setup = _setup(material, seed)
-            touch = contact_series(setup.observe(moved).log, setup.rig)
+            touch = series(setup.observe(moved).log, setup.rig)
             for name in names:
                 if (name, material) in tracks:
                     tracks[name, material].append(STUDIES[name].run(touch))

@@ -1,4 +1,4 @@
-"""Compiled: a sample in the contact frame into both estimators, and into the watch over them.
+"""Compiled: the watch over the contact frame and over what both estimators expect there, sample by sample.
 
 The watch is one float64 array: settings (`SETTINGS` of them), the range of each channel of the wrench (6), then state.
 Its bits are those of `kinid.live.events`.
@@ -7,20 +7,13 @@ Its bits are those of `kinid.live.events`.
 from __future__ import annotations
 
 import math
-import sys
-from collections.abc import Callable
-from types import FunctionType
 
 import numpy as np
-from numba import float64, int64, njit, types
-from numpy.typing import NDArray
+from numba import njit
 
-from kinid.kernels import causal, chain, mesh, on_mesh
-from kinid.kernels.cached import stamp
+from kinid.kernels import chain
 from kinid.kernels.types import Compiled
-from kinid.live.events import ABOVE, CHANGE, DIVERGENCE, EXCITATION, LEAVE, SATURATED, TOUCH
-
-Array = NDArray[np.float64]
+from kinid.live.events import ABOVE, DIVERGENCE, EXCITATION, LEAVE, SATURATED, TOUCH
 
 #: settings: normal force from which the tool touches, and below which it has left [N]; standard deviation of a force
 #: [N]; drift and threshold of the cumulated sums, in standard deviations; time [s] that an estimate has to stand before
@@ -45,14 +38,18 @@ LAST_TIME = MEAN_SQUARES + 2
 FAR, NEAR, SWING, ON_WAY, CHANGED = range(5)
 #: those of force over depth, and of tangential over normal force; and the way's velocity along both tangents [m/s]
 DEPTH_RATIO, FRICTION_RATIO, ALONG1, ALONG2 = LAST_TIME + 1, LAST_TIME + 6, LAST_TIME + 11, LAST_TIME + 12
-#: logarithm of force over depth to the law's power, without damping: now, and in this touch so far, and mean square of
-#: what that leaves; time in touch [s]; the law's exponent and damping over stiffness so far; then of force over depth
-#: alone: its logarithm, that swing
-LAW_RATIO, USUAL_FORCE, FORCE_SWING, IN_TOUCH = range(LAST_TIME + 13, LAST_TIME + 17)
-EXPONENT, LOSS, USUAL_SECANT, SECANT_SWING = range(LAST_TIME + 17, LAST_TIME + 21)
-#: way since changes are looked for anew [m]
-SLID = LAST_TIME + 21
-PLACES = LAST_TIME + 22
+#: of the law on the way: logarithm of force over depth to its power, without damping, now; time in touch [s]; the
+#: exponent and damping over stiffness so far
+LAW_RATIO, IN_TOUCH, EXPONENT, LOSS = range(4)
+#: those of the sample that estimates rest on, and of the present one; of the latter its ratio in this touch so far, and
+#: mean square of what that leaves; then of force over depth alone: its logarithm, that swing
+LATE_LAW, LAW = LAST_TIME + 13, LAST_TIME + 17
+USUAL_FORCE, FORCE_SWING, USUAL_SECANT, SECANT_SWING = range(LAST_TIME + 21, LAST_TIME + 25)
+#: way since changes are looked for anew [m]; time of the last sample that they were sought in [s]
+SLID, LATE_TIME = LAST_TIME + 25, LAST_TIME + 26
+#: normal force that the law expects of this sample, NaN where it expects none [N]
+EXPECTED = LAST_TIME + 27
+PLACES = LAST_TIME + 28
 
 #: samples in a row that make or end a touch; time constants of the mean squares that tell a divergence, and of the
 #: usual size of innovations [s]
@@ -70,7 +67,7 @@ REACH = 5e-3
 SLIDING, DEEP, BENDING = 5e-4, 3e-4, 2e-3
 #: time constants of what force over depth was on the way, and is now; how long the way has to be before, and the change
 #: has to last [s]
-FAR_TIME, NEAR_TIME, WAY, LASTS = 1.0, 0.01, 0.4, 0.006
+FAR_TIME, NEAR_TIME, WAY, LASTS = 1.0, 0.005, 0.4, 0.004
 #: a depth that shakes makes force over depth swing, by damping: a change is beyond so many times its rms on the way
 BEYOND_SWING = 3.0
 #: damping over stiffness of a material that rests within so long is no longer damping [s]
@@ -81,9 +78,11 @@ LEAST_LEFT = 0.2
 TURNED, BRAKED, FOLLOWS = 0.94, 0.3, 0.05
 #: an innovation counts for so many standard deviations at most, so that no single sample raises an alarm
 CLIP = 6.0
-#: whatever was usual, no law is trusted to less than this share of the normal force
-ALWAYS = 0.1
-VALID, NOT_EXCITED, NO_CONTACT, NOT_SLIDING, NOT_FINITE = 0, 2, 3, 7, 6
+#: whatever was usual, no law is trusted to less than this share of the force that it explains
+ALWAYS = 0.05
+#: an expected force is so many times the one that was read at most: the first values of a law may be any
+WILD = 10.0
+VALID, NOT_EXCITED, NO_CONTACT, NOT_SLIDING = 0, 2, 3, 7
 
 _INNOVATION, _STATUS = -6, -3
 
@@ -119,6 +118,19 @@ def _touch(quantities: Compiled, w: Compiled) -> int:
     w[MEAN_INNOVATION] = w[MEAN_FORCE] = w[EXCITED] = 0.0
     w[MEAN_SQUARES : MEAN_SQUARES + 2] = 0.0
     return TOUCH if w[TOUCHING] > 0.0 else LEAVE
+
+
+@njit(error_model="numpy", forceinline=True)
+def _expect(quantities: Compiled, normal: Compiled, w: Compiled) -> float:
+    """Normal force less what the law makes of this sample's depth and rate [N]; NaN where nothing touches."""
+    depth, force, parameters = quantities[chain.DEPTH], quantities[chain.NORMAL], (len(normal) - 6) // 2
+    w[EXPECTED] = np.nan
+    if depth > 0.0 and force > w[ON]:
+        power = depth ** normal[2] if parameters > 2 else 1.0
+        law = power * (normal[0] + normal[1] * quantities[chain.DEPTH_RATE])
+        law = law if parameters > 2 else normal[0] * depth + normal[1] * quantities[chain.DEPTH_RATE]
+        w[EXPECTED] = min(max(law, -WILD * force), WILD * force)
+    return float(force - w[EXPECTED])
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -169,28 +181,28 @@ def _turn(dt: float, quantities: Compiled, w: Compiled) -> None:
 
 
 @njit(error_model="numpy", forceinline=True)
-def _follow_law(dt: float, quantities: Compiled, normal: Compiled, parameters: int, w: Compiled) -> bool:
+def _follow_law(dt: float, quantities: Compiled, normal: Compiled, w: Compiled, law: Compiled) -> bool:
     """The mean over a second of a law's exponent n and damping, and ln f − n ln x of the force without its damping.
 
     Returns:
         Whether the tip is deep enough in the material for it.
     """
-    depth, force = quantities[chain.DEPTH], quantities[chain.NORMAL]
+    depth, force, parameters = quantities[chain.DEPTH], quantities[chain.NORMAL], (len(normal) - 6) // 2
     if w[TOUCHING] <= 0.0:
-        w[IN_TOUCH] = 0.0
+        law[IN_TOUCH] = 0.0
         return False
     if depth < DEEP or force < w[ON]:
         return False
-    w[IN_TOUCH] += dt
-    share = dt / (min(FAR_TIME, w[IN_TOUCH]) + dt)
-    first = w[IN_TOUCH] == dt
+    law[IN_TOUCH] += dt
+    share = dt / (min(FAR_TIME, law[IN_TOUCH]) + dt)
+    first = law[IN_TOUCH] == dt
     exponent = min(max(normal[2], 0.5), 3.0) if parameters > 2 else 1.0
     loss = min(max(normal[1] / normal[0], 0.0), LONGEST) if normal[0] > 0.0 else 0.0
-    w[EXPONENT] = exponent if first else w[EXPONENT] + share * (exponent - w[EXPONENT])
-    w[LOSS] = loss if first else w[LOSS] + share * (loss - w[LOSS])
+    law[EXPONENT] = exponent if first else law[EXPONENT] + share * (exponent - law[EXPONENT])
+    law[LOSS] = loss if first else law[LOSS] + share * (loss - law[LOSS])
     # Kelvin-Voigt loses f by the rate whatever the depth, Hunt-Crossley in parts of f
-    damping = w[LOSS] * quantities[chain.DEPTH_RATE] / (1.0 if parameters > 2 else depth)
-    w[LAW_RATIO] = math.log(force) - w[EXPONENT] * math.log(depth) - math.log(max(1.0 + damping, LEAST_LEFT))
+    damping = law[LOSS] * quantities[chain.DEPTH_RATE] / (1.0 if parameters > 2 else depth)
+    law[LAW_RATIO] = math.log(force) - law[EXPONENT] * math.log(depth) - math.log(max(1.0 + damping, LEAST_LEFT))
     return True
 
 
@@ -207,7 +219,7 @@ def _passes(dt: float, quantities: Compiled, is_deep: bool, w: Compiled) -> bool
         return False
     if speed < SLIDING or not is_deep:
         return False
-    changed = _ratio_changed(dt, w[LAW_RATIO], w[DEPTH_RATIO:], w)
+    changed = _ratio_changed(dt, w[LATE_LAW + LAW_RATIO], w[DEPTH_RATIO:], w)
     friction = math.hypot(quantities[chain.TANGENT1], quantities[chain.TANGENT2])
     return bool(changed | (friction > w[ON] and _ratio_changed(dt, math.log(friction / force), w[FRICTION_RATIO:], w)))
 
@@ -239,10 +251,10 @@ def _is_above(dt: float, quantities: Compiled, w: Compiled) -> bool:
     A recursive estimate follows within tens of samples and would call any force its own. What is held against is the
     mean over a second of `LAW_RATIO`; and of ln f − ln x alone, for exponent and damping may be wrong.
     """
-    depth, force, now = quantities[chain.DEPTH], quantities[chain.NORMAL], w[LAW_RATIO]
-    share = dt / (min(FAR_TIME, w[IN_TOUCH]) + dt)
+    depth, force, now = quantities[chain.DEPTH], quantities[chain.NORMAL], w[LAW + LAW_RATIO]
+    share = dt / (min(FAR_TIME, w[LAW + IN_TOUCH]) + dt)
     secant = math.log(force / depth)
-    if w[IN_TOUCH] <= w[SETTLED]:
+    if w[LAW + IN_TOUCH] <= w[SETTLED]:
         w[USUAL_FORCE], w[FORCE_SWING] = now, 0.0
         w[USUAL_SECANT], w[SECANT_SWING] = secant, 0.0
     beyond, further = now - w[USUAL_FORCE], secant - w[USUAL_SECANT]
@@ -253,7 +265,7 @@ def _is_above(dt: float, quantities: Compiled, w: Compiled) -> bool:
     if not above:  # what is being reported mustn't hide itself
         w[FORCE_SWING] += share * (beyond * beyond - w[FORCE_SWING])
         w[SECANT_SWING] += share * (further * further - w[SECANT_SWING])
-    return bool(above and w[IN_TOUCH] > w[SETTLED])
+    return bool(above and w[LAW + IN_TOUCH] > w[SETTLED])
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -272,10 +284,30 @@ def _lasts(t: float, which: int, is_so: bool, longest: float, w: Compiled) -> bo
 
 
 @njit(error_model="numpy", forceinline=True)
-def _watch(
-    t: float, wrench: Compiled, quantities: Compiled, normal: Compiled, friction: Compiled, w: Compiled
-) -> Compiled:
-    """Bits of the events of this sample."""
+def seek_change(t: float, quantities: Compiled, normal: Compiled, friction: Compiled, w: Compiled) -> bool:
+    """Whether a sample that estimates have just been given shows another material.
+
+    Not the present one: what its rates and accelerations lack looks like a change where the depth shakes.
+    """
+    force = quantities[chain.NORMAL]
+    if not abs(force) < np.inf:
+        return False
+    dt = min(max(t - w[LATE_TIME], 0.0), MEMORY)
+    w[LATE_TIME] = t
+    _turn(dt, quantities, w)
+    changed = _cumulate(t, dt, force, True, normal, w, NORMAL_SINCE, SUMS, MEAN_SQUARES)
+    slides, rubs = w[SLID] > BENDING, math.hypot(quantities[chain.TANGENT1], quantities[chain.TANGENT2])
+    changed |= _cumulate(t, dt, rubs, slides, friction, w, FRICTION_SINCE, SUMS + 2, MEAN_SQUARES + 1)
+    is_deep = _follow_law(dt, quantities, normal, w, w[LATE_LAW : LATE_LAW + 4])
+    changed |= _passes(dt, quantities, is_deep, w)
+    if changed:
+        _begin(w)
+    return bool(changed and w[TOUCHING] > 0.0)
+
+
+@njit(error_model="numpy", forceinline=True)
+def watch(t: float, wrench: Compiled, quantities: Compiled, normal: Compiled, w: Compiled) -> Compiled:
+    """Bits of the other events, of the present sample."""
     event_bits = 0
     full = False
     for i in range(6):
@@ -284,26 +316,18 @@ def _watch(
         event_bits |= SATURATED
     force = quantities[chain.NORMAL]
     if not abs(force) < np.inf:
+        w[EXPECTED] = np.nan
         return event_bits
     dt = min(max(t - w[LAST_TIME], 0.0), MEMORY)
     w[LAST_TIME] = t
     event_bits |= _touch(quantities, w)
     touching = w[TOUCHING] > 0.0
     share = dt / (dt + MEMORY)
-    _turn(dt, quantities, w)
-    changed = _cumulate(t, dt, force, True, normal, w, NORMAL_SINCE, SUMS, MEAN_SQUARES)
-    slides = w[SLID] > BENDING
-    changed |= _cumulate(t, dt, force, slides, friction, w, FRICTION_SINCE, SUMS + 2, MEAN_SQUARES + 1)
-    is_deep = _follow_law(dt, quantities, normal, (len(normal) - 6) // 2, w)
-    changed |= _passes(dt, quantities, is_deep, w)
-    if changed:
-        _begin(w)
-        if touching:
-            event_bits |= CHANGE
+    innovation = _expect(quantities, normal, w)
+    is_deep = _follow_law(dt, quantities, normal, w, w[LAW : LAW + 4])
     status = int(normal[len(normal) + _STATUS])
-    innovation = normal[len(normal) + _INNOVATION]
     settled = touching and t - w[NORMAL_SINCE] > w[SETTLED]
-    if touching:
+    if touching and not math.isnan(innovation):
         w[MEAN_INNOVATION] += share * (innovation * innovation - w[MEAN_INNOVATION])
         w[MEAN_FORCE] += share * (force * force - w[MEAN_FORCE])
     wrong = settled and w[MEAN_INNOVATION] > max(
@@ -319,63 +343,3 @@ def _watch(
     if _lasts(t, 3, is_deep and _is_above(dt, quantities, w), LASTING[3], w):
         event_bits |= ABOVE
     return event_bits
-
-
-def _learn(
-    t: float,
-    q: Array,
-    wrench: Array,
-    dq: Array,
-    contact: Array,
-    rows: Compiled,
-    start: int,
-    shape: Compiled,
-    memory: Array,
-    friction_rows: Compiled,
-    friction_start: int,
-    friction_shape: Compiled,
-    friction_memory: Array,
-    watch: Array,
-) -> int:
-    rates = dq[:0] if np.isnan(dq[0]) else dq
-    code: int = causal.take(t, q, wrench, rates, dq[:0], contact)
-    if code > causal.NOT_FINITE:
-        return -code
-    causal.hand_over(contact, rows, memory[start:])
-    once(t, shape, memory)  # type: ignore[name-defined]  # noqa: F821
-    causal.hand_over(contact, friction_rows, friction_memory[friction_start:])
-    friction_once(t, friction_shape, friction_memory)  # type: ignore[name-defined]  # noqa: F821
-    p, k = len(shape), len(friction_shape)
-    quantities = carve(contact).quantities  # type: ignore[name-defined]  # noqa: F821
-    event_bits: int = _watch(t, wrench, quantities, memory[: 2 * p + 6], friction_memory[: 2 * k + 6], watch)
-    return event_bits
-
-
-_GIVEN = types.Array(float64, 1, "A", readonly=True)
-_SOURCES = stamp(sys.modules[__name__], causal, chain, mesh, on_mesh)
-
-
-def compile_learn(once: Compiled, parameters: int, friction_once: Compiled) -> Callable[..., int]:
-    """Contact frame, both estimators and the watch as one compiled call, which allocates nothing.
-
-    Args:
-        once: the normal law's kernel of one sample; parameters: of it. friction_once: that of friction.
-
-    Returns:
-        A function of time, positions, wrench, velocities (the first NaN where there are none) and the contact's store;
-        for the normal law and for friction the rows, the place of the inputs, the shape and the store; and the watch.
-        It answers with the bits of its events, or minus the code of `kinid.kernels.causal` of a sample left out.
-    """
-    # kernels are constants of the compiled code, as in causal.compile_step_and_learn
-    known = {**globals(), "once": once, "friction_once": friction_once, "carve": causal._carve}
-    function = FunctionType(_learn.__code__, known, f"learn_{once.py_func.__qualname__}_{_SOURCES}")
-    function.__qualname__ = function.__name__
-    compiled = njit(error_model="numpy", cache=True, _nrt=False)(function)
-    estimator = (types.Array(int64, 1, "C"), int64)
-    compiled.compile(
-        (float64, _GIVEN, _GIVEN, _GIVEN, float64[::1])
-        + (*estimator, types.UniTuple(float64, parameters), float64[::1])
-        + (*estimator, types.UniTuple(float64, 2), float64[::1], float64[::1])
-    )
-    compiled.disable_compile()
-    return compiled  # type: ignore[no-any-return]

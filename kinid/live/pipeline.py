@@ -1,4 +1,8 @@
-"""Per sample: motion, contact frame, both estimators and the watch over them, in compiled code."""
+"""Per sample: motion, contact frame, both estimators and the watch over them, in compiled code.
+
+Quantities, touches, what is expected of a sample and alarms are of the present; estimates, and the changes of material
+that they show, rest on all samples that are older than `OnlineContact.DELAY`, whose motion is known without a lag.
+"""
 
 from __future__ import annotations
 
@@ -22,6 +26,7 @@ from kinid.estimators.hunt_crossley import logarithmic
 from kinid.kernels.causal import FLAG
 from kinid.live import _watch_kernels as kernels
 from kinid.live import events
+from kinid.live._learn_kernels import compile_learn
 from kinid.live.events import Event
 
 if TYPE_CHECKING:
@@ -105,7 +110,7 @@ class Pipeline:
         self.friction: Machine = Friction().online().machine
         self._watch_state = np.full(kernels.PLACES, 0.0)
         self._set_up(rig, on, noise)
-        self._learn = kernels.compile_learn(self.normal.once, len(self.normal.shape), self.friction.once)
+        self._learn = compile_learn(self.normal.once, len(self.normal.shape), self.friction.once)
         self._normal = _inputs(self.normal, ("depth", "depth_rate", "normal_force", "in_contact"))
         rubbing = ("normal_force", "slip_rate1", "slip_rate2", "tangential_force1", "tangential_force2", "in_contact")
         self._friction = _inputs(self.friction, rubbing)
@@ -138,9 +143,8 @@ class Pipeline:
 
     @property
     def predicted(self) -> float:
-        """Normal force that the estimate before the last sample expected [N]; NaN where the sample wasn't used."""
-        innovation = self.normal.estimate().innovation
-        return float(self.quantities[_NORMAL]) - innovation if innovation != 0.0 else math.nan
+        """Normal force that the law expects of the last sample [N]; NaN where nothing touches."""
+        return float(self._watch_state[kernels.EXPECTED])
 
     @property
     def predicted_friction(self) -> Array:
@@ -186,7 +190,10 @@ class Pipeline:
         return out
 
     def reopen(self) -> None:
-        """Open both estimators' covariance: what was learnt stays as a start, which the next samples may overrule."""
+        """Open both estimators' covariance: what was learnt stays as a start, which the next samples may overrule.
+
+        Those that still wait are all newer than what has shown the change.
+        """
         reopen(self.normal, self._noise)
         reopen_friction(self.friction.room.state, SPREAD)
 
@@ -225,7 +232,8 @@ class Pipeline:
         state[kernels.RANGE : kernels.RANGE + 6] = np.inf if rig.sensor.range is None else rig.sensor.range
         state[kernels.NORMAL_SINCE] = state[kernels.FRICTION_SINCE] = np.inf
         state[kernels.SINCE : kernels.SINCE + 4] = np.inf
-        state[kernels.LAST_TIME] = 0.0
+        state[kernels.LAST_TIME] = state[kernels.LATE_TIME] = 0.0
+        state[kernels.EXPECTED] = math.nan
 
 
 def reopen(machine: Machine, force_noise: float, known: NDArray[np.bool_] | None = None) -> None:
@@ -278,9 +286,7 @@ def _inputs(machine: Machine, takes: Sequence[str]) -> tuple[NDArray[np.int64], 
 
 
 def _residual(pipeline: Pipeline) -> str:
-    estimate = pipeline.normal.estimate()
-    force = float(pipeline.quantities[_NORMAL])
-    return f"{force:.2f} N, {force - estimate.innovation:.2f} N expected"
+    return f"{float(pipeline.quantities[_NORMAL]):.2f} N, {pipeline.predicted:.2f} N expected"
 
 
 def _force(pipeline: Pipeline) -> str:

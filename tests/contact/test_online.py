@@ -110,6 +110,10 @@ class Foreign:
     def __init__(self, inner: Any) -> None:
         self.inner, self.seen = inner, []  # type: ignore[var-annotated]
 
+    @property
+    def estimate(self) -> Estimate:
+        return self.inner.estimate  # type: ignore[no-any-return]
+
     def update(self, *sample: Any, t: float | None = None) -> Estimate:
         self.seen.append(sample)
         return self.inner.update(*sample, t=t)  # type: ignore[no-any-return]
@@ -270,7 +274,8 @@ def test_what_is_not_finite_is_marked_and_poisons_nothing(scripted: Scripted, ri
                 np.testing.assert_array_equal(estimate.covariance, before[3])
             else:
                 np.testing.assert_array_equal(state, last)
-        np.testing.assert_array_equal(estimate.values, before[2])
+        # a filter's mean is that of its members, whose weights are scaled anew
+        np.testing.assert_allclose(estimate.values, before[2], rtol=1e-15 if "kalman" in kind else 0.0)
         if part == "wrench":
             assert np.isfinite(loop.contact.quantities[CONTACT.index("depth")])
         else:
@@ -321,7 +326,9 @@ def test_scheduled_forgetting_needs_a_time_and_has_it(scripted: Scripted, rig: R
     for bad in (None, "soon"):
         with pytest.raises(InputError, match="to mend it"):
             loop.update(bad, q, w)  # type: ignore[arg-type]
-    assert loop.update(0.0, q, w).status is Status.NO_CONTACT
+    for k in range(20):
+        estimate = loop.update(1e-3 * k, q, w)
+    assert estimate.status is Status.NO_CONTACT
 
 
 def test_a_rig_without_a_surface_is_refused() -> None:
