@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinid.errors import InputError
-from kinid.estimators.wander import walk_variance
+from kinid.estimators.wander import walk_scatter
 from kinid.parameter import Parameter
 from kinid.signal.autoregression import autoregression
 
@@ -373,9 +373,7 @@ def _covariance(
 
             backwards = lfilter([1.0], np.concatenate([[1.0], -coefficients]), filtered[run][::-1], axis=0)
             meat += variance * backwards.T @ backwards
-        # a walk reaches every later sample
-        onwards = np.cumsum(filtered[::-1], axis=0)
-        meat += walk_variance(whole[c], filtered, coefficients, variance) * onwards.T @ onwards
+        meat += walk_scatter(whole[c], filtered, coefficients, variance)
     spent = max(1, work.y.size - p)
     core = inverse @ meat @ inverse.T * (work.y.size / spent)
     covariance = core * np.outer(scale, scale)

@@ -65,3 +65,9 @@ def walk_variance(residual: Array, sensitivity: Array, coefficients: Array, vari
     # what is likely, of all orders of magnitude alike, knows that
     likely = np.exp(likelihood[1:] - likelihood.max())
     return float((likely * tried[1:] * level2[1:]).sum() / likely.sum())
+
+
+def walk_scatter(residual: Array, sensitivity: Array, coefficients: Array, variance: float) -> Array:
+    """What a residual's walk adds to the scatter of its moments with the sensitivity, (k, k); arguments as above."""
+    onwards = np.cumsum(sensitivity[::-1], axis=0)  # a walk's step reaches every later sample
+    return np.asarray(walk_variance(residual, sensitivity, coefficients, variance) * onwards.T @ onwards)
