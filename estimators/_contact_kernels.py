@@ -2,20 +2,21 @@
 
 Both work with the depth over a reference depth r, so that ln(x/r) is near zero where the data are; with x in metres
 ln x ≈ −4 hides behind the constant. `law` = noise ε [N], ln r, limit of |ẋ|B/K, limit of K xⁿ/ε, weighted (0 or 1),
-then accuracies (see `trust`).
+then accuracies (see `trust`), and the largest variances of the second opinion.
 """
 
 from __future__ import annotations
 
 import math
 
-from kinid.estimators._factored_kernels import covariance, quadratic
+from kinid.estimators._factored_kernels import covariance
 from kinid.estimators._jit import inlined, jit
 from kinid.estimators._kernels import (
     BELOW_NOISE,
     EARLY,
     NO_CONTACT,
     NOT_FINITE,
+    STARTING,
     TOO_FAST,
     VALID,
     carve,
@@ -25,13 +26,23 @@ from kinid.estimators._kernels import (
     noise_variance,
     offset_place,
     parts,
-    scaled,
-    shared_variance,
     spread,
     trust,
     wait,
 )
 from kinid.estimators._store import TALLY
+from kinid.estimators._watch_kernels import (
+    SETTLED,
+    elapsed,
+    exp,
+    grow,
+    grow_shared,
+    judge_errors,
+    second_opinion,
+    second_size,
+    watch_size,
+    write_law,
+)
 from kinid.kernels.types import Compiled
 
 #: a depth [m or reference depths], a speed [m/s] or a force [N] beyond it is a fault of the log
@@ -39,12 +50,6 @@ FAR = 1e7
 
 #: a force [N] below it is none, even where no noise is stated
 FAINT = 1e-9
-
-
-@inlined
-def exp(value: float) -> float:
-    """Exponential that can't overflow, for the first wild estimates."""
-    return math.exp(min(max(value, -200.0), 200.0))
 
 
 @inlined
@@ -71,37 +76,7 @@ def enter(
     return code, math.log(x) - law[1] if code in (VALID, BELOW_NOISE) else 0.0
 
 
-@inlined
-def write_law(
-    p: int,
-    u: Compiled,
-    d: Compiled,
-    a: float,
-    b: float,
-    n: float,
-    log_r: float,
-    factor: float,
-    offset: Compiled,
-    row: Compiled,
-    values: Compiled,
-    variances: Compiled,
-) -> None:
-    """K, B, n and their variances from ln(K rⁿ), B/K, n, to first order; `factor` scales the covariance P.
-
-    `row` is scratch, for the Jacobian's rows.
-    """
-    k = exp(a - n * log_r)
-    values[0], values[1], values[2] = k, b * k, n
-    for i in range(p):
-        if i == 0:
-            row[0], row[1], row[2] = k, 0.0, -k * log_r
-        elif i == 1:
-            row[0], row[1], row[2] = b * k, k, -b * k * log_r
-        else:
-            row[0], row[1], row[2] = 0.0, 0.0, 1.0
-        variances[i] = scaled(quadratic(p, u, d, row), factor) + shared_variance(p, offset, row)
-
-
+# one long function: a sample goes through regression, second opinion and watch without leaving scalars and scratch
 @jit
 def single_stage(
     shape: Compiled,
@@ -120,19 +95,33 @@ def single_stage(
     scratch: Compiled,
     out: Compiled,
 ) -> None:
-    """One regression, ln f = ln(K rⁿ) + (B/K) ẋ + n ln(x/r) (Haddadi & Hashtrudi-Zaad 2008, 2012)."""
+    """One regression, ln f = ln(K rⁿ) + (B/K) ẋ + n ln(x/r) (Haddadi & Hashtrudi-Zaad 2008, 2012).
+
+    Of four parameters, the last is the rate at which ln K grows: its regressor is the time until now, always 0. Of
+    three, a second opinion lets it grow. `state`: that of the regression, before its tally that opinion and the watch.
+    """
     p = len(shape)
     theta, d, u, own, tally = parts(p, state)
     phi, work, gain = scratch[0], scratch[1], scratch[2]
     thetas, variances, innovations, noises, _, _, conditions = out
     noise, log_r, fastest, ratio = law[0], law[1], law[2], law[3]
     weighted = law[4] > 0.0
-    offset = state[offset_place(p) : len(state) - TALLY]
+    end = len(state) - TALLY - watch_size(p)
+    begin = end - (second_size() if p == 3 else 0)
+    offset, second, watch = state[offset_place(p) : begin], state[begin:end], state[end : len(state) - TALLY]
     for k in range(len(depth)):
-        wait(offset, times[k if len(times) > 1 else 0])
+        now = times[k if len(times) > 1 else 0]
+        wait(offset, now)
         x, v, f = depth[k], rate[k], force[k]
         code, position = enter(p, k, x, v, f, contact[k], law, phi, out)
+        factor = factors[k if len(factors) > 1 else 0]
         if code == VALID:
+            step = elapsed(watch, now)
+            if p > 3:
+                moved = exp(grow(p, theta, u, step))
+                watch[0] *= moved  # K and B, that of their ratio being constant
+                watch[1] *= moved
+                grow_shared(p, offset, step)
             predicted = exp(theta[0] + theta[2] * position) * (1.0 + theta[1] * v)
             innovations[k] = f - predicted
             if tally[3] > p + EARLY:  # too fast for sure: the whole interval of B/K says so
@@ -143,21 +132,26 @@ def single_stage(
             # in newtons: noise of ln f is noise of f over f. The measured f would correlate with its own noise.
             weight = min(max(predicted, 0.5 * f), 2.0 * f) if weighted else 1.0
             phi[0], phi[1], phi[2] = weight, weight * v, weight * position
-            factor = factors[k if len(factors) > 1 else 0]
             y = weight * math.log(f)
             learn(p, theta, d, u, own, tally, phi, y, factor, limit, False, work, gain, offset, weight / f)
+            if p == 3:
+                second_opinion(second, step, weight, v, position, y, factor, law[5 + 2 * p :])
             phi[0], phi[1], phi[2] = 1.0, v, position
-        slow, loud = False, False
+            if p > 3:  # time tells growth, no motion has to: in its place stands what is never like another regressor
+                phi[3] = 1.0 if tally[3] % 2.0 == 0.0 else -1.0
+        used, slow, loud = code == VALID, False, False
         if code in (VALID, BELOW_NOISE, TOO_FAST):
             slow = abs(v * theta[1]) < fastest and code != TOO_FAST
             loud = exp(theta[0] + theta[2] * position) > ratio * noise
             conditions[k, 0], conditions[k, 1] = slow, loud
         conclude(shape, k, code, tally, slow, loud, phi, window, length, threshold, scratch, out)
         noises[k] = noise_variance(tally)
-        write_law(p, u, d, theta[0], theta[1], theta[2], log_r, spread(tally), offset, phi, thetas[k], variances[k])
+        write_law(p, u, d, theta, log_r, spread(tally), offset, phi, thetas[k], variances[k])
+        judge_errors(p, second, watch, log_r, factor, used, True, phi, thetas[k], variances[k])
         trust(p, k, law[5:], out)
 
 
+# one long function: a sample goes through regression, second opinion and watch without leaving scalars and scratch
 @jit
 def two_stage(
     shape: Compiled,
@@ -179,13 +173,16 @@ def two_stage(
     """Fit f = K xⁿ + B xⁿ ẋ with the last n, then ln f − ln(K + B ẋ) = n ln x with the last K, B (Diolaiti et al.
     2005).
 
-    Inside, K and B stand for K rⁿ and B rⁿ; `state` is that of both, then that of n. Covariances are those of each
-    stage, given the other's values.
+    Inside, K and B stand for K rⁿ and B rⁿ; `state` is that of both, a second opinion, the watch, then that of n. Each
+    stage's covariance is that of its values given the other's; what is stated is that of the second opinion.
     """
     p, q = len(shape), 2
-    split = 3 * q + q * q + 4
+    split = offset_place(q) + TALLY
+    middle = split + second_size()
+    end = middle + watch_size(p)
     theta, d, u, own, tally = parts(q, state[:split])
-    exponent, d2, u2, own2, tally2 = parts(1, state[split:])
+    second, watch = state[split:middle], state[middle:end]
+    exponent, d2, u2, own2, tally2 = parts(1, state[end:])
     none = state[:0]  # no offset is considered
     phi, work, gain = scratch[0], scratch[1], scratch[2]
     thetas, variances, innovations, noises, _, _, conditions = out
@@ -193,9 +190,17 @@ def two_stage(
     for k in range(len(depth)):
         x, v, f = depth[k], rate[k], force[k]
         code, position = enter(p, k, x, v, f, contact[k], law, phi, out)
+        factor = factors[k if len(factors) > 1 else 0]
+        used = code == VALID
         if code == VALID:
-            factor = factors[k if len(factors) > 1 else 0]
+            step = elapsed(watch, times[k if len(times) > 1 else 0])
             power = exp(exponent[0] * position)
+            ratio_now = theta[1] / theta[0] if theta[0] > 0.0 else 0.0
+            damped = max(1.0 + ratio_now * v, 0.2)  # the logarithm is linearised around B/K as it is known
+            weight = min(max(power * theta[0] * damped, 0.5 * f), 2.0 * f)
+            slope = v / damped
+            level = weight * (math.log(f / damped) + ratio_now * slope)
+            second_opinion(second, step, weight, slope, position, level, factor, law[5 + 2 * p :])
             phi[0], phi[1] = power, power * v
             innovations[k] = learn(q, theta, d, u, own, tally, phi, f, factor, limit, False, work, gain, none, 1.0)
             stiff = theta[0] + theta[1] * v
@@ -210,13 +215,11 @@ def two_stage(
             conditions[k, 0], conditions[k, 1] = abs(v * theta[1]) < fastest * theta[0], loud
         conclude(shape, k, code, tally2, True, loud, phi, window, length, threshold, scratch, out)
         noises[k] = noise_variance(tally)
-        n, s1, s2 = exponent[0], spread(tally), spread(tally2)
-        unit = exp(-n * log_r)
-        thetas[k, 0], thetas[k, 1], thetas[k, 2] = theta[0] * unit, theta[1] * unit, n
-        variances[k, 2] = scaled(d2[0], s2)
-        for j in range(q):
-            moved = theta[j] * log_r  # by the exponent's error
-            variances[k, j] = unit * unit * (scaled(covariance(q, u, d, j, j), s1) + scaled(moved * moved * d2[0], s2))
+        unit = exp(-exponent[0] * log_r)
+        thetas[k, 0], thetas[k, 1], thetas[k, 2] = theta[0] * unit, theta[1] * unit, exponent[0]
+        judge_errors(p, second, watch, log_r, factor, used, False, phi, thetas[k], variances[k])
+        if out[5][k] == VALID and watch[4 * p + 1] <= SETTLED:
+            out[5][k] = STARTING  # rows that were made with another exponent still count
         trust(p, k, law[5:], out)
 
 

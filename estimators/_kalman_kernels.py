@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from kinid.estimators._contact_kernels import FAR, exp
+from kinid.estimators._contact_kernels import FAR
 from kinid.estimators._factored_kernels import add_noise, covariance, hold, quadratic, rank_one
 from kinid.estimators._jit import inlined, jit
 from kinid.estimators._kernels import (
@@ -31,6 +31,7 @@ from kinid.estimators._kernels import (
     parts,
     trust,
 )
+from kinid.estimators._watch_kernels import exp
 from kinid.kernels.types import Compiled
 
 #: logarithm of a probability below which a member of the bank is given up

@@ -175,6 +175,12 @@ class Machine(ABC):
         """Time begins anew."""
 
     @property
+    def watch(self) -> Array:
+        """View of what it remembers of how its values scatter, and of its clock at the end; empty where it doesn't."""
+        none: Array = self.room.state[:0]
+        return none
+
+    @property
     def updates(self) -> int:
         """Samples used so far."""
         return int(self.room.state[-1])

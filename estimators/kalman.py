@@ -11,9 +11,10 @@ import numpy as np
 from kinid.errors import InputError
 from kinid.estimators._contact import COLUMNS, ContactEstimator, ContactMachine
 from kinid.estimators._machine import Memory, unit_covariance
-from kinid.estimators.estimate import Array, Prior
+from kinid.estimators.estimate import SAMPLE, Array, Prior
 from kinid.estimators.excitation import Excitation
 from kinid.estimators.forgetting import Constant
+from kinid.estimators.hunt_crossley import shares
 
 NAMES = ("stiffness", "damping", "exponent", "surface")
 
@@ -54,7 +55,8 @@ class HuntCrossleyKalman(ContactEstimator):
         members: filters in the bank; 1 is a plain extended Kalman filter.
         patience: memory of the watch over the innovations [samples used], > 1; nothing is marked as diverged before.
         fading: first samples weigh 1 − fading[0]·exp(−i/fading[1]) less with each later one.
-        accuracy: half width of n's 95 % interval, as a share of n, in a valid estimate; inf asks for excitation alone.
+        accuracy: half width of 95 % intervals in a valid estimate, as a share of the value: of n alone, or of each of
+            K, B and n; inf asks for excitation alone. A B that is known to K·1 ms is known well enough.
         excitation: measured on [p, p ẋ, p ln f, 1] with p = f^m.
 
     Raises:
@@ -71,14 +73,15 @@ class HuntCrossleyKalman(ContactEstimator):
     members: int = 5
     patience: int = 200
     fading: tuple[float, float] = (0.02, 1000.0)
-    accuracy: float = 0.05
+    accuracy: float | tuple[float, float, float] = 0.05
     excitation: Excitation | None = field(default_factory=lambda: Excitation(window=500, threshold=0.005))
 
     def __post_init__(self) -> None:
-        for name in ("noise", "surface", "period", "reference_depth", "loudest", "members", "accuracy"):
+        for name in ("noise", "surface", "period", "reference_depth", "loudest", "members"):
             value = getattr(self, name)
-            if not (value > 0.0 and (math.isfinite(value) or name == "accuracy")):
+            if not (math.isfinite(value) and value > 0.0):
                 raise InputError(f"{name} = {value}", "a positive number", "use the default or the sensor's data")
+        shares(self.accuracy, (False, False, True))
         if not self.patience > 1:
             raise InputError(f"patience = {self.patience}", "a number of samples > 1", "use the default")
         if len(self.walk) != 4 or not all(math.isfinite(w) and w >= 0.0 for w in self.walk):
@@ -111,7 +114,7 @@ class _KalmanMachine(ContactMachine):
             ),
             np.maximum(np.max([np.diagonal(prior.covariance) for _, prior in members], axis=0), 1e-300),
         )
-        accuracy = (math.inf, math.inf, settings.accuracy, math.inf, 0.0, 0.0, 0.0, 0.0)  # it is asked of n alone
+        accuracy = (*shares(settings.accuracy, (False, False, True)), math.inf, 0.0, SAMPLE, 0.0, 0.0)
         fixed = (settings.noise, math.log(self._r), settings.loudest, settings.period, float(settings.patience))
         super().__init__(
             NAMES,

@@ -67,7 +67,7 @@ class Study:
     truth: Callable[[Material], tuple[float, ...]]
 
 
-def _poke(touch: ContactSeries) -> NDArray[np.bool_]:
+def poked(touch: ContactSeries) -> NDArray[np.bool_]:
     """Samples of the poke: at the retraction dry contacts let go where the equation of Kelvin-Voigt would pull."""
     assert touch.phase is not None
     return touch.in_contact & np.isin(touch.phase, ("hold", "poke"))
@@ -81,22 +81,22 @@ def _friction(touch: ContactSeries) -> Track:
 
 def _kelvin_voigt(touch: ContactSeries) -> Track:
     estimator = KelvinVoigt(forgetting=Constant(1.0), offset=ZERO)
-    return estimator.run(touch.depth, touch.depth_rate, touch.normal_force, touch.t, _poke(touch))
+    return estimator.run(touch.depth, touch.depth_rate, touch.normal_force, touch.t, poked(touch))
 
 
 def _single_stage(touch: ContactSeries) -> Track:
     estimator = SingleStage(noise=0.03, forgetting=Constant(1.0), reference_depth=3e-3, offset=ZERO)
-    return estimator.run(touch.depth, touch.depth_rate, touch.normal_force, touch.t, _poke(touch))
+    return estimator.run(touch.depth, touch.depth_rate, touch.normal_force, touch.t, poked(touch))
 
 
 def _two_stage(touch: ContactSeries) -> Track:
     estimator = TwoStage(noise=0.03, reference_depth=3e-3)
-    return estimator.run(touch.depth, touch.depth_rate, touch.normal_force, touch.t, _poke(touch))
+    return estimator.run(touch.depth, touch.depth_rate, touch.normal_force, touch.t, poked(touch))
 
 
 def _kalman(touch: ContactSeries) -> Track:
     estimator = HuntCrossleyKalman(noise=0.03, reference_depth=3e-3)
-    return estimator.run(touch.depth, touch.depth_rate, touch.normal_force, touch.t, _poke(touch))
+    return estimator.run(touch.depth, touch.depth_rate, touch.normal_force, touch.t, poked(touch))
 
 
 def _power(m: Material) -> tuple[float, ...]:

@@ -254,6 +254,7 @@ def reopen(machine: Machine, force_noise: float, known: NDArray[np.bool_] | None
     state[2 * p + p * p : 3 * p + p * p] = unit
     updates = state[-1]
     state[-4:] = 0.0
+    machine.watch[:-1] = 0.0  # but for its clock
     # at least one residual of the size that was usual, so that the first intervals aren't of zero width
     state[-4], state[-3], state[-2], state[-1] = noise, 1.0, 1.0, min(updates, 1.0)
 

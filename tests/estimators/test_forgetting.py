@@ -39,14 +39,29 @@ def test_a_bounded_memory_holds_for_a_minute(rows: list[Row]) -> None:
             assert max(row.force, row.stiffness, row.damping) < 0.02
 
 
-def test_hunt_crossley_needs_values_that_walk(rows: list[Row]) -> None:
+def test_hunt_crossley_needs_a_stiffness_that_may_grow(rows: list[Row]) -> None:
     """One stage takes a stiffness that grows within the memory for curvature; the force is right all the same."""
     stage = _of(rows, "Hunt-Crossley, schedule, memory 100", 10.0)
+    growing = _of(rows, "Hunt-Crossley, K grows, memory 500", 10.0)
     walking = _of(rows, "Hunt-Crossley, Kalman filter, values walk", 10.0)
-    print(stage, walking)
+    print(stage, growing, walking)
     assert stage.force < 0.02
-    assert max(walking.force, walking.stiffness, walking.damping, walking.exponent) < 0.02
-    assert stage.damping > 0.05 > walking.damping
+    for row in (growing, walking):
+        assert max(row.force, row.stiffness, row.damping, row.exponent) < 0.02
+    assert stage.damping > 0.05 > walking.damping > growing.damping
+
+
+def test_a_flag_that_is_raised_is_true(rows: list[Row]) -> None:
+    """Where 2 % of K, B and n is asked of a valid estimate, they are within it, whatever the method.
+
+    In 95 % of the samples that are called valid; single ones in a thousand, where hardly any is, are none.
+    """
+    for row in rows:
+        if row.valid > 1e-3 and row.method.startswith("Hunt-Crossley"):
+            print(row)
+            assert row.right >= 0.95, row.method
+    # a flag that is never raised is always true
+    assert _of(rows, "Hunt-Crossley, K grows, memory 500", 10.0).valid > 0.4
 
 
 def test_memory_bounds_the_schedule() -> None:

@@ -494,3 +494,57 @@ def test_bad_input_is_named():
         SingleStage(reference_depth=0.0)
     with pytest.raises(InputError, match="stiffness > 0"):
         SingleStage(prior=Prior(np.array([-1.0, 0.0, 1.0]), np.ones(3))).online()
+
+
+def grown(rate, seconds, seed, noise=0.01):
+    """A poke of one material whose ln K grows by `rate` a second: depth, depth rate, force, time, and K at the end."""
+    t = np.arange(0.0, seconds, 1e-3)
+    x = 3e-3 + 1.5e-3 * np.sin(2 * np.pi * 0.9 * t) + 5e-4 * np.sin(2 * np.pi * 5.0 * t)
+    v = np.gradient(x, t)
+    k = 4000.0 * np.exp(rate * t)
+    clean = force(x, v, k, 2.0 * k, 1.3)
+    return x, v, clean + noise * np.random.default_rng(seed).normal(size=len(t)), t, float(k[-1])
+
+
+@pytest.mark.parametrize("rate", [-0.03, 0.0, 0.05])
+def test_a_stiffness_that_grows_is_told_with_its_rate(rate):
+    """Intervals of four normal numbers at 95 %, ten logs: below 33 of 40 once in 400 times."""
+    inside = 0
+    for seed in range(10):
+        x, v, y, t, last = grown(rate, 8.0, seed)
+        final = (
+            SingleStage(noise=0.01, reference_depth=3e-3, forgetting=Constant(1.0), growth=0.1, offset=None)
+            .run(x, v, y, t)
+            .final
+        )
+        assert final.names == ("stiffness", "damping", "exponent", "growth")
+        truth = np.array([last, 2.0 * last, 1.3, rate])
+        low, high = final.interval.T
+        inside += int(((low < truth) & (truth < high)).sum())
+        assert final["growth"] == pytest.approx(rate, abs=0.01)
+    assert inside >= 33
+
+
+def test_what_grows_and_was_taken_for_constant_is_doubted():
+    """K grows by a third in the log: least squares of a constant is sure, and wrong, and says so."""
+    x, v, y, t, last = grown(0.04, 8.0, 0)
+    for law in (SingleStage, TwoStage):
+        forgetting = Constant(1.0 - 1.0 / 2000.0)
+        track = law(noise=0.01, reference_depth=3e-3, forgetting=forgetting, accuracy=(0.02, 0.02, 0.02)).run(
+            x, v, y, t
+        )
+        off = abs(track.final["stiffness"] / last - 1.0)
+        print(f"{law.__name__}: K {100 * off:.0f} % off, {off * last / track.final.std[0]:.1f} standard deviations")
+        assert off > 0.04
+        assert off * last < 3.0 * track.final.std[0]
+        assert not track.valid.any()
+
+
+def test_growth_is_checked():
+    for growth in (-1.0, math.inf, math.nan):
+        with pytest.raises(InputError, match="growth"):
+            SingleStage(growth=growth)
+    with pytest.raises(InputError, match="each of K, B and n"):
+        SingleStage(accuracy=(0.1, 0.1))
+    with pytest.raises(InputError, match="accuracy"):
+        TwoStage(accuracy=(0.1, 0.1, 0.0))
