@@ -35,14 +35,17 @@ def truths(x, y, of=MOULD):
 
 
 def held(grown, name, truth, where=lambda x, y: np.ones(np.shape(x), bool)):
-    """Share of all known places within two deviations; mean deviation, mean and rms error over the truth."""
+    """Share of all known places within two deviations; mean deviation, mean and rms error, median deviation and error,
+    all over the truth.
+    """
     ticks = grown.grid(60)
     x, y = np.meshgrid(*ticks, indexing="ij")
     guess, true = grown.over_grid(name, ticks), truth(x, y)
     known = guess.known & where(x, y)
     error, sd = (part[known] / true[known] for part in (guess.mean - true, guess.sd))
     share = np.mean(np.abs(error) <= 2 * sd)
-    return float(share), float(sd.mean()), float(np.abs(error).mean()), float(np.sqrt(np.mean(error**2)))
+    medians = float(np.median(sd)), float(np.median(np.abs(error)))
+    return float(share), float(sd.mean()), float(np.abs(error).mean()), float(np.sqrt(np.mean(error**2))), *medians
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +110,7 @@ def test_two_deviations_hold_nine_of_ten_places_of_the_mould(seed):
     """Borders, sides and film included, of a hundred exact laws with 0.5 % of noise; not all of them."""
     places, rng = grid(10), np.random.default_rng(seed)
     values = truths(*places.T)["stiffness"] * (1 + 0.005 * rng.standard_normal(100))
-    share, sd, _, rms = held(
+    share, sd, _, rms, *_ = held(
         mapped(places, values, 0.005 * values), "stiffness", lambda x, y: truths(x, y)["stiffness"]
     )
     assert 0.9 < share < 0.995
@@ -153,6 +156,68 @@ def test_so_it_is_on_a_mesh():
     assert np.nanmin(sure[between]) > 3 * np.nanmin(sure[~between])
 
 
+def film_map(seed, noise, count=10, width=1.5e-3):
+    """A map of a film's stiffness, of exact laws with noise, over a body three to eight times as stiff; its truth.
+
+    The film ends along a line, over `width`: probes there read a blend of both.
+    """
+    rng = np.random.default_rng(seed)
+    angle, off, ratio = rng.uniform(0, 2 * np.pi), rng.uniform(-0.02, 0.02), rng.uniform(3, 8)
+
+    def film(x, y):
+        return 0.5 * (1 + np.tanh((x * np.cos(angle) + y * np.sin(angle) - off) / width))
+
+    def at(x, y):
+        return 350.0 * (film(x, y) + ratio * (1 - film(x, y)))
+
+    places = grid(count)
+    true, there = at(*places.T), film(*places.T) > 0.5
+    rows = zip(places, true * (1 + noise * rng.standard_normal(len(places))), np.where(there, noise * true, np.inf))
+    probes = [Probe(np.array([*p, 0.0]), np.array([v]), np.array([[s**2]]), 0.02, 0.02) for p, v, s in rows]
+    plane, names = Plane(np.zeros(3), np.eye(3)), (Property("film.stiffness", "N/m"),)
+    return (
+        PropertyMap(plane, names, tuple(probes), "kelvin-voigt + stiffening-layer"),
+        at,
+        lambda x, y: film(x, y) > 0.5,
+    )
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.1, 0.2])
+def test_a_film_is_held_to_its_border(noise):
+    """Few unsure probes can't tell one value from a surface that varies, and those at the border read the body, too."""
+    out = []
+    for seed in range(400, 412):
+        grown, at, there = film_map(seed, noise)
+        out.append(held(grown, "film.stiffness", at, there))
+    share, sd, error, rms, *medians = np.mean(out, axis=0)
+    print(f"noise {noise}: held {share:.1%}, deviation {sd:.1%}, error {error:.1%}, rms {rms:.1%}, medians {medians}")
+    assert share > 0.9
+    assert np.min(out, axis=0)[0] > 0.6  # where border probes counted as the film's, a tenth of the places was held
+    assert sd < 2.5 * rms  # the blend at the border is what makes it wide
+
+
+@pytest.mark.parametrize("change", [-0.7, -0.3, 0.5, 0.0])
+def test_beyond_the_outermost_probes_a_change_may_go_on(change):
+    """Towards a side a property changes as exp(distance / 4.6 mm): the last row of probes shows how it begins."""
+
+    def at(x, y):
+        side = np.minimum(0.05 - np.abs(x), 0.05 - np.abs(y))
+        return 10.0 * (1 + change * np.exp(-side / 4.6e-3))
+
+    def beyond(x, y):
+        return np.maximum(np.abs(x), np.abs(y)) > 0.0455
+
+    out = []
+    for seed in range(5):
+        places, rng = grid(10), np.random.default_rng(seed)
+        values = at(*places.T) * (1 + 0.005 * rng.standard_normal(100))
+        out.append(held(mapped(places, values, 0.005 * values), "stiffness", at, beyond))
+    share, sd, error, *_ = np.mean(out, axis=0)
+    print(f"{change:+.1f} at the side: held {share:.1%}, deviation {sd:.1%}, error {error:.1%}")
+    assert share > 0.9
+    assert sd < 1.2 * error + 0.005  # of nothing to go on, nothing is made but the noise of a mean
+
+
 def random_mould(rng):
     """Stiffness over 0.1 m of two to six silicones: where they meet and how sharply, and what their sides do, vary."""
     count, width = rng.integers(2, 7), rng.uniform(1e-3, 4e-3)
@@ -178,7 +243,7 @@ def test_two_deviations_hold_nine_of_ten_places_of_random_moulds():
         places = (grid(10), grid(8), rng.uniform(-0.045, 0.045, (90, 2)))[seed % 3]
         values = at(*places.T) * (1 + 0.005 * rng.standard_normal(len(places)))
         out.append(held(mapped(places, values, 0.005 * values), "stiffness", at))
-    share, sd, error, rms = np.mean(out, axis=0)
+    share, sd, error, rms, *_ = np.mean(out, axis=0)
     low = np.mean(np.array(out)[:, 0] < 0.9)
     print(f"{share:.1%} of all places within two deviations, below 90 % in {low:.0%} of the moulds")
     print(f"deviation {sd:.1%}, error {error:.1%} on average, {rms:.1%} rms")
@@ -200,7 +265,6 @@ def test_two_deviations_hold_from_raw_logs(tmp_path, seed, name):
         for item in grown.properties:
             covered = {"where": lambda x, y: materials._film(x, y) > 0.5} if item.name.startswith("film.") else {}
             found = held(grown, item.name, lambda x, y, p=item.name: truths(x, y, material(name))[p], **covered)
-            figures = "held {:.1%}, deviation {:.1%}, error {:.1%}, rms {:.1%}".format(*found)
+            figures = "held {:.1%}, deviation {:.1%}, error {:.1%}, rms {:.1%}, medians {:.1%}, {:.1%}".format(*found)
             print(f"{name}, seed {seed}, {grown.model}: {item.name} {figures}")
-            if item.name in ("stiffness", "damping"):
-                assert found[0] > 0.9
+            assert found[0] > 0.9

@@ -148,18 +148,28 @@ class PlaneSites:
             distance = np.where(lacking, np.inf, distance)
         if self._hull is None:
             return np.asarray(distance <= RIM / REACH * self.reach)
-        return np.asarray((distance <= self.reach) & (self._beyond(queries) <= RIM / REACH * self.reach))
+        return np.asarray((distance <= self.reach) & (self.beyond(queries) <= RIM / REACH * self.reach))
+
+    @property
+    def bordering(self) -> Mask:
+        """Which probes have a neighbour `without` what is mapped, (n,)."""
+        from scipy.spatial import cKDTree
+
+        if self.without is None or not len(self.without):
+            return np.zeros(len(self.places), np.bool_)
+        return np.asarray(cKDTree(self.without).query(self.places)[0] <= REACH * self.spacing)
 
     @property
     def outermost(self) -> Mask:
         """Which probes lie at their hull, (n,): all where they lie in one line."""
         if self._hull is None:
             return np.ones(len(self.places), np.bool_)
-        return np.asarray(self._beyond(self.places) > -AT_HULL * self.spacing)
+        return np.asarray(self.beyond(self.places) > -AT_HULL * self.spacing)
 
-    def _beyond(self, queries: Array) -> Array:
-        """How far places lie outside the hull [m], (m,); negative within it."""
-        assert self._hull is not None
+    def beyond(self, queries: Array) -> Array:
+        """How far places lie outside the hull [m], (m,); negative within it, 0 where probes span none."""
+        if self._hull is None:
+            return np.zeros(len(queries))
         faces = self._hull.equations
         return np.asarray((queries @ faces[:, :2].T + faces[:, 2]).max(axis=1))
 

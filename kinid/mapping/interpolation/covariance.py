@@ -5,13 +5,13 @@ Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, §4.2.1 and
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinid.mapping.interpolation import PlaneSites
-from kinid.mapping.interpolation.uniform import sample_of
+from kinid.mapping.interpolation.uniform import Uniform, sample_of
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -19,6 +19,8 @@ Index = NDArray[np.int64]
 #: a uniform property is a process whose length is so many times the extent of the probes, and whose size so many times
 #: their spread: a constant that the prior hardly pulls
 UNIFORM_LENGTH, UNIFORM_SIZE = 1e4, 3.0
+#: surfaces that a uniform property is held against: lengths in spacings, and sizes as shares of its value
+LENGTHS, SIZES = np.array([1.0, 2.0, 4.0]), np.geomspace(0.01, 1.0, 9)
 #: negative log likelihood of values that no covariance has
 IMPOSSIBLE = 1e25
 
@@ -176,6 +178,47 @@ def inverted(system: Array) -> tuple[Array, float] | None:
         return None
     inverse = dpotri(factor, lower=1)[0]
     return np.tril(inverse) + np.tril(inverse, -1).T, float(np.log(np.diag(factor)).sum())
+
+
+def doubted(sample_sites: PlaneSites, values: Array, noise: Array, found: Uniform) -> Uniform:
+    """One value of all places, with the error that it has if it isn't one: what the probes can't rule out.
+
+    The mean over a surface that varies, by one to a hundred per cent, all sizes and lengths alike, as logarithms, and
+    one that doesn't, each as likely as the probes make it (model averaging: J. A. Hoeting et al., Stat. Sci. 14, 1999).
+    Where probes are sure, or many, that is the error of their mean; where few and unsure ones can't tell one value from
+    another surface, a place may be off by what that surface may.
+    """
+    chosen = sample_of(len(values))
+    y, places = values[chosen] - found.value, sample_sites.places[chosen]
+    spread = float(np.std(y))
+    own = np.diag(noise[chosen] ** 2 + 1e-12 * spread**2 + 1e-300)
+    shared = np.full(own.shape, (UNIFORM_SIZE * spread) ** 2)
+    best = _averaged(y, own + found.scatter**2 * np.eye(len(y)), shared)
+    if best is None:
+        return found
+    varying = []
+    for length in sample_sites.spacing * LENGTHS:
+        alike = Covariance(1.5, length, 1.0, 0.0).correlation(distances(places, places))
+        varying += [_averaged(y, own, shared + (size * found.value) ** 2 * alike) for size in SIZES]
+    able = np.array([one for one in varying if one is not None]).reshape(-1, 2)
+    weight = np.exp(np.minimum(able[:, 0] - best[0], 500.0)) / len(varying)
+    square = (found.standard_error**2 + float(weight @ able[:, 1])) / (1.0 + float(weight.sum()))
+    return replace(found, standard_error=max(found.standard_error, float(np.sqrt(square))))
+
+
+def _averaged(y: Array, own: Array, shared: Array) -> tuple[float, float] | None:
+    """Log likelihood of values (n,), and the mean square that the property has at their places; None where impossible.
+
+    Args:
+        own, shared: covariance of their errors and of the property, (n, n) both.
+    """
+    found = inverted(own + shared)
+    if found is None:
+        return None
+    inverse, half_log_determinant = found
+    gain = shared @ inverse
+    square = float(np.mean((gain @ y) ** 2 + np.maximum(np.diag(shared) - np.einsum("ij,ij->i", gain, shared), 0.0)))
+    return -0.5 * float(y @ inverse @ y) - half_log_determinant, square
 
 
 def constant(sample_sites: PlaneSites, spread: float, scatter: float) -> Covariance:

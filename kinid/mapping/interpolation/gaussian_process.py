@@ -10,17 +10,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinid.errors import InputError, near
 from kinid.mapping.interpolation import METHODS, Biharmonic, Guess, Interpolator, Nearest, PlaneSites, on_plane
-from kinid.mapping.interpolation.covariance import Covariance, constant, diagonal, distances, learn
-from kinid.mapping.interpolation.local_bias import local_bias, shared_error, spread_over, unexplained
+from kinid.mapping.interpolation.covariance import Covariance, constant, diagonal, distances, doubted, learn
+from kinid.mapping.interpolation.local_bias import (
+    continued,
+    local_bias,
+    shared_error,
+    spread_over,
+    steps_to_side,
+    unexplained,
+)
 from kinid.mapping.interpolation.segments import belonging, candidates, neighbours, scaled
-from kinid.mapping.interpolation.uniform import Uniform, uniform_value
+from kinid.mapping.interpolation.uniform import Uniform, blended, uniform_value
 from kinid.parallel import one_blas_thread
 
 Array = NDArray[np.float64]
@@ -50,6 +57,7 @@ class GaussianProcess(Interpolator):
             stated.
         uniform: the one value, where the probes say that the property has one.
         lasting: the part of each probe's error that no further probe averages away, (n,).
+        border: what each probe of a uniform property reads of what lies beside it, (n,).
     """
 
     sample_sites: PlaneSites
@@ -65,6 +73,7 @@ class GaussianProcess(Interpolator):
     shared: Array | None = None
     uniform: Uniform | None = None
     lasting: Array | None = None
+    border: Array | None = None
 
     @classmethod
     def fit(
@@ -119,8 +128,13 @@ class GaussianProcess(Interpolator):
         learnt, evidence, segments, across, step = best
         uniform = uniform_value(values, noise, evidence)
         if uniform is not None:
+            bordering = sample_sites.bordering
+            border = np.where(bordering, blended(values, noise, bordering), 0.0)
+            wide = np.hypot(noise, border)
+            uniform = doubted(sample_sites, values, wide, uniform_value(values, wide, evidence) or uniform)
             learnt, mean = constant(sample_sites, spread, uniform.scatter), uniform.value
-            return replace(cls._built(sample_sites, values, noise, learnt, mean, one, 1.0), uniform=uniform), evidence
+            made = cls._built(sample_sites, values, wide, learnt, mean, one, 1.0)
+            return replace(made, uniform=uniform, border=border), evidence
         return cls._built(sample_sites, values, noise, learnt, mean, segments, across, step), evidence
 
     @classmethod
@@ -163,20 +177,12 @@ class GaussianProcess(Interpolator):
         factor[n, n] = np.sqrt(max(float(corner), 1e-12 * self.covariance.size**2))
         values = np.append(self.values, value)
         weights = cho_solve((factor, True), values - self.mean, check_finite=False)
-        sample_sites = replace(self.sample_sites, places=np.vstack([self.sample_sites.places, place]))
-        segments = np.append(self.segments, segment)
-        shared, lasting = (None if part is None else np.append(part, 0.0) for part in (self.shared, self.lasting))
-        return replace(
-            self,
-            sample_sites=sample_sites,
-            values=values,
-            noise=noises,
-            factor=factor,
-            weights=weights,
-            segments=segments,
-            shared=shared,
-            lasting=lasting,
-        )
+        sites = replace(self.sample_sites, places=np.vstack([self.sample_sites.places, place]))
+        more: dict[str, Any] = {"factor": factor, "weights": weights, "segments": np.append(self.segments, segment)}
+        for name in ("shared", "lasting", "border"):
+            if (part := getattr(self, name)) is not None:
+                more[name] = np.append(part, 0.0)
+        return replace(self, sample_sites=sites, values=values, noise=noises, **more)
 
     def _segment_of(self, distance: Array, value: float) -> int:
         """Segment of a new probe: that of the neighbour whose value is nearest to it, or a new one beyond the step."""
@@ -191,9 +197,9 @@ class GaussianProcess(Interpolator):
         """Mean and standard deviation of the property itself (no probe's noise), (m,) each.
 
         Where probes side by side deviate from the mean to one side by more than chance, that is in the standard
-        deviation; so is what probes around differ by beyond what the others say of them, and what a border beyond the
-        outermost ones would change. Many queries are answered in single precision: the standard deviation is good to
-        0.1 % of the prior's there.
+        deviation; so is what probes around differ by beyond what the others say of them, what a border beyond the
+        outermost ones would change, and what a change that these show would go on to. Many queries are answered in
+        single precision: the standard deviation is good to 0.1 % of the prior's there.
         """
         q = on_plane(queries)
         if self.across >= 1.0:
@@ -208,8 +214,10 @@ class GaussianProcess(Interpolator):
             sites = self.sample_sites
             unlike = spread_over(sites.places, self._unlike, q, sites.spacing, self.values)
             beyond = spread_over(sites.places, self._beyond, q, sites.spacing)
-            deviation = np.maximum(deviation, np.hypot(unlike, beyond))
+            deviation = np.maximum.reduce([deviation, np.hypot(unlike, beyond), self._at_side(q)])
             deviation = np.hypot(deviation, spread_over(sites.places, self._off, q))
+            if self.uniform is not None:
+                deviation = np.maximum(deviation, self.uniform.standard_error)
         return Guess(np.where(known, mean, np.nan), np.where(known, deviation, np.nan), known)
 
     @cached_property
@@ -229,6 +237,7 @@ class GaussianProcess(Interpolator):
     def _off(self) -> Array:
         """What the mean may be off by at each probe beyond chance, (n,)."""
         off = self.local_bias if self.shared is None else np.hypot(self.local_bias, self.shared)
+        off = off if self.border is None else np.hypot(off, self.border)
         return off if self.lasting is None else np.maximum(off, self.lasting)
 
     @cached_property
@@ -248,6 +257,22 @@ class GaussianProcess(Interpolator):
         size = np.std(heights) * (1.0 if heights is self.values else self.values)
         border = size * np.sqrt(np.mean(self.segments[a] != self.segments[b]))
         return np.where(self.sample_sites.outermost, border, 0.0)
+
+    def _at_side(self, q: Array) -> Array:
+        """What a change towards the material's side, as the outermost probes show it, does beyond them, (m,)."""
+        sites = self.sample_sites
+        last = sites.outermost
+        if not self._steps[last].any():
+            return np.zeros(len(q))
+        return spread_over(sites.places[last], self._steps[last], q) * continued(sites.beyond(q) / sites.spacing)
+
+    @cached_property
+    def _steps(self) -> Array:
+        """What the outermost probes differ by from those further in, (n,)."""
+        if self.uniform is not None:
+            return np.zeros(len(self.values))
+        own = np.sqrt(diagonal(self.noise, self.covariance))
+        return steps_to_side(self.sample_sites.places, self.values, own, self.sample_sites.outermost)
 
     def _mixture(self, q: Array, sd: bool) -> tuple[Array, Array]:
         """Mean and variance over the two segments that a query may lie in."""

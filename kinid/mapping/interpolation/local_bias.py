@@ -23,6 +23,9 @@ LIMIT = 2.0
 AROUND = 4
 #: among such neighbours the value of a probe is so many standard deviations from a guess at most
 PLAUSIBLE = 2.0
+#: towards the side of a material a property changes as exp(distance / length), by all lengths alike, as logarithms,
+#: from this share of a spacing, which one row of probes sees, to as many times it
+SHORTEST, LENGTHS = 1.0 / 3.0, 25
 #: errors this many times larger than what neighbours differ by are shared
 SAME = 10.0
 
@@ -94,6 +97,38 @@ def unexplained(left_out: Array, noise: Array) -> Array:
     """
     off = np.nan_to_num(np.abs(left_out))
     return np.where(off > LIMIT * noise, off, 0.0)
+
+
+def steps_to_side(places: Array, values: Array, noise: Array, outermost: NDArray[np.bool_]) -> Array:
+    """What each outermost probe and the nearest one further in differ by beyond chance, (n,); 0 for the others.
+
+    Left out, an outermost probe is told by its neighbours along the side, to which the same happens.
+
+    Args:
+        places: (n, d). values, noise: of the probes and their standard errors, (n,) both. outermost: (n,).
+    """
+    from scipy.spatial import cKDTree
+
+    out = np.zeros(len(places))
+    inner = np.flatnonzero(~outermost)
+    if not len(inner) or not outermost.any():
+        return out
+    at = inner[cKDTree(places[inner]).query(places[outermost])[1]]
+    step = np.abs(values[outermost] - values[at])
+    chance = LIMIT * np.hypot(noise[outermost], noise[at])
+    out[outermost] = np.where(step > chance, step, 0.0)
+    return out
+
+
+def continued(beyond: Array) -> Array:
+    """By how many times the last step a property may go on changing at distances beyond the last probe, (m,).
+
+    The distances are in spacings. A change of exp(x / l) makes the last step s over one spacing, and
+    s (exp(x / l) − 1) / (1 − exp(−1 / l)) more beyond it; the root mean square over what l may be.
+    """
+    length = np.geomspace(SHORTEST, 1.0 / SHORTEST, LENGTHS)
+    further = np.expm1(np.maximum(beyond, 0.0)[:, None] / length) / -np.expm1(-1.0 / length)
+    return np.asarray(np.sqrt(np.mean(further**2, axis=1)))
 
 
 def spread_over(

@@ -62,7 +62,7 @@ def candidates(places: Array, values: Array, noise: Array) -> list[tuple[float, 
         for segments in (connected(len(places), alike), _cores(len(places), alike)):
             counts = np.bincount(segments)
             fresh = all(not np.array_equal(segments, other) for _, other in out)
-            if fresh and (counts >= FEWEST).sum() >= 2 and counts[counts >= FEWEST].sum() >= SHARE * len(places):
+            if fresh and len(counts) > 1 and counts[counts >= FEWEST].sum() >= SHARE * len(places):
                 out.append((limit, segments))
     return out
 

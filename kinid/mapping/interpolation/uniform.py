@@ -78,6 +78,25 @@ def uniform_value(values: Array, noise: Array, evidence: float) -> Uniform | Non
     return Uniform(value, error, scatter)
 
 
+def blended(values: Array, noise: Array, bordering: NDArray[np.bool_]) -> float:
+    """What probes at the border of what is mapped differ by from those within, beyond their errors: they read what lies
+    beside, too.
+
+    The variance between the two by moments (R. DerSimonian, N. Laird, Control. Clin. Trials 7, 1986); 0 without
+    `FEWEST` probes within.
+
+    Args:
+        values, noise: of all probes and their standard errors, (n,) both. bordering: which are at a border, (n,).
+    """
+    within = ~bordering
+    if within.sum() < FEWEST or not bordering.any():
+        return 0.0
+    trust = 1.0 / np.maximum(noise, 1e-9 * np.abs(values) + 1e-300) ** 2
+    mean, own = float(np.average(values[within], weights=trust[within])), 1.0 / trust + 1.0 / trust[within].sum()
+    square = np.average((values - mean)[bordering] ** 2 - own[bordering], weights=1.0 / own[bordering])
+    return float(np.sqrt(max(float(square), 0.0)))
+
+
 def _one_value(values: Array, noise: Array, scatter: float) -> tuple[float, float, float]:
     """Weighted mean, its standard error, and the log likelihood without its constant."""
     variance = noise**2 + scatter**2 + 1e-18 * float(np.mean(values**2)) + 1e-300
