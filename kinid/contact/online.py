@@ -72,7 +72,7 @@ class OnlineContact:
         InputError: a rig without robot or surface.
     """
 
-    #: half of the window that estimates wait for [s]
+    #: what estimates wait for at 1 kHz and above [s]; at slower rates for eight samples, up to twice as long
     DELAY = window.DELAY
 
     def __init__(
