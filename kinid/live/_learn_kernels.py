@@ -14,7 +14,7 @@ from kinid.kernels import causal, chain, mesh, on_mesh, window
 from kinid.kernels.cached import stamp
 from kinid.kernels.types import Compiled
 from kinid.live import _watch_kernels
-from kinid.live._watch_kernels import seek_change, watch
+from kinid.live._watch_kernels import is_cut, seek_change, watch
 from kinid.live.events import CHANGE
 
 Array = NDArray[np.float64]
@@ -45,6 +45,8 @@ def _learn(
     event_bits: int = 0
     while causal.next_late(contact):
         at = causal.late_time(contact)
+        if is_cut(at, state):
+            continue
         causal.hand_over(contact, rows, memory[start:])
         once(at, shape, memory)  # type: ignore[name-defined]  # noqa: F821
         causal.hand_over(contact, friction_rows, friction_memory[friction_start:])

@@ -49,11 +49,15 @@ USUAL_FORCE, FORCE_SWING, USUAL_SECANT, SECANT_SWING = range(LAST_TIME + 21, LAS
 SLID, LATE_TIME = LAST_TIME + 25, LAST_TIME + 26
 #: normal force that the law expects of this sample, NaN where it expects none [N]
 EXPECTED = LAST_TIME + 27
-PLACES = LAST_TIME + 28
+#: the last stretch of time in which a channel was at the end of its range, from and to [s]
+CUT_FROM, CUT_TO = LAST_TIME + 28, LAST_TIME + 29
+PLACES = LAST_TIME + 30
 
 #: samples in a row that make or end a touch; time constants of the mean squares that tell a divergence, and of the
 #: usual size of innovations [s]
 ROW, MEMORY, USUAL = 3, 0.1, 0.3
+#: a channel that comes back to the end of its range within this was there all the while [s]
+CUT_AGAIN = 0.02
 #: what lasts so long is reported: divergence, no excitation, saturation, a force above [s]
 LASTING = (0.1, 1.0, 0.0, 0.005)
 #: an excitation that stood for less, altogether, is none that can be lost [s]
@@ -306,6 +310,12 @@ def seek_change(t: float, quantities: Compiled, normal: Compiled, friction: Comp
 
 
 @njit(error_model="numpy", forceinline=True)
+def is_cut(t: float, w: Compiled) -> bool:
+    """Whether a channel was at the end of its range then: what the sensor would have read nobody knows."""
+    return w[CUT_FROM] <= t <= w[CUT_TO]
+
+
+@njit(error_model="numpy", forceinline=True)
 def watch(t: float, wrench: Compiled, quantities: Compiled, normal: Compiled, w: Compiled) -> Compiled:
     """Bits of the other events, of the present sample."""
     event_bits = 0
@@ -314,8 +324,11 @@ def watch(t: float, wrench: Compiled, quantities: Compiled, normal: Compiled, w:
         full |= abs(wrench[i]) >= FULL * w[RANGE + i]
     if _lasts(t, 2, full, LASTING[2], w):
         event_bits |= SATURATED
+    if full:
+        w[CUT_FROM] = w[CUT_FROM] if t - w[CUT_TO] < CUT_AGAIN else t
+        w[CUT_TO] = t
     force = quantities[chain.NORMAL]
-    if not abs(force) < np.inf:
+    if full or not abs(force) < np.inf:
         w[EXPECTED] = np.nan
         return event_bits
     dt = min(max(t - w[LAST_TIME], 0.0), MEMORY)

@@ -233,7 +233,8 @@ class Pipeline:
         state[kernels.NORMAL_SINCE] = state[kernels.FRICTION_SINCE] = np.inf
         state[kernels.SINCE : kernels.SINCE + 4] = np.inf
         state[kernels.LAST_TIME] = state[kernels.LATE_TIME] = 0.0
-        state[kernels.EXPECTED] = math.nan
+        state[kernels.EXPECTED] = state[kernels.CUT_FROM] = math.nan
+        state[kernels.CUT_TO] = -math.inf
 
 
 def reopen(machine: Machine, force_noise: float, known: NDArray[np.bool_] | None = None) -> None:
