@@ -11,16 +11,15 @@ from kinid.batch.logs import addresses
 from kinid.batch.runners import Lost, Runner
 from kinid.batch.store import fetched, is_remote
 from kinid.data.rig import Rig
-from kinid.mapping.map_file import is_map
 from kinid.mapping.probes import Found, Prober, logs_in
 
 
 def found_in(paths: Sequence[str]) -> list[str]:
-    """Addresses of the logs that files, folders and addresses name, in order; maps that folders hold are none."""
+    """Addresses of the logs that files, folders and addresses name, in order."""
     out: list[str] = []
     for path in paths:
         out += addresses(path) if is_remote(path) else [str(log) for log in logs_in([Path(path)])]
-    return [log for log in dict.fromkeys(out) if log in paths or is_remote(log) or not is_map(Path(log))]
+    return list(dict.fromkeys(out))
 
 
 def probed(runner: Runner, prober: Prober, sources: Sequence[str]) -> Iterator[tuple[str, Found | str]]:

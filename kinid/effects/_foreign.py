@@ -81,7 +81,7 @@ def _in_si(effect: type[Effect], where: str) -> type[Effect]:
                 raise InputError(
                     f"{p.name} of effect '{effect.id}' in '{p.unit}', in {where}",
                     "parameters in SI units, as m, rad, N/m, or 1 for none",
-                    "write the law, bounds and scale in SI; kinid effect check says what else there is",
+                    "write the law, bounds and scale in SI; what else there is: kinid effect check FILE",
                 )
     return effect
 

@@ -23,6 +23,7 @@ from kinid.identification.fit import Fit
 from kinid.inputs import check_regular, digest, read_json
 from kinid.mapping.boundaries import SlidePath, paths
 from kinid.mapping.layers import estimates, fit_touch, mapped
+from kinid.mapping.map_file import is_map
 from kinid.mapping.origin import PRIOR, origin, refuse_another
 from kinid.mapping.property_map import Probe, Property, PropertyMap
 from kinid.mapping.warm_start import Neighbourhood
@@ -55,7 +56,7 @@ class Exponent(NamedTuple):
 
 def logs_in(paths: Sequence[Path]) -> list[Path]:
     """The logs that files and folders name, in order; of the laboratory's campaign, which has a manifest, its pokes and
-    slides, of any other folder every file of a log's kind.
+    slides, of any other folder every file of a log's kind that is no map.
 
     Raises:
         InputError: a folder without logs, or nothing there.
@@ -72,7 +73,9 @@ def logs_in(paths: Sequence[Path]) -> list[Path]:
             out += sorted((*path.glob("poke_*.parquet"), *path.glob("slide_*.parquet")))
             continue
         found = sorted(
-            f for f in path.iterdir() if f.name.lower().endswith(LOG_SUFFIXES) and not f.name.startswith(".")
+            file
+            for file in path.iterdir()
+            if file.name.lower().endswith(LOG_SUFFIXES) and not file.name.startswith(".") and not is_map(file)
         )
         if not found:
             raise InputError(f"no logs in {path}", f"files ending in {', '.join(LOG_SUFFIXES)}", "name another folder")
