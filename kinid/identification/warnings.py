@@ -58,7 +58,8 @@ def of_nuisances(state: State, left: LackOfFit) -> list[str]:
         if abs(shift) < MAX_SHIFT - 1e-6:
             continue
         # where much is left, calibration that is bound bends to what is missing: a diagnosis says what that is
-        if not (left.matters and np.isfinite(nuisance.high)) and _surely_beyond(state, j):
+        bound = np.isfinite(nuisance.high)
+        if not bound or (not left.matters and _beyond_everywhere(state, j)):
             amount = f"{nuisance.name} {shift * nuisance.sd:.2g} {nuisance.unit}".removesuffix(" 1")
             ends.setdefault(nuisance.effect.id, []).append(amount)
     mend = "add it to the model, or mend the rig"
@@ -69,9 +70,9 @@ def of_nuisances(state: State, left: LackOfFit) -> list[str]:
     ]
 
 
-def _surely_beyond(state: State, j: int) -> bool:
-    """Whether readings take a nuisance, its number j, beyond its tolerance by more than its own error, whichever block
-    of time is left out.
+def _beyond_everywhere(state: State, j: int) -> bool:
+    """Whether readings take a nuisance that is bound, its number j, beyond its tolerance by more than its own error,
+    whichever block of time is left out.
 
     A calibration that is off shows wherever readings change. What a law lacks at a reversal or an impact bends one as
     well, but there alone. Asked is the step that it would take from where it ended if nothing held it.
