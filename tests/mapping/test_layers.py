@@ -268,3 +268,48 @@ def test_two_deviations_hold_from_raw_logs(tmp_path, seed, name):
             figures = "held {:.1%}, deviation {:.1%}, error {:.1%}, rms {:.1%}, medians {:.1%}, {:.1%}".format(*found)
             print(f"{name}, seed {seed}, {grown.model}: {item.name} {figures}")
             assert found[0] > 0.9
+
+
+def other_layout(seed):
+    """Two to four silicones, free or falling sides, and a film of random stiffness, thickness, place and sharpness."""
+    rng = np.random.default_rng([seed, 77])
+    count, width, sharp = rng.integers(2, 5), rng.uniform(1e-3, 3e-3), rng.uniform(1e-3, 3e-3)
+    middles, stiffness = rng.uniform(-0.045, 0.045, (count, 2)), np.exp(rng.uniform(np.log(500), np.log(2500), count))
+    damping, soft = stiffness * rng.uniform(0.008, 0.015, count), stiffness.min() * rng.uniform(0.3, 0.7)
+    thick, angle, off = rng.uniform(5e-4, 1.6e-3), rng.uniform(0, 2 * np.pi), rng.uniform(-0.01, 0.015)
+    side = [lambda x, y: np.ones(np.shape(x)), materials.FREE_SIDE][rng.integers(0, 2)]
+
+    def mixed(values, x, y):
+        far = np.hypot(x[..., None] - middles[:, 0], y[..., None] - middles[:, 1]) / width
+        share = np.exp(far.min(axis=-1, keepdims=True) - far)
+        return share @ values / share.sum(axis=-1) * side(x, y)
+
+    def film(x, y):
+        return 0.5 * (1 + np.tanh((x * np.cos(angle) + y * np.sin(angle) - off) / sharp))
+
+    fields = {
+        "stiffness": lambda x, y: (1 - film(x, y)) * mixed(stiffness, x, y) + film(x, y) * soft,
+        "damping": lambda x, y: mixed(damping, x, y),
+        "friction": lambda x, y: np.full(np.shape(x), 0.8),
+        "layer": lambda x, y: film(x, y) * (mixed(stiffness, x, y) - soft),
+        "layer_depth": lambda x, y: np.full(np.shape(x), thick),
+    }
+    return MOULD.replace(name=f"layout-{seed}", fields=fields, colors=None), lambda x, y: film(x, y) > 0.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(9401, 9405))
+def test_two_deviations_hold_on_other_layouts(tmp_path, monkeypatch, seed):
+    """Other materials, films and sides than the mould's, from raw logs; none of these seeds was set on."""
+    made, there = other_layout(seed)
+    monkeypatch.setitem(materials.MATERIALS, made.name, made)
+    campaigns.run(Campaign(10, 10, seed=seed, material=made.name), tmp_path)
+    *_, grown = build(logs_in([tmp_path]), Prober.of(kinid.Rig.load(tmp_path / "rig.toml"), LAYERED))
+    shares = []
+    for item in grown.properties:
+        covered = {"where": there} if item.name.startswith("film.") else {}
+        found = held(grown, item.name, lambda x, y, p=item.name: truths(x, y, made)[p], **covered)
+        figures = "held {:.1%}, deviation {:.1%}, error {:.1%}, rms {:.1%}, medians {:.1%}, {:.1%}".format(*found)
+        print(f"layout {seed}: {item.name} {figures}")
+        shares.append(found[0])
+    assert np.mean(shares) > 0.9
