@@ -312,7 +312,7 @@ def seek_change(t: float, quantities: Compiled, normal: Compiled, friction: Comp
 @njit(error_model="numpy", forceinline=True)
 def is_cut(t: float, w: Compiled) -> bool:
     """Whether a channel was at the end of its range then: what the sensor would have read nobody knows."""
-    return w[CUT_FROM] <= t <= w[CUT_TO]
+    return bool(w[CUT_FROM] <= t <= w[CUT_TO])
 
 
 @njit(error_model="numpy", forceinline=True)
