@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from contextlib import ExitStack, closing
+from collections.abc import Callable
+from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -211,13 +212,13 @@ def _run(
         out.print("doubt: the rig states no bias of the sensor: add [sensor] bias, or --tare 2 in the air")
     sinks, known = _sinks(outputs, opened, pipeline, rig, robot, bandwidth, out)
     kept: list[Event] = []
-    lines = Lines(out)
+    lines, shows = Lines(out), list[Callable[[Event], None]]()
 
     def tell(event: Event) -> None:
         if outputs.json_file is not None and len(kept) < 100_000:
             kept.append(event)
-        if not quiet and not out.is_terminal:
-            lines(event)
+        for show_event in shows:
+            show_event(event)
 
     session = Session(
         opened,
@@ -231,11 +232,13 @@ def _run(
         full=rig.sensor.range,
     )
     limit = math.inf if duration is None else duration
-    if out.is_terminal and not quiet:
-        with Screen(session, out).live:
-            session.run(limit)
-    else:
+    screen = Screen(session, out)
+    if not quiet:
+        shows.append(screen if out.is_terminal else lines)
+    drawn: AbstractContextManager[object] = screen.live if screen in shows else nullcontext()
+    with drawn:
         session.run(limit)
+    lines.close()
     show(session, out)
     if outputs.json_file is not None:
         facts: Json = {**session.summary(), "list": [event.to_dict() for event in kept]}

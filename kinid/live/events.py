@@ -38,6 +38,14 @@ KINDS = {
     "topic": "more topics than one carry what is needed; the first is taken",
 }
 
+#: those of them that faulty streams bring by the thousand, which are summed where people read them
+OF_STREAMS = frozenset(
+    (
+        *("gap", "late", "repeated", "delayed", "clock-jump", "clock-offset", "not-finite", "joint-names"),
+        *("malformed", "unpaired", "overrun", "source-restarted", "topic"),
+    )
+)
+
 #: bits that the compiled step sets, by kind
 TOUCH, LEAVE, CHANGE, DIVERGENCE, EXCITATION, SATURATED, ABOVE = (1 << i for i in range(7))
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from rich.console import Console, Group
@@ -11,40 +13,81 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from kinid.live.events import OF_STREAMS
+
 if TYPE_CHECKING:
     from kinid.live.events import Event
     from kinid.live.session import Session
 
-#: pictures a second; lines a second where the output is piped; events that are shown
-REFRESH, LINES, SHOWN = 2.0, 20, 8
+#: pictures a second; events, and what streams have to say, that are shown; time of a kind of the latter per line [s]
+REFRESH, SHOWN, NOTICED, EACH = 2.0, 8, 4, 1.0
+
+
+class Digest:
+    """Events as lines of text: each of what was touched and estimated, and of faulty streams one a second and kind.
+
+    Args:
+        clock: time [s] by which seconds pass.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock, self._told = clock, dict[str, float]()
+        self._left: dict[str, tuple[int, Event]] = {}
+
+    def __call__(self, event: Event) -> list[str]:
+        """Lines to show now that an event has come; the last is its own, but where it is summed."""
+        now, kind = self._clock(), event.kind
+        if kind in OF_STREAMS and (kind in self._left or now - self._told.get(kind, -math.inf) < EACH):
+            count, _ = self._left.get(kind, (0, event))
+            self._left[kind] = count + 1, event
+            return self.sums()
+        self._told[kind] = now
+        return [*self.sums(), str(event)]
+
+    def sums(self, least: float = EACH) -> list[str]:
+        """Lines of the kinds that have been summed for so long [s]."""
+        now, lines = self._clock(), []
+        for kind in [kind for kind in self._left if now - self._told[kind] >= least]:
+            count, last = self._left.pop(kind)
+            more = f"{last.t:9.3f} s  {kind}: {count} more in {now - self._told[kind]:.1f} s, the last: {last.says}"
+            lines.append(str(last) if count == 1 else more)
+            self._told[kind] = now
+        return lines
 
 
 class Lines:
-    """Events as lines, of which a burst is cut short. Args: console."""
+    """Events as lines on a console, as `Digest` has them. Args: console."""
 
     def __init__(self, console: Console) -> None:
-        self._console, self._second, self._printed, self._left = console, 0, 0, 0
+        self._console, self._digest = console, Digest()
 
     def __call__(self, event: Event) -> None:
         """Print an event."""
-        second = int(time.monotonic())
-        if second != self._second:
-            if self._left:
-                self._console.print(f"… and {self._left} more events", soft_wrap=True)
-            self._second, self._printed, self._left = second, 0, 0
-        if self._printed >= LINES:
-            self._left += 1
-            return
-        self._printed += 1
-        self._console.print(str(event), soft_wrap=True)
+        self._print(self._digest(event))
+
+    def close(self) -> None:
+        """Print what is summed and not shown yet."""
+        self._print(self._digest.sums(0.0))
+
+    def _print(self, lines: Sequence[str]) -> None:
+        for line in lines:
+            self._console.print(line, soft_wrap=True)
 
 
 class Screen:
     """What a session is at, drawn now and then. Args: session. console."""
 
     def __init__(self, session: Session, console: Console) -> None:
-        self._session = session
+        self._session, self._digest = session, Digest()
+        self._events, self._notices = deque[str](maxlen=SHOWN), deque[str](maxlen=NOTICED)
         self.live = Live(get_renderable=self.draw, console=console, refresh_per_second=REFRESH, transient=True)
+
+    def __call__(self, event: Event) -> None:
+        """Take an event, which the next picture shows: those of streams have lines of their own."""
+        lines = self._digest(event)
+        if event.kind not in OF_STREAMS:
+            self._events.append(lines.pop())
+        self._notices.extend(lines)
 
     def draw(self) -> Group:
         """The picture as of now."""
@@ -55,7 +98,7 @@ class Screen:
         depth, force = float(session.pipeline.quantities[0]), float(session.pipeline.quantities[6])
         state = "touching" if session.pipeline.touching else "in the air"
         now = f"{state}: depth {1e3 * depth:.2f} mm, normal force {force:.2f} N"
-        events = Text("\n".join(str(event) for event in list(session.events)[-SHOWN:]))
+        events = Text("\n".join((*self._events.copy(), *self._notices.copy())))
         doubts = Text("\n".join(f"doubt: {doubt}" for doubt in facts["doubts"]))
         times = [
             f"{name} {facts[key]['median']:.0f} µs, 99.9 % {facts[key]['p99.9']:.0f}"
