@@ -10,7 +10,7 @@ import math
 import struct
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from kinid.errors import InputError
 from kinid.live import _clock_kernels as kernels
 from kinid.live.messages import Joints, Wrench
 
+if TYPE_CHECKING:
+    from kinid.live.messages import Numbers
+
 Array = NDArray[np.float64]
 Report = Callable[[str, str], None]
 
@@ -28,6 +31,8 @@ JOINTS, WRENCH = "joints", "wrench"
 EPOCH_NS = 1_000_000_000
 #: clocks that begin at zero, or below, are told from there [ns]: what isn't positive says what became of a sample
 EARLIEST_NS = 1_000_000_000
+#: velocities that stay 0 are told once a position is so far from where it began [rad or m]; looked at once in so many
+MOVED, LOOK = 0.01, 64
 #: orders of joints that are remembered
 MOST_ORDERS = 64
 
@@ -113,7 +118,8 @@ class Aligner:
 
     Attributes:
         t: time of the last pair since the first sample [s]. q, dq, tau, wrench: of the last pair; overwritten by the
-            next sample. dq and tau are NaN where the joints come without.
+            next sample. dq and tau are NaN where the joints come without; dq also
+            until one velocity has been another number than 0: many drivers send zeros for what they don't know.
     """
 
     def __init__(
@@ -144,6 +150,7 @@ class Aligner:
         self._orders: dict[tuple[str, ...], list[int] | None] = {}
         self.t, self.stamp, self._rates = 0.0, 0, False
         self._origin = 0
+        self._has_rates, self._zeros, self._began = False, 0, np.empty(0)
 
     def put(self, message: Joints | Wrench) -> int | None:
         """Take one sample in: its stamp on the continuous clock [ns], None where it was left out, which was told."""
@@ -186,6 +193,8 @@ class Aligner:
             row[:n] = q
         else:
             self._pack_joints(0, *q)
+        if rates and not self._has_rates:
+            rates = self._first_rates(dq, row[:n])
         if self._rates or rates or torques:
             self._rates = True
             row[n : 2 * n] = dq if rates else math.nan
@@ -194,6 +203,21 @@ class Aligner:
         if self._joints.started and self._origin:
             return self._joints.put(message.stamp, message.received, needed)
         return self._first(self._joints, self._wrench, message, needed)
+
+    def _first_rates(self, dq: Numbers, q: Array) -> int:
+        """How many velocities count while none has been another number than 0; where positions change, that is told."""
+        if np.count_nonzero(dq) if isinstance(dq, np.ndarray) else any(dq):
+            self._has_rates = bool(np.isfinite(np.asarray(dq, float)).all())
+            return len(dq)
+        if self._zeros == 0:
+            self._began = q.copy()
+        self._zeros += 1
+        if self._zeros % LOOK == 0 and (np.abs(q - self._began) > MOVED).any():
+            self._report(
+                "dead-velocities", "velocities stay 0 while positions change: they are left out, as if none came"
+            )
+            self._began = np.full_like(q, np.nan)
+        return 0
 
     def _put_wrench(self, message: Wrench) -> int | None:
         if len(message.wrench) != 6:

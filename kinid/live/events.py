@@ -27,6 +27,7 @@ KINDS = {
     "clock-jump": "the sender's clock jumped; time goes on from the last sample",
     "clock-offset": "the streams' clocks have different epochs; they were put together by the time of reception",
     "not-finite": "a sample holds what is no finite number, or none that a sensor gives",
+    "dead-velocities": "velocities of the joints stay 0 while positions change; they are left out",
     "joint-names": "a sample's joints are not the robot's",
     "malformed": "something came that is no sample",
     "unpaired": "a wrench without joint positions around it",
@@ -42,7 +43,7 @@ KINDS = {
 OF_STREAMS = frozenset(
     (
         *("gap", "late", "repeated", "delayed", "clock-jump", "clock-offset", "not-finite", "joint-names"),
-        *("malformed", "unpaired", "overrun", "source-restarted", "topic"),
+        *("malformed", "unpaired", "dead-velocities", "overrun", "source-restarted", "topic"),
     )
 )
 

@@ -162,3 +162,25 @@ def test_what_is_no_sample_is_told(sample: Joints | Wrench, kind: str) -> None:
     aligner.put(joints(0))
     assert aligner.put(sample) is None
     assert reports.kinds == [kind]
+
+
+def test_velocities_that_stay_zero_are_left_out_and_told_once() -> None:
+    """As in a log: many drivers fill in zeros for what they don't know."""
+    reports = Reports()
+    aligner = Aligner(NAMES, reports)
+    for k in range(1000):
+        still = k < 200
+        position = [0.1, -0.2] if still else [0.1 + 1e-3 * (k - 200), -0.2]
+        aligner.put(Joints(START + k * MS, START + k * MS, position, [0.0, -0.0] if k % 2 else np.zeros(2)))
+        aligner.put(wrench(k))
+        assert aligner.pair()
+        assert np.isnan(aligner.dq).all()
+        assert not (still and reports)
+    assert reports.kinds == ["dead-velocities"]
+    # velocities that come to be known count from there on, zeros among them
+    for k in range(1000, 1004):
+        aligner.put(Joints(START + k * MS, START + k * MS, [0.9, -0.2], [0.5 if k == 1001 else 0.0, 0.0]))
+        aligner.put(wrench(k))
+        assert aligner.pair()
+        np.testing.assert_array_equal(aligner.dq, np.full(2, np.nan) if k < 1001 else [0.5 * (k == 1001), 0.0])
+    assert len(reports) == 1

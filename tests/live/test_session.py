@@ -53,6 +53,16 @@ def test_estimates_are_those_of_the_loop(law: str, scripted: Scripted, rig: Rig,
     assert session.counts["touch"] == session.counts["leave"] == 1
 
 
+def test_velocities_filled_with_zeros_change_no_estimate(rig: Rig, rows: list[Item]) -> None:
+    filled = [item._replace(dq=np.zeros(7)) if isinstance(item, Joints) else item for item in rows]
+    plain, zeros = (Session(Prepared(items), Pipeline(rig, MODEL), NAMES) for items in (rows, filled))
+    plain.run()
+    zeros.run()
+    assert zeros.counts == plain.counts | {"dead-velocities": 1}
+    for part, estimate in plain.pipeline.estimates.items():
+        np.testing.assert_array_equal(zeros.pipeline.estimates[part].values, estimate.values)
+
+
 def test_the_tap_of_the_touch_has_time_and_place(scripted: Scripted, rig: Rig, rows: list[Item]) -> None:
     session = Session(Prepared(rows), Pipeline(rig, MODEL), NAMES)
     session.run()
