@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from kinid.live.pipeline import Pipeline
     from kinid.live.recording import Recorder
     from kinid.live.serving import Server
+    from kinid.live.session import Session
     from kinid.live.sink import Sink
     from kinid.robotics.robot import Robot
     from kinid.writers import Json
@@ -244,6 +245,17 @@ def _run(
         facts: Json = {**session.summary(), "list": [event.to_dict() for event in kept]}
         write_json(outputs.json_file, facts)
     _end(outputs, sinks)
+    if session.samples == 0:
+        raise _nothing(session)
+
+
+def _nothing(session: Session) -> InputError:
+    """What is wrong where no wrench came together with joints."""
+    came = [name for name, clock in session.aligner.clocks.items() if clock.started]
+    told = next((event.says for event in session.events if event.kind == "topic"), None)
+    found = f"{' and '.join(came) or 'nothing'} from {session.source.name}, and no pair of joints and wrench"
+    mend = "see the events above" if session.counts else "begin the sender first"
+    return InputError(found + (f": {told}" if told else ""), "both, with times that overlap", mend)
 
 
 def _end(outputs: Outputs, sinks: list[Sink]) -> None:

@@ -36,7 +36,7 @@ KINDS = {
     "overrun": "samples were overwritten before they were read",
     "recording-failed": "the recording, the map or the server ended early; the session goes on",
     "source-restarted": "the sender began anew",
-    "topic": "more topics than one carry what is needed; the first is taken",
+    "topic": "more topics than one carry what is needed, and the first is taken; or the one that is named doesn't come",
 }
 
 #: those of them that faulty streams bring by the thousand, which are summed where people read them

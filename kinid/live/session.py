@@ -81,7 +81,7 @@ class Session:
         self._doubts: list[str] = []
         self._received = self._looked = self._begun = self._recorded = 0
         self._lost: set[str] = set()
-        self._stop = False
+        self._stop, self._patience = False, math.inf
 
     def stop(self) -> None:
         """End at the next item."""
@@ -134,6 +134,7 @@ class Session:
         aligner, sinks, live = self.aligner, self._working, self.source.live
         clock, spent = time.perf_counter_ns, 0
         begun = heard = time.monotonic_ns()
+        self._patience = begun + 1.25 * BEGIN_NS + 1e9 * duration if live else math.inf
         for item in self.source.items():
             if item is None:
                 if live:
@@ -251,6 +252,8 @@ class Session:
             elif not is_lost and name in self._lost:
                 self._lost.remove(name)
                 self._report("stream-returned", name)
+        if not self.samples and now > self._patience:  # of one stream alone no time comes
+            self._stop = True
         self._leave_failed()
 
     def _leave_failed(self) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scripted import RIG, Scripted, scripted_poke
@@ -13,6 +15,12 @@ from kinid.live.messages import Item, Joints, Wrench
 @pytest.fixture(scope="session")
 def scripted() -> Scripted:
     return scripted_poke(seed=8)
+
+
+@pytest.fixture
+def log(scripted: Scripted, tmp_path: Path) -> Path:
+    """The log on disk, with its rig beside it."""
+    return scripted.write(tmp_path)
 
 
 @pytest.fixture(scope="session")

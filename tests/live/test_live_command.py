@@ -9,17 +9,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from scripted import Scripted
 
 from kinid.mapping.property_map import PropertyMap
 from kinid.writers import alone_with
 
 Run = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture
-def log(scripted: Scripted, tmp_path: Path) -> Path:
-    return scripted.write(tmp_path)
 
 
 def test_a_log_is_watched_recorded_and_read_again(run: Run, log: Path) -> None:
@@ -118,6 +112,13 @@ def test_sources_without_a_rig(run: Run, tmp_path: Path, monkeypatch: pytest.Mon
         code, _, err = run("live", source, "--model", "kelvin-voigt")
         assert code == 2, source
         assert "rig" in err
+
+
+def test_a_session_in_which_nothing_came_is_no_success(run: Run, log: Path, refused: Callable[..., None]) -> None:
+    summary = log.parent / "out.json"
+    args = ("--rig", log.parent / "rig.toml", "--model", "kelvin-voigt", "--duration", 0.1, "--json", summary)
+    refused(run("live", "udp://127.0.0.1:0", *args), "nothing from udp://127.0.0.1", "see the events")
+    assert json.loads(summary.read_text())["events"]["stream-lost"] == 2
 
 
 def test_a_recording_that_ends_early_is_no_success(

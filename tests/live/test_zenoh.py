@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +28,7 @@ from kinid.live.messages import Item, Joints, Notice, Wrench
 from kinid.live.sources import Asked
 from kinid.live.sources.zenoh import Client
 
+Run = Callable[..., tuple[int, str, str]]
 PEER = Path(__file__).with_name("zenoh_peer.py")
 
 
@@ -201,6 +202,21 @@ def test_topics_that_are_not_asked_for(rig: Rig) -> None:
     assert "40 bytes" in broken.says
 
 
+def test_a_topic_that_nobody_publishes_is_told_with_those_that_are_there(run: Run, log: Path) -> None:
+    port = free()
+    rig = log.parent / "rig.toml"
+    rig.write_text(rig.read_text() + '\n[streams]\nwrench = "/ft/other"\n')
+    with process(port, "peer", 8000):
+        args = ("live", f"zenoh://127.0.0.1:{port}", "--rig", rig, "--model", "kelvin-voigt")
+        code, out, err = run(*args, "--duration", 1)
+    assert code == 2
+    told = "/ft/other, as [streams] wrench names it, doesn't come; of its type there is /ft/wrench"
+    assert out.count(told) == 1
+    assert err.count("\n") == 1
+    assert "joints from zenoh" in err
+    assert told in err
+
+
 def test_what_cannot_be_reached_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     import kinid.live.sources.zenoh as source
 
@@ -210,6 +226,8 @@ def test_what_cannot_be_reached_is_one_line(monkeypatch: pytest.MonkeyPatch) -> 
     assert "\n" not in str(refused.value)
     with pytest.raises(InputError, match="correct .streams. wrench"):
         Client(f"127.0.0.1:{free()}", Rig.parse_text('[streams]\nwrench = "/ft//wrench"\n'))
+    with pytest.raises(InputError, match="found domain 233; expected 0 to 232"):
+        Client("127.0.0.1:7447/233")
     monkeypatch.setitem(sys.modules, "zenoh", None)
     with pytest.raises(MissingDependencyError, match=r"kinid\[live\]"):
         Client(f"127.0.0.1:{free()}")

@@ -13,6 +13,7 @@ import queue
 import struct
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from kinid.data.rig import Rig
@@ -33,8 +34,10 @@ ADDRESS, ANSWERS, AGAIN = "127.0.0.1:7447", 3.0, 500
 WAITING = 20_000
 #: of an attachment: running number, time of sending [ns]; the rest is the publisher's name
 _ATTACHMENT = struct.Struct("<qq")
-#: topics that are told not to be taken
-MOST_TOPICS = 64
+#: topics that are told not to be taken; of those that are there instead of one that is named
+MOST_TOPICS, SHOWN_TOPICS = 64, 8
+#: a topic that the rig names has so long to begin before others of its type are looked for [ns]; ROS 2 knows domains to
+BEGIN_NS, LAST_DOMAIN = 1_000_000_000, 232
 #: a publisher is another one's successor where that has been silent for so long [ns]
 SILENT_NS = 200_000_000
 
@@ -64,6 +67,8 @@ class Client:
         domain = domain or "0"
         if not host or not colon or not (port.isdigit() and 0 < int(port) < 65536) or not domain.isdigit():
             raise InputError(f"address '{address}'", "HOST:PORT, or HOST:PORT/DOMAIN", f"name it as zenoh://{ADDRESS}")
+        if int(domain) > LAST_DOMAIN:
+            raise InputError(f"domain {domain[:9]}", f"0 to {LAST_DOMAIN}, as ROS 2 has them", "correct ROS_DOMAIN_ID")
         self.name = f"zenoh://{host}:{port}/{domain}"
         self._decode = Decoder()
         streams = (rig or Rig()).streams
@@ -77,6 +82,8 @@ class Client:
         self._keys = {
             role: f"{domain}/{self._taken.get(role, '**')}/{_mangled(kind)}/*" for role, kind in TYPES.items()
         }
+        self._any = {role: f"{domain}/**/{_mangled(TYPES[role])}/*" for role in self._taken}
+        self._offered, self._listeners = dict[str, set[str]](), dict[str, Any]()
         self._subscribers: list[object] = []  # kept: one that is forgotten ends
         self._session = _connect(f"tcp/{host}:{port}", self.name, self._keys)
 
@@ -88,7 +95,11 @@ class Client:
         if not self._subscribers and self._open:
             declare = self._session.declare_subscriber
             self._subscribers = [declare(key, self._taker(role)) for role, key in self._keys.items()]
+        look = time.monotonic_ns() + BEGIN_NS
         while self._open:
+            if self._any and time.monotonic_ns() > look:
+                look += BEGIN_NS
+                yield from self._others_of_type()
             try:
                 came = self._queue.get(timeout=IDLE)
             except queue.Empty:
@@ -97,6 +108,10 @@ class Client:
             if came is None:  # closed
                 return
             role, received, sample = came
+            if role in self._any:  # it has begun
+                del self._any[role]
+                if role in self._listeners:
+                    self._listeners.pop(role).undeclare()
             if self._missed:
                 missed, self._missed = self._missed, 0
                 yield Notice(received, "overrun", f"{missed} messages were missed")
@@ -121,9 +136,22 @@ class Client:
 
         return take
 
+    def _others_of_type(self) -> Iterator[Notice]:
+        """Listen for topics of the type of those that are named and don't come, and tell of them once."""
+        for role, key in list(self._any.items()):
+            if role not in self._offered:
+                offered = self._offered[role] = set[str]()
+                self._listeners[role] = self._session.declare_subscriber(key, partial(_note_topic, offered))
+            elif self._offered[role]:
+                del self._any[role]
+                self._listeners.pop(role).undeclare()
+                seen = ", ".join(f"/{topic}" for topic in sorted(self._offered[role].copy()))
+                says = f"/{self._taken[role]}, as [streams] {role} names it, doesn't come; of its type there is {seen}"
+                yield Notice(time.monotonic_ns(), "topic", says)
+
     def _items(self, role: str, received: int, sample: Sample) -> Iterator[Item]:
         """What a message says."""
-        topic = str(sample.key_expr).split("/", 1)[-1].rsplit("/", 2)[0]
+        topic = _topic(sample)
         if self._taken.setdefault(role, topic) != topic:
             if topic not in self._others and len(self._others) < MOST_TOPICS:
                 self._others.add(topic)
@@ -169,6 +197,17 @@ class Client:
         elif number > last + 1:
             yield Notice(received, "gap", f"{number - last - 1} messages of /{topic} never came")
         self._publishers[topic] = (publisher, number if before != publisher else max(number, last), received)
+
+
+def _topic(sample: Sample) -> str:
+    """A message's topic, of its key DOMAIN/TOPIC/TYPE/HASH."""
+    return str(sample.key_expr).split("/", 1)[-1].rsplit("/", 2)[0]
+
+
+def _note_topic(topics: set[str], sample: Sample) -> None:
+    """In Zenoh's thread."""
+    if len(topics) < SHOWN_TOPICS:
+        topics.add(_topic(sample))
 
 
 def _mangled(kind: str) -> str:
