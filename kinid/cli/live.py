@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
 from dataclasses import dataclass
@@ -142,7 +143,7 @@ def live(
     held = None if path is None else rig_of(path, rig)
     opened, the_rig, robot = _open(source, beside, held, speed)
     with closing(opened), ExitStack() as alone:
-        for file in (map_file, record):
+        for file in (map_file, record, json_file):
             if file is not None:
                 alone.enter_context(alone_with(file))
         outputs = Outputs(record, map_file, prior, port if serve else None, view, json_file)
@@ -321,7 +322,9 @@ def _recorder(record: Path, source: Source, rig: Rig, robot: Robot, names: list[
         "bandwidth_hz": str(bandwidth),
         "rig": rig.model_dump_json(exclude_none=True, exclude={"folder"}),
     }
-    return Recorder(record, robot.joint_names, robot.sensor_frame or "", provenance)
+    # what comes live is received by a clock that begins with the machine: other recordings of it have Unix time
+    epoch = time.time_ns() - time.monotonic_ns() if source.live else 0
+    return Recorder(record, robot.joint_names, robot.sensor_frame or "", provenance, epoch)
 
 
 def _server(port: int, robot: Robot, out: Console) -> Server:

@@ -27,18 +27,22 @@ class Recorder(Sink):
         path: of the file, which is replaced.
         joints: names of the robot's joints. sensor: frame of the wrench.
         provenance: what is to be known of the session: source, model, rig, …; plain types.
+        epoch: from the clock of times of reception to that of log times [ns].
 
     Raises:
         MissingDependencyError: no library for MCAP. InputError: a file that can't be written.
     """
 
-    def __init__(self, path: Path, joints: Sequence[str], sensor: str, provenance: Mapping[str, object]) -> None:
+    def __init__(
+        self, path: Path, joints: Sequence[str], sensor: str, provenance: Mapping[str, object], epoch: int = 0
+    ) -> None:
         try:
             import mcap.records  # noqa: F401
         except ImportError:
             raise MissingDependencyError("mcap", "live") from None
         super().__init__("recorder")
-        self._coder, self.path = Coder(joints, sensor), path
+        self._coder, self.path, self._epoch = Coder(joints, sensor), path, epoch
+        self._first = self._last = self._held = 0
         try:
             self._file = GrowingFile(path)
         except OSError as error:
@@ -62,10 +66,15 @@ class Recorder(Sink):
                 self.error = str(error)
 
     def _write(self, topic: str, received: int, stamp: int, what: Joints | Wrench | Json) -> None:
-        self._container.add(topic, received, stamp, self._coder(stamp, what))
+        self._container.add(topic, received + self._epoch, stamp, self._coder(stamp, what))
+        self._first, self._last = self._first or stamp, max(self._last, stamp)
 
     def _commit(self) -> None:
-        self._file.commit()
+        try:
+            self._file.commit()
+        except OSError as error:  # what was written in goes before is whole
+            raise OSError(f"{error}; the file holds the first {1e-9 * self._held:.2f} s") from None
+        self._held = self._last - self._first
 
 
 def _unwritable(path: Path, error: OSError) -> InputError:

@@ -135,6 +135,7 @@ class Session:
         clock, spent = time.perf_counter_ns, 0
         begun = heard = time.monotonic_ns()
         self._patience = begun + 1.25 * BEGIN_NS + 1e9 * duration if live else math.inf
+        self._received = begun if live else 0
         for item in self.source.items():
             if item is None:
                 if live:

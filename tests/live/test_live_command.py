@@ -5,10 +5,12 @@ from __future__ import annotations
 import errno
 import json
 import os
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from live.recordings import messages
 
 from kinid.mapping.property_map import PropertyMap
 from kinid.writers import alone_with
@@ -75,6 +77,18 @@ def test_a_recording_alone_is_replayed_to_the_same_values(run: Run, log: Path) -
     assert "none.toml" in err
 
 
+def test_a_recording_of_a_live_source_is_logged_by_the_clock_of_other_recordings(run: Run, log: Path) -> None:
+    """Unix time: the robot's own bag can be laid beside it. Stamps are the sender's."""
+    record, begun = log.parent / "out.mcap", time.time_ns()
+    code, _, err = run(
+        *("live", log, "--model", "kelvin-voigt", "--duration", 0.3, "--quiet", "--record", record),
+    )
+    assert code == 0, err
+    times = [m[2] for m in messages(record)]
+    assert len(times) > 300
+    assert begun - 10**9 < min(times) <= max(times) < time.time_ns() + 10**9
+
+
 def test_quiet_and_a_duration(run: Run, log: Path) -> None:
     code, out, _ = run("live", log, "--model", "kelvin-voigt", "--speed", 0, "--quiet", "--duration", 6)
     assert code == 0
@@ -121,10 +135,21 @@ def test_a_session_in_which_nothing_came_is_no_success(run: Run, log: Path, refu
     assert json.loads(summary.read_text())["events"]["stream-lost"] == 2
 
 
-def test_a_recording_that_ends_early_is_no_success(
-    run: Run, log: Path, monkeypatch: pytest.MonkeyPatch, refused: Callable[..., None]
+@pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="a folder that not even root may write to is needed")
+@pytest.mark.parametrize("option", [("--json", "x.json"), ("--record", "x.mcap"), ("--map", "x.parquet")])
+def test_a_file_that_cannot_be_written_is_refused_before_anything_is_done(
+    run: Run, log: Path, refused: Callable[..., None], option: tuple[str, str]
 ) -> None:
-    record, room, write = log.parent / "out.mcap", 20_000, os.pwrite
+    result = run("live", log, "--model", "kelvin-voigt", "--speed", 0, option[0], f"/proc/{option[1]}")
+    refused(result, f"no way to write /proc/{option[1]}")
+    assert "samples" not in result[1]
+
+
+@pytest.mark.parametrize("room", [20_000, 500_000])
+def test_a_recording_that_ends_early_is_no_success(
+    run: Run, log: Path, monkeypatch: pytest.MonkeyPatch, refused: Callable[..., None], room: int
+) -> None:
+    record, write = log.parent / "out.mcap", os.pwrite
 
     def into_little_room(file: int, data: bytes, at: int) -> int:
         if at + len(data) > room:
@@ -134,6 +159,9 @@ def test_a_recording_that_ends_early_is_no_success(
     monkeypatch.setattr(os, "pwrite", into_little_room)
     result = run("live", log, "--model", "kelvin-voigt", "--speed", 0, "--quiet", "--record", record)
     refused(result, "No space left", f"what came before is in {record}")
+    found = messages(record)
+    said = float(result[2].split("holds the first ")[1].split(" s")[0])
+    assert said == pytest.approx(1e-9 * (max(m[1] for m in found) - found[0][1]) if found else 0.0, abs=6e-3)
     assert "wrote" not in result[1]
 
 

@@ -169,6 +169,20 @@ def test_a_session_that_started_from_a_map_is_replayed_to_the_same_values(
     assert abs(difference[0]) > 1e-6 * first.pipeline.estimates["normal"].values[0]
 
 
+def test_another_clock_of_reception_changes_nothing_of_a_replay(
+    recorded: tuple[Path, Session], rig: Rig, rows: list[Item], tmp_path: Path
+) -> None:
+    path, epoch = tmp_path / "out.mcap", 1_700_000_000 * 10**9
+    recorder = Recorder(path, NAMES, "ft_sensor", {"rig": rig.model_dump_json(exclude={"folder"})}, epoch)
+    Session(Prepared(rows), Pipeline(rig, MODEL), NAMES, sinks=[recorder]).run()
+    assert [m[2] for m in messages(path)] == [m[2] + epoch for m in messages(recorded[0])]
+    again = Session(open_source(str(path), Asked(rig, NAMES, 0.0)), Pipeline(rig, MODEL), NAMES)
+    again.run()
+    assert again.counts == recorded[1].counts
+    for part, estimate in recorded[1].pipeline.estimates.items():
+        np.testing.assert_allclose(again.pipeline.estimates[part].values, estimate.values, rtol=1e-9)
+
+
 def test_a_recording_has_its_own_topics_and_units(rig: Rig, rows: list[Item], tmp_path: Path) -> None:
     """Those of the session's source, which the rig names, are no longer what is read."""
     path = tmp_path / "out.mcap"
