@@ -13,9 +13,9 @@ from kinid.kernels.types import Compiled
 
 #: places of a clock (int64): the last stamp that was accepted, when it came; the smallest delay between stamp and
 #: reception; what is added to stamps; usual step; steps seen; samples behind the last one, in a row, and the last of
-#: them; whether samples are delayed; what is said of the last sample: a step of time; mean of the steps; then a ring of
-#: steps
-LAST, RECEIVED, LAG, SHIFT, PERIOD, COUNT, BEHIND, BEHIND_LAST, DELAYED, STEP, MEAN, RING = range(12)
+#: them; whether samples are delayed; what is said of the last sample: a step of time; mean of the steps; how many
+#: samples before the next one never came, at most; then a ring of steps
+LAST, RECEIVED, LAG, SHIFT, PERIOD, COUNT, BEHIND, BEHIND_LAST, DELAYED, STEP, MEAN, MISSING, RING = range(13)
 #: steps that the median is of; share by which the mean follows, and how many times itself a step counts for at most
 STEPS, SLOW, OUTLIER = 15, 64, 8
 #: places of a clock
@@ -30,6 +30,8 @@ GAP_PERIODS = 3.5
 #: a clock has jumped where stamps and reception come apart by more [ns]; so many samples in a row, with growing stamps,
 #: tell a jump back from late samples
 JUMP_NS, BACK_NS, BACK = 250_000_000, 100_000_000, 3
+#: what is missing takes so many of its usual steps at most: a stall, behind which stamps go on where reception doesn't
+HOLE = 1.1
 #: samples are delayed that come so much later than the quickest [ns], until they are within the second
 DELAY_NS, PROMPT_NS = 50_000_000, 20_000_000
 #: the smallest delay may rise so slowly: clocks that run apart by 200 ppm are none that jump
@@ -78,7 +80,7 @@ def admit(clock: Compiled, stamp: int, received: int) -> int:
                 code = JUMP
         if code != JUMP:
             return LATE
-    elif lag < clock[LAG] - JUMP_NS:
+    elif lag < clock[LAG] - JUMP_NS and now - clock[LAST] > (clock[MISSING] + 1) * HOLE * clock[PERIOD]:
         code = JUMP
     if code == JUMP:
         # time goes on by what passed for the receiver
@@ -100,7 +102,7 @@ def admit(clock: Compiled, stamp: int, received: int) -> int:
         _remember(clock, step)
     if lag < clock[LAG] + PROMPT_NS:
         clock[DELAYED] = 0
-    clock[LAST], clock[RECEIVED], clock[BEHIND] = now, received, 0
+    clock[LAST], clock[RECEIVED], clock[BEHIND], clock[MISSING] = now, received, 0, 0
     return code
 
 

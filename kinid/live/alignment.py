@@ -33,6 +33,8 @@ EPOCH_NS = 1_000_000_000
 EARLIEST_NS = 1_000_000_000
 #: velocities that stay 0 are told once a position is so far from where it began [rad or m]; looked at once in so many
 MOVED, LOOK = 0.01, 64
+#: samples that may be missing in a row; more are a sender's mistake in counting
+MOST_MISSING = 1_000_000
 #: orders of joints that are remembered
 MOST_ORDERS = 64
 
@@ -87,6 +89,15 @@ class Clock:
     @shift.setter
     def shift(self, by: int) -> None:
         self._state[kernels.SHIFT] = by
+
+    @property
+    def missing(self) -> int:
+        """How many samples before the next one never came, at most."""
+        return int(self._state[kernels.MISSING])
+
+    @missing.setter
+    def missing(self, count: int) -> None:
+        self._state[kernels.MISSING] = min(count, MOST_MISSING)
 
     def _reported(self, code: int, stamp: int) -> int | None:
         """Tell what became of a sample that isn't as it should be; its stamp where it is kept."""
@@ -159,6 +170,11 @@ class Aligner:
         except (TypeError, ValueError, OverflowError, struct.error):
             self._report("malformed", f"{type(message).__name__.lower()} that aren't numbers: {str(message)[:80]}")
             return None
+
+    def lost(self, missing: int) -> None:
+        """So many messages never came, by their running numbers: stamps that go on behind them are no clock's jump."""
+        for clock in self.clocks.values():
+            clock.missing = missing
 
     def pair(self) -> bool:
         """Bring one wrench together with its joints; False where none is ready."""

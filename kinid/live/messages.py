@@ -39,11 +39,14 @@ class Wrench(NamedTuple):
 
 
 class Notice(NamedTuple):
-    """Something that a source has to say of itself: the kind of event, and a sentence."""
+    """Something that a source has to say of itself: the kind of event, and a sentence; missing: messages that by their
+    running numbers never came before the next one.
+    """
 
     received: int
     kind: str
     says: str
+    missing: int = 0
 
 
 class Start(NamedTuple):

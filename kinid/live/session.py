@@ -174,6 +174,8 @@ class Session:
         else:
             self._received = item.received
             self._report(item.kind, item.says)
+            if item.missing:
+                self.aligner.lost(item.missing)
 
     def _sample(self) -> None:
         """The pair that is ready, through the pipeline."""

@@ -184,3 +184,30 @@ def test_velocities_that_stay_zero_are_left_out_and_told_once() -> None:
         assert aligner.pair()
         np.testing.assert_array_equal(aligner.dq, np.full(2, np.nan) if k < 1001 else [0.5 * (k == 1001), 0.0])
     assert len(reports) == 1
+
+
+@pytest.mark.parametrize(("missing", "kinds"), [(985, ["gap", "gap"]), (0, ["clock-jump", "clock-jump"]), (100, None)])
+def test_what_a_hole_in_the_numbers_explains_is_no_jump_of_the_clock(missing: int, kinds: list[str] | None) -> None:
+    """A reader stalls, what waits for it overflows, and what is read next was measured long after what was read last.
+
+    Lines of both streams have one count; the stall is as long before as behind the hole, so that nothing of it shows in
+    the times of reception.
+    """
+    reports = Reports()
+    aligner = Aligner(NAMES, reports)
+    late = 600 * MS  # all of it comes so late
+    for k in range(1000):
+        at = START + k * MS
+        aligner.put(joints(k, at + late))
+        aligner.put(wrench(k, at + late))
+    aligner.lost(missing)
+    for k in range(1492, 1600):
+        at = START + 1000 * MS + (k - 1492) * MS
+        aligner.put(joints(k, at + late))
+        aligner.put(wrench(k, at + late))
+    assert reports.kinds == (kinds or ["clock-jump", "clock-jump"])
+    stamps = aligner.clocks["joints"]
+    assert (stamps.shift == 0) == (missing == 985)
+    # what isn't missing any more explains nothing
+    aligner.put(joints(2600, START + 1700 * MS + late))
+    assert reports.kinds[-1] == "clock-jump"

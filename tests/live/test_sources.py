@@ -173,6 +173,7 @@ def test_each_lost_line_is_known_by_its_number() -> None:
     notices = [(item.kind, item.says.split(" ", 1)[0]) for item in items if isinstance(item, Notice)]
     assert [kind for kind, _ in notices] == ["gap", "gap", "gap", "source-restarted", "malformed"]
     assert [says for kind, says in notices if kind == "gap"] == ["1", "3", "390"]
+    assert [item.missing for item in items if isinstance(item, Notice) and item.kind == "gap"] == [1, 3, 390]
     assert sum(isinstance(item, Wrench) for item in items) == len(numbers) - 1
 
 

@@ -93,7 +93,8 @@ class Socket:
         """What a sender's running number says: of lines that never came, of a sender that began anew."""
         last = self._numbers.pop(sender, number - 1)
         if number > last + 1:
-            yield Notice(received, "gap", f"{number - last - 1} lines of {sender[0]}:{sender[1]} never came")
+            lost = number - last - 1
+            yield Notice(received, "gap", f"{lost} lines of {sender[0]}:{sender[1]} never came", lost)
         elif number < last - ORDERED:
             yield Notice(received, "source-restarted", f"{sender[0]}:{sender[1]} counts from {number} after {last}")
             last = number

@@ -195,7 +195,8 @@ class Client:
             self._beside.discard(publisher)
             yield Notice(received, "source-restarted", f"another publisher of /{topic}")
         elif number > last + 1:
-            yield Notice(received, "gap", f"{number - last - 1} messages of /{topic} never came")
+            lost = number - last - 1
+            yield Notice(received, "gap", f"{lost} messages of /{topic} never came", lost)
         self._publishers[topic] = (publisher, number if before != publisher else max(number, last), received)
 
 
