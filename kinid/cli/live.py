@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from kinid.data.rig import Rig
+    from kinid.live.events import Event
     from kinid.live.growing import Growing
     from kinid.live.messages import Source
     from kinid.live.pipeline import Pipeline
@@ -43,6 +44,9 @@ class Outputs:
     view: int | None
     json_file: Path | None
 
+
+#: bandwidth of velocities that a stream lacks, and the largest that may be asked for [Hz]
+BANDWIDTH, MOST_BANDWIDTH = 40.0, 1000.0
 
 EXAMPLES = """Examples:
 
@@ -96,7 +100,9 @@ def live(
     serve: Annotated[
         bool, typer.Option("--serve", help="Serve the session to Foxglove, on this machine alone.")
     ] = False,
-    port: Annotated[int, typer.Option(help="Of that server; 0 chooses a free one.")] = 8765,
+    port: Annotated[
+        int | None, typer.Option(help="Of that server; default: 8765; 0 chooses a free one.", show_default=False)
+    ] = None,
     view: Annotated[
         int | None,
         typer.Option(
@@ -114,7 +120,10 @@ def live(
     tare: Annotated[
         float, typer.Option(help="Seconds in the air at the beginning that the sensor's bias is learnt from.")
     ] = 0.0,
-    bandwidth: Annotated[float, typer.Option(help="Of velocities that the stream lacks [Hz].")] = 40.0,
+    bandwidth: Annotated[
+        float | None,
+        typer.Option(help="Of velocities that the stream lacks [Hz]; default: 40.", show_default=False),
+    ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print the summary alone.")] = False,
 ) -> None:
     """Contact frame, estimates and events of a robot's stream, sample by sample; nothing here commands a robot."""
@@ -123,12 +132,17 @@ def live(
         raise InputError(f"--duration {duration:g}", "a time > 0 s", "leave it out to go on until the source ends")
     if not (math.isfinite(tare) and tare >= 0.0):
         raise InputError(f"--tare {tare:g}", "seconds ≥ 0", "leave it out for the rig's bias")
-    if not (math.isfinite(bandwidth) and bandwidth > 0.0):
-        raise InputError(f"--bandwidth {bandwidth:g}", "a frequency > 0 Hz", "leave it out for 40")
-    for name, given in (("port", port), ("view", view or 0)):
+    if bandwidth is not None and not 0.0 < bandwidth <= MOST_BANDWIDTH:
+        raise InputError(
+            f"--bandwidth {bandwidth:g}", f"a frequency > 0 Hz, {MOST_BANDWIDTH:g} Hz at most", "leave it out for 40"
+        )
+    for name, given in (("port", port or 0), ("view", view or 0)):
         if not 0 <= given < 65536:
             raise InputError(f"--{name} {given}", "a port from 0 to 65535", "0 chooses a free one")
+    if port is not None and not serve:
+        raise InputError(f"--port {port} without --serve", "both, or neither", "add --serve, or leave --port out")
     from kinid.cli.contact import rig_of, rig_path
+    from kinid.live.serving import PORT
     from kinid.writers import alone_with, check_outputs
 
     path = _log_of(source)
@@ -146,7 +160,7 @@ def live(
         for file in (map_file, record, json_file):
             if file is not None:
                 alone.enter_context(alone_with(file))
-        outputs = Outputs(record, map_file, prior, port if serve else None, view, json_file)
+        outputs = Outputs(record, map_file, prior, (PORT if port is None else port) if serve else None, view, json_file)
         _run(opened, the_rig, robot, names, outputs, duration, tare, bandwidth, quiet)
 
 
@@ -192,29 +206,28 @@ def _run(
     outputs: Outputs,
     duration: float | None,
     seconds: float,
-    bandwidth: float,
+    asked: float | None,
     quiet: bool,
 ) -> None:
     """One session."""
     from kinid.cli.show import console
-    from kinid.live.events import Event
     from kinid.live.pipeline import Pipeline
     from kinid.live.session import Session
     from kinid.live.tare import tare
     from kinid.live.terminal import Lines, Screen, show
-    from kinid.writers import write_json
 
-    out = console()
+    out, bandwidth = console(), BANDWIDTH if asked is None else asked
     pipeline = Pipeline(rig, names, robot=robot, bandwidth=bandwidth)  # compiles: no sample waits for that
     if seconds > 0.0:
         out.print(f"keep the tool in the air for {seconds:g} s …")
-        rig = tare(opened, rig, robot, seconds)
+        rig = tare(opened, rig, robot, seconds, lambda says: out.print(f"doubt: {says}", soft_wrap=True))
         pipeline = Pipeline(rig, names, robot=robot, bandwidth=bandwidth)
     elif rig.sensor.bias is None:
         out.print("doubt: the rig states no bias of the sensor: add [sensor] bias, or --tare 2 in the air")
     sinks, known = _sinks(outputs, opened, pipeline, rig, robot, bandwidth, out)
     kept: list[Event] = []
-    lines, shows = Lines(out), list[Callable[[Event], None]]()
+    shows: list[Callable[[Event], None]] = []
+    lines = Lines(out)
 
     def tell(event: Event) -> None:
         if outputs.json_file is not None and len(kept) < 100_000:
@@ -232,6 +245,7 @@ def _run(
         tell=tell,
         known=known,
         full=rig.sensor.range,
+        bandwidth=asked,
     )
     limit = math.inf if duration is None else duration
     screen = Screen(session, out)
@@ -242,10 +256,21 @@ def _run(
         session.run(limit)
     lines.close()
     show(session, out)
+    _end(session, kept, outputs, sinks)
+
+
+def _end(session: Session, kept: list[Event], outputs: Outputs, sinks: list[Sink]) -> None:
+    """Write what is written at the end, and say what was.
+
+    Raises:
+        InputError: a sink has given up, or nothing came.
+    """
+    from kinid.writers import write_json
+
     if outputs.json_file is not None:
         facts: Json = {**session.summary(), "list": [event.to_dict() for event in kept]}
         write_json(outputs.json_file, facts)
-    _end(outputs, sinks)
+    _say_written(outputs, sinks)
     if session.samples == 0:
         raise _nothing(session)
 
@@ -259,7 +284,7 @@ def _nothing(session: Session) -> InputError:
     return InputError(found + (f": {told}" if told else ""), "both, with times that overlap", mend)
 
 
-def _end(outputs: Outputs, sinks: list[Sink]) -> None:
+def _say_written(outputs: Outputs, sinks: list[Sink]) -> None:
     """Say what was written.
 
     Raises:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 from kinid.data.rig import CONTACT as QUANTITIES
-from kinid.errors import KinidError
+from kinid.errors import InputError, KinidError
 from kinid.estimators.estimate import Estimate
 from kinid.live import encoding
 from kinid.live.alignment import Aligner
@@ -25,6 +25,8 @@ from kinid.writers import Json, finite
 
 #: a stream is lost after so long, or so many of its samples, without one [ns]; looked at so often [ns]
 SILENCE_NS, SILENCE_SAMPLES, LOOK_NS = 100_000_000, 20, 20_000_000
+#: after so many samples their rate is known
+RATE_KNOWN = 100
 #: streams have so long to begin [ns]
 BEGIN_NS = 2_000_000_000
 #: contact quantities and estimates are recorded so often [ns]
@@ -50,6 +52,7 @@ class Session:
         known: gives what the estimators start from as something is touched, and behind a border or a jump; None: a
             recorded session's starts, where its recording is replayed.
         full: range of the sensor [N, N·m], where it is known.
+        bandwidth: of the pipeline [Hz], where somebody asked for it: beyond half the streams' rate it is refused.
 
     Attributes:
         samples: that went through the pipeline. counts: of events by kind. events: the last ones.
@@ -69,6 +72,7 @@ class Session:
         tell: Callable[[Event], None] | None = None,
         known: Known | None = None,
         full: Sequence[float] | None = None,
+        bandwidth: float | None = None,
     ) -> None:
         self.source, self.pipeline, self._tell = source, pipeline, tell
         self._sinks, self._working = tuple(sinks), list(sinks)
@@ -81,6 +85,7 @@ class Session:
         self._doubts: list[str] = []
         self._received = self._looked = self._begun = self._recorded = 0
         self._lost: set[str] = set()
+        self._bandwidth = bandwidth
         self._stop, self._patience = False, math.inf
 
     def stop(self) -> None:
@@ -192,6 +197,8 @@ class Session:
                     self.trust.parted()
         if aligner.stamp - self._recorded >= RECORD_NS:
             self._recorded = aligner.stamp
+            if self._bandwidth is not None and self.samples > RATE_KNOWN:
+                self._check_bandwidth(self._bandwidth)
             estimates = self.pipeline.estimates
             self.trust.take(estimates)
             self.trust.felt(aligner.wrench)
@@ -199,6 +206,17 @@ class Session:
                 self._readings.take(aligner.t, aligner.q, aligner.wrench)
             if self._working:
                 self._record(estimates)
+
+    def _check_bandwidth(self, asked: float) -> None:
+        """Refuse, once, what no samples of this rate can hold (C. E. Shannon, Proc. IRE 37, 1949)."""
+        self._bandwidth = None
+        rate = 1e9 / max(clock.period for clock in self.aligner.clocks.values())
+        if asked > 0.5 * rate:
+            raise InputError(
+                f"--bandwidth {asked:g} of streams of {rate:.4g} Hz",
+                f"half of that at most, {0.5 * rate:.4g} Hz",
+                "give less, or leave it out",
+            )
 
     def _record(self, now: Mapping[str, Estimate]) -> None:
         """Contact quantities and estimates as they are now."""

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinid.contact.series import contact_series
+from kinid.contact.surface_frame import CLEARANCE
 from kinid.data.log import Log, Provenance
 from kinid.data.rig import Rig
 from kinid.errors import InputError
@@ -19,11 +22,14 @@ from kinid.robotics.wrench import FEWEST_FREE
 PATIENCE = 10.0
 
 
-def tare(source: Source, rig: Rig, robot: Robot, seconds: float) -> Rig:
+def tare(
+    source: Source, rig: Rig, robot: Robot, seconds: float, tell: Callable[[str], None] = lambda _says: None
+) -> Rig:
     """The rig with the bias that the first samples of a source have, as logs' free motion gives it.
 
     Args:
         source: whose first samples are taken, with the tool clear of the surface. seconds: of them.
+        tell: is told where the bias is of less than that.
 
     Raises:
         InputError: too few samples, none for `PATIENCE`, or none clear of the surface.
@@ -63,6 +69,8 @@ def tare(source: Source, rig: Rig, robot: Robot, seconds: float) -> Rig:
         raise InputError(
             f"a tool near the surface in the first {seconds:g} s", "a tool in the air", "lift it, or leave --tare out"
         )
+    for says in _less(seconds, log.t, touch.depth > -CLEARANCE):
+        tell(says)
     return Rig.parse(
         {
             **rig.model_dump(exclude={"folder"}),
@@ -70,3 +78,15 @@ def tare(source: Source, rig: Rig, robot: Robot, seconds: float) -> Rig:
         },
         folder=rig.folder,
     )
+
+
+def _less(asked: float, t: NDArray[np.float64], near: NDArray[np.bool_]) -> Iterator[str]:
+    """Of what less than the time that was asked for [s] a bias is; near: rows at the surface."""
+    if t[-1] <= asked:
+        yield f"--tare {asked:g}: nothing came after {t[-1]:.3g} s, and the bias is of that time"
+    if near.any():
+        share = 100.0 * (1.0 - np.mean(near))
+        yield (
+            f"--tare {asked:g}: the tool was near the surface from {t[np.argmax(near)]:.3g} s on; "
+            f"the bias is of the {share:.0f} % in the air"
+        )

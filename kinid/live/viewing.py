@@ -77,7 +77,7 @@ class Viewing(Sink):
         patch = scenes.patch_scene(rig)
         if patch is not None:
             self._scene["patch"] = patch
-        self._server = ViewServer(lambda: page(self._scene), port)
+        self._server = ViewServer(lambda: page(self._scene), port, "--view")
         self.url = self._server.url
         self._thread.start()
 

@@ -40,12 +40,13 @@ class ViewServer:
 
     Args:
         page: makes the page; asked once, and again after a message was sent. port: 0 chooses a free one.
+        option: of the command line that names it.
 
     Raises:
         InputError: the port is taken.
     """
 
-    def __init__(self, page: Callable[[], str], port: int = 0) -> None:
+    def __init__(self, page: Callable[[], str], port: int = 0, option: str = "--port") -> None:
         self._page = page
         self._listeners: list[queue.Queue[str | None]] = []
         self._lock = threading.Lock()
@@ -74,7 +75,7 @@ class ViewServer:
             raise InputError(
                 f"port {port}, which can't be had ({error.strerror})",
                 "a free port of this machine",
-                "choose another --port, or 0 for any",
+                f"choose another {option}, or 0 for any",
             ) from None
         self.port = int(self._server.server_address[1])
         self.url = f"http://{LOOPBACK}:{self.port}/"

@@ -106,6 +106,9 @@ def test_quiet_and_a_duration(run: Run, log: Path) -> None:
         (("--model", "kelvin-voigt", "--tare", "nan"), "--tare"),
         (("--model", "kelvin-voigt", "--duration", 0), "--duration"),
         (("--model", "kelvin-voigt", "--bandwidth", 0), "--bandwidth"),
+        (("--model", "kelvin-voigt", "--bandwidth", 1001), "1000 Hz at most"),
+        (("--model", "kelvin-voigt", "--speed", 0, "--quiet", "--bandwidth", 300), "250 Hz"),
+        (("--model", "kelvin-voigt", "--port", 8765), "without --serve"),
         (("--model", "kelvin-voigt", "--record", "x.txt"), ".mcap"),
         (("--model", "kelvin-voigt", "--map", "x.txt"), ".parquet"),
         (("--model", "kelvin-voigt", "--map", "no/x.parquet"), "no folder"),
@@ -118,6 +121,17 @@ def test_wrong_use_is_one_line(run: Run, log: Path, args: tuple[object, ...], wo
     assert code == 2
     assert err.count("\n") == 1
     assert words in err
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"), [(100, "nothing came after 15 s"), (9, "the tool was near the surface from")]
+)
+def test_a_bias_of_less_than_was_asked_for_is_told(run: Run, log: Path, seconds: float, words: str) -> None:
+    args = ("--model", "kelvin-voigt", "--speed", 0, "--quiet", "--duration", 1, "--tare")
+    code, out, err = run("live", log, *args, seconds)
+    assert code == 0, err
+    assert f"--tare {seconds}: {words}" in out
+    assert "--tare" not in run("live", log, *args, 2)[1]
 
 
 def test_sources_without_a_rig(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

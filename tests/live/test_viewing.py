@@ -89,6 +89,6 @@ def test_arm_forces_marks_and_map_while_it_goes_on(
 def test_a_port_that_is_taken_is_refused(rig: Rig) -> None:
     pipeline = Pipeline(rig, MODEL)
     first = Viewing(pipeline, rig, "stream")
-    with pytest.raises(InputError, match="port"):
+    with pytest.raises(InputError, match="choose another --view"):
         Viewing(pipeline, rig, "stream", int(first.url.rsplit(":", 1)[1].strip("/")))
     first.close()

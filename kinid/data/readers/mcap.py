@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import json
+import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 from kinid.data.log import Log
 from kinid.data.readers._bag import KINDS, Bag, Message, Topic, to_log
 from kinid.data.readers._guard import readable
 from kinid.data.rig import Rig
-from kinid.errors import MissingDependencyError
+from kinid.errors import InputError, MissingDependencyError
 
 if TYPE_CHECKING:
     from mcap.reader import McapReader
@@ -25,6 +26,7 @@ SUFFIXES: tuple[str, ...] = (".mcap",)
 #: how files that this project writes name their library, and the metadata of a session
 LIBRARY = "kinid"
 _DAMAGED = "repair or copy it again: 'mcap recover' rescues what a cut-off file still holds"
+_MAGIC = b"\x89MCAP0\r\n"
 _TYPES = {
     "joints": "sensor_msgs/msg/JointState",
     "wrench": "geometry_msgs/msg/WrenchStamped",
@@ -53,6 +55,7 @@ def opened(path: Path, rig: Rig) -> Iterator[tuple[Bag, Rig]]:
     except ImportError:
         raise MissingDependencyError("mcap", "bags") from None
     with path.open("rb") as stream:
+        _refuse_cut(path, stream)
         with readable(path, "MCAP", _DAMAGED):
             reader = mcap.reader.make_reader(stream, validate_crcs=True)
             session = _session(reader)
@@ -73,11 +76,26 @@ def recorded_rig(path: Path) -> Rig | None:
     except ImportError:
         return None
     with path.open("rb") as stream, readable(path, "MCAP", _DAMAGED):
+        _refuse_cut(path, stream)
         text = (_session(mcap.reader.make_reader(stream)) or {}).get("rig")
         if text is None:
             return None
         tables = json.loads(text)
     return Rig.parse(tables, folder=path.parent, where=f"the rig in {path}")
+
+
+def _refuse_cut(path: Path, stream: BinaryIO) -> None:
+    """Refuse a file that begins as MCAP and doesn't end so; the library takes what stands there for sizes.
+
+    Raises:
+        InputError: it is cut off.
+    """
+    begin, size = stream.read(len(_MAGIC)), stream.seek(0, os.SEEK_END)
+    stream.seek(max(size - len(_MAGIC), 0))
+    end = stream.read()
+    stream.seek(0)
+    if begin == _MAGIC != end:
+        raise InputError(f"{path}, which is cut off: it doesn't end as MCAP", "all of the recording", _DAMAGED)
 
 
 def _session(reader: McapReader) -> dict[str, str] | None:

@@ -469,7 +469,7 @@ def test_a_bag_that_was_cut_off_is_refused(kind: str, share: float, tmp_path: Pa
     path = write(tmp_path, kind, [*arm(SLOW), *forces(FAST)])
     whole = path.read_bytes()
     path.write_bytes(whole[: int(share * len(whole))])
-    with pytest.raises(InputError, match="can't be read as") as error:
+    with pytest.raises(InputError, match="which is cut off" if "mcap" in kind else "can't be read as") as error:
         read(path)
     assert str(path) in str(error.value)
     assert "\n" not in str(error.value)
