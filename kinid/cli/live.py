@@ -278,10 +278,10 @@ def _end(session: Session, kept: list[Event], outputs: Outputs, sinks: list[Sink
 def _nothing(session: Session) -> InputError:
     """What is wrong where no wrench came together with joints."""
     came = [name for name, clock in session.aligner.clocks.items() if clock.started]
-    told = next((event.says for event in session.events if event.kind == "topic"), None)
+    missing = next((event.says for event in session.events if event.kind == "topic"), None)
     found = f"{' and '.join(came) or 'nothing'} from {session.source.name}, and no pair of joints and wrench"
     mend = "see the events above" if session.counts else "begin the sender first"
-    return InputError(found + (f": {told}" if told else ""), "both, with times that overlap", mend)
+    return InputError(found + (f": {missing}" if missing else ""), "both, with times that overlap", mend)
 
 
 def _say_written(outputs: Outputs, sinks: list[Sink]) -> None:

@@ -1,8 +1,10 @@
-"""A source that hands over what a test has prepared."""
+"""A source that hands over what a test has prepared, and what this process listens to."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 from kinid.live.messages import Item
 
@@ -25,3 +27,11 @@ class Prepared:
 
     def close(self) -> None:
         pass
+
+
+def listening() -> set[str]:
+    """Sockets of this process that listen."""
+    lines = (line.split() for line in Path("/proc/net/tcp").read_text().splitlines())
+    inodes = {f"socket:[{words[9]}]" for words in lines if words[3] == "0A"}
+    links = (f"/proc/self/fd/{fd}" for fd in os.listdir("/proc/self/fd"))
+    return inodes & {os.readlink(link) for link in links if os.path.lexists(link)}

@@ -6,13 +6,14 @@ import base64
 import json
 import threading
 import time
+import urllib.error
 import urllib.request
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from live.prepared import NAMES, Prepared
+from live.prepared import NAMES, Prepared, listening
 from scripted import Scripted
 
 from kinid.contact.series import contact_series
@@ -84,6 +85,17 @@ def test_arm_forces_marks_and_map_while_it_goes_on(
     marks = [message["marks"] for message in messages if "marks" in message]
     assert any("touch" in mark["says"] for mark in marks[-1])
     assert any("map" in message for message in messages)
+
+
+def test_nothing_listens_but_the_page(rig: Rig) -> None:
+    """Which takes in nothing: there is no other socket that another user could draw through."""
+    before = listening()
+    viewing = Viewing(Pipeline(rig, MODEL), rig, "stream")
+    assert len(listening() - before) == 1
+    for method in ("POST", "PUT", "DELETE"):
+        with pytest.raises(urllib.error.HTTPError, match="501"):
+            urllib.request.urlopen(urllib.request.Request(viewing.url, data=b"{}", method=method), timeout=20.0)
+    viewing.close()
 
 
 def test_a_port_that_is_taken_is_refused(rig: Rig) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import socket
 import subprocess
 import sys
@@ -15,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from live.prepared import NAMES
+from live.prepared import NAMES, listening
 
 pytest.importorskip("zenoh")
 
@@ -103,22 +102,14 @@ def test_a_gripper_that_publishes_on_the_same_topic_is_left_out() -> None:
 
 def test_a_router_stands_between_and_nothing_listens() -> None:
     port = free()
-    before = _listening()  # of servers that other tests began
+    before = listening()  # of servers that other tests began
     with process(port, "router"):
         source = Client(f"127.0.0.1:{port}", Rig.parse_text('[streams]\nwrench = "/ft/wrench"\n'))
-        assert not _listening() - before
+        assert not listening() - before
         # the robot is a client of the router, as this is: begun second, so that nothing of it is missed
         with process(port, "client", 50):
             items = collect(source, 100)
     assert [type(i) for i in items].count(Joints) == [type(i) for i in items].count(Wrench) == 50
-
-
-def _listening() -> set[str]:
-    """Sockets of this process that listen."""
-    lines = (line.split() for line in Path("/proc/net/tcp").read_text().splitlines())
-    inodes = {f"socket:[{words[9]}]" for words in lines if words[3] == "0A"}
-    links = (f"/proc/self/fd/{fd}" for fd in os.listdir("/proc/self/fd"))
-    return inodes & {os.readlink(link) for link in links if os.path.lexists(link)}
 
 
 KINDS = (
@@ -210,11 +201,11 @@ def test_a_topic_that_nobody_publishes_is_told_with_those_that_are_there(run: Ru
         args = ("live", f"zenoh://127.0.0.1:{port}", "--rig", rig, "--model", "kelvin-voigt")
         code, out, err = run(*args, "--duration", 1)
     assert code == 2
-    told = "/ft/other, as [streams] wrench names it, doesn't come; of its type there is /ft/wrench"
-    assert out.count(told) == 1
+    missed = "/ft/other, as [streams] wrench names it, doesn't come; of its type there is /ft/wrench"
+    assert out.count(missed) == 1
     assert err.count("\n") == 1
     assert "joints from zenoh" in err
-    assert told in err
+    assert missed in err
 
 
 def test_what_cannot_be_reached_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
