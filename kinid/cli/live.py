@@ -280,7 +280,7 @@ def _nothing(session: Session) -> InputError:
     came = [name for name, clock in session.aligner.clocks.items() if clock.started]
     missing = next((event.says for event in session.events if event.kind == "topic"), None)
     found = f"{' and '.join(came) or 'nothing'} from {session.source.name}, and no pair of joints and wrench"
-    mend = "see the events above" if session.counts else "begin the sender first"
+    mend = "see the events above" if session.counts.keys() - {"stream-lost"} else "begin the sender first"
     return InputError(found + (f": {missing}" if missing else ""), "both, with times that overlap", mend)
 
 

@@ -145,7 +145,7 @@ def test_sources_without_a_rig(run: Run, tmp_path: Path, monkeypatch: pytest.Mon
 def test_a_session_in_which_nothing_came_is_no_success(run: Run, log: Path, refused: Callable[..., None]) -> None:
     summary = log.parent / "out.json"
     args = ("--rig", log.parent / "rig.toml", "--model", "kelvin-voigt", "--duration", 0.1, "--json", summary)
-    refused(run("live", "udp://127.0.0.1:0", *args), "nothing from udp://127.0.0.1", "see the events")
+    refused(run("live", "udp://127.0.0.1:0", *args), "nothing from udp://127.0.0.1", "begin the sender first")
     assert json.loads(summary.read_text())["events"]["stream-lost"] == 2
 
 
