@@ -45,6 +45,8 @@ INSTRUMENT = 20.0
 
 #: share of a bristle's length over which it is purely elastic before it slips, as in `kinid.effects`
 ELASTIC = 0.02
+#: a way of no length [m]
+TINY = 1e-12
 
 #: friction that has turned around less than this far says little and hardly which way
 LEAST_BENT = 0.2
@@ -168,8 +170,12 @@ def along(
     settings: Compiled,
     sample: Compiled,
 ) -> None:
-    """The force against the slip: T = μ |u| (N − N₀) + c v − zero; `sample` = direction (2), |u|, load, v, T."""
-    a, b, bent, load, speed, resisting = sample
+    """The force against the slip: T = μ |u| (N − N₀) + c v − zero; `sample` = direction (2), |u|, load, v, T, step.
+
+    What the bristles' form is off by is one number a turn, not one a sample: of the samples in which the tip goes a
+    bristle's length, each says but its share.
+    """
+    a, b, bent, load, speed, resisting, step = sample
     slow = a * at[RATE1] + b * at[RATE2]
     for j in range(STATES):
         phi[j] = 0.0
@@ -182,6 +188,7 @@ def along(
     predicted = theta[FRICTION] * bent * (load - theta[ZERO_NORMAL]) + theta[VISCOUS] * speed
     error = resisting - (predicted - a * theta[ZERO1] - b * theta[ZERO2])
     turning = settings[3] * theta[FRICTION] * at[LOAD] * (1.0 - min(bent, 1.0))
+    turning *= math.sqrt(max(settings[2] / max(abs(speed) * step, TINY), 1.0))
     variance = at[NOISE] + turning * turning + apart
     total = variance + quadratic(STATES, u, d, phi)
     normalised = error / math.sqrt(total)
@@ -210,8 +217,8 @@ def learn(
     settings: Compiled,
     sample: Compiled,
 ) -> int:
-    """One sample in contact; `sample` = normal force, slip rates (2), tangential forces (2)."""
-    load, v1, v2, f1, f2 = sample
+    """One sample in contact; `sample` = normal force, slip rates (2), tangential forces (2), step of time."""
+    load, v1, v2, f1, f2, step = sample
     bent1 = (1.0 - ELASTIC) * at[BENT1] + at[AHEAD1] / settings[2] if settings[2] > 0.0 else v1
     bent2 = (1.0 - ELASTIC) * at[BENT2] + at[AHEAD2] / settings[2] if settings[2] > 0.0 else v2
     bent = math.sqrt(bent1 * bent1 + bent2 * bent2)
@@ -222,7 +229,7 @@ def learn(
     if code == VALID:
         a, b = bent1 / bent, bent2 / bent
         size = bent if settings[2] > 0.0 else 1.0
-        along(theta, d, u, phi, gain, at, settings, (a, b, size, load, a * v1 + b * v2, -(a * f1 + b * f2)))
+        along(theta, d, u, phi, gain, at, settings, (a, b, size, load, a * v1 + b * v2, -(a * f1 + b * f2), step))
     average(at, load, v1, v2)
     return code
 
@@ -293,7 +300,7 @@ def friction(
         elif fine:
             bend(at, 0.5 * (v1 + at[LAST1]) * step, 0.5 * (v2 + at[LAST2]) * step, settings[2])
             if load[k] > settings[1]:
-                code = learn(theta, d, u, phi, gain, at, settings, (load[k], v1, v2, f1, f2))
+                code = learn(theta, d, u, phi, gain, at, settings, (load[k], v1, v2, f1, f2, step))
         if fine:
             at[LAST1], at[LAST2] = v1, v2
         own1, own2 = 0.0, 0.0

@@ -89,9 +89,9 @@ def test_zeros_that_were_read_in_the_air_are_taken_off():
     force = np.concatenate([np.array(zeros[:2]) + 0.02 * rng.normal(size=(air, 2)), force])
     touches = np.arange(len(load)) >= air
     known = Friction().run(load, slip, force, in_contact=touches).final
-    # 0.05 N of 2 N is 2.5 % of μ where nobody knows of it
+    # 0.05 N of 2 N is 2.5 % of μ where nobody knows of it; the filter's own zeros find a part
     assert known["friction"] == pytest.approx(0.6, rel=0.01)
-    assert Friction().run(load[air:], slip[air:], force[air:]).final["friction"] < 0.6 * 0.985
+    assert Friction().run(load[air:], slip[air:], force[air:]).final["friction"] < 0.6 * 0.99
 
 
 def test_bristles_of_another_length_are_noticed():
