@@ -36,7 +36,9 @@ def unit_meant(
     levers aren't known so well, one of the usual units, within a factor.
     """
     said = next((rig.columns[name] for name in names if name in rig.columns), None)
-    true = (1.0 if said is None else said.to_si) / times
+    true = (1.0 if said is None else said.to_si) / times if times else 0.0
+    if not 0.0 < true < np.inf:  # turned around, or nothing: no unit does that
+        return None
     off = {unit: abs(np.log(true / factor(unit, "[columns]"))) for unit in (*units, *usual)}
     near = sorted(off, key=lambda unit: off[unit])  # the first of those that are one by two names
     exact = next((unit for unit in near if unit in units and off[unit] < np.log(1.0 + MASS_SHARE)), None)

@@ -101,8 +101,9 @@ def test_a_delayed_sample_has_its_own_place_on_the_mesh(scripted: Scripted, tmp_
         while online.next_delayed():
             later[online.delayed_time] = online.delayed.copy()
     assert len(later) > 2900
-    # an encoder's steps are 2 µrad, at an arm of a metre; where the motion begins with a kink a cubic cuts the corner
+    # an encoder's steps are 2 µrad, at an arm of a metre; where the motion begins with a kink a cubic over 16 ms to
+    # both sides cuts the corner, by some 12 µm
     for name in ("depth", "slip1", "slip2"):
         j = CONTACT.index(name)
         apart = [x[j] - now[t][j] for t, x in later.items() if t is not None]
-        np.testing.assert_allclose(apart, 0.0, atol=1e-5, err_msg=name)
+        np.testing.assert_allclose(apart, 0.0, atol=2e-5, err_msg=name)
