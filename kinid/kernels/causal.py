@@ -239,13 +239,12 @@ def _into_frame(room: Compiled, motion: Array, wrench: Array, out: Array) -> Non
 
 
 @njit(error_model="numpy", forceinline=True)
-def next_late(store: Array) -> bool:
+def next_late(room: Contact) -> bool:
     """Work out the next sample that an estimator is to be given, into `late` and the window's `AT`; False for none.
 
     To be called after `take` until there is none. The time is NaN for a sample that isn't finite: nothing of it may
     be learnt, and those before it are still to come.
     """
-    room = _carve(store)
     window, pending = room.window, room.window[past.PENDING]
     if pending in (AT_ONCE, BROKEN):
         window[past.PENDING] = DONE
@@ -280,9 +279,8 @@ def _swap_sheet(room: Contact) -> None:
 
 
 @njit(error_model="numpy", forceinline=True)
-def hand_over(store: Array, rows: NDArray[np.int64], inputs: Array) -> None:
+def hand_over(room: Contact, rows: NDArray[np.int64], inputs: Array) -> None:
     """The quantities of the sample of `next_late` that an estimator asked for, or flags, into its inputs."""
-    room = _carve(store)
     for i in range(len(rows)):
         if rows[i] == FLAG:
             inputs[i] = room.late[chain.NORMAL] > room.head[TOUCHING]
@@ -293,9 +291,9 @@ def hand_over(store: Array, rows: NDArray[np.int64], inputs: Array) -> None:
 
 
 @njit(error_model="numpy", forceinline=True)
-def late_time(store: Array) -> float:
+def late_time(room: Contact) -> float:
     """Time of the sample of `next_late` [s]; NaN where it isn't finite."""
-    return float(_carve(store).window[past.AT])
+    return float(room.window[past.AT])
 
 
 # --- what Python calls
@@ -326,14 +324,15 @@ def _step_and_learn(
     memory: Array,
 ) -> int:
     code: int = take(t, q, wrench, dq, ddq, store)
-    while code <= NOT_FINITE and next_late(store):
-        hand_over(store, rows, memory[start:])
-        once(late_time(store), shape, memory)  # type: ignore[name-defined]  # noqa: F821
+    room = _carve(store)
+    while code <= NOT_FINITE and next_late(room):
+        hand_over(room, rows, memory[start:])
+        once(late_time(room), shape, memory)  # type: ignore[name-defined]  # noqa: F821
     return code
 
 
 def _next(store: Array) -> bool:
-    more: bool = next_late(store)
+    more: bool = next_late(_carve(store))
     return more
 
 

@@ -43,13 +43,13 @@ def _learn(
     p, k = len(shape), len(friction_shape)
     normal, friction, room = memory[: 2 * p + 6], friction_memory[: 2 * k + 6], carve(contact)  # type: ignore[name-defined]  # noqa: F821
     event_bits: int = 0
-    while causal.next_late(contact):
-        at = causal.late_time(contact)
+    while causal.next_late(room):
+        at = causal.late_time(room)
         if is_cut(at, state):
             continue
-        causal.hand_over(contact, rows, memory[start:])
+        causal.hand_over(room, rows, memory[start:])
         once(at, shape, memory)  # type: ignore[name-defined]  # noqa: F821
-        causal.hand_over(contact, friction_rows, friction_memory[friction_start:])
+        causal.hand_over(room, friction_rows, friction_memory[friction_start:])
         friction_once(at, friction_shape, friction_memory)  # type: ignore[name-defined]  # noqa: F821
         if seek_change(at, room.late, normal, friction, state):
             event_bits |= CHANGE

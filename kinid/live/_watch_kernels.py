@@ -130,9 +130,10 @@ def _expect(quantities: Compiled, normal: Compiled, w: Compiled) -> float:
     depth, force, parameters = quantities[chain.DEPTH], quantities[chain.NORMAL], (len(normal) - 6) // 2
     w[EXPECTED] = np.nan
     if depth > 0.0 and force > w[ON]:
-        power = depth ** normal[2] if parameters > 2 else 1.0
-        law = power * (normal[0] + normal[1] * quantities[chain.DEPTH_RATE])
-        law = law if parameters > 2 else normal[0] * depth + normal[1] * quantities[chain.DEPTH_RATE]
+        if parameters > 2:
+            law = depth ** normal[2] * (normal[0] + normal[1] * quantities[chain.DEPTH_RATE])
+        else:
+            law = normal[0] * depth + normal[1] * quantities[chain.DEPTH_RATE]
         w[EXPECTED] = min(max(law, -WILD * force), WILD * force)
     return float(force - w[EXPECTED])
 

@@ -31,7 +31,7 @@ JOINTS, WRENCH = "joints", "wrench"
 EPOCH_NS = 1_000_000_000
 #: clocks that begin at zero, or below, are told from there [ns]: what isn't positive says what became of a sample
 EARLIEST_NS = 1_000_000_000
-#: velocities that stay 0 are told once a position is so far from where it began [rad or m]; looked at once in so many
+#: velocities that stay 0 are reported once a position is so far from where it began [rad or m]; looked at once in so many
 MOVED, LOOK = 0.01, 64
 #: samples that may be missing in a row; more are a sender's mistake in counting
 MOST_MISSING = 1_000_000
@@ -221,7 +221,7 @@ class Aligner:
         return self._first(self._joints, self._wrench, message, needed)
 
     def _first_rates(self, dq: Numbers, q: Array) -> int:
-        """How many velocities count while none has been another number than 0; where positions change, that is told."""
+        """How many velocities count while none has been another number than 0; where positions change, a notice."""
         if np.count_nonzero(dq) if isinstance(dq, np.ndarray) else any(dq):
             self._has_rates = bool(np.isfinite(np.asarray(dq, float)).all())
             return len(dq)

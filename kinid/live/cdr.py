@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kinid.data.readers import _bag
 from kinid.errors import MissingDependencyError
 from kinid.live.messages import Joints, Wrench
 
@@ -49,7 +50,7 @@ class Decoder:
         layout = self._layouts.get(role)
         if layout is None or not layout.fits(payload):
             message = self._deserialize(payload, TYPES[role])
-            layout = Layout(payload, message, lambda payload: self._deserialize(payload, TYPES[role]))
+            layout = Layout(payload, message, lambda other: self._deserialize(other, TYPES[role]))
             if layout.is_sure:
                 self._layouts[role] = layout
             return _sample(role, received, _stamp(message), _numbers(message), layout.names)
@@ -130,16 +131,14 @@ def _areas(size: int, sizes: Sequence[int], is_listed: bool) -> list[tuple[int, 
 
 
 def _stamp(message: Any) -> int | None:
-    stamp = message.header.stamp
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec) or None
+    return _bag.stamp_of(message) or None
 
 
 def _numbers(message: Any) -> list[NDArray[np.float64]]:
     """Positions, velocities and efforts, or the wrench."""
     if hasattr(message, "position"):
         return [message.position, message.velocity, message.effort]
-    force, torque = message.wrench.force, message.wrench.torque
-    return [np.array([force.x, force.y, force.z, torque.x, torque.y, torque.z])]
+    return [np.array(_bag.wrench_row(message))]
 
 
 def _sample(
