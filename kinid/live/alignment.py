@@ -31,7 +31,7 @@ JOINTS, WRENCH = "joints", "wrench"
 EPOCH_NS = 1_000_000_000
 #: clocks that begin at zero, or below, are told from there [ns]: what isn't positive says what became of a sample
 EARLIEST_NS = 1_000_000_000
-#: velocities that stay 0 are reported once a position is so far from where it began [rad or m]; looked at once in so many
+#: velocities that stay 0 are reported once a position is so far from where it began [rad or m]; samples between looks
 MOVED, LOOK = 0.01, 64
 #: samples that may be missing in a row; more are a sender's mistake in counting
 MOST_MISSING = 1_000_000
