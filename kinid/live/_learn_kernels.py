@@ -15,7 +15,6 @@ from kinid.kernels.cached import stamp
 from kinid.kernels.types import Compiled
 from kinid.live import _watch_kernels
 from kinid.live._watch_kernels import is_cut, seek_change, watch
-from kinid.live.events import CHANGE
 
 Array = NDArray[np.float64]
 
@@ -51,8 +50,7 @@ def _learn(
         once(at, shape, memory)  # type: ignore[name-defined]  # noqa: F821
         causal.hand_over(room, friction_rows, friction_memory[friction_start:])
         friction_once(at, friction_shape, friction_memory)  # type: ignore[name-defined]  # noqa: F821
-        if seek_change(at, room.late, normal, friction, state):
-            event_bits |= CHANGE
+        event_bits |= seek_change(at, room.late, normal, friction, state)
     event_bits |= int(watch(t, wrench, room.quantities, normal, state))
     return event_bits
 

@@ -13,7 +13,7 @@ from numba import njit
 
 from kinid.kernels import chain
 from kinid.kernels.types import Compiled
-from kinid.live.events import ABOVE, DIVERGENCE, EXCITATION, LEAVE, SATURATED, TOUCH
+from kinid.live.events import ABOVE, CHANGE, DIVERGENCE, EXCITATION, LEAVE, RUBS, SATURATED, TOUCH
 
 #: settings: normal force from which the tool touches, and below which it has left [N]; standard deviation of a force
 #: [N]; drift and threshold of the cumulated sums, in standard deviations; time [s] that an estimate has to stand before
@@ -212,8 +212,8 @@ def _follow_law(dt: float, quantities: Compiled, normal: Compiled, w: Compiled, 
 
 
 @njit(error_model="numpy", forceinline=True)
-def _passes(dt: float, quantities: Compiled, is_deep: bool, w: Compiled) -> bool:
-    """Whether force over the law of the depth, or friction over force, has changed on the way.
+def _passes(dt: float, quantities: Compiled, is_deep: bool, w: Compiled) -> tuple[bool, bool]:
+    """Whether force over the law of the depth, and friction over force, have changed on the way.
 
     A border that is as wide as the tip follows no single sample, and of a small change the innovations say little.
     """
@@ -221,12 +221,12 @@ def _passes(dt: float, quantities: Compiled, is_deep: bool, w: Compiled) -> bool
     speed = math.hypot(quantities[chain.SLIP_RATE1], quantities[chain.SLIP_RATE2])
     if w[TOUCHING] <= 0.0:
         _leave_way(w)
-        return False
+        return False, False
     if speed < SLIDING or not is_deep:
-        return False
+        return False, False
     changed = _ratio_changed(dt, w[LATE_LAW + LAW_RATIO], w[DEPTH_RATIO:], w)
     friction = math.hypot(quantities[chain.TANGENT1], quantities[chain.TANGENT2])
-    return bool(changed | (friction > w[ON] and _ratio_changed(dt, math.log(friction / force), w[FRICTION_RATIO:], w)))
+    return changed, friction > w[ON] and _ratio_changed(dt, math.log(friction / force), w[FRICTION_RATIO:], w)
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -289,25 +289,30 @@ def _lasts(t: float, which: int, is_so: bool, longest: float, w: Compiled) -> bo
 
 
 @njit(error_model="numpy", forceinline=True)
-def seek_change(t: float, quantities: Compiled, normal: Compiled, friction: Compiled, w: Compiled) -> bool:
-    """Whether a sample that estimates have just been given shows another material.
+def seek_change(t: float, quantities: Compiled, normal: Compiled, friction: Compiled, w: Compiled) -> int:
+    """Bits of a change that a sample shows which estimates have just been given: another material.
 
     Not the present one: what its rates and accelerations lack looks like a change where the depth shakes.
     """
     force = quantities[chain.NORMAL]
     if not abs(force) < np.inf:
-        return False
+        return 0
     dt = min(max(t - w[LATE_TIME], 0.0), MEMORY)
     w[LATE_TIME] = t
     _turn(dt, quantities, w)
     changed = _cumulate(t, dt, force, True, normal, w, NORMAL_SINCE, SUMS, MEAN_SQUARES)
     slides, rubs = w[SLID] > BENDING, math.hypot(quantities[chain.TANGENT1], quantities[chain.TANGENT2])
-    changed |= _cumulate(t, dt, rubs, slides, friction, w, FRICTION_SINCE, SUMS + 2, MEAN_SQUARES + 1)
+    rubs_otherwise = _cumulate(t, dt, rubs, slides, friction, w, FRICTION_SINCE, SUMS + 2, MEAN_SQUARES + 1)
     is_deep = _follow_law(dt, quantities, normal, w, w[LATE_LAW : LATE_LAW + 4])
-    changed |= _passes(dt, quantities, is_deep, w)
-    if changed:
-        _begin(w)
-    return bool(changed and w[TOUCHING] > 0.0)
+    pressed, rubbed = _passes(dt, quantities, is_deep, w)
+    changed |= pressed
+    rubs_otherwise |= rubbed
+    if not (changed or rubs_otherwise):
+        return 0
+    _begin(w)
+    if w[TOUCHING] <= 0.0:
+        return 0
+    return CHANGE if changed else CHANGE | RUBS
 
 
 @njit(error_model="numpy", forceinline=True)

@@ -28,6 +28,7 @@ KINDS = {
     "clock-offset": "the streams' clocks have different epochs; they were put together by the time of reception",
     "not-finite": "a sample holds what is no finite number, or none that a sensor gives",
     "dead-velocities": "velocities of the joints stay 0 while positions change; they are left out",
+    "wrong-velocities": "velocities of the joints aren't the rates of the positions; they are left out",
     "joint-names": "a sample's joints are not the robot's",
     "malformed": "something came that is no sample",
     "unpaired": "a wrench without joint positions around it",
@@ -43,12 +44,12 @@ KINDS = {
 OF_STREAMS = frozenset(
     (
         *("gap", "late", "repeated", "delayed", "clock-jump", "clock-offset", "not-finite", "joint-names"),
-        *("malformed", "unpaired", "dead-velocities", "overrun", "source-restarted", "topic"),
+        *("malformed", "unpaired", "dead-velocities", "wrong-velocities", "overrun", "source-restarted", "topic"),
     )
 )
 
-#: bits that the compiled step sets, by kind
-TOUCH, LEAVE, CHANGE, DIVERGENCE, EXCITATION, SATURATED, ABOVE = (1 << i for i in range(7))
+#: bits that the compiled step sets, by kind; the last one beside a change that friction alone has shown
+TOUCH, LEAVE, CHANGE, DIVERGENCE, EXCITATION, SATURATED, ABOVE, RUBS = (1 << i for i in range(8))
 
 
 class Event(NamedTuple):

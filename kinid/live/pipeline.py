@@ -45,7 +45,7 @@ SLIDING = 5e-4
 #: what an opened estimator may be wrong by, in parts of its values
 SPREAD = 1.0
 
-_DEPTH, _RATE, _SLIP1, _SLIP2, _SLIP_RATE1, _SLIP_RATE2, _NORMAL = range(7)
+_DEPTH, _RATE, _SLIP1, _SLIP2, _SLIP_RATE1, _SLIP_RATE2, _NORMAL, _TANGENT1, _TANGENT2 = range(9)
 
 
 @dataclass(frozen=True)
@@ -151,11 +151,9 @@ class Pipeline:
         """Tangential forces that friction's estimate expects of the last sample [N], (2,); 0 where nothing slides."""
         rates = self.quantities[[_SLIP_RATE1, _SLIP_RATE2]]
         speed = math.hypot(*rates)
-        estimate = self.estimates.get("friction")
-        if estimate is None or not self.touching or not speed > SLIDING:
+        if "friction" not in self.estimates or not self.touching or not speed > SLIDING:
             return np.zeros(2)
-        friction, viscous = estimate.values[:2]
-        return np.asarray(-(friction * float(self.quantities[_NORMAL]) + viscous * speed) * rates / speed)
+        return np.asarray(-_rubbed(self, speed) * rates / speed)
 
     def step(self, t: float, q: Array, wrench: Array, dq: Array) -> int:
         """Work out one sample; bits of its events (`kinid.live.events`), for `explain`.
@@ -183,7 +181,8 @@ class Pipeline:
         for bit, kind, says in _BITS:
             if event_bits & bit:
                 slides = bit == events.CHANGE and math.hypot(x[_SLIP_RATE1], x[_SLIP_RATE2]) > SLIDING
-                out.append(Event("border" if slides else kind, t, says(self), place, force))
+                shown = _friction if bit == events.CHANGE and event_bits & events.RUBS else says
+                out.append(Event("border" if slides else kind, t, shown(self), place, force))
         if event_bits & events.CHANGE and self.watch.reopen:
             self.reopen()
             out.append(Event("reopened", t, f"each parameter may be off by {100 * SPREAD:.0f} %", place, force))
@@ -289,6 +288,18 @@ def _inputs(machine: Machine, takes: Sequence[str]) -> tuple[NDArray[np.int64], 
 
 def _residual(pipeline: Pipeline) -> str:
     return f"{float(pipeline.quantities[_NORMAL]):.2f} N, {pipeline.predicted:.2f} N expected"
+
+
+def _rubbed(pipeline: Pipeline, speed: float) -> float:
+    """Force along the surface that friction's estimate expects while the tip slides at a speed [m/s], in N."""
+    friction, viscous = pipeline.friction.estimate().values[:2]
+    return float(friction * pipeline.quantities[_NORMAL] + viscous * speed)
+
+
+def _friction(pipeline: Pipeline) -> str:
+    x = pipeline.quantities
+    expected = _rubbed(pipeline, math.hypot(x[_SLIP_RATE1], x[_SLIP_RATE2]))
+    return f"{math.hypot(x[_TANGENT1], x[_TANGENT2]):.2f} N along the surface, {expected:.2f} N expected"
 
 
 def _force(pipeline: Pipeline) -> str:

@@ -9,6 +9,8 @@ from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
+import numpy as np
+
 from kinid.data.rig import CONTACT as QUANTITIES
 from kinid.errors import InputError, KinidError
 from kinid.estimators.estimate import Estimate
@@ -18,6 +20,7 @@ from kinid.live.events import Event
 from kinid.live.latency import Latencies
 from kinid.live.messages import NO_SAMPLE, Notice, Source, Start
 from kinid.live.pipeline import Pipeline
+from kinid.live.rates import Rates
 from kinid.live.readings import Readings
 from kinid.live.sink import Sink
 from kinid.live.trust import Trust
@@ -82,6 +85,9 @@ class Session:
         self.processing, self.latency = Latencies(), Latencies()
         self.trust = Trust(pipeline.model, full)
         self._readings = Readings(pipeline.rig, pipeline.contact.robot)
+        self._rates: Rates | None = Rates(len(joints))
+        self._no_rates = np.full(len(joints), np.nan)
+        self._joints = tuple(joints)
         self._doubts: list[str] = []
         self._received = self._looked = self._begun = self._recorded = 0
         self._lost: set[str] = set()
@@ -185,7 +191,8 @@ class Session:
     def _sample(self) -> None:
         """The pair that is ready, through the pipeline."""
         aligner = self.aligner
-        event_bits = self.pipeline.step(aligner.t, aligner.q, aligner.wrench, aligner.dq)
+        rates = aligner.dq if self._rates is not None else self._no_rates
+        event_bits = self.pipeline.step(aligner.t, aligner.q, aligner.wrench, rates)
         self.samples += 1
         if event_bits:
             if event_bits < 0:
@@ -199,6 +206,8 @@ class Session:
             self._recorded = aligner.stamp
             if self._bandwidth is not None and self.samples > RATE_KNOWN:
                 self._check_bandwidth(self._bandwidth)
+            if self._rates is not None:
+                self._check_rates(self._rates)
             estimates = self.pipeline.estimates
             self.trust.take(estimates)
             self.trust.felt(aligner.wrench)
@@ -206,6 +215,14 @@ class Session:
                 self._readings.take(aligner.t, aligner.q, aligner.wrench)
             if self._working:
                 self._record(estimates)
+
+    def _check_rates(self, rates: Rates) -> None:
+        """Leave velocities out, once and for all, that contradict the positions."""
+        slopes = rates.take(self.aligner.t, self.aligner.q, self.aligner.dq)
+        if slopes is not None:
+            self._rates = None
+            of = ", ".join(f"{name} {x:.3g}" for name, x in zip(self._joints, slopes.tolist()) if math.isfinite(x))
+            self._report("wrong-velocities", f"velocity over the position's rate: {of}; all are left out")
 
     def _check_bandwidth(self, asked: float) -> None:
         """Refuse, once, what no samples of this rate can hold (C. E. Shannon, Proc. IRE 37, 1949)."""

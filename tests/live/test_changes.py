@@ -113,8 +113,11 @@ def test_a_sharp_border_is_told_within_twenty_milliseconds(
     late = []
     for seed in range(5):
         over = slide(path, robot, (732.0, 0.45), after, seed)
-        found = changes(run(over.items, still_rig))
+        session = run(over.items, still_rig)
+        found = changes(session)
         assert found, seed
+        border = next(event for event in session.events if event.kind == "border")
+        assert ("along the surface" in border.says) == (after[0] == 732.0), border.says  # of what has changed
         assert found[0][0] == "border"
         late.append(found[0][1] - over.border)
         assert abs(found[0][2]) < 1e-3  # where it is: 20 ms are 0.6 mm

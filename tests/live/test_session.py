@@ -63,6 +63,43 @@ def test_velocities_filled_with_zeros_change_no_estimate(rig: Rig, rows: list[It
         np.testing.assert_array_equal(zeros.pipeline.estimates[part].values, estimate.values)
 
 
+@pytest.mark.parametrize("by", [-1.0, 180.0 / np.pi])
+def test_velocities_of_another_sign_or_unit_are_left_out(
+    rig: Rig, scripted: Scripted, rows: list[Item], by: float
+) -> None:
+    """The last joint waves in the air, which shows what the velocities are; then comes the log's touch."""
+    q, dt = np.array(scripted.log.q), MS * 1e-9
+    velocity = np.gradient(q, scripted.log.t, axis=0)
+    w = np.pi
+    waving = [
+        (np.r_[q[0, :-1], q[0, -1] + 0.2 * np.sin(w * k * dt)], np.r_[np.zeros(6), 0.2 * w * np.cos(w * k * dt)])
+        for k in range(2000)
+    ]
+    first = rows[1]
+    assert isinstance(first, Wrench)
+    sent: list[Item] = []
+    for k, (position, rate) in enumerate(waving):
+        at = 1_000_000_000 + k * MS
+        sent += [Joints(at, at, position, by * rate), Wrench(at, at, first.wrench)]
+    for k, item in enumerate(rows):
+        at = (item.stamp or 0) + 2000 * MS  # type: ignore[union-attr]
+        if isinstance(item, Joints):
+            sent.append(item._replace(stamp=at, received=at, dq=by * velocity[k // 2]))
+        elif isinstance(item, Wrench):
+            sent.append(item._replace(stamp=at, received=at))
+    without = [item._replace(dq=()) if isinstance(item, Joints) else item for item in sent]
+    session, plain = (Session(Prepared(items), Pipeline(rig, MODEL), NAMES) for items in (sent, without))
+    session.run()
+    plain.run()
+    assert session.counts == plain.counts | {"wrong-velocities": 1}
+    (event,) = [event for event in session.events if event.kind == "wrong-velocities"]
+    assert event.t < 1.0
+    assert f"{NAMES[-1]} {by:.2g}"[:9] in event.says
+    # what was learnt of motion before is forgotten long before the touch
+    for part, estimate in plain.pipeline.estimates.items():
+        np.testing.assert_allclose(session.pipeline.estimates[part].values, estimate.values, rtol=1e-6)
+
+
 def test_the_tap_of_the_touch_has_time_and_place(scripted: Scripted, rig: Rig, rows: list[Item]) -> None:
     session = Session(Prepared(rows), Pipeline(rig, MODEL), NAMES)
     session.run()
